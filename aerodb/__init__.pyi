@@ -18,6 +18,7 @@ from .store.files import open as open
 from .store.files import save as save
 from .store.overview import summary as summary
 from .store.schema import check as check
+from .store.schema import make_database as database
 from .store.schema import make_database as make_database
 from .store.schema import terms as terms
 from .update.tabulation import tabulate as tabulate

@@ -22,7 +22,7 @@ from types import ModuleType
 import numpy as np
 import xarray as xr
 
-from flightmech.support.console import table
+from flightmech.support.console import print_table
 
 TESTS = Path(__file__).parents[1] / "tests" / "published"
 sys.path.insert(0, str(TESTS))
@@ -118,7 +118,7 @@ def main() -> None:
         title, run = flown(case, options.adams)
         print(f"\n{title}, {float(run.time[-1]):g} s, flown in {time.perf_counter() - began:.1f} s")
         if records.tools(case):
-            table(*compared(case, run, options.groups))
+            print_table(*compared(case, run, options.groups))
         else:
             last = {name: values[-1] for name, values in records.as_recorded(run).items()}
             print("no record; at the end " + ", ".join(f"{name} {last[name]:.9g}" for name in END))

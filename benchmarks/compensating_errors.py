@@ -23,9 +23,9 @@ import aerodb
 import flightmech
 import pom
 from pom.judging.beyond_the_bands import FAR, Evidence, distance_remarks
-from pom.replaying.kernel_replay import fly
-from pom.replaying.replay_case import assemble, plan_of
-from pom.result import notices
+from pom.replaying.kernel_replay import replay_choices
+from pom.replaying.replay_case import assemble_result, plan_of
+from pom.result import run_notices
 
 
 def main() -> None:
@@ -58,10 +58,10 @@ def main() -> None:
         plan = plan_of(pom.read_case(file))
         evidence = Evidence(final, plan.states, hinges=plan.case.drive.level != "recorded")
         for k, sim in enumerate(sims):
-            outputs, failures = fly(sim, plan.job)
+            outputs, failures = replay_choices(sim, plan.job)
             found = {name: values[0] for name, values in outputs.items()}
             remarks = distance_remarks(evidence.distances(sim))
-            result = assemble(
+            result = assemble_result(
                 plan.case,
                 plan.states,
                 plan.job,
@@ -71,9 +71,9 @@ def main() -> None:
             )
             passes[i, k] = result.status("model") == "pass"
             far[i, k] = any(size > FAR for size in evidence.distances(sim).values())
-            silent[i, k] = not notices(result, "model")
+            silent[i, k] = not run_notices(result, "model")
             if k == 0:
-                seen = "; ".join(notices(result, "model")) or "no notice"
+                seen = "; ".join(run_notices(result, "model")) or "no notice"
                 print(
                     f"{plan.case.id:8s}{plan.case.name:28s} unscaled: "
                     f"{result.status('model')}; {seen}",

@@ -63,7 +63,9 @@ def record(db: xr.DataTree, along: bool) -> dict[str, np.ndarray]:
     """All variables of the terms, along a smooth flight or at random."""
     rng = np.random.default_rng(1)
     t = np.linspace(0.0, 1000.0, SAMPLES)
-    names = sorted({name for leaf in aerodb.terms(db).values() for name in terms.variables(leaf)})
+    names = sorted(
+        {name for leaf in aerodb.terms(db).values() for name in terms.list_model_variables(leaf)}
+    )
     found = {}
     for number, name in enumerate(names):
         low, high = points(name)[[0, -1]]
@@ -102,7 +104,7 @@ def with_scipy(db: xr.DataTree, x: Mapping[str, np.ndarray]) -> Callable[[], dic
                         if (name, key) in tables
                         else leaf[key].values
                     )
-            for word in terms.regressors(leaf):
+            for word in terms.list_regressors(leaf):
                 part *= x[word]
             sums[name.partition("/")[0]] += part
         return sums
@@ -123,7 +125,7 @@ def with_xarray(db: xr.DataTree, x: Mapping[str, np.ndarray]) -> dict[str, np.nd
                     .interp({axis: along[axis] for axis in leaf[key].dims}, assume_sorted=True)
                     .values
                 )
-        for word in terms.regressors(leaf):
+        for word in terms.list_regressors(leaf):
             part *= x[word]
         sums[name.partition("/")[0]] += part
     return sums

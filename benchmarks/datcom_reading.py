@@ -25,7 +25,7 @@ from tempfile import TemporaryDirectory
 import pandas as pd
 
 import datcom_io
-from flightmech.support.console import table
+from flightmech.support.console import print_table
 
 ROOT = Path(__file__).parents[1]
 T37 = ROOT / "data" / "t37" / "datcom"
@@ -181,7 +181,7 @@ def time_ways(files: list[Path], title: str) -> None:
         for name, seconds in best.items()
     ]
     columns = ("way", "s", "MB/s", "numbers", "1000 numbers/s", "x regular expressions", "x pandas")
-    table(columns, rows, f"{title}: {len(files)} listings, {size:.1f} MB", right=columns[1:])
+    print_table(columns, rows, f"{title}: {len(files)} listings, {size:.1f} MB", right=columns[1:])
 
 
 _USED = "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time())"
@@ -208,7 +208,9 @@ def memory(files: list[Path], folder: Path) -> None:
         kilobytes, seconds = map(float, run.stdout.split())
         rows.append((name, f"{kilobytes * 1024 / 1e6:.0f}", f"{seconds:.1f}"))
     columns = ("way", "largest resident MB", "s")
-    table(columns, rows, f"one listing of {path.stat().st_size / 1e6:.0f} MB", right=columns[1:])
+    print_table(
+        columns, rows, f"one listing of {path.stat().st_size / 1e6:.0f} MB", right=columns[1:]
+    )
 
 
 def main() -> None:

@@ -99,7 +99,7 @@ def ratio_alone(bench: swap_runs.SwapBench) -> float:
     channels = [name for name in bench.channels if name in sim.outputs]
     times = [np.inf, np.inf]
     for _ in range(REPEATS):
-        for k, way in enumerate((alone, swap_runs.fly)):
+        for k, way in enumerate((alone, swap_runs.replay_choices)):
             start = time.process_time()
             way(sim, bench.flown, choices, channels)
             times[k] = min(times[k], time.process_time() - start)

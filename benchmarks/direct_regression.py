@@ -78,7 +78,7 @@ def manoeuvre(
     data |= {"delta_f": np.full(samples, rng.uniform(0, 40) * DEGREE), "qhat": 0.002 * multisine()}
     c = np.exp(-STEP / 0.3)
     error = NOISE * lfilter([np.sqrt(1 - c * c)], [1, -c], rng.normal(size=samples))
-    data["CL"] = sum(terms.evaluate(leaf, data, "clamp") for leaf in leaves.values()) + error
+    data["CL"] = sum(terms.evaluate_term(leaf, data, "clamp") for leaf in leaves.values()) + error
     data |= {"time": t, "manoeuvre": np.zeros(samples, int)}
     return xr.Dataset(
         {x: ("sample", y) for x, y in data.items()},
@@ -109,7 +109,9 @@ def main() -> None:
     rows = []
     for one in samples:
         conditions = {name: one[name].values for name in ("alpha", "mach", "delta_f", "qhat")}
-        rows.append(hstack([terms.basis(leaf, conditions, "clamp") for leaf in leaves.values()]))
+        rows.append(
+            hstack([terms.node_basis(leaf, conditions, "clamp") for leaf in leaves.values()])
+        )
     lsqr(vstack(rows), np.concatenate([one["CL"].values for one in samples]))
     theirs = time.perf_counter() - start
     nodes = sum(leaf["value"].size for leaf in leaves.values())

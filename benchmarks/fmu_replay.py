@@ -23,7 +23,7 @@ from fmpy.fmi3 import FMU3Slave
 
 import flightmech
 from flightmech.aircraft.engine import Engine
-from flightmech.support.console import table
+from flightmech.support.console import print_table
 from flightmech.terms import make_term
 
 START = {"init.V": 100.0, "init.h": 3000.0, "mode.trim": 1}
@@ -312,7 +312,7 @@ def main() -> None:
         for name, seconds in best.items()
     ]
     columns = ("driver", "ms", "us/step", "x kernel", "x real time", "largest difference")
-    table(
+    print_table(
         columns,
         rows,
         f"{DURATION:.0f} s at {1 / STEP:.0f} Hz, {RECORDED} outputs, {len(sim.terms)} terms",

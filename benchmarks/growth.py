@@ -39,7 +39,7 @@ import aerodb
 import flightmech
 import pom
 from flightmech import terms
-from flightmech.support.console import table
+from flightmech.support.console import print_table
 from pom.fmu.process import close_all
 
 BATCHES, FEW, MIDDLE = (75, 150, 300, 600), 40, 75
@@ -298,7 +298,7 @@ def show(found: Mapping[str, list[dict[str, Any]]]) -> None:
                 ]
             )
         if rows:
-            table(columns, rows, f"batch against {name}; CPU s", right=columns)
+            print_table(columns, rows, f"batch against {name}; CPU s", right=columns)
     rows = []
     for item in found.get("length", ()):
         numbers = [f"{item[part]['cpu']:.2f}" for part in ("flight", "replay", "report")]
@@ -307,7 +307,7 @@ def show(found: Mapping[str, list[dict[str, Any]]]) -> None:
         )
     if rows:
         columns = ("s", "flight", "replay", "report", "MB", "page MB")
-        table(columns, rows, "one record of a length at 50 Hz; CPU s", right=columns)
+        print_table(columns, rows, "one record of a length at 50 Hz; CPU s", right=columns)
     rows = []
     for item in found.get("tables", ()):
         compiled, step = 1e3 * item["compile"]["cpu"], 1e6 * item["step"]["cpu"]
@@ -316,7 +316,7 @@ def show(found: Mapping[str, list[dict[str, Any]]]) -> None:
         )
     if rows:
         columns = ("tables", "compile [ms]", "step [us]", "MB")
-        table(columns, rows, "tables of 6 x 20 nodes; CPU time", right=columns)
+        print_table(columns, rows, "tables of 6 x 20 nodes; CPU time", right=columns)
 
 
 def draw(found: Mapping[str, list[dict[str, Any]]], file: Path) -> None:

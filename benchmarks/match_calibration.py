@@ -92,8 +92,8 @@ def identified(
     flown: dict[str, Any], project: Project, aircraft: flightmech.Aircraft, start: xr.DataTree
 ) -> xr.DataTree:
     """Return the final database of one programme."""
-    windows = workflow.windows_of(project, flown["records"])
-    fits = workflow.identify(
+    windows = workflow.select_windows(project, flown["records"])
+    fits = workflow.fit_records(
         project, workflow.coefficients_of(project, aircraft, flown["paths"], windows), windows
     )
     return workflow.final_database(project, start, fits)[0]

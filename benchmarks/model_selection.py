@@ -20,8 +20,12 @@ import numpy as np
 import xarray as xr
 from timing import best  # next to this file
 
-from flighttest.regression.equation_error.model import regressors
-from flighttest.regression.model_structure.candidates import OrthogonalBasis, equations, monomials
+from flighttest.regression.equation_error.model import term_regressors
+from flighttest.regression.model_structure.candidates import (
+    OrthogonalBasis,
+    candidate_equations,
+    monomials,
+)
 from flighttest.regression.model_structure.search import (
     GAIN,
     Rating,
@@ -94,7 +98,7 @@ def forward(data: xr.Dataset) -> list[str]:
     """Ours, only what the greedy peer does too: candidates, choice, parameters of the ordinary
     polynomial.
     """
-    problem = equations("CL", CANDIDATES, data, None)
+    problem = candidate_equations("CL", CANDIDATES, data, None)
     work = OrthogonalBasis(problem.X, problem.z)
     work.take(0)
     rate = Rating(problem)
@@ -111,7 +115,7 @@ def forward(data: xr.Dataset) -> list[str]:
 def greedy(data: xr.Dataset) -> list[str]:
     """All remaining candidates made orthogonal to every choice, twice."""
     z = data["CL"].values
-    P = regressors(CANDIDATES, data).T.copy()
+    P = term_regressors(CANDIDATES, data).T.copy()
     first = (P**2).sum(axis=0)
     total = float(((z - z.mean()) ** 2).sum())
     taken, r = [], z.copy()
@@ -135,7 +139,7 @@ def generation_order(data: xr.Dataset) -> list[str]:
     PSE falls.
     """
     z = data["CL"].values
-    X = regressors(CANDIDATES, data).T
+    X = term_regressors(CANDIDATES, data).T
     Q = np.empty_like(X)
     count, names = 0, []
     for name, x in zip(CANDIDATES, X.T):
@@ -156,7 +160,7 @@ def naive_stepwise(data: xr.Dataset) -> list[str]:
     it.
     """
     z = data["CL"].values
-    X = regressors(CANDIDATES, data).T
+    X = term_regressors(CANDIDATES, data).T
     taken = [0]
     total = float(((z - z.mean()) ** 2).sum())
     while True:
@@ -177,7 +181,7 @@ def naive_stepwise(data: xr.Dataset) -> list[str]:
 def one_regression_each(data: xr.Dataset) -> list[str]:
     """The partial F of every candidate by a regression with it."""
     z = data["CL"].values
-    X = regressors(CANDIDATES, data).T
+    X = term_regressors(CANDIDATES, data).T
     taken, rss = [0], float(((z - z.mean()) ** 2).sum())
     total = rss
     while True:

@@ -36,7 +36,7 @@ import pom
 from flightmech.air import atmosphere
 from flightmech.errors import AeromatchWarning
 from flightmech.units import DEGREE, G0
-from flighttest.maximum_likelihood.fit_job import perform
+from flighttest.maximum_likelihood.fit_job import perform_fit_job
 from flighttest.maximum_likelihood.specification import read_specification
 from pom.judging.measures.modal import fit_mode
 from pom.tolerances.bands import Invalid
@@ -154,7 +154,7 @@ def databases(folder: Path) -> dict[str, xr.DataTree]:
             folder / str(year) / "path_short_period.nc",
         )
         shutil.copy(maps / f"fit_pitch_{year}.toml", folder)
-        perform(read_specification(folder / f"fit_pitch_{year}.toml")).write_database(
+        perform_fit_job(read_specification(folder / f"fit_pitch_{year}.toml")).write_database(
             folder / f"{year}.nc"
         )
         found[f"output error {year}"] = aerodb.open(folder / f"{year}.nc")

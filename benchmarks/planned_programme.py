@@ -42,7 +42,7 @@ from aeromatch.project.project import Project, read_project
 from aeromatch.workflow import steps as workflow
 from flighttest.flight_programme.planning.catalogue import read_catalogue
 from flighttest.flight_programme.planning.coverage import identify_database
-from flighttest.flight_programme.planning.plan import ProgrammePlan, plan_of
+from flighttest.flight_programme.planning.plan import ProgrammePlan, plan_predicted_flights
 from flighttest.flight_programme.planning.prediction import predict, with_assumed
 
 ROOT = Path(__file__).parents[1]
@@ -293,11 +293,11 @@ def local_fits(project: Project, jobs: int) -> list[Any]:
         name: flighttest.read(project.flights[name], project.names)
         for name in workflow.records_of(project)
     }
-    windows = workflow.windows_of(project, records)
+    windows = workflow.select_windows(project, records)
     data = workflow.coefficients_of(
         project, aircraft, workflow.reconstruct_records(project, aircraft, records, jobs), windows
     )
-    return workflow.identify(project, data, windows)
+    return workflow.fit_records(project, data, windows)
 
 
 def before(project: Project) -> tuple[Any, xr.DataTree]:
@@ -337,7 +337,9 @@ def planned(folder: Path, jobs: int) -> ProgrammePlan:
             flightmech.read_aircraft(project.aircraft),
         )
         file.write_bytes(
-            pickle.dumps(plan_of(predict(catalogue, sim, aircraft, jobs), start, flown))
+            pickle.dumps(
+                plan_predicted_flights(predict(catalogue, sim, aircraft, jobs), start, flown)
+            )
         )
     found: ProgrammePlan = pickle.loads(file.read_bytes())
     return found
@@ -410,7 +412,7 @@ def shares(title: str, table: pd.DataFrame, by_term: bool = False) -> None:
 def performed(toml: Path, folder: Path, jobs: int) -> Project:
     """Do the whole job of a project and print the worst of every case."""
     project = read_project(toml)
-    outcome = workflow.perform(
+    outcome = workflow.perform_match(
         project, folder, jobs, lambda text: print(text, flush=True) or nullcontext()
     )
     for result in outcome.results:

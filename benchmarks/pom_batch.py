@@ -27,7 +27,7 @@ import xarray as xr
 
 import flightmech
 import pom
-from flightmech.support.console import table
+from flightmech.support.console import print_table
 from pom.fmu.process import close_all
 from pom.fmu.simulate import Models, fly_job
 from pom.replaying.replay_case import OBSERVED, plan_of
@@ -144,7 +144,7 @@ def end_to_end(plane: Any, count: int, jobs: int, folder: Path) -> None:
         for name, (wall, cpu) in steps.items()
     ]
     columns = ("step", "s", "CPU s", "CPU ms/case")
-    table(
+    print_table(
         columns,
         rows,
         f"{count} cases x {len(runs)} models of {DURATION:g} s, {jobs} jobs",
@@ -182,7 +182,7 @@ def foreign(plane: Any, folder: Path) -> None:
         (name, f"{1e3 * value:.1f}", f"{1e3 * (value - plain):+.1f}", f"{value / plain:.2f}")
         for name, value in middle.items()
     ]
-    table(
+    print_table(
         ("way", "ms", "more", "ratio"),
         rows,
         f"one case of {DURATION:g} s at 50 Hz, FMI 2.0",

@@ -28,7 +28,7 @@ import xarray as xr
 
 import flighttest
 from flightmech.names import VOCABULARY
-from flightmech.support.console import table
+from flightmech.support.console import print_table
 from flighttest.records.readers.name_map import Channel, NameMap
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "flighttest"))
@@ -203,7 +203,7 @@ def main() -> None:
         f"{len(t)} samples of {CHANNELS} channels and the clock ({minutes:g} minutes at {RATE} Hz)"
     )
     heads = ["format", "MB", "read [s]", "CPU [s]", "peer, raw numbers only", "peer [s]", "ratio"]
-    table(heads, rows, title, right=["MB", "read [s]", "CPU [s]", "peer [s]", "ratio"])
+    print_table(heads, rows, title, right=["MB", "read [s]", "CPU [s]", "peer [s]", "ratio"])
 
 
 if __name__ == "__main__":

@@ -22,12 +22,12 @@ import numpy as np
 import xarray as xr
 from scipy.linalg import expm
 
-from flightmech.support.console import table
+from flightmech.support.console import print_table
 from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob
 from pom.judging.measures.modal import mode_table
-from pom.replaying.replay_case import assemble
-from pom.report.case.page import CommonHeading, keys, packed_page
+from pom.replaying.replay_case import assemble_result
+from pom.report.case.page import CommonHeading, case_keys, packed_page
 from pom.report.page import PAGE, html_files
 from pom.result import PomResult
 from pom.tolerances import rows as tolerances
@@ -135,13 +135,17 @@ def result(number: int) -> PomResult:
         name: values + rng.normal(0.0, NOISE[name], t.size)
         for name, values in runs.pop("flight").items()
     }
-    rows, window, end = tolerances.rows_of(kind), (float(t[0]), float(t[-1])), START + EDGES[-1]
+    rows, window, end = (
+        tolerances.rows_of_test(kind),
+        (float(t[0]), float(t[-1])),
+        START + EDGES[-1],
+    )
     judged = (end, window[1]) if kind == "2.d.7" else window
     case = PomCase(
         f"case_{number:03d}", f"{title}, condition {number}", kind, tolerances.STANDARD, tolerances.EDITION, f"cases/{number:03d}.toml",
         f"flight/run_{number:03d}.nc", window, description=f"{title}, {np.degrees(size):.1f} deg.", events={"input_end": end},
         show=tuple(flight),
-        criteria=tuple(tolerances.criterion(row, name, judged) for row, name in zip(rows, tolerances.names_of(rows), strict=True)),
+        criteria=tuple(tolerances.make_criterion(row, name, judged) for row, name in zip(rows, tolerances.names_of(rows), strict=True)),
     )  # fmt: skip
     inputs = dict.fromkeys(
         ("delta_e", "delta_a", "delta_r", "delta_f", "gear"), np.zeros(t.size)
@@ -156,7 +160,7 @@ def result(number: int) -> PomResult:
     states = xr.Dataset(
         {name: ("time", values) for name, values in (flight | inputs).items()}, {"time": t}
     )
-    return assemble(case, states, job, runs, {})
+    return assemble_result(case, states, job, runs, {})
 
 
 def first_plot(page: Path, tries: int) -> list[float]:
@@ -202,7 +206,7 @@ def main() -> None:
     title = "Page of a large report"
     heading, named = (
         CommonHeading(title, "", len(results), {}, False),
-        zip(keys(results), results, modes, strict=True),
+        zip(case_keys(results), results, modes, strict=True),
     )
     cases = [
         packed_page(i, key, one, heading, None, table)
@@ -236,7 +240,7 @@ def main() -> None:
                     f"{statistics.median(times):.2f} s ({max(times):.2f} s)",
                 ]
             )
-    table(["", ""], rows)
+    print_table(["", ""], rows)
 
 
 if __name__ == "__main__":

@@ -18,9 +18,9 @@ from pathlib import Path
 from report_page import MODELS, result
 
 import pom
-from flightmech.support.console import table
+from flightmech.support.console import print_table
 from pom.judging.measures.modal import mode_table
-from pom.report.case.page import keys
+from pom.report.case.page import case_keys
 from pom.report.pdf.content import case_on_paper
 from pom.report.pdf.document import pdf_pages
 
@@ -33,7 +33,7 @@ def main() -> None:
     options = parser.parse_args()
     results = [result(number) for number in range(options.cases)]
     modes = [mode_table(one) for one in results]
-    names, dated = keys(results), {"date": "2026-11-21"}
+    names, dated = case_keys(results), {"date": "2026-11-21"}
     times, made = [], set()
     for _ in range(2):
         begin, worked = time.perf_counter(), time.process_time()
@@ -107,7 +107,7 @@ def main() -> None:
                 f"{sum(x.state != 'same' for x in findings)} of {len(findings)} differ",
             ]
         )
-    table(["", ""], rows)
+    print_table(["", ""], rows)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.air import impact_pressure
-from flighttest.records.sensors.instruments import IMU, Instrument, instruments
+from flighttest.records.sensors.instruments import IMU, Instrument, parse_instruments
 
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
@@ -39,7 +39,7 @@ def draw_errors(aircraft: Aircraft, rng: np.random.Generator) -> dict[str, float
         ``bias.p``, ``delay.gps``, ``static_error`` ..., named as `reconstruct` estimates them. [SI]
     """
     found: dict[str, float] = {}
-    for name, item in instruments(
+    for name, item in parse_instruments(
         aircraft.instruments, f"instruments of {aircraft.name}"
     ).table.items():
         found |= {
@@ -83,7 +83,7 @@ def as_recorded(
     DataTree
         One leaf per instrument, and the surfaces without error in the leaf ``controls``.
     """
-    table = instruments(aircraft.instruments, f"instruments of {aircraft.name}").table
+    table = parse_instruments(aircraft.instruments, f"instruments of {aircraft.name}").table
     time = truth["time"].values
     shown = _readings(truth, aircraft, table, errors.get("static_error", 0.0))
     leaves: dict[str, xr.Dataset] = {}

@@ -26,7 +26,7 @@ import click
 import h5py
 
 from aeromatch.cli.command import cli
-from flightmech.support.console import table
+from flightmech.support.console import print_table
 from flightmech.support.imports import PACKAGES
 
 ROOT = Path(__file__).parents[1]
@@ -132,7 +132,7 @@ def main(out: Path, rounds: int) -> None:
                 work, zip(*([one() for one in work.values()] for _ in range(rounds)))
             )
         }
-    table(
+    print_table(
         ["what", "CPU [ms]", "times --help"],
         [(what, f"{1e3 * t:.0f}", f"{t / best[PEER]:.1f}") for what, t in best.items()],
     )

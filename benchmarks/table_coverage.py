@@ -174,7 +174,7 @@ def true_table(name: str, leaf: xr.Dataset, aeroplane: Aeroplane) -> np.ndarray:
     value is the alternating sum over their being at rest or not.
     """
     coefficient = name.split("/")[0]
-    multipliers = terms.regressors(leaf)
+    multipliers = terms.list_regressors(leaf)
     dims = [str(dim) for dim in leaf["value"].dims]
     # the yaw of gear and flaps is even in sideslip, which is another term; nothing in this aircraft
     # depends on the altitude
@@ -334,9 +334,9 @@ def main() -> None:
     found, truth = {way: [] for way in ways}, {}
     for seed in seeds_of(given.seeds):
         flown = programme(given.folder, seed, project, aircraft, given.make, given.jobs)
-        windows = workflow.windows_of(project, flown["records"])
+        windows = workflow.select_windows(project, flown["records"])
         data = workflow.coefficients_of(project, aircraft, flown["paths"], windows)
-        fits = workflow.identify(project, data, windows)
+        fits = workflow.fit_records(project, data, windows)
         samples = workflow.samples_of(project, start, data, windows) if "direct" in ways else []
         for way in ways:
             _, tabulation = workflow.final_database(

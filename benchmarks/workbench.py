@@ -23,7 +23,7 @@ from playwright.sync_api import sync_playwright
 
 from aeromatch.workbench.opened import OpenProject
 from aeromatch.workbench.server import Workbench
-from flightmech.names import VOCABULARY, attrs
+from flightmech.names import VOCABULARY, quantity_attributes
 from flighttest.records.files import save_record
 
 T37 = Path(__file__).parents[1] / "data" / "t37"
@@ -69,7 +69,7 @@ def recording(file: Path, rate: float, minutes: float) -> None:
         name: (
             "time",
             (slow[i] + 0.05 * rng.standard_normal(len(time_))).astype(float),
-            attrs(name),
+            quantity_attributes(name),
         )
         for i, name in enumerate(names)
     }

@@ -30,7 +30,7 @@ _FAILED = re.compile(r"[-+]?(?:\d*\.?#(?:IND|QNAN|SNAN|INF)\d*|1\.#\w+)", re.IGN
 _WORDS = {"": BLANK, "NDM": NDM, "NA": NA}
 
 
-def is_number(flags: np.ndarray) -> np.ndarray:
+def is_number_flag(flags: np.ndarray) -> np.ndarray:
     """Return where flags are those of cells that print a number: ``ok`` or ``suspect``."""
     return (flags == OK) | (flags == SUSPECT)
 

@@ -22,7 +22,7 @@ _MOST_NAMED, _MOST_LETTERS = (
 )  # in the text that represents a listing: names, and letters of each
 
 
-def shortened(name: str) -> str:
+def shorten_name(name: str) -> str:
     """Return a name of at most `_MOST_LETTERS` letters."""
     return name if len(name) <= _MOST_LETTERS else f"{name[: _MOST_LETTERS - 3]}..."
 
@@ -37,7 +37,7 @@ class Case(PrintedCase):
         tables = dict.fromkeys(table.name for page in self.pages for table in page.tables)
         names = f"{', '.join(list(tables)[:_MOST_NAMED]) or 'none'}{', ...' if len(tables) > _MOST_NAMED else ''}"
         return (
-            f"<Case {self.ordinal} {shortened(self.name)!r}: pages {len(self.pages)}, "
+            f"<Case {self.ordinal} {shorten_name(self.name)!r}: pages {len(self.pages)}, "
             f"messages {len(self.messages)}; tables: {names}>"
         )
 
@@ -57,9 +57,9 @@ class Case(PrintedCase):
             that are printed with labels; NaN where no number is printed. ``attrs["units"]`` gives
             the printed units.
         """
-        from datcom_io.arrays.frames import block
+        from datcom_io.arrays.frames import make_block_frame
 
-        return block(self, name)
+        return make_block_frame(self, name)
 
     def cells(self) -> pd.DataFrame:
         """Return one row per printed cell.
@@ -72,9 +72,9 @@ class Case(PrintedCase):
             as printed, axis values NaN where the table has no such axis, ``flag`` a word of
             `datcom_io.FLAGS`.  ``page table column text flag`` are categorical.
         """
-        from datcom_io.arrays.frames import cells
+        from datcom_io.arrays.frames import make_cell_frame
 
-        return cells([self])
+        return make_cell_frame([self])
 
     def to_datatree(self, *, fill_transonic: bool = False) -> xr.DataTree:
         """Return the case in SI and radians, under the names of the vocabulary.
@@ -225,14 +225,14 @@ class Listing:
         """Return file, size and the names of the cases as text; those beyond the first
         `_MOST_NAMED` are counted.
         """
-        names = [shortened(case.name) for case in self.cases[:_MOST_NAMED]]
+        names = [shorten_name(case.name) for case in self.cases[:_MOST_NAMED]]
         more = f", and {len(self.cases) - len(names)} more" if len(self.cases) > len(names) else ""
         counts = (
             f"runs {self.runs}, lines {self.line_count}, not understood {len(self.unread)}, "
             f"messages {len(self.messages)}"
         )
         return (
-            f"<Listing {shortened(self.file)!r}: {counts}; cases {len(self.cases)}: "
+            f"<Listing {shorten_name(self.file)!r}: {counts}; cases {len(self.cases)}: "
             f"{', '.join(map(repr, names))}{more}>"
         )
 
@@ -286,9 +286,9 @@ class Listing:
         DataFrame (cell, ...)
             As `Case.cells` of all cases.
         """
-        from datcom_io.arrays.frames import cells
+        from datcom_io.arrays.frames import make_cell_frame
 
-        return cells(self)
+        return make_cell_frame(self)
 
     def to_datatree(self, *, fill_transonic: bool = False) -> xr.DataTree:
         """Return all cases that have tables, one child per case (see `Case.to_datatree`); ``/`` in

@@ -15,7 +15,7 @@ from typing import Any
 
 from aeromatch.project.editing import SCHEMAS
 from flightmech.names import VOCABULARY
-from flightmech.support.input_files import load
+from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import unit_of
 from flighttest.records.readers.name_map import TOP
 
@@ -58,8 +58,8 @@ def page() -> str:
 def _kind(kind: str) -> str:
     title, file, patterns = KINDS[kind]
     schema = SCHEMAS[kind]()
-    shipped = [load(path) for pattern in patterns for path in sorted(DATA.glob(pattern))]
-    shipped += [load(path) for path in sorted(MAPS.glob("*.toml"))] if kind == "names" else []
+    shipped = [read_toml(path) for pattern in patterns for path in sorted(DATA.glob(pattern))]
+    shipped += [read_toml(path) for path in sorted(MAPS.glob("*.toml"))] if kind == "names" else []
     where = file if " " in file else f"`{file}`"
     text = f"\n## {title}\n\n{where}; `aeromatch schema {kind}`. {schema['description']}\n"
     seen: dict[str, str] = {}

@@ -56,7 +56,7 @@ def page() -> str:
     table = runpy.run_path(str(TEST), run_name="judge_rows")["read_table"]()
     titles = {
         row["test_id"]: row["title"]
-        for row in rows.rows()
+        for row in rows.tolerance_rows()
         if (row["standard"], row["edition"]) == (rows.STANDARD, rows.EDITION)
     }
     entries = {row["entry"] for row in table}

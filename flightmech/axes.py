@@ -26,7 +26,7 @@ class Euler(NamedTuple):
     psi: np.ndarray
 
 
-def rotation(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> np.ndarray:
+def matrix_from_euler(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> np.ndarray:
     """Return the matrix (..., 3, 3) that turns north-east-down to body axes. [Etkin] eq. (4.5,4)
 
     Examples
@@ -55,7 +55,7 @@ def rotation(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> np.ndarray:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def euler(C: ArrayLike) -> Euler:
+def euler_from_matrix(C: ArrayLike) -> Euler:
     """Return the Euler angles of a rotation (..., 3, 3); theta in -pi/2 ... pi/2, phi and psi in
     -pi ... pi.
     """
@@ -66,7 +66,7 @@ def euler(C: ArrayLike) -> Euler:
     )
 
 
-def quaternion(C: ArrayLike) -> np.ndarray:
+def quaternion_from_matrix(C: ArrayLike) -> np.ndarray:
     """Return the unit quaternion (..., 4), scalar first and not negative, of a rotation (..., 3,
     3).
     """
@@ -77,7 +77,7 @@ def quaternion(C: ArrayLike) -> np.ndarray:
     return np.roll(turned, 1, axis=-1).reshape(*C.shape[:-2], 4)
 
 
-def matrix(q: ArrayLike) -> np.ndarray:
+def matrix_from_quaternion(q: ArrayLike) -> np.ndarray:
     """Return the rotation (..., 3, 3) of a quaternion (..., 4), scalar first; its length does not
     matter.
     """
@@ -88,7 +88,7 @@ def matrix(q: ArrayLike) -> np.ndarray:
     return np.swapaxes(turned, 1, 2).reshape(*q.shape[:-1], 3, 3)
 
 
-def to_body(vector: ArrayLike, alpha: ArrayLike) -> np.ndarray:
+def stability_to_body(vector: ArrayLike, alpha: ArrayLike) -> np.ndarray:
     """Return a vector (..., 3) of stability axes in body axes, e.g. (CX, CY, CZ) of (-CD, CY, -CL)
     or (Cl, Cm, Cn).
     """
@@ -99,7 +99,7 @@ def to_body(vector: ArrayLike, alpha: ArrayLike) -> np.ndarray:
 
 def to_stability(vector: ArrayLike, alpha: ArrayLike) -> np.ndarray:
     """Return a vector (..., 3) of body axes in stability axes, the inverse of `to_body`."""
-    return to_body(vector, -np.asarray(alpha, float))
+    return stability_to_body(vector, -np.asarray(alpha, float))
 
 
 def lift_drag(CX: ArrayLike, CZ: ArrayLike, alpha: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -185,7 +185,7 @@ def acceleration_at(
     )
 
 
-def velocity_at(velocity: ArrayLike, rate: ArrayLike, position: ArrayLike) -> np.ndarray:
+def velocity_at_position(velocity: ArrayLike, rate: ArrayLike, position: ArrayLike) -> np.ndarray:
     """Return the air-relative velocity (..., 3) at `position` [m] from the c.g., as vanes and
     probes feel it. [m s-1]
     """

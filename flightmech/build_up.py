@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from flightmech.terms import variables
+from flightmech.terms import list_model_variables
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -46,7 +46,7 @@ def coefficient_inputs(force_axes: str) -> dict[str, tuple[str, ...]]:
 
 def used_coefficients(leaf: xr.Dataset) -> set[str]:
     """Return the coefficients among the variables of a term."""
-    return variables(leaf) & set(COEFFICIENTS)
+    return list_model_variables(leaf) & set(COEFFICIENTS)
 
 
 def required_coefficients(leaf: xr.Dataset, force_axes: str) -> set[str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, json_option, progress, shorten_text
+from flightmech.support.console import InputFile, NewFile, json_option, show_progress, without_gc
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -95,7 +95,7 @@ def trim(
     from flightmech.steady_flight.trim_search import trim as search
     from flightmech.support.console import print_json
 
-    with progress("compile the model, search the steady flight"):
+    with show_progress("compile the model, search the steady flight"):
         sim = compile_files(aircraft, database)
         units = _units(sim)
         found = search(
@@ -144,7 +144,7 @@ def si_value(name: str, text: str, units: Mapping[str, str]) -> float:
         With the name.
     """
     from flightmech.errors import UnitError, UnknownName
-    from flightmech.units import quantity
+    from flightmech.units import parse_quantity
 
     try:
         return float(text)
@@ -152,14 +152,14 @@ def si_value(name: str, text: str, units: Mapping[str, str]) -> float:
         if name not in units:
             raise UnknownName(name, units, "name") from None
     try:
-        return quantity(text, units[name])
+        return parse_quantity(text, units[name])
     except UnitError as error:
         raise UnitError(f"{name}={text}: {error}") from error
 
 
 def _print(sim: SimModel, found: xr.Dataset) -> None:
     from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
-    from flightmech.support.console import table
+    from flightmech.support.console import print_table
     from flightmech.units import from_si
 
     display = {
@@ -190,7 +190,7 @@ def _print(sim: SimModel, found: xr.Dataset) -> None:
         )
         for name, value, units, side in unknowns
     ]
-    table(
+    print_table(
         ("unknown", "value", "unit", "limit"),
         rows,
         title=f"{found.attrs['title']}, {found.attrs['kind']}: {found.attrs['verdict']}",
@@ -203,7 +203,7 @@ def _print(sim: SimModel, found: xr.Dataset) -> None:
         *_SHOWN,
         *(name for name in sim.outputs if name.startswith("engine") and name.endswith(".thrust")),
     ]
-    table(
+    print_table(
         ("state", "value", "unit"),
         [line(name, float(found[name]), str(found[name].attrs["units"])) for name in names],
         right=("value",),
@@ -262,7 +262,7 @@ def simulate(
     if terms and Path(output).suffix == ".csv":
         raise click.UsageError("--terms needs a netCDF file; name it .nc")
     inputs = _read(record)
-    with progress("fly the model"):
+    with show_progress("fly the model"):
         sim = compile_files(aircraft, database)
         found = fly(sim, inputs, _values(sim, given), hold, terms=terms)
         _write(found, output)
@@ -295,7 +295,7 @@ def _read(path: str) -> xr.Dataset:
     import xarray as xr
 
     from flightmech.errors import ParseError, UnknownName
-    from flightmech.names import lookup
+    from flightmech.names import lookup_quantity
     from flightmech.support.hdf5_seal import demand_self_contained
     from flightmech.units import to_si
 
@@ -323,7 +323,7 @@ def _read(path: str) -> xr.Dataset:
             raise ParseError(path, 1, heading, "a heading such as 'delta_e [deg]' over numbers")
         name, unit = match.groups()
         try:
-            units = lookup(name).units
+            units = lookup_quantity(name).units
         except UnknownName as error:
             raise ParseError(
                 path,
@@ -372,7 +372,7 @@ def write(aircraft: str, database: str, output: str, version: str, as_json: bool
     from flightmech.simulation.compiler import compile_files
     from flightmech.support.console import print_json
 
-    with progress("compile the model, write the FMU"):
+    with show_progress("compile the model, write the FMU"):
         sim = compile_files(aircraft, database)
         path = write_fmu(sim, output, version)
     counts = {
@@ -395,11 +395,11 @@ def write(aircraft: str, database: str, output: str, version: str, as_json: bool
 @fmu.command()
 @click.argument("path", metavar="FMU", type=InputFile())
 @json_option
-@shorten_text()
+@without_gc()
 def show(path: str, as_json: bool) -> None:
     """Show the variables of an FMU of any vendor, and what the standard's check finds."""
     from flightmech.fmu_export.fmu_file import read_fmu
-    from flightmech.support.console import print_json, print_remark, table
+    from flightmech.support.console import print_json, print_remark, print_table
 
     found = read_fmu(path)
     if as_json:
@@ -410,7 +410,7 @@ def show(path: str, as_json: bool) -> None:
         ["" if row[column] is None else row[column] for column in columns]
         for row in found["variables"]
     ]
-    table(
+    print_table(
         columns,
         rows,
         title=f"{found['model']}  FMI {found['fmi']}  {' '.join(found['platforms'])}",

@@ -100,7 +100,7 @@ _SYNONYMS = {
 _SYMBOL = {name: symbol for symbol, names in _SYNONYMS.items() for name in names.split()}
 
 
-def synonym(name: str) -> str | None:
+def find_symbol(name: str) -> str | None:
     """Return the symbol of this package for another name of the field, such as ``cbar`` for ``mean
     chord``; None where none is known.
     """
@@ -123,7 +123,7 @@ def near_names(name: str, allowed: Iterable[str], count: int = 4, cutoff: float 
 
     allowed = list(allowed)
     head, dot, tail = name.rpartition(".")
-    meant = f"{head}{dot}{synonym(tail)}"
+    meant = f"{head}{dot}{find_symbol(tail)}"
     return (
         [meant]
         if meant in allowed

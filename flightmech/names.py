@@ -242,7 +242,7 @@ ITEM = re.compile(
 )  # what quantities of a submodel begin with
 
 
-def lookup(name: str) -> Quantity:
+def lookup_quantity(name: str) -> Quantity:
     """Return the vocabulary row of `name`; ``engine2.thrust`` gives the row of ``thrust``,
     ``gear.nose.compression`` that of ``compression``, ``joint.wing.angle`` that of ``angle``.
 
@@ -257,8 +257,8 @@ def lookup(name: str) -> Quantity:
     return row
 
 
-def attrs(name: str) -> dict[str, str]:
+def quantity_attributes(name: str) -> dict[str, str]:
     """Return the attributes that a variable called `name` carries: units, sign and long_name."""
-    row = lookup(name)
+    row = lookup_quantity(name)
     found = {"units": row.units, "long_name": row.long_name}
     return {**found, "sign": row.sign} if row.sign else found

@@ -40,9 +40,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
-from flightmech.names import attrs, lookup
-from flightmech.support.arrays import Place, demand_inside, inside, multilinear, place
-from flightmech.units import parse
+from flightmech.names import lookup_quantity, quantity_attributes
+from flightmech.support.arrays import (
+    Place,
+    demand_inside,
+    interpolate_multilinear,
+    is_inside_axis,
+    locate_breakpoints,
+)
+from flightmech.units import parse_unit
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -138,7 +144,7 @@ def make_term(
     array = np.asarray(value, float)
     leaf = xr.Dataset({"value": (tuple(coords), array)}, coords=coords)
     for name in coords:
-        leaf[name].attrs.update(attrs(name))
+        leaf[name].attrs.update(quantity_attributes(name))
     for name, table in (("K1", K1), ("K2", K2)):
         if table is not None:
             leaf[name] = table
@@ -157,18 +163,18 @@ def make_term(
             "exponent": float(power.exponent),
             "floor": float(power.floor),
         }
-    problems = check(leaf)
+    problems = check_term(leaf)
     if problems:
         raise SchemaError("term", problems)
     return leaf
 
 
-def regressors(leaf: _Marked) -> tuple[str, ...]:
+def list_regressors(leaf: _Marked) -> tuple[str, ...]:
     """Return the regressors of a leaf, in order."""
     return tuple(str(leaf.attrs.get("regressors", "")).split())
 
 
-def power(leaf: _Marked) -> PowerFactor | None:
+def power_factor(leaf: _Marked) -> PowerFactor | None:
     """Return the power factor of a leaf, or None."""
     if not leaf.attrs.get("power"):
         return None
@@ -177,7 +183,7 @@ def power(leaf: _Marked) -> PowerFactor | None:
     )
 
 
-def multipliers(leaf: xr.Dataset) -> tuple[str, ...]:
+def list_multipliers(leaf: xr.Dataset) -> tuple[str, ...]:
     """Return what multiplies the tables of a leaf, as texts and sorted: tables are comparable when
     these are equal.
 
@@ -186,8 +192,8 @@ def multipliers(leaf: xr.Dataset) -> tuple[str, ...]:
     >>> multipliers(make(-0.078, regressors=["phi", "CL"], power=Power("h_agl", -1.09, 1.0)))
     ('CL', 'max(h_agl, 1)^-1.09', 'phi')
     """
-    factor = power(leaf)
-    return tuple(sorted((*regressors(leaf), *(() if factor is None else (str(factor),)))))
+    factor = power_factor(leaf)
+    return tuple(sorted((*list_regressors(leaf), *(() if factor is None else (str(factor),)))))
 
 
 def without_multipliers(leaf: xr.Dataset) -> xr.Dataset:
@@ -200,7 +206,7 @@ def without_multipliers(leaf: xr.Dataset) -> xr.Dataset:
     return found
 
 
-def check(leaf: xr.Dataset) -> list[str]:
+def check_term(leaf: xr.Dataset) -> list[str]:
     """Return every fault of a leaf as a text; an empty list means it is sound."""
     if "value" not in leaf:
         return [
@@ -232,7 +238,7 @@ def check(leaf: xr.Dataset) -> list[str]:
         if name in leaf:
             problems += _check_companion(leaf, name)
     problems += _check_posterior(leaf)
-    names = regressors(leaf)
+    names = list_regressors(leaf)
     if len(names) > MAX_REGRESSORS:
         problems.append(
             f"has {len(names)} regressors ({' '.join(names)}); at most {MAX_REGRESSORS} are allowed"
@@ -363,9 +369,9 @@ def _check_units(axis: str, given: Any) -> list[str]:
     """Return the fault of a units attribute that contradicts the vocabulary; without one the
     breakpoints count as SI.
     """
-    needed = lookup(axis).units
+    needed = lookup_quantity(axis).units
     try:
-        if given is None or parse(str(given)) == parse(needed):
+        if given is None or parse_unit(str(given)) == parse_unit(needed):
             return []
     except UnitError:
         pass
@@ -377,22 +383,22 @@ def _check_units(axis: str, given: Any) -> list[str]:
 
 def _unknown(name: str, what: str) -> list[str]:
     try:
-        lookup(name)
+        lookup_quantity(name)
     except UnknownName as error:
         return [f"{what}: {error}"]
     return []
 
 
-def variables(leaf: xr.Dataset) -> set[str]:
+def list_model_variables(leaf: xr.Dataset) -> set[str]:
     """Return the names of all model variables a leaf needs: axes of all its tables, regressors,
     variable of the power.
     """
     axes = {str(d) for name in _TABLES if name in leaf for d in leaf.variables[name].dims}
-    factor = power(leaf)
-    return axes | set(regressors(leaf)) | (set() if factor is None else {factor.variable})
+    factor = power_factor(leaf)
+    return axes | set(list_regressors(leaf)) | (set() if factor is None else {factor.variable})
 
 
-def evaluate(
+def evaluate_term(
     leaf: xr.Dataset,
     conditions: Mapping[str, Any],
     outside: str = "raise",
@@ -434,15 +440,17 @@ def evaluate(
             found = found * _interpolated(
                 leaf, name, conditions, outside, {} if places is None else places
             )
-    for name in regressors(leaf):
+    for name in list_regressors(leaf):
         found = found * np.asarray(_get(name, conditions), float)
-    factor = power(leaf)
+    factor = power_factor(leaf)
     if factor is not None:
         found = found * factor.at(_get(factor.variable, conditions))
     return np.asarray(found)
 
 
-def basis(leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "raise") -> csr_array:
+def node_basis(
+    leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "raise"
+) -> csr_array:
     """Return the linear map from the nodes of ``value`` to the contribution of the term.
 
     Parameters
@@ -468,9 +476,9 @@ def basis(leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "raise
                 leaf[name], conditions, shape, outside, leaf.attrs.get("outside", "hold")
             )
             weights = weights * (share * leaf[name].values.ravel()[at]).sum(axis=1)[:, None]
-    for name in regressors(leaf):
+    for name in list_regressors(leaf):
         weights = weights * _values(name, conditions, shape)[:, None]
-    factor = power(leaf)
+    factor = power_factor(leaf)
     if factor is not None:
         weights = weights * factor.at(_values(factor.variable, conditions, shape))[:, None]
     rows = np.repeat(np.arange(len(columns)), columns.shape[1])
@@ -481,7 +489,7 @@ def basis(leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "raise
 
 def _shape(leaf: xr.Dataset, conditions: Mapping[str, Any]) -> tuple[int, ...]:
     return np.broadcast_shapes(
-        *(np.shape(_get(name, conditions)) for name in sorted(variables(leaf))), ()
+        *(np.shape(_get(name, conditions)) for name in sorted(list_model_variables(leaf))), ()
     )
 
 
@@ -515,7 +523,7 @@ def _corners(
         x = _values(axis, conditions, shape)
         if outside == "raise":
             demand_inside(axis, points, x)
-        low, fraction = place(points, x, rule)
+        low, fraction = locate_breakpoints(points, x, rule)
         step = int(len(points) > 1)
         columns = (columns * len(points))[:, :, None] + np.stack([low, low + step], axis=1)[
             :, None, :
@@ -540,9 +548,9 @@ def _interpolated(
         shape = np.broadcast_shapes(shape, x.shape)
         key = (axis, points.tobytes(), outside, rule)
         if key not in places:
-            if outside == "raise" and not inside(points, x).all():
+            if outside == "raise" and not is_inside_axis(points, x).all():
                 demand_inside(axis, points, _values(axis, conditions, _shape(leaf, conditions)))
-            places[key] = place(points, x, rule)
+            places[key] = locate_breakpoints(points, x, rule)
         low, fraction = places[key]
         if len(points) == 1:
             nodes = nodes.take(0, axis=len(varying))
@@ -558,7 +566,7 @@ def _interpolated(
         (np.broadcast_to(low, shape).ravel(), np.broadcast_to(fraction, shape).ravel())
         for low, fraction in varying
     ]
-    return multilinear(nodes, spread).reshape(shape)
+    return interpolate_multilinear(nodes, spread).reshape(shape)
 
 
 def _demand_choice(outside: str) -> None:

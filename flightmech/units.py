@@ -195,7 +195,7 @@ def fitted_unit(text: str, expected: str) -> str:
 
 
 @cache
-def parse(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
+def parse_unit(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
     """Return dimension, factor and offset of a unit text such as ``"deg/s"``, ``"kg m2"`` or ``"m
     s-1"``.
 
@@ -267,8 +267,8 @@ def to_si(value, unit: str, expected: str | None = None):
     >>> to_si(15.0, "degC")
     288.15
     """
-    dimension, factor, offset = parse(unit)
-    if expected is not None and dimension != parse(expected)[0]:
+    dimension, factor, offset = parse_unit(unit)
+    if expected is not None and dimension != parse_unit(expected)[0]:
         raise UnitError(
             f"unit {unit!r} cannot be converted to {expected!r}; give a unit of the same quantity"
         )
@@ -277,14 +277,14 @@ def to_si(value, unit: str, expected: str | None = None):
 
 def from_si(value, unit: str):
     """Convert an SI `value` to `unit`, the inverse of `to_si`."""
-    _, factor, offset = parse(unit)
+    _, factor, offset = parse_unit(unit)
     return (value - offset) / factor
 
 
 _QUANTITY = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
 
 
-def quantity(text: str | float | int, expected: str) -> float:
+def parse_quantity(text: str | float | int, expected: str) -> float:
     """Return the SI value of a TOML entry: a bare number is SI, a string carries its unit.
 
     Parameters

@@ -13,7 +13,7 @@ from .flight_programme import evaluation as evaluation
 from .flight_programme import input_design as input_design
 from .flight_programme import manoeuvre_finding as manoeuvre_finding
 from .flight_programme import planning as planning
-from .flight_programme.evaluation.flight_evaluation import evaluate as evaluate
+from .flight_programme.evaluation.flight_evaluation import evaluate_flight as evaluate_flight
 from .flight_programme.input_design.design import design_input as design_input
 from .maximum_likelihood.result import OutputError as OutputError
 from .maximum_likelihood.time_domain import output_error as output_error
@@ -21,10 +21,12 @@ from .reconstruction import dynamics as dynamics
 from .reconstruction import quality as quality
 from .reconstruction.batch.programme import reconstruct_batch as reconstruct_batch
 from .reconstruction.dynamics.force_coefficients import coefficients as coefficients
+from .reconstruction.dynamics.force_coefficients import select_time as between
 from .reconstruction.dynamics.force_coefficients import select_time as select_time
 from .reconstruction.flight_programme import reconstruct_programme as reconstruct_programme
 from .reconstruction.quality.assessment import assess as assess
 from .reconstruction.smoother import FlightPath as FlightPath
+from .reconstruction.smoother import FlightPath as Path
 from .reconstruction.smoother import reconstruct as reconstruct
 from .records import readers as readers
 from .records import sensors as sensors
@@ -42,6 +44,7 @@ from .regression import uncertainty as uncertainty
 from .regression.equation_error.fit import Fit as Fit
 from .regression.equation_error.fit import open_fit as open_fit
 from .regression.equation_error.fit import save_fit as save_fit
+from .regression.equation_error.model import RegressionModel as Model
 from .regression.equation_error.model import RegressionModel as RegressionModel
 from .regression.equation_error.time_domain import regress as regress
 from .remarks import Remark as Remark

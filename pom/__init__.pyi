@@ -32,3 +32,4 @@ from .replaying.replay_case import replay as replay
 from .report.writer import write_report as write_report
 from .result import PomResult as PomResult
 from .samples import SampledReplay as SampledReplay
+from .samples import SampledReplay as Samples

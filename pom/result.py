@@ -19,7 +19,7 @@ import xarray as xr
 
 from flightmech.errors import UnknownName
 from flightmech.support.console import to_json_types
-from flightmech.support.figures import html_table, new_figure, to_display_unit
+from flightmech.support.figures import html_table, new_figure, to_display_quantity
 from pom.cases.case import PomCase
 from pom.samples import SampledReplay
 from pom.tolerances.bands import row_remarks
@@ -59,10 +59,10 @@ def result_figure(
     axes = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
     time = signals["time"].values
     for ax, name in zip(axes, channels, strict=True):
-        flight, unit = to_display_unit(name, signals[name].sel(run="flight").values)
+        flight, unit = to_display_quantity(name, signals[name].sel(run="flight").values)
         if name in tolerance:
             low, high = (
-                to_display_unit(
+                to_display_quantity(
                     name, signals[name].sel(run="flight").values + sign * tolerance[name].values
                 )[0]
                 for sign in (-1, 1)
@@ -79,7 +79,7 @@ def result_figure(
         ax.plot(time, flight, color="black", linewidth=1.2, label="flight")
         models = [str(run) for run in signals["run"].values if run != "flight"]
         for number, run in enumerate(models):
-            model, _ = to_display_unit(name, signals[name].sel(run=run).values)
+            model, _ = to_display_quantity(name, signals[name].sel(run=run).values)
             ax.plot(time, model, color=_COLOURS[number % len(_COLOURS)], linewidth=1.0, label=run)
         ax.set_ylabel(f"{name} [{unit}]")
         ax.grid(linewidth=0.3)
@@ -222,7 +222,7 @@ class PomResult:
     @cached_property
     def rows(self) -> tuple[Mapping[Hashable, Any], ...]:
         """The rows of `verdict` as mappings, made once: a report needs them many times."""
-        return tuple(MappingProxyType(row) for row in records(self.verdict))
+        return tuple(MappingProxyType(row) for row in to_records(self.verdict))
 
     def verdict_records(self) -> list[dict[str, Any]]:
         """Return the rows of `verdict` as plain data for files, every remark a mapping."""
@@ -248,7 +248,7 @@ class PomResult:
         """
         mine = [row for row in self.rows if row["run"] == run]
         return status_of(
-            self.groups(run), any(map(exceeds, mine)), any(map(is_on_faulty_record, mine))
+            self.groups(run), any(map(has_trim_remark, mine)), any(map(is_on_faulty_record, mine))
         )
 
     def passed(self, run: str) -> bool:
@@ -317,7 +317,7 @@ class PomResult:
             "signals": _dataset_to_dict(self.signals),
             "tolerance": _dataset_to_dict(self.tolerance),
             "inputs": _dataset_to_dict(self.inputs),
-            "trim": split(self.trim),
+            "trim": to_split_dict(self.trim),
             "verdict": self.verdict_records(),
             "failure": self.failure,
             "samples": {
@@ -341,7 +341,7 @@ class PomResult:
             tolerance=_dataset_from_dict(item["tolerance"]),
             inputs=_dataset_from_dict(item["inputs"]),
             trim=trim,
-            verdict=verdict_table(item["verdict"]),
+            verdict=make_verdict_table(item["verdict"]),
             failure=item["failure"],
             samples={
                 run: SampledReplay.of_document(one, _dataset_from_dict(one["fan"]))
@@ -350,7 +350,7 @@ class PomResult:
         )
 
 
-def records(table: pd.DataFrame) -> list[dict[Hashable, Any]]:
+def to_records(table: pd.DataFrame) -> list[dict[Hashable, Any]]:
     """Return the rows of a table of numbers, texts and remarks as ``to_dict("records")`` does, in a
     fifth of the time.
     """
@@ -358,7 +358,7 @@ def records(table: pd.DataFrame) -> list[dict[Hashable, Any]]:
     return [dict(zip(table.columns, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
-def split(table: pd.DataFrame) -> dict[str, Any]:
+def to_split_dict(table: pd.DataFrame) -> dict[str, Any]:
     """Return a table of numbers as ``to_dict("split")`` does."""
     return {
         "index": table.index.tolist(),
@@ -449,7 +449,7 @@ def record_remarks(result: PomResult, run: str) -> list[str]:
     return _texts(result, run, ("record",))
 
 
-def notices(result: PomResult, run: str) -> list[str]:
+def run_notices(result: PomResult, run: str) -> list[str]:
     """Return what no criterion judges and a reader has to know of a run, each once: kinds `NOTICES`
     of its remarks.
     """
@@ -465,7 +465,7 @@ def _texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[str]:
     )
 
 
-def exceeds(row: Mapping[Hashable, Any]) -> bool:
+def has_trim_remark(row: Mapping[Hashable, Any]) -> bool:
     """Whether a row of the verdict table carries a remark on a trim beyond its limits."""
     return any(remark.kind == "trim" for remark in row["remarks"])
 
@@ -475,7 +475,7 @@ def is_on_faulty_record(row: Mapping[Hashable, Any]) -> bool:
     return any(remark.kind == "record" for remark in row["remarks"])
 
 
-def verdict_table(rows: list[dict[str, Any]]) -> pd.DataFrame:
+def make_verdict_table(rows: list[dict[str, Any]]) -> pd.DataFrame:
     """Return the verdict table of rows; numbers become float (missing: NaN), remarks `RowRemark`,
     all else text (missing: empty).
     """

@@ -193,7 +193,7 @@ def mat_files_in_this_process(monkeypatch):
     from flightmech.support import mat_child
     from flightmech.support import mat_files as mat_file
 
-    monkeypatch.setattr(mat_file, "_answer", mat_child.decode)
+    monkeypatch.setattr(mat_file, "_answer", mat_child.decode_mat)
 
 
 @pytest.hookimpl(hookwrapper=True)

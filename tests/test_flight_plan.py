@@ -18,7 +18,7 @@ from aeromatch.workflow import steps as workflow
 from flighttest.cli.group import flight
 from flighttest.flight_programme.input_design.predicted_response import trimmed_start
 from flighttest.flight_programme.planning.catalogue import read_catalogue
-from flighttest.flight_programme.planning.pilot import fly, predicted_record
+from flighttest.flight_programme.planning.pilot import fly_manoeuvres, predicted_record
 from flighttest.flight_programme.planning.prediction import with_assumed
 from flighttest.records.files import save_record
 
@@ -156,7 +156,7 @@ def test_coverage_after_one_card(planned):
     start = trimmed_start(sim, {}, "level", catalogue.condition[0].fixed)
     signal = first.design.signal() if first.design else None
     record = predicted_record(
-        fly(sim, start, [(first, signal)]), aircraft, "flown", catalogue.rates, seed=99
+        fly_manoeuvres(sim, start, [(first, signal)]), aircraft, "flown", catalogue.rates, seed=99
     )
     save_record(record, folder.parent / "flown.nc")
     files = [

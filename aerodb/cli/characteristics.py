@@ -6,7 +6,14 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, json_option, print_json, progress, table
+from flightmech.support.console import (
+    InputFile,
+    NewFile,
+    json_option,
+    print_json,
+    print_table,
+    show_progress,
+)
 
 _FILE = InputFile()
 
@@ -67,21 +74,21 @@ def characteristics(
     from aerodb.update.standard_errors import with_standard_errors
     from flightmech.aircraft.aircraft import read_aircraft
     from flightmech.flying_qualities.evaluation import characteristics as compute
-    from flightmech.units import quantity
+    from flightmech.units import parse_quantity
 
-    condition: dict[str, float] = {"h": quantity(_number(altitude), "m")}
+    condition: dict[str, float] = {"h": parse_quantity(_number(altitude), "m")}
     condition |= {
-        name: quantity(_number(text), "m s-1")
+        name: parse_quantity(_number(text), "m s-1")
         for name, text in (("V", speed), ("V_cas", cas))
         if text is not None
     }
     condition |= {} if mach is None else {"mach": mach}
     condition |= {name: _si(name, text) for name, text in further}
-    with progress("compute the characteristics"):
+    with show_progress("compute the characteristics"):
         craft, db = read_aircraft(aircraft), open(database)
         found = compute(craft, db, condition)
     if samples:
-        with progress(f"compute those of {samples} databases drawn from the standard errors"):
+        with show_progress(f"compute those of {samples} databases drawn from the standard errors"):
             found = with_standard_errors(found, craft, db, condition, samples, seed)
     if not as_json:
         click.echo(found.report())
@@ -181,9 +188,9 @@ def _number(text: str) -> str | float:
 
 
 def _numbers(pairs: tuple) -> dict[str, float]:
-    from flightmech.units import quantity
+    from flightmech.units import parse_quantity
 
-    return {name: quantity(_number(text), "1") for name, text in pairs}
+    return {name: parse_quantity(_number(text), "1") for name, text in pairs}
 
 
 def _si(name: str, text: str) -> float:
@@ -191,10 +198,10 @@ def _si(name: str, text: str) -> float:
     simulation are bare SI numbers.
     """
     from flightmech.names import VOCABULARY
-    from flightmech.units import quantity
+    from flightmech.units import parse_quantity
 
     units = VOCABULARY[name].units if name in VOCABULARY else "1"
-    return quantity(_number(text), units)
+    return parse_quantity(_number(text), units)
 
 
 @click.command()
@@ -217,4 +224,6 @@ def scheme(coefficient: str | None, as_json: bool) -> None:
         print_json([{"term": name, **row} for name, row in rows.items()])
         return
     head = ["term", "K1", "axes", "times", "LR-743", "meaning", "from DATCOM", "identified (4.5)"]
-    table(head, [[name, *(text or "-" for text in row.values())] for name, row in rows.items()])
+    print_table(
+        head, [[name, *(text or "-" for text in row.values())] for name, row in rows.items()]
+    )

@@ -13,8 +13,8 @@ from flightmech.support.console import (
     json_option,
     print_json,
     print_remark,
-    progress,
-    table,
+    print_table,
+    show_progress,
 )
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def compare(
         from aerodb.comparison.conditions import read_conditions
 
         conditions, notes = read_conditions(along, a, b)
-    with progress("compare the databases"):
+    with show_progress("compare the databases"):
         frame = compared(a, b, conditions)
     known = list(dict.fromkeys(name.split("/")[0] for name in frame.index))
     for name in wanted:
@@ -85,7 +85,7 @@ def compare(
     if figures is not None:
         from aerodb.figures.figure_folder import write_comparison
 
-        with progress("draw the figures of shared terms and coefficients"):
+        with show_progress("draw the figures of shared terms and coefficients"):
             written = [
                 str(path)
                 for path in write_comparison(
@@ -148,7 +148,7 @@ def plot(
     tree = open(file)
     support = None if along is None else read_conditions(along, tree)[0]
     (label,) = _labels(file)
-    with progress("draw the figure"):
+    with show_progress("draw the figure"):
         figure = plot_comparison(
             {label: tree},
             term,
@@ -176,8 +176,8 @@ def _labels(*paths: str) -> dict[str, str]:
 
 def _held(text: str) -> tuple[str, float]:
     from flightmech.errors import SchemaError
-    from flightmech.names import lookup
-    from flightmech.units import quantity
+    from flightmech.names import lookup_quantity
+    from flightmech.units import parse_quantity
 
     name, sign, value = (part.strip() for part in text.partition("="))
     if not (name and sign and value):
@@ -186,7 +186,7 @@ def _held(text: str) -> tuple[str, float]:
         number: float | str = float(value)
     except ValueError:
         number = value
-    return name, quantity(number, lookup(name).units)
+    return name, parse_quantity(number, lookup_quantity(name).units)
 
 
 def _print(frame: pd.DataFrame) -> None:
@@ -199,7 +199,7 @@ def _print(frame: pd.DataFrame) -> None:
         more = ["share", "rms left"] if along and head == "term" else []
         rows = [_cells(name, row, bool(more)) for name, row in part.iterrows()]
         click.echo()
-        table([*columns, *more, "where", "note"], rows, right=[*columns[2:], *more])
+        print_table([*columns, *more, "where", "note"], rows, right=[*columns[2:], *more])
     for words, names in (
         ("only in a", frame.index[is_term & (frame["found_in"] == "a")]),
         ("only in b", frame.index[is_term & (frame["found_in"] == "b")]),
@@ -310,7 +310,7 @@ def figures(
     sources = ", ".join(
         str(file) for file in [*files.values(), *([flown_file] if flown_file else [])]
     )
-    with progress("draw the figures"):
+    with show_progress("draw the figures"):
         made = write_lr743(
             databases,
             output,
@@ -328,7 +328,7 @@ def figures(
             }
         )
         return
-    table(
+    print_table(
         ["", "shows", "file"],
         [(one.number, one.title, one.file.name if one.file else "-") for one in made],
     )

@@ -14,8 +14,8 @@ from flightmech.support.console import (
     json_option,
     print_json,
     print_remark,
-    shorten_text,
-    table,
+    print_table,
+    without_gc,
 )
 
 if TYPE_CHECKING:
@@ -46,14 +46,14 @@ class AxisOption(click.ParamType):
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[str, list[float]]:
         """Return the axis and its breakpoints in SI."""
-        from flightmech.names import lookup
+        from flightmech.names import lookup_quantity
 
         axis, sign, text = str(value).partition("=")
         if not sign:
             self.fail(
                 f"{value!r} is not AXIS='NUMBERS UNIT', such as alpha='-4 0 4 8 deg'", param, ctx
             )
-        return axis.strip(), _numbers(text, lookup(axis.strip()).units)
+        return axis.strip(), _numbers(text, lookup_quantity(axis.strip()).units)
 
 
 class Numbers(click.ParamType):
@@ -263,7 +263,7 @@ def move_reference(
 ) -> None:
     """Take the moments about another point; the aircraft file must name the same point then."""
     from aerodb.edit.reference_point import move_reference as moved
-    from flightmech.units import quantity
+    from flightmech.units import parse_quantity
 
     given = {
         key: _number(text)
@@ -273,7 +273,7 @@ def move_reference(
 
     def work(db: xr.DataTree) -> xr.DataTree:
         point = [
-            quantity(given[key], "m") if key in given else float(db.attrs[key])
+            parse_quantity(given[key], "m") if key in given else float(db.attrs[key])
             for key in ("x_ref", "y_ref", "z_ref")
         ]
         return moved(db, point, tolerance=tolerance, flow=flow, note=note)
@@ -316,7 +316,7 @@ def blend(file: str, other: str, names: tuple[str, ...], rule: str, note: str, o
         for name, row in frame.iterrows()
     ]
     head = ("term", "nodes", "chi-square", "probability", "worst in std. errors", "where")
-    table(head, rows, title="how well they agree", right=head[1:5])
+    print_table(head, rows, title="how well they agree", right=head[1:5])
 
 
 @edit.command()
@@ -357,7 +357,7 @@ def replace(file: str, other: str, names: tuple[str, ...], note: str, output: st
 @click.command()
 @click.argument("file", type=_FILE)
 @json_option
-@shorten_text()
+@without_gc()
 def history(file: str, as_json: bool) -> None:
     """Show the edits of a database; numbered ones can be undone."""
     from aerodb.store.files import list_edits
@@ -369,7 +369,7 @@ def history(file: str, as_json: bool) -> None:
             [{"line": line, **dict(zip(COLUMNS, row))} for line, row in enumerate(rows, start=1)]
         )
         return
-    table(
+    print_table(
         ("edit", "what was done"),
         [("" if number is None else number, text) for number, *_, text in rows],
         right=("edit",),

@@ -101,7 +101,7 @@ def reader_options(
     return options
 
 
-def imported(fmt: str, file: str, options: Mapping[str, Any]) -> xr.DataTree:
+def import_with_remarks(fmt: str, file: str, options: Mapping[str, Any]) -> xr.DataTree:
     """Return the database in a file of another program; what the reader warns of is printed as a
     remark.
     """
@@ -202,19 +202,19 @@ def _with_height_tables(db: xr.DataTree, height: str) -> xr.DataTree:
     from aerodb.edit.ground_effect import with_height_table
     from aerodb.edit.table_edits import replace_terms
     from aerodb.store.schema import terms
-    from flightmech.names import lookup
-    from flightmech.terms import power
-    from flightmech.units import quantity
+    from flightmech.names import lookup_quantity
+    from flightmech.terms import power_factor
+    from flightmech.units import parse_quantity
 
-    factors = {name: power(leaf) for name, leaf in terms(db).items()}
+    factors = {name: power_factor(leaf) for name, leaf in terms(db).items()}
     closed = [
         name
         for name, factor in factors.items()
-        if factor is not None and lookup(factor.variable).units == "m"
+        if factor is not None and lookup_quantity(factor.variable).units == "m"
     ]
     if not closed:
         return db
-    top = quantity(height, "m")
+    top = parse_quantity(height, "m")
     print_remark(
         f"{len(closed)} terms with a formula over the height are written as tables up to {top:g} m"
     )
@@ -237,14 +237,19 @@ def import_database(file: str, output: str, as_json: bool, **options: Any) -> No
     """
     from aerodb.exchange.recognition import recognise_format
     from aerodb.store.files import save
-    from aerodb.store.overview import describe, summary
+    from aerodb.store.overview import describe_database, summary
 
     fmt = recognise_format(Path(file))
-    tree = imported(fmt, file, reader_options(fmt, **options))
+    tree = import_with_remarks(fmt, file, reader_options(fmt, **options))
     save(tree, output)
     if as_json:
         print_json(
-            {"file": output, "format": fmt, "attributes": tree.attrs, "terms": describe(tree)}
+            {
+                "file": output,
+                "format": fmt,
+                "attributes": tree.attrs,
+                "terms": describe_database(tree),
+            }
         )
     else:
         click.echo(summary(tree))
@@ -261,14 +266,14 @@ def _only(option: str, fmt: str, names: dict[str, str]) -> str:
 
 def _deflection(text: str) -> tuple[str, float]:
     """Return control and angle [rad] of ``delta_f=40 deg``."""
-    from flightmech.units import quantity
+    from flightmech.units import parse_quantity
 
     name, sign, amount = text.partition("=")
     if not sign:
         raise click.UsageError(
             f"--travel is {text!r}; write a control and its angle, such as 'delta_f=40 deg'"
         )
-    return name.strip(), quantity(amount, "rad")
+    return name.strip(), parse_quantity(amount, "rad")
 
 
 _OF_DAVEML = ("inertia", "propulsion", "at", "names")
@@ -330,7 +335,7 @@ def import_aircraft(
     import flightmech
     from aerodb.exchange.recognition import recognise_format
     from aerodb.store.files import save
-    from aerodb.store.overview import describe, summary
+    from aerodb.store.overview import describe_database, summary
     from flightmech.aircraft.writing import write_aircraft
 
     path = Path(output)
@@ -354,7 +359,7 @@ def import_aircraft(
                 "aircraft": str(written),
                 "format": fmt,
                 "attributes": tree.attrs,
-                "terms": describe(tree),
+                "terms": describe_database(tree),
             }
         )
         return
@@ -397,7 +402,7 @@ def _jsbsim(file: str, options: dict, daveml: dict, own: dict) -> tuple[xr.DataT
     for key in _OF_DAVEML:
         if daveml[key]:
             raise click.UsageError(f"--{key} belongs to daveml; leave it out for jsbsim")
-    return imported("jsbsim", file, options), import_jsbsim_aircraft(file, **own)
+    return import_with_remarks("jsbsim", file, options), import_jsbsim_aircraft(file, **own)
 
 
 def _daveml(file: str, options: dict, daveml: dict, own: dict) -> tuple[xr.DataTree, Aircraft]:
@@ -413,7 +418,7 @@ def _daveml(file: str, options: dict, daveml: dict, own: dict) -> tuple[xr.DataT
         key: _number(value)
         for key, value in (_pair(text, "--at", "CG_PCT_MAC=25") for text in daveml["at"])
     }
-    tree = imported("daveml", file, {**options, "names": names})
+    tree = import_with_remarks("daveml", file, {**options, "names": names})
     return tree, import_daveml_aircraft(
         tree, daveml["inertia"], daveml["propulsion"], inputs, **own
     )

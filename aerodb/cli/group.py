@@ -15,9 +15,9 @@ from flightmech.support.console import (
     json_option,
     print_json,
     print_remark,
-    progress,
-    shorten_text,
-    table,
+    print_table,
+    show_progress,
+    without_gc,
 )
 
 if TYPE_CHECKING:
@@ -196,11 +196,11 @@ def build(
     from aerodb.prior.build import from_datcom
     from aerodb.prior.roles import assign_roles, by_role
     from aerodb.store.files import save
-    from aerodb.store.overview import describe, summary
+    from aerodb.store.overview import describe_database, summary
     from datcom_io.reading.reader import read_place
     from flightmech.aircraft.aircraft import read_aircraft
     from flightmech.errors import AeromatchWarning
-    from flightmech.units import quantity
+    from flightmech.units import parse_quantity
 
     file, folders = aircraft_and_places(aircraft, places)
     craft = read_aircraft(file)
@@ -211,7 +211,7 @@ def build(
     rows = role_rows(assigned, given)
     given = {**by_role(assigned), **given}
     if rows and not as_json:
-        table(["file", "no", "case", "taken as", "why"], rows, right=["no"])
+        print_table(["file", "no", "case", "taken as", "why"], rows, right=["no"])
         click.echo()
     if "clean" not in given:
         raise click.UsageError(
@@ -220,13 +220,13 @@ def build(
         )
     count = sum(map(len, given.values()))
     with (
-        progress(f"build a database from {count} cases"),
+        show_progress(f"build a database from {count} cases"),
         warnings.catch_warnings(record=True) as caught,
     ):
         warnings.simplefilter("always", AeromatchWarning)
         tree = from_datcom(
             craft,
-            altitude=None if altitude is None else quantity(altitude, "m"),
+            altitude=None if altitude is None else parse_quantity(altitude, "m"),
             powered=powered,
             tailless=tailless,
             move_reference=move_reference,
@@ -243,7 +243,7 @@ def build(
             {
                 "file": output,
                 "attributes": tree.attrs,
-                "terms": describe(tree),
+                "terms": describe_database(tree),
                 "roles": rows,
                 "warnings": messages,
             }
@@ -257,7 +257,7 @@ def build(
 @click.argument("file", type=_LISTING)
 @click.option("--term", help="One term with its numbers, such as CL/basic.")
 @json_option
-@shorten_text()
+@without_gc()
 def show(file: str, term: str | None, as_json: bool) -> None:
     """Show what a database holds, or the numbers of one term."""
     if term is None:
@@ -279,9 +279,9 @@ def _overview(file: str) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
     where it has one.
     """
     from aerodb.store.overview import OVERVIEW
-    from aerodb.store.seal import read_sealed
+    from aerodb.store.seal import read_database_seal
 
-    whole = read_sealed(Path(file))
+    whole = read_database_seal(Path(file))
     if found := whole.overview(OVERVIEW):
         attributes, rows = found
         return attributes, rows
@@ -295,52 +295,52 @@ def _print_term(file: str, term: str) -> None:
     from aerodb.store.files import read_overview
     from aerodb.store.overview import leaf_rows
     from flightmech.errors import UnknownName
-    from flightmech.terms import power
+    from flightmech.terms import power_factor
 
     _, leaves = read_overview(file, ["value"], names=[term])
     if term not in leaves:
         raise UnknownName(term, read_overview(file, ["value"])[1], "term")
     leaf = leaves[term]
     head, rows = leaf_rows(leaf)
-    table(head, rows, title=term, right=head)
+    print_table(head, rows, title=term, right=head)
     texts = {
         key: leaf.attrs.get(key)
         for key in ("regressors", "decision", "reason", "comment", "references", "history")
     }
-    for key, text in {"power": power(leaf), **texts}.items():
+    for key, text in {"power": power_factor(leaf), **texts}.items():
         if text:
             click.echo(f"{key}: {text}")
 
 
 def _term_document(file: str, term: str) -> None:
     from aerodb.store.files import open
-    from aerodb.store.schema import leaf_of
+    from aerodb.store.schema import find_leaf
     from aerodb.update.posterior import without_posterior
 
-    print_json({"term": term, **without_posterior(leaf_of(open(file), term)).to_dict()})
+    print_json({"term": term, **without_posterior(find_leaf(open(file), term)).to_dict()})
 
 
 @db.command()
 @click.argument("file", type=_LISTING)
 @json_option
-@shorten_text()
+@without_gc()
 def decisions(file: str, as_json: bool) -> None:
     """Show what the flights decided about each term: replace, correct, keep or delete (not
     identifiable), and why.
     """
     from aerodb.store.files import read_overview
     from aerodb.update.cautions.notices import notices_of
-    from aerodb.update.term_decisions import DECISIONS, rows_of
+    from aerodb.update.term_decisions import DECISIONS, decision_rows
 
     attributes, leaves = read_overview(file, ["value", "source"], ["decision", "reason"])
     rows = [
         {"term": name, "decision": decision, "reason": reason}
-        for name, (decision, reason) in rows_of(leaves).items()
+        for name, (decision, reason) in decision_rows(leaves).items()
     ]
     if as_json:
         print_json({"file": file, "terms": rows, "warnings": notices_of(attributes)})
         return
-    table(("term", "decision", "reason"), [tuple(row.values()) for row in rows])
+    print_table(("term", "decision", "reason"), [tuple(row.values()) for row in rows])
     words = [row["decision"] for row in rows]
     click.echo(", ".join(f"{word} {words.count(word)}" for word in DECISIONS))
     for notice in notices_of(attributes):

@@ -15,13 +15,13 @@ import xarray as xr
 from aerodb.comparison.conditions import (
     Conditions,
     Place,
-    axes_of,
     coefficient_grid,
     coefficient_points,
     condition_text,
     count_samples_beyond,
     grid_text,
-    merge_breakpoints,
+    leaf_breakpoints,
+    merge_leaf_breakpoints,
     mesh_samples,
     neutral_value,
     order_names,
@@ -161,7 +161,12 @@ def _along(pairs: Mapping[str, Pair], conditions: Conditions) -> tuple[Rows, dic
         whole = total_b.value - total_a.value
         for name, (a, b) in parts.items():
             used = order_names(
-                {v for leaf in members[name] if leaf is not None for v in _terms.variables(leaf)}
+                {
+                    v
+                    for leaf in members[name]
+                    if leaf is not None
+                    for v in _terms.list_model_variables(leaf)
+                }
             )
             row = _row(
                 _pair_found_in(members[name]),
@@ -177,7 +182,7 @@ def _along(pairs: Mapping[str, Pair], conditions: Conditions) -> tuple[Rows, dic
                 for pair in members.values()
                 for leaf in pair
                 if leaf is not None
-                for axis in axes_of(leaf)
+                for axis in leaf_breakpoints(leaf)
             }
         )
         note = "; ".join([conditions_text, *_assumptions(members)])
@@ -209,11 +214,11 @@ def _node_row(ours: xr.Dataset | None, theirs: xr.Dataset | None) -> list[Any]:
     if (
         ours is not None
         and theirs is not None
-        and _terms.multipliers(ours) != _terms.multipliers(theirs)
+        and _terms.list_multipliers(ours) != _terms.list_multipliers(theirs)
     ):
-        here, there = (" ".join(_terms.multipliers(leaf)) or "none" for leaf in (ours, theirs))
+        here, there = (" ".join(_terms.list_multipliers(leaf)) or "none" for leaf in (ours, theirs))
         return _nothing("both", f"regressors differ: {here} in a, {there} in b")
-    points = merge_breakpoints(leaf for leaf in (ours, theirs) if leaf is not None)
+    points = merge_leaf_breakpoints(leaf for leaf in (ours, theirs) if leaf is not None)
     samples = mesh_samples(points)
     count = int(np.prod([len(p) for p in points.values()]))
     a, b = (
@@ -231,7 +236,7 @@ def term_contribution(
     """Return what a term gives at the samples; nothing for a term that is missing."""
     if leaf is None:
         return Side(np.zeros(count), np.zeros(count))
-    B = _terms.basis(leaf, samples, "clamp")
+    B = _terms.node_basis(leaf, samples, "clamp")
     return Side(
         *(
             np.broadcast_to(x, (count,))

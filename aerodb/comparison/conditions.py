@@ -14,7 +14,7 @@ from aerodb.store.overview import FREE_AIR, display_text, plain_number
 from flightmech import terms as _terms
 from flightmech.build_up import COEFFICIENTS
 from flightmech.errors import OutOfRange, ParseError, UnknownName
-from flightmech.names import VOCABULARY, attrs, lookup
+from flightmech.names import VOCABULARY, lookup_quantity, quantity_attributes
 from flightmech.units import DEGREE, from_si
 
 TABLES = ("value", "K1", "K2")
@@ -50,7 +50,7 @@ Place = Callable[[int], str]
 Conditions = Mapping[str, Any] | xr.Dataset
 
 
-def axes_of(leaf: xr.Dataset) -> dict[str, np.ndarray]:
+def leaf_breakpoints(leaf: xr.Dataset) -> dict[str, np.ndarray]:
     """Return the axes of all tables of a leaf with their breakpoints. [SI]"""
     return {
         str(axis): leaf[table][axis].values.astype(float)
@@ -60,11 +60,11 @@ def axes_of(leaf: xr.Dataset) -> dict[str, np.ndarray]:
     }
 
 
-def merge_breakpoints(leaves: Iterable[xr.Dataset]) -> dict[str, np.ndarray]:
+def merge_leaf_breakpoints(leaves: Iterable[xr.Dataset]) -> dict[str, np.ndarray]:
     """Return the breakpoints of all axes of several leaves, merged axis by axis. [SI]"""
     points: dict[str, np.ndarray] = {}
     for leaf in leaves:
-        for axis, values in axes_of(leaf).items():
+        for axis, values in leaf_breakpoints(leaf).items():
             points[axis] = np.union1d(points.get(axis, []), values)
     return points
 
@@ -97,10 +97,11 @@ def coefficient_points(
         Empty arrays where the ranges do not meet; `REACH` for variables that are no axis of any
         table; 0 for others. [SI]
     """
-    of_a, of_b = merge_breakpoints(ours), merge_breakpoints(theirs)
+    of_a, of_b = merge_leaf_breakpoints(ours), merge_leaf_breakpoints(theirs)
     found = {}
     for name in sorted(
-        {v for leaf in [*ours, *theirs] for v in _terms.variables(leaf)}, key=_place_in_vocabulary
+        {v for leaf in [*ours, *theirs] for v in _terms.list_model_variables(leaf)},
+        key=_place_in_vocabulary,
     ):
         sides = [points[name] for points in (of_a, of_b) if name in points]
         if not sides:
@@ -170,7 +171,7 @@ def _place_in_vocabulary(name: str) -> tuple[int, int]:
 
 
 def _range(name: str, points: np.ndarray) -> str:
-    unit = lookup(name).display_units
+    unit = lookup_quantity(name).display_units
     low, high = (plain_number(from_si(float(x), unit)) for x in (points[0], points[-1]))
     span = low if len(points) == 1 else f"{low} ... {high}"
     return f"{name} {span}{'' if unit == '1' else f' {unit}'} ({len(points)})"
@@ -232,7 +233,7 @@ def fill_missing_devices(
         (name, v)
         for db in databases
         for name, leaf in terms(db).items()
-        for v in _terms.variables(leaf)
+        for v in _terms.list_model_variables(leaf)
     }
     added: dict[str, Any] = {}
     notes: list[str] = []
@@ -241,9 +242,9 @@ def fill_missing_devices(
         if name in conditions or name in added:
             continue
         if name == "dnz" and "nz" in conditions:
-            added[name] = (conditions["nz"] - 1.0).assign_attrs(attrs(name))
+            added[name] = (conditions["nz"] - 1.0).assign_attrs(quantity_attributes(name))
         elif name in AT_REST or name == "h_agl":
-            added[name] = ((), AT_REST.get(name, FREE_AIR), attrs(name))
+            added[name] = ((), AT_REST.get(name, FREE_AIR), quantity_attributes(name))
             taken = f"as {display_text(name, AT_REST[name])}" if name in AT_REST else "in free air"
             notes.append(f"{name} is not in the record; taken {taken}")
         elif name in COEFFICIENTS:
@@ -286,7 +287,9 @@ def _summed(
     dims = ("time",) if "time" in conditions.dims else tuple(conditions.dims)
     shape = tuple(conditions.sizes[dim] for dim in dims)
     return xr.DataArray(
-        np.broadcast_to(sum(parts.values()), shape).copy(), dims=dims, attrs=attrs(name)
+        np.broadcast_to(sum(parts.values()), shape).copy(),
+        dims=dims,
+        attrs=quantity_attributes(name),
     )
 
 
@@ -320,7 +323,7 @@ def select_covered_samples(
     OutOfRange
         No sample is left.
     """
-    wanted = sorted({name for leaf in leaves for name in _terms.variables(leaf)})
+    wanted = sorted({name for leaf in leaves for name in _terms.list_model_variables(leaf)})
     for name in wanted:
         if name not in conditions:
             raise UnknownName(
@@ -373,7 +376,7 @@ def count_samples_beyond(
     texts = []
     for side, leaf in zip("ab", pair):
         outside: Any = np.zeros(1, bool)
-        for axis, points in axes_of(leaf).items() if leaf is not None else ():
+        for axis, points in leaf_breakpoints(leaf).items() if leaf is not None else ():
             outside = outside | (samples[axis] < points[0]) | (samples[axis] > points[-1])
         if outside.any():
             texts.append(

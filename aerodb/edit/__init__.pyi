@@ -4,6 +4,7 @@ from .blending import blend as blend
 from .blending import consistency as consistency
 from .ground_effect import bank_in_ground_effect as bank_in_ground_effect
 from .ground_effect import factor_table as factor_table
+from .ground_effect import factor_table as factored
 from .ground_effect import in_ground_effect as in_ground_effect
 from .ground_effect import with_height_table as with_height_table
 from .reference_point import move_reference as move_reference

@@ -29,7 +29,6 @@ import xarray as xr
 
 from aerodb.edit.table_edits import match_names
 from aerodb.store.grids import (
-    axes_of,
     fold_factors,
     is_within,
     known_source,
@@ -37,6 +36,7 @@ from aerodb.store.grids import (
     regrid_leaf,
     same_factors,
     union_axes,
+    value_breakpoints,
     with_table,
 )
 from aerodb.store.schema import terms
@@ -194,7 +194,7 @@ def _pairs(
             for leaf, where in zip(pair, ("here", "there"))
             if "stderr" not in leaf
         ]
-        words = [" ".join(_terms.multipliers(leaf)) or "none" for leaf in pair]
+        words = [" ".join(_terms.list_multipliers(leaf)) or "none" for leaf in pair]
         if words[0] != words[1]:
             problems.append(
                 f"{name}: regressors {words[0]} here and {words[1]} there; only tables of "
@@ -237,9 +237,9 @@ class _Observed:
 
 def _observed(table: xr.Dataset, pair: _Pair) -> _Observed:
     """Return what theirs holds for `table`, which is ours on any grid."""
-    own, theirs = axes_of(pair.ours), axes_of(pair.theirs)
+    own, theirs = value_breakpoints(pair.ours), value_breakpoints(pair.theirs)
     points = {axis: p[is_within(own[axis], p)] if axis in own else p for axis, p in theirs.items()}
-    rest = {axis: p for axis, p in axes_of(table).items() if axis not in points}
+    rest = {axis: p for axis, p in value_breakpoints(table).items() if axis not in points}
     count, nodes = (int(np.prod([len(p) for p in part.values()])) for part in (points, rest))
     size = table["value"].size
     if not count:
@@ -250,7 +250,7 @@ def _observed(table: xr.Dataset, pair: _Pair) -> _Observed:
         else {}
     )
     flat = {axis: grid.ravel() for axis, grid in mesh.items()}
-    B = _terms.basis(_terms.without_multipliers(table[["value"]]), flat, "clamp").toarray()
+    B = _terms.node_basis(_terms.without_multipliers(table[["value"]]), flat, "clamp").toarray()
     H = np.broadcast_to(B, (count * nodes, size)).reshape(count, nodes, size).mean(axis=1)
     there = pair.theirs.sel(points)
     return _Observed(points, H, there["value"].values.ravel(), there["stderr"].values.ravel())
@@ -348,7 +348,7 @@ def _inside(leaf: xr.Dataset, points: dict[str, np.ndarray]) -> np.ndarray:
     found = np.ones([len(p) for p in points.values()], bool)
     for at, (axis, p) in enumerate(points.items()):
         if axis in leaf["value"].dims:
-            found &= is_within(axes_of(leaf)[axis], p).reshape(
+            found &= is_within(value_breakpoints(leaf)[axis], p).reshape(
                 [-1 if i == at else 1 for i in range(len(points))]
             )
     return found

@@ -24,7 +24,7 @@ from scipy.optimize import brentq
 from aerodb.update.posterior import carry_covariance
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flightmech.terms import PowerFactor
 
 _ROLL = "[LR743] eq. (14)"
@@ -68,7 +68,7 @@ def in_ground_effect(free: xr.Dataset, k: float, exponent: float, floor: float) 
     """
     if not np.isfinite(k):
         raise SchemaError("ground effect", [f"k is {k!r}; give a finite number"])
-    if "h_agl" in _terms.variables(free) or _terms.power(free) is not None:
+    if "h_agl" in _terms.list_model_variables(free) or _terms.power_factor(free) is not None:
         raise SchemaError(
             "ground effect",
             [
@@ -156,7 +156,7 @@ def with_height_table(leaf: xr.Dataset, top: float, tolerance: float = 1e-3) -> 
         No power factor, no room for a factor over that variable, a `top` below the floor, a
         `tolerance` out of 0 ... 1.
     """
-    factor = _terms.power(leaf)
+    factor = _terms.power_factor(leaf)
     if factor is None:
         raise SchemaError("height table", ["the term has no power factor"])
     problems = (
@@ -181,7 +181,7 @@ def with_height_table(leaf: xr.Dataset, top: float, tolerance: float = 1e-3) -> 
     )
     points = np.geomspace(factor.floor, top, count + 1)
     points[[0, -1]] = factor.floor, top
-    axis = (factor.variable, points, attrs(factor.variable))
+    axis = (factor.variable, points, quantity_attributes(factor.variable))
     table = xr.DataArray(
         factor.at(points), {factor.variable: axis}, factor.variable, attrs={"formula": str(factor)}
     )
@@ -212,7 +212,7 @@ def _chord(s: float, ratio: float) -> float:
 
 
 def _sound(leaf: xr.Dataset) -> xr.Dataset:
-    problems = _terms.check(leaf)
+    problems = _terms.check_term(leaf)
     if problems:
         raise SchemaError("ground effect", problems)
     return leaf
@@ -268,14 +268,14 @@ def factor_table(leaf: xr.Dataset, axis: str) -> tuple[xr.Dataset, float]:
         if "stderr" in leaf
         else None
     )
-    factor = xr.DataArray(K1, {axis: (axis, value[axis].values, attrs(axis))}, axis)
+    factor = xr.DataArray(K1, {axis: (axis, value[axis].values, quantity_attributes(axis))}, axis)
     made = _terms.make_term(
         table.reshape(rest.shape),
         axes,
-        _terms.regressors(leaf),
+        _terms.list_regressors(leaf),
         K1=factor,
         stderr=stderr,
-        power=_terms.power(leaf),
+        power=_terms.power_factor(leaf),
     )
     if "source" in leaf:
         source = leaf["source"].transpose(axis, ...).isel({axis: at}, drop=True)

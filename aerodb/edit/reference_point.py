@@ -20,13 +20,13 @@ import xarray as xr
 from aerodb.store.effects import Effect, rate_shift
 from aerodb.store.grids import (
     add_leaves,
-    axes_of,
     factor_axes,
     fold_factors,
     merge_breakpoints,
     regrid_leaf,
     same_factors,
     union_axes,
+    value_breakpoints,
     with_table,
     without_formula,
 )
@@ -215,7 +215,7 @@ def _moment(
         return None
     if factor_axes(leaf) & set(angles):
         leaf = fold_factors(leaf)
-    points = axes_of(leaf)
+    points = value_breakpoints(leaf)
     for angle in angles:
         if len(points.get(angle, ())) < 2:
             points[angle] = (
@@ -294,7 +294,7 @@ def _refined(leaf: xr.Dataset, angle: str, allowed: float) -> np.ndarray:
 
 def _kind(name: str, leaf: xr.Dataset) -> tuple[str, ...]:
     """Return the key by which terms are compared: the coefficient and what multiplies the table."""
-    return (name.split("/")[0], *_terms.multipliers(leaf))
+    return (name.split("/")[0], *_terms.list_multipliers(leaf))
 
 
 def _size(leaf: xr.Dataset) -> float:
@@ -313,7 +313,7 @@ def _put(leaves: dict[str, xr.Dataset], moment: str, contribution: str, more: xr
 
 
 def _joins(leaf: xr.Dataset, more: xr.Dataset) -> bool:
-    if _terms.multipliers(leaf) != _terms.multipliers(more):
+    if _terms.list_multipliers(leaf) != _terms.list_multipliers(more):
         return False
     axes = set(union_axes(leaf, more))
     return (
@@ -352,7 +352,9 @@ def _effect(
 ) -> Effect:
     """Return terms of one name as an effect, over their common breakpoints."""
     own = {c: fold_factors(leaves[f"{c}/{name}"]) for c in coefficients if f"{c}/{name}" in leaves}
-    own = {c: leaf for c, leaf in own.items() if " ".join(_terms.multipliers(leaf)) == regressor}
+    own = {
+        c: leaf for c, leaf in own.items() if " ".join(_terms.list_multipliers(leaf)) == regressor
+    }
     points = union_axes(*own.values()) if own else {}
     return Effect(
         name, {c: regrid_leaf(leaf, points)["value"] for c, leaf in own.items()}, regressor
@@ -385,7 +387,7 @@ def _demand_countable(leaves: Mapping[str, xr.Dataset], by: float) -> None:
     """Raise when a power of a height would have to be counted from another point: (h + c)^s is no
     h^s.
     """
-    powers = {name: _terms.power(leaf) for name, leaf in leaves.items()}
+    powers = {name: _terms.power_factor(leaf) for name, leaf in leaves.items()}
     problems = [
         f"{name}: the factor {power} cannot be counted from a point {by:.4g} m lower; "
         "make it a table first (aerodb.transform.with_height_table)"

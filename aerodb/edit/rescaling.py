@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from aerodb.store.grids import without_formula
-from aerodb.store.schema import make_database, require, terms
+from aerodb.store.schema import make_database, require_valid, terms
 from aerodb.update.posterior import carry_covariance
 from flightmech import terms as _terms
 from flightmech.aircraft.aircraft import Aircraft, reference_in
@@ -98,7 +98,7 @@ def rescale(
     SchemaError
         A figure that is negative or not finite.
     """
-    require(db)
+    require_valid(db)
     leaves = terms(db)
     by = dict(_by_term(leaves, dict(factors or {})))
     wide = _widening(widening)
@@ -183,7 +183,7 @@ def _scaled(
         new = new.assign_coords(h_agl=new["h_agl"].values * span)
         new["h_agl"].attrs = attributes
         new = without_formula(new)
-    power = _terms.power(leaf)
+    power = _terms.power_factor(leaf)
     if power is not None and power.variable == "h_agl":  # max(h/span, floor)^s
         part = span**-power.exponent
         new = new.assign(value=new["value"] * part, stderr=new["stderr"] * part).assign_attrs(

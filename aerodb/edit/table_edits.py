@@ -17,22 +17,22 @@ import xarray as xr
 
 from aerodb.store.grids import (
     JUDGEMENT,
-    axes_of,
     demand_axis,
     factor_axes,
     fold_factors,
     is_within,
     known_source,
+    make_table_leaf,
     merge_breakpoints,
     node_text,
     regrid_leaf,
     rising_breakpoints,
-    table,
     union_axes,
+    value_breakpoints,
     with_table,
 )
 from aerodb.store.overview import display_text
-from aerodb.store.schema import leaf_of, terms
+from aerodb.store.schema import find_leaf, terms
 from aerodb.store.undo_history import add_history_line, note_suffix, record_edit, update_absent
 from aerodb.update.cautions.notices import with_notices
 from aerodb.update.posterior import carry_covariance, without_posterior
@@ -177,7 +177,7 @@ def scale(
     SchemaError
         Breakpoints do not rise, shapes do not fit, or a table would have too many axes.
     """
-    by = table(factor, axes, stderr, "factor")
+    by = make_table_leaf(factor, axes, stderr, "factor")
 
     def scaled(
         leaf: xr.Dataset, times: xr.Dataset
@@ -224,9 +224,9 @@ def shift(
         Nodes that are zero by definition (value and standard error zero: an increment without its
         cause) would no longer be.
     """
-    by = table(amount, axes, stderr, "amount")
+    by = make_table_leaf(amount, axes, stderr, "amount")
     for name in match_names(db, names):
-        _warn_of_zeros(name, leaf_of(db, name), by)
+        _warn_of_zeros(name, find_leaf(db, name), by)
 
     def shifted(leaf: xr.Dataset, more: xr.Dataset) -> tuple[np.ndarray, np.ndarray | None, float]:
         sd = more["stderr"].values
@@ -277,7 +277,7 @@ def regrid(
     OutOfRange
         Breakpoints beyond the table, or a difference above `tolerance`.
     """
-    leaf = leaf_of(db, name)
+    leaf = find_leaf(db, name)
     new, error, at = _regridded(name, leaf, breakpoints)
     if tolerance is not None and not error <= tolerance:
         raise OutOfRange(
@@ -303,7 +303,7 @@ def regrid_error(db: xr.DataTree, name: str, breakpoints: Mapping[str, Any]) -> 
     Both tables are multilinear between the breakpoints of the two together, so the largest difference stands at one of these nodes: the
     number is exact, not an estimate.  Factors K1 and K2 count with their largest values; regressors do not count.
     """
-    return _regridded(name, leaf_of(db, name), breakpoints)[1]
+    return _regridded(name, find_leaf(db, name), breakpoints)[1]
 
 
 def extend(
@@ -352,7 +352,7 @@ def extend(
         Points that do not rise or lie inside the table, values that do not fit, a line through a
         single breakpoint, or no standard errors.
     """
-    leaf = leaf_of(db, name)
+    leaf = find_leaf(db, name)
     demand_axis(name, leaf, axis)
     old, new = leaf[axis].values.astype(float), rising_breakpoints(axis, points)
     if is_within(old, new).any():
@@ -423,7 +423,7 @@ def set_nodes(
     SchemaError
         Numbers that are not finite, a negative standard error, or one for a term that states none.
     """
-    leaf = leaf_of(db, name)
+    leaf = find_leaf(db, name)
     _demand_source("set_nodes", source)
     faults = [] if np.isfinite(value) else [f"value is {value!r}; give a finite number"]
     if stderr is not None and not (np.isfinite(stderr) and stderr >= 0.0):
@@ -436,7 +436,7 @@ def set_nodes(
         demand_axis(name, leaf, axis)
     node = tuple(
         _breakpoint(name, leaf, axis, at[axis]) if axis in at else slice(None)
-        for axis in axes_of(leaf)
+        for axis in value_breakpoints(leaf)
     )
     before = leaf["value"].values
     values, codes = before.copy(), known_source(leaf).copy()
@@ -445,9 +445,13 @@ def set_nodes(
     if errors is not None and stderr is not None:
         errors[node] = stderr
     codes[values != before] = _terms.SOURCES.index(source)
-    whole = with_table(leaf, axes_of(leaf), values, errors, codes)
+    whole = with_table(leaf, value_breakpoints(leaf), values, errors, codes)
     where = (
-        ", ".join(f"{axis} {display_text(axis, at[axis])}" for axis in axes_of(leaf) if axis in at)
+        ", ".join(
+            f"{axis} {display_text(axis, at[axis])}"
+            for axis in value_breakpoints(leaf)
+            if axis in at
+        )
         or "all nodes"
     )
     doubt = "" if stderr is None else f" +- {stderr:g}"
@@ -505,7 +509,7 @@ def _worked(
             value == leaf["value"].values, known_source(leaf), _terms.SOURCES.index(source)
         )
         edited = carry_covariance(
-            leaves[name], with_table(leaf, axes_of(leaf), value, stderr, codes), times
+            leaves[name], with_table(leaf, value_breakpoints(leaf), value, stderr, codes), times
         )
         leaves[name] = add_history_line(edited, f"{verb}: {summary}{note_suffix(note)}")
     return record_edit(db, leaves, verb, f"{' '.join(chosen)} {summary}", note)
@@ -522,8 +526,8 @@ def _common(leaf: xr.Dataset, by: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
     """
     if factor_axes(leaf) & set(map(str, by["value"].dims)):
         leaf = fold_factors(leaf)
-    points = axes_of(leaf)
-    for axis, more in axes_of(by).items():
+    points = value_breakpoints(leaf)
+    for axis, more in value_breakpoints(by).items():
         points[axis] = (
             merge_breakpoints(points[axis], more[is_within(points[axis], more)])
             if axis in points
@@ -573,7 +577,7 @@ def _regridded(
     name: str, leaf: xr.Dataset, breakpoints: Mapping[str, Any]
 ) -> tuple[xr.Dataset, float, str]:
     """Return the leaf on new breakpoints, the largest difference and where it stands."""
-    points = axes_of(leaf)
+    points = value_breakpoints(leaf)
     for axis, wanted in breakpoints.items():
         demand_axis(name, leaf, axis)
         new = rising_breakpoints(axis, wanted)
@@ -657,7 +661,7 @@ def _joined(
     def whole(inside: np.ndarray, outside: np.ndarray) -> np.ndarray:
         return np.concatenate([inside, outside], axis=at).take(order, axis=at)
 
-    points = axes_of(leaf) | {axis: np.concatenate([old, new])[order]}
+    points = value_breakpoints(leaf) | {axis: np.concatenate([old, new])[order]}
     stderr = None if sd is None else whole(leaf["stderr"].values, sd)
     source = whole(known_source(leaf), np.full(value.shape, JUDGEMENT, np.uint8))
     return with_table(leaf, points, whole(leaf["value"].values, value), stderr, source)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 import numpy as np
 import xarray as xr
 
-from flightmech.terms import evaluate, make_term
+from flightmech.terms import evaluate_term, make_term
 
 MOST_NODES = 100_000
 _CHECKS = 5000
@@ -100,4 +100,4 @@ def largest_difference(function: Function, table: xr.DataArray) -> float:
         str(d): draw.uniform(table[d].values[0], table[d].values[-1], _CHECKS) for d in table.dims
     }
     leaf = make_term(table.values, {str(d): table[d].values for d in table.dims})
-    return float(np.abs(evaluate(leaf, at) - function(at)).max())
+    return float(np.abs(evaluate_term(leaf, at) - function(at)).max())

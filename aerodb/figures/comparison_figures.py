@@ -27,13 +27,13 @@ from aerodb.figures.drawing import (
     foot_lines,
     reference_notes,
 )
-from aerodb.figures.figures import held_text, quantity_symbol, title
+from aerodb.figures.figures import held_text, quantity_symbol, term_title
 from aerodb.figures.symbols import (
     axis_label,
     derivative_unit,
     number_text,
     positive_sense,
-    to_display_unit,
+    to_printed_unit,
 )
 
 _TOP, _HEIGHT, _BETWEEN, _AXIS = 0.95, 2.6, 0.62, 0.36
@@ -76,9 +76,9 @@ def plot_difference(
     known = bool((s.stderr > 0).any())
     with drawing_style():
         sheet = FigureSheet(_TOP + _HEIGHT + _AXIS + 0.08 + foot_height(notes))
-        sheet.figure.set_label(f"{title(name)}: {last} less {first}")
+        sheet.figure.set_label(f"{term_title(name)}: {last} less {first}")
         sheet.head(
-            f"{databases[first].attrs['aircraft']}: {title(name)}",
+            f"{databases[first].attrs['aircraft']}: {term_title(name)}",
             [f"difference {last} less {first}, ${quantity_symbol(s.family)}${held_text(s.family)}"],
         )
         sheet.key(_handles(known, support is not None), 0.5)
@@ -99,7 +99,7 @@ def plot_difference(
 def _map(
     axes: Axes, s: DifferenceSurface, values: np.ndarray, support: Conditions | None, words: str
 ) -> None:
-    x, y = to_display_unit(s.family.over, s.x), to_display_unit(s.family.by, s.y)
+    x, y = to_printed_unit(s.family.over, s.x), to_printed_unit(s.family.by, s.y)
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
     if largest > 0.0:
         levels = MaxNLocator(10, symmetric=True).tick_values(-largest, largest)
@@ -121,12 +121,12 @@ def _map(
         axes.text(0.5, 0.5, "no difference", transform=axes.transAxes, ha="center")
     axes.grid(False)
     nodes = np.meshgrid(
-        *(to_display_unit(axis, s.family.points[axis]) for axis in (s.family.over, s.family.by))
+        *(to_printed_unit(axis, s.family.points[axis]) for axis in (s.family.over, s.family.by))
     )
     axes.plot(*(grid.ravel() for grid in nodes), "k.", markersize=1.3, label="node")
     if support is not None and s.family.over in support and s.family.by in support:
         places = [
-            to_display_unit(axis, np.ravel(np.asarray(support[axis], float)))
+            to_printed_unit(axis, np.ravel(np.asarray(support[axis], float)))
             for axis in (s.family.over, s.family.by)
         ]
         axes.plot(
@@ -148,7 +148,7 @@ def _map(
 def _hatch(axes: Axes, s: DifferenceSurface, ratio: np.ndarray) -> None:
     worst = float(np.nanmax(np.abs(ratio)))
     if worst > _FAR:
-        x, y = to_display_unit(s.family.over, s.x), to_display_unit(s.family.by, s.y)
+        x, y = to_printed_unit(s.family.over, s.x), to_printed_unit(s.family.by, s.y)
         axes.contourf(x, y, np.abs(ratio), [_FAR, 2 * worst], colors="none", hatches=["////"])
 
 

@@ -17,9 +17,9 @@ import xarray as xr
 
 from aerodb.comparison.conditions import (
     Conditions,
-    axes_of,
     coefficient_points,
-    merge_breakpoints,
+    leaf_breakpoints,
+    merge_leaf_breakpoints,
     neutral_value,
 )
 from aerodb.store.schema import terms
@@ -285,7 +285,7 @@ class _TermSource:
         if not self.leaves:
             raise UnknownName(name, {term for leaves in found.values() for term in leaves}, "term")
         self.labels = list(self.leaves)
-        self.points = merge_breakpoints(self.leaves.values())
+        self.points = merge_leaf_breakpoints(self.leaves.values())
         if not self.points:
             raise SchemaError(
                 name,
@@ -294,10 +294,10 @@ class _TermSource:
                     "the number"
                 ],
             )
-        self.regressors = _terms.regressors(next(iter(self.leaves.values())))
-        self.power = _terms.power(next(iter(self.leaves.values())))
+        self.regressors = _terms.list_regressors(next(iter(self.leaves.values())))
+        self.power = _terms.power_factor(next(iter(self.leaves.values())))
         apart = [
-            f"{label} has {' '.join(_terms.multipliers(leaf)) or 'none'}"
+            f"{label} has {' '.join(_terms.list_multipliers(leaf)) or 'none'}"
             for label, leaf in self.leaves.items()
         ]
         if len({text.split(" has ")[1] for text in apart}) > 1:
@@ -316,7 +316,9 @@ class _TermSource:
         points = self.points[axis]
         if axis == "mach":
             return float(points[(len(points) - 1) // 2])
-        leaf = next(leaf for leaf in reversed(self.leaves.values()) if axis in axes_of(leaf))
+        leaf = next(
+            leaf for leaf in reversed(self.leaves.values()) if axis in leaf_breakpoints(leaf)
+        )
         table = next(
             leaf[name] for name in ("value", "K1", "K2") if name in leaf and axis in leaf[name].dims
         )
@@ -325,7 +327,7 @@ class _TermSource:
 
     def curve(self, label: str, over: str, place: Mapping[str, float]) -> DatabaseCurve | None:
         leaf = _terms.without_multipliers(self.leaves[label])
-        own = axes_of(leaf)
+        own = leaf_breakpoints(leaf)
         if any(
             not own[axis][0] <= value <= own[axis][-1]
             for axis, value in place.items()
@@ -369,7 +371,9 @@ class _CoefficientSource:
             )
 
     def is_axis(self, axis: str) -> bool:
-        return any(axis in axes_of(leaf) for leaves in self.leaves.values() for leaf in leaves)
+        return any(
+            axis in leaf_breakpoints(leaf) for leaves in self.leaves.values() for leaf in leaves
+        )
 
     def held(self, axis: str) -> float:
         points = self.points[axis]
@@ -390,7 +394,7 @@ class _CoefficientSource:
 def _values(
     leaf: xr.Dataset, conditions: Mapping[str, Any], count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    B = _terms.basis(leaf, conditions, "clamp")
+    B = _terms.node_basis(leaf, conditions, "clamp")
     y, stderr = (
         np.broadcast_to(part, (count,))
         for part in (B @ leaf["value"].values.ravel(), standard_errors(B, leaf))

@@ -89,7 +89,7 @@ MARKS: dict[int, dict[str, Any]] = {
 }
 
 
-def line_styles(names: Sequence[str]) -> dict[str, Pen]:
+def database_pens(names: Sequence[str]) -> dict[str, Pen]:
     """Return the line code of several databases in order: dotted, dashed ..., solid; a single one
     is solid.
     """

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from aerodb.comparison.conditions import Conditions, axes_of
+from aerodb.comparison.conditions import Conditions, leaf_breakpoints
 from aerodb.figures.comparison_figures import plot_difference
 from aerodb.figures.drawing import FORMATS, Figure, save_figure
 from aerodb.figures.figures import plot_comparison
@@ -95,7 +95,7 @@ def _plan(
             if name.split("/")[0] != coefficient or len(shared) < 2 or not _drawable(shared):
                 continue
             yield file_stem(name), partial(plot_comparison, databases, name, support=support)
-            if len({axis for leaf in shared for axis in axes_of(leaf)}) == 2:
+            if len({axis for leaf in shared for axis in leaf_breakpoints(leaf)}) == 2:
                 yield (
                     f"{file_stem(name)}-map",
                     partial(plot_difference, databases, name, support=support),
@@ -105,8 +105,8 @@ def _plan(
 def _drawable(leaves: Sequence[xr.Dataset]) -> bool:
     """Whether a term has curves, the same regressors everywhere, and something that differs."""
     if (
-        not any(axes_of(leaf) for leaf in leaves)
-        or len({_terms.multipliers(leaf) for leaf in leaves}) > 1
+        not any(leaf_breakpoints(leaf) for leaf in leaves)
+        or len({_terms.list_multipliers(leaf) for leaf in leaves}) > 1
     ):
         return False
     tables = [

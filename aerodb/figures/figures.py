@@ -34,26 +34,26 @@ from aerodb.figures.drawing import (
     band_handle,
     colormaps,
     database_handles,
+    database_pens,
     drawing_style,
     foot_height,
     foot_lines,
-    line_styles,
     reference_notes,
     source_handles,
 )
 from aerodb.figures.symbols import (
     axis_label,
     derivative_unit,
+    math_symbol,
     number_text,
     positive_sense,
     printed_unit,
-    symbol,
     term_symbol,
-    to_display_unit,
-    value_text,
+    to_printed_unit,
+    value_with_symbol,
 )
 from aerodb.store.templates import lr743
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 
 _HEAD, _KEY, _FAMILY, _PANEL, _STRIP = 0.5, 0.28, 1.95, 1.3, 0.46
 _TITLE, _TICKS, _AXIS = (
@@ -154,7 +154,7 @@ def plot_comparison(
 
 def _sheet(databases: Mapping[str, xr.DataTree], f: Family, support: Conditions | None) -> Figure:
     """Return the sheet of a family of curves."""
-    code = {name: pen for name, pen in line_styles(list(databases)).items() if name in f.curves}
+    code = {name: pen for name, pen in database_pens(list(databases)).items() if name in f.curves}
     ticks = [supporting_samples(support, f, i) for i in range(len(f.members))]
     several = len(f.members) > 1
     strips = _STRIP if len(code) > 1 else 0.0
@@ -168,9 +168,10 @@ def _sheet(databases: Mapping[str, xr.DataTree], f: Family, support: Conditions 
     height = members_top + rows * step - _TITLE + (_AXIS - _TICKS) + 0.08 + foot_height(notes)
     with drawing_style():
         sheet = FigureSheet(height)
-        sheet.figure.set_label(title(f.name))
+        sheet.figure.set_label(term_title(f.name))
         sheet.head(
-            f"{next(iter(databases.values())).attrs['aircraft']}: {title(f.name)}", _head_lines(f)
+            f"{next(iter(databases.values())).attrs['aircraft']}: {term_title(f.name)}",
+            _head_lines(f),
         )
         sheet.key(_handles(f, code, any(len(t) for t in ticks)), _HEAD)
         if several:
@@ -193,10 +194,10 @@ def _sheet(databases: Mapping[str, xr.DataTree], f: Family, support: Conditions 
     return sheet.figure
 
 
-def title(name: str) -> str:
+def term_title(name: str) -> str:
     """Return a term or coefficient in words."""
     coefficient, _, contribution = name.partition("/")
-    words = lookup(coefficient).long_name.split(",")[0]
+    words = lookup_quantity(coefficient).long_name.split(",")[0]
     slot = lr743().get(name)
     meaning = f": {slot.meaning}" if slot is not None else ""
     return f"{name}, {words}{meaning}" if contribution else f"{name}, {words}"
@@ -204,7 +205,7 @@ def title(name: str) -> str:
 
 def quantity_symbol(f: Family) -> str:
     """Return the symbol of the ordinate."""
-    return term_symbol(f.name, f.regressors) if f.is_term else symbol(f.name)
+    return term_symbol(f.name, f.regressors) if f.is_term else math_symbol(f.name)
 
 
 def _ordinate(f: Family) -> str:
@@ -212,20 +213,20 @@ def _ordinate(f: Family) -> str:
 
 
 def _head_lines(f: Family) -> list[str]:
-    times = "".join(rf"\,{symbol(name)}" for name in f.regressors) + _power_symbol(f)
+    times = "".join(rf"\,{math_symbol(name)}" for name in f.regressors) + _power_symbol(f)
     unit = printed_unit(f.by) if f.by else ""
-    by = f", curves by ${symbol(f.by)}$" + (f" [{unit}]" if unit else "") if f.by else ""
+    by = f", curves by ${math_symbol(f.by)}$" + (f" [{unit}]" if unit else "") if f.by else ""
     first = (
         f"${quantity_symbol(f)}$"
         + (f" times ${times}$" if times else "")
-        + f" over ${symbol(f.over)}${by}"
+        + f" over ${math_symbol(f.over)}${by}"
     )
     return [first + held_text(f)]
 
 
 def _power_symbol(f: Family) -> str:
     return (
-        rf"\,\max({symbol(f.power.variable)}, {f.power.floor:g})^{{{f.power.exponent:g}}}"
+        rf"\,\max({math_symbol(f.power.variable)}, {f.power.floor:g})^{{{f.power.exponent:g}}}"
         if f.power is not None
         else ""
     )
@@ -233,14 +234,14 @@ def _power_symbol(f: Family) -> str:
 
 def held_text(f: Family) -> str:
     """Return where the further variables are held, to end a line of the head."""
-    held = ", ".join(value_text(name, value) for name, value in f.held.items())
+    held = ", ".join(value_with_symbol(name, value) for name, value in f.held.items())
     return f"; at {held}" if held else ""
 
 
 def _notes(databases: Mapping[str, xr.DataTree], f: Family, code: Mapping[str, Pen]) -> list[str]:
     sense = positive_sense(f.name.partition("/")[0])
     notes = reference_notes({name: databases[name] for name in code})
-    multiplied = "".join(f" {name}: {lookup(name).long_name}." for name in f.regressors)
+    multiplied = "".join(f" {name}: {lookup_quantity(name).long_name}." for name in f.regressors)
     notes.append(
         (f"{f.name.partition('/')[0]} positive {sense}." if sense else "")
         + multiplied
@@ -282,7 +283,7 @@ def _handles(f: Family, code: Mapping[str, Pen], supported: bool) -> list[Any]:
 def _families(sheet: FigureSheet, f: Family, code: Mapping[str, Pen], top: float) -> None:
     """Draw the whole family of every database, side by side in equal scales."""
     count = len(code)
-    words = [number_text(float(to_display_unit(f.by, member))) for member in f.members]
+    words = [number_text(float(to_printed_unit(f.by, member))) for member in f.members]
     room = _LEADER + _DIGIT * max(
         4, *map(len, words)
     )  # as wide as the symbol above the labels at least
@@ -297,14 +298,14 @@ def _families(sheet: FigureSheet, f: Family, code: Mapping[str, Pen], top: float
         for curve, member, label, shade in zip(f.curves[name], f.members, words, shades):
             if curve is None:
                 continue
-            x = to_display_unit(f.over, curve.x)
+            x = to_printed_unit(f.over, curve.x)
             axes.plot(
                 x,
                 curve.y,
                 color=shade,
                 linestyle=pen.dashes,
                 linewidth=pen.width,
-                label=f"{name} {value_text(f.by, member)}",
+                label=f"{name} {value_with_symbol(f.by, member)}",
             )
             ends.append((float(x[-1]), float(curve.y[-1]), label))
         _frame(axes, f, limits, k == 0)
@@ -312,7 +313,7 @@ def _families(sheet: FigureSheet, f: Family, code: Mapping[str, Pen], top: float
         axes.text(
             1.0 + _LEADER / width,
             1.05,
-            f"${symbol(f.by)}$",
+            f"${math_symbol(f.by)}$",
             transform=axes.transAxes,
             va="bottom",
             fontsize=7,
@@ -400,9 +401,9 @@ def _member(
     _frame(
         axes, f, axis_limits([c.y + s * c.stderr for c in drawn for s in (-1, 1)]), i % columns == 0
     )
-    _support(axes, to_display_unit(f.over, ticks))
+    _support(axes, to_printed_unit(f.over, ticks))
     if f.by:
-        axes.set_title(value_text(f.by, f.members[i]), fontsize=7.5, loc="left", pad=2.5)
+        axes.set_title(value_with_symbol(f.by, f.members[i]), fontsize=7.5, loc="left", pad=2.5)
     if not strips:
         return axes
     axes.tick_params(labelbottom=False)
@@ -417,7 +418,7 @@ def _member(
 
 
 def _curve(axes: Axes, f: Family, curve: DatabaseCurve, name: str, pen: Pen) -> None:
-    x = to_display_unit(f.over, curve.x)
+    x = to_printed_unit(f.over, curve.x)
     if curve.stderr.any():
         axes.fill_between(
             x,
@@ -434,7 +435,7 @@ def _curve(axes: Axes, f: Family, curve: DatabaseCurve, name: str, pen: Pen) -> 
         if on.any():
             looks = {"color": pen.color, "linestyle": "none", "markeredgewidth": 0.6, **mark}
             axes.plot(
-                to_display_unit(f.over, curve.node_x[on]),
+                to_printed_unit(f.over, curve.node_x[on]),
                 curve.node_y[on],
                 label=f"{name} nodes {source}",
                 **looks,
@@ -447,7 +448,7 @@ def _differences(strip: Axes, f: Family, code: Mapping[str, Pen], i: int) -> Non
     if base is None:
         return
     strip.fill_between(
-        to_display_unit(f.over, base.x),
+        to_printed_unit(f.over, base.x),
         -base.stderr,
         base.stderr,
         color="#6e6e6e",
@@ -457,7 +458,7 @@ def _differences(strip: Axes, f: Family, code: Mapping[str, Pen], i: int) -> Non
     for name, pen in list(code.items())[1:]:
         x, d = _difference(base, f.curves[name][i])
         strip.plot(
-            to_display_unit(f.over, x),
+            to_printed_unit(f.over, x),
             d,
             color=pen.color,
             linestyle=pen.dashes,
@@ -510,7 +511,7 @@ def _support(axes: Axes, x: np.ndarray) -> None:
 
 
 def _frame(axes: Axes, f: Family, limits: tuple[float, float], leftmost: bool) -> None:
-    x = to_display_unit(f.over, f.points[f.over])
+    x = to_printed_unit(f.over, f.points[f.over])
     margin = 0.02 * (x[-1] - x[0]) or 1.0
     axes.set_xlim(x[0] - margin, x[-1] + margin)
     axes.set_ylim(*limits)

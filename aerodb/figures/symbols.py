@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from aerodb.store.overview import FREE_AIR, plain_number
-from flightmech.names import SIGNS, lookup
+from flightmech.names import SIGNS, lookup_quantity
 from flightmech.units import from_si
 
 MINUS = "\N{MINUS SIGN}"
@@ -65,7 +65,7 @@ _PRINTED = {
 }
 
 
-def symbol(name: str) -> str:
+def math_symbol(name: str) -> str:
     """Return the symbol of a quantity or coefficient in mathematical notation, without dollar
     signs.
 
@@ -95,8 +95,8 @@ def term_symbol(term: str, regressors: Sequence[str]) -> str:
     ('\\\\Delta C_{L,\\\\,\\\\mathrm{flap}}', 'C_{m\\\\,\\\\hat{q}}')
     """
     coefficient, _, contribution = term.partition("/")
-    letter = symbol(coefficient).removeprefix("C_{").removesuffix("}")
-    below = r"\,".join([letter, *(symbol(name) for name in regressors)])
+    letter = math_symbol(coefficient).removeprefix("C_{").removesuffix("}")
+    below = r"\,".join([letter, *(math_symbol(name) for name in regressors)])
     if contribution == "basic" or (len(regressors) == 1 and contribution == regressors[0]):
         return f"C_{{{below}}}"
     words = contribution.replace("_", r"\ ")
@@ -112,35 +112,35 @@ def derivative_unit(regressors: Sequence[str]) -> str:
     >>> derivative_unit(["beta", "gear"]), derivative_unit([])
     ('1/rad', '1')
     """
-    power = sum(lookup(name).units == "rad" for name in regressors)
+    power = sum(lookup_quantity(name).units == "rad" for name in regressors)
     return {0: "1", 1: "1/rad"}.get(power, f"1/rad$^{power}$")
 
 
 def axis_label(name: str) -> str:
     """Return symbol and display unit of a variable as an axis is labelled: ``$\\alpha$ [deg]``."""
     unit = printed_unit(name)
-    return f"${symbol(name)}$" + f" [{unit or '1'}]"
+    return f"${math_symbol(name)}$" + f" [{unit or '1'}]"
 
 
 def printed_unit(name: str) -> str:
     """Return the display unit of a quantity as printed; nothing for a pure number."""
-    unit = lookup(name).display_units
+    unit = lookup_quantity(name).display_units
     return _PRINTED.get(unit, unit)
 
 
-def to_display_unit(name: str, si):
+def to_printed_unit(name: str, si):
     """Return values of a quantity in its display unit."""
-    return from_si(np.asarray(si, float), lookup(name).display_units) + 0.0
+    return from_si(np.asarray(si, float), lookup_quantity(name).display_units) + 0.0
 
 
-def value_text(name: str, si: float) -> str:
+def value_with_symbol(name: str, si: float) -> str:
     """Return a value with its symbol: ``$M$ = 0.3``, ``$\\delta_{f}$ = 40 deg``."""
     if name == "h_agl" and si >= FREE_AIR:
         return "free air"
     unit = printed_unit(name)
     return (
-        f"${symbol(name)}$ = "
-        f"{number_text(float(to_display_unit(name, si)))}{f' {unit}' if unit else ''}"
+        f"${math_symbol(name)}$ = "
+        f"{number_text(float(to_printed_unit(name, si)))}{f' {unit}' if unit else ''}"
     )
 
 
@@ -151,7 +151,7 @@ def number_text(value: float) -> str:
 
 def positive_sense(name: str) -> str:
     """Return the positive sense of a quantity in words, empty where there is none."""
-    sign = lookup(name).sign
+    sign = lookup_quantity(name).sign
     return SIGNS.get(sign, sign).removeprefix("aircraft ")
 
 

@@ -19,12 +19,12 @@ from aerodb.prior import increments
 from aerodb.prior.effect_to_terms import fill_unprinted_cells, terms_of_effect
 from aerodb.prior.power import power_effect, with_power_in_it
 from aerodb.prior.prior_errors import errors_with
-from aerodb.prior.sources import Source, collect_source, split_powered, warn
+from aerodb.prior.sources import Source, collect_source, split_powered, warn_user
 from aerodb.store.effects import (
     Effect,
+    change_reference_quantities,
     rate_shift,
     rates_to_body,
-    rereference,
     rotate_rolling_to_body,
     transfer_moments,
     with_added,
@@ -42,7 +42,7 @@ _FAR = 0.1  # moment centres farther apart than this many chords are a mistake, 
 _PARTS = ("WING-BODY", "WING ALONE", "DATCOM BODY ALONE", "BODY ALONE")
 _ROLL_CONTROLS = {
     "aileron": increments.aileron_effect,
-    "spoilers": devices.spoilers,
+    "spoilers": devices.spoiler_effect,
     "differential_tail": devices.differential_tail,
 }
 _INCOMPRESSIBLE = 0.3  # below, tables may be held down to Mach 0
@@ -184,7 +184,7 @@ def from_datcom(
     if not tailless:
         _require_tail(given["clean"])
     if not given["clean"].has("dynamic"):
-        warn(
+        warn_user(
             f"clean: {given['clean'].file} has no dynamic page, so that the database has no "
             f"damping (qhat, phat, rhat): "
             "run the deck with a card DAMP"
@@ -239,7 +239,7 @@ def _effects(
         found.append(
             (
                 "elevator",
-                (devices.stabilizer if movable else increments.elevator_effect)(
+                (devices.stabilizer_effect if movable else increments.elevator_effect)(
                     given["elevator"], h_ref
                 ),
             )
@@ -266,7 +266,7 @@ def _hinge_effects(given: Mapping[str, Source], h_ref: float) -> list[Effect]:
     if "elevator" in given and given["elevator"].has("symflp"):
         found += hinges.elevator_hinge(given["elevator"], given["clean"], h_ref)
     if "tabs" in given:
-        found += hinges.tabs(given["tabs"], h_ref, bool(found))
+        found += hinges.tab_effects(given["tabs"], h_ref, bool(found))
     if "aileron_hinge" in given:
         found += hinges.aileron_hinge(given["aileron_hinge"], h_ref)
     return found
@@ -290,12 +290,13 @@ def _referred(
             if abs(old[key] / item - 1) > 0.01
         ]
         if off:
-            warn(
+            warn_user(
                 f"{role}: {', '.join(off)}: not the reference quantities of the aircraft; "
                 f"the coefficients are referred to the aircraft's"
             )
     effects = {
-        effect.name: rereference(effect, given[role].reference, new) for role, effect in found
+        effect.name: change_reference_quantities(effect, given[role].reference, new)
+        for role, effect in found
     }
     roles = {effect.name: role for role, effect in found}
     alpha = effects["basic"].tables["CL"]["alpha"]
@@ -331,7 +332,7 @@ def _reference_point(
     """
     if aircraft.reference is None:
         x_cg, z_cg = (given["clean"].reference[key] for key in ("x_cg", "z_cg"))
-        warn(
+        warn_user(
             f"the aircraft file gives no reference; the moment reference point is that of "
             f"the cards of {given['clean'].file}, "
             f"XCG {x_cg:.4g} m, ZCG {z_cg:.4g} m: cg and all positions of the aircraft file "

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from aerodb.prior.increments import at_height, exact_zero, from_zero
-from aerodb.prior.sources import Source, drop_empty_tables, warn
+from aerodb.prior.sources import Source, drop_empty_tables, warn_user
 from aerodb.store.effects import Effect, join_sentences
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE
@@ -20,7 +20,7 @@ from flightmech.units import DEGREE
 _LINEAR = 6.0 * DEGREE  # range of the tail's angle of attack over which its lift slope is taken
 
 
-def spoilers(given: Source, h_ref: float) -> Effect:
+def spoiler_effect(given: Source, h_ref: float) -> Effect:
     """Return the effect of ``delta_s`` on Cl and Cn, in stability axes.
 
     Notes
@@ -48,7 +48,7 @@ def spoilers(given: Source, h_ref: float) -> Effect:
     tables = drop_empty_tables({c: grid[c] for c in ("Cl", "Cn")})
     stale = float(np.abs(tables["Cl"].sel(delta_s=0.0)).max()) if (height == 0.0).any() else 0.0
     if stale > 0.0:
-        warn(
+        warn_user(
             f"{given.role}: Cl {stale:.4g} is printed for a spoiler of no height: below some "
             f"height the program's chart holds its end; "
             "no height counts as no moment, and small heights are as printed"
@@ -110,7 +110,7 @@ def differential_tail(given: Source, h_ref: float) -> Effect:
     )
 
 
-def stabilizer(given: Source, h_ref: float) -> Effect:
+def stabilizer_effect(given: Source, h_ref: float) -> Effect:
     """Return the effect of an all-movable stabilizer, as ``delta_e`` from its rigged incidence, on
     CL and Cm.
 
@@ -134,7 +134,7 @@ def stabilizer(given: Source, h_ref: float) -> Effect:
     arm = (lift * moment).sum("alpha") / (lift**2).where(moment.notnull()).sum("alpha")
     tables = drop_empty_tables({"CL": eta * slope, "Cm": eta * slope * arm})
     if set(tables) != {"CL", "Cm"}:
-        warn(
+        warn_user(
             f"{given.role}: the page of stabilizer trim holds no lift and moment of the tail "
             f"at trim; the terms are left absent"
         )
@@ -187,7 +187,7 @@ def elevator_hinge(given: Source, clean: Source, h_ref: float) -> list[Effect]:
         (source for source in (given, clean) if source.has("downwash") and source.decks), None
     )
     if place is None:
-        warn(
+        warn_user(
             f"{given.role}: (CH)A is per angle of attack of the tail, and no listing with "
             f"downwash is at hand; Ch_e/alpha is left absent"
         )
@@ -235,7 +235,7 @@ def aileron_hinge(given: Source, h_ref: float) -> list[Effect]:
     )
 
 
-def tabs(given: Source, h_ref: float, with_page: bool) -> list[Effect]:
+def tab_effects(given: Source, h_ref: float, with_page: bool) -> list[Effect]:
     """Return the effects ``tab`` and ``tab_gearing`` on Ch_e, and ``alpha`` and ``delta`` unless a
     SYMFLP page gives them.
 
@@ -272,7 +272,7 @@ def tabs(given: Source, h_ref: float, with_page: bool) -> list[Effect]:
             Effect("tab", {"Ch_e": xr.DataArray(tab)}, "delta_t", references=lines, comment=comment)
         )
     else:
-        warn(
+        warn_user(
             f"{given.role}: hinge moment and tab for no stick force do not fit each other; "
             f"Ch_e/tab is left absent"
         )

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from aerodb.prior.prior_errors import PriorErrors
-from aerodb.prior.sources import warn
+from aerodb.prior.sources import warn_user
 from aerodb.store.effects import Effect, join_sentences
 from flightmech import terms as _terms
 from flightmech.units import DEGREE
@@ -82,7 +82,7 @@ def terms_of_effect(
         ).astype(np.uint8)
         found[name] = leaf.assign(source=leaf["source"].copy(data=code))
     for (last, end), names in carried.items():
-        warn(
+        warn_user(
             f"{' '.join(names)}: nothing is printed beyond Mach {last:g}; that value is held "
             f"to Mach {end:g}, another speed regime, "
             "with twice the standard error; delete or replace it if it matters there"

@@ -10,7 +10,7 @@ import xarray as xr
 
 import datcom_io
 from aerodb.prior.power import without_thrust
-from aerodb.prior.sources import Source, drop_empty_tables, warn
+from aerodb.prior.sources import Source, drop_empty_tables, warn_user
 from aerodb.store.effects import Effect, join_sentences
 from flightmech.errors import SchemaError
 
@@ -100,7 +100,7 @@ def static_effects(clean: Source, h_ref: float) -> list[Effect]:
     grid, power_in_it = clean.grid("static"), ""
     if clean.powered:
         grid, power_in_it = without_thrust(clean, grid)
-        warn(f"{clean.role}: CL, CD and Cm are {power_in_it}")
+        warn_user(f"{clean.role}: CL, CD and Cm are {power_in_it}")
     tables = drop_empty_tables({coefficient: grid[coefficient] for coefficient in _LONGITUDINAL})
     if "CL" not in tables:
         raise SchemaError(
@@ -303,7 +303,7 @@ def ground_elevator(given: Source) -> Effect:
     With a flap on the tail the first deflection of a run prints the ground pages of the clean
     aeroplane, whatever it is, and every other one adds the ground effect of those before it.
     """
-    warn(
+    warn_user(
         f"{given.role}: the program computes the ground effect without the elevator (the "
         f"first deflection of a run prints the pages of "
         "the clean aeroplane, the others add to them); CL/ground_elevator, "
@@ -329,7 +329,7 @@ def _symflp(
             ],
         )
     if "symflp" in given.looped:
-        warn(_DRIFT.format(role=given.role))
+        warn_user(_DRIFT.format(role=given.role))
     grid = grid.rename(delta=axis).sortby(axis)
     printed = {"CL": grid["dCL"], "CD": grid["dCDmin"], "Cm": grid["dCm"]}
     induced = drop_empty_tables({"dCDi": grid["dCDi"]} if "dCDi" in grid else {})

@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from aerodb.prior.prior_errors import PriorErrors
-from aerodb.prior.sources import Source, drop_empty_tables, warn
+from aerodb.prior.sources import Source, drop_empty_tables, warn_user
 from aerodb.store.effects import Effect
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE, FOOT, INCH
@@ -96,7 +96,7 @@ def stated_thrust(given: Source) -> Thrust:
     x = given.card(name, "JEALOC", 0.0) - given.card("SYNTHS", "XCG", 0.0)
     height = np.cos(incidence) * z + np.sin(incidence) * x if jet else z  # as the program forms it
     if jet and given.card(name, "JIALOC", 0.0) > given.card("SYNTHS", "XW", 0.0):
-        warn(
+        warn_user(
             f"{given.role}: the inlet lies behind the apex of the wing, where the program "
             f"extrapolates its chart of the upwash before it; "
             "the normal force of the inlet in CL/power and Cm/power is doubtful"
@@ -172,7 +172,7 @@ def power_effect(given: Source, clean: Source, h_ref: float) -> Effect:
         {c: table for c, table in whole.items() if float(np.abs(table).max()) > _ROUNDING[c]}
     )
     if not tables:
-        warn(
+        warn_user(
             f"{given.role}: the powered pages are those without power; the power terms are "
             f"left absent"
         )

@@ -282,7 +282,7 @@ def _report_pairs(role: str, static: xr.Dataset) -> None:
         places = ", ".join(
             f"{mach:g} at {h:.0f} m" for mach, h in zip(static["mach"].values, static["h"].values)
         )
-        warn(
+        warn_user(
             f"{role}: every Mach number stands at an altitude of its own ({places}); the "
             f"tables go over Mach number alone"
         )
@@ -313,7 +313,7 @@ def _report_suspects(role: str, joined: xr.DataTree) -> None:
         if str(name).endswith("_flag")
     )
     if count:
-        warn(
+        warn_user(
             f"{role}: {count} numbers of {joined.attrs.get('file')} are suspect; its "
             f"messages state why (datcom show)"
         )
@@ -349,6 +349,6 @@ def _items(given: Any) -> Iterator[Any]:
         )
 
 
-def warn(text: str) -> None:
+def warn_user(text: str) -> None:
     """Warn the user of something that does not stop the work."""
     warnings.warn(text, AeromatchWarning, stacklevel=3)

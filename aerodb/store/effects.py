@@ -65,7 +65,9 @@ def join_sentences(*sentences: str) -> str:
     return "; ".join(s for s in sentences if s)
 
 
-def rereference(effect: Effect, old: Mapping[str, float], new: Mapping[str, float]) -> Effect:
+def change_reference_quantities(
+    effect: Effect, old: Mapping[str, float], new: Mapping[str, float]
+) -> Effect:
     """Return an effect made dimensionless with other reference quantities.
 
     Parameters

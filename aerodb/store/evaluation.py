@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from aerodb.store.schema import HINGE, coefficients, require, terms
+from aerodb.store.schema import HINGE, database_coefficients, require_valid, terms
 from flightmech import terms as _terms
 from flightmech.axes import lift_drag
 from flightmech.build_up import evaluation_levels, used_coefficients
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
-from flightmech.names import attrs, lookup
+from flightmech.names import lookup_quantity, quantity_attributes
 from flightmech.support.netcdf_trees import CHECKS
 
 
@@ -50,7 +50,7 @@ def contributions(
     SchemaError
         Coefficients that are not given depend on each other in a loop, with its path.
     """
-    allowed = (*coefficients(db), *HINGE)
+    allowed = (*database_coefficients(db), *HINGE)
     if coefficient not in allowed:
         raise UnknownName(coefficient, allowed, "coefficient")
     leaves = terms(db.children[coefficient]) if coefficient in db.children else {}
@@ -62,7 +62,7 @@ def contributions(
         if group != coefficient:
             continue
         try:
-            found[contribution] = _terms.evaluate(leaf, conditions, outside, places)
+            found[contribution] = _terms.evaluate_term(leaf, conditions, outside, places)
         except OutOfRange as error:
             raise OutOfRange(f"{name}: {error}", error.mask) from None
         except UnknownName as error:
@@ -107,7 +107,7 @@ def _coefficient(
     """Return a coefficient, lift and drag of a database in body axes from its axial and normal
     force.
     """
-    if name in coefficients(db):
+    if name in database_coefficients(db):
         return evaluate(db, name, outside, **conditions)
     if "alpha" not in conditions:
         raise UnknownName(
@@ -180,7 +180,7 @@ def with_checks(db: xr.DataTree, count: int = 20, seed: int = SEED) -> xr.DataTr
     db, count, seed
         As in `export_checkcases`.
     """
-    require(db)
+    require_valid(db)
     inputs = random_states(db, count, seed)
     outputs = outputs_at(db, inputs, count)
     about = {
@@ -194,7 +194,7 @@ def with_checks(db: xr.DataTree, count: int = 20, seed: int = SEED) -> xr.DataTr
         groups.setdefault(coefficient, {})[last] = values
     sums = groups.pop("")
     states = xr.Dataset(
-        {name: ("case", x, attrs(name)) for name, x in {**inputs, **sums}.items()},
+        {name: ("case", x, quantity_attributes(name)) for name, x in {**inputs, **sums}.items()},
         {"case": np.arange(1, count + 1)},
         about,
     )
@@ -224,7 +224,7 @@ def failing_checks(db: xr.DataTree) -> list[str]:
         for name, x in group.data_vars.items()
         if x.dims == ("case",)
     }
-    needed = needed_inputs(db)
+    needed = check_case_inputs(db)
     if not set(needed) <= set(columns):
         return []
     run = (
@@ -232,7 +232,9 @@ def failing_checks(db: xr.DataTree) -> list[str]:
         if needed
         else np.ones(group.sizes["case"], bool)
     )
-    expected = {name: columns[name] for name in (*coefficients(db), *HINGE) if name in columns}
+    expected = {
+        name: columns[name] for name in (*database_coefficients(db), *HINGE) if name in columns
+    }
     for coefficient, node in group.children.get(TERMS, xr.DataTree()).children.items():
         expected |= {f"{coefficient}/{name}": x.values for name, x in node.data_vars.items()}
     cases, count = group.coords["case"].values[run], int(run.sum())
@@ -252,12 +254,12 @@ def failing_checks(db: xr.DataTree) -> list[str]:
     return problems
 
 
-def needed_inputs(db: xr.DataTree) -> list[str]:
+def check_case_inputs(db: xr.DataTree) -> list[str]:
     """Return the inputs of the cases: all variables of the terms but the coefficients, which the
     terms themselves give.
     """
-    found = {name for leaf in terms(db).values() for name in _terms.variables(leaf)}
-    return sorted(found - set(coefficients(db)))
+    found = {name for leaf in terms(db).values() for name in _terms.list_model_variables(leaf)}
+    return sorted(found - set(database_coefficients(db)))
 
 
 def compare_output(
@@ -296,7 +298,7 @@ def outputs_at(
     parts: dict[str, np.ndarray] = {}
     sums: dict[str, np.ndarray] = {}
     for coefficient in dict.fromkeys(
-        [*coefficients(db), *(name.partition("/")[0] for name in terms(db))]
+        [*database_coefficients(db), *(name.partition("/")[0] for name in terms(db))]
     ):
         found = contributions(db, coefficient, inputs, outside="clamp")
         columns = {f"{coefficient}/{name}": np.broadcast_to(x, count) for name, x in found.items()}
@@ -317,19 +319,19 @@ def random_states(db: xr.DataTree, count: int, seed: int) -> dict[str, np.ndarra
     for leaf in leaves:
         for axis in map(str, leaf.dims):
             points[axis] = np.union1d(points.get(axis, []), leaf[axis].values.astype(float))
-        power = _terms.power(leaf)
+        power = _terms.power_factor(leaf)
         if power is not None:
             points[power.variable] = np.union1d(
                 points.get(power.variable, []), power.floor * np.array(_OF_FLOOR)
             )
     return {
         name: _samples(points[name] if name in points else _span(name), count, rng)
-        for name in needed_inputs(db)
+        for name in check_case_inputs(db)
     } or {"alpha": np.zeros(count)}
 
 
 def _span(name: str) -> np.ndarray:
-    half = _RATES.get(name, _ANGLE if lookup(name).units == "rad" else 0.0)
+    half = _RATES.get(name, _ANGLE if lookup_quantity(name).units == "rad" else 0.0)
     return np.array([-half, half]) if half else np.array([0.0, 1.0])
 
 

@@ -15,7 +15,7 @@ import h5py
 
 from aerodb.store.lean_reading import read_edits, read_leaves
 from aerodb.store.overview import OVERVIEW, SHOWN, STATED, describe_terms
-from aerodb.store.seal import read_sealed
+from aerodb.store.seal import read_database_seal
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import COEFFICIENTS
 from flightmech.support.hdf5_seal import Unbroken, add_seal
@@ -26,7 +26,7 @@ from flightmech.support.netcdf_trees import (
     StoredGroup,
     encode_tree,
     find_unstorable,
-    read,
+    read_netcdf_tree,
 )
 
 if TYPE_CHECKING:
@@ -80,10 +80,10 @@ def open(path: str | os.PathLike) -> xr.DataTree:
     from aerodb.store.schema import check
 
     path = Path(path)
-    digest = read_sealed(path).digest
+    digest = read_database_seal(path).digest
     _demand_database(path)
     try:
-        db, problems = read(path)
+        db, problems = read_netcdf_tree(path)
     except SchemaError as error:
         raise SchemaError(str(path), error.problems) from None
     except (
@@ -121,7 +121,7 @@ def read_overview(
     path = Path(path)
     leaves = (
         read_leaves(path, variables, attributes, GROUPS, names)
-        if (whole or read_sealed(path)).sealed
+        if (whole or read_database_seal(path)).sealed
         else None
     )
     if leaves is None:
@@ -149,7 +149,7 @@ def list_edits(path: str | os.PathLike) -> list[tuple]:
     from aerodb.store.undo_history import edit_rows, history
 
     path = Path(path)
-    found = read_edits(path) if read_sealed(path).sealed else None
+    found = read_edits(path) if read_database_seal(path).sealed else None
     return (
         edit_rows(*found) if found else list(history(open(path)).itertuples(index=False, name=None))
     )

@@ -17,7 +17,7 @@ import xarray as xr
 from aerodb.store.overview import display_text
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 
 JUDGEMENT = _terms.SOURCES.index("judgement")
 # of the span of an axis: breakpoints closer than this are the same; degrees come to radians on
@@ -42,7 +42,7 @@ def is_within(points: np.ndarray, x: np.ndarray) -> np.ndarray:
     return (x >= points[0] - near) & (x <= points[-1] + near)
 
 
-def axes_of(leaf: xr.Dataset) -> dict[str, np.ndarray]:
+def value_breakpoints(leaf: xr.Dataset) -> dict[str, np.ndarray]:
     """Return the breakpoints of the table by axis, in its order."""
     return {str(axis): leaf[axis].values.astype(float) for axis in leaf["value"].dims}
 
@@ -51,7 +51,7 @@ def union_axes(*leaves: xr.Dataset) -> dict[str, np.ndarray]:
     """Return the breakpoints of several tables together."""
     points: dict[str, np.ndarray] = {}
     for leaf in leaves:
-        for axis, own in axes_of(leaf).items():
+        for axis, own in value_breakpoints(leaf).items():
             points[axis] = merge_breakpoints(points[axis], own) if axis in points else own
     return points
 
@@ -82,7 +82,9 @@ def demand_axis(name: str, leaf: xr.Dataset, axis: str) -> None:
         raise UnknownName(axis, map(str, leaf["value"].dims), "axis", hint)
 
 
-def table(value: Any, axes: Mapping[str, Any] | None, stderr: Any, what: str) -> xr.Dataset:
+def make_table_leaf(
+    value: Any, axes: Mapping[str, Any] | None, stderr: Any, what: str
+) -> xr.Dataset:
     """Return a number, or a table over axes, as a leaf."""
     shape = tuple(np.size(points) for points in (axes or {}).values())
     over = (
@@ -112,8 +114,8 @@ def regrid_leaf(leaf: xr.Dataset, points: Mapping[str, np.ndarray]) -> xr.Datase
     alone = _terms.without_multipliers(leaf[["value"]])
     mesh = dict(zip(points, np.meshgrid(*points.values(), indexing="ij"))) if points else {}
     shape = tuple(len(p) for p in points.values())
-    own = np.broadcast_shapes(*(mesh[axis].shape for axis in axes_of(leaf)), ())
-    B = _terms.basis(alone, mesh, "clamp")
+    own = np.broadcast_shapes(*(mesh[axis].shape for axis in value_breakpoints(leaf)), ())
+    B = _terms.node_basis(alone, mesh, "clamp")
 
     def there(nodes: np.ndarray, weights) -> np.ndarray:
         return np.broadcast_to((weights @ nodes.ravel()).reshape(own), shape)
@@ -127,7 +129,7 @@ def regrid_leaf(leaf: xr.Dataset, points: Mapping[str, np.ndarray]) -> xr.Datase
             [there((codes == code).astype(float), abs(B)) for code in range(len(_terms.SOURCES))]
         )
         beyond = np.zeros(shape, bool)
-        for axis, old in axes_of(leaf).items():
+        for axis, old in value_breakpoints(leaf).items():
             beyond |= ~is_within(old, mesh[axis])
         new["source"] = np.where(beyond, JUDGEMENT, _single(shares > _NEAR, JUDGEMENT))
     return with_table(leaf, points, **new)
@@ -154,7 +156,11 @@ def with_table(
             {"flag_values": "0 1 2", "flag_meanings": " ".join(_terms.SOURCES)},
         )
     coords = {
-        axis: (axis, own, dict(leaf[axis].attrs) if axis in leaf.coords else attrs(axis))
+        axis: (
+            axis,
+            own,
+            dict(leaf[axis].attrs) if axis in leaf.coords else quantity_attributes(axis),
+        )
         for axis, own in points.items()
     }
     new = xr.Dataset(tables, coords, leaf.attrs)
@@ -169,7 +175,7 @@ def fold_factors(leaf: xr.Dataset) -> xr.Dataset:
     factors = [leaf[key] for key in _FACTORS if key in leaf]
     if not factors:
         return leaf
-    points = axes_of(leaf)
+    points = value_breakpoints(leaf)
     for factor in factors:
         points |= {str(axis): factor[axis].values.astype(float) for axis in factor.dims}
     one = xr.DataArray(np.ones([len(p) for p in points.values()]), dict(points), tuple(points))
@@ -181,7 +187,7 @@ def fold_factors(leaf: xr.Dataset) -> xr.Dataset:
         key: (leaf[key] * scale[key]).transpose(*points).values for key in scale if key in leaf
     }
     new = with_table(leaf.drop_vars(list(_FACTORS), errors="ignore"), points, **whole)
-    faults = _terms.check(new)
+    faults = _terms.check_term(new)
     if faults:
         raise SchemaError("factors multiplied into the table", faults)
     return new

@@ -73,7 +73,7 @@ def make_database(leaves: Mapping[str, xr.Dataset], **attributes: str | float) -
     tree = xr.DataTree.from_dict(
         {"/": xr.Dataset(attrs=attributes), **{f"/{name}": leaf for name, leaf in leaves.items()}}
     )
-    require(tree)
+    require_valid(tree)
     return tree
 
 
@@ -92,21 +92,21 @@ def check(db: xr.DataTree) -> list[str]:
         problems.append("holds no term; a database has leaves such as CL/basic")
     for name, leaf in leaves.items():
         problems += [
-            f"{name}: {fault}" for fault in _name_faults(name, allowed) + _terms.check(leaf)
+            f"{name}: {fault}" for fault in _name_faults(name, allowed) + _terms.check_term(leaf)
         ]
     if axes is not None and not problems:
         problems += evaluation_levels(leaves, str(db.attrs["force_axes"]))[1]
     return problems
 
 
-def require(db: xr.DataTree) -> None:
+def require_valid(db: xr.DataTree) -> None:
     """Raise a `SchemaError` with all faults of a database, if there are any."""
     problems = check(db)
     if problems:
         raise SchemaError(f"database {db.attrs.get('title', '')!r}", problems)
 
 
-def leaf_of(db: xr.DataTree, name: str) -> xr.Dataset:
+def find_leaf(db: xr.DataTree, name: str) -> xr.Dataset:
     """Return one term; an unknown name raises `UnknownName` with the near ones."""
     leaves = terms(db)
     if name not in leaves:
@@ -114,7 +114,7 @@ def leaf_of(db: xr.DataTree, name: str) -> xr.Dataset:
     return leaves[name]
 
 
-def coefficients(db: xr.DataTree) -> tuple[str, ...]:
+def database_coefficients(db: xr.DataTree) -> tuple[str, ...]:
     """Return the six coefficients of force and moment a database may hold, by its force axes; hinge
     moments are in `HINGE`.
     """

@@ -12,7 +12,7 @@ from flightmech.support.hdf5_seal import SIGNATURE, Unbroken
 from flightmech.support.input_files import file_kind
 
 
-def read_sealed(path: Path) -> Unbroken:
+def read_database_seal(path: Path) -> Unbroken:
     """Return what a database file has behind its HDF5 content, which must be sealed, or nothing: a
     file of another program.
 
@@ -32,7 +32,7 @@ def read_sealed(path: Path) -> Unbroken:
             f"no netCDF-4 (HDF5) signature: {file_kind(path)}",
             "a database, as `aeromatch db build` writes it",
         )
-    return seal.read_sealed(path, "a database; build or copy it again")
+    return seal.read_sealed_tail(path, "a database; build or copy it again")
 
 
 def _is_hdf5(path: Path) -> bool:

@@ -13,7 +13,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from aerodb.store.schema import require, terms
+from aerodb.store.schema import require_valid, terms
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.support.netcdf_trees import CHECKS, PREVIOUS
 
@@ -343,5 +343,5 @@ def _tree(
         **rest,
     }
     tree = xr.DataTree.from_dict(nodes)
-    require(tree)
+    require_valid(tree)
     return tree

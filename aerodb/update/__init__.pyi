@@ -5,6 +5,7 @@ from .expectation import Expectation as Expectation
 from .posterior import common_errors as common_errors
 from .posterior import covariance as covariance
 from .posterior import draw as draw
+from .posterior import with_node_values as drawn
 from .posterior import with_node_values as with_node_values
 from .regression import regress_tables as regress_tables
 from .shapes import Shape as Shape

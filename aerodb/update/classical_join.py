@@ -39,13 +39,13 @@ import xarray as xr
 
 from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_terms
 from aerodb.update.correlation import LENGTHS, PARTS, error_kinds, flown_distance, prior_parts
-from aerodb.update.observations import CoefficientTerms, Observation, observations
+from aerodb.update.observations import CoefficientTerms, Observation, observe_fits
 from aerodb.update.tabulation import (
     FLOWN,
     Tabulation,
-    cautioned,
+    add_cautions,
     compatibility_row,
-    contributors,
+    contributing_fits,
     merge_tabulations,
     new_leaf,
     point_rows,
@@ -120,9 +120,9 @@ def join_submodels(
     lost = unplaced_terms(fits, prior, held)
     notices = demand_places(lost, unplaced)
     found = merge_tabulations(
-        [_one(known, observed, lengths) for known, observed in observations(fits, prior, held)]
+        [_one(known, observed, lengths) for known, observed in observe_fits(fits, prior, held)]
     )
-    return cautioned(found, lost, notices)
+    return add_cautions(found, lost, notices)
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,9 @@ def _one(
     tables = [
         _table(leaf, at, seen[at], ranges, lengths) for leaf, at in zip(free.values(), slices)
     ]
-    increments = [bool(set(_terms.variables(leaf)) & set(DEVICES)) for leaf in free.values()]
+    increments = [
+        bool(set(_terms.list_model_variables(leaf)) & set(DEVICES)) for leaf in free.values()
+    ]
     value = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
     stages: list[_Stage] = []
     behind: dict[int, list[Observation]] = {}
@@ -189,7 +191,7 @@ def _one(
             )
             flown = ((sampled >= FLOWN) & touched)[at]
             new[name] = new_leaf(
-                leaf, value[at], sd, flown, contributors(behind.get(k, []), at), _HISTORY
+                leaf, value[at], sd, flown, contributing_fits(behind.get(k, []), at), _HISTORY
             )
             places[name] = flown.reshape(leaf["value"].shape)
     new = add_decisions(known.leaves, new, places)

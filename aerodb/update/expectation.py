@@ -22,7 +22,7 @@ from aerodb.update.observations import (
     CoefficientTerms,
     Observation,
     coefficient_of,
-    common_errors,
+    common_errors_of_fits,
     known_terms,
     observe_fit,
 )
@@ -151,7 +151,7 @@ class Expectation:
     def _observation(self, fit: Any) -> tuple[Observation, list[str]]:
         """What a fit observes, with the common errors under their own names first in D."""
         if id(fit) not in self._observed:
-            sources = common_errors([fit])
+            sources = common_errors_of_fits([fit])
             seen = observe_fit(fit, self._terms_of(coefficient_of(fit)), sources)
             self._observed[id(fit)] = (
                 fit,

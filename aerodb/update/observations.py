@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from aerodb.store.schema import coefficients, terms
+from aerodb.store.schema import database_coefficients, terms
 from aerodb.update.posterior import joint_covariance
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
@@ -62,17 +62,17 @@ class Observation:
     ]  # names of the common errors, the first columns of D; those of held terms have none
 
 
-def observations(
+def observe_fits(
     fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str]
 ) -> Iterator[tuple[CoefficientTerms, list[Observation]]]:
     """Yield the terms of every coefficient and the fits of it; raises as `known_terms` does."""
     for known in known_terms([coefficient_of(fit) for fit in fits], prior, held):
         local = [fit for fit in fits if coefficient_of(fit) == known.coefficient]
-        sources = common_errors(local)
+        sources = common_errors_of_fits(local)
         yield known, [observe_fit(fit, known, sources) for fit in local]
 
 
-def common_errors(fits: Sequence[Any]) -> list[str]:
+def common_errors_of_fits(fits: Sequence[Any]) -> list[str]:
     """Return the names of the common errors of fits."""
     return list(dict.fromkeys(str(name) for fit in fits for name in fit.estimates["error"].values))
 
@@ -149,10 +149,10 @@ def known_terms(
             raise UnknownName(name, leaves, "held term")
     wanted = list(dict.fromkeys(wanted))
     for name in wanted:
-        if name not in coefficients(prior):
+        if name not in database_coefficients(prior):
             raise UnknownName(
                 name,
-                coefficients(prior),
+                database_coefficients(prior),
                 "coefficient",
                 "the database does not hold it with its force axes",
             )
@@ -187,7 +187,7 @@ def _conditions(leaf: xr.Dataset, data: xr.Dataset) -> dict[str, Any]:
     ground is far.
     """
     found: dict[str, Any] = {}
-    for name in _terms.variables(leaf):
+    for name in _terms.list_model_variables(leaf):
         if name in data:
             found[name] = data[name].values
         elif name in _AT_REST:
@@ -215,7 +215,7 @@ def basis_at(leaf: xr.Dataset, data: xr.Dataset):
     UnknownName
         A variable of the term that the samples do not hold.
     """
-    B = _terms.basis(leaf, _conditions(leaf, data), outside="clamp")
+    B = _terms.node_basis(leaf, _conditions(leaf, data), outside="clamp")
     # a single number without axes or regressors has no samples of its own
     return (
         B

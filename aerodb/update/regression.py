@@ -37,14 +37,14 @@ from aerodb.update.observations import (
     Observation,
     basis_at,
     coefficient_of,
-    common_errors,
+    common_errors_of_fits,
     known_terms,
     observe_fit,
 )
 from aerodb.update.shapes import Shape, demand_shapes
 from aerodb.update.tabulation import (
     Tabulation,
-    cautioned,
+    add_cautions,
     join_observations,
     merge_tabulations,
     slices_of,
@@ -142,7 +142,7 @@ def regress_tables(
         of_samples = [
             str(name) for one in mine if "error" in one.coords for name in one["error"].values
         ]
-        sources = list(dict.fromkeys([*of_samples, *common_errors(given)]))
+        sources = list(dict.fromkeys([*of_samples, *common_errors_of_fits(given)]))
         sampled = np.max(
             [known.sampled(data) for data in (*mine, *(fit.data for fit in given))], axis=0
         )
@@ -164,7 +164,7 @@ def regress_tables(
         findings.append(join_observations(known, observed, lengths, shapes, _HISTORY))
     table = pd.concat([one for one in lost if len(one)] or lost[:1])
     notices = demand_places(table, unplaced)
-    return cautioned(merge_tabulations(findings), table, notices)
+    return add_cautions(merge_tabulations(findings), table, notices)
 
 
 class _Seen(NamedTuple):
@@ -315,7 +315,7 @@ def _changes(
     for term, leaf in known.leaves.items():
         moving = {
             x: samples[f"{x}_error"].values
-            for x in _terms.variables(leaf)
+            for x in _terms.list_model_variables(leaf)
             if f"{x}_error" in samples
         }
         for k in range(len(change)):

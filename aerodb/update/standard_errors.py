@@ -161,9 +161,9 @@ def standard_error(
     if derivative is not None and derivative not in conditions:
         raise UnknownName(derivative, conditions, "condition")
     shape = np.broadcast_shapes(
-        *(_terms.evaluate(leaf, conditions, "clamp").shape for leaf in leaves.values())
+        *(_terms.evaluate_term(leaf, conditions, "clamp").shape for leaf in leaves.values())
     )
-    used = {name for leaf in leaves.values() for name in _terms.variables(leaf)}
+    used = {name for leaf in leaves.values() for name in _terms.list_model_variables(leaf)}
     whole = {
         name: np.broadcast_to(np.asarray(x, float), shape).ravel()
         for name, x in conditions.items()
@@ -211,11 +211,11 @@ def _map(
     the derivative of it.
     """
     if derivative is None:
-        return repeat_rows(_terms.basis(leaf, conditions, "clamp"), count)
+        return repeat_rows(_terms.node_basis(leaf, conditions, "clamp"), count)
     steps = [
         {**conditions, derivative: conditions[derivative] + side * _STEP} for side in (1.0, -1.0)
     ]
-    after, before = (repeat_rows(_terms.basis(leaf, at, "clamp"), count) for at in steps)
+    after, before = (repeat_rows(_terms.node_basis(leaf, at, "clamp"), count) for at in steps)
     return (after - before) / (2.0 * _STEP)
 
 

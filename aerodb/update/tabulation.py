@@ -51,7 +51,7 @@ from aerodb.store.schema import terms
 from aerodb.update.cautions.notices import incompatible_fits
 from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_terms
 from aerodb.update.correlation import LENGTHS, PARTS, SHARES, SPREADS, flown_distance, prior_parts
-from aerodb.update.observations import CoefficientTerms, Observation, observations, samples_outside
+from aerodb.update.observations import CoefficientTerms, Observation, observe_fits, samples_outside
 from aerodb.update.posterior import mark_joint, with_posterior
 from aerodb.update.shapes import Shape, apply_shapes, demand_shapes
 from aerodb.update.term_decisions import CORRECTED, REPLACED, add_decisions
@@ -199,10 +199,10 @@ def tabulate(
     found = merge_tabulations(
         [
             join_observations(known, observed, lengths, shapes)
-            for known, observed in observations(fits, prior, held)
+            for known, observed in observe_fits(fits, prior, held)
         ]
     )
-    return cautioned(found, lost, notices)
+    return add_cautions(found, lost, notices)
 
 
 @dataclass(frozen=True)
@@ -242,7 +242,7 @@ def join_observations(
                 found.value[nodes],
                 found.stderr[nodes],
                 flown,
-                contributors(observed, nodes),
+                contributing_fits(observed, nodes),
                 history,
             )
             away = flown_distance(leaf, (sampled * touched)[nodes], lengths)
@@ -284,7 +284,7 @@ def merge_tabulations(findings: Sequence[Tabulation]) -> Tabulation:
     )
 
 
-def cautioned(found: Tabulation, unplaced: pd.DataFrame, notices: Sequence[str]) -> Tabulation:
+def add_cautions(found: Tabulation, unplaced: pd.DataFrame, notices: Sequence[str]) -> Tabulation:
     """Return a tabulation with the terms that have no place and all notices; each notice is also a
     warning, for the caller's caller.
     """
@@ -493,7 +493,7 @@ def new_leaf(
         str(leaf.attrs.get("comment", "")),
         f"{int(flown.sum())} of {flown.size} nodes from flight: {', '.join(contributors)}.",
     ]
-    if set(_terms.regressors(leaf)) & {"qhat", "alphadothat"}:
+    if set(_terms.list_regressors(leaf)) & {"qhat", "alphadothat"}:
         words.append(
             "Pitch rate and rate of incidence move alike in flight; between their terms the "
             "a-priori errors decide."
@@ -504,7 +504,7 @@ def new_leaf(
     return new
 
 
-def contributors(observed: Sequence[Observation], nodes: slice) -> list[str]:
+def contributing_fits(observed: Sequence[Observation], nodes: slice) -> list[str]:
     """Return the names of the fits that some of the nodes enter."""
     return [o.name or f"fit {k}" for k, o in enumerate(observed) if np.abs(o.H[:, nodes]).max() > 0]
 

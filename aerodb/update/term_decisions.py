@@ -62,11 +62,11 @@ def decisions(db: xr.DataTree) -> pd.DataFrame:
     import pandas as pd
 
     return pd.DataFrame.from_dict(
-        rows_of(terms(db)), orient="index", columns=["decision", "reason"]
+        decision_rows(terms(db)), orient="index", columns=["decision", "reason"]
     ).rename_axis("term")
 
 
-def rows_of(leaves: Mapping[str, xr.Dataset | StoredGroup]) -> dict[str, tuple[str, str]]:
+def decision_rows(leaves: Mapping[str, xr.Dataset | StoredGroup]) -> dict[str, tuple[str, str]]:
     """Return the rows of `decisions` by term, of terms by name, also as they stand in a file."""
     rows = {}
     for name, leaf in leaves.items():

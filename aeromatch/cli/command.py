@@ -112,10 +112,10 @@ def main() -> None:
         _fail("usage", error.format_message(), 2)
     except Exception as error:
         from flightmech.errors import AeromatchError
-        from flightmech.support.console import printable
+        from flightmech.support.console import escape_control_characters
 
         if isinstance(error, AeromatchError | OSError):
-            click.echo(f"error: {printable(_text(error))}", err=True)
+            click.echo(f"error: {escape_control_characters(_text(error))}", err=True)
             _fail(type(error).__name__, _text(error), 2, getattr(error, "problems", ()))
         import traceback
 
@@ -158,9 +158,9 @@ def _demand_own_packages() -> None:
     """Refuse to work with a package of another distribution that hides one of ours."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        from flightmech.support.imports import describe, hidden_packages
+        from flightmech.support.imports import describe_hidden_packages, hidden_packages
     if hidden := hidden_packages():
-        raise click.ClickException(describe(hidden))
+        raise click.ClickException(describe_hidden_packages(hidden))
 
 
 def _text(error: Exception) -> str:

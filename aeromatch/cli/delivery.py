@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import InputFile, json_option, print_json, table, timed_step
+from flightmech.support.console import InputFile, json_option, print_json, print_table, timed_step
 
 _PACKAGE = click.Path(exists=True, path_type=Path)
 _MODEL = click.Choice(["datcom", "corrected", "final"])
@@ -89,7 +89,7 @@ def verify(ctx: click.Context, package_file: Path, as_json: bool) -> None:
             own = [item for item in found if item.kind == kind]
             click.echo(f"{kind:>8}: {sum(item.good for item in own)} of {len(own)} hold")
         shown = bad + [item for item in found if item.good and item.kind in ("states", "flown")]
-        table(
+        print_table(
             ["", "what", "found"],
             [
                 ("" if item.good else "DIFFERS", f"{item.kind}: {item.name}", item.detail)
@@ -130,7 +130,7 @@ def diff(one: Path, other: Path, model: str, against: str | None, as_json: bool)
             (row["words"], row["unit"], *(_digits(row[key]) for key in ("before", "after")))
             for row in found["felt"]
         ]
-        table(
+        print_table(
             ["what a pilot feels", "unit", "before", "after"],
             felt,
             f"{names}: at {where}, gear {gear}",
@@ -158,7 +158,7 @@ def diff(one: Path, other: Path, model: str, against: str | None, as_json: bool)
         )
         for row in (*found["coefficients"], *found["terms"])
     ]
-    table(
+    print_table(
         head, rows, f"{names}: {len(found['terms'])} terms differ", right=[*head[2:4], *head[5:7]]
     )
     click.echo(f"parts of the aircraft that differ: {', '.join(found['parts']) or 'none'}")
@@ -174,7 +174,7 @@ def diff(one: Path, other: Path, model: str, against: str | None, as_json: bool)
         for r in found["cases"]
     ]
     head = ["row", "case", "before", "after", "worst before", "worst after"]
-    table(head, cases, "Verdicts, worst difference / tolerance", right=head[4:])
+    print_table(head, cases, "Verdicts, worst difference / tolerance", right=head[4:])
     for row in found["files"]:
         click.echo(f"{row['state']:>8}: {row['file']}")
 

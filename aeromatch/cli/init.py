@@ -7,7 +7,13 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import json_option, print_json, print_remark, progress, table
+from flightmech.support.console import (
+    json_option,
+    print_json,
+    print_remark,
+    print_table,
+    show_progress,
+)
 from flighttest.cli.group import MapFile
 
 _FILES = click.Path(exists=True, path_type=Path)
@@ -100,18 +106,18 @@ def init(
     known = StatedFacts(
         name, {key: value for key, value in stated.items() if value}, cg or None, imu or None
     )
-    done = draft_project(folder, datcom, records, known, prove, force, progress, own_map)
+    done = draft_project(folder, datcom, records, known, prove, force, show_progress, own_map)
     if as_json:
         print_json(done.to_dict())
         return
     if done.roles:
-        table(["listing", "case", "name", "taken for", "because"], done.roles)
+        print_table(["listing", "case", "name", "taken for", "because"], done.roles)
     if done.records:
         rows = [
             (name, about["channels"], ", ".join(about["manoeuvres"]) or "-")
             for name, about in done.records.items()
         ]
-        table(["record", "channels", "manoeuvres"], rows, right=["channels"])
+        print_table(["record", "channels", "manoeuvres"], rows, right=["channels"])
     for text in done.remarks:
         print_remark(f"  - {text}")
     for file in done.files:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from flightmech.errors import SchemaError
-from flightmech.support.console import json_option, print_json, print_remark, table
+from flightmech.support.console import json_option, print_json, print_remark, print_table
 from flightmech.support.kept_stages.store import (
     PLACE,
     StageStore,
@@ -43,7 +43,7 @@ def info(as_json: bool) -> None:
         (name.replace("_", " "), count, f"{size / _MEGABYTE:.1f}")
         for name, (count, size) in usage.items()
     ]
-    table(("stage", "results", "MB"), rows, title=f"Store in {place.folder}")
+    print_table(("stage", "results", "MB"), rows, title=f"Store in {place.folder}")
     click.echo(f"{total / _MEGABYTE:.1f} MB of at most {limit / _MEGABYTE:.0f} MB")
 
 

@@ -25,7 +25,7 @@ from flightmech.support.console import (
     json_option,
     print_json,
     print_remark,
-    table,
+    print_table,
     timed_step,
 )
 from pom.cli.report import samples_options
@@ -261,12 +261,15 @@ def _replayed(project: Path, output: Path, log: Path) -> bool:
         PlaceholderFolders,
         carry_out,
         last_match,
-        read_log,
+        read_action_log,
         to_do,
     )
 
     output.mkdir(parents=True, exist_ok=True)
-    places, entries = PlaceholderFolders(project.resolve().parent, output.resolve()), read_log(log)
+    places, entries = (
+        PlaceholderFolders(project.resolve().parent, output.resolve()),
+        read_action_log(log),
+    )
     left = to_do(entries, places)
     for text in carry_out(left, places, timed_step):
         print_remark(text)
@@ -351,7 +354,7 @@ def _performed(
     options: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Perform a match, and return what is printed of it as plain data."""
-    from aeromatch.workflow.steps import perform
+    from aeromatch.workflow.steps import perform_match
     from flightmech.support.console import to_json_types
 
     project = _project(file, unplaced)
@@ -363,7 +366,9 @@ def _performed(
         plan.demand()
         for text in dict.fromkeys(stages.remarks if store is not None else ()):
             warnings.warn(text, AeromatchWarning, stacklevel=2)
-        outcome = perform(project, output, jobs, timed_step, command, stages=stages, **options)
+        outcome = perform_match(
+            project, output, jobs, timed_step, command, stages=stages, **options
+        )
     return to_json_types(
         {
             "document": outcome.to_dict(),
@@ -491,7 +496,7 @@ def _plan(
 
 
 def _print_plan(plan: Any) -> None:
-    table(
+    print_table(
         ("", "step"),
         list(enumerate(plan.steps, 1)),
         title=f"{plan.project.title}: {plan.project.file}",
@@ -501,7 +506,7 @@ def _print_plan(plan: Any) -> None:
         (row["record"], f"{row['start']:g} ... {row['end']:g}", row["channels"], row["for"])
         for row in plan.record_rows()
     ]
-    table(
+    print_table(
         ("record", "time [s]", "channels", "for"),
         rows,
         title="\nFlight records",
@@ -517,7 +522,7 @@ def _print_plan(plan: Any) -> None:
         )
         for row in plan.fit_rows()
     ]
-    table(
+    print_table(
         ("fit", "records", "windows", "time [s]", "models"),
         fits,
         title="\nFits",
@@ -534,7 +539,7 @@ def _print_plan(plan: Any) -> None:
         )
         for row in plan.case_rows()
     ]
-    table(
+    print_table(
         ("row", "case", "record", "window [s]", "drive", "criteria"),
         cases,
         title="\nCases",
@@ -550,7 +555,7 @@ def _print_plan(plan: Any) -> None:
 
 def _print(shown: Mapping[str, Any]) -> None:
     title = "Verdicts: worst difference / tolerance, of the alternatives the better one"
-    table(shown["columns"], [tuple(row) for row in shown["rows"]], title=title)
+    print_table(shown["columns"], [tuple(row) for row in shown["rows"]], title=title)
     for text in shown["lines"]:
         click.echo(text)
     for text in shown["failures"]:

@@ -33,10 +33,10 @@ from aeromatch.project.project import Project
 from aeromatch.workflow.steps import REPORT
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.support.atomic_write import folder_written_atomically, written_atomically
-from flightmech.support.figures import environment
-from flightmech.terms import power
+from flightmech.support.figures import make_template_environment
+from flightmech.terms import power_factor
 
 MANIFEST = "manifest.json"
 MODELS = ("datcom", "corrected", "final")
@@ -139,7 +139,7 @@ def _fill(
         )
     if not flown:
         refused[FLOWN] = "no case starts from a trimmed flight in the air"
-    _write(folder / "roadmap.csv", roadmap(archive.results))
+    _write(folder / "roadmap.csv", format_roadmap(archive.results))
     _write(folder / "recordings.csv", _recordings(project, archive.results))
     about = {
         "title": project.title,
@@ -152,10 +152,10 @@ def _fill(
         "refused": refused,
         "flown": [file.name for file in flown],
         "recordings": wishes.recordings,
-        "platforms": platforms(match / "final.fmu"),
+        "platforms": list_fmu_platforms(match / "final.fmu"),
         "licence": wishes.licence is not None,
     }
-    pages = environment(PackageLoader("aeromatch.delivery", "."))
+    pages = make_template_environment(PackageLoader("aeromatch.delivery", "."))
     _write(folder / "README.md", pages.get_template("README.md.j2").render(about))
     licence = (
         wishes.licence.read_text(encoding="utf-8")
@@ -211,7 +211,8 @@ def _with_height_tables(database: xr.DataTree) -> xr.DataTree:
     closed = [
         name
         for name, leaf in leaves.items()
-        if (factor := power(leaf)) is not None and lookup(factor.variable).units == "m"
+        if (factor := power_factor(leaf)) is not None
+        and lookup_quantity(factor.variable).units == "m"
     ]
     return aerodb.replace_terms(
         database,
@@ -220,7 +221,7 @@ def _with_height_tables(database: xr.DataTree) -> xr.DataTree:
     )
 
 
-def roadmap(results: Sequence[Any]) -> str:
+def format_roadmap(results: Sequence[Any]) -> str:
     """Return the validation data roadmap as CSV: row of the standard, record that proves it,
     configuration, verdicts.
     """
@@ -275,13 +276,13 @@ def _recordings(project: Project, results: Sequence[Any]) -> str:
     proved = {Path(result.case.record).stem: result.case.name for result in results}
     lines = ["file,sha256,proves"]
     lines += [
-        f"{file.name},{sha256(file)},{proved.get(name, '')}"
+        f"{file.name},{file_sha256(file)},{proved.get(name, '')}"
         for name, file in project.flights.items()
     ]
     return "\n".join([*lines, ""])
 
 
-def platforms(fmu: Path) -> list[str]:
+def list_fmu_platforms(fmu: Path) -> list[str]:
     """Return the platforms that an FMU brings a library for."""
     with zipfile.ZipFile(fmu) as content:
         return sorted(
@@ -296,7 +297,7 @@ def platforms(fmu: Path) -> list[str]:
 def manifest_text(folder: Path, about: dict[str, Any]) -> str:
     """Return the manifest of a folder: every file with its SHA-256, but for the manifest itself."""
     files = {
-        file.relative_to(folder).as_posix(): sha256(file)
+        file.relative_to(folder).as_posix(): file_sha256(file)
         for file in sorted(folder.rglob("*"))
         if file.is_file()
     }
@@ -317,7 +318,7 @@ def manifest_text(folder: Path, about: dict[str, Any]) -> str:
     )
 
 
-def sha256(file: Path) -> str:
+def file_sha256(file: Path) -> str:
     """Return the SHA-256 of a file."""
     with file.open("rb") as content:
         return hashlib.file_digest(content, "sha256").hexdigest()

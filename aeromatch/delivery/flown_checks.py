@@ -18,11 +18,11 @@ import numpy as np
 import xarray as xr
 
 import flightmech
-from aerodb.exchange.tables.csv_text import numbers, read_csv, written_csv
+from aerodb.exchange.tables.csv_text import column_numbers, read_csv, written_csv
 from flightmech.air import P_SEA
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import ParseError, SchemaError, SimulationError
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.support.atomic_write import write_text
 from pom.result import PomResult
 
@@ -220,7 +220,7 @@ def _write(file: Path, title: str, case: xr.Dataset, sim: Any, facts: Mapping[st
         tolerance[name] = max(
             _MARGIN * effect,
             _LEAST * excursion,
-            _PLACE if name in ("lat", "lon") else _FLOOR[lookup(name).units],
+            _PLACE if name in ("lat", "lon") else _FLOOR[lookup_quantity(name).units],
         )
     head: dict[str, str | float] = {
         "case": title,
@@ -247,7 +247,7 @@ def _write(file: Path, title: str, case: xr.Dataset, sim: Any, facts: Mapping[st
 
 
 def _units(name: str) -> str:
-    return "N" if name.endswith("thrust_drive") else lookup(name).units
+    return "N" if name.endswith("thrust_drive") else lookup_quantity(name).units
 
 
 def compare_outputs(
@@ -314,7 +314,7 @@ def read_flown_check(path: str | Path) -> tuple[xr.Dataset, dict[str, float], di
     table, problems = read_csv(path)
     if table.title != FORMAT:
         raise ParseError(str(path), 1, repr(table.title), f"'# {FORMAT}'")
-    columns = {name: numbers(table, name, problems) for name in table.columns}
+    columns = {name: column_numbers(table, name, problems) for name in table.columns}
     missing = [name for name in ("time", *OUTPUTS, *CONTROLS) if name not in columns]
     problems += [f"no column {name}" for name in missing]
     absent = [name for name in (*_MASS, *_AIR, "tolerance") if name not in table.facts]

@@ -23,8 +23,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import xarray as xr
 
-from aerodb.exchange.jsbsim.properties import AXIS, PSF, thrust
-from flightmech.axes import rotation
+from aerodb.exchange.jsbsim.properties import AXIS, PSF, thrust_property
+from flightmech.axes import matrix_from_euler
 from flightmech.errors import SimulationError
 from flightmech.units import DEGREE, FOOT, INCH, POUND, POUND_FORCE
 
@@ -137,7 +137,7 @@ def _load(root: ET.Element, facts: Mapping[str, float]) -> None:
         name = channel.get("name", "")
         if name.startswith("engine"):
             control.remove(channel)
-            ET.SubElement(control, "property", value="0").text = thrust(
+            ET.SubElement(control, "property", value="0").text = thrust_property(
                 int(name.removeprefix("engine"))
             )
 
@@ -154,7 +154,8 @@ def _start(case: xr.Dataset, facts: Mapping[str, float]) -> dict[str, float]:
     at = {str(name): float(item.values[0]) for name, item in case.data_vars.items()}
     turn = _EARTH_RATE * np.array([np.cos(at["lat"]), 0.0, -np.sin(at["lat"])])
     rates = (
-        np.array([at["p"], at["q"], at["r"]]) - rotation(at["phi"], at["theta"], at["psi"]) @ turn
+        np.array([at["p"], at["q"], at["r"]])
+        - matrix_from_euler(at["phi"], at["theta"], at["psi"]) @ turn
     )
     return {
         "atmosphere/delta-T": facts["delta_T"] * 1.8,
@@ -192,7 +193,10 @@ def _commands(root: ET.Element, case: xr.Dataset) -> Iterator[tuple[str, np.ndar
     for name in case.data_vars:
         engine, _, kind = str(name).partition(".")
         if kind == "thrust_drive":
-            yield thrust(int(engine.removeprefix("engine"))), case[name].values / POUND_FORCE
+            yield (
+                thrust_property(int(engine.removeprefix("engine"))),
+                case[name].values / POUND_FORCE,
+            )
 
 
 def _fly(folder: Path) -> None:

@@ -22,7 +22,7 @@ from aerodb.exchange.daveml.importer import import_daveml
 from aerodb.exchange.jsbsim.read import import_jsbsim
 from aerodb.exchange.tables.csv_terms import import_csv, run_checkcases
 from aerodb.exchange.tables.matlab import import_matlab
-from aeromatch.delivery.contents import FLOWN, MANIFEST, STATES, sha256
+from aeromatch.delivery.contents import FLOWN, MANIFEST, STATES, file_sha256
 from aeromatch.delivery.flown_checks import (
     compare_outputs,
     conditions_of,
@@ -109,7 +109,7 @@ def _demanded(folder: Path) -> Path:
     return folder
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
+def read_package_manifest(folder: Path) -> dict[str, Any]:
     """Return the manifest of a package.
 
     Raises
@@ -148,7 +148,7 @@ def verify_package(folder: Path) -> Iterator[PackageCheck]:
 
 
 def _hashes(folder: Path) -> Iterator[PackageCheck]:
-    stated = read_manifest(folder)["files"]
+    stated = read_package_manifest(folder)["files"]
     there = {
         file.relative_to(folder).as_posix(): file
         for file in sorted(folder.rglob("*"))
@@ -158,7 +158,7 @@ def _hashes(folder: Path) -> Iterator[PackageCheck]:
         if name not in there:
             yield PackageCheck("hash", name, False, "missing")
         else:
-            same = sha256(there[name]) == digest
+            same = file_sha256(there[name]) == digest
             yield PackageCheck("hash", name, same, "same" if same else "changed")
     for name in there:
         if name not in stated and name != MANIFEST:
@@ -405,7 +405,7 @@ def _cases(one: Path, model: str, other: Path, second: str) -> list[dict[str, An
 
 
 def _files(one: Path, other: Path) -> list[dict[str, str]]:
-    old, new = (read_manifest(folder)["files"] for folder in (one, other))
+    old, new = (read_package_manifest(folder)["files"] for folder in (one, other))
     states = {
         name: "deleted" if name not in new else "added" if name not in old else "changed"
         for name in sorted({*old, *new})

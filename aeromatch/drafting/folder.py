@@ -36,7 +36,7 @@ from flightmech.air import atmosphere
 from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import write_text
 from flightmech.support.toml_quantities import UNFILLED
-from flightmech.units import quantity
+from flightmech.units import parse_quantity
 from flighttest.flight_programme.manoeuvre_finding.finding import find_manoeuvres, named_by_response
 from flighttest.records.manoeuvre_table import write_manoeuvres
 
@@ -313,7 +313,7 @@ def _has_engine_speed(record: xr.DataTree) -> bool:
 def _with_facts(names: NamesDraft, known: StatedFacts) -> NamesDraft:
     """Return a map with the facts that the author states."""
     stated = {
-        key: quantity(_number(known.values[key]), unit)
+        key: parse_quantity(_number(known.values[key]), unit)
         for key, unit in _FACTS.items()
         if known.values.get(key)
     }

@@ -12,7 +12,7 @@ import xarray as xr
 
 import pom
 from aeromatch.planning import model_checks
-from aeromatch.planning.steps import collect
+from aeromatch.planning.steps import run_collecting_problems
 from aeromatch.project.project import Project
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.content_hashes import FileContent
@@ -69,7 +69,7 @@ class CaseChecks:
             found: list[str] = []
             models = {name: kernel_model(name, sim) for name, sim in own.items()}
             if case.law:
-                law = collect(found, f"case {case.name}", laws.law_of, case)
+                law = run_collecting_problems(found, f"case {case.name}", laws.law_of, case)
                 models = (
                     {name: replace(model, law=law) for name, model in models.items()}
                     if law is not None
@@ -78,7 +78,8 @@ class CaseChecks:
             for name, one in foreign.items():
                 models |= (
                     {name: made[name]}
-                    if (made := collect(found, f"case {case.name}", one.of, case)) is not None
+                    if (made := run_collecting_problems(found, f"case {case.name}", one.of, case))
+                    is not None
                     else {}
                 )
             if states is None:

@@ -18,7 +18,7 @@ import pom
 from aeromatch.planning import model_checks
 from aeromatch.planning.case_checks import CaseChecks
 from aeromatch.planning.record_looks import LookTask, RecordLook, RecordLooks
-from aeromatch.planning.steps import collect, products_of, steps_of
+from aeromatch.planning.steps import products_of, run_collecting_problems, steps_of
 from aeromatch.project.project import Project
 from aeromatch.workflow.steps import a_priori, add_missing_terms, before_flight, databases_before
 from flightmech.aircraft.aircraft import Aircraft
@@ -193,12 +193,14 @@ def make_plan(
     problems = plan.problems
     _check_places(Path(folder), chosen, problems)
     for file in project.cases:
-        case = collect(problems, "", pom.read_case, file)
+        case = run_collecting_problems(problems, "", pom.read_case, file)
         plan.cases += [case] if case is not None else []
     problems += model_checks.name_problems(project)
-    aircraft = collect(problems, "", flightmech.read_aircraft, project.aircraft)
+    aircraft = run_collecting_problems(problems, "", flightmech.read_aircraft, project.aircraft)
     apriori = (
-        collect(problems, "", before_flight, project, aircraft) if aircraft is not None else None
+        run_collecting_problems(problems, "", before_flight, project, aircraft)
+        if aircraft is not None
+        else None
     )
     names = _record_names(project, plan.cases, problems)
     if aircraft is not None and apriori is not None:
@@ -223,7 +225,7 @@ def _check_places(folder: Path, chosen: MatchOptions, problems: list[str]) -> No
             continue
         path = Path(written)
         if path.parent.is_dir():
-            collect(problems, place, resolve_folder, path)
+            run_collecting_problems(problems, place, resolve_folder, path)
             continue
         above = next((parent for parent in path.absolute().parents if parent.exists()), Path("/"))
         if not above.is_dir():
@@ -231,7 +233,7 @@ def _check_places(folder: Path, chosen: MatchOptions, problems: list[str]) -> No
         elif not os.access(above, os.W_OK):
             problems.append(f"{place}: nothing can be written into {above}; name another folder")
     if chosen.scheduler:
-        collect(problems, "--scheduler", demand_scheduler, chosen.scheduler)
+        run_collecting_problems(problems, "--scheduler", demand_scheduler, chosen.scheduler)
 
 
 def _record_names(
@@ -270,7 +272,9 @@ def _tasks(
     given: Mapping[str, pd.DataFrame] = {}
     if project.manoeuvres is not None:
         given = (
-            collect(problems, "manoeuvres", flighttest.records.read_manoeuvres, project.manoeuvres)
+            run_collecting_problems(
+                problems, "manoeuvres", flighttest.records.read_manoeuvres, project.manoeuvres
+            )
             or {}
         )
         problems += [
@@ -296,10 +300,10 @@ def _databases(
         return {"datcom": datcom, "final": start}
     except (AeromatchError, OSError):
         # what is wrong with the listings, and with what is opened, one after the other
-        prior = collect(problems, "listings", a_priori, project, aircraft)
+        prior = run_collecting_problems(problems, "listings", a_priori, project, aircraft)
     if prior is None:
         return {}
-    opening = collect(problems, "", add_missing_terms, project, prior)
+    opening = run_collecting_problems(problems, "", add_missing_terms, project, prior)
     return {
         "datcom": stages.given(prior),
         "final": stages.given(prior if opening is None else opening),

@@ -14,7 +14,7 @@ import aerodb
 import flightmech
 import flighttest
 from aerodb.update.observations import known_terms
-from aeromatch.planning.steps import collect
+from aeromatch.planning.steps import run_collecting_problems
 from aeromatch.project.project import Project
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.stages import Kept, Stages
@@ -49,7 +49,9 @@ def own_models(
     """
     found = {}
     for name, database in databases.items():
-        sim = collect(problems, f"model {name}", flightmech.compile, aircraft[name], database.value)
+        sim = run_collecting_problems(
+            problems, f"model {name}", flightmech.compile, aircraft[name], database.value
+        )
         if sim is not None:
             found[name] = sim
     return found
@@ -70,9 +72,9 @@ def foreign_models(project: Project, problems: list[str]) -> dict[str, Models]:
     found = {}
     for name, file in project.models.items():
         table = {name: project.tables[name]} if name in project.tables else {}
-        models = collect(problems, f"models.{name}", Models, {name: file}, table)
+        models = run_collecting_problems(problems, f"models.{name}", Models, {name: file}, table)
         if models is not None:
-            collect(problems, f"models.{name}", models.demand_platform)
+            run_collecting_problems(problems, f"models.{name}", models.demand_platform)
             found[name] = models
     return found
 
@@ -87,7 +89,9 @@ def term_problems(project: Project, start: xr.DataTree, published: Sequence[Any]
     )
     wanted |= dict.fromkeys(str(fit.model.coefficient) for fit in published)
     for coefficient in wanted:
-        collect(found, f"fits of {coefficient}", known_terms, [coefficient], start, project.held)
+        run_collecting_problems(
+            found, f"fits of {coefficient}", known_terms, [coefficient], start, project.held
+        )
     return list(dict.fromkeys(found))
 
 
@@ -123,7 +127,7 @@ def coefficient_names(
 
     def compute(missing: list[str], put: Callable[..., None]) -> None:
         for record in missing:
-            names = collect(
+            names = run_collecting_problems(
                 problems, f"record {record}", _names_of, starts[record], aircraft, project
             )
             put(record, names or set(), keep=names is not None)
@@ -196,7 +200,7 @@ def variable_problems(
     for fit in project.fits:
         coefficients = {RegressionModel.parse(text).coefficient for text in fit.models}
         needed = {
-            name: flightmech.terms.variables(leaf)
+            name: flightmech.terms.list_model_variables(leaf)
             for name, leaf in leaves.items()
             if name.split("/")[0] in coefficients
         }
@@ -217,7 +221,7 @@ def published_fits(project: Project, problems: list[str]) -> list[Any]:
     """Return the local models from elsewhere."""
     found: list[Any] = []
     for file in project.published:
-        found += collect(problems, "published", read_published, file) or []
+        found += run_collecting_problems(problems, "published", read_published, file) or []
     return found
 
 
@@ -245,7 +249,7 @@ def submodel_structure_problems(
     if project.engine is not None:
         found += _engine_problems(project, apriori)
     for item, asked in project.controls.items():
-        collect(
+        run_collecting_problems(
             found,
             f"controls.{item}",
             loading_of,
@@ -261,7 +265,7 @@ def submodel_structure_problems(
                 f"mass at least"
             )
     if project.gear is not None:
-        collect(found, "gear", wheels_of, aircraft)
+        run_collecting_problems(found, "gear", wheels_of, aircraft)
     if project.ground_effect is not None:
         found += _ground_problems(project.ground_effect)
     return found
@@ -271,9 +275,13 @@ def _engine_problems(project: Project, apriori: Aircraft) -> list[str]:
     asked, found = project.engine, list[str]()
     for name in ("points", "climbs"):
         if name in project.points:
-            collect(found, f"engine.{name}", read_points, project.points[name])
+            run_collecting_problems(found, f"engine.{name}", read_points, project.points[name])
     file = project.points.get("structure")
-    structure = collect([], "", read_structure, file) if file is not None else EngineStructure()
+    structure = (
+        run_collecting_problems([], "", read_structure, file)
+        if file is not None
+        else EngineStructure()
+    )
     deck = apriori.engines[0].deck if apriori.engines else None
     tables = list(deck.tables) if deck is not None else []
     settled = asked is not None and (asked.points or asked.climbs)
@@ -312,4 +320,4 @@ def aircraft_of_cases(files: Iterable[str], problems: list[str]) -> None:
     """Read the aircraft of the cases, which draws of the models need."""
     for file in dict.fromkeys(files):
         if file:
-            collect(problems, "case.aircraft", flightmech.read_aircraft, file)
+            run_collecting_problems(problems, "case.aircraft", flightmech.read_aircraft, file)

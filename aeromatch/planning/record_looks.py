@@ -22,14 +22,14 @@ import xarray as xr
 import flighttest
 import pom
 from aeromatch.planning.sample_checks import fit_problems, submodel_problems
-from aeromatch.planning.steps import collect, texts_of
+from aeromatch.planning.steps import run_collecting_problems, texts_of
 from aeromatch.project.project import FitSection, Project
 from aeromatch.project.sections import RecordSelection
 from aeromatch.workflow.steps import record_inputs, record_of
-from aeromatch.workflow.submodels import overlaps, spans_of
+from aeromatch.workflow.submodels import find_case_overlaps, spans_of
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, AeromatchWarning
-from flightmech.support.kept_stages.stages import Kept, Stages, recorded
+from flightmech.support.kept_stages.stages import Kept, Stages, capture_warnings
 from flighttest.reconstruction.states_at_start import start_states
 from flighttest.records.readers.name_map import read_names
 from pom.cases.case import PomCase
@@ -142,7 +142,9 @@ def look_at(
     look = RecordLook(task.name)
     look.channels = sum(len(leaf.data_vars) for leaf in record.children.values())
     if states is None:
-        states = collect(look.problems, f"record {task.name}", start_states, record, task.aircraft)
+        states = run_collecting_problems(
+            look.problems, f"record {task.name}", start_states, record, task.aircraft
+        )
     spans = _spans(task, record, look)
     if states is None:
         return look, None
@@ -169,12 +171,12 @@ def _spans(
     if not users:
         return {}
     marks = flighttest.manoeuvres(record) if task.given is None else task.given
-    tables = [table for table in (marks, flighttest.records.modes(record)) if len(table)]
+    tables = [table for table in (marks, flighttest.records.flight_modes(record)) if len(table)]
     table = pd.concat(tables, ignore_index=True) if tables else marks
     found = {}
     for place, flown in users.items():
         spans = spans_of(place, flown, {task.name: table}, look.problems)
-        look.problems += overlaps(place, spans, task.cases)
+        look.problems += find_case_overlaps(place, spans, task.cases)
         found[place] = spans[task.name]
     return found
 
@@ -317,7 +319,9 @@ class RecordLooks:
         kept = self._stages.recall("record", self._records[name], None)
         if kept is None:
             try:
-                made, remarks = recorded(record_of, self._project, name, self._custody, self._names)
+                made, remarks = capture_warnings(
+                    record_of, self._project, name, self._custody, self._names
+                )
             except (AeromatchError, OSError) as error:
                 return _Found(
                     RecordLook(name, [f"record {name}: {text}" for text in texts_of(error)])

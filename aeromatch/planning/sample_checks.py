@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from aeromatch.planning.steps import collect
+from aeromatch.planning.steps import run_collecting_problems
 from aeromatch.project.project import FitSection
-from aeromatch.workflow.submodels import select_spans, thinned
+from aeromatch.workflow.submodels import select_spans, thin_samples
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.model import RegressionModel, powers, variable_of
+from flighttest.regression.equation_error.model import RegressionModel, term_powers, variable_of
 from flighttest.regression.equation_error.time_domain import LEAST_MOVEMENT, SAMPLES_PER_TERM
 from flighttest.submodels.control_loading.loading import loading_of
-from flighttest.submodels.control_loading.motion import channels
+from flighttest.submodels.control_loading.motion import loading_channels
 from flighttest.submodels.engine.records import engine_channels
 from flighttest.submodels.engine.schedule import remove_lever_noise
 from flighttest.submodels.landing_gear.reconstructed_loads import TOUCHING, wheels_of
@@ -100,17 +100,17 @@ def _resting(model: RegressionModel, states: xr.Dataset, chosen: np.ndarray) -> 
     """Return the terms of single recorded variables that do not move, next to a constant, by the
     rule of `flighttest.regress`.
     """
-    if not least_squares.constants(model.terms).any():
+    if not least_squares.intercept_mask(model.terms).any():
         return []
     found = []
     for term in model.terms:
-        factors = powers(term) if term != "1" else {}
+        factors = term_powers(term) if term != "1" else {}
         name = variable_of(next(iter(factors))) if list(factors.values()) == [1] else ""
         if name not in states:
             continue
         alone = RegressionModel(model.coefficient, [term])
         column = alone.design({name: states.variables[name].values[chosen]})[:, 0]
-        least = _CERTAIN * LEAST_MOVEMENT.get(lookup(name).units, 0.0)
+        least = _CERTAIN * LEAST_MOVEMENT.get(lookup_quantity(name).units, 0.0)
         if np.ptp(column) == 0.0 or np.std(column) < least:
             found.append(term)
     return found
@@ -152,7 +152,9 @@ def submodel_problems(
 def _engine_problems(where: str, place: str, asked: Any, parts: Sequence[xr.Dataset]) -> list[str]:
     found: list[str] = []
     for part in parts:
-        record = collect(found, where, engine_channels, part, asked.engines, asked.pla)
+        record = run_collecting_problems(
+            found, where, engine_channels, part, asked.engines, asked.pla
+        )
         if record is None:
             continue
         if place != "engine.starts" and "throttle" not in record:
@@ -162,7 +164,7 @@ def _engine_problems(where: str, place: str, asked: Any, parts: Sequence[xr.Data
             )
         elif place == "engine.flown":
             try:
-                remove_lever_noise(thinned(record, asked.rate))
+                remove_lever_noise(thin_samples(record, asked.rate))
             except AeromatchError as error:
                 found.append(f"{where}: {error}")
     return list(dict.fromkeys(found))
@@ -172,7 +174,9 @@ def _control_problems(
     where: str, item: str, asked: Any, aircraft: Aircraft, states: xr.Dataset
 ) -> list[str]:
     try:
-        needed = channels(loading_of(aircraft, item, asked.model, asked.constants, asked.arm))
+        needed = loading_channels(
+            loading_of(aircraft, item, asked.model, asked.constants, asked.arm)
+        )
     except AeromatchError:
         return []  # reported once, without a record
     have = {*map(str, states.data_vars)} | ({"wow"} if "wow_nose" in states else set())

@@ -21,7 +21,7 @@ def texts_of(error: Exception) -> list[str]:
     return [str(error)]
 
 
-def collect(
+def run_collecting_problems(
     problems: list[str], place: str, act: Callable[..., Result], *items: Any
 ) -> Result | None:
     """Return ``act(*items)``; None if it raises an error of the package or of the disk, whose texts

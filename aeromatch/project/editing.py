@@ -15,7 +15,7 @@ import click
 from flightmech.support.console import InputFile, NewFile, json_option, print_json
 
 
-def aircraft_schema() -> dict[str, Any]:
+def schema_with_instruments() -> dict[str, Any]:
     """Return the JSON schema of aircraft files, with that of their instruments."""
     from flightmech.aircraft.aircraft import aircraft_schema as without_instruments
     from flightmech.support.toml_models import part_schema
@@ -53,7 +53,7 @@ def _case() -> dict[str, Any]:
 
 SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
     "project": _project,
-    "aircraft": aircraft_schema,
+    "aircraft": schema_with_instruments,
     "names": _names,
     "case": _case,
     "engine": _engine,
@@ -230,9 +230,9 @@ def _content(path: Path) -> Any:
     """Return the content of a file with its comments."""
     import tomlkit
 
-    from flightmech.support.input_files import load
+    from flightmech.support.input_files import read_toml
 
-    load(path)  # limits and errors of a user's text
+    read_toml(path)  # limits and errors of a user's text
     return tomlkit.parse(path.read_text(encoding="utf-8-sig"))
 
 

@@ -22,16 +22,16 @@ from aeromatch.project.sections import (
     GearSection,
     GroundEffectSection,
     RecordSelection,
-    selections,
+    section_selections,
 )
 from datcom_io.reading.reader import ListingCase, place_of
 from flightmech import terms
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-from flightmech.names import lookup
-from flightmech.support.input_files import load
-from flightmech.support.toml_models import Strict, file_schema, si, validate
+from flightmech.names import lookup_quantity
+from flightmech.support.input_files import read_toml
+from flightmech.support.toml_models import Strict, file_schema, make_si_type, validate_content
 from flightmech.support.toml_quantities import UNFILLED
-from flightmech.units import quantity
+from flightmech.units import parse_quantity
 from flighttest.reconstruction.dynamics.force_coefficients import ERRORS
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.engine.tables import read_structure
@@ -68,7 +68,7 @@ class NewTerm(Strict):
     def leaf(self) -> xr.Dataset:
         """Return the term, zero at every node."""
         axes = {
-            name: [quantity(point, lookup(name).units) for point in points]
+            name: [parse_quantity(point, lookup_quantity(name).units) for point in points]
             for name, points in self.axes.items()
         }
         value = np.zeros(tuple(len(points) for points in axes.values()))
@@ -164,7 +164,7 @@ class Listings(Strict):
         examples=["datcom/aileron_hinge.out"],
         description="Hinge moments of the ailerons.",
     )
-    altitude: si("m") | None = Field(  # type: ignore[valid-type]
+    altitude: make_si_type("m") | None = Field(  # type: ignore[valid-type]
         default=None, examples=["5000 ft"], description="Reference altitude of the a-priori tables."
     )
     powered: bool = Field(
@@ -205,7 +205,7 @@ class _ProjectFile(Strict):
         description="Digital DATCOM listings by role: FILE, FILE:CASE, or several."
     )
     cases: tuple[str, ...] = Field(description="Patterns of Proof-of-Match cases.")
-    cutoff: si("Hz") | None = Field(  # type: ignore[valid-type]
+    cutoff: make_si_type("Hz") | None = Field(  # type: ignore[valid-type]
         default=None, description="Low-pass before coefficients are formed; none without it."
     )
     tabulation: Literal["tabulate", "direct", "join"] = Field(
@@ -375,7 +375,7 @@ class Project:
     @property
     def submodels(self) -> dict[str, tuple[RecordSelection, ...]]:
         """Records and manoeuvres that identify the submodels, by the place in the project file."""
-        return selections(self.engine, self.controls, self.gear, self.ground_effect)
+        return section_selections(self.engine, self.controls, self.gear, self.ground_effect)
 
 
 def read_project(path: str | Path) -> Project:
@@ -395,7 +395,7 @@ def read_project(path: str | Path) -> Project:
         and quantities, and faulty models.
     """
     path = Path(path)
-    content = validate(_ProjectFile, load(path), str(path))
+    content = validate_content(_ProjectFile, read_toml(path), str(path))
     folder = path.resolve().parent
     problems: list[str] = []
 
@@ -549,7 +549,7 @@ def _submodel_problems(content: _ProjectFile, flights: Mapping[str, Path]) -> li
         for text in section.problems()
     ]
     found += [text for item, one in content.controls.given.items() for text in one.problems(item)]
-    for place, flown in selections(
+    for place, flown in section_selections(
         content.engine, content.controls.given, content.gear, content.ground_effect
     ).items():
         records = dict.fromkeys(record for one in flown for record in one.records)

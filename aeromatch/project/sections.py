@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-from flightmech.support.toml_models import Strict, si
+from flightmech.support.toml_models import Strict, make_si_type
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.control_loading.loading import COEFFICIENT, FORCES
 from flighttest.submodels.landing_gear.reconstructed_loads import ERRORS
@@ -33,7 +33,7 @@ class RecordSelection(Strict):
         examples=[["doublet elevator"]],
         description="Manoeuvres of the records, by kind, or by kind and control.",
     )
-    window: tuple[tuple[si("s"), si("s")], ...] = Field(  # type: ignore[valid-type]
+    window: tuple[tuple[make_si_type("s"), make_si_type("s")], ...] = Field(  # type: ignore[valid-type]
         default=(),
         examples=[[[12.0, 27.5]]],
         description="[start, end] in seconds of the record, or several.",
@@ -140,7 +140,7 @@ class EngineSection(Strict):
     engines: tuple[Annotated[int, Field(ge=1)], ...] = Field(
         default=(1,), examples=[[1, 2]], description="Engines of the records, averaged."
     )
-    pla: tuple[si("rad"), si("rad")] | None = Field(  # type: ignore[valid-type]
+    pla: tuple[make_si_type("rad"), make_si_type("rad")] | None = Field(  # type: ignore[valid-type]
         default=None,
         description="Lever angles of idle and full power, where records have angles.",
         examples=[["10 deg", "50 deg"]],
@@ -201,7 +201,7 @@ class ControlSection(Strict):
         description="Terms of the force; the rest is held at zero. Without it the usual ones of "
         "the control.",
     )
-    arm: si("m") = Field(  # type: ignore[valid-type]
+    arm: make_si_type("m") = Field(  # type: ignore[valid-type]
         default=0.0,
         examples=["3.4 m"],
         description="Ailerons from the plane of symmetry; the wheel needs it.",
@@ -233,7 +233,7 @@ class Controls(Strict):
         return {item: one for item, one in self if one is not None}
 
 
-def selections(
+def section_selections(
     engine: EngineSection | None,
     controls: Mapping[str, ControlSection],
     gear: GearSection | None,

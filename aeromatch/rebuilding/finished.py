@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from flightmech.support.atomic_write import written_atomically
-from flightmech.support.kept_stages.program import arithmetic, installation
+from flightmech.support.kept_stages.program import hash_arithmetic, hash_installation
 
 
 class Watched:
@@ -57,7 +57,7 @@ class Watched:
         self._states[str(file)] = _state(
             str(file)
         )  # first: what changes while it is hashed is noticed
-        self.files[str(file)] = sha256(file)
+        self.files[str(file)] = file_sha256(file)
         if file.suffix.lower() != ".toml":
             return
         try:
@@ -115,7 +115,8 @@ class Finished:
             ):
                 return None
             intact = all(
-                sha256(self._output / name) == digest for name, digest in record["outputs"].items()
+                file_sha256(self._output / name) == digest
+                for name, digest in record["outputs"].items()
             )
         except (OSError, ValueError, KeyError, TypeError):
             return None
@@ -145,7 +146,8 @@ class Finished:
             "settings": _with_program(settings),
             "inputs": watched.as_dict(),
             "outputs": {
-                file.relative_to(self._output).as_posix(): sha256(file) for file in sorted(outputs)
+                file.relative_to(self._output).as_posix(): file_sha256(file)
+                for file in sorted(outputs)
             },
             "shown": dict(shown),
         }
@@ -161,7 +163,7 @@ class Finished:
             self._file.unlink(missing_ok=True)
 
 
-def sha256(file: Path) -> str:
+def file_sha256(file: Path) -> str:
     """Return the SHA-256 of a file as hexadecimal digits."""
     with file.open("rb") as content:
         return hashlib.file_digest(content, "sha256").hexdigest()
@@ -169,7 +171,7 @@ def sha256(file: Path) -> str:
 
 def _with_program(settings: Mapping[str, Any]) -> dict[str, Any]:
     return json.loads(
-        json.dumps({**settings, "program": installation(), "arithmetic": arithmetic()})
+        json.dumps({**settings, "program": hash_installation(), "arithmetic": hash_arithmetic()})
     )
 
 

@@ -104,7 +104,7 @@ def model_files(
     )
 
 
-def written(files: Mapping[str, bytes], folder: Path) -> None:
+def write_files(files: Mapping[str, bytes], folder: Path) -> None:
     """Write files into a folder."""
     for name, content in files.items():
         (folder / name).write_bytes(content)
@@ -152,7 +152,7 @@ def of_cases(
     return found
 
 
-def replays(
+def replay_cases(
     stages: Stages,
     inputs: Mapping[str, Mapping[str, Any]],
     cases: Sequence[Any],
@@ -184,7 +184,7 @@ def replays(
     return [kept.value for kept in stages.batch("replay", inputs, compute).values()]
 
 
-def sampled(
+def add_model_samples(
     stages: Stages,
     inputs: Mapping[str, Mapping[str, Any]],
     results: Sequence[PomResult],

@@ -116,7 +116,7 @@ def make_folders(words: Sequence[str], places: PlaceholderFolders) -> None:
             Path(places.real([word])[0]).parent.mkdir(parents=True, exist_ok=True)
 
 
-def digests(words: Sequence[str], places: PlaceholderFolders) -> dict[str, str]:
+def hash_named_files(words: Sequence[str], places: PlaceholderFolders) -> dict[str, str]:
     """Return the SHA-256 of every file and folder that a command names, by its place; empty for
     what is not there.
     """
@@ -175,17 +175,19 @@ def changed_files(before: dict[str, str], after: dict[str, str]) -> dict[str, tu
     }
 
 
-def append(
+def append_action(
     log: Path, words: Sequence[str], code: int, files: dict[str, tuple[str, str]]
 ) -> LoggedAction:
     """Append an action to the log and return its entry."""
-    entry = LoggedAction(len(read_log(log)) + 1 if log.exists() else 1, tuple(words), code, files)
+    entry = LoggedAction(
+        len(read_action_log(log)) + 1 if log.exists() else 1, tuple(words), code, files
+    )
     with log.open("a", encoding="utf-8", newline="\n") as target:
         target.write(entry.line() + "\n")
     return entry
 
 
-def read_log(path: str | Path) -> list[LoggedAction]:
+def read_action_log(path: str | Path) -> list[LoggedAction]:
     """Return the actions of a log.
 
     Raises
@@ -281,7 +283,7 @@ def carry_out(
                 f"action {entry.number} ends with code {done.returncode}, in the log with "
                 f"{entry.code}: {last}"
             )
-        for name, found in digests(entry.words, places).items():
+        for name, found in hash_named_files(entry.words, places).items():
             if name in entry.files and found != entry.files[name][1]:
                 if name.startswith(PROJECT):
                     raise ActionError(
@@ -302,7 +304,7 @@ def last_match(entries: Sequence[LoggedAction]) -> LoggedAction | None:
     return None
 
 
-def text_of(file: Path) -> str:
+def read_command_output(file: Path) -> str:
     """Return what a command printed; empty when it has not begun."""
     try:
         return file.read_text(encoding="utf-8", errors="replace")

@@ -134,7 +134,7 @@ def _formed(opened: OpenProject, record: str, cutoff: float | None) -> Path:
         _target(opened, record, cutoff),
     )
     if not target.exists():
-        form(file, aircraft, errors, cutoff, target)
+        write_coefficients(file, aircraft, errors, cutoff, target)
         _trim(target)
     return target
 
@@ -153,7 +153,7 @@ def _target(opened: OpenProject, record: str, cutoff: float | None) -> Path:
     return opened.work / FOLDER / f"{record}_{key}.nc"
 
 
-def form(
+def write_coefficients(
     file: Path, aircraft: Path, errors: Mapping[str, float], cutoff: float | None, target: Path
 ) -> None:
     """Write the coefficients along a reconstructed record.
@@ -207,7 +207,7 @@ def _main(about: str) -> int:
     try:
         for number, (file, aircraft, errors, cutoff, target) in enumerate(items, start=1):
             print(f"{Path(file).stem}, {number} of {len(items)}", file=sys.stderr, flush=True)
-            form(Path(file), Path(aircraft), errors, cutoff, Path(target))
+            write_coefficients(Path(file), Path(aircraft), errors, cutoff, Path(target))
     except (AeromatchError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

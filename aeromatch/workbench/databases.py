@@ -14,15 +14,21 @@ import pandas as pd
 import xarray as xr
 
 import aerodb
-from aerodb.figures.lr743_set.flown import FLOWN, FlightData, configuration, is_clean, read_flown
+from aerodb.figures.lr743_set.flown import (
+    FLOWN,
+    FlightData,
+    configuration_text,
+    is_clean,
+    read_flown,
+)
 from aerodb.store.files import open as open_database
 from aerodb.store.grids import regrid_leaf, union_axes
-from aerodb.store.overview import describe, heading_lines
+from aerodb.store.overview import describe_database, heading_lines
 from aeromatch.workbench.opened import MATCH, OpenProject
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
-from flightmech.names import lookup
-from flightmech.support.figures import to_display_unit
+from flightmech.names import lookup_quantity
+from flightmech.support.figures import to_display_quantity
 
 DATABASES, TUNED = "databases", "tuned"
 """Folders of the working folder: databases edited by hand, tuned models."""
@@ -32,7 +38,7 @@ _RATE_OF_ALPHA = "alphadothat"
 _MOST_NODES = 200_000  # of a table over the breakpoints of all databases shown
 
 
-def files(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def list_databases(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the databases of the working folder, and the aircraft files with which they fly."""
     found = _files(opened)
     return {
@@ -77,12 +83,12 @@ def _opened(opened: OpenProject, place: str) -> xr.DataTree:
     return opened.kept(("database",), [known[place]], lambda: open_database(known[place]))
 
 
-def database(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def show_database(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return terms and history of a database (``file``)."""
     db = _opened(opened, query.get("file", ""))
     rows = [
         {**row, "axes": [_axis(axis["name"], axis["points"]) for axis in row["axes"]]}
-        for row in describe(db)
+        for row in describe_database(db)
     ]
     title, *about = heading_lines(db.attrs)
     edits = aerodb.store.history(db)
@@ -103,16 +109,16 @@ def database(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[s
 
 
 def _axis(name: str, points: Any) -> dict[str, Any]:
-    shown, unit = to_display_unit(name, np.asarray(points, float))
+    shown, unit = to_display_quantity(name, np.asarray(points, float))
     return {
         "name": name,
         "unit": "" if unit == "1" else unit,
         "points": shown,
-        "meaning": lookup(name).long_name,
+        "meaning": lookup_quantity(name).long_name,
     }
 
 
-def term(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def show_term(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return one term (``term``) of several databases (``files`` with commas): the nodes of the
     first that has it, and all on common axes.
 
@@ -148,8 +154,8 @@ def term(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, 
     return {
         "term": name,
         "file": first,
-        "regressors": list(_terms.regressors(leaves[first])),
-        "power": str(_terms.power(leaves[first]) or ""),
+        "regressors": list(_terms.list_regressors(leaves[first])),
+        "power": str(_terms.power_factor(leaves[first]) or ""),
         "factors": [
             f"{key} over {' '.join(map(str, leaves[first][key].dims))}"
             for key in ("K1", "K2")
@@ -161,7 +167,7 @@ def term(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, 
             {
                 "file": place,
                 **_table(regrid_leaf(leaf, points)),
-                "multipliers": " ".join(_terms.multipliers(leaf)),
+                "multipliers": " ".join(_terms.list_multipliers(leaf)),
             }
             for place, leaf in leaves.items()
         ],
@@ -196,8 +202,8 @@ def _estimates(
     if not file.exists():
         return {"rows": [], "of": "", "kind": ""}
     flown: FlightData = opened.kept(("flown",), [file], lambda: read_flown(file))
-    own, coefficient = _terms.regressors(leaf), name.split("/")[0]
-    if len(own) != 1 or _terms.power(leaf) is not None:
+    own, coefficient = _terms.list_regressors(leaf), name.split("/")[0]
+    if len(own) != 1 or _terms.power_factor(leaf) is not None:
         database = _files(opened)[place]
         make = lambda: aerodb.figures.partial_residuals(_opened(opened, place), flown, name)  # noqa: E731
         table = opened.kept(("partial", name), [database, file], make)
@@ -232,9 +238,9 @@ def _rows(table: pd.DataFrame, axes: list[str], names: Iterable[Any]) -> list[di
             "value": float(row["estimate"]),
             "stderr": float(row["stderr"]),
             "clean": bool(of_clean),
-            "configuration": configuration(row),
+            "configuration": configuration_text(row),
             "at": {
-                axis: float(to_display_unit(axis, np.array([row[axis]]))[0][0])
+                axis: float(to_display_quantity(axis, np.array([row[axis]]))[0][0])
                 for axis in axes
                 if axis in table
             },
@@ -243,7 +249,7 @@ def _rows(table: pd.DataFrame, axes: list[str], names: Iterable[Any]) -> list[di
     ]
 
 
-def comparison(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def compare_databases(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the differences b - a of two databases (``a``, ``b``): a row per term and per
     coefficient.
     """
@@ -268,9 +274,9 @@ def comparison(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict
 
 
 ROUTES = {
-    ("GET", "/api/databases"): files,
-    ("GET", "/api/database"): database,
-    ("GET", "/api/term"): term,
-    ("GET", "/api/comparison"): comparison,
+    ("GET", "/api/databases"): list_databases,
+    ("GET", "/api/database"): show_database,
+    ("GET", "/api/term"): show_term,
+    ("GET", "/api/comparison"): compare_databases,
 }
 """What the page of the databases requests; as `records.ROUTES`."""

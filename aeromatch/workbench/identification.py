@@ -17,17 +17,17 @@ from pydantic import Field, model_validator
 import aerodb
 import flighttest
 from aeromatch.workbench.coefficients import form_missing, window_of
-from aeromatch.workbench.opened import FITS, MATCH, Levels, OpenProject, traces
+from aeromatch.workbench.opened import FITS, MATCH, Levels, OpenProject, decimate_channels
 from aeromatch.workbench.records import manoeuvres_of
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-from flightmech.support.toml_models import Strict, validate
+from flightmech.support.toml_models import Strict, validate_content
 from flighttest.regression.combining.pooling import prior_of
 from flighttest.regression.equation_error.frequency_domain import (
+    select_stretches,
     stack_complex,
-    stretches,
-    transform,
+    transform_columns,
 )
-from flighttest.regression.equation_error.least_squares import roots
+from flighttest.regression.equation_error.least_squares import weight_roots
 from flighttest.regression.equation_error.model import MEASURED
 from flighttest.regression.equation_error.samples import RegressionSamples
 from flighttest.remarks import remarks_to_json
@@ -75,7 +75,7 @@ class FitRequest(Strict):
         return self
 
 
-def identification(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def list_fit_choices(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return what can be chosen: reconstructed records, fits of the project, databases of the
     prior, fits that were saved.
     """
@@ -101,17 +101,19 @@ def identification(opened: OpenProject, query: Mapping[str, str], body: Any) -> 
     }
 
 
-def windows(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def list_record_manoeuvres(
+    opened: OpenProject, query: Mapping[str, str], body: Any
+) -> dict[str, Any]:
     """Return the manoeuvres of the record ``name``, and where they come from."""
     source, rows = _marks(opened, query.get("name", ""))
     return {"name": query.get("name", ""), "source": source, "rows": rows}
 
 
-def fit(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def show_fit(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return estimates, tests, remarks, prior, correlation and the spectrum of the residual of the
     fit that the body describes.
     """
-    wanted = validate(FitRequest, body if isinstance(body, dict) else {}, "fit")
+    wanted = validate_content(FitRequest, body if isinstance(body, dict) else {}, "fit")
     begun = time.perf_counter()
     _parts(opened, wanted)
     prepared = time.perf_counter()
@@ -135,18 +137,18 @@ def fit(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, A
         "model": str(found.model),
         "coefficient": found.model.coefficient,
         "attributes": dict(e.attrs),
-        "tests": flighttest.regression.equation_error.fit.tests(e.attrs),
+        "tests": flighttest.regression.equation_error.fit.slope_test_lines(e.attrs),
         "terms": rows,
         "correlation": e["correlation"].values,
         "remarks": remarks_to_json(found.remarks),
         "without_prior": without_prior,
-        "spectrum": spectrum(found),
-        "command": command(opened, wanted),
+        "spectrum": power_spectral_densities(found),
+        "command": fit_command_words(opened, wanted),
         "seconds": {"coefficients": prepared - begun, "fit": done - prepared},
     }
 
 
-def samples(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def show_fit_samples(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return measured and fitted coefficient and residual along the windows, one after another, for
     a screen.
 
@@ -154,7 +156,7 @@ def samples(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[st
     ``points``.
     """
     body = body if isinstance(body, dict) else {}
-    wanted = validate(
+    wanted = validate_content(
         FitRequest, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit"
     )
     found = _fit(opened, wanted)
@@ -163,7 +165,7 @@ def samples(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[st
         _number(body, key, default)
         for key, default in (("start", -np.inf), ("stop", np.inf), ("points", 2000.0))
     )
-    at, values = traces(
+    at, values = decimate_channels(
         along,
         {name: Levels(line) for name, line in lines.items()},
         start,
@@ -177,7 +179,9 @@ def samples(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[st
     return {"time": at, **values, "windows": spans, "whole": [float(along[0]), float(along[-1])]}
 
 
-def partial(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def show_partial_regression(
+    opened: OpenProject, query: Mapping[str, str], body: Any
+) -> dict[str, Any]:
     """Return the partial regression of the ``term`` in the body: coefficient and regressor, both
     less what the other terms explain.
 
@@ -188,11 +192,11 @@ def partial(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[st
     .. [Belsley1980] Belsley, Kuh, Welsch, Regression Diagnostics, Wiley 1980, section 2.1.
     """
     body = body if isinstance(body, dict) else {}
-    wanted = validate(
+    wanted = validate_content(
         FitRequest, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit"
     )
     found = _fit(opened, wanted)
-    x, y = partial_residuals(found, str(body.get("term", "")), wanted.band)
+    x, y = added_variable_residuals(found, str(body.get("term", "")), wanted.band)
     step = -(-len(x) // _SCATTER)
     slope = float(x @ y / (x @ x))
     return {
@@ -204,7 +208,7 @@ def partial(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[st
     }
 
 
-def partial_residuals(
+def added_variable_residuals(
     found: flighttest.Fit, term: str, band: tuple[float, float] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the residuals of a regressor and of the coefficient on all other regressors, with the
@@ -235,7 +239,7 @@ def partial_residuals(
         slopes = [j for j, name in enumerate(terms) if name != "1" and not name.startswith("1[")]
         terms, (X, z) = [terms[j] for j in slopes], in_frequency(found, band, X[:, slopes], z)
     else:
-        root = roots(found.estimates.attrs["weights"], X, z, found.data)
+        root = weight_roots(found.estimates.attrs["weights"], X, z, found.data)
         X, z = X * root[:, None], z * root
     if term not in terms:
         raise UnknownName(term, terms, "term")
@@ -255,13 +259,15 @@ def in_frequency(
         float(np.median(np.diff(moment[window == k])))
         for k in range(found.estimates.attrs["manoeuvres"])
     ]
-    parts = stretches(RegressionSamples(found.data, steps), band)
-    return stack_complex(transform(X, parts)), stack_complex(transform(z[:, None], parts))[:, 0]
+    parts = select_stretches(RegressionSamples(found.data, steps), band)
+    return stack_complex(transform_columns(X, parts)), stack_complex(
+        transform_columns(z[:, None], parts)
+    )[:, 0]
 
 
-def without(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def leave_one_out(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the estimates with each window, and then each term but the constant, left out in turn."""
-    wanted = validate(FitRequest, body if isinstance(body, dict) else {}, "fit")
+    wanted = validate_content(FitRequest, body if isinstance(body, dict) else {}, "fit")
     model = flighttest.RegressionModel.parse(wanted.model)
     ordered = _ordered(wanted)
     rows = []
@@ -289,7 +295,7 @@ def without(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[st
     return {"rows": rows}
 
 
-def entry(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def show_fit_entries(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the fit in the body (``fit``, ``name``) as entries ``[[fit]]`` of the project file, in
     TOML.
 
@@ -297,16 +303,16 @@ def entry(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str,
     share an entry.
     """
     body = body if isinstance(body, dict) else {}
-    wanted = validate(
+    wanted = validate_content(
         FitRequest, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit"
     )
     name = str(body.get("name", "")).strip()
     if not name:
         raise SchemaError("fit", ["name: empty; give the fit a name"])
-    return {"entries": entries(opened, wanted, name)}
+    return {"entries": make_fit_entries(opened, wanted, name)}
 
 
-def entries(opened: OpenProject, wanted: FitRequest, name: str) -> list[str]:
+def make_fit_entries(opened: OpenProject, wanted: FitRequest, name: str) -> list[str]:
     """Return the entries of `entry`; windows that are not all manoeuvres of some kinds are written
     in seconds.
     """
@@ -340,7 +346,7 @@ def entries(opened: OpenProject, wanted: FitRequest, name: str) -> list[str]:
     return found
 
 
-def command(opened: OpenProject, wanted: FitRequest) -> list[str]:
+def fit_command_words(opened: OpenProject, wanted: FitRequest) -> list[str]:
     """Return the words of ``flight identify`` that make the same fit; ``-o`` and the file are still
     to be added.
     """
@@ -374,7 +380,7 @@ def command(opened: OpenProject, wanted: FitRequest) -> list[str]:
     return words
 
 
-def spectrum(found: flighttest.Fit) -> dict[str, Any]:
+def power_spectral_densities(found: flighttest.Fit) -> dict[str, Any]:
     """Return the power spectral densities of coefficient and residual, each stretch about its mean,
     by the method of Welch.
 
@@ -580,12 +586,12 @@ def _number(body: Mapping[str, Any], key: str, default: float) -> float:
 
 
 ROUTES = {
-    ("GET", "/api/identification"): identification,
-    ("GET", "/api/windows"): windows,
-    ("POST", "/api/fit"): fit,
-    ("POST", "/api/fit/samples"): samples,
-    ("POST", "/api/fit/partial"): partial,
-    ("POST", "/api/fit/without"): without,
-    ("POST", "/api/fit/entry"): entry,
+    ("GET", "/api/identification"): list_fit_choices,
+    ("GET", "/api/windows"): list_record_manoeuvres,
+    ("POST", "/api/fit"): show_fit,
+    ("POST", "/api/fit/samples"): show_fit_samples,
+    ("POST", "/api/fit/partial"): show_partial_regression,
+    ("POST", "/api/fit/without"): leave_one_out,
+    ("POST", "/api/fit/entry"): show_fit_entries,
 }
 """What the page of the identification requests; as `records.ROUTES`."""

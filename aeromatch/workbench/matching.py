@@ -17,7 +17,7 @@ from aeromatch.workbench.opened import MATCH, OpenProject
 from flightmech.errors import UnknownName
 from pom.cases.case_file import signature_rows
 from pom.cases.resolve import LIMIT_UNITS
-from pom.report.case.page import keys
+from pom.report.case.page import case_keys
 from pom.report.models.diagnosis import cause_sentences
 from pom.result import results_name, status_text
 
@@ -59,7 +59,7 @@ def _trials(opened: OpenProject) -> list[str]:
     return sorted(file.parent.name for file in (opened.work / RUNS).glob("*/results.json"))
 
 
-def match(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def show_match(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the verdicts of a report (``report``: ``match`` or ``runs/NAME``), the trials, and the
     models that can be flown.
     """
@@ -87,7 +87,7 @@ def match(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str,
     files = {name: opened.places.named(case.path) for name, case in _cases(opened).items()}
     found["runs"] = list(dict.fromkeys(run for result in archive.results for run in result.runs))
     found["place"] = _report(opened, report).relative_to(opened.work).as_posix() + "/report.html"
-    for key, result in zip(keys(archive.results), archive.results, strict=True):
+    for key, result in zip(case_keys(archive.results), archive.results, strict=True):
         worst = {run: result.worst(run) for run in result.runs}
         found["cases"].append(
             {
@@ -111,7 +111,7 @@ def match(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str,
     return found
 
 
-def case(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def show_case(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the criteria of one case (``report``, ``name``) for every model, and what explains its
     miss.
     """
@@ -153,7 +153,7 @@ def case(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, 
     }
 
 
-def moves(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def list_scalable_terms(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the terms that can be scaled within what flight found: the largest value of a node in
     its standard errors.
 
@@ -211,5 +211,9 @@ def _tuned(opened: OpenProject) -> dict[str, Any] | None:
     return json.loads(file.read_text(encoding="utf-8")) if file.exists() else None
 
 
-ROUTES = {("GET", "/api/match"): match, ("GET", "/api/case"): case, ("GET", "/api/moves"): moves}
+ROUTES = {
+    ("GET", "/api/match"): show_match,
+    ("GET", "/api/case"): show_case,
+    ("GET", "/api/moves"): list_scalable_terms,
+}
 """What the page of the match requests; as `records.ROUTES`."""

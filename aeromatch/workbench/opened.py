@@ -18,7 +18,7 @@ from aeromatch.workbench.actions import PlaceholderFolders
 from aeromatch.workbench.processes import WorkbenchJob
 from flightmech.aircraft.aircraft import Aircraft, read_aircraft
 from flightmech.errors import UnknownName
-from flightmech.support.figures import to_display_unit
+from flightmech.support.figures import to_display_quantity
 from flighttest.reconstruction.dynamics.saved_paths import open_path
 
 FACTOR = 8
@@ -54,7 +54,7 @@ def _blocks(values: np.ndarray, join: np.ufunc) -> np.ndarray:
     return join.reduceat(values, np.arange(0, len(values), FACTOR))
 
 
-def level_of(samples: int, points: int) -> int:
+def coarsest_level(samples: int, points: int) -> int:
     """Return the coarsest level that still has at least `points` blocks for so many samples.
 
     Examples
@@ -68,7 +68,7 @@ def level_of(samples: int, points: int) -> int:
     return number
 
 
-def traces(
+def decimate_channels(
     time: np.ndarray, channels: Mapping[str, Levels], start: float, stop: float, points: int
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return channels of one clock inside a span of time, so that a line through the points looks
@@ -92,7 +92,7 @@ def traces(
     """
     first = max(int(np.searchsorted(time, start)) - 1, 0)
     last = min(int(np.searchsorted(time, stop, side="right")) + 1, len(time))
-    number = level_of(max(last - first, 0), points)
+    number = coarsest_level(max(last - first, 0), points)
     if number == 0:
         return time[first:last], {
             name: channel.values[first:last] for name, channel in channels.items()
@@ -280,7 +280,7 @@ class DisplayedChannels(Mapping[str, Levels]):
     def __getitem__(self, name: str) -> Levels:
         if name not in self._made:
             self._made[name] = Levels(
-                to_display_unit(name, self._items[name].values.astype(float))[0]
+                to_display_quantity(name, self._items[name].values.astype(float))[0]
             )
         return self._made[name]
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from aeromatch.workbench.actions import text_of
+from aeromatch.workbench.actions import read_command_output
 
 _ENDED = ("done", "failed", "cancelled")
 
@@ -54,7 +54,7 @@ class WorkbenchJob:
         """Return the job as plain data; ``progress`` is the last line that it printed, ``error``
         why it failed.
         """
-        lines = [line for line in text_of(self.err).splitlines() if line.strip()]
+        lines = [line for line in read_command_output(self.err).splitlines() if line.strip()]
         first = next(
             (i for i, line in enumerate(lines) if line.startswith(("error:", "Error:"))),
             len(lines) - 1,

@@ -12,13 +12,13 @@ import xarray as xr
 
 import aerodb
 import flighttest
-from aerodb.figures.lr743_set.flown import configuration, height_text
-from aeromatch.workbench.opened import MATCH, OpenProject, pack_traces, traces
+from aerodb.figures.lr743_set.flown import configuration_text, height_text
+from aeromatch.workbench.opened import MATCH, OpenProject, decimate_channels, pack_traces
 from flightmech.air import atmosphere, impact_pressure_at, mach_number
 from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import lookup
-from flightmech.support.figures import to_display_unit
+from flightmech.names import lookup_quantity
+from flightmech.support.figures import to_display_quantity
 from flighttest.reconstruction.quality.assessment import assess
 from flighttest.records.record import faults
 
@@ -32,7 +32,7 @@ _SETTINGS = ("mass", "delta_f", "gear", "speedbrake")
 _RECORDED_BY = {"h": "h_baro", "alpha": "alpha_vane"}  # where a record has not been reconstructed
 
 
-def project(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def show_project(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return what the project holds."""
     found = opened.project
     return {
@@ -99,7 +99,7 @@ def not_marked(opened: OpenProject, name: str, marks: pd.DataFrame) -> pd.DataFr
     return found[[not covered(row) for row in found.itertuples()]]
 
 
-def record(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def show_record(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return channels, clocks, manoeuvres and faults of the record ``name``; ``find=1`` searches
     for more manoeuvres.
 
@@ -155,13 +155,13 @@ def _path_channels(opened: OpenProject, name: str) -> list[dict[str, Any]]:
 
 def _about(name: str) -> dict[str, str]:
     try:
-        known = lookup(name)
+        known = lookup_quantity(name)
     except UnknownName:
         return {"unit": "", "meaning": ""}
-    return {"unit": to_display_unit(name, np.zeros(1))[1], "meaning": known.long_name}
+    return {"unit": to_display_quantity(name, np.zeros(1))[1], "meaning": known.long_name}
 
 
-def channels(opened: OpenProject, query: Mapping[str, str], body: Any) -> bytes:
+def pack_channels(opened: OpenProject, query: Mapping[str, str], body: Any) -> bytes:
     """Return channels of a record inside a span of time, as `packed`.
 
     The query has ``name``, ``channels`` (``source/leaf/channel`` with commas), ``start``, ``stop``
@@ -188,7 +188,9 @@ def channels(opened: OpenProject, query: Mapping[str, str], body: Any) -> bytes:
         groups.append(
             (
                 {"source": source, "leaf": leaf},
-                *traces(known.time, {one: known[one] for one in names}, start, stop, points),
+                *decimate_channels(
+                    known.time, {one: known[one] for one in names}, start, stop, points
+                ),
             )
         )
     return pack_traces(groups)
@@ -204,7 +206,7 @@ def _number(query: Mapping[str, str], key: str) -> float:
     return found
 
 
-def check(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def list_check_findings(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the findings of ``flight check``; ``entries`` are the lines of the name map that a
     remedy is made of.
     """
@@ -219,11 +221,11 @@ def check(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str,
     )
     return {
         "verdict": found["verdict"],
-        "findings": [{**one, "entries": entries(one["remedy"])} for one in found["findings"]],
+        "findings": [{**one, "entries": parse_remedy(one["remedy"])} for one in found["findings"]],
     }
 
 
-def entries(remedy: str) -> list[dict[str, str]]:
+def parse_remedy(remedy: str) -> list[dict[str, str]]:
     """Return keys and values (TOML) of a remedy that is lines of the name map, for ``aeromatch
     set``; none where it is anything else.
     """
@@ -239,7 +241,7 @@ def entries(remedy: str) -> list[dict[str, str]]:
     )
 
 
-def coverage(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def list_test_points(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the test points of the records named (``names`` with commas): mean conditions of every
     manoeuvre ([LR743] fig. 9).
 
@@ -254,18 +256,18 @@ def coverage(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[s
             {
                 **about,
                 **shown,
-                "configuration": configuration(
+                "configuration": configuration_text(
                     pd.Series({**dict.fromkeys(_SETTINGS, 0.0), **found})
                 ),
             }
         )
     return {
         "points": rows,
-        "units": {name: to_display_unit(name, np.zeros(1))[1] for name in _CONDITIONS},
+        "units": {name: to_display_quantity(name, np.zeros(1))[1] for name in _CONDITIONS},
     }
 
 
-def one_g(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+def list_one_g_lines(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the 1 g lines of the test points of the records named (``names``), by the last
     database of the match.
 
@@ -297,7 +299,8 @@ def one_g(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str,
     for line in found.values():
         own = line.isel(mach=np.isfinite(line["alpha"].values))
         curves = {
-            name: to_display_unit(name, own[name].values)[0] for name in ("mach", "alpha", "V_cas")
+            name: to_display_quantity(name, own[name].values)[0]
+            for name in ("mach", "alpha", "V_cas")
         }
         words = {
             "h": height_text(line.attrs["h"]),
@@ -355,15 +358,15 @@ def _conditions(data: list[Any], start: float, end: float) -> dict[str, float]:
 
 
 def _shown(name: str, value: float) -> float:
-    return float(to_display_unit(name, np.array([value]))[0][0])
+    return float(to_display_quantity(name, np.array([value]))[0][0])
 
 
 ROUTES = {
-    ("GET", "/api/project"): project,
-    ("GET", "/api/record"): record,
-    ("GET", "/api/channels"): channels,
-    ("GET", "/api/check"): check,
-    ("GET", "/api/coverage"): coverage,
-    ("GET", "/api/one_g"): one_g,
+    ("GET", "/api/project"): show_project,
+    ("GET", "/api/record"): show_record,
+    ("GET", "/api/channels"): pack_channels,
+    ("GET", "/api/check"): list_check_findings,
+    ("GET", "/api/coverage"): list_test_points,
+    ("GET", "/api/one_g"): list_one_g_lines,
 }
 """What the page of the records requests: (method, path) -> call with project, query and JSON body; gives data, or bytes as they are."""

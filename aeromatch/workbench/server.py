@@ -297,8 +297,8 @@ class Workbench:
         job = self._job(int(number) if number.isdigit() else None)
         return {
             **self._about(job),
-            "out": actions.text_of(job.out),
-            "err": actions.text_of(job.err),
+            "out": actions.read_command_output(job.out),
+            "err": actions.read_command_output(job.err),
         }
 
     def _job(self, number: Any) -> WorkbenchJob:
@@ -307,7 +307,7 @@ class Workbench:
         return self.jobs.jobs[number]
 
     def _actions(self, opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-        entries = actions.read_log(opened.log) if opened.log.exists() else []
+        entries = actions.read_action_log(opened.log) if opened.log.exists() else []
         return {
             "log": opened.places.named(opened.log),
             "actions": [
@@ -322,13 +322,16 @@ class Workbench:
 
     def _begin(self, job: WorkbenchJob) -> None:
         actions.make_folders(job.words, self.opened.places)
-        self._before[job.number] = actions.digests(job.words, self.opened.places)
+        self._before[job.number] = actions.hash_named_files(job.words, self.opened.places)
 
     def _end(self, job: WorkbenchJob) -> None:
-        before, after = self._before.pop(job.number), actions.digests(job.words, self.opened.places)
+        before, after = (
+            self._before.pop(job.number),
+            actions.hash_named_files(job.words, self.opened.places),
+        )
         if files := actions.changed_files(before, after):
             with self._log_lock:
-                actions.append(self.opened.log, job.words, job.code or 0, files)
+                actions.append_action(self.opened.log, job.words, job.code or 0, files)
 
     def _report_address(self) -> str | None:
         reports = [

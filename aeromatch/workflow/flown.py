@@ -14,8 +14,8 @@ import xarray as xr
 from aerodb.store.overview import FREE_AIR
 from aeromatch.workflow.submodels import Spans, Submodels, select_spans
 from flightmech.names import VOCABULARY
-from flightmech.names import attrs as attributes
-from pom.report.submodels.sections import sections
+from flightmech.names import quantity_attributes as attributes
+from pom.report.submodels.sections import make_sections
 
 _RATE = 10.0  # samples per second that are kept: loops of lift over angle of attack stay round
 _STEADY = 0.5  # of a manoeuvre before its input, from which the steady condition is taken [s]
@@ -199,7 +199,7 @@ def _techniques(fits: Sequence[Any], submodels: Submodels) -> list[dict[str, str
         ),
         ("aerodynamic forces and moments", local, "type 2, equation error", ""),
     ]
-    found = sections(submodels.found, submodels.free_motion, submodels.driven_motion)
+    found = make_sections(submodels.found, submodels.free_motion, submodels.driven_motion)
     rows += [(section.name, *technique) for section in found for technique in section.techniques]
     return [dict(zip(("submodel", "part", "technique", "residual"), row)) for row in rows]
 

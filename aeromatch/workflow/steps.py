@@ -24,21 +24,21 @@ from aerodb.figures.lr743_set.flown import FLOWN
 from aeromatch.project.project import Project
 from aeromatch.rebuilding.products import (
     MatchOutcome,
+    add_model_samples,
     model_files,
     of_cases,
-    replays,
-    sampled,
-    written,
+    replay_cases,
+    write_files,
 )
 from aeromatch.workflow.flown import flown_tree
 from aeromatch.workflow.submodels import (
     Spans,
     Submodels,
+    find_case_overlaps,
     identified_controls,
     identified_engine,
     identified_gear,
     identified_ground_effect,
-    overlaps,
     raise_problems,
     spans_of,
     with_engine,
@@ -49,7 +49,7 @@ from flightmech.aircraft.parts import different_parts
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.support.atomic_write import folder_written_atomically, resolve_folder
 from flightmech.support.kept_stages.content_hashes import FileContent
-from flightmech.support.kept_stages.sharing import cluster
+from flightmech.support.kept_stages.sharing import open_cluster
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
 from flighttest.reconstruction.flight_programme import reconstructed_paths
 from flighttest.regression.combining.joined_fits import coloured_covariance, table_samples
@@ -198,7 +198,7 @@ def marks_of(
         if name not in project.flights
     ]
     listed = {
-        name: [given.get(name, table), flighttest.records.modes(records[name])]
+        name: [given.get(name, table), flighttest.records.flight_modes(records[name])]
         for name, table in own.items()
     }
     return {
@@ -207,7 +207,7 @@ def marks_of(
     }
 
 
-def windows_of(
+def select_windows(
     project: Project,
     records: Mapping[str, xr.DataTree],
     cases: Sequence[Any] = (),
@@ -234,7 +234,7 @@ def windows_of(
         *((f"fit {fit.name!r}", spans) for fit, spans in zip(project.fits, fits, strict=True)),
         *submodels.items(),
     ]
-    problems += [text for place, spans in named for text in overlaps(place, spans, cases)]
+    problems += [text for place, spans in named for text in find_case_overlaps(place, spans, cases)]
     raise_problems(project, problems)
     return IdentificationWindows(fits, submodels)
 
@@ -306,7 +306,7 @@ def rests_on(
     return found
 
 
-def identify(
+def fit_records(
     project: Project, data: Mapping[str, xr.Dataset], windows: IdentificationWindows, jobs: int = 1
 ) -> list[Any]:
     """Return one `flighttest.Fit` per record and model of every fit, and those published.
@@ -328,14 +328,16 @@ def identify(
     ]
     with ThreadPoolExecutor(_threads(jobs)) as pool:
         made = pool.map(
-            lambda one: fitted(data[one[1]], one[2], one[0].models, f"{one[1]}: {one[0].name}"),
+            lambda one: fit_local_models(
+                data[one[1]], one[2], one[0].models, f"{one[1]}: {one[0].name}"
+            ),
             taken,
         )
         local = [fit for fits in made for fit in fits]
     return [*local, *(fit for file in project.published for fit in read_published(file))]
 
 
-def fitted(
+def fit_local_models(
     data: xr.Dataset, spans: Sequence[tuple[float, float]], models: Sequence[str], name: str
 ) -> list[Any]:
     """Return the local models of one fit on one record."""
@@ -467,7 +469,7 @@ def after_flight(project: Project, aircraft: Aircraft, found: Submodels) -> Airc
     return aircraft
 
 
-def perform(
+def perform_match(
     project: Project,
     folder: str | Path,
     jobs: int,
@@ -529,8 +531,8 @@ def perform(
     if folder.parent.is_dir():
         resolve_folder(folder)  # before the work
     stages = stages or Stages()
-    with cluster(scheduler) if scheduler else nullcontext(stages.workers) as stages.workers:
-        found = identified(project, jobs, step, stages, compare)
+    with open_cluster(scheduler) if scheduler else nullcontext(stages.workers) as stages.workers:
+        found = run_identification(project, jobs, step, stages, compare)
         folder.parent.mkdir(parents=True, exist_ok=True)
         with folder_written_atomically(folder, _is_ours) as new:
             with step("write three databases, aircraft and FMUs"):
@@ -551,7 +553,7 @@ def perform(
                     if found.cases
                     else {}
                 )
-                results = replays(
+                results = replay_cases(
                     stages,
                     inputs,
                     found.cases,
@@ -569,7 +571,7 @@ def perform(
                         "errors": project.errors,
                         "names": project.tables,
                     }
-                    results = sampled(
+                    results = add_model_samples(
                         stages,
                         inputs,
                         results,
@@ -679,7 +681,7 @@ class Identified:
         return [fit for kept in self.fits for fit in kept.value]
 
 
-def identified(
+def run_identification(
     project: Project, jobs: int, step: Step, stages: Stages, compare: bool = False
 ) -> Identified:
     """Return everything up to the diagnosis of the cases, stage by stage; parameters as `perform`."""
@@ -706,7 +708,7 @@ def identified(
             for name in found.records
         }
         found.marks = _marks(found, records, stages)
-        found.windows = windows_of(project, Values(records), cases, found.marks.value)
+        found.windows = select_windows(project, Values(records), cases, found.marks.value)
     with step("check the flight records"):
         found.checks = _checks(found, records, aircraft, jobs, stages)
     with step(
@@ -958,7 +960,9 @@ def _fits(found: Identified, jobs: int, stages: Stages) -> list[Kept[list[Any]]]
     def arguments(item: str) -> tuple[Any, ...]:
         return found.data[calls[item][0]].value, *calls[item][1:]
 
-    local = stages.each("fit", inputs, fitted, arguments, _threads(jobs), threads=stages.local)
+    local = stages.each(
+        "fit", inputs, fit_local_models, arguments, _threads(jobs), threads=stages.local
+    )
     published = [
         stages.one(
             "published fits",
@@ -1173,7 +1177,7 @@ def _models(found: Identified, folder: Path, stages: Stages) -> dict[str, Path]:
     if found.compared is not None:
         found.compared.value.to_csv(folder / COMPARED)
     for name, database in found.databases.items():
-        written(model_files(stages, name, database, found.aircraft[name]).value, folder)
+        write_files(model_files(stages, name, database, found.aircraft[name]).value, folder)
     (folder / FLOWN).write_bytes(_evidence(found, stages).value[0])
     return {name: folder / f"{name}.fmu" for name in found.databases} | found.project.models
 

@@ -114,7 +114,7 @@ def _spans(
     return found
 
 
-def overlaps(place: str, spans: Spans, cases: Iterable[Any]) -> list[str]:
+def find_case_overlaps(place: str, spans: Spans, cases: Iterable[Any]) -> list[str]:
     """Return a line for every case whose record was to identify something over the time that is
     replayed.
     """
@@ -165,7 +165,7 @@ def identified_engine(
             for part in select_spans(paths[record].states, own)
         ]
         return [
-            thinned(engine_channels(part, asked.engines, asked.pla), asked.rate).assign_attrs(
+            thin_samples(engine_channels(part, asked.engines, asked.pla), asked.rate).assign_attrs(
                 record=record
             )
             for record, part in parts
@@ -194,7 +194,7 @@ def identified_engine(
     )
 
 
-def thinned(data: xr.Dataset, rate: float) -> xr.Dataset:
+def thin_samples(data: xr.Dataset, rate: float) -> xr.Dataset:
     """Return every so many samples, at most `rate` a second."""
     step = float(np.median(np.diff(data["time"].values)))
     return data.isel(time=slice(None, None, max(1, round(1.0 / (rate * step)))))

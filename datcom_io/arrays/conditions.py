@@ -225,7 +225,7 @@ def _condition(page: Page, exact: tuple[float, float]) -> PrintedCondition:
     return PrintedCondition(*values)
 
 
-def reference(case: PrintedCase) -> dict[str, float]:
+def reference_quantities(case: PrintedCase) -> dict[str, float]:
     """Return reference area, lengths and moment centre, in SI, from the pages.
 
     The page is right where the deck is silent: the program computes what OPTINS does not give.  The
@@ -275,7 +275,7 @@ _PARTS = (
 LOW_ASPECT_RATIO = "LOW ASPECT RATIO WINGS AND WING-BODY COMBINATIONS"
 
 
-def parts(configuration: str) -> frozenset[str]:
+def parse_configuration(configuration: str) -> frozenset[str]:
     """Return the parts named in a configuration line: ``body wing horizontal vertical fin panels``.
 
     Examples

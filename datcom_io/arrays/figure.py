@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.support.figures import new_figure, to_display_unit
+from flightmech.support.figures import new_figure, to_display_quantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -118,7 +118,7 @@ def _draw_case(
             legend.append(Line2D([], [], label=level, **look))
             for curve in (curve for curve, text in zip(looks, texts, strict=True) if text == level):
                 curve[key] = look[key]
-    alpha, unit = to_display_unit("alpha", curves["alpha"].values)
+    alpha, unit = to_display_quantity("alpha", curves["alpha"].values)
     for ax, name in zip(row, coefficients, strict=True):
         for values, look in zip(
             curves[name].transpose("curve", "alpha").values, looks, strict=True
@@ -166,9 +166,9 @@ def _text(name: str, value: Any) -> str:
         return f"power {value}"
     if name == "ground_height":
         return (
-            f"{to_display_unit('h', value)[0]:.3g} ft over ground"
+            f"{to_display_quantity('h', value)[0]:.3g} ft over ground"
             if np.isfinite(value)
             else "free air"
         )
-    shown, unit = to_display_unit(name, value)
+    shown, unit = to_display_quantity(name, value)
     return f"{shown:.0f} {unit}" if name == "h" else f"{name} {shown:.3g} {unit}"

@@ -37,7 +37,7 @@ COLUMNS = (*_FIRST, *AXES, *_RARE_AXES, *_LAST)
 """All columns that a frame of cells may have; the axes after ``delta_difference`` only where a table has them."""
 
 
-def cells(cases: Iterable[PrintedCase]) -> pd.DataFrame:
+def make_cell_frame(cases: Iterable[PrintedCase]) -> pd.DataFrame:
     """Build the frame of `Listing.cells` and `Case.cells`."""
     gathered = _Gathered()
     with paused_collection():
@@ -365,7 +365,7 @@ def printed_units(column: PrintedColumn, page: Page) -> str:
     return _PRINTED_UNITS.get(column.units, {}).get(page.dim, column.units)
 
 
-def block(case: PrintedCase, name: str) -> pd.DataFrame:
+def make_block_frame(case: PrintedCase, name: str) -> pd.DataFrame:
     """Build the frame of `Case.block`."""
     parts, units = [], {"ground_height": "ft", "flap": "deg"}
     for page, table in case.tables(name):
@@ -502,7 +502,7 @@ def write_cells(cases: Iterable[PrintedCase], path: str | os.PathLike[str]) -> i
     with written_atomically(path) as part, open(part, "w", encoding="utf-8", newline="") as stream:
         stream.write(",".join(COLUMNS) + "\n")
         for case in cases:
-            frame = cells([case]).reindex(columns=list(COLUMNS))
+            frame = make_cell_frame([case]).reindex(columns=list(COLUMNS))
             frame.to_csv(stream, header=False, index=False, lineterminator="\n")
             count += len(frame)
     return count

@@ -10,14 +10,14 @@ import numpy as np
 import xarray as xr
 
 from datcom_io.arrays.conditions import PagePlace, PrintedCondition, si_factor
-from datcom_io.cells import ABSENT, BLANK, FILLED, FLAGS, OK, is_number
+from datcom_io.cells import ABSENT, BLANK, FILLED, FLAGS, OK, is_number_flag
 from datcom_io.printout.content import Page, PrintedCase
-from datcom_io.printout.layouts.notes import FOOTNOTE_WORDS, footnotes
+from datcom_io.printout.layouts.notes import FOOTNOTE_WORDS, list_footnote_words
 from datcom_io.printout.rows import PrintedColumn
 from datcom_io.printout.tables import PrintedTable, Values
 from flightmech.errors import ParseError
-from flightmech.names import VOCABULARY, attrs
-from flightmech.units import DEGREE, parse
+from flightmech.names import VOCABULARY, quantity_attributes
+from flightmech.units import DEGREE, parse_unit
 
 OF_DIM = {
     "length": "m",
@@ -66,7 +66,7 @@ class LeafBuilder:
     ) -> None:
         """Add the numbers of a column [SI] and the variable of their flags."""
         known = (
-            attrs(column.quantity)
+            quantity_attributes(column.quantity)
             if column.quantity in VOCABULARY
             else {"units": _SI.get(column.units, "1")}
         )
@@ -117,7 +117,7 @@ _CONDITION_UNITS = {
 
 @lru_cache
 def _factor(units: str) -> float:
-    return parse(units)[1]
+    return parse_unit(units)[1]
 
 
 class StackedAxis(NamedTuple):
@@ -254,7 +254,7 @@ class Stacker:
         """
         words = np.full(shape, "", dtype=object)
         for where, page in items:
-            words[tuple(where)] = " ".join(footnotes([note.text for note in page.notes]))
+            words[tuple(where)] = " ".join(list_footnote_words([note.text for note in page.notes]))
         meant = dict.fromkeys(word for text in words.ravel() for word in text.split())
         return xr.Variable(dims, words.astype(str), {word: FOOTNOTE_WORDS[word] for word in meant})
 
@@ -311,7 +311,7 @@ class Stacker:
         self, column: PrintedColumn, page: Page, value: np.ndarray, flag: np.ndarray
     ) -> np.ndarray:
         """Return printed numbers of a column in SI, NaN where there is none."""
-        return np.where(is_number(flag), value * self.factor(column, page), np.nan)
+        return np.where(is_number_flag(flag), value * self.factor(column, page), np.nan)
 
     def factor(self, column: PrintedColumn, page: Page) -> float:
         """Return the factor from the printed numbers of a column to SI."""
@@ -379,7 +379,13 @@ class Stacker:
         """Return the coordinate of an axis."""
         values = np.array(axis.values) * DEGREE if axis.units == "deg" else np.array(axis.values)
         units = {"deg": "rad"}.get(axis.units, axis.units)
-        known = attrs(axis.name) if axis.name in VOCABULARY else {"units": units} if units else {}
+        known = (
+            quantity_attributes(axis.name)
+            if axis.name in VOCABULARY
+            else {"units": units}
+            if units
+            else {}
+        )
         if axis.name in LONG_NAMES:
             known["long_name"] = LONG_NAMES[axis.name]
         return xr.Variable(axis.name, values, known)

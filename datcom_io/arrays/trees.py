@@ -9,7 +9,7 @@ from collections.abc import Hashable, Iterable, Sequence
 import numpy as np
 import xarray as xr
 
-from datcom_io.arrays.conditions import order_conditions, reference
+from datcom_io.arrays.conditions import order_conditions, reference_quantities
 from datcom_io.arrays.families import LEAVES
 from datcom_io.arrays.stacking import Stacker
 from datcom_io.cells import ABSENT
@@ -55,7 +55,7 @@ def _leaves(case: PrintedCase, fill_transonic: bool) -> dict[str, xr.Dataset]:
 def _root_attrs(case: PrintedCase) -> dict[str, str | float]:
     deck = case.deck
     return {
-        **reference(case),
+        **reference_quantities(case),
         "dim": deck.dim,
         "deriv": deck.deriv,
         "title": deck.caseid,

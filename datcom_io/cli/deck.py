@@ -58,7 +58,7 @@ def deck_verb(deck: str, output: str | None, resolved: bool, as_json: bool) -> N
         "namelists",
         "cards",
     ]
-    console.table(
+    console.print_table(
         head,
         [tuple(row.values()) for row in rows],
         title=f"{found.file}: {_count(len(found), 'case')}",
@@ -177,7 +177,7 @@ def split(study: str, folder: str, as_json: bool) -> None:
     if as_json:
         console.print_json({"study": study, "runs": rows})
         return
-    console.table(
+    console.print_table(
         ["run", "file", "conditions", "devices", "CASEID"],
         [tuple(row.values()) for row in rows],
         right=["conditions"],
@@ -218,7 +218,7 @@ def run(
     if Path(deck).is_dir():
         _run_folder(ctx, deck, program, folder, timeout, as_json)
         return
-    with console.progress(f"run {Path(deck).name}"):
+    with console.show_progress(f"run {Path(deck).name}"):
         done = run_deck(deck, program, folder, timeout=timeout)
     row = _run_row(Path(deck), done)
     if as_json:
@@ -259,7 +259,7 @@ def _run_folder(
     from datcom_io.runs.running import ProgramRun, run_folder
 
     rows = []
-    with console.progress(f"run the decks of {decks}"):
+    with console.show_progress(f"run the decks of {decks}"):
         for deck, done in run_folder(decks, program, folder, timeout=timeout):
             rows.append(
                 _run_row(deck, done)
@@ -271,7 +271,7 @@ def _run_folder(
         console.print_json({"folder": decks, "runs": rows, "failed": failed})
     else:
         head = ["deck", "cases", "pages", "without pages", "messages", "result"]
-        console.table(
+        console.print_table(
             head,
             [_run_line(row) for row in rows],
             right=["cases", "pages", "without pages", "messages"],

@@ -91,7 +91,7 @@ def plot(file: str, listing: str | None, output: str | None, as_json: bool) -> N
         for leaf, found in leaves.items()
         for variable, text in found.items()
     ]
-    console.table(["case", "leaf", "variable", "numbers"], rows)
+    console.print_table(["case", "leaf", "variable", "numbers"], rows)
     if output:
         click.echo(f"written: {output}")
 
@@ -113,9 +113,9 @@ def _refined(case: xr.DataTree) -> dict[str, dict[str, str]]:
 
 def show_tree(tree: xr.DataTree, as_json: bool) -> None:
     """Print what the groups of a tree hold."""
-    from datcom_io.exchange.file_types import contents
+    from datcom_io.exchange.file_types import content_rows
 
-    rows = contents(tree)
+    rows = content_rows(tree)
     if as_json:
         console.print_json({**tree.attrs, "leaves": rows})
         return
@@ -125,7 +125,7 @@ def show_tree(tree: xr.DataTree, as_json: bool) -> None:
         missing = " ".join(f"{name} {count}" for name, count in row["missing"].items())
         variables = " ".join(row["variables"])
         lines.append((row["case"], row["leaf"], sizes, variables, row["numbers"], missing))
-    console.table(
+    console.print_table(
         ["case", "leaf", "sizes", "variables", "numbers", "missing"],
         lines,
         title=f"{tree.attrs.get('file')}",

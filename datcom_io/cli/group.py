@@ -33,7 +33,7 @@ def datcom() -> None:
 @_CASE
 @_PARTIAL
 @console.json_option
-@console.shorten_text()
+@console.without_gc()
 def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
     """Show cases, conditions, tables, missing values and messages of a listing; with --case its
     pages too.
@@ -41,7 +41,7 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
     A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is recognised by its content; its
     groups are shown.
     """
-    from datcom_io.cli.summary import page_row, summary
+    from datcom_io.cli.summary import case_summary_rows, page_row
     from datcom_io.exchange.file_types import read_other
     from datcom_io.reading.reader import read
 
@@ -49,7 +49,7 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
         exchange_cli.show_tree(tree, as_json)
         return
     listing = read(file, partial=partial)
-    found = summary(listing)
+    found = case_summary_rows(listing)
     pages = None
     if name is not None:
         case = listing[name]
@@ -72,7 +72,7 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
             }
         )
         return
-    console.table(
+    console.print_table(
         [
             "no",
             "case",
@@ -94,7 +94,7 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
             (i, p["kind"], p["configuration"], *_place(p), " ".join(p["tables"]), p["lines"])
             for i, p in enumerate(pages, 1)
         ]
-        console.table(
+        console.print_table(
             ["page", "kind", "configuration", "Mach", "altitude", "over ground", "tables", "lines"],
             rows,
             right=["page"],
@@ -143,7 +143,7 @@ def table(file: str, name: str | None, number: int, partial: bool, as_json: bool
     if not page.parsed:
         click.echo("tables of this kind of page are not read; see the lines of the file")
     for item, (head, body) in zip(page.printed, sheets):
-        console.table(
+        console.print_table(
             head,
             body,
             title=f"\n{item.name}, lines {item.lines[0]}-{item.lines[-1]}",

@@ -12,7 +12,7 @@ from datcom_io.listing import Case, Listing
 from datcom_io.printout.content import Page
 
 
-def summary(listing: Listing) -> list[dict[str, Any]]:
+def case_summary_rows(listing: Listing) -> list[dict[str, Any]]:
     """Return one dict per case, of plain numbers and texts as printed.
 
     Keys: ``case ordinal run line dim deriv mach altitude alpha pages tables not_read missing

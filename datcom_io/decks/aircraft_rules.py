@@ -29,7 +29,7 @@ def is_special(deck: Deck) -> bool:
     return bool({"LARWB", "HYPEFF", "TRNJET"} & deck.namelists.keys())
 
 
-def essentials(deck: Deck) -> Iterator[DeckFinding]:
+def check_required_namelists(deck: Deck) -> Iterator[DeckFinding]:
     """Yield namelists without which the program leaves the case out."""
     if not deck.namelists:
         yield DeckFinding(
@@ -47,7 +47,7 @@ def essentials(deck: Deck) -> Iterator[DeckFinding]:
         yield DeckFinding(deck.line, ERROR, "no $FLTCON (flight conditions): add it")
 
 
-def surfaces(deck: Deck) -> Iterator[DeckFinding]:
+def check_planform_sections(deck: Deck) -> Iterator[DeckFinding]:
     """Yield planforms without sections and sections without planforms."""
     for letter, (prefix, what) in _SURFACES.items():
         planform, section = f"{prefix}PLNF", f"{prefix}SCHR"
@@ -100,7 +100,7 @@ def planform_types(deck: Deck) -> Iterator[DeckFinding]:
         yield DeckFinding(deck.line_of("WGPLNF", "TYPE"), ERROR, text)
 
 
-def body(deck: Deck) -> Iterator[DeckFinding]:
+def check_body_sections(deck: Deck) -> Iterator[DeckFinding]:
     """Yield a body whose cross sections are not given in one of the three ways of the program."""
     if "BODY" not in deck.namelists:
         return
@@ -116,7 +116,7 @@ def body(deck: Deck) -> Iterator[DeckFinding]:
         yield DeckFinding(deck.line_of("BODY"), ERROR, "$BODY: no stations X; give NX and X(1)=...")
 
 
-def references(deck: Deck) -> Iterator[DeckFinding]:
+def check_reference_quantities(deck: Deck) -> Iterator[DeckFinding]:
     """Yield reference quantities left to the program; readers that take them from the deck fail."""
     if is_special(deck):
         return
@@ -172,7 +172,7 @@ def flap_span(deck: Deck) -> Iterator[DeckFinding]:
         yield DeckFinding(deck.line_of(name, "SPANFO"), WARNING, text + hint)
 
 
-def tabs(deck: Deck) -> Iterator[DeckFinding]:
+def check_control_tabs(deck: Deck) -> Iterator[DeckFinding]:
     """Yield control tabs without the plain flap they need."""
     if "CONTAB" in deck.namelists and deck.value("SYMFLP", "FTYPE") != 1.0:
         text = (
@@ -182,7 +182,7 @@ def tabs(deck: Deck) -> Iterator[DeckFinding]:
         yield DeckFinding(deck.line_of("CONTAB"), ERROR, text)
 
 
-def trim(deck: Deck) -> Iterator[DeckFinding]:
+def check_trim_card(deck: Deck) -> Iterator[DeckFinding]:
     """Yield TRIM without anything to trim with."""
     if not deck.has("TRIM") or "SYMFLP" in deck.namelists:
         return
@@ -222,7 +222,7 @@ def _ground_by_regime(deck: Deck) -> Iterator[DeckFinding]:
             )
 
 
-def ground(deck: Deck) -> Iterator[DeckFinding]:
+def check_ground_pages(deck: Deck) -> Iterator[DeckFinding]:
     """Yield ground pages that are wrong, or that cannot be distinguished."""
     heights = deck.values("GRNDEF", "GRDHT")
     name = next((name for name in ("SYMFLP", "ASYFLP") if name in deck.namelists), "")
@@ -251,7 +251,7 @@ def ground(deck: Deck) -> Iterator[DeckFinding]:
         )
 
 
-def weight(deck: Deck) -> Iterator[DeckFinding]:
+def check_weight_units(deck: Deck) -> Iterator[DeckFinding]:
     """Yield a weight that the program converts again and again."""
     if deck.value("FLTCON", "WT") is not None and deck.dim in ("M", "CM"):
         text = (
@@ -262,14 +262,14 @@ def weight(deck: Deck) -> Iterator[DeckFinding]:
 
 
 RULES = (
-    essentials,
-    surfaces,
+    check_required_namelists,
+    check_planform_sections,
     planform_types,
-    body,
-    references,
+    check_body_sections,
+    check_reference_quantities,
     flap_span,
-    tabs,
-    trim,
-    ground,
-    weight,
+    check_control_tabs,
+    check_trim_card,
+    check_ground_pages,
+    check_weight_units,
 )

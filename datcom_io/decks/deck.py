@@ -18,7 +18,7 @@ from datcom_io.decks.cards import (
     NamelistAssignment,
     read_items,
 )
-from datcom_io.decks.namelists import DIMENSIONS, Value, value_text
+from datcom_io.decks.namelists import DIMENSIONS, Value, format_namelist_value
 
 Variables = dict[str, list[Value | None]]
 _LARGEST_ARRAY = 300  # no array of the program is longer than 60
@@ -165,7 +165,7 @@ class Deck:
         return {
             "namelists": {
                 name: {
-                    variable: [None if x is None else value_text(x) for x in values]
+                    variable: [None if x is None else format_namelist_value(x) for x in values]
                     for variable, values in group.items()
                 }
                 for name, group in self.namelists.items()

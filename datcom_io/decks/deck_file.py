@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 from datcom_io.decks.cards import ERROR, NOTE, WARNING, Card, DeckFinding, Item, NamelistAssignment
 from datcom_io.decks.deck import Deck, assignments_of, parse_cards
-from datcom_io.decks.namelists import CARD_COLUMNS, CASEID_COLUMNS, VARIABLES, value_text
+from datcom_io.decks.namelists import CARD_COLUMNS, CASEID_COLUMNS, VARIABLES, format_namelist_value
 from flightmech.errors import ParseError, SchemaError
 from flightmech.support.atomic_write import write_text
 from flightmech.support.input_files import file_kind, marked_encoding, read_bytes, with_line_feeds
@@ -325,7 +325,7 @@ def _card(card: Card) -> str:
 
 def _words(name: str, assignment: NamelistAssignment) -> Iterator[str]:
     """Yield what may stand on one card: the variable with its first value, then value by value."""
-    first, *more = map(value_text, assignment.values)
+    first, *more = map(format_namelist_value, assignment.values)
     is_array = (
         abs(VARIABLES.get(name, {}).get(assignment.variable, 1)) > 1
         or assignment.start > 1

@@ -219,7 +219,7 @@ def _short(word: str) -> str:
     return word if len(word) <= _SHOWN else f"{word[:_SHOWN]}..."
 
 
-def value_text(value: Value) -> str:
+def format_namelist_value(value: Value) -> str:
     """Return a value as the program reads it, with nine significant digits.
 
     Examples

@@ -16,7 +16,7 @@ _AIRFOIL_TYPES = "1456S"
 _STOPS = "it stops the program"
 
 
-def names(deck: Deck) -> Iterator[DeckFinding]:
+def check_namelist_names(deck: Deck) -> Iterator[DeckFinding]:
     """Yield namelists and variables that the program does not know, and values of another type or
     beyond the array.
     """
@@ -146,4 +146,4 @@ def devices_written(deck: Deck) -> Iterator[DeckFinding]:
         yield DeckFinding(deck.line_of(sharing[-1]), ERROR, text)
 
 
-RULES = (names, control_cards, length_of_chain, devices_written)
+RULES = (check_namelist_names, control_cards, length_of_chain, devices_written)

@@ -10,7 +10,7 @@ from datcom_io.decks.deck import Deck
 from datcom_io.decks.namelists import COUNTS, VARIABLES
 
 
-def counts(deck: Deck) -> Iterator[DeckFinding]:
+def check_value_counts(deck: Deck) -> Iterator[DeckFinding]:
     """Yield counts that are missing, no counts, or differ from the values given."""
     for name, counter, needed, others in COUNTS:
         group = deck.namelists.get(name, {})
@@ -81,7 +81,7 @@ def _count(deck: Deck, name: str, counter: str) -> float | None:
     )
 
 
-def essentials(deck: Deck) -> Iterator[DeckFinding]:
+def check_flight_conditions(deck: Deck) -> Iterator[DeckFinding]:
     """Yield speeds and loops that make no flight condition."""
     if "FLTCON" not in deck.namelists:
         return
@@ -119,7 +119,7 @@ def _has_atmosphere(deck: Deck) -> bool:
     return "ALT" in given or given >= {"PINF", "TINF"}
 
 
-def atmosphere(deck: Deck) -> Iterator[DeckFinding]:
+def check_atmosphere(deck: Deck) -> Iterator[DeckFinding]:
     """Yield combinations of speed, atmosphere and Reynolds number that the program completes by
     itself.
     """
@@ -170,7 +170,7 @@ def atmosphere(deck: Deck) -> Iterator[DeckFinding]:
         yield DeckFinding(deck.line_of("FLTCON", "ALT"), WARNING, text)
 
 
-def pairs(deck: Deck) -> Iterator[DeckFinding]:
+def check_loop_lists(deck: Deck) -> Iterator[DeckFinding]:
     """Yield LOOP=1 with lists of different length."""
     machs, heights = deck.value("FLTCON", "NMACH"), deck.value("FLTCON", "NALT")
     if deck.loop == 1 and _has_atmosphere(deck) and machs and heights and machs != heights:
@@ -183,7 +183,7 @@ def pairs(deck: Deck) -> Iterator[DeckFinding]:
         )
 
 
-def angles(deck: Deck) -> Iterator[DeckFinding]:
+def check_angle_schedule(deck: Deck) -> Iterator[DeckFinding]:
     """Yield angles of attack that do not rise; the program differentiates along them."""
     alphas = deck.values("FLTCON", "ALSCHD")[: deck.count("FLTCON", "NALPHA") or 0]
     for first, second in pairwise(alphas):
@@ -196,7 +196,7 @@ def angles(deck: Deck) -> Iterator[DeckFinding]:
             return
 
 
-def regimes(deck: Deck) -> Iterator[DeckFinding]:
+def check_mach_regimes(deck: Deck) -> Iterator[DeckFinding]:
     """Yield limits of the Mach regimes that the program changes."""
     for name, low, high in (("STMACH", 0.6, 0.99), ("TSMACH", 1.01, 1.4)):
         limit = deck.value("FLTCON", name)
@@ -208,4 +208,11 @@ def regimes(deck: Deck) -> Iterator[DeckFinding]:
             yield DeckFinding(deck.line_of("FLTCON", name), WARNING, text)
 
 
-RULES = (counts, essentials, atmosphere, pairs, angles, regimes)
+RULES = (
+    check_value_counts,
+    check_flight_conditions,
+    check_atmosphere,
+    check_loop_lists,
+    check_angle_schedule,
+    check_mach_regimes,
+)

@@ -65,7 +65,7 @@ def read_other(
     return None
 
 
-def contents(tree: xr.DataTree) -> list[dict[str, Any]]:
+def content_rows(tree: xr.DataTree) -> list[dict[str, Any]]:
     """Return one row per leaf: ``case leaf sizes variables numbers missing``."""
     rows = []
     for leaf in (leaf for leaf in tree.subtree if leaf.data_vars):

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from datcom_io.arrays.conditions import si_factor
-from flightmech.units import parse
+from flightmech.units import parse_unit
 
 MISSING = 99999.0
 """What a place holds that no page of the listing belongs to."""
@@ -92,7 +92,7 @@ class Units(NamedTuple):
             units = "1/deg" if self.deriv == "DEG" else "1"
         if units in ("length", "area"):
             return si_factor(units, self.dim)
-        return parse(self.jet_pressure if units == "pressure" else units)[1]
+        return parse_unit(self.jet_pressure if units == "pressure" else units)[1]
 
 
 def _rows(
@@ -332,12 +332,12 @@ def _partial_output() -> list[Field]:
 FIELDS: tuple[Field, ...] = tuple(_all())
 
 
-def fields(style: int) -> list[Field]:
+def select_fields(style: int) -> list[Field]:
     """Return the fields of a case by its STYPE."""
     return [field for field in FIELDS if not field.styles or style in field.styles]
 
 
-def dimension(field: Field, axis: str, device: str) -> str:
+def field_dimension(field: Field, axis: str, device: str) -> str:
     """Return the dimension of our leaf along an index of a field, other than Mach number and
     altitude.
     """

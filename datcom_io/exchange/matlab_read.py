@@ -21,8 +21,8 @@ from datcom_io.exchange.matlab_fields import (
     MISSING,
     Field,
     Units,
-    dimension,
-    fields,
+    field_dimension,
+    select_fields,
 )
 from datcom_io.printout.rows import PrintedColumn
 from flightmech.errors import ParseError
@@ -209,7 +209,7 @@ class _Case:
     def leaves(self) -> dict[str, xr.Dataset]:
         """Return the leaves of the case."""
         parts: dict[str, list[_MatlabField]] = {}
-        for field in fields(self.style):
+        for field in select_fields(self.style):
             if (
                 field.name == "fc_con"
             ):  # a force in pounds or a coefficient, which the structure does not distinguish
@@ -242,7 +242,10 @@ class _Case:
             ).reshape(chosen.shape)
             flags = np.where(words == "", ABSENT, OK).astype(np.uint8)
             return _MatlabField(
-                field, tuple(dimension(field, axis, self.device) for axis in others), words, flags
+                field,
+                tuple(field_dimension(field, axis, self.device) for axis in others),
+                words,
+                flags,
             )
         numbers = chosen.astype(float)
         flags = np.where(numbers == MISSING, ABSENT, np.where(np.isnan(numbers), NDM, OK)).astype(
@@ -252,7 +255,10 @@ class _Case:
         if field.constant:
             self._fill(values, flags)
         return _MatlabField(
-            field, tuple(dimension(field, axis, self.device) for axis in others), values, flags
+            field,
+            tuple(field_dimension(field, axis, self.device) for axis in others),
+            values,
+            flags,
         )
 
     def _with_all_indices(self, field: Field, array: np.ndarray) -> np.ndarray:

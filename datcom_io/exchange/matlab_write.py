@@ -10,10 +10,17 @@ import numpy as np
 import xarray as xr
 from scipy.io import savemat
 
-from datcom_io.arrays.conditions import control_surface, parts
+from datcom_io.arrays.conditions import control_surface, parse_configuration
 from datcom_io.cells import ABSENT, BLANK, FILLED, FLAGS, OK, SUSPECT
 from datcom_io.decks.deck import Deck
-from datcom_io.exchange.matlab_fields import BUILD, MISSING, Field, Units, dimension, fields
+from datcom_io.exchange.matlab_fields import (
+    BUILD,
+    MISSING,
+    Field,
+    Units,
+    field_dimension,
+    select_fields,
+)
 from datcom_io.listing import Case, Listing
 from flightmech.support.atomic_write import written_atomically
 
@@ -75,7 +82,7 @@ def write_matlab(
     cells = np.empty((1, len(listing)), object)
     left_out = [_NO_FIELD]
     for k, case in enumerate(listing):
-        cells[0, k], lost = structure(case, usenan=usenan)
+        cells[0, k], lost = make_case_structure(case, usenan=usenan)
         left_out += [f"{case.name}: {text}" for text in lost]
     if listing.unparsed:
         left_out.append(f"{len(listing.unparsed)} pages that are located only")
@@ -98,7 +105,7 @@ def write_matlab(
     return left_out
 
 
-def structure(case: Case, *, usenan: bool = True) -> tuple[dict[str, Any], list[str]]:
+def make_case_structure(case: Case, *, usenan: bool = True) -> tuple[dict[str, Any], list[str]]:
     """Return the structure of one case as a dict, and what it has no room for."""
     tree = case.to_datatree()
     units = Units(
@@ -112,7 +119,7 @@ def structure(case: Case, *, usenan: bool = True) -> tuple[dict[str, Any], list[
     found, lost = _scalars(case, tree, grid, build, units), _Lost(tree, grid)
     device = "delta_e" if control_surface(case.deck) == "tail" else "delta_f"
     arrays = _Arrays(grid, build, device, _deltas(case.deck), units, usenan, lost)
-    for field in fields(int(case.deck.value("ASYFLP", "STYPE") or 0)):
+    for field in select_fields(int(case.deck.value("ASYFLP", "STYPE") or 0)):
         leaf = tree.children.get(field.leaf)
         quantity = (
             "CF_stick"
@@ -279,7 +286,7 @@ class _Arrays(NamedTuple):
             self.lost.power(field.leaf, leaf["power"].values.tolist(), kept)
             value, flag = value.isel(power=kept), flag.isel(power=kept)
         others = [axis for axis in field.axes if axis not in ("mach", "alt")]
-        dims = ["condition", *(dimension(field, axis, self.device) for axis in others)]
+        dims = ["condition", *(field_dimension(field, axis, self.device) for axis in others)]
         numbers, flags = (_with_dims(item, dims, leaf.sizes["condition"]) for item in (value, flag))
         self.lost.taken(field, flags)
         if (flags == ABSENT).all():
@@ -290,7 +297,7 @@ class _Arrays(NamedTuple):
             self.lost.more |= {
                 f"the words TWIN VERTICAL PANEL in configuration {name}"
                 for name in names
-                if "panels" in parts(name)
+                if "panels" in parse_configuration(name)
             }
             if self.build == len(BUILD):
                 printed = _along_build(
@@ -367,7 +374,7 @@ def _with_dims(item: xr.DataArray, dims: list[str], count: int) -> np.ndarray:
 
 def configuration_index(configuration: str) -> int | None:
     """Return the place of a configuration along ``build``, None where it has none."""
-    made_of = parts(configuration)
+    made_of = parse_configuration(configuration)
     if made_of & _UPRIGHT and made_of - _UPRIGHT:
         made_of = (made_of - _UPRIGHT) | {"vertical"}
     return BUILD.index(made_of) if made_of in BUILD else None

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from datcom_io.arrays.conditions import parts
-from datcom_io.cells import FILLED, is_number
+from datcom_io.arrays.conditions import parse_configuration
+from datcom_io.cells import FILLED, is_number_flag
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE
 
@@ -128,7 +128,7 @@ def _refined(
             new, new_flag = (
                 written[key].isel(source).transpose(*dims).values for key in (name, f"{name}_flag")
             )
-            same = (is_number(old_flag) & is_number(new_flag)) | (
+            same = (is_number_flag(old_flag) & is_number_flag(new_flag)) | (
                 (old_flag == FILLED) & (new_flag == FILLED)
             )
             scale = _to_print(name, written[name].attrs, per_degree)
@@ -179,12 +179,14 @@ def _places(
             ({**clean, "configuration": i} if "configuration" in printed.dims else clean, {})
             for i in range(count)
         ]
-    blocks = {parts(str(name)): i for i, name in enumerate(written["configuration"].values)}
+    blocks = {
+        parse_configuration(str(name)): i for i, name in enumerate(written["configuration"].values)
+    }
     found = []
     for i, name in enumerate(np.atleast_1d(printed["configuration"].values)):
-        if parts(str(name)) in blocks:
+        if parse_configuration(str(name)) in blocks:
             place = {**clean, "configuration": i} if "configuration" in printed.dims else clean
-            found.append((place, {"configuration": blocks[parts(str(name))]}))
+            found.append((place, {"configuration": blocks[parse_configuration(str(name))]}))
     return found
 
 

@@ -193,7 +193,7 @@ _KINDS: dict[tuple[int, int], ColumnWindows] = {}
 _MOST_KINDS = 1024
 
 
-def windows(columns: tuple[PrintedColumn, ...], keys: int) -> ColumnWindows:
+def cached_column_windows(columns: tuple[PrintedColumn, ...], keys: int) -> ColumnWindows:
     """Return the windows of a kind of table, the same ones for all its tables."""
     key = (id(columns), keys)  # the windows keep the columns, so no others get their id
     if key not in _KINDS:

@@ -16,10 +16,10 @@ from datcom_io.printout.rows import (
     Cells,
     Line,
     PrintedColumn,
+    cached_column_windows,
     read_again,
     read_fields,
     shape_of,
-    windows,
 )
 
 if TYPE_CHECKING:
@@ -214,7 +214,7 @@ _DASHES = re.compile("-{2,}")
 _LONGEST_LINE = 160  # of the program; longer ones are not worth remembering
 
 
-def heading_words(line: str) -> str:
+def normalise_heading(line: str) -> str:
     """Return a heading line as `Layout.heading` holds it."""
     return _known_words(line) if len(line) <= _LONGEST_LINE else _words(line)
 
@@ -265,7 +265,7 @@ def make_values(
     return Values(name, labels, lines, tuple(map(str.strip, texts)), units, axes or {}, given)
 
 
-def pairs(text: str) -> list[tuple[str, str]]:
+def split_label_values(text: str) -> list[tuple[str, str]]:
     """Return label and value of every ``label = value`` of a line; a label may hold blanks and
     signs of equality.
 
@@ -288,7 +288,9 @@ def pairs(text: str) -> list[tuple[str, str]]:
     return found
 
 
-def read_table(layout: TableLayout, lines: list[Line], at: int) -> tuple[PrintedTable | None, int]:
+def read_printed_table(
+    layout: TableLayout, lines: list[Line], at: int
+) -> tuple[PrintedTable | None, int]:
     """Return the table whose heading stands before index `at`, and the index after it; None when no
     row follows.
     """
@@ -298,7 +300,7 @@ def read_table(layout: TableLayout, lines: list[Line], at: int) -> tuple[Printed
         if found is None:
             return None, at
         columns, across, across_line, across_row, at = found
-    kind = windows(columns, layout.keys)
+    kind = cached_column_windows(columns, layout.keys)
     known, judge = kind.shapes.get, kind.judge
     numbers: list[int] = []
     rows: list[str] = []

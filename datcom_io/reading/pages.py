@@ -11,14 +11,14 @@ from datcom_io.cells import read_cell
 from datcom_io.printout.content import ListingMessage, Page
 from datcom_io.printout.layouts import BLOCKS, BY_HEADING, CONDITIONS
 from datcom_io.printout.layouts import notes as footnotes
-from datcom_io.printout.rows import Line, windows
+from datcom_io.printout.rows import Line, cached_column_windows
 from datcom_io.printout.tables import (
     Printed,
     PrintedBlock,
     PrintedTable,
     TableLayout,
-    heading_words,
-    read_table,
+    normalise_heading,
+    read_printed_table,
 )
 
 TITLES = (
@@ -103,7 +103,7 @@ def _number(pattern: re.Pattern[str], words: str) -> float:
 
 _LAST_HEADING_LINE = 12
 _LONGEST_LINE = 160  # of the program; longer ones are not worth remembering
-_CONDITION_WINDOWS = windows(CONDITIONS.columns, CONDITIONS.keys)
+_CONDITION_WINDOWS = cached_column_windows(CONDITIONS.columns, CONDITIONS.keys)
 _UNITS = re.compile(r"(FT|IN|M|CM) +\1/SEC ")
 _SECOND_TITLE = "APRIL 1976 VERSION OF DATCOM"  # one build breaks the title of a hypersonic page
 # first line of the numbers on a page whose heading ends in a CASEID
@@ -227,7 +227,7 @@ def _read_body(lines: list[Line], at: int, kind: str) -> PageBody:
             body.printed += [item for item in found[0] if item.lines]
             at = max(at, found[1])
         elif meaning.layout is not None:
-            table, after = read_table(meaning.layout, lines, at)
+            table, after = read_printed_table(meaning.layout, lines, at)
             if table is not None:
                 body.printed.append(table)
                 at = after
@@ -267,7 +267,7 @@ def _meaning(kind: str, text: str) -> Meaning:
     """Return what a line may be on a page of a kind; the same headings and notes stand on every
     page.
     """
-    words = heading_words(text)
+    words = normalise_heading(text)
     blocks = tuple(block for block in BLOCKS if kind in block.pages and block.opens.search(words))
     plain = footnotes.strip_control_column(text)
     per = _PER.search(plain)
@@ -298,5 +298,5 @@ def _sort(number: int, meaning: Meaning, body: PageBody) -> None:
         if meaning.sort != "continued":
             body.target = body.messages if meaning.sort == "message" else body.notes
         add_message(body.target, number, meaning.words)
-        if found := footnotes.numbers(number, meaning.words):
+        if found := footnotes.read_footnote_number(number, meaning.words):
             body.printed.append(found)

@@ -28,7 +28,7 @@ from datcom_io.decks.cards import Namelist
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.deck_file import DeckFile, read_deck
 from flightmech.errors import SchemaError
-from flightmech.support.input_files import load
+from flightmech.support.input_files import read_toml
 
 # word: namelist, and whether the device is on the tail
 DEVICES = {
@@ -103,7 +103,7 @@ def read_study(source: str | os.PathLike[str] | DeckFile) -> DeckStudy:
     path = Path(source)
     if path.suffix.lower() != ".toml":
         return _study(read_deck(path), {})
-    content = load(path)
+    content = read_toml(path)
     problems = _wrong_keys(content)
     if problems:
         raise SchemaError(path.name, problems)

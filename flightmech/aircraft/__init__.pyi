@@ -5,8 +5,10 @@ from .aircraft import Aircraft as Aircraft
 from .aircraft import aircraft_schema as aircraft_schema
 from .aircraft import read_aircraft as read_aircraft
 from .controls import Circuit as Circuit
+from .controls import ControlGeometry as Control
 from .controls import ControlGeometry as ControlGeometry
 from .engine import Engine as Engine
+from .engine import EngineDeck as Deck
 from .engine import EngineDeck as EngineDeck
 from .fuel import Fuel as Fuel
 from .fuel import Tank as Tank

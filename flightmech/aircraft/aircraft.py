@@ -55,10 +55,16 @@ from flightmech.aircraft.engine import DeckFiles, Engine, EngineTable, engine_of
 from flightmech.aircraft.fuel import Fuel, FuelSection, fuel_of
 from flightmech.aircraft.landing_gear import GearTable, LandingGear, gear_of
 from flightmech.errors import SchemaError, UnitError
-from flightmech.support.input_files import load
-from flightmech.support.toml_models import Strict, file_schema, fixed_array, si, validate
+from flightmech.support.input_files import read_toml
+from flightmech.support.toml_models import (
+    Strict,
+    file_schema,
+    fixed_array,
+    make_si_type,
+    validate_content,
+)
 from flightmech.support.toml_quantities import quantity_schema
-from flightmech.units import quantity
+from flightmech.units import parse_quantity
 
 Vector = tuple[float, float, float]
 
@@ -180,7 +186,7 @@ def read_aircraft(path: str | Path) -> Aircraft:
         With all problems: unknown keys, missing values, wrong units, impossible numbers.
     """
     path = Path(path)
-    content = validate(_AircraftFile, load(path), str(path))
+    content = validate_content(_AircraftFile, read_toml(path), str(path))
     problems: list[str] = []
     files = DeckFiles(path.parent)
     engines = tuple(
@@ -205,7 +211,7 @@ def read_aircraft(path: str | Path) -> Aircraft:
     return Aircraft(**built, **plain)
 
 
-_Length = si("m")
+_Length = make_si_type("m")
 _Vector = tuple[_Length, _Length, _Length]  # type: ignore[valid-type]
 _OF_CONTROL = quantity_schema("of the control")
 _DEVICES = r"^device\.\w+\.(deflection|setting)$"
@@ -223,7 +229,7 @@ class _NumberOrText(Strict):
 
 
 class _ControlTable(_NumberOrText):
-    S_hinge: si("m2") = Field(  # type: ignore[valid-type]
+    S_hinge: make_si_type("m2") = Field(  # type: ignore[valid-type]
         description="Area behind the hinge line of all surfaces that the control moves together."
     )
     c_hinge: _Length = Field(description="Mean chord behind the hinge line.")  # type: ignore[valid-type]
@@ -251,7 +257,7 @@ class _ControlTable(_NumberOrText):
 
 class _AircraftFile(_NumberOrText):
     name: str = Field(description="Name of the type.")
-    S: si("m2") = Field(description="Reference area.")  # type: ignore[valid-type]
+    S: make_si_type("m2") = Field(description="Reference area.")  # type: ignore[valid-type]
     cbar: _Length = Field(description="Reference chord.")  # type: ignore[valid-type]
     b: _Length = Field(description="Reference span.")  # type: ignore[valid-type]
     reference: _Vector | None = Field(
@@ -259,24 +265,24 @@ class _AircraftFile(_NumberOrText):
         description="Moment reference point from the drawing datum, body directions; without it "
         "that of the database.",
     )
-    x_ref_mac: si("1") = Field(  # type: ignore[valid-type]
+    x_ref_mac: make_si_type("1") = Field(  # type: ignore[valid-type]
         default=0.25,
         description="Place of the reference point behind the leading edge of the mean chord, in "
         "chords.",
     )
-    mass: si("kg") = Field(description="Gross mass with the fuel on board.")  # type: ignore[valid-type]
-    Ixx: si("kg m2") = Field(description="Moment of inertia in roll about the c.g.")  # type: ignore[valid-type]
-    Iyy: si("kg m2") = Field(description="Moment of inertia in pitch about the c.g.")  # type: ignore[valid-type]
-    Izz: si("kg m2") = Field(description="Moment of inertia in yaw about the c.g.")  # type: ignore[valid-type]
-    Ixy: si("kg m2") = Field(  # type: ignore[valid-type]
+    mass: make_si_type("kg") = Field(description="Gross mass with the fuel on board.")  # type: ignore[valid-type]
+    Ixx: make_si_type("kg m2") = Field(description="Moment of inertia in roll about the c.g.")  # type: ignore[valid-type]
+    Iyy: make_si_type("kg m2") = Field(description="Moment of inertia in pitch about the c.g.")  # type: ignore[valid-type]
+    Izz: make_si_type("kg m2") = Field(description="Moment of inertia in yaw about the c.g.")  # type: ignore[valid-type]
+    Ixy: make_si_type("kg m2") = Field(  # type: ignore[valid-type]
         default=0.0,
         examples=[0.0],
         description="Product of inertia about the c.g., integral of xy dm.",
     )
-    Ixz: si("kg m2") = Field(  # type: ignore[valid-type]
+    Ixz: make_si_type("kg m2") = Field(  # type: ignore[valid-type]
         default=0.0, description="Product of inertia about the c.g., integral of xz dm."
     )
-    Iyz: si("kg m2") = Field(  # type: ignore[valid-type]
+    Iyz: make_si_type("kg m2") = Field(  # type: ignore[valid-type]
         default=0.0,
         examples=[0.0],
         description="Product of inertia about the c.g., integral of yz dm.",
@@ -348,7 +354,7 @@ class _AircraftFile(_NumberOrText):
 
     @model_validator(mode="after")
     def _inertia(self) -> _AircraftFile:
-        tensor = inertia(self)
+        tensor = inertia_tensor(self)
         if not (np.linalg.eigvalsh(tensor) > 0.0).all():
             raise ValueError("moments and products of inertia make no positive definite tensor")
         return self
@@ -363,7 +369,7 @@ def aircraft_schema() -> dict[str, Any]:
     )
 
 
-def inertia(aircraft: Any) -> np.ndarray:
+def inertia_tensor(aircraft: Any) -> np.ndarray:
     """Return the inertia tensor (3, 3) about the c.g., body axes. [kg m2]"""
     Ixx, Iyy, Izz, Ixy, Ixz, Iyz = (
         getattr(aircraft, name) for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
@@ -381,13 +387,13 @@ def _with_gearing(item: Any, units: str) -> Any:
     if not isinstance(item, dict) or "gearing" not in item:
         return item
     try:
-        return {**item, "gearing": quantity(item["gearing"], units)}
+        return {**item, "gearing": parse_quantity(item["gearing"], units)}
     except UnitError as error:
         raise ValueError(f"gearing: {error}") from error
 
 
 def _range(name: str, item: Any) -> tuple[float, float]:
-    from flightmech.names import lookup
+    from flightmech.names import lookup_quantity
 
     if name not in CONTROLS and not re.match(_DEVICES, name):
         raise ValueError(
@@ -397,7 +403,7 @@ def _range(name: str, item: Any) -> tuple[float, float]:
     if not isinstance(item, list | tuple) or len(item) != 2:
         raise ValueError(f"{name}: expected [low, high]")
     try:
-        low, high = (quantity(part, lookup(name).units) for part in item)
+        low, high = (parse_quantity(part, lookup_quantity(name).units) for part in item)
     except UnitError as error:
         raise ValueError(f"{name}: {error}") from error
     if not low < high:

@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 
 from pydantic import Field, create_model
 
-from flightmech.support.toml_models import Strict, si
+from flightmech.support.toml_models import Strict, make_si_type
 
 CONTROLS = (
     "delta_e",
@@ -291,11 +291,11 @@ class _CircuitTable(Strict):
 
 def circuit_table(item: str) -> type[Strict]:
     """Return the model of ``[circuit.<item>]``: quantities with the units of that circuit."""
-    travel = si("rad" if item == "wheel" else "m")
+    travel = make_si_type("rad" if item == "wheel" else "m")
     defaults = {field.name: field.default for field in fields(Circuit)}
     columns: dict[str, Any] = {
         name: (
-            si(_units(item, constant)),
+            make_si_type(_units(item, constant)),
             Field(
                 ... if name == "mass" else defaults[name],
                 description=_sentence(constant.text),
@@ -312,7 +312,7 @@ def circuit_table(item: str) -> type[Strict]:
         examples=["0.5 ms"],
         description="Sub-step of the simulation; without it at most 1 ms, by the fastest mode.",
     )
-    columns |= {"stops": (tuple[travel, travel], stops), "step": (si("s") | None, step)}  # type: ignore[valid-type]
+    columns |= {"stops": (tuple[travel, travel], stops), "step": (make_si_type("s") | None, step)}  # type: ignore[valid-type]
     return create_model(f"{item.capitalize()}Table", __base__=_CircuitTable, **columns)
 
 
@@ -340,12 +340,13 @@ def circuits_of(
     found = {item: Circuit(**dict(table)) for item, table in tables if table is not None}
     for item, circuit in found.items():
         problems += [
-            f"circuit.{item}: {text}" for text in check(item, circuit, controls.get(MOVES[item]))
+            f"circuit.{item}: {text}"
+            for text in check_circuit(item, circuit, controls.get(MOVES[item]))
         ]
     return found
 
 
-def check(item: str, circuit: Circuit, control: ControlGeometry | None) -> list[str]:
+def check_circuit(item: str, circuit: Circuit, control: ControlGeometry | None) -> list[str]:
     """Return every fault of a circuit as a text.
 
     Parameters

@@ -27,8 +27,8 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownName
 from flightmech.support.hdf5_seal import demand_self_contained
-from flightmech.support.toml_models import Strict, si
-from flightmech.units import quantity
+from flightmech.support.toml_models import Strict, make_si_type
+from flightmech.units import parse_quantity
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -127,7 +127,7 @@ class EngineDeck:
             raise SchemaError("engine deck", problems)
 
 
-_Length = si("m")
+_Length = make_si_type("m")
 
 
 class DeckTable(Strict):
@@ -145,68 +145,68 @@ class DeckTable(Strict):
         description="Tables here: a number, or axes with value and, as needed, regressors and "
         "outside.",
     )
-    lever_delay: si("s") | None = Field(  # type: ignore[valid-type]
+    lever_delay: make_si_type("s") | None = Field(  # type: ignore[valid-type]
         default=None, description="Transport delay of the power lever; 0 without it."
     )
-    pla_idle: si("rad") | None = Field(  # type: ignore[valid-type]
+    pla_idle: make_si_type("rad") | None = Field(  # type: ignore[valid-type]
         default=None, examples=["10 deg"], description="Lever angle at throttle 0; 0 without it."
     )
-    pla_full: si("rad") | None = Field(  # type: ignore[valid-type]
+    pla_full: make_si_type("rad") | None = Field(  # type: ignore[valid-type]
         default=None,
         examples=["50 deg"],
         description="Lever angle at throttle 1; 1 rad without it.",
     )
-    n1_rundown: si("s") | None = Field(  # type: ignore[valid-type]
+    n1_rundown: make_si_type("s") | None = Field(  # type: ignore[valid-type]
         default=None,
         examples=["8 s"],
         description="Time constant of the fan towards its windmilling speed when the engine does "
         "not burn; 8 s without it.",
     )
-    n2_rundown: si("s") | None = Field(  # type: ignore[valid-type]
+    n2_rundown: make_si_type("s") | None = Field(  # type: ignore[valid-type]
         default=None, examples=["8 s"], description="The same of the gas generator; 8 s without it."
     )
-    starter_speed: si("1") | None = Field(  # type: ignore[valid-type]
+    starter_speed: make_si_type("1") | None = Field(  # type: ignore[valid-type]
         default=None,
         examples=[0.2],
         description="Speed to which the starter turns the gas generator; 0.2 without it.",
     )
-    starter_time: si("s") | None = Field(  # type: ignore[valid-type]
+    starter_time: make_si_type("s") | None = Field(  # type: ignore[valid-type]
         default=None, examples=["4 s"], description="Time constant of the starter; 4 s without it."
     )
-    light_speed: si("1") | None = Field(  # type: ignore[valid-type]
+    light_speed: make_si_type("1") | None = Field(  # type: ignore[valid-type]
         default=None,
         examples=[0.1],
         description="Least speed of the gas generator at which the engine lights; 0.1 without it.",
     )
-    sustain_speed: si("1") | None = Field(  # type: ignore[valid-type]
+    sustain_speed: make_si_type("1") | None = Field(  # type: ignore[valid-type]
         default=None,
         examples=[0.05],
         description="Least speed of the gas generator at which it goes on burning; 0.05 without it.",
     )
-    flame_time: si("s") | None = Field(  # type: ignore[valid-type]
+    flame_time: make_si_type("s") | None = Field(  # type: ignore[valid-type]
         default=None,
         examples=["0.2 s"],
         description="Time constant of the flame; 0.2 s without it.",
     )
-    itt_time: si("s") | None = Field(  # type: ignore[valid-type]
+    itt_time: make_si_type("s") | None = Field(  # type: ignore[valid-type]
         default=None,
         examples=["1.5 s"],
         description="Lag of the turbine temperature; none without it.",
     )
-    n1_rated: si("rad s-1") | None = Field(  # type: ignore[valid-type]
+    n1_rated: make_si_type("rad s-1") | None = Field(  # type: ignore[valid-type]
         default=None,
         examples=["1700 rad/s"],
         description="Speed of the fan at 1, positive right-handed about the thrust.",
     )
-    n2_rated: si("rad s-1") | None = Field(  # type: ignore[valid-type]
+    n2_rated: make_si_type("rad s-1") | None = Field(  # type: ignore[valid-type]
         default=None,
         examples=["3400 rad/s"],
         description="Speed of the gas generator at 1, positive right-handed about the thrust.",
     )
-    n1_inertia: si("kg m2") | None = Field(  # type: ignore[valid-type]
+    n1_inertia: make_si_type("kg m2") | None = Field(  # type: ignore[valid-type]
         default=None, examples=[0.5], description="Moment of inertia of the fan rotor."
     )
-    n2_inertia: si("kg m2") | None = Field(  # type: ignore[valid-type]
+    n2_inertia: make_si_type("kg m2") | None = Field(  # type: ignore[valid-type]
         default=None, examples=[0.1], description="Moment of inertia of the gas generator's rotor."
     )
     inlet: tuple[_Length, _Length, _Length] | None = Field(  # type: ignore[valid-type]
@@ -259,7 +259,7 @@ def deck_of(item: DeckTable, files: DeckFiles) -> EngineDeck:
     for target, content in item.tables.items():
         try:
             tables[target] = (
-                leaf_of(content, TARGETS[target]) if target in TARGETS else make_term(0.0)
+                leaf_from_toml(content, TARGETS[target]) if target in TARGETS else make_term(0.0)
             )
         except (AeromatchError, ValueError) as error:
             problems += [f"{target}: {text}" for text in getattr(error, "problems", [str(error)])]
@@ -273,7 +273,7 @@ def deck_of(item: DeckTable, files: DeckFiles) -> EngineDeck:
     return EngineDeck(tables, **given)
 
 
-def leaf_of(item: Any, units: str) -> xr.Dataset:
+def leaf_from_toml(item: Any, units: str) -> xr.Dataset:
     """Return a leaf from its form in a TOML file: a number, or a table of axes, ``value`` and, as
     wanted, ``regressors`` and ``outside``.
 
@@ -285,23 +285,23 @@ def leaf_of(item: Any, units: str) -> xr.Dataset:
         SI unit of the value; with regressors it is a bare number in units over those of the
         regressors.
     """
-    from flightmech.names import lookup
+    from flightmech.names import lookup_quantity
     from flightmech.terms import make_term
 
     if not isinstance(item, Mapping):
-        return make_term(quantity(item, units))
+        return make_term(parse_quantity(item, units))
     if "value" not in item:
         raise ValueError(f"missing value, in {units} over the axes in the order they are written")
     words = [str(word) for word in item.get("regressors", ())]
     reserved = ("value", "regressors", "outside")
     axes = {
-        name: [quantity(point, lookup(name).units) for point in points]
+        name: [parse_quantity(point, lookup_quantity(name).units) for point in points]
         for name, points in item.items()
         if name not in reserved
     }
-    value = np.vectorize(lambda number: quantity(number, "1" if words else units), otypes=[float])(
-        np.array(item["value"], object)
-    )
+    value = np.vectorize(
+        lambda number: parse_quantity(number, "1" if words else units), otypes=[float]
+    )(np.array(item["value"], object))
     shape = tuple(len(points) for points in axes.values())
     if value.shape != shape:
         raise ValueError(
@@ -320,14 +320,14 @@ def open_tables(path: Path) -> dict[str, xr.Dataset]:
     OSError
         The file is not there or no netCDF.
     """
-    from flightmech.support.netcdf_trees import read
-    from flightmech.terms import check
+    from flightmech.support.netcdf_trees import read_netcdf_tree
+    from flightmech.terms import check_term
 
     demand_self_contained(path)
-    tree, problems = read(path)
+    tree, problems = read_netcdf_tree(path)
     leaves = {str(name): node.to_dataset() for name, node in tree.children.items()}
     for name, leaf in leaves.items():
-        problems += [f"{name}: {text}" for text in check(leaf)]
+        problems += [f"{name}: {text}" for text in check_term(leaf)]
     if problems:
         raise SchemaError(path.name, problems)
     return leaves
@@ -418,12 +418,12 @@ class EngineTable(Strict):
         default=(1.0, 0.0, 0.0),
         description="Direction of the thrust, body axes; [1, 0, 0] pushes forward.",
     )
-    time_constant: si("s") = Field(  # type: ignore[valid-type]
+    time_constant: make_si_type("s") = Field(  # type: ignore[valid-type]
         default=0.0,
         examples=["1.2 s"],
         description="First-order lag of the thrust behind its static value; 0 for none.",
     )
-    angular_momentum: si("kg m2 s-1") = Field(  # type: ignore[valid-type]
+    angular_momentum: make_si_type("kg m2 s-1") = Field(  # type: ignore[valid-type]
         default=0.0,
         examples=[12.0],
         description="Of the rotors, along the direction, right-handed; with a deck on top of what "
@@ -517,18 +517,18 @@ def _thrust_table(table: Mapping[str, Any]) -> xr.Dataset:
         raise ValueError(
             f"unknown key {', '.join(unknown)}; allowed: {', '.join(THRUST_AXES)}, value"
         )
-    return leaf_of(table, "N")
+    return leaf_from_toml(table, "N")
 
 
 def _thrust_file(path: Path) -> xr.Dataset:
     import xarray as xr
 
-    from flightmech.terms import check
+    from flightmech.terms import check_term
 
     demand_self_contained(path)
     with xr.open_dataset(path, engine="h5netcdf") as dataset:
         leaf = dataset.load()
-    problems = check(leaf)
+    problems = check_term(leaf)
     if problems:
         raise SchemaError(path.name, problems)
     return leaf

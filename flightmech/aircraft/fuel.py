@@ -32,7 +32,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flightmech.aircraft.engine import open_tables
 from flightmech.errors import SchemaError
-from flightmech.support.toml_models import Strict, si
+from flightmech.support.toml_models import Strict, make_si_type
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -131,7 +131,7 @@ def tank_tables(tanks: Sequence[Tank]) -> dict[str, xr.Dataset]:
     }
 
 
-_Length = si("m")
+_Length = make_si_type("m")
 
 
 class TankTable(Strict):
@@ -143,7 +143,9 @@ class TankTable(Strict):
         examples=[[0.1, -2.0, 0.1]],
         description="Of the tank as a mass point, body axes, from the moment reference point.",
     )
-    capacity: si("kg") = Field(examples=["120 kg"], description="Fuel that the tank holds.")  # type: ignore[valid-type]
+    capacity: make_si_type("kg") = Field(
+        examples=["120 kg"], description="Fuel that the tank holds."
+    )  # type: ignore[valid-type]
     order: int = Field(
         default=1,
         examples=[1],
@@ -164,7 +166,9 @@ class FuelSection(Strict):
 
     model_config = ConfigDict(protected_namespaces=())
 
-    mass: si("kg") = Field(description="Fuel on board at the start, part of the aircraft's mass.")  # type: ignore[valid-type]
+    mass: make_si_type("kg") = Field(
+        description="Fuel on board at the start, part of the aircraft's mass."
+    )  # type: ignore[valid-type]
     position: tuple[_Length, _Length, _Length] | None = Field(  # type: ignore[valid-type]
         None,
         description="Where it lies as a mass point, body axes, from the moment reference point.",

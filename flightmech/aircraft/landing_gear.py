@@ -33,8 +33,8 @@ import numpy as np
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flightmech.errors import SchemaError, UnitError
-from flightmech.support.toml_models import Strict, si
-from flightmech.units import KNOT, quantity, to_si
+from flightmech.support.toml_models import Strict, make_si_type
+from flightmech.units import KNOT, parse_quantity, to_si
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -228,14 +228,14 @@ class LandingGear:
     antiskid: float = 0.0
 
 
-_Length = si("m")
-_PerMetre = si("N m-1")
-_PerRate = si("N s m-1")
-_PerSquare = si("N s2 m-2")
-_Force = si("N")
-_Ratio = si("1")
-_Moment = si("N m")
-_Inertia = si("kg m2")
+_Length = make_si_type("m")
+_PerMetre = make_si_type("N m-1")
+_PerRate = make_si_type("N s m-1")
+_PerSquare = make_si_type("N s2 m-2")
+_Force = make_si_type("N")
+_Ratio = make_si_type("1")
+_Moment = make_si_type("N m")
+_Inertia = make_si_type("kg m2")
 
 
 class _GearTable(Strict):
@@ -312,7 +312,7 @@ class ContactTable(_GearTable):
     cornering_load: _Force = Field(  # type: ignore[valid-type]
         default=1.0e4, description="Load at which the greatest cornering stiffness is reached."
     )
-    loss: si("s") = Field(  # type: ignore[valid-type]
+    loss: make_si_type("s") = Field(  # type: ignore[valid-type]
         default=0.02,
         examples=[0.02],
         description="Damping of the carcass along the ground over its stiffness, at most 0.04 s.",
@@ -396,7 +396,7 @@ class SteeringTable(_GearTable):
         description="Angle commanded by the pedals, to the right per rudder deflection to the "
         "right.",
     )
-    damping: si("N m s") = Field(  # type: ignore[valid-type]
+    damping: make_si_type("N m s") = Field(  # type: ignore[valid-type]
         default=0.0, examples=[20.0], description="Damping of the wheel about its pivot."
     )
     inertia: _Inertia = Field(  # type: ignore[valid-type]
@@ -407,7 +407,7 @@ class SteeringTable(_GearTable):
         examples=[3000.0],
         description="Stiffness of the arm between command and wheel [N m/rad], order fourth.",
     )
-    arm_damping: si("N m s") = Field(  # type: ignore[valid-type]
+    arm_damping: make_si_type("N m s") = Field(  # type: ignore[valid-type]
         default=0.0, examples=[10.0], description="Damping of that arm."
     )
     arm_inertia: _Inertia = Field(  # type: ignore[valid-type]
@@ -448,7 +448,7 @@ class GearTable(_GearTable):
         default=0.8, description="Greatest friction of a tyre over load on a dry runway."
     )
     mu_icy: _Ratio = Field(default=0.05, description="The same on ice (AMC 25.1591).")  # type: ignore[valid-type]
-    tyre_pressure: si("Pa") = Field(  # type: ignore[valid-type]
+    tyre_pressure: make_si_type("Pa") = Field(  # type: ignore[valid-type]
         default=to_si(100.0, "psi"),
         description="Inflation pressure over ambient; gives the friction on a wet runway (14 CFR "
         "25.109(c)(1)).",
@@ -519,9 +519,9 @@ def _strut_table(table: Mapping[str, Any]) -> xr.Dataset:
             f"expected compression and value, the strut force over it; found "
             f"{', '.join(sorted(table)) or 'nothing'}"
         )
-    points = [quantity(point, "m") for point in table["compression"]]
+    points = [parse_quantity(point, "m") for point in table["compression"]]
     return make_term(
-        [quantity(value, "N") for value in table["value"]],
+        [parse_quantity(value, "N") for value in table["value"]],
         {"compression": points},
         outside="linear",
     )

@@ -32,8 +32,8 @@ from flightmech.aircraft.engine import TARGETS, Engine, EngineDeck
 from flightmech.aircraft.fuel import INERTIAS, MOMENTS, Fuel
 from flightmech.aircraft.landing_gear import Contact, LandingGear
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import lookup
-from flightmech.terms import SOURCES, regressors
+from flightmech.names import lookup_quantity
+from flightmech.terms import SOURCES, list_regressors
 
 _DERIVED = {"N": "kg m s-2", "Pa": "kg m-1 s-2", "rad": "", "1": "", "K": ""}
 _FORCE, _TORQUE, _SPRING, _TURNING = "N", "N m", "N m-1", "N m"
@@ -176,8 +176,8 @@ def _table(
     scaled too.
     """
     by = scale.thrust if units == "N" else scale.of(units)
-    for word in regressors(leaf):
-        by /= scale.of(lookup(word).units)
+    for word in list_regressors(leaf):
+        by /= scale.of(lookup_quantity(word).units)
     scaled = leaf.assign(
         {
             name: leaf[name].copy(data=leaf[name].values * by)
@@ -236,7 +236,7 @@ LAWS: dict[str, Law] = {
 """Laws of what an `Aircraft` holds; engine decks, fuel, gear and control circuits follow from these by their dimensions."""
 
 
-def factor(law: Law, length_ratio: float, mass_ratio: float | None = None) -> float:
+def similarity_factor(law: Law, length_ratio: float, mass_ratio: float | None = None) -> float:
     """Return the factor of a law; without `mass_ratio` the density is equal.
 
     Examples
@@ -298,7 +298,10 @@ def rescale(
     for key in given:
         if key not in LAWS:
             raise UnknownName(key, LAWS, "law")
-    by = {key: given.get(key, factor(law, length_ratio, mass_ratio)) for key, law in LAWS.items()}
+    by = {
+        key: given.get(key, similarity_factor(law, length_ratio, mass_ratio))
+        for key, law in LAWS.items()
+    }
     inertia = {
         axis: getattr(aircraft, axis) * by["inertia"]
         for axis in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")

@@ -121,9 +121,9 @@ def characteristics(
     looked = performance.level_speeds(point, slowest)
     curve = performance.polar(point)
     rows = [
-        *stability.longitudinal(point),
+        *stability.longitudinal_rows(point),
         *trim_curves.speed_stability(point),
-        *lateral.sideslip(point),
+        *lateral.sideslip_rows(point),
         *lateral.roll_rate(point),
         *lateral.minimum_control_speed(point, slowest.V),
         *performance.stall_rows(slowest),

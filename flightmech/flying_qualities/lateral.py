@@ -29,7 +29,7 @@ _HELD = 5.0  # s of full aileron
 _RAMP = 0.1  # s to full aileron
 
 
-def sideslip(point: Point) -> list[Characteristic]:
+def sideslip_rows(point: Point) -> list[Characteristic]:
     """Return aileron, rudder, bank and pilot forces per sideslip of a straight flight, as rows."""
     names = {
         "delta_a_per_beta": "1",

@@ -27,7 +27,7 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import root_scalar
 
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flightmech.steady_flight.flight_condition import Characteristic, absent_rows
 from flightmech.steady_flight.trim_point import Point
 from flightmech.units import G0
@@ -76,7 +76,7 @@ NO_HINGE = "the database has no hinge moments Ch_e over the elevator deflection"
 _SMALL = 1e-9  # derivative that counts as zero
 
 
-def longitudinal(point: Point) -> list[Characteristic]:
+def longitudinal_rows(point: Point) -> list[Characteristic]:
     """Return c.g., neutral and manoeuvre points, margins, elevator and stick force per g as rows."""
     craft = point.aircraft
     here = craft.x_ref_mac - point.cg[0] / craft.cbar
@@ -319,12 +319,12 @@ def trim_curves(point: Point, speeds: Sequence[float] | np.ndarray) -> xr.Datase
     steady = np.array([flight.is_trimmed for flight in flights])
     named = {"F_column_trimmed": "F_column"}
     data = {
-        name: ("V", np.where(steady, values, np.nan), attrs(named.get(name, name)))
+        name: ("V", np.where(steady, values, np.nan), quantity_attributes(named.get(name, name)))
         for name, values in columns.items()
     }
     return xr.Dataset(
         data,
-        {"V": ("V", np.asarray(speeds, float), attrs("V"))},
+        {"V": ("V", np.asarray(speeds, float), quantity_attributes("V"))},
         attrs={"title": point.aircraft.name},
     )
 

@@ -19,7 +19,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from flightmech.air import atmosphere
 from flightmech.errors import SimulationError
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flightmech.steady_flight.flight_condition import Characteristic, absent_rows
 from flightmech.steady_flight.trim_point import (
     NO_THRUST,
@@ -27,7 +27,7 @@ from flightmech.steady_flight.trim_point import (
     burns_fuel,
     full_thrust,
     has_thrust,
-    heights,
+    thrust_over_height,
 )
 from flightmech.units import DEGREE, FOOT
 
@@ -88,12 +88,12 @@ def polar(point: Point, mach: float | None = None) -> xr.Dataset:
         )
     CL, CD = point.coefficients(**at, alpha=alpha, delta_e=delta_e)[:2]
     data = {
-        name: ("alpha", values, attrs(name))
+        name: ("alpha", values, quantity_attributes(name))
         for name, values in (("CL", CL), ("CD", CD), ("delta_e", delta_e))
     }
     return xr.Dataset(
         {**data, "L_D": ("alpha", CL / CD, {"units": "1"})},
-        {"alpha": ("alpha", alpha, attrs("alpha"))},
+        {"alpha": ("alpha", alpha, quantity_attributes("alpha"))},
         attrs={"mach": at["mach"]},
     )
 
@@ -330,7 +330,9 @@ def performance_curves(point: Point, speeds: tuple[float, float], count: int = 4
             "climb_rate": ((have - need) / point.weight * V, "m s-1"),
         }
     data = {name: ("V", values, {"units": units}) for name, (values, units) in columns.items()}
-    return xr.Dataset(data, {"V": ("V", V, attrs("V"))}, attrs={"title": point.aircraft.name})
+    return xr.Dataset(
+        data, {"V": ("V", V, quantity_attributes("V"))}, attrs={"title": point.aircraft.name}
+    )
 
 
 def one_g(point: Point, mach: np.ndarray) -> xr.Dataset:
@@ -359,11 +361,13 @@ def one_g(point: Point, mach: np.ndarray) -> xr.Dataset:
         name: (
             "mach",
             np.array([flight[output] if flight.is_trimmed else np.nan for flight in flights]),
-            attrs(name),
+            quantity_attributes(name),
         )
         for name, output in outputs.items()
     }
-    return xr.Dataset(data, {"mach": ("mach", np.asarray(mach, float), attrs("mach"))})
+    return xr.Dataset(
+        data, {"mach": ("mach", np.asarray(mach, float), quantity_attributes("mach"))}
+    )
 
 
 def required_thrust(flight: Point) -> float:
@@ -505,7 +509,7 @@ def _ceilings(point: Point) -> list[Characteristic]:
     falling with the pressure.
     """
     names = {"service_ceiling": _SERVICE, "absolute_ceiling": 0.0}
-    reach = heights(point.aircraft)
+    reach = thrust_over_height(point.aircraft)
     if reach.end == np.inf and not reach.lapses:
         return absent_rows(
             CLIMB, dict.fromkeys(names, "m"), "the thrust tables do not depend on height"

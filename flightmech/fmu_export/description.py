@@ -132,7 +132,7 @@ class Description:
         return [v for v in self.variables if v.causality == causality]
 
 
-def describe(sim: SimModel, token: str, tool: str) -> Description:
+def describe_model(sim: SimModel, token: str, tool: str) -> Description:
     """Return the interface of a model: all inputs, outputs, parameters and states of its catalogue."""
     parameters = sim.entries(PARAMETER)
     step = next(row.value for row in parameters if row.name == "mode.step")
@@ -142,10 +142,10 @@ def describe(sim: SimModel, token: str, tool: str) -> Description:
         *(_scalar("parameter", i, row) for i, row in enumerate(parameters)),
         *_states(sim.entries(STATE)),
     )
-    return Description(sim.title, identifier(sim.title), token, tool, step, variables)
+    return Description(sim.title, to_c_identifier(sim.title), token, tool, step, variables)
 
 
-def identifier(title: str) -> str:
+def to_c_identifier(title: str) -> str:
     """Return a title as a C identifier, the file name of the libraries.
 
     Examples

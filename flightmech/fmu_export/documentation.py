@@ -23,10 +23,10 @@ from flightmech.simulation.kernel import (
     CatalogueEntry,
     Simulation,
     computable_names,
-    groups,
+    list_name_groups,
 )
 from flightmech.support import figures as svg_chart
-from flightmech.support.figures import Frame, environment, limits
+from flightmech.support.figures import Frame, find_axis_limits, make_template_environment
 from flightmech.units import from_si, to_si
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class TermPlot(NamedTuple):
     caption: str
 
 
-def figures(sim: SimModel) -> Iterator[TermPlot]:
+def make_term_figures(sim: SimModel) -> Iterator[TermPlot]:
     """Return a figure per term, in the order of the model.
 
     The axis with the most nodes runs, as far as anything changes; the next is at up to five values,
@@ -78,7 +78,7 @@ def figures(sim: SimModel) -> Iterator[TermPlot]:
     return (table.figure(term, sim.meta.get("terms", {}).get(term, {})) for term in sim.terms)
 
 
-def axes_of(text: str) -> list[AxisSpan]:
+def parse_axis_spans(text: str) -> list[AxisSpan]:
     """Return the axes that the compiler wrote down for a term.
 
     Examples
@@ -116,7 +116,7 @@ class _Evaluation:
 
     def figure(self, term: str, text: Mapping[str, str]) -> TermPlot:
         """Return the figure of a term with the axes and regressors that the compiler wrote down."""
-        spans = sorted(axes_of(text.get("axes", "")), key=lambda span: -span.nodes)
+        spans = sorted(parse_axis_spans(text.get("axes", "")), key=lambda span: -span.nodes)
         units = {
             name: 1.0
             for name in text.get("regressors", "").split()
@@ -192,28 +192,28 @@ def _svg(
         TOP,
         right - LEFT,
         HEIGHT - TOP - BOTTOM,
-        limits(shown),
-        limits(np.concatenate(curves)),
+        find_axis_limits(shown),
+        find_axis_limits(np.concatenate(curves)),
     )
-    parts = [svg_chart.axes(frame, x_labels=True, x_most=4)]
+    parts = [svg_chart.draw_axes(frame, x_labels=True, x_most=4)]
     if frame.y[0] < 0.0 < frame.y[1]:
         zero = float(frame.py(0.0))
-        parts.append(svg_chart.line(frame.left, zero, frame.right, zero, "zero"))
+        parts.append(svg_chart.draw_line(frame.left, zero, frame.right, zero, "zero"))
     parts += [
-        svg_chart.curve(frame, shown, y, f"curve {shade}", SLACK)
+        svg_chart.draw_curve(frame, shown, y, f"curve {shade}", SLACK)
         for y, shade in zip(curves, _shades(len(curves)), strict=True)
     ]
     for i, (label, shade) in enumerate(zip(labels, _shades(len(labels)), strict=True)):
         y = TOP + 8.0 + 14.0 * i
         parts += [
-            svg_chart.line(right + 6.0, y - 4.0, right + 16.0, y - 4.0, f"key {shade}"),
-            svg_chart.text(right + 19.0, y, label),
+            svg_chart.draw_line(right + 6.0, y - 4.0, right + 16.0, y - 4.0, f"key {shade}"),
+            svg_chart.draw_text(right + 19.0, y, label),
         ]
     unit = "" if axis.display_units == "1" else f" [{axis.display_units}]"
     parts.append(
-        svg_chart.text(0.5 * (LEFT + right), HEIGHT - 8.0, axis.name + unit, anchor="middle")
+        svg_chart.draw_text(0.5 * (LEFT + right), HEIGHT - 8.0, axis.name + unit, anchor="middle")
     )
-    return svg_chart.svg(HEIGHT, "".join(parts), f"{term} over {axis.name}", WIDTH)
+    return svg_chart.make_svg_figure(HEIGHT, "".join(parts), f"{term} over {axis.name}", WIDTH)
 
 
 def _shades(count: int) -> Sequence[str]:
@@ -256,7 +256,7 @@ class PageAxis(NamedTuple):
     outside: str
 
 
-def html(
+def render_documentation(
     description: Description,
     terms: Sequence[str],
     axes: Sequence[PageAxis],
@@ -295,7 +295,9 @@ def html(
             for causality in ("input", "output", "parameter", "state")
         },
     }
-    template = environment(PackageLoader(__package__, "")).get_template("documentation.html")
+    template = make_template_environment(PackageLoader(__package__, "")).get_template(
+        "documentation.html"
+    )
     filled = {name: content for name, content in sections.items() if content}
     return template.render(
         title=description.title, token=description.token, sections=filled, long=LONG
@@ -305,7 +307,7 @@ def html(
 def _submodels(description: Description) -> PageTable:
     rows = []
     for group, text in _SUBMODELS.items():
-        if group in groups():
+        if group in list_name_groups():
             items = _items(description, group)
             counts = [str(len(_patterns(group, kind)) * len(items)) for _, kind in _KINDS]
             rows += (

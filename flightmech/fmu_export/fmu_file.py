@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flightmech.errors import ParseError, SchemaError
-from flightmech.fmu_export.description import Description, describe
-from flightmech.fmu_export.documentation import PageAxis, figures, html
-from flightmech.fmu_export.model_description import xml
+from flightmech.fmu_export.description import Description, describe_model
+from flightmech.fmu_export.documentation import PageAxis, make_term_figures, render_documentation
+from flightmech.fmu_export.model_description import render_model_description
 from flightmech.simulation.kernel import AXIS, FOLDER, LINEAR, SUFFIX
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.input_files import file_kind
@@ -68,7 +68,9 @@ def find_libraries(folder: Path = FOLDER) -> dict[str, bytes]:
     return found
 
 
-def binaries(libraries: Mapping[str, bytes], identifier: str, version: str) -> dict[str, bytes]:
+def place_libraries(
+    libraries: Mapping[str, bytes], identifier: str, version: str
+) -> dict[str, bytes]:
     """Return the files of the folder ``binaries`` by their place in the FMU.
 
     Parameters
@@ -239,13 +241,13 @@ def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0")
     """
     if version not in VERSIONS:
         raise SchemaError("FMU", [f"FMI version {version!r}; allowed: {', '.join(VERSIONS)}"])
-    description = describe(sim, sha256(sim.block).hexdigest(), _tool())
+    description = describe_model(sim, sha256(sim.block).hexdigest(), _tool())
     files = {
-        "modelDescription.xml": xml(description, version),
+        "modelDescription.xml": render_model_description(description, version),
         "resources/model.bin": sim.block,
         "documentation/index.html": _documentation(sim, description).encode(),
         **_license(),
-        **binaries(find_libraries(), description.identifier, version),
+        **place_libraries(find_libraries(), description.identifier, version),
     }
     with written_atomically(path) as part:
         part.write_bytes(_zip(files))
@@ -257,7 +259,7 @@ def _documentation(sim: SimModel, description: Description) -> str:
         PageAxis(row.name, row.units, row.low, row.high, "linear" if row.flags & LINEAR else "held")
         for row in sim.entries(AXIS)
     ]
-    return html(description, sim.terms, axes, sim.meta, figures(sim))
+    return render_documentation(description, sim.terms, axes, sim.meta, make_term_figures(sim))
 
 
 def _zip(files: Mapping[str, bytes]) -> bytes:

@@ -14,7 +14,7 @@ from xml.etree import ElementTree as ET
 
 from flightmech.errors import SchemaError
 from flightmech.fmu_export.description import CHOICES, REPLAY, TIME, Description, FmuVariable
-from flightmech.units import parse
+from flightmech.units import parse_unit
 
 # relative tolerance for the importer's solver: the position is Earth-centred, 1e-9 of it are 6 mm
 TOLERANCE = 1e-9
@@ -55,7 +55,7 @@ _INTERFACES: dict[str, dict[str, tuple[str, ...]]] = {
 _LOCAL = ("state", "derivative")
 
 
-def xml(description: Description, version: str) -> bytes:
+def render_model_description(description: Description, version: str) -> bytes:
     """Return modelDescription.xml for FMI `version` ``"2.0"`` or ``"3.0"``."""
     root = ET.Element(
         "fmiModelDescription",
@@ -305,7 +305,7 @@ def _units(root: ET.Element, variables: Sequence[FmuVariable]) -> None:
         unit = ET.SubElement(definitions, "Unit", name=units)
         ET.SubElement(unit, "BaseUnit", base_units(units))
         for display in sorted(displays - {units}):
-            _, factor, offset = parse(
+            _, factor, offset = parse_unit(
                 display
             )  # SI = value * factor + offset; FMI: display = SI * factor + offset
             attributes = {"name": display, "factor": repr(1.0 / factor)}
@@ -324,7 +324,7 @@ def base_units(units: str) -> dict[str, str]:
     >>> base_units("rad s-1")
     {'s': '-1', 'rad': '1'}
     """
-    dimension, factor, offset = parse(units)
+    dimension, factor, offset = parse_unit(units)
     if factor != 1.0 or offset:
         raise SchemaError(
             "model description",

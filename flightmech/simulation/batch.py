@@ -13,11 +13,11 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError, SimulationError
-from flightmech.simulation.kernel import OUTPUT, Simulation, library
+from flightmech.simulation.kernel import OUTPUT, Simulation, load_kernel
 from flightmech.simulation.run import (
-    attributes,
     check_hold,
     index_of_parameter,
+    output_attributes,
     output_indices,
     read_inputs,
     read_time,
@@ -164,7 +164,8 @@ def simulate_batch(
     chosen = output_indices(sim, outputs)
     rows = [sim.entries(OUTPUT)[i] for i in chosen]
     columns: dict[str, Any] = {
-        row.name: (("run", "time"), y[:, :, k], attributes(row)) for k, row in enumerate(rows)
+        row.name: (("run", "time"), y[:, :, k], output_attributes(row))
+        for k, row in enumerate(rows)
     }
     columns["failure"] = ("run", np.array(texts, object), {"long_name": "why a run ended early"})
     coords = {
@@ -285,11 +286,11 @@ def _fly(base, time, u, parameter, values, chosen, hold, threads, lanes, loops):
         len(loops),
         (_LoopStruct * len(loops))(*loops),
     )
-    width = library().am_lanes(base.model.handle)
+    width = load_kernel().am_lanes(base.model.handle)
     statuses, counts = status.ctypes.data_as(POINTER(c_int)), done.ctypes.data_as(POINTER(c_size_t))
 
     def fly(first: int) -> None:
-        if library().am_batch(
+        if load_kernel().am_batch(
             base.handle, byref(task), first, min(first + width, runs), statuses, counts, texts
         ):
             raise MemoryError("no memory for a simulation of the batch")

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.simulation import submodels
 from flightmech.simulation.kernel import (
     FIXED,
@@ -22,7 +22,7 @@ from flightmech.simulation.kernel import (
     VARIABLE,
     CatalogueEntry,
     computable_names,
-    groups,
+    list_name_groups,
 )
 
 MOST = sys.float_info.max
@@ -84,21 +84,21 @@ _START_NOTES = {
 }
 
 
-def expand(kind: int, items: Mapping[str, Sequence[str]]) -> list[str]:
+def expand_names(kind: int, items: Mapping[str, Sequence[str]]) -> list[str]:
     """Return the names of one kind in the order of a block; `items` are those of `submodels.items`."""
     return [name for _, _, name in _expanded(kind, items)]
 
 
 def _expanded(kind: int, items: Mapping[str, Sequence[str]]) -> Iterator[tuple[str, str, str]]:
     """Return group, item and name."""
-    for group in groups():
+    for group in list_name_groups():
         patterns = [row.pattern for row in computable_names(kind) if row.group == group]
         for item in items.get(group, ()):
             for pattern in patterns:
                 yield group, item, pattern.replace("*", item)
 
 
-def stages(kind: int, items: Mapping[str, Sequence[str]]) -> dict[str, int]:
+def stages_by_name(kind: int, items: Mapping[str, Sequence[str]]) -> dict[str, int]:
     """Return the stage of every variable or target (`flightmech.simulation.kernel`: VARIABLE,
     TARGET) by its name.
     """
@@ -110,22 +110,22 @@ def stages(kind: int, items: Mapping[str, Sequence[str]]) -> dict[str, int]:
     }
 
 
-def inputs(aircraft: Aircraft) -> list[CatalogueEntry]:
+def input_rows(aircraft: Aircraft) -> list[CatalogueEntry]:
     """Return the rows of the inputs; their range is the travel of the control."""
     return _rows(INPUT, aircraft, _input)
 
 
-def outputs(aircraft: Aircraft) -> list[CatalogueEntry]:
+def output_rows(aircraft: Aircraft) -> list[CatalogueEntry]:
     """Return the rows of the outputs."""
     return _rows(OUTPUT, aircraft, lambda name, _: _output(name))
 
 
-def states(aircraft: Aircraft) -> list[CatalogueEntry]:
+def state_rows(aircraft: Aircraft) -> list[CatalogueEntry]:
     """Return the rows of the states."""
     return _rows(STATE, aircraft, lambda name, _: _state(name))
 
 
-def parameters(
+def parameter_rows(
     aircraft: Aircraft, terms: Sequence[str], powers: Mapping[str, float]
 ) -> list[CatalogueEntry]:
     """Return the rows of the parameters.
@@ -157,12 +157,12 @@ def _rows(
     kind: int, aircraft: Aircraft, core: Callable[[str, Aircraft], CatalogueEntry]
 ) -> list[CatalogueEntry]:
     return [
-        submodels.row(kind, group, item, name, aircraft) if group else core(name, aircraft)
-        for group, item, name in _expanded(kind, submodels.items(aircraft))
+        submodels.submodel_row(kind, group, item, name, aircraft) if group else core(name, aircraft)
+        for group, item, name in _expanded(kind, submodels.submodel_items(aircraft))
     ]
 
 
-def variables(names: Sequence[str], aircraft: Aircraft) -> list[CatalogueEntry]:
+def variable_rows(names: Sequence[str], aircraft: Aircraft) -> list[CatalogueEntry]:
     """Return the rows of model variables."""
     rows = {row.name: row for row in _rows(VARIABLE, aircraft, lambda name, _: _row(name, name))}
     return [rows[name] for name in names]
@@ -193,7 +193,7 @@ def _row(
     high: float = MOST,
     flags: int = 0,
 ) -> CatalogueEntry:
-    row = lookup(like)
+    row = lookup_quantity(like)
     sign = f", positive {row.sign}" if row.sign else ""
     return CatalogueEntry(
         name,
@@ -219,7 +219,7 @@ def _state(name: str) -> CatalogueEntry:
     return CatalogueEntry(
         name,
         units,
-        lookup(quantity).display_units if quantity in "pqr" else units,
+        lookup_quantity(quantity).display_units if quantity in "pqr" else units,
         text,
         0.0,
         -MOST,
@@ -242,12 +242,14 @@ def _output(name: str) -> CatalogueEntry:
             0,
         )
     if group == "applied":
-        return _row(name, quantity, f"{lookup(quantity).long_name} as applied: input and biases")
+        return _row(
+            name, quantity, f"{lookup_quantity(quantity).long_name} as applied: input and biases"
+        )
     if group == "trim" and quantity.endswith("_dot"):
         return _rate(name, quantity, "left by the trim")
     if group == "trim":
         found = "found by the trim" if quantity in ("alpha", "beta") else "bias found by the trim"
-        return _row(name, quantity, f"{lookup(quantity).long_name}, {found}")
+        return _row(name, quantity, f"{lookup_quantity(quantity).long_name}, {found}")
     return _row(name, name)
 
 
@@ -267,7 +269,7 @@ def _rate(name: str, quantity: str, remark: str) -> CatalogueEntry:
     return _row(
         name,
         quantity,
-        f"{lookup(quantity).long_name}, {remark}",
+        f"{lookup_quantity(quantity).long_name}, {remark}",
         flags=FIXED if name.startswith("init.") else 0,
     )
 
@@ -286,7 +288,7 @@ def _parameter(name: str, aircraft: Aircraft) -> CatalogueEntry:
         return CatalogueEntry(name, units, display, text, value, -MOST, MOST, 0)
     if group == "bias":
         whose = " of each engine" if quantity in ("thrust", "throttle") else ""
-        return _row(name, quantity, f"added to the {lookup(quantity).long_name}{whose}")
+        return _row(name, quantity, f"added to the {lookup_quantity(quantity).long_name}{whose}")
     return _mode(name, quantity, aircraft)
 
 
@@ -304,7 +306,7 @@ def _initial(name: str, quantity: str) -> CatalogueEntry:
             0.5,
             FIXED,
         )
-    text = f"{lookup(quantity).long_name} at the start{_START_NOTES.get(quantity, '')}"
+    text = f"{lookup_quantity(quantity).long_name} at the start{_START_NOTES.get(quantity, '')}"
     return _row(name, quantity, text, value=_START.get(quantity, 0.0), flags=FIXED)
 
 

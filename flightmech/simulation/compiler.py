@@ -17,7 +17,7 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.build_up import COEFFICIENTS, evaluation_levels, term_level, used_coefficients
 from flightmech.errors import ParseError, SchemaError, UnknownName
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.simulation import catalogue, submodels
 from flightmech.simulation.kernel import (
     AXIS,
@@ -31,12 +31,18 @@ from flightmech.simulation.kernel import (
     CatalogueEntry,
     KernelModel,
 )
-from flightmech.simulation.model_block import FORCES, MOMENTS, Packer, Term, axes
+from flightmech.simulation.model_block import FORCES, MOMENTS, Packer, Term, list_table_axes
 from flightmech.simulation.submodels.devices import with_devices
 from flightmech.support.hdf5_seal import demand_self_contained, read_if_sealed
 from flightmech.support.input_files import file_kind
 from flightmech.support.netcdf_trees import GROUPS
-from flightmech.terms import SOURCES, check, power, regressors, variables
+from flightmech.terms import (
+    SOURCES,
+    check_term,
+    list_model_variables,
+    list_regressors,
+    power_factor,
+)
 from flightmech.units import from_si
 
 IMPLICIT = ("alphadothat", "betadothat", "dnz")
@@ -140,10 +146,12 @@ def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
         With all problems: faults of a term, an axis or regressor that the simulation does not know,
         a geometry that differs from the aircraft's.
     """
-    aircraft = with_devices(aircraft, {name for leaf in _leaves(db) for name in variables(leaf)})
+    aircraft = with_devices(
+        aircraft, {name for leaf in _leaves(db) for name in list_model_variables(leaf)}
+    )
     found = _collect(aircraft, db)
     problems = _root_problems(aircraft, db)
-    known = catalogue.stages(VARIABLE, submodels.items(aircraft))
+    known = catalogue.stages_by_name(VARIABLE, submodels.submodel_items(aircraft))
     problems += [
         text for term in found for text in _leaf_problems(term.name, term.leaf, term.stage, known)
     ]
@@ -176,12 +184,17 @@ def changed_parameters(one: Aircraft, other: Aircraft) -> dict[str, tuple[float,
     """
     geometry = [(a.S, a.cbar, a.b, a.x_ref_mac, a.name) for a in (one, other)]
     names = [
-        [catalogue.inputs(a), catalogue.outputs(a), catalogue.states(a), submodels.items(a)]
+        [
+            catalogue.input_rows(a),
+            catalogue.output_rows(a),
+            catalogue.state_rows(a),
+            submodels.submodel_items(a),
+        ]
         for a in (one, other)
     ]
-    rows = [catalogue.parameters(a, (), {}) for a in (one, other)]
+    rows = [catalogue.parameter_rows(a, (), {}) for a in (one, other)]
     ranges = [[row._replace(value=0.0) for row in found] for found in rows]
-    tables = [list(submodels.terms(a)) for a in (one, other)]
+    tables = [list(submodels.submodel_terms(a)) for a in (one, other)]
     if (
         geometry[0] != geometry[1]
         or names[0] != names[1]
@@ -220,15 +233,15 @@ def _leaves(db: xr.DataTree) -> Iterator[xr.Dataset]:
 
 def _collect(aircraft: Aircraft, db: xr.DataTree) -> list[Term]:
     """Return all terms in the order of their evaluation."""
-    items = submodels.items(aircraft)
+    items = submodels.submodel_items(aircraft)
     stage, number = (
-        catalogue.stages(TARGET, items),
-        {name: i for i, name in enumerate(catalogue.expand(TARGET, items))},
+        catalogue.stages_by_name(TARGET, items),
+        {name: i for i, name in enumerate(catalogue.expand_names(TARGET, items))},
     )
     forces = FORCES.get(_force_axes(db), FORCES["stability"])
     found = [
         Term(stage[target], number[target], name, leaf)
-        for target, name, leaf in submodels.terms(aircraft)
+        for target, name, leaf in submodels.submodel_terms(aircraft)
     ]
     for target, coefficient in zip(
         (*FORCES["stability"], *MOMENTS, *_HINGES), (*forces, *MOMENTS, *_HINGES), strict=True
@@ -293,13 +306,15 @@ def _astray(db: xr.DataTree) -> Iterator[str]:
 
 
 def _leaf_problems(name: str, leaf: xr.Dataset, stage: int, known: Mapping[str, int]) -> list[str]:
-    problems = check(leaf)
+    problems = check_term(leaf)
     if problems:
         return [f"{name}: {text}" for text in problems]
     problems += [
-        f"{name}: {text}" for axis in axes(leaf) for text in _axis_problems(axis, known, stage)
+        f"{name}: {text}"
+        for axis in list_table_axes(leaf)
+        for text in _axis_problems(axis, known, stage)
     ]
-    words, factor = regressors(leaf), power(leaf)
+    words, factor = list_regressors(leaf), power_factor(leaf)
     problems += [
         f"{name}: regressor: {text}"
         for word in words
@@ -360,17 +375,17 @@ def _meta(db: xr.DataTree, terms: list[Term]) -> str:
 def _texts(leaf: xr.Dataset) -> dict[str, str]:
     """Return what a reader of the model should know of a term."""
     found = {
-        "axes": ", ".join(_extent(leaf, axis) for axis in axes(leaf)),
+        "axes": ", ".join(_extent(leaf, axis) for axis in list_table_axes(leaf)),
         "source": _sources(leaf),
     }
     found |= {key: str(leaf.attrs.get(key, "")) for key in ("regressors", "references", "comment")}
-    found["power"] = str(power(leaf) or "")
+    found["power"] = str(power_factor(leaf) or "")
     return {key: text for key, text in found.items() if text}
 
 
 def _extent(leaf: xr.Dataset, axis: str) -> str:
     """Return range, display unit and number of the breakpoints: ``alpha -8 ... 20 deg (19)``."""
-    points, unit = leaf.variables[axis].values, lookup(axis).display_units
+    points, unit = leaf.variables[axis].values, lookup_quantity(axis).display_units
     ends = " ... ".join(
         f"{from_si(float(x), unit):.4g}" for x in dict.fromkeys((points[0], points[-1]))
     )
@@ -401,12 +416,12 @@ def _open(database: str) -> xr.DataTree:
     """Return the tree of a database file; `aerodb`, which writes it, stands to the right of this
     package.
     """
-    from flightmech.support.netcdf_trees import read
+    from flightmech.support.netcdf_trees import read_netcdf_tree
 
     demand_self_contained(database)
     read_if_sealed(Path(database), "a database; build or copy it again")
     try:
-        tree, problems = read(Path(database))
+        tree, problems = read_netcdf_tree(Path(database))
     except SchemaError as error:
         raise SchemaError(database, error.problems) from None
     except (

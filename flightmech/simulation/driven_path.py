@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flightmech.simulation.kernel import _checked, _doubles, _pointer, library
+from flightmech.simulation.kernel import _checked, _doubles, _pointer, load_kernel
 
 BIAS, SCALE, WIND, LAG = 0, 6, 12, 15  # AM_BIAS and the others of kernel.h
 
@@ -222,7 +222,7 @@ class DrivenPath:
             else output_pointer(X, (self.samples, self.states, self.states + len(self.inputs)))
         )
         self._demand(
-            library().am_follow(
+            load_kernel().am_follow(
                 byref(self.drive),
                 self.samples,
                 _pointer(_checked(start, (self.states,))),
@@ -257,7 +257,7 @@ class DrivenPath:
             _pointer(_checked(pressed, (self.samples, self.states, unknowns))),
             output_pointer(products, (unknowns, unknowns)),
         )
-        self._demand(library().am_add_noise(byref(self.drive), self.samples, *given, *pointers))
+        self._demand(load_kernel().am_add_noise(byref(self.drive), self.samples, *given, *pointers))
 
     def _demand(self, code: int) -> None:
         if code:

@@ -123,7 +123,7 @@ _SIGNATURES: dict[str, tuple[type | None, list]] = {
 
 
 @cache
-def library() -> ctypes.CDLL:
+def load_kernel() -> ctypes.CDLL:
     """Return the kernel of this machine.
 
     Raises
@@ -165,10 +165,10 @@ class ComputableName(NamedTuple):
 
 
 @cache
-def groups() -> tuple[str, ...]:
+def list_name_groups() -> tuple[str, ...]:
     """Return the groups of names, in the order of a block; the core is ``""``."""
     found: list[str] = []
-    while (name := library().am_group(len(found))) is not None:
+    while (name := load_kernel().am_group(len(found))) is not None:
         found.append(name.decode())
     return tuple(found)
 
@@ -176,7 +176,7 @@ def groups() -> tuple[str, ...]:
 @cache
 def computable_names(kind: int) -> tuple[ComputableName, ...]:
     """Return the names of one kind that the kernel can compute."""
-    kernel = library()
+    kernel = load_kernel()
     found: list[ComputableName] = []
     while (name := kernel.am_known(kind, len(found))) is not None:
         i = len(found)
@@ -194,7 +194,7 @@ class KernelModel:
     """A loaded block; immutable, may be shared by threads."""
 
     def __init__(self, block: bytes):
-        kernel = library()
+        kernel = load_kernel()
         text = ctypes.create_string_buffer(400)
         handle = kernel.am_load(block, len(block), text, len(text))
         if not handle:
@@ -210,7 +210,7 @@ class KernelModel:
 
     def count(self, kind: int) -> int:
         """Return the number of inputs, outputs and so on."""
-        return library().am_count(self.handle, kind)
+        return load_kernel().am_count(self.handle, kind)
 
     def find(self, kind: int, name: str) -> int:
         """Return the index of a name, -1 when there is none; parameters of tables are found here
@@ -218,7 +218,9 @@ class KernelModel:
         """
         index = self._found.get((kind, name))
         if index is None:
-            index = self._found[kind, name] = library().am_find(self.handle, kind, name.encode())
+            index = self._found[kind, name] = load_kernel().am_find(
+                self.handle, kind, name.encode()
+            )
         return index
 
     def entries(self, kind: int) -> tuple[CatalogueEntry, ...]:
@@ -236,7 +238,7 @@ class KernelModel:
     def _read(self, kind: int) -> Iterator[CatalogueEntry]:
         row = _EntryStruct()
         for i in range(self.count(kind)):
-            library().am_entry_at(self.handle, kind, i, byref(row))
+            load_kernel().am_entry_at(self.handle, kind, i, byref(row))
             name, units, display_units, description = (
                 getattr(row, column).decode() for column in CatalogueEntry._fields[:4]
             )
@@ -247,19 +249,19 @@ class KernelModel:
     @property
     def title(self) -> str:
         """Name of the aircraft."""
-        return library().am_title(self.handle).decode()
+        return load_kernel().am_title(self.handle).decode()
 
     @property
     def meta(self) -> str:
         """Provenance as JSON text."""
-        return library().am_meta(self.handle).decode()
+        return load_kernel().am_meta(self.handle).decode()
 
 
 class Simulation:
     """States, inputs and parameters of one run; `copy` makes a rollback point."""
 
     def __init__(self, model: KernelModel):
-        kernel = library()
+        kernel = load_kernel()
         handle = kernel.am_new(model.handle)
         if not handle:
             raise MemoryError("no memory for a simulation")
@@ -269,32 +271,34 @@ class Simulation:
     def copy(self) -> Simulation:
         """Return an independent simulation in the same state."""
         copy = Simulation(self.model)
-        copy._demand(library().am_copy(copy.handle, self.handle))
+        copy._demand(load_kernel().am_copy(copy.handle, self.handle))
         return copy
 
     def set_parameter(self, index: int, value: float) -> None:
         """Set one parameter."""
-        self._demand(library().am_set_parameter(self.handle, index, value))
+        self._demand(load_kernel().am_set_parameter(self.handle, index, value))
 
     def parameter(self, index: int) -> float:
         """Return one parameter."""
         value = c_double()
-        self._demand(library().am_get_parameter(self.handle, index, byref(value)))
+        self._demand(load_kernel().am_get_parameter(self.handle, index, byref(value)))
         return value.value
 
     def set_inputs(self, u: Sequence[float] | np.ndarray) -> None:
         """Set all inputs, u (inputs,)."""
         self._demand(
-            library().am_set_inputs(self.handle, _pointer(_checked(u, (self.model.count(INPUT),))))
+            load_kernel().am_set_inputs(
+                self.handle, _pointer(_checked(u, (self.model.count(INPUT),)))
+            )
         )
 
     def initialize(self, time: float = 0.0) -> None:
         """Put the state to ``init.*``; trim when ``mode.trim`` requires it."""
-        self._demand(library().am_initialize(self.handle, time))
+        self._demand(load_kernel().am_initialize(self.handle, time))
 
     def trim(self, mode: int) -> None:
         """Trim by thrust (1) or throttle (2)."""
-        self._demand(library().am_trim(self.handle, mode))
+        self._demand(load_kernel().am_trim(self.handle, mode))
 
     def trim_for(
         self,
@@ -333,7 +337,7 @@ class Simulation:
         task.low, task.high, task.size = map(_pointer, (low, high, size))
         task.goal, task.wanted = (c_int * m)(*goals), _pointer(aims)
         self._demand(
-            library().am_trim_for(
+            load_kernel().am_trim_for(
                 self.handle, byref(task), *map(_pointer, (found, y, left, jacobian))
             )
         )
@@ -343,7 +347,7 @@ class Simulation:
         """Advance by `dt` with inputs linear from `u0` to `u1`. [s]"""
         shape = (self.model.count(INPUT),)
         self._demand(
-            library().am_step(
+            load_kernel().am_step(
                 self.handle, time, dt, _pointer(_checked(u0, shape)), _pointer(_checked(u1, shape))
             )
         )
@@ -351,7 +355,7 @@ class Simulation:
     def outputs(self) -> np.ndarray:
         """Return all outputs (outputs,)."""
         y = np.empty(self.model.count(OUTPUT))
-        self._demand(library().am_outputs(self.handle, _pointer(y)))
+        self._demand(load_kernel().am_outputs(self.handle, _pointer(y)))
         return y
 
     def run(self, time: np.ndarray, u: np.ndarray, hold: bool) -> np.ndarray:
@@ -360,7 +364,7 @@ class Simulation:
         inputs = _checked(u, (len(t), self.model.count(INPUT)))
         y, done = np.empty((len(t), self.model.count(OUTPUT))), c_size_t()
         self._demand(
-            library().am_run(
+            load_kernel().am_run(
                 self.handle,
                 len(t),
                 _pointer(t),
@@ -392,7 +396,7 @@ class Simulation:
             _pointer(y),
         )
         self._demand(
-            library().am_record(
+            load_kernel().am_record(
                 self.handle,
                 len(t),
                 *pointers,
@@ -407,24 +411,30 @@ class Simulation:
         """State (states,): position, velocity, quaternion, body rates, then the submodels;
         `entries` of STATE names them.
         """
-        x = np.empty(library().am_state_count(self.model.handle))
-        self._demand(library().am_get_state(self.handle, _pointer(x)))
+        x = np.empty(load_kernel().am_state_count(self.model.handle))
+        self._demand(load_kernel().am_get_state(self.handle, _pointer(x)))
         return x
 
     @state.setter
     def state(self, x: np.ndarray) -> None:
         self._demand(
-            library().am_set_state(
-                self.handle, _pointer(_checked(x, (library().am_state_count(self.model.handle),)))
+            load_kernel().am_set_state(
+                self.handle,
+                _pointer(_checked(x, (load_kernel().am_state_count(self.model.handle),))),
             )
         )
 
     def derivative(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return the rate of the state `x` under the inputs `u`."""
-        state, dx = _checked(x, (library().am_state_count(self.model.handle),)), np.empty(len(x))
+        state, dx = (
+            _checked(x, (load_kernel().am_state_count(self.model.handle),)),
+            np.empty(len(x)),
+        )
         inputs = _checked(u, (self.model.count(INPUT),))
         self._demand(
-            library().am_derivative(self.handle, _pointer(state), _pointer(inputs), _pointer(dx))
+            load_kernel().am_derivative(
+                self.handle, _pointer(state), _pointer(inputs), _pointer(dx)
+            )
         )
         return dx
 
@@ -432,7 +442,7 @@ class Simulation:
         """Let the clock and what is stepped discretely (weather, circuits) follow a state that was
         integrated outside. [s]
         """
-        self._demand(library().am_complete_step(self.handle, time))
+        self._demand(load_kernel().am_complete_step(self.handle, time))
 
     def evaluate(self, variables: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return coefficients (n, 6) and contributions (n, terms) at model variables (n,
@@ -442,7 +452,7 @@ class Simulation:
         v = _checked(v, (len(v), self.model.count(VARIABLE)))
         coefficients, terms = np.empty((len(v), 6)), np.empty((len(v), self.model.count(TERM)))
         self._demand(
-            library().am_evaluate(
+            load_kernel().am_evaluate(
                 self.handle, len(v), _pointer(v), _pointer(coefficients), _pointer(terms)
             )
         )
@@ -451,14 +461,14 @@ class Simulation:
     def out_of_range(self) -> tuple[np.ndarray, np.ndarray]:
         """Return how many internal steps lay below and above the range of each axis (axes,)."""
         below, above = np.empty(self.model.count(AXIS)), np.empty(self.model.count(AXIS))
-        self._demand(library().am_out_of_range(self.handle, _pointer(below), _pointer(above)))
+        self._demand(load_kernel().am_out_of_range(self.handle, _pointer(below), _pointer(above)))
         return below, above
 
     def _demand(self, status: int) -> None:
         if status:
             raise SimulationError(
-                library().am_error(self.handle).decode(errors="replace"),
-                library().am_time(self.handle),
+                load_kernel().am_error(self.handle).decode(errors="replace"),
+                load_kernel().am_time(self.handle),
             )
 
 
@@ -475,7 +485,7 @@ class Stepping:
     """
 
     def __init__(self, simulation: Simulation):
-        kernel = library()
+        kernel = load_kernel()
         self._simulation, self._step, self._outputs = simulation, kernel.am_step, kernel.am_outputs
         self.ends, self.y = (
             np.zeros((2, simulation.model.count(INPUT))),

@@ -20,8 +20,8 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.build_up import COEFFICIENTS
 from flightmech.simulation import catalogue, submodels
-from flightmech.simulation.kernel import CatalogueEntry, groups, library
-from flightmech.terms import power, regressors
+from flightmech.simulation.kernel import CatalogueEntry, list_name_groups, load_kernel
+from flightmech.terms import list_regressors, power_factor
 
 FORCES = {
     "stability": ("CL", "CD", "CY"),
@@ -59,7 +59,7 @@ class _AxisKey(NamedTuple):
     points: tuple[float, ...]
 
 
-def axes(leaf: xr.Dataset) -> list[str]:
+def list_table_axes(leaf: xr.Dataset) -> list[str]:
     """Return the axis names of all tables of a leaf."""
     return [str(axis) for table in _TABLES if table in leaf for axis in leaf.variables[table].dims]
 
@@ -78,7 +78,11 @@ class Packer:
 
     def __post_init__(self) -> None:
         self.variables = sorted(
-            {v for t in self.terms for v in (*axes(t.leaf), *regressors(t.leaf), *_powered(t.leaf))}
+            {
+                v
+                for t in self.terms
+                for v in (*list_table_axes(t.leaf), *list_regressors(t.leaf), *_powered(t.leaf))
+            }
         )
         found = dict.fromkeys(
             axis for t in self.terms for _, table in _tables(t.leaf) for axis in _axes_of(t, table)
@@ -90,15 +94,15 @@ class Packer:
         """Return the block."""
         bundles, nodes, slots = self._bundles()
         names = [t.name for t in self.terms]
-        powers = {t.name: factor.exponent for t in self.terms if (factor := power(t.leaf))}
+        powers = {t.name: factor.exponent for t in self.terms if (factor := power_factor(t.leaf))}
         items = self._items()
         sections = [
             (1, self._geometry()),
-            self._entries(catalogue.inputs(self.aircraft)),
-            self._entries(catalogue.outputs(self.aircraft)),
-            self._entries(catalogue.parameters(self.aircraft, names, powers)),
-            self._entries(catalogue.states(self.aircraft)),
-            self._entries(catalogue.variables(self.variables, self.aircraft)),
+            self._entries(catalogue.input_rows(self.aircraft)),
+            self._entries(catalogue.output_rows(self.aircraft)),
+            self._entries(catalogue.parameter_rows(self.aircraft, names, powers)),
+            self._entries(catalogue.state_rows(self.aircraft)),
+            self._entries(catalogue.variable_rows(self.variables, self.aircraft)),
             (len(self.axes), b"".join(self._axis(axis) for axis in self.axes)),
             (len(self.points), np.array(self.points, "<f8").tobytes()),
             (len(bundles), b"".join(bundles)),
@@ -110,10 +114,10 @@ class Packer:
         return _block(sections)
 
     def _items(self) -> list[bytes]:
-        found = submodels.items(self.aircraft)
+        found = submodels.submodel_items(self.aircraft)
         return [
             struct.pack("<2I", number, self._string(item))
-            for number, group in enumerate(groups())
+            for number, group in enumerate(list_name_groups())
             for item in found.get(group, ())
         ]
 
@@ -193,10 +197,10 @@ class Packer:
         return records, nodes, slots
 
     def _term(self, t: Term, slots: dict[tuple[str, str], int]) -> bytes:
-        factors = [self.variables.index(word) + 1 for word in regressors(t.leaf)]
+        factors = [self.variables.index(word) + 1 for word in list_regressors(t.leaf)]
         tables = [slots.get((t.name, name), 0) for name in _TABLES]
         text = str(t.leaf.attrs.get("comment", ""))
-        factor = power(t.leaf)
+        factor = power_factor(t.leaf)
         place, floor = (
             (self.variables.index(factor.variable) + 1, factor.floor) if factor else (0, 0.0)
         )
@@ -215,7 +219,7 @@ class Packer:
 
 def _powered(leaf: xr.Dataset) -> list[str]:
     """Return the variable of the power factor, if there is one."""
-    factor = power(leaf)
+    factor = power_factor(leaf)
     return [factor.variable] if factor else []
 
 
@@ -241,5 +245,7 @@ def _block(sections: list[tuple[int, bytes]]) -> bytes:
         directory += struct.pack("<2Q", start + len(body), count)
         body += data
     checked = struct.pack("<I", len(sections)) + directory + body
-    head = struct.pack("<8s2IQ", b"AMKERNEL", library().am_format(), 0x01020304, 28 + len(checked))
+    head = struct.pack(
+        "<8s2IQ", b"AMKERNEL", load_kernel().am_format(), 0x01020304, 28 + len(checked)
+    )
     return head + struct.pack("<I", zlib.crc32(checked)) + checked

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flightmech.simulation.driven_path import DrivenPath, DriveStruct, output_pointer
-from flightmech.simulation.kernel import _checked, _doubles, _pointer, library
+from flightmech.simulation.kernel import _checked, _doubles, _pointer, load_kernel
 
 
 class _Sums(ctypes.Structure):
@@ -90,7 +90,7 @@ class NormalSums:
 
     def _add(self, groups: list[tuple[_Group, Any]]) -> None:
         array = (_Group * len(groups))(*(group for group, _ in groups))
-        if library().am_add_residuals(byref(self._sums), len(self.D), array, len(groups)):
+        if load_kernel().am_add_residuals(byref(self._sums), len(self.D), array, len(groups)):
             sizes = f"{self._sums.states} states and {self._sums.constants} constants"
             raise ValueError(
                 f"{sizes}: more than the kernel sums at once, 32; or a path with an unknown input"
@@ -198,7 +198,7 @@ class NormalSums:
         samples, states, constants = self.G.shape
         rest = self._rest = self._rest or Elimination(samples, states, constants)
         rest.products.fill(0.0)
-        failed = library().am_eliminate(
+        failed = load_kernel().am_eliminate(
             byref(self._sums),
             samples,
             *map(_pointer, (rest.L, rest.V, rest.columns, rest.products)),
@@ -289,7 +289,7 @@ class Elimination:
     def back(self, x: np.ndarray) -> np.ndarray:
         """Return F'^-1 x (N, n, any), written over x."""
         samples, states, columns = x.shape
-        library().am_substitute(
+        load_kernel().am_substitute(
             states,
             samples,
             _pointer(self.L),
@@ -366,7 +366,7 @@ def _add(X, unknowns: int, readings: Readings, weight, products, series, pressed
     driven = _Driven(states, columns, unknowns, _pointer(_checked(X, X.shape)))
     out = None if pressed is None else output_pointer(pressed, (samples, states, unknowns))
     sums = (None if item is None else _pointer(item) for item in (products, series))
-    if library().am_add_driven(byref(driven), byref(group), *sums, out):
+    if load_kernel().am_add_driven(byref(driven), byref(group), *sums, out):
         raise ValueError(
             f"{unknowns} unknowns or {readings.A.shape[-1]} states: more than the kernel "
             f"sums at once, 96 and {states}"

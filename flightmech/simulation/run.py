@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.simulation.kernel import AXIS, INPUT, OUTPUT, PARAMETER, CatalogueEntry, Simulation
 
 if TYPE_CHECKING:
@@ -73,10 +73,10 @@ def simulate(
     y, parts = run.record(time, u, hold == "zero", chosen, terms)
     rows = sim.entries(OUTPUT)
     columns: dict[str, Any] = {
-        rows[i].name: ("time", y[:, k], attributes(rows[i])) for k, i in enumerate(chosen)
+        rows[i].name: ("time", y[:, k], output_attributes(rows[i])) for k, i in enumerate(chosen)
     }
     coords: dict[str, Any] = {
-        "time": ("time", time, {"units": "s", "long_name": lookup("time").long_name})
+        "time": ("time", time, {"units": "s", "long_name": lookup_quantity("time").long_name})
     }
     if parts is not None:
         columns["contribution"] = (
@@ -151,7 +151,7 @@ def constant_inputs(sim: SimModel, values: Mapping[str, float]) -> np.ndarray:
     return np.array([float(values.get(row.name, row.value)) for row in sim.entries(INPUT)])
 
 
-def attributes(row: CatalogueEntry) -> dict[str, str]:
+def output_attributes(row: CatalogueEntry) -> dict[str, str]:
     """Return the attributes of an output."""
     return {"units": row.units, "long_name": row.description, "display_units": row.display_units}
 
@@ -210,7 +210,7 @@ def _column(item: xr.DataArray, runs: int = 0) -> Any:
 
 def _in_vocabulary(name: str) -> bool:
     try:
-        lookup(name)
+        lookup_quantity(name)
     except UnknownName:
         return False
     return True
@@ -311,13 +311,13 @@ def simulate_closed_loop(
             run.step(t, dt, loop.at(t), loop.at(t + dt, before=True))
     rows = sim.entries(OUTPUT)
     columns: dict[str, Any] = {
-        rows[i].name: ("time", y[:, k], attributes(rows[i])) for k, i in enumerate(chosen)
+        rows[i].name: ("time", y[:, k], output_attributes(rows[i])) for k, i in enumerate(chosen)
     }
     own = {row.name: row for row in sim.entries(INPUT)}
     for name in dict.fromkeys(name for command in commands for name in command):
         base = u[:, sim.inputs.index(name)]
         moved = [command.get(name, value) for command, value in zip(commands, base, strict=True)]
-        columns[name] = ("time", np.array(moved), attributes(own[name]))
+        columns[name] = ("time", np.array(moved), output_attributes(own[name]))
     found = {
         "title": sim.title,
         "step": float(values["mode.step"]),

@@ -19,7 +19,7 @@ _FREE_AIR = 1e4  # height above the ground unless the condition gives one [m]
 _START = ("gamma", "phi", "psi", "lat", "lon")
 
 
-def parameters(sim: SimModel, condition: Mapping[str, float]) -> dict[str, float]:
+def condition_parameters(sim: SimModel, condition: Mapping[str, float]) -> dict[str, float]:
     """Return the parameters and inputs of the simulation at a condition over a flat Earth.
 
     The flight is out of ground effect, at sea level too, unless the condition gives
@@ -97,7 +97,7 @@ def _true_airspeed(kind: str, value: float, parameters: Mapping[str, float]) -> 
     return value
 
 
-def text(condition: Mapping[str, float]) -> str:
+def flight_condition_text(condition: Mapping[str, float]) -> str:
     """Return a condition as text."""
     return ", ".join(
         f"{name} {value:.4g}{' ' + VOCABULARY[name].units if name in VOCABULARY else ''}"

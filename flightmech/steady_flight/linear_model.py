@@ -24,7 +24,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flightmech.simulation.kernel import OUTPUT, PARAMETER, STATE, Simulation
 from flightmech.simulation.run import constant_inputs, initialise_run
 from flightmech.steady_flight.trim_request import DRIVES, RIGID
@@ -375,7 +375,9 @@ def _dataset(
         "state",
         np.array(
             [
-                plant.places[name][1] if name in plant.places else attrs(name)["units"]
+                plant.places[name][1]
+                if name in plant.places
+                else quantity_attributes(name)["units"]
                 for name in plant.states
             ],
             object,
@@ -383,7 +385,7 @@ def _dataset(
     )
     data["input_units"] = (
         "input",
-        np.array([attrs(_quantity(name))["units"] for name in inputs], object),
+        np.array([quantity_attributes(_quantity(name))["units"] for name in inputs], object),
     )
     data["output_units"] = "output", np.array([units[name] for name in outputs], object)
     coords = {

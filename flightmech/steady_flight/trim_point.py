@@ -21,7 +21,7 @@ from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.compiler import compile as compile_model
 from flightmech.simulation.kernel import PARAMETER, Simulation
 from flightmech.simulation.run import constant_inputs, initialise_run
-from flightmech.steady_flight.flight_condition import parameters, text
+from flightmech.steady_flight.flight_condition import condition_parameters, flight_condition_text
 from flightmech.steady_flight.trim_search import trimmed_outputs
 from flightmech.units import G0
 
@@ -396,7 +396,7 @@ class Point:
         known = {**self.variables, **values}
         return float(
             sum(
-                terms.evaluate(leaf, known, outside="clamp")
+                terms.evaluate_term(leaf, known, outside="clamp")
                 for leaf in self.pair.hinges[coefficient]
             )
         )
@@ -432,11 +432,11 @@ def trimmed_at(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, floa
         is at its limit.
     """
     sim = compile_model(aircraft, db)
-    point = _trimmed(CompiledAircraft(aircraft, db, sim), parameters(sim, condition))
+    point = _trimmed(CompiledAircraft(aircraft, db, sim), condition_parameters(sim, condition))
     if not point.is_trimmed:
         kind = "flight" if aircraft.engines else "glide (the aircraft file has no engines)"
         raise SimulationError(
-            f"no steady {kind} at {text(condition)}: {_left(point)}; change the condition or "
+            f"no steady {kind} at {flight_condition_text(condition)}: {_left(point)}; change the condition or "
             f"the limits of the controls"
         )
     return point
@@ -568,7 +568,7 @@ def full_thrust(flight: Point) -> np.ndarray:
     )
 
 
-def heights(aircraft: Aircraft) -> Heights:
+def thrust_over_height(aircraft: Aircraft) -> Heights:
     """Return what the thrust at full throttle does over height, of the engine whose tables end
     first.
     """

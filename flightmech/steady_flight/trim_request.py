@@ -141,7 +141,7 @@ class Request(NamedTuple):
     wanted: np.ndarray
 
 
-def request(
+def make_trim_request(
     sim: SimModel,
     parameters: Mapping[str, float],
     kind: str,

@@ -12,8 +12,8 @@ import xarray as xr
 
 from flightmech.errors import SchemaError
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, STATE, Simulation
-from flightmech.simulation.run import attributes, constant_inputs, initialise_run
-from flightmech.steady_flight.trim_request import CLIMB, ON_GROUND, Request, request
+from flightmech.simulation.run import constant_inputs, initialise_run, output_attributes
+from flightmech.steady_flight.trim_request import CLIMB, ON_GROUND, Request, make_trim_request
 
 if TYPE_CHECKING:
     from flightmech.simulation.compiler import SimModel
@@ -281,7 +281,9 @@ def trim(
     """
     if kind is None and unknowns is None and fixed is None and residuals is None:
         return _result(sim, trimmed_outputs(sim, parameters or {}))
-    problem = request(sim, parameters or {}, kind or "level", unknowns, residuals, fixed or {})
+    problem = make_trim_request(
+        sim, parameters or {}, kind or "level", unknowns, residuals, fixed or {}
+    )
     run = initialise_run(sim, problem.values, constant_inputs(sim, problem.values))
     places = {
         row.name: (kind, i)
@@ -352,5 +354,7 @@ def _result(
     search: Mapping = MappingProxyType({}),
     findings: Mapping = MappingProxyType({}),
 ) -> xr.Dataset:
-    outputs = {row.name: ((), y[i], attributes(row)) for i, row in enumerate(sim.entries(OUTPUT))}
+    outputs = {
+        row.name: ((), y[i], output_attributes(row)) for i, row in enumerate(sim.entries(OUTPUT))
+    }
     return xr.Dataset({**outputs, **search}, attrs={"title": sim.title, **findings})

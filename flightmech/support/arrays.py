@@ -23,7 +23,7 @@ Place = tuple[
 _BLOCK = 8192  # samples interpolated at a time: what they need stays in the cache of the processor
 
 
-def place(points: np.ndarray, x: np.ndarray, rule: str) -> Place:
+def locate_breakpoints(points: np.ndarray, x: np.ndarray, rule: str) -> Place:
     """Return the breakpoint below each sample and how far on the way to the next one it lies."""
     if len(points) == 1:
         return np.zeros(x.shape, np.intp), np.zeros(x.shape)
@@ -32,7 +32,7 @@ def place(points: np.ndarray, x: np.ndarray, rule: str) -> Place:
     return low, fraction.clip(0.0, 1.0) if rule == "hold" else fraction
 
 
-def multilinear(nodes: np.ndarray, places: Sequence[Place]) -> np.ndarray:
+def interpolate_multilinear(nodes: np.ndarray, places: Sequence[Place]) -> np.ndarray:
     """Return a table (axes...) at places along each axis, (samples,)."""
     starts, rises = nodes[..., :-1].ravel(), np.diff(nodes).ravel()
     sizes = (*nodes.shape[:-1], nodes.shape[-1] - 1)
@@ -61,14 +61,14 @@ def multilinear(nodes: np.ndarray, places: Sequence[Place]) -> np.ndarray:
     return found
 
 
-def inside(points: np.ndarray, x: np.ndarray) -> np.ndarray:
+def is_inside_axis(points: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return which samples lie between the ends of an axis."""
     return (x >= points[0]) & (x <= points[-1])
 
 
 def demand_inside(axis: str, points: np.ndarray, x: np.ndarray) -> None:
     """Raise `OutOfRange` with the worst sample when some lie beyond the ends of an axis."""
-    mask = ~inside(points, x)
+    mask = ~is_inside_axis(points, x)
     if mask.any():
         worst = x[mask][np.argmax(np.abs(x[mask] - np.clip(x[mask], points[0], points[-1])))]
         raise OutOfRange(
@@ -115,7 +115,7 @@ def median(x: np.ndarray) -> float:
     return float((parted[low] + parted[high]) / 2.0)
 
 
-def columns_of(data: Any) -> tuple[Mapping[Any, Any], int]:
+def columns_with_count(data: Any) -> tuple[Mapping[Any, Any], int]:
     """Return columns by name, and the number of samples, of a Dataset, without forming a DataArray
     of each, or of a mapping of arrays.
     """

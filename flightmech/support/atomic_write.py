@@ -33,7 +33,7 @@ def temporary_name(prefix: str, ending: str = "part") -> str:
 _NUMBERS = re.compile(r"(\d+)-[0-9a-f]{8}")
 
 
-def leftovers(folder: Path, prefix: str, ending: str = "part") -> Iterator[Path]:
+def find_leftovers(folder: Path, prefix: str, ending: str = "part") -> Iterator[Path]:
     """Yield what processes that have ended left in a folder under names of `temporary_name`."""
     start, end = f"{prefix}.{_machine()}-", f".{ending}"
     for item in _names(folder):
@@ -47,7 +47,7 @@ def remove_leftovers(folder: Path, prefix: str, ending: str = "part") -> None:
     """Remove files and folders that processes that have ended left; what cannot be removed stays."""
     import shutil
 
-    for path in leftovers(folder, prefix, ending):
+    for path in find_leftovers(folder, prefix, ending):
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
         else:
@@ -332,7 +332,7 @@ _ASIDE = ".old.part"
 
 def _complete_exchange(path: Path) -> None:
     """Put in order what a process left that was killed between the two steps of an exchange."""
-    for aside in leftovers(path.parent, f".{path.name}", _ASIDE[1:]):
+    for aside in find_leftovers(path.parent, f".{path.name}", _ASIDE[1:]):
         new = aside.with_suffix("").with_suffix(".part")
         if not path.exists():
             os.replace(new if new.is_dir() else aside, path)

@@ -177,7 +177,7 @@ _UNSEEN |= {
 }
 
 
-def printable(text: str) -> str:
+def escape_control_characters(text: str) -> str:
     """Return a text with control characters, also those that turn the direction of writing, as
     their codes: no name moves a cursor.
 
@@ -219,18 +219,21 @@ def print_json(item: Any) -> None:
     click.echo(json.dumps(to_json_types(item), indent=2, ensure_ascii=False))
 
 
-def table(
+def print_table(
     columns: Sequence[str],
     rows: Iterable[Sequence[Any]],
     title: str = "",
     right: Sequence[str] = (),
 ) -> None:
     """Print a table; columns named in `right` are set flush right."""
-    cells = [["" if cell is None else printable(str(cell)) for cell in row] for row in rows]
+    cells = [
+        ["" if cell is None else escape_control_characters(str(cell)) for cell in row]
+        for row in rows
+    ]
     broken_at = _width() if sys.stdout.isatty() else None
     lines = _plain_lines(columns, cells, right, broken_at)
     if title:
-        click.echo(printable(title))
+        click.echo(escape_control_characters(title))
     click.echo("\n".join(_rich_lines(columns, cells, right, broken_at) if lines is None else lines))
 
 
@@ -298,7 +301,7 @@ def _rich_lines(
 
 
 @contextmanager
-def shorten_text() -> Iterator[None]:
+def without_gc() -> Iterator[None]:
     """Leave out Python's search for circles of objects, a twentieth of the time of a verb that
     reads one file, prints it and ends.
     """
@@ -313,7 +316,7 @@ def shorten_text() -> Iterator[None]:
 
 def print_remark(text: str) -> None:
     """Print a message on stderr, so that stdout stays clean."""
-    click.echo(printable(text), err=True)
+    click.echo(escape_control_characters(text), err=True)
 
 
 @contextmanager
@@ -335,7 +338,7 @@ def timed_step(text: str) -> Iterator[None]:
             )
 
 
-def progress(text: str, lines: bool = False) -> AbstractContextManager[None]:
+def show_progress(text: str, lines: bool = False) -> AbstractContextManager[None]:
     """Return `step` on a terminal; where nobody watches, nothing is printed and warnings are left
     alone.
 

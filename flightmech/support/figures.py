@@ -21,7 +21,7 @@ import numpy as np
 from jinja2 import BaseLoader, Environment, StrictUndefined
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.support.atomic_write import written_atomically
 from flightmech.units import from_si
 
@@ -94,7 +94,7 @@ def demand_drawable(target: str | os.PathLike[str]) -> str:
     return kind
 
 
-def save_figure(figure: Figure, target: str | os.PathLike[str], dpi: int = 130) -> None:
+def write_figure(figure: Figure, target: str | os.PathLike[str], dpi: int = 130) -> None:
     """Write a figure atomically in the format that the ending of the file names; errors as
     `demand_drawable`.
     """
@@ -103,12 +103,12 @@ def save_figure(figure: Figure, target: str | os.PathLike[str], dpi: int = 130) 
         figure.savefig(part, dpi=dpi, format=kind)
 
 
-def to_display_unit(name: str, values: np.ndarray) -> tuple[np.ndarray, str]:
+def to_display_quantity(name: str, values: np.ndarray) -> tuple[np.ndarray, str]:
     """Return values of a quantity of the vocabulary in its display unit, and the unit; others as
     they are.
     """
     try:
-        unit = lookup(name).display_units
+        unit = lookup_quantity(name).display_units
     except UnknownName:
         return values, ""
     return from_si(values, unit), unit
@@ -154,7 +154,7 @@ class Frame:
         return np.clip(place, self.top - 3.0, self.bottom + 3.0)
 
 
-def limits(values: np.ndarray, margin: float = 0.0) -> tuple[float, float]:
+def find_axis_limits(values: np.ndarray, margin: float = 0.0) -> tuple[float, float]:
     """Return the ends of an axis that shows all finite values.
 
     Parameters
@@ -180,7 +180,7 @@ def limits(values: np.ndarray, margin: float = 0.0) -> tuple[float, float]:
     return low - beyond, high + beyond
 
 
-def ticks(low: float, high: float, most: int) -> list[float]:
+def choose_ticks(low: float, high: float, most: int) -> list[float]:
     """Return round tick values, about `most` of them and never fewer than two, steps 1, 2 or 5
     times a power of ten.
     """
@@ -190,7 +190,7 @@ def ticks(low: float, high: float, most: int) -> list[float]:
     step = next(base * m for m in (1, 2, 5, 10) if base * m >= raw * 0.999)
     first = math.ceil(low / step - 1e-9)
     found = [k * step for k in range(first, math.floor(high / step + 1e-9) + 1)]
-    return found if len(found) > 1 else ticks(low, high, most + 1)
+    return found if len(found) > 1 else choose_ticks(low, high, most + 1)
 
 
 def tick_text(values: Sequence[float]) -> list[str]:
@@ -207,7 +207,7 @@ def tick_text(values: Sequence[float]) -> list[str]:
     ]
 
 
-def text(x: float, y: float, words: str, css: str = "", anchor: str = "start") -> str:
+def draw_text(x: float, y: float, words: str, css: str = "", anchor: str = "start") -> str:
     """Return a text element; `words` is escaped."""
     kind = f' class="{css}"' if css else ""
     place = "" if anchor == "start" else f' text-anchor="{anchor}"'
@@ -231,38 +231,42 @@ def text_pieces(
     return f'<text x="{x:.1f}" y="{y:.1f}"{place}>{"".join(spans)}</text>'
 
 
-def line(x1: float, y1: float, x2: float, y2: float, css: str) -> str:
+def draw_line(x1: float, y1: float, x2: float, y2: float, css: str) -> str:
     """Return a straight line."""
     return f'<line class="{css}" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>'
 
 
-def rect(x: float, y: float, width: float, height: float, css: str) -> str:
+def draw_rectangle(x: float, y: float, width: float, height: float, css: str) -> str:
     """Return a rectangle."""
     return (
         f'<rect class="{css}" x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}"/>'
     )
 
 
-def axes(
+def draw_axes(
     frame: Frame, *, x_labels: bool, x_most: int = 8, y_ticks: Sequence[float] | None = None
 ) -> str:
     """Return grid, frame and tick labels."""
-    xs = ticks(*frame.x, x_most)
-    ys = list(y_ticks) if y_ticks is not None else ticks(*frame.y, max(2, int(frame.height / 26)))
+    xs = choose_ticks(*frame.x, x_most)
+    ys = (
+        list(y_ticks)
+        if y_ticks is not None
+        else choose_ticks(*frame.y, max(2, int(frame.height / 26)))
+    )
     lines = [f"M{_short(frame.px(v))},{_short(frame.top)}v{_short(frame.height)}" for v in xs]
     lines += [f"M{_short(frame.left)},{_short(frame.py(v))}h{_short(frame.width)}" for v in ys]
     parts = [
         f'<path class="grid" d="{"".join(lines)}"/>',
-        rect(frame.left, frame.top, frame.width, frame.height, "frame"),
+        draw_rectangle(frame.left, frame.top, frame.width, frame.height, "frame"),
     ]
     words = [
-        text(frame.left - 5, float(frame.py(v)) + 3.5, w)
+        draw_text(frame.left - 5, float(frame.py(v)) + 3.5, w)
         for v, w in zip(ys, tick_text(ys), strict=True)
     ]
     parts.append(f'<g class="tick" text-anchor="end">{"".join(words)}</g>')
     if x_labels:
         words = [
-            text(float(frame.px(v)), frame.bottom + 12, w)
+            draw_text(float(frame.px(v)), frame.bottom + 12, w)
             for v, w in zip(xs, tick_text(xs), strict=True)
         ]
         parts.append(f'<g class="tick" text-anchor="middle">{"".join(words)}</g>')
@@ -306,22 +310,22 @@ def thin_to_extremes(y: np.ndarray, buckets: int = 420) -> np.ndarray:
     return np.array(picked)
 
 
-def curve(frame: Frame, x: np.ndarray, y: np.ndarray, css: str, slack: float = SLACK) -> str:
+def draw_curve(frame: Frame, x: np.ndarray, y: np.ndarray, css: str, slack: float = SLACK) -> str:
     """Return a line through the finite points, with gaps where a value is missing and without
     superfluous points.
     """
     pieces = []
-    for a, b in stretches(np.isfinite(y) & np.isfinite(x)):
+    for a, b in true_runs(np.isfinite(y) & np.isfinite(x)):
         px, py = frame.px(x[a:b]), frame.py(y[a:b])
         keep = simplify_line(px, py, slack)
         pieces.append(_path(px[keep], py[keep]))
     return f'<path class="{css}" d="{"".join(pieces)}"/>' if pieces else ""
 
 
-def area(frame: Frame, x: np.ndarray, low: np.ndarray, high: np.ndarray, css: str) -> str:
+def draw_area(frame: Frame, x: np.ndarray, low: np.ndarray, high: np.ndarray, css: str) -> str:
     """Return the areas between two lines, one per run of finite points."""
     pieces = []
-    for a, b in stretches(np.isfinite(low) & np.isfinite(high)):
+    for a, b in true_runs(np.isfinite(low) & np.isfinite(high)):
         px = frame.px(x[a:b])
         up, down = frame.py(high[a:b]), frame.py(low[a:b])
         ku, kd = simplify_line(px, up), simplify_line(px, down)[::-1]
@@ -331,7 +335,7 @@ def area(frame: Frame, x: np.ndarray, low: np.ndarray, high: np.ndarray, css: st
     return f'<path class="{css}" d="{"".join(pieces)}"/>' if pieces else ""
 
 
-def stretches(mask: np.ndarray) -> list[tuple[int, int]]:
+def true_runs(mask: np.ndarray) -> list[tuple[int, int]]:
     """Return start and end (exclusive) of every run of true samples."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -392,7 +396,7 @@ def simplify_line(x: np.ndarray, y: np.ndarray, slack: float = SLACK) -> np.ndar
             rest = rest[wide]
 
 
-def dots(frame: Frame, x: np.ndarray, y: np.ndarray, css: str) -> str:
+def draw_dots(frame: Frame, x: np.ndarray, y: np.ndarray, css: str) -> str:
     """Return a round mark at every finite point; its size is the width of the line of class `css`."""
     good = np.isfinite(y)
     places = [
@@ -402,7 +406,7 @@ def dots(frame: Frame, x: np.ndarray, y: np.ndarray, css: str) -> str:
     return f'<path class="{css}" d="{"".join(places)}"/>' if places else ""
 
 
-def arrow(x: float, frame: Frame, upward: bool, css: str) -> str:
+def draw_arrow(x: float, frame: Frame, upward: bool, css: str) -> str:
     """Return a mark at the edge of the frame: the line goes on beyond it."""
     tip, foot = (frame.top + 1, frame.top + 7) if upward else (frame.bottom - 1, frame.bottom - 7)
     return (
@@ -411,7 +415,7 @@ def arrow(x: float, frame: Frame, upward: bool, css: str) -> str:
     )
 
 
-def svg(height: float, body: str, words: str, width: float = WIDTH) -> str:
+def make_svg_figure(height: float, body: str, words: str, width: float = WIDTH) -> str:
     """Return the whole figure, to stand in a page; `words` is its alternative text."""
     return (
         f'<svg class="figure" viewBox="0 0 {width:.0f} {height:.0f}" role="img" '
@@ -419,7 +423,7 @@ def svg(height: float, body: str, words: str, width: float = WIDTH) -> str:
     )
 
 
-def environment(loader: BaseLoader) -> Environment:
+def make_template_environment(loader: BaseLoader) -> Environment:
     """Return the environment whose templates `loader` finds."""
     return Environment(
         loader=loader,

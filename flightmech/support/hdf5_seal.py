@@ -68,7 +68,7 @@ def add_seal(content: bytes, rules: str, overview: Any) -> bytes:
     return content + _tail(_sha256(content), rules, overview)
 
 
-def seal(path: Path, rules: str, overview: Any) -> None:
+def write_seal(path: Path, rules: str, overview: Any) -> None:
     """Write overview and seal, as `sealed` gives them, behind the content of a file."""
     digest = _sha256()
     with path.open("r+b") as file:
@@ -108,10 +108,10 @@ def read_if_sealed(path: Path, expected: str) -> Unbroken | None:
         marked = head.startswith(SIGNATURE) and any(
             _at(file, place, _LENGTH).startswith(_BEGIN) for place in places
         )
-    return read_sealed(path, expected) if marked else None
+    return read_sealed_tail(path, expected) if marked else None
 
 
-def read_sealed(path: Path, expected: str) -> Unbroken:
+def read_sealed_tail(path: Path, expected: str) -> Unbroken:
     """Return what a file has behind its HDF5 content, which must be sealed, or nothing: a file of
     another program.
 

@@ -41,7 +41,7 @@ def hidden_packages() -> dict[str, str]:
     return found
 
 
-def describe(hidden: dict[str, str]) -> str:
+def describe_hidden_packages(hidden: dict[str, str]) -> str:
     """Return what `hidden_packages` found as a sentence with the remedy."""
     places = ", ".join(f"{name!r} from {origin}" for name, origin in hidden.items())
     remedy = "rename or remove what hides it, or install aeromatch in an environment of its own"
@@ -57,7 +57,7 @@ def warn_if_hidden() -> None:
         Names the package and where Python would import it from.
     """
     if hidden := hidden_packages():
-        warnings.warn(describe(hidden), AeromatchWarning, stacklevel=3)
+        warnings.warn(describe_hidden_packages(hidden), AeromatchWarning, stacklevel=3)
 
 
 def attach_stub(

@@ -431,7 +431,7 @@ def _text_kind(text: str) -> str:
 _TOML = "a TOML text (key = value, texts in quotes)"
 
 
-def load(path: str | Path) -> dict[str, Any]:
+def read_toml(path: str | Path) -> dict[str, Any]:
     """Return the content of a TOML file.
 
     Raises

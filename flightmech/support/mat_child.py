@@ -13,7 +13,7 @@ import sys
 from typing import Any
 
 
-def decode(raw: bytes, options: dict[str, Any]) -> tuple[str, Any]:
+def decode_mat(raw: bytes, options: dict[str, Any]) -> tuple[str, Any]:
     """Return the pair."""
     from scipy.io import loadmat
 
@@ -24,13 +24,15 @@ def decode(raw: bytes, options: dict[str, Any]) -> tuple[str, Any]:
         return type(error).__name__, " ".join(str(error).split())[:300]
 
 
-def main() -> None:
+def decode_standard_input() -> None:
     """Decode standard input."""
     stream = sys.stdout.buffer
     sys.stdout = sys.stderr
-    stream.write(pickle.dumps(decode(sys.stdin.buffer.read(), json.loads(sys.argv[1])), protocol=5))
+    stream.write(
+        pickle.dumps(decode_mat(sys.stdin.buffer.read(), json.loads(sys.argv[1])), protocol=5)
+    )
     stream.flush()
 
 
 if __name__ == "__main__":
-    main()
+    decode_standard_input()

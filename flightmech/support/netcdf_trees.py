@@ -150,7 +150,7 @@ class StoredGroup(dict[str, StoredVariable]):
         self.attrs = attrs
 
 
-def read(path: Path) -> tuple[xr.DataTree, list[str]]:
+def read_netcdf_tree(path: Path) -> tuple[xr.DataTree, list[str]]:
     """Return the tree of a file, and what of the file is no part of a database.
 
     Raises

@@ -42,14 +42,14 @@ class FieldDefinition(NamedTuple):
     about: dict[str, Any]
 
 
-def value(*, default: Any = ..., **about: Any) -> Any:
+def define_field(*, default: Any = ..., **about: Any) -> Any:
     """Return the definition of a field: its default, and its ``description`` and ``examples`` for
     the JSON schema.
     """
     return FieldDefinition(default, about)
 
 
-@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(value,))
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(define_field,))
 class Plain:
     """Base of the classes; their values are given by name."""
 
@@ -122,7 +122,7 @@ class Plain:
         return f"{type(self).__name__}({', '.join(f'{name}={item!r}' for name, item in self.stated().items())})"
 
 
-def read_table(kind: type[P], content: Mapping[str, Any], what: str) -> P:
+def read_plain_table(kind: type[P], content: Mapping[str, Any], what: str) -> P:
     """Return a table of a file as an object of a class.
 
     Raises
@@ -133,9 +133,9 @@ def read_table(kind: type[P], content: Mapping[str, Any], what: str) -> P:
     try:
         return kind(**content)
     except (TypeError, ValueError):  # a key that is unknown or missing; a value
-        from flightmech.support.toml_models import model_of, validate
+        from flightmech.support.toml_models import model_of, validate_content
 
-        return kind(**dict(validate(model_of(kind), dict(content), what)))
+        return kind(**dict(validate_content(model_of(kind), dict(content), what)))
 
 
 class _OtherKind(Exception):

@@ -29,7 +29,7 @@ class Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
 
 
-def si(units: str) -> Any:
+def make_si_type(units: str) -> Any:
     """Return the field type of a quantity: a bare number is SI, a text carries its unit (``"40
     deg"``).
 
@@ -69,7 +69,7 @@ def _model_of(kind: Any) -> type[Strict]:
 model_of: Callable[[Any], type[Strict]] = cache(_model_of)
 
 
-def validate(model: type[T], content: dict[str, Any], what: str) -> T:
+def validate_content(model: type[T], content: dict[str, Any], what: str) -> T:
     """Return `content` as a `model`.
 
     Raises

@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any
 
 from flightmech.errors import UnitError
-from flightmech.units import quantity
+from flightmech.units import parse_quantity
 
 UNFILLED = "?"
 """What a drafted file holds in place of a value that nobody knew yet."""
@@ -41,7 +41,7 @@ class InUnits:
                 f"not given yet; write a number in {self.units}, or a text with its unit"
             )
         try:
-            return quantity(item, self.units)
+            return parse_quantity(item, self.units)
         except (UnitError, TypeError) as error:
             raise ValueError(str(error)) from error
 

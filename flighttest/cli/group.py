@@ -16,9 +16,9 @@ from flightmech.support.console import (
     json_option,
     print_json,
     print_remark,
-    progress,
-    shorten_text,
-    table,
+    print_table,
+    show_progress,
+    without_gc,
 )
 
 _MAPS = Path(__file__).parents[1] / "records" / "readers" / "maps"
@@ -96,7 +96,7 @@ def flight() -> None:
 @_RECORD
 @_NAMES
 @json_option
-@shorten_text()
+@without_gc()
 def show(record_file: str, names: str | None, as_json: bool) -> None:
     """Show channels, clocks, faults and manoeuvres of a record."""
     found = _listing(record_file, names)
@@ -115,7 +115,7 @@ def show(record_file: str, names: str | None, as_json: bool) -> None:
         for c in channels
     ]
     title = str(facts.get("title", record_file))
-    table(
+    print_table(
         ["channel", "Hz", "time [s]", "min", "max", "unit", "from"],
         rows,
         title,
@@ -123,7 +123,7 @@ def show(record_file: str, names: str | None, as_json: bool) -> None:
     )
     if flown:
         click.echo()
-        table(
+        print_table(
             ["manoeuvre", "control", "start [s]", "end [s]", "note"],
             [
                 (m["manoeuvre"], m["control"], f"{m['start']:g}", f"{m['end']:g}", m["note"])
@@ -144,10 +144,10 @@ def _listing(file: str, names: str | None) -> dict[str, Any]:
     stored = None if names else stored_overview(file, "listing")
     if stored is not None:
         return stored
-    from flighttest.records.files import listing
+    from flighttest.records.files import record_listing
     from flighttest.records.reading import read_arrays
 
-    return listing(read_arrays(file, names))
+    return record_listing(read_arrays(file, names))
 
 
 def _numbered(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -175,12 +175,12 @@ def cut(
     as_json: bool,
 ) -> None:
     """Cut a manoeuvre from START to STOP [s]: every channel on one clock."""
-    from flighttest.records.files import save
+    from flighttest.records.files import save_dataset
     from flighttest.records.record import read
     from flighttest.records.signals.conditioning import cut as cut_record
 
     data = cut_record(read(record_file, names), start, stop, rate)
-    save(data, output)
+    save_dataset(data, output)
     about = {
         "file": output,
         "samples": data.sizes["time"],
@@ -297,7 +297,7 @@ def reconstruct(
         read_aircraft(aircraft_file),
         open_biases(biases_file) if biases_file else None,
     )
-    with progress(f"read {len(record_files)} record{'s' if len(record_files) > 1 else ''}"):
+    with show_progress(f"read {len(record_files)} record{'s' if len(record_files) > 1 else ''}"):
         records = [read(file, names) for file in record_files]
     targets = [File(output)]
     batch = None
@@ -306,7 +306,7 @@ def reconstruct(
             f"{len(records)} records: each alone, then each with what the others indicate "
             f"about the instruments"
         )
-    with progress("reconstruct the states"):
+    with show_progress("reconstruct the states"):
         if method == "batch":
             batch = reconstruct_batch(
                 records, aircraft, [list(windows) or None] * len(records), free or None, prior, rate

@@ -9,7 +9,14 @@ from pathlib import Path
 import click
 
 from flightmech.support.atomic_write import write_text
-from flightmech.support.console import InputFile, NewFile, json_option, print_json, progress, table
+from flightmech.support.console import (
+    InputFile,
+    NewFile,
+    json_option,
+    print_json,
+    print_table,
+    show_progress,
+)
 from flighttest.remarks import is_forbidden, remark_lines, remarks_to_json
 
 
@@ -40,14 +47,14 @@ def fit(
     """Estimate parameters of the simulation by output error, as specified in FIT (TOML); exit code
     1 when a figure must not be used.
     """
-    from flighttest.maximum_likelihood.fit_job import page as page_of
-    from flighttest.maximum_likelihood.fit_job import perform
+    from flighttest.maximum_likelihood.fit_job import perform_fit_job
+    from flighttest.maximum_likelihood.fit_job import render_fit_page as page_of
     from flighttest.maximum_likelihood.result import save_output_error
     from flighttest.maximum_likelihood.specification import read_specification
     from flighttest.remarks import is_forbidden
 
-    with progress("estimate parameters by output error"):
-        done = perform(read_specification(fit_file))
+    with show_progress("estimate parameters by output error"):
+        done = perform_fit_job(read_specification(fit_file))
     files: list[str] = []
     left: list[str] = []
     if output:
@@ -188,7 +195,7 @@ def identify(
 
     model = RegressionModel.parse(model_text)
     manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)
-    with progress(f"estimate {model}"):
+    with show_progress(f"estimate {model}"):
         fit = _fit(model, manoeuvres, band, intercepts, weights, _ridge(ridge))
     joined, remarks = None, fit.remarks
     if prior:
@@ -294,7 +301,7 @@ def select(
     candidates = [*monomials(variables.split(), order), *terms] if variables else ["1", *terms]
     manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
     choose = select_orthogonal if method == "orthogonal" else select_stepwise
-    with progress(f"select among {len(candidates)} candidates"):
+    with show_progress(f"select among {len(candidates)} candidates"):
         found = choose(coefficient, [*candidates, *keep], manoeuvres, band=band, keep=("1", *keep))
     if output:
         save_fit(found.fit, output)
@@ -368,7 +375,7 @@ def partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_
 
     edges = {name: _edges(name, text) for name, text in conditions}
     manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
-    with progress(f"estimate {model_text} bin by bin"):
+    with show_progress(f"estimate {model_text} bin by bin"):
         found = fit_bins(RegressionModel.parse(model_text), manoeuvres, edges)
     if as_json:
         e = found.estimates
@@ -422,7 +429,7 @@ def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) 
         for states in [open_states(path)]
         for part in [select_time(states, *w) for w in windows] or [states]
     ]
-    with progress("estimate moments of inertia"):
+    with show_progress("estimate moments of inertia"):
         found = inertia_from_flight(parts, read_aircraft(aircraft_file), parsed, scale, cutoff)
     if as_json:
         print_json(
@@ -478,7 +485,7 @@ def tabulate(fits, database_file, held, way, unplaced, output, as_json) -> None:
         for path in fits
         for fit in (read_published(path) if path.lower().endswith(".csv") else [open_fit(path)])
     ]
-    with progress(f"join {len(given)} fits with the tables"):
+    with show_progress(f"join {len(given)} fits with the tables"):
         join = aerodb.tabulate if way == "tabulate" else aerodb.update.join_submodels
         found = join(given, prior, held, unplaced=unplaced)
     aerodb.save(aerodb.replace_terms(prior, found, note="identified from flight"), output)
@@ -503,7 +510,7 @@ def tabulate(fits, database_file, held, way, unplaced, output, as_json) -> None:
         (name, *(f"{row[key]:{form}}" for key, form in zip(_TABULATED, formats)), row["decision"])
         for name, row in report.iterrows()
     ]
-    table(["term", *_TABULATED.values(), "decision"], rows, right=list(_TABULATED.values()))
+    print_table(["term", *_TABULATED.values(), "decision"], rows, right=list(_TABULATED.values()))
     click.echo()
     rows = [
         (
@@ -517,7 +524,9 @@ def tabulate(fits, database_file, held, way, unplaced, output, as_json) -> None:
         for row in points.itertuples()
     ]
     columns = ["coefficient", "fit", "rms before", "rms after", "distance", ""]
-    table(columns, rows, "Measured less tables", right=["rms before", "rms after", "distance"])
+    print_table(
+        columns, rows, "Measured less tables", right=["rms before", "rms after", "distance"]
+    )
     if len(found.unplaced):
         click.echo()
         rows = [
@@ -535,7 +544,7 @@ def tabulate(fits, database_file, held, way, unplaced, output, as_json) -> None:
             )
         ]
         columns = ["coefficient", "fit", "term", "estimate", "stderr", "t", "reason"]
-        table(
+        print_table(
             columns,
             rows,
             "Terms without a place in the database",
@@ -575,7 +584,7 @@ def _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()
         )
     aircraft = read_aircraft(aircraft_file)
     found, labels = [], []
-    with progress(f"coefficients along {len(paths)} path{'s' if len(paths) > 1 else ''}"):
+    with show_progress(f"coefficients along {len(paths)} path{'s' if len(paths) > 1 else ''}"):
         for path, name in zip(paths, names, strict=True):
             data = coefficients(open_path(path), aircraft, dict(errors), cutoff)
             parts = [select_time(data, *window) for window in (*windows, *own.get(name, ()))] or [
@@ -615,10 +624,10 @@ def _ridge(text: str) -> float | str:
 def _edges(name: str, text: str) -> list[float]:
     """Numbers with one unit at the end, or in SI."""
     from flightmech.errors import SchemaError
-    from flightmech.names import lookup
+    from flightmech.names import lookup_quantity
     from flightmech.units import to_si
 
-    words, units = text.split(), lookup(name).units
+    words, units = text.split(), lookup_quantity(name).units
     try:
         float(words[-1])
     except ValueError:
@@ -660,7 +669,7 @@ def _numbers(e) -> dict:
 
 
 def _show(fit, remarks, correlation: bool) -> None:
-    from flighttest.regression.equation_error.fit import correlations, tests
+    from flighttest.regression.equation_error.fit import correlation_lines, slope_test_lines
 
     e = fit.estimates
     shown = {
@@ -681,10 +690,10 @@ def _show(fit, remarks, correlation: bool) -> None:
     )
     if e.attrs["domain"] == "frequency":
         title += f", {e.attrs['frequencies']} frequencies in {e.attrs['band']} Hz"
-    table(["term", *shown.values()], rows, title, right=list(shown.values()))
+    print_table(["term", *shown.values()], rows, title, right=list(shown.values()))
     for line in [
-        *tests(e.attrs),
-        *(correlations(e) if correlation else []),
+        *slope_test_lines(e.attrs),
+        *(correlation_lines(e) if correlation else []),
         *remark_lines(remarks),
     ]:
         click.echo(line)

@@ -17,8 +17,8 @@ from flightmech.support.console import (
     jobs_option,
     json_option,
     print_json,
-    progress,
-    table,
+    print_table,
+    show_progress,
 )
 from flighttest.cli.group import names_option
 
@@ -65,13 +65,13 @@ def design(
 
     wanted = read_design(design_file)
     if wanted.condition is None:
-        with progress("design the input"):
+        with show_progress("design the input"):
             made = design_input(wanted)
     elif aircraft_file and database_file:
         from flightmech.aircraft.aircraft import read_aircraft
         from flightmech.simulation.compiler import compile_files
 
-        with progress("design the input"):
+        with show_progress("design the input"):
             made = design_input(
                 wanted, compile_files(aircraft_file, database_file), read_aircraft(aircraft_file)
             )
@@ -90,11 +90,11 @@ def design(
 
 
 def _print(made: Designed) -> None:
-    from flightmech.names import lookup
+    from flightmech.names import lookup_quantity
     from flightmech.units import from_si
 
     def shown(name: str, value: float) -> str:
-        return f"{float(from_si(value, lookup(name).display_units)):.4g}"
+        return f"{float(from_si(value, lookup_quantity(name).display_units)):.4g}"
 
     limited = made.amplitude is not None
     rows: list[tuple[Any, ...]] = []
@@ -104,7 +104,7 @@ def _print(made: Designed) -> None:
         numbers = (
             peak,
             rms,
-            lookup(str(name)).display_units,
+            lookup_quantity(str(name)).display_units,
             rate,
             f"{m['peak_factor']:.3f}",
             f"{m['low']:.2f} ... {m['high']:.2f}",
@@ -122,7 +122,7 @@ def _print(made: Designed) -> None:
         "band [Hz]",
         "correlation",
     ]
-    table(heads, rows, made.title, right=["factor", "peak", "rms", "rate /s", "peak factor"])
+    print_table(heads, rows, made.title, right=["factor", "peak", "rms", "rate /s", "peak factor"])
     if made.amplitude is not None:
         extremes = made.amplitude.extremes
         lines = [
@@ -133,7 +133,7 @@ def _print(made: Designed) -> None:
         title = (
             f"predicted response; each axis fitted alone, then all times {made.amplitude.scale:.3f}"
         )
-        table(["response", *extremes.columns], lines, title, right=list(extremes.columns))
+        print_table(["response", *extremes.columns], lines, title, right=list(extremes.columns))
         click.echo(
             f"a larger input: {made.amplitude.binding}"
             if made.amplitude.binding
@@ -182,7 +182,7 @@ def plan(
     import aerodb
     import flightmech
     from flighttest.flight_programme.planning.catalogue import read_catalogue
-    from flighttest.flight_programme.planning.plan import plan_of
+    from flighttest.flight_programme.planning.plan import plan_predicted_flights
     from flighttest.flight_programme.planning.plan_files import save_plan
     from flighttest.flight_programme.planning.prediction import predict, with_assumed
 
@@ -192,13 +192,13 @@ def plan(
         aerodb.open(database_file),
     )
     sim = flightmech.compile(aircraft, with_assumed(database, catalogue))
-    with progress(
+    with show_progress(
         f"fly {len(catalogue.flyable())} manoeuvres at {len(catalogue.condition)} conditions "
         f"on the a-priori model"
     ):
         prediction = predict(catalogue, sim, aircraft, jobs)
-    with progress("choose the manoeuvres"):
-        found = plan_of(prediction, database)
+    with show_progress("choose the manoeuvres"):
+        found = plan_predicted_flights(prediction, database)
     files = save_plan(found, output)
     if as_json:
         print_json({**found.summary(), "files": [str(file) for file in files]})
@@ -261,7 +261,7 @@ def coverage(
         aerodb.open(database_file),
     )
     planned = read_order(plan_folder)
-    with progress(f"read and reconstruct {len(record_files)} records"):
+    with show_progress(f"read and reconstruct {len(record_files)} records"):
         records = {Path(file).name.split(".")[0]: read(file, names) for file in record_files}
         paths = dict(
             zip(
@@ -270,7 +270,7 @@ def coverage(
                 strict=True,
             )
         )
-    with progress("fit what is flown, predict and choose what is not"):
+    with show_progress("fit what is flown, predict and choose what is not"):
         flights = flights_of(catalogue, records, paths, aircraft)
         found = coverage_of(catalogue, planned, flights, aircraft, database, jobs)
     if as_json:
@@ -296,14 +296,14 @@ def report(
     """Evaluate a flight as specified in PLAN (TOML); exit code 1 when a figure is outside its
     bounds or not determined.
     """
-    from flighttest.flight_programme.evaluation.flight_evaluation import evaluate
-    from flighttest.flight_programme.evaluation.result import page
+    from flighttest.flight_programme.evaluation.flight_evaluation import evaluate_flight
+    from flighttest.flight_programme.evaluation.result import render_evaluation_page
 
-    with progress("evaluate the flight"):
-        found = evaluate(plan_file)
+    with show_progress("evaluate the flight"):
+        found = evaluate_flight(plan_file)
     files = [str(file) for file in found.save(folder)] if folder else []
     if output:
-        write_text(output, page(found))
+        write_text(output, render_evaluation_page(found))
         files.append(output)
     if as_json:
         print_json({**found.as_dict(), "files": files})
@@ -345,13 +345,13 @@ def modes(
 
     from flightmech.errors import AeromatchWarning
     from flighttest.reconstruction.quality.assessment import assess
-    from flighttest.records.record import channels as homes
+    from flighttest.records.record import channel_leaves as homes
     from flighttest.records.record import read
     from flighttest.records.signals.conditioning import cut
     from flighttest.remarks import is_forbidden, remark_lines, remarks_to_json
     from flighttest.submodels.aircraft_properties.eigenmotion import fit_motion
 
-    with progress("read and check the record"):
+    with show_progress("read and check the record"):
         record = read(record_file, names)
         quality = assess(record)
     home = homes(record)
@@ -362,7 +362,7 @@ def modes(
         if finding.severity == "error" and set(finding.channels) & {*channels, *inputs}:
             warnings.warn(f"{finding.name}: {finding.text}", AeromatchWarning, stacklevel=1)
     data = cut(record, start, stop, rate=min(rates, default=50.0))
-    with progress("fit the motion"):
+    with show_progress("fit the motion"):
         found = fit_motion(
             data, channels, "aperiodic" if aperiodic else "oscillation", inputs, not level
         )
@@ -396,7 +396,9 @@ def modes(
         f"{found.kind} in {' '.join(channels)}, {start:g} ... {stop:g} s, {found.share:.1%} "
         f"of the movement explained"
     )
-    table(["figure", "estimate", "std error", "unit"], rows, title, right=["estimate", "std error"])
+    print_table(
+        ["figure", "estimate", "std error", "unit"], rows, title, right=["estimate", "std error"]
+    )
     click.echo(
         f"amplitudes: F({found.F_terms}, {found.F_dof:.0f}) {found.F:.4g}, probability "
         f"{found.F_probability:.2g}"

@@ -15,9 +15,9 @@ from flightmech.support.console import (
     NewFile,
     json_option,
     print_json,
-    progress,
-    shorten_text,
-    table,
+    print_table,
+    show_progress,
+    without_gc,
 )
 from flighttest.cli.group import names_option
 
@@ -65,7 +65,7 @@ def check(
     from flighttest.reconstruction.quality.page import write_page
     from flighttest.records.record import read
 
-    with progress("read and check the record"):
+    with show_progress("read and check the record"):
         aircraft = read_aircraft(aircraft_file) if aircraft_file else None
         quality = assess(
             read(record_file, names),
@@ -91,7 +91,7 @@ _OF_HISTORIES = "goes with a record or a path; a fit is drawn with all its sampl
 @click.argument("file", metavar="FILE", type=InputFile())
 @names_option
 @json_option
-@shorten_text()
+@without_gc()
 def info(file: str, names: str | None, as_json: bool) -> None:
     """Show what a recording of any format holds, before it is mapped: tables, clocks, columns and
     units.
@@ -108,7 +108,7 @@ def info(file: str, names: str | None, as_json: bool) -> None:
             (c["channel"], c["content"], c["packets"], c.get("labels", ""))
             for c in found["channels"]
         ]
-        table(
+        print_table(
             ["channel", "content", "packets", "ARINC 429 labels as stored"],
             rows,
             right=["channel", "packets"],
@@ -123,7 +123,7 @@ def info(file: str, names: str | None, as_json: bool) -> None:
         rows = [
             (c["column"], c["unit"], _number(c["min"]), _number(c["max"])) for c in part["columns"]
         ]
-        table(
+        print_table(
             ["column", "unit", "min", "max"], rows, f"{part['table']}: {span}", right=["min", "max"]
         )
         for slow in part["slower"]:
@@ -256,13 +256,13 @@ def manoeuvres(
     from flighttest.records.manoeuvre_table import write_manoeuvres
     from flighttest.records.record import read
 
-    with progress("read the record, find manoeuvres"):
+    with show_progress("read the record, find manoeuvres"):
         record, name = read(file, names), Path(file).stem
         source, found = _manoeuvres(record, name, table_file, find, of_modes)
     if output:
         write_manoeuvres({name: found}, output)
     if figure:
-        with progress("draw the figure"):
+        with show_progress("draw the figure"):
             draw_manoeuvres(record, found, figure)
     if as_json:
         print_json({"record": name, "source": source, "manoeuvres": found})
@@ -280,7 +280,7 @@ def manoeuvres(
         for number, m in enumerate(found.to_dict("records"), start=1)
     ]
     columns = ["", "manoeuvre", "control", "start [s]", "end [s]", "confidence", "note"]
-    table(
+    print_table(
         columns,
         rows,
         f"{name}: {len(rows)} manoeuvres, {source}",
@@ -338,7 +338,7 @@ def mark(
     if as_json:
         print_json({"table": table_file, "record": record, "manoeuvres": rows})
         return
-    table(
+    print_table(
         ["", "manoeuvre", "control", "start [s]", "end [s]", "note"],
         _numbered(rows),
         f"{record}: {len(rows)} manoeuvres in {table_file}",
@@ -367,7 +367,7 @@ def _manoeuvres(
             ["--table, --find and --modes exclude each other; give one of them"],
         )
     if of_modes:
-        if not len(flown := records.modes(record)):
+        if not len(flown := records.flight_modes(record)):
             raise SchemaError(
                 "flight manoeuvres",
                 ["the record has no flight modes; logs of PX4 and ArduPilot have them"],
@@ -430,7 +430,7 @@ def plot(
     Manoeuvres are shaded and named. Without --channel the page shows motion, controls and engines.
     """
     from flightmech.errors import SchemaError
-    from flightmech.support.figures import demand_drawable, save_figure
+    from flightmech.support.figures import demand_drawable, write_figure
 
     demand_drawable(output)
     kind = _kind(file)
@@ -443,7 +443,7 @@ def plot(
         figure, marks = _histories(
             file, kind, names, channels, window, table_file, record or Path(file).stem
         )
-    save_figure(figure, output)
+    write_figure(figure, output)
     if as_json:
         print_json({"file": output, "of": kind, "manoeuvres": [] if marks is None else marks})
     else:
@@ -490,7 +490,7 @@ def _histories(
     name: str,
 ) -> tuple[Figure, pd.DataFrame]:
     from flighttest.reconstruction.dynamics.saved_paths import open_path
-    from flighttest.records.record import manoeuvres, modes, read
+    from flighttest.records.record import flight_modes, manoeuvres, read
     from flighttest.records.time_histories import record_figure, states_figure
 
     given: Any = _of_table(table_file, name) if table_file else None
@@ -500,7 +500,7 @@ def _histories(
         return states_figure(path.states, channels, marks, window, path.errors), marks
     record = read(file, names)
     marks = (
-        next(filter(len, (manoeuvres(record), modes(record))), manoeuvres(record))
+        next(filter(len, (manoeuvres(record), flight_modes(record))), manoeuvres(record))
         if given is None
         else given
     )

@@ -16,8 +16,8 @@ from flightmech.support.console import (
     NewFolder,
     json_option,
     print_json,
-    progress,
-    table,
+    print_table,
+    show_progress,
 )
 
 
@@ -194,7 +194,7 @@ def print_fits(fits: Sequence[Any], spectral: Sequence[Any], averages: Sequence[
                 "average 1/s",
                 "std. error  ",
             ]
-            table([*heads, ""], cells, right=heads[1:])
+            print_table([*heads, ""], cells, right=heads[1:])
             click.echo()
 
 
@@ -233,7 +233,7 @@ def markers(recording, setup_file, multiples, output, as_json) -> None:
 
     setup = read_marker_setup(setup_file)
     cutoff = (setup.multiples if multiples is None else multiples) * setup.flapping_frequency
-    with progress("fit the bodies to their markers"):
+    with show_progress("fit the bodies to their markers"):
         positions = read_markers(recording, setup)
         found = {name: poses(positions, places, setup.noise) for name, places in setup.body.items()}
         moved = {name: smooth_motion(pose, cutoff) for name, pose in found.items()}
@@ -270,7 +270,7 @@ def markers(recording, setup_file, multiples, output, as_json) -> None:
         "q [rad/s]",
         "q_dot [rad/s2]",
     ]
-    table(heads, rows, f"standard errors, cut-off {cutoff:g} Hz", right=heads[1:])
+    print_table(heads, rows, f"standard errors, cut-off {cutoff:g} Hz", right=heads[1:])
     click.echo(f"\nwritten: {output}")
 
 
@@ -330,10 +330,10 @@ def balance(
             "flight balance", ["nothing to fit; give --model 'CL = 1 + alpha' or --select CL"]
         )
     setup = read_setup(setup_file)
-    with progress("reduce the points"):
+    with show_progress("reduce the points"):
         data = [balance_coefficients(path, setup) for path in points]
     wanted = [RegressionModel.parse(text) for text in models]
-    with progress("fit the coefficients"):
+    with show_progress("fit the coefficients"):
         fits, spectral = coefficient_fits(
             wanted,
             selected,
@@ -415,12 +415,12 @@ def multibody(
     wanted = [RegressionModel.parse(text) for text in models]
     data = {}
     for path in dict.fromkeys([*recordings, *([predict] if predict else [])]):
-        with progress(f"fit the bodies to the markers of {Path(path).name}"):
+        with show_progress(f"fit the bodies to the markers of {Path(path).name}"):
             positions, commands = read_flight(path, vehicle)
             data[path] = air_loads(fit_tree_motion(vehicle, positions), commands)
             data[path].attrs["record"] = Path(path).stem
     fitted = [data[path] for path in recordings]
-    with progress("fit the coefficients"):
+    with show_progress("fit the coefficients"):
         fits, spectral = coefficient_fits(
             wanted,
             selected,
@@ -493,7 +493,9 @@ def multibody(
         "CL",
         "CD",
     ]
-    table(heads, rows, f"standard errors, cut-off {vehicle.markers.cutoff:g} Hz", right=heads[1:])
+    print_table(
+        heads, rows, f"standard errors, cut-off {vehicle.markers.cutoff:g} Hz", right=heads[1:]
+    )
     click.echo()
     print_fits(fits, spectral, averages)
     for name, test in tests.items():

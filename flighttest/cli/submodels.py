@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, json_option, print_json, progress
+from flightmech.support.console import InputFile, NewFile, json_option, print_json, show_progress
 from flighttest.cli.group import names_option
 
 
@@ -86,9 +86,9 @@ def actuator(
 
     given = {"command": command_column, "position": position, "rate": rate, "torque": torque}
     columns = {name: column for name, column in given.items() if column}
-    with progress(f"read {len(logs)} log{'s' if len(logs) > 1 else ''}"):
+    with show_progress(f"read {len(logs)} log{'s' if len(logs) > 1 else ''}"):
         records = [read_bench_log(path, columns) for path in logs]
-    with progress("identify the actuator"):
+    with show_progress("identify the actuator"):
         found = identify_actuator(records, gear, not no_limits, not no_delay, held, band)
     if figure:
         draw_actuator(found, figure)
@@ -250,7 +250,7 @@ def controls(
     drawings = (
         {} if prior is None else {"drawings": aircraft.circuits[item], "drawings_error": prior}
     )
-    with progress(f"identify the loading of the {item}"):
+    with show_progress(f"identify the loading of the {item}"):
         found = identify_control_loading(
             loading,
             states,
@@ -412,10 +412,10 @@ def engine(
             cut(record, begin, end, rate=rate), numbers, angles, structure.height
         ).assign_attrs(record=Path(path).stem)
 
-    with progress("read the records of the engine"):
+    with show_progress("read the records of the engine"):
         flown = [channels(path) for path in power_changes]
         started = [channels(path) for path in starts]
-    with progress("identify the engine"):
+    with show_progress("identify the engine"):
         found = identify_engine(
             () if whole else flown,
             started,
@@ -511,7 +511,7 @@ def gear(paths, aircraft_file, database_file, errors, flown, output, as_json) ->
         for path in paths
     ]
     database = aerodb.open(database_file) if database_file else None
-    with progress(f"identify the landing gear from {len(records)} paths"):
+    with show_progress(f"identify the landing gear from {len(records)} paths"):
         found = identify_landing_gear(records, aircraft, database, dict(errors), flown=flown)
     if output:
         write_aircraft(found.aircraft(aircraft), Path(output))
@@ -609,11 +609,11 @@ def ground_effect(
         )
     aircraft = read_aircraft(aircraft_file)
     database = aerodb.open(database_file) if database_file else None
-    with progress(f"coefficients along {len(paths)} paths"):
+    with show_progress(f"coefficients along {len(paths)} paths"):
         data = [coefficients(open_path(path), aircraft, cutoff=cutoff) for path in paths]
     changed = {model.coefficient: model.terms for model in map(RegressionModel.parse, ground)}
     names = [Path(path).name for path in paths]
-    with progress("identify the ground effect"):
+    with show_progress("identify the ground effect"):
         found = identify_ground_effect(
             [RegressionModel.parse(text) for text in models or _MODELS],
             data,

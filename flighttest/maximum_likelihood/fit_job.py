@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import UnknownName
-from flightmech.names import COEFFICIENTS, lookup
+from flightmech.names import COEFFICIENTS, lookup_quantity
 from flightmech.simulation.compiler import compile_files
 from flightmech.support.console import command_line, to_json_types
 from flightmech.units import from_si
@@ -23,7 +23,7 @@ from flighttest.maximum_likelihood.time_domain import output_error, uniform_step
 from flighttest.reconstruction.dynamics.force_coefficients import select_time
 from flighttest.reconstruction.dynamics.saved_paths import open_states
 from flighttest.reconstruction.quality.assessment import report_faults
-from flighttest.reconstruction.quality.page import chart, style, template_of
+from flighttest.reconstruction.quality.page import draw_time_chart, read_style_sheet, template_of
 from flighttest.remarks import Remark, remark_lines, remarks_to_json
 
 if TYPE_CHECKING:
@@ -263,7 +263,7 @@ class FitJobResult:
 _COLUMNS = ("estimate", "stderr", "stderr_white", "start", "prior_stderr")
 
 
-def page(done: FitJobResult) -> str:
+def render_fit_page(done: FitJobResult) -> str:
     """Return the page as text."""
     e, specification = done.fit.estimates, done.specification
     rows = [
@@ -280,7 +280,7 @@ def page(done: FitJobResult) -> str:
         *(table.file for table in specification.record),
     ]
     return template_of("flighttest.maximum_likelihood").render(
-        style=style(),
+        style=read_style_sheet(),
         title=specification.title or "Output error",
         attrs=e.attrs,
         grade="good"
@@ -320,12 +320,15 @@ def _record(done: FitJobResult, k: int) -> dict[str, Any]:
 def _chart(record: xr.Dataset, rest: xr.Dataset, name: str, share: float) -> dict[str, Any]:
     measured = record[name].values
     svg = _drawn(record["time"].values, [measured, measured - rest[name].values], name)
-    return {"title": f"{name}: {lookup(name).long_name}, {share:.1%} explained", "svg": svg}
+    return {
+        "title": f"{name}: {lookup_quantity(name).long_name}, {share:.1%} explained",
+        "svg": svg,
+    }
 
 
 def _drawn(time: np.ndarray, lines: list[np.ndarray], name: str):
-    units = lookup(name).display_units
-    return chart(time, [from_si(line, units) for line in lines], units, label=name)
+    units = lookup_quantity(name).display_units
+    return draw_time_chart(time, [from_si(line, units) for line in lines], units, label=name)
 
 
 def _file(path: Path) -> dict[str, str]:
@@ -333,7 +336,7 @@ def _file(path: Path) -> dict[str, str]:
         return {"name": path.name, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
 
 
-def perform(specification: Specification) -> FitJobResult:
+def perform_fit_job(specification: Specification) -> FitJobResult:
     """Make an output-error fit.
 
     Parameters

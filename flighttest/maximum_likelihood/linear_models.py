@@ -19,30 +19,30 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flighttest.maximum_likelihood.residual_covariance import (
-    coloured_covariance,
+    coloured_likelihood_covariance,
     effect_on_motion,
     warn_of_turbulence,
 )
-from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_of
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
 from flighttest.maximum_likelihood.search import (
     Likelihood,
     LikelihoodMaximum,
     Unknown,
     UnknownVector,
     Wanted,
-    inverse,
+    invert_information,
     lay_out,
-    search,
+    maximise_likelihood,
 )
 from flighttest.maximum_likelihood.state_space import (
     LinearModel,
     Predictor,
     demand_known,
+    filter_innovations,
     innovation_slopes,
-    innovations,
+    input_output_arrays,
+    make_predictor,
     pick_values,
-    predictor,
-    signals,
     steady_filter,
 )
 from flighttest.maximum_likelihood.time_domain import noise_groups, uniform_step
@@ -113,14 +113,16 @@ def frequency_output_error(
             f"{len(layout.names)} unknowns and fewer values of the spectra; widen the band "
             f"or take longer records"
         )
-    found = search(Likelihood(pieces, layout, noise_groups(noise, len(records))), iterations)
+    found = maximise_likelihood(
+        Likelihood(pieces, layout, noise_groups(noise, len(records))), iterations
+    )
     estimates = estimates_dataset(
         found, layout, _covariance(found, layout), {"method": "output error in frequency"}
     )
     shown = [name for name in layout.names if not name.startswith(_JUMP)]
     estimates = estimates.sel(parameter=shown, parameter_=shown)
     rest = tuple(piece.residual(v) for piece, v in zip(pieces, found.residuals))
-    return OutputError(estimates, rest, noise_of(found, list(model.outputs)))
+    return OutputError(estimates, rest, noise_dataset(found, list(model.outputs)))
 
 
 class _Spectra:
@@ -137,7 +139,7 @@ class _Spectra:
         time = record["time"].values.astype(float)
         step = uniform_step(time, "record")
         self.frequencies = harmonics((len(time) - 1) * step, *band)
-        u, z = signals(model, record)
+        u, z = input_output_arrays(model, record)
         self.inputs = finite_fourier(u - u[0], step, self.frequencies)
         self.measured = _stacked(finite_fourier(z - z[0], step, self.frequencies))
 
@@ -194,7 +196,7 @@ def _covariance(found: LikelihoodMaximum, layout: UnknownVector) -> np.ndarray:
             spectrum = cross[max(0, k - _AROUND) : k + _AROUND + 1].mean(axis=0)
             inner[np.ix_(place, place)] += 0.5 * np.real(h.conj().T @ spectrum @ h)
     values = sum(v.size for v in found.residuals)
-    D = inverse(found.information, free)
+    D = invert_information(found.information, free)
     return D @ (inner * values / max(1, values - int(free.sum())) + rest) @ D
 
 
@@ -268,15 +270,15 @@ def linear_output_error(
     groups = noise_groups(noise, len(records))
     layout = lay_out(parameters, [{} for _ in records])
     pieces = [_RecordResponse(model, record, names) for record, names in zip(records, layout.bases)]
-    found = search(Likelihood(pieces, layout, groups), iterations)
-    covariance, colours = coloured_covariance(
+    found = maximise_likelihood(Likelihood(pieces, layout, groups), iterations)
+    covariance, colours = coloured_likelihood_covariance(
         found, layout.columns, [piece.step for piece in pieces]
     )
     estimates = estimates_dataset(
         found, layout, covariance, {"method": "output error in time, linear model"}
     )
     measured = [piece.measured for piece in pieces]
-    scatter = noise_of(
+    scatter = noise_dataset(
         found,
         list(model.outputs),
         colours,
@@ -294,7 +296,7 @@ class _RecordResponse:
         self.model, self.names = model, tuple(names)
         self.time = record["time"].values.astype(float)
         self.step = uniform_step(self.time, "record")
-        self.u, self.measured = signals(model, record, gaps=True)
+        self.u, self.measured = input_output_arrays(model, record, gaps=True)
         idle = [
             name
             for name, z in zip(model.outputs, self.measured.T)
@@ -311,12 +313,14 @@ class _RecordResponse:
         states, outputs = self.model.states, self.model.outputs
         calm = np.zeros(len(states)), np.zeros(len(outputs))
         made = steady_filter(self.model.at(at), pick_values(at, "drift", states), *calm, self.step)
-        return predictor(made, pick_values(at, "init", states), pick_values(at, "sensor", outputs))
+        return make_predictor(
+            made, pick_values(at, "init", states), pick_values(at, "sensor", outputs)
+        )
 
     def predict(self, values: np.ndarray) -> np.ndarray:
         """Return the outputs as the instruments show them."""
         with np.errstate(over="ignore", invalid="ignore"):
-            y = -innovations(
+            y = -filter_innovations(
                 self._run(values), self.u, np.zeros_like(self.measured)
             )  # innovations are 0 - y
         return np.where(np.abs(y) < _BEYOND, y, np.nan)

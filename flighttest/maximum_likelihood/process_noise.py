@@ -29,28 +29,28 @@ import xarray as xr
 
 from flightmech.errors import SchemaError
 from flighttest.maximum_likelihood.residual_covariance import (
-    coloured_covariance,
+    coloured_likelihood_covariance,
     effect_on_motion,
     warn_of_turbulence,
 )
-from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_of
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
 from flighttest.maximum_likelihood.search import (
     LikelihoodMaximum,
     Unknown,
     UnknownVector,
     Wanted,
     lay_out,
-    search,
+    maximise_likelihood,
 )
 from flighttest.maximum_likelihood.state_space import (
     LinearModel,
     Predictor,
     demand_known,
+    filter_innovations,
     innovation_slopes,
-    innovations,
+    input_output_arrays,
+    make_predictor,
     pick_values,
-    predictor,
-    signals,
     steady_filter,
 )
 from flighttest.maximum_likelihood.time_domain import uniform_step
@@ -117,7 +117,7 @@ def filter_error(
         list(parameters),
         [f"{kind}.{name}" for kind, names in extra.items() for name in names],
     )
-    starts = _noise_starts([signals(model, record)[1] for record in records])
+    starts = _noise_starts([input_output_arrays(model, record)[1] for record in records])
     wanted = {f"noise.{name}": Unknown(start) for name, start in zip(model.outputs, starts)} | dict(
         parameters
     )
@@ -127,9 +127,9 @@ def filter_error(
         _Predicted(model, record, names, plain.start[place])
         for record, names, place in zip(records, layout.bases, layout.columns)
     ]
-    found = search(_Innovated(pieces, layout), iterations)
+    found = maximise_likelihood(_Innovated(pieces, layout), iterations)
     white = _whitened(found)
-    covariance, colours = coloured_covariance(
+    covariance, colours = coloured_likelihood_covariance(
         white, layout.columns, [piece.step for piece in pieces]
     )
     theta = np.where(squares, plain.start * np.sqrt(np.abs(found.theta)), found.theta)
@@ -141,7 +141,9 @@ def filter_error(
     rest = tuple(piece.residual(e) for piece, e in zip(pieces, found.residuals.parts))
     scaled = [piece.z / np.sqrt(R) for piece, R in zip(pieces, found.noise)]
     effect = effect_on_motion(white, layout.columns, covariance, scaled)
-    scatter = noise_of(inside, list(model.outputs), colours, [piece.z for piece in pieces], effect)
+    scatter = noise_dataset(
+        inside, list(model.outputs), colours, [piece.z for piece in pieces], effect
+    )
     warnings = (
         ()
         if any(name.startswith("process.") for name in parameters)
@@ -281,7 +283,7 @@ class _Predicted:
         self.model, self.names, self.starts = model, tuple(names), starts
         self.time = record["time"].values.astype(float)
         self.step = uniform_step(self.time, "record")
-        self.u, self.z = signals(model, record)
+        self.u, self.z = input_output_arrays(model, record)
 
     def _run(self, values: np.ndarray) -> tuple[Predictor, np.ndarray]:
         """Return the filter and the variance of its innovations; LinAlgError or ValueError without
@@ -292,7 +294,7 @@ class _Predicted:
         made = steady_filter(
             self.model.at(at), pick_values(at, "drift", states), stirred, noise, self.step
         )
-        return predictor(
+        return make_predictor(
             made, pick_values(at, "init", states), pick_values(at, "sensor", outputs)
         ), made.S
 
@@ -305,7 +307,7 @@ class _Predicted:
         except (np.linalg.LinAlgError, ValueError):
             return np.full(self.z.shape, np.nan), np.full(2 * self.z.shape[1:], np.nan)
         with np.errstate(over="ignore", invalid="ignore"):
-            return innovations(run, self.u, self.z), S
+            return filter_innovations(run, self.u, self.z), S
 
     def slopes(self, values: np.ndarray, steps: np.ndarray) -> _Slope:
         """Return their slopes; NaN where a step leads to no filter."""

@@ -27,7 +27,11 @@ import xarray as xr
 from scipy.stats import chi2
 
 from flightmech.errors import AeromatchWarning
-from flighttest.maximum_likelihood.search import LikelihoodMaximum, inverse, root_of_inverse
+from flighttest.maximum_likelihood.search import (
+    LikelihoodMaximum,
+    invert_information,
+    root_of_inverse,
+)
 from flighttest.regression.uncertainty.coloured_residuals import BLOCK
 from flighttest.regression.uncertainty.residual_spectrum import Disturbance, residual_spectrum
 
@@ -40,7 +44,7 @@ FELT = 0.02  # effect on the motion from which a disturbance matters
 LOUD = 2.0
 
 
-def coupling(innovations: np.ndarray, block: float) -> np.ndarray:
+def innovation_coupling(innovations: np.ndarray, block: float) -> np.ndarray:
     """Return how far the innovations of two outputs are correlated (output, output); above one is
     no chance.
 
@@ -72,7 +76,7 @@ def coupling(innovations: np.ndarray, block: float) -> np.ndarray:
     return found / limit
 
 
-def turbulence(noise: xr.Dataset) -> tuple[str, ...]:
+def turbulence_warnings(noise: xr.Dataset) -> tuple[str, ...]:
     """Return a warning when open-loop fitting will fail, as texts; empty when the residuals are
     noise of instruments or do not matter.
 
@@ -110,7 +114,7 @@ def turbulence(noise: xr.Dataset) -> tuple[str, ...]:
 
 def warn_of_turbulence(noise: xr.Dataset) -> tuple[str, ...]:
     """Return what `turbulence` finds, after a warning to the caller of the fit."""
-    found = turbulence(noise)
+    found = turbulence_warnings(noise)
     for text in found:
         warnings.warn(text, AeromatchWarning, stacklevel=3)
     return found
@@ -161,7 +165,7 @@ class _Blocks(NamedTuple):
     rest: np.ndarray  # (sample, output)
 
 
-def coloured_covariance(
+def coloured_likelihood_covariance(
     found: LikelihoodMaximum, columns: Sequence[np.ndarray], steps: Sequence[float]
 ) -> tuple[np.ndarray, list[ResidualNoise]]:
     """Return the covariance of the estimates (unknown, unknown), and the colour of every output.
@@ -191,7 +195,7 @@ def coloured_covariance(
         inner[np.ix_(place, place)] += _slow(piece.sums, colours, links) + _fast(
             piece.inside, white
         )
-    D = inverse(found.information, free)
+    D = invert_information(found.information, free)
     prior = found.information - _gathered(pieces, columns, len(free))
     return D @ (inner + prior) @ D, colours
 

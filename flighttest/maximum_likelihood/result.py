@@ -13,8 +13,12 @@ import numpy as np
 import xarray as xr
 
 from flightmech.support.atomic_write import written_atomically
-from flighttest.maximum_likelihood.residual_covariance import ResidualNoise, coupling
-from flighttest.maximum_likelihood.search import LikelihoodMaximum, UnknownVector, inverse
+from flighttest.maximum_likelihood.residual_covariance import ResidualNoise, innovation_coupling
+from flighttest.maximum_likelihood.search import (
+    LikelihoodMaximum,
+    UnknownVector,
+    invert_information,
+)
 from flighttest.regression.equation_error.fit import open_tree
 from flighttest.remarks import Remark, remark_lines
 
@@ -114,7 +118,7 @@ def estimates_dataset(
     """
     free = ~found.active
     readings = sum(int(np.isfinite(v).sum()) for v in found.residuals)
-    white = inverse(found.information, free) * readings / max(1, readings - len(free))
+    white = invert_information(found.information, free) * readings / max(1, readings - len(free))
     # a colour that promises less than white residuals is more often chance than a gift
     grow = np.sqrt(
         np.maximum(
@@ -147,7 +151,7 @@ def estimates_dataset(
     )  # fmt: skip
 
 
-def noise_of(
+def noise_dataset(
     found: LikelihoodMaximum,
     outputs: list[str],
     colours: Sequence[ResidualNoise] = (),
@@ -174,7 +178,7 @@ def noise_of(
             "motion": ("output", np.sqrt(np.nanmean(about**2, axis=0))),
             "coupling": (
                 ("output", "output_"),
-                coupling(
+                innovation_coupling(
                     np.column_stack([colour.innovations for colour in colours]), colours[0].block
                 ),
             ),

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from flightmech.errors import IdentificationError, SchemaError
-from flighttest.regression.uncertainty.collinearity import combination
+from flighttest.regression.uncertainty.collinearity import describe_combination
 
 
 class Unknown(NamedTuple):
@@ -332,7 +332,7 @@ class Likelihood:
         return M, g
 
 
-def search(likelihood: Target, iterations: int) -> LikelihoodMaximum:
+def maximise_likelihood(likelihood: Target, iterations: int) -> LikelihoodMaximum:
     """Return the maximum of a likelihood, by Levenberg and Marquardt inside bounds.
 
     Raises
@@ -360,7 +360,7 @@ def search(likelihood: Target, iterations: int) -> LikelihoodMaximum:
         if converged or count == iterations:
             break
         count += 1
-        error = np.where(active, np.inf, np.sqrt(np.diag(inverse(M, ~active))))
+        error = np.where(active, np.inf, np.sqrt(np.diag(invert_information(M, ~active))))
         for trial, damped, first in _trials(layout, theta, M, g, ~active, damping):
             near = bool((np.abs(trial - theta) < CLOSE * error).all())
             if first and hopeful:
@@ -412,7 +412,7 @@ def root_of_inverse(information: np.ndarray, free: np.ndarray) -> np.ndarray:
     return scale[:, None] * root
 
 
-def inverse(information: np.ndarray, free: np.ndarray) -> np.ndarray:
+def invert_information(information: np.ndarray, free: np.ndarray) -> np.ndarray:
     """Return the inverse of the information over the free unknowns; zero for those at a bound."""
     root = root_of_inverse(information, free)
     return root @ root.T
@@ -446,7 +446,7 @@ def _demand_rank(M: np.ndarray, names: Sequence[str]) -> None:
     values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
     if len(values) and values[0] < RANK * values[-1]:
         raise IdentificationError(
-            f"the records cannot distinguish: {combination(vectors[:, 0], names)} changes no "
+            f"the records cannot distinguish: {describe_combination(vectors[:, 0], names)} changes no "
             f"output; hold one of them, give a prior "
             "or add a manoeuvre"
         )

@@ -34,9 +34,9 @@ from pydantic import Field
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, Simulation
-from flightmech.support.input_files import load
-from flightmech.support.toml_models import Strict, validate
-from flightmech.units import quantity
+from flightmech.support.input_files import read_toml
+from flightmech.support.toml_models import Strict, validate_content
+from flightmech.units import parse_quantity
 from flighttest.maximum_likelihood.search import Unknown
 
 if TYPE_CHECKING:
@@ -101,9 +101,9 @@ class Specification(Strict):
                 )
                 continue
             try:
-                start = nominal if table.start is None else quantity(table.start, units)
+                start = nominal if table.start is None else parse_quantity(table.start, units)
                 sigma, low, high = (
-                    quantity(item, units) for item in (table.sigma, table.low, table.high)
+                    parse_quantity(item, units) for item in (table.sigma, table.low, table.high)
                 )
             except UnitError as error:
                 problems.append(f"parameter {name}: {error}")
@@ -121,7 +121,7 @@ class Specification(Strict):
             values = {}
             for name, item in table.items():
                 try:
-                    values[name] = quantity(item, entries.get(name, ("1", None))[0])
+                    values[name] = parse_quantity(item, entries.get(name, ("1", None))[0])
                 except UnitError as error:
                     problems.append(f"conditions: {name}: {error}")
             return values
@@ -170,7 +170,7 @@ def read_specification(path: str | Path) -> Specification:
         Every unknown key, missing value and absent file.
     """
     path = Path(path)
-    found = validate(Specification, _placed(load(path), path.parent), f"fit {path}")
+    found = validate_content(Specification, _placed(read_toml(path), path.parent), f"fit {path}")
     files = [found.aircraft, found.database, *(table.file for table in found.record)]
     absent = [
         f"no file {file}; names are relative to the fit" for file in files if not file.is_file()

@@ -148,7 +148,7 @@ def demand_known(model: LinearModel, wanted: Sequence[str], extra: Sequence[str]
             raise UnknownName(name, allowed, "parameter")
 
 
-def signals(
+def input_output_arrays(
     model: LinearModel, record: xr.Dataset, gaps: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return inputs (time, input) and measured outputs (time, output) less their reference.
@@ -271,7 +271,7 @@ class Predictor(NamedTuple):
     start: np.ndarray
 
 
-def predictor(made: Filter, start: np.ndarray, offset: np.ndarray) -> Predictor:
+def make_predictor(made: Filter, start: np.ndarray, offset: np.ndarray) -> Predictor:
     """Return a filter with its first state (state,) and the errors of the instruments (output,),
     which are added to y.
     """
@@ -285,7 +285,7 @@ def predictor(made: Filter, start: np.ndarray, offset: np.ndarray) -> Predictor:
     )
 
 
-def innovations(run: Predictor, u: np.ndarray, z: np.ndarray) -> np.ndarray:
+def filter_innovations(run: Predictor, u: np.ndarray, z: np.ndarray) -> np.ndarray:
     """Return the innovations (time, output) under inputs u (time, input) and readings z (time,
     output).
     """
@@ -319,7 +319,7 @@ def innovation_slopes(
     drive = np.column_stack([x[:-1], _driving(u, z)]) @ np.concatenate([M, W], axis=2).transpose(
         0, 2, 1
     )
-    s = recursion(run.M, drive, start)
+    s = solve_recursion(run.M, drive, start)
     seen = np.column_stack([x, u, np.ones(len(u))]) @ N.transpose(0, 2, 1)
     return -(seen + s @ run.N[:, : len(run.M)].T) / width[:, None, None]
 
@@ -329,10 +329,10 @@ def _driving(u: np.ndarray, z: np.ndarray) -> np.ndarray:
 
 
 def _states(run: Predictor, u: np.ndarray, z: np.ndarray) -> np.ndarray:
-    return recursion(run.M, (_driving(u, z) @ run.W.T)[None], run.start[None])[0]
+    return solve_recursion(run.M, (_driving(u, z) @ run.W.T)[None], run.start[None])[0]
 
 
-def recursion(M: np.ndarray, drive: np.ndarray, start: np.ndarray) -> np.ndarray:
+def solve_recursion(M: np.ndarray, drive: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Return x_(k+1) = M x_k + drive_k, x_0 = start, (run, time, state): one triangular banded
     system for all runs.
 

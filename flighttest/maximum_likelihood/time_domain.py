@@ -13,12 +13,12 @@ from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.simulation.batch import fly_batch
 from flightmech.simulation.run import read_inputs
 from flighttest.maximum_likelihood.residual_covariance import (
-    coloured_covariance,
+    coloured_likelihood_covariance,
     effect_on_motion,
     warn_of_turbulence,
 )
-from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_of
-from flighttest.maximum_likelihood.search import Likelihood, Wanted, lay_out, search
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
+from flighttest.maximum_likelihood.search import Likelihood, Wanted, lay_out, maximise_likelihood
 
 if TYPE_CHECKING:
     from flightmech.simulation.compiler import SimModel
@@ -77,7 +77,7 @@ class Runs:
             y, ok = self.fly(_moved(values, steps, central))
         if not central and not ok.all():
             return self.slopes(values, steps, central=True)
-        return differences(base, y[: len(steps)], y[len(steps) :] if central else None, steps, ok)
+        return output_slopes(base, y[: len(steps)], y[len(steps) :] if central else None, steps, ok)
 
 
 def _moved(values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
@@ -85,7 +85,7 @@ def _moved(values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
     return values + (np.concatenate([moves, -moves]) if central else moves)
 
 
-def differences(
+def output_slopes(
     base: np.ndarray, up: np.ndarray, down: np.ndarray | None, steps: np.ndarray, flown: np.ndarray
 ) -> np.ndarray:
     """Return the slopes of outputs (unknown, time, output); one-sided where one side could not be
@@ -203,15 +203,15 @@ def output_error(
     layout = lay_out(parameters, [piece.starts for piece in flown])
     for piece, names in zip(flown, layout.bases):
         piece.take(names)
-    found = search(Likelihood(flown, layout, groups), iterations)
-    covariance, colours = coloured_covariance(
+    found = maximise_likelihood(Likelihood(flown, layout, groups), iterations)
+    covariance, colours = coloured_likelihood_covariance(
         found, layout.columns, [piece.interval for piece in flown]
     )
     estimates = estimates_dataset(
         found, layout, covariance, {"method": "output error in time", "title": sim.title}
     )
     measured = [piece.measured for piece in flown]
-    scatter = noise_of(
+    scatter = noise_dataset(
         found,
         list(outputs),
         colours,

@@ -2,6 +2,7 @@
 
 from .batch.programme import Batch as Batch
 from .batch.programme import observable_constants as observable_constants
+from .batch.programme import observable_constants as visible
 from .batch.programme import reconstruct_batch as reconstruct_batch
 from .compatibility import compatibility_report as compatibility_report
 from .compatibility import compatibility_table as compatibility_table
@@ -12,5 +13,6 @@ from .flight_programme import reconstruct_programme as reconstruct_programme
 from .flight_programme import save_path as save_path
 from .path_quantities import compatibility_figure as compatibility_figure
 from .smoother import FlightPath as FlightPath
+from .smoother import FlightPath as Path
 from .smoother import reconstruct as reconstruct
 from .states_at_start import start_states as start_states

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flightmech.support.figures import save_figure
+from flightmech.support.figures import write_figure
 from flighttest.reconstruction.path_quantities import compatibility_figure
 from flighttest.regression.uncertainty.significance import theil
 
@@ -123,4 +123,4 @@ def draw_compatibility(
         matplotlib is not installed.
     """
     figure = compatibility_figure(path.compatibility, str(path.states.attrs["record"]), channels)
-    save_figure(figure, target, dpi=150)
+    write_figure(figure, target, dpi=150)

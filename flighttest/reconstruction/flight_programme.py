@@ -17,7 +17,7 @@ import xarray as xr
 from flightmech.errors import IdentificationError, ParseError, SchemaError
 from flightmech.support.hdf5_seal import demand_self_contained
 from flightmech.support.kept_stages.stages import Kept, Stages
-from flighttest.reconstruction.problem.problem import PER_RUN, inverse
+from flighttest.reconstruction.problem.problem import PER_RUN, invert_covariance
 from flighttest.records.files import write_groups
 from flighttest.records.stored_groups import plain_group
 
@@ -99,8 +99,8 @@ def _evidence(found: xr.Dataset) -> _Evidence:
     at = np.ix_(free, free)
     of_prior = _covariance(prior_stderr, shared["prior_correlation"].values)
     own, before = (
-        inverse(_covariance(stderr, shared["correlation"].values)[at]),
-        inverse(of_prior[at]),
+        invert_covariance(_covariance(stderr, shared["correlation"].values)[at]),
+        invert_covariance(of_prior[at]),
     )
     return _Evidence(
         names=[str(name) for name in shared["parameter"].values],
@@ -125,13 +125,13 @@ def _combined(runs: Sequence[_Evidence]) -> xr.Dataset:
     place = {name: i for i, name in enumerate(names)}
     places = [np.array([place[name] for name in run.names]) for run in runs]
     prior_mean, prior, units = _common_prior(runs, places, names)
-    base = inverse(prior)
+    base = invert_covariance(prior)
     information, vector = base.copy(), base @ prior_mean
     for run, at in zip(runs, places, strict=True):
         free = at[run.free]
         information[np.ix_(free, free)] += run.information
         vector[free] += run.vector
-    covariance = inverse(information)
+    covariance = invert_covariance(information)
     if not (np.diag(covariance) > 0.0).all():
         raise IdentificationError(
             "the runs contradict each other and their prior; look at the spread of single "
@@ -255,9 +255,9 @@ def _alone(record: xr.DataTree, aircraft: Aircraft, rate: float) -> tuple[Setup,
     """Return what `solve` finds, without the equations: they are many times as large and stay in
     their process.
     """
-    from flighttest.reconstruction.smoother import solve
+    from flighttest.reconstruction.smoother import solve_record
 
-    setup, solution = solve(record, aircraft, None, None, rate)
+    setup, solution = solve_record(record, aircraft, None, None, rate)
     return setup, replace(solution, equations=None)
 
 
@@ -280,12 +280,12 @@ def _refined(
     """Return the path of a run with what the others state about the instruments; of the only run as
     it was solved alone.
     """
-    from flighttest.reconstruction.smoother import path_of_solution, refine
+    from flighttest.reconstruction.smoother import path_of_solution, refine_path
 
     return (
         path_of_solution(record, aircraft, setup, solution)
         if prior is None
-        else refine(record, aircraft, setup, solution, prior)
+        else refine_path(record, aircraft, setup, solution, prior)
     )
 
 

@@ -13,29 +13,29 @@ import xarray as xr
 
 from flightmech.air import GAMMA, R_AIR, calibrated_airspeed
 from flightmech.errors import UnknownName
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flightmech.support.figures import new_figure
 from flightmech.units import G0
 from flighttest.reconstruction.dynamics.kinematics import in_body, incidence_rates
 from flighttest.reconstruction.problem.assembly import Setup
-from flighttest.reconstruction.problem.output_equations import no_sideslip, pressures
+from flighttest.reconstruction.problem.output_equations import impact_static_pressures, no_sideslip
 from flighttest.reconstruction.problem.problem import (
     PER_RUN,
     PathProblem,
     Sensor,
     body_rates,
     specific_force,
-    wind,
+    wind_velocity,
 )
 from flighttest.reconstruction.problem.trajectory import (
     Solution,
     linearise,
-    residuals,
+    sensor_residuals,
     step_trajectory,
 )
 from flighttest.records.sensors.instruments import IMU
 from flighttest.records.sensors.measurements import MEASURED
-from flighttest.records.signals.conditioning import SLOW, demand_numbers, to_grid
+from flighttest.records.signals.conditioning import SLOW, demand_numbers, resample_to_grid
 from flighttest.records.time_histories import break_at_gaps
 
 if TYPE_CHECKING:
@@ -59,12 +59,12 @@ def channel_signals(setup: Setup, solution: Solution) -> xr.Dataset:
     for sensor in problem.sensors:
         if sensor.model is no_sideslip:  # no instrument
             continue
-        rest, k = residuals(problem, sensor, solution.x, solution.c)
+        rest, k = sensor_residuals(problem, sensor, solution.x, solution.c)
         bare = _without_errors(problem, sensor, solution.c)
-        late, k_late = residuals(problem, sensor, solution.x, bare)
+        late, k_late = sensor_residuals(problem, sensor, solution.x, bare)
         latency = problem.constants.get(solution.c, sensor.delay) if sensor.delay else 0.0
         shifted = replace(sensor, time=sensor.time - latency)
-        true = sensor.z - residuals(problem, shifted, solution.x, bare)[0]
+        true = sensor.z - sensor_residuals(problem, shifted, solution.x, bare)[0]
         for j, name in enumerate(sensor.names):
             columns = np.full((len(problem.time), len(VERSIONS)), np.nan)
             columns[k_late, 0], columns[k_late, 2] = sensor.z[:, j], sensor.z[:, j] - late[:, j]
@@ -76,9 +76,13 @@ def channel_signals(setup: Setup, solution: Solution) -> xr.Dataset:
                 "rms_raw": float(np.sqrt(np.mean(late[:, j] ** 2))),
                 "rms_corrected": float(np.sqrt(np.mean(rest[:, j] ** 2))),
             }
-            found[name] = (("time", "version"), columns, {**attrs(name), **rms})
+            found[name] = (("time", "version"), columns, {**quantity_attributes(name), **rms})
     return xr.Dataset(
-        found, coords={"time": ("time", problem.time, attrs("time")), "version": list(VERSIONS)}
+        found,
+        coords={
+            "time": ("time", problem.time, quantity_attributes("time")),
+            "version": list(VERSIONS),
+        },
     )
 
 
@@ -155,15 +159,17 @@ def _draw_channel(ax, signals: xr.DataArray) -> None:
 _RAW = {*MEASURED, *IMU, "V_eas", "h_baro", "north", "east", *SLOW}
 
 
-def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solution) -> xr.Dataset:
+def solution_states(
+    record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solution
+) -> xr.Dataset:
     """Return the states of a solution with the controls, engines and mass of the record on the same
     clock.
     """
     problem = setup.problem
-    columns = columns_of(record, aircraft, setup, solution.x, solution.c)
+    columns = path_columns(record, aircraft, setup, solution.x, solution.c)
     data = xr.Dataset(
-        {n: ("time", v, attrs(n)) for n, v in columns.items()},
-        coords={"time": ("time", problem.time, attrs("time"))},
+        {n: ("time", v, quantity_attributes(n)) for n, v in columns.items()},
+        coords={"time": ("time", problem.time, quantity_attributes("time"))},
     )
     data.attrs = {
         "record": str(record.attrs.get("title", "")),
@@ -177,20 +183,20 @@ def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solu
     return data
 
 
-def columns_of(
+def path_columns(
     record: xr.DataTree, aircraft: Any, setup: Setup, x: np.ndarray, c: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Return `motion` of a trajectory (N, n) and constants (nc,), with recorded channels and mass
     properties. [SI]
     """
     problem = setup.problem
-    columns = motion(record, aircraft, setup, x, c)
+    columns = motion_quantities(record, aircraft, setup, x, c)
     columns.update(_recorded(record, problem.time, problem.starts, set(columns)))
     columns.update(_mass(record, problem.time, aircraft, setup))
     return columns
 
 
-def motion(
+def motion_quantities(
     record: xr.DataTree,
     aircraft: Any,
     setup: Setup,
@@ -215,7 +221,7 @@ def motion(
     p, q, r = omega.T
     ax, ay, az = force.T
     phi, theta, psi, vn, ve, vd, h = np.ascontiguousarray(x[:, :7].T)
-    wind_n, wind_e, wind_d = wind(problem, x, c).T
+    wind_n, wind_e, wind_d = wind_velocity(problem, x, c).T
     u, v, w, down = in_body(phi, theta, psi, vn - wind_n, ve - wind_e, vd - wind_d)
     columns = {"phi": phi, "theta": theta, "psi": psi, "vn": vn, "ve": ve, "vd": vd, "h": h}
     columns |= {"u": u, "v": v, "w": w, "p": p, "q": q, "r": r}
@@ -223,7 +229,9 @@ def motion(
     columns |= {"ax": ax, "ay": ay, "az": az, "wind_n": wind_n, "wind_e": wind_e, "wind_d": wind_d}
     square = u * u + v * v + w * w
     V = np.sqrt(square)
-    q_c, pressure = pressures(problem, square, h, c, setup.temperature, setup.reference)
+    q_c, pressure = impact_static_pressures(
+        problem, square, h, c, setup.temperature, setup.reference
+    )
     T = setup.temperature - problem.constants.get(c, "bias.temperature")
     rho = pressure / (R_AIR * T)
     g = problem.gravity_at(h)
@@ -280,7 +288,7 @@ def _recorded(
         clock = node["time"].values
         for name in wanted:
             columns[name] = np.concatenate(
-                [to_grid(clock, node.variables[name].values, grid, name) for grid in grids]
+                [resample_to_grid(clock, node.variables[name].values, grid, name) for grid in grids]
             )
     return columns
 
@@ -382,7 +390,7 @@ def state_errors(
     full[order] = L  # of all constants, in their own order, by the errors
     x = np.asfortranarray(x)  # from here on single states are read
     inertial = body_rates(problem, c), specific_force(problem, c)
-    nominal = motion(record, aircraft, setup, x, c, inertial)
+    nominal = motion_quantities(record, aircraft, setup, x, c, inertial)
     known = [name for name in STATES if name in nominal]
     found = {name: np.empty((len(order), len(x)), np.float32) for name in known}
     change = np.empty(len(x))
@@ -393,7 +401,7 @@ def state_errors(
         # determines has no bound
         part = 1.0 / max(1.0, np.abs(dc).max(), dx.max(), -dx.min())
         same = None if dc[drive].any() else inertial
-        changed = motion(
+        changed = motion_quantities(
             record, aircraft, setup, step_trajectory(x, part * dx), c + part * dc, same
         )
         for name in known:
@@ -402,6 +410,9 @@ def state_errors(
     title = str(record.attrs.get("title", ""))
     labels = [f"{names[i]} of {title}" if names[i] in PER_RUN else names[i] for i in order]
     return xr.Dataset(
-        {name: (("error", "time"), change, attrs(name)) for name, change in found.items()},
-        coords={"error": labels, "time": ("time", problem.time, attrs("time"))},
+        {
+            name: (("error", "time"), change, quantity_attributes(name))
+            for name, change in found.items()
+        },
+        coords={"error": labels, "time": ("time", problem.time, quantity_attributes("time"))},
     )

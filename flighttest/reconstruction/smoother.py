@@ -21,15 +21,20 @@ from flightmech.support.figures import html_table
 from flighttest.reconstruction.path_quantities import (
     channel_signals,
     compatibility_figure,
-    path_states,
+    solution_states,
     state_errors,
 )
-from flighttest.reconstruction.problem.assembly import Setup, assemble
+from flighttest.reconstruction.problem.assembly import Setup, assemble_problem
 from flighttest.reconstruction.problem.output_equations import SEES_GUSTS
-from flighttest.reconstruction.problem.problem import PathProblem, identifiability
-from flighttest.reconstruction.problem.trajectory import Solution, estimate, residuals, with_gusts
+from flighttest.reconstruction.problem.problem import PathProblem, identifiability_remarks
+from flighttest.reconstruction.problem.trajectory import (
+    Solution,
+    estimate_trajectory,
+    sensor_residuals,
+    with_gusts,
+)
 from flighttest.records.sensors.instruments import SPEEDS, VANES, instruments_of
-from flighttest.records.sensors.measurements import windows_of
+from flighttest.records.sensors.measurements import order_windows
 from flighttest.remarks import Remark, remark_lines, remarks_to_json
 
 if TYPE_CHECKING:
@@ -133,7 +138,7 @@ class FlightPath:
             **about,
             "constants": constants,
             "sensors": self.fit,
-            "identifiability": identifiability(self.biases),
+            "identifiability": identifiability_remarks(self.biases),
             "remarks": remarks_to_json(self.remarks),
         }
 
@@ -184,18 +189,20 @@ def reconstruct(
     .. [Mulder1999] Mulder et al., Prog. Aerosp. Sci. 35, 1999.
     .. [Bell1994] Bell, SIAM J. Optim. 4, 1994.
     """
-    setup, solution = solve(record, aircraft, windows, prior, rate)
+    setup, solution = solve_record(record, aircraft, windows, prior, rate)
     return path_of_solution(record, aircraft, setup, solution)
 
 
-def solve(
+def solve_record(
     record: xr.DataTree, aircraft: Aircraft, windows=None, prior=None, rate: float = 50.0
 ) -> tuple[Setup, Solution]:
     """Return the problem of a record and its solution; arguments as in `reconstruct`."""
     specification = instruments_of(aircraft, record.attrs)
-    setup = assemble(record, aircraft, specification, windows_of(record, windows), rate, prior)
+    setup = assemble_problem(
+        record, aircraft, specification, order_windows(record, windows), rate, prior
+    )
     try:
-        solution = estimate(setup.problem, setup.x, setup.c, CALM_STEPS)
+        solution = estimate_trajectory(setup.problem, setup.x, setup.c, CALM_STEPS)
         if in_calm_air(setup, solution):
             return setup, _settle(setup.problem, solution)
         return _in_turbulence(setup)
@@ -203,7 +210,7 @@ def solve(
         raise IdentificationError(f"{record.attrs.get('title', 'record')}: {error}") from error
 
 
-def refine(
+def refine_path(
     record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solution, prior: xr.Dataset
 ) -> FlightPath:
     """Return the Path of a record solved once already, with the constants of other runs as prior."""
@@ -212,7 +219,10 @@ def refine(
     if problem.gust is None:
         setup = replace(setup, problem=problem)
         return path_of_solution(
-            record, aircraft, setup, _settle(problem, estimate(problem, solution.x, solution.c))
+            record,
+            aircraft,
+            setup,
+            _settle(problem, estimate_trajectory(problem, solution.x, solution.c)),
         )
     c = np.where([name in setup.held for name in constants.names], constants.mean, solution.c)
     calm = replace(
@@ -231,7 +241,7 @@ def in_calm_air(setup: Setup, solution: Solution) -> bool:
     """
     V = max(float(np.median(np.linalg.norm(solution.x[:, 3:6], axis=1))), 10.0)
     for sensor in setup.problem.sensors:
-        rest, _ = residuals(setup.problem, sensor, solution.x, solution.c)
+        rest, _ = sensor_residuals(setup.problem, sensor, solution.x, solution.c)
         for r, sigma, name in zip(rest.T, sensor.sigma, sensor.names, strict=True):
             if name in SEES_GUSTS and has_gusts(r / sigma, sensor.time, MEMORY * GUST_LENGTH / V):
                 return False
@@ -279,7 +289,7 @@ def _in_turbulence(setup: Setup) -> tuple[Setup, Solution]:
     sigma = 5.0 * np.array([noise.get(n, 1e-3) for n in (*VANES, _airspeed(setup.problem))])
     held = _hidden_by_gusts(setup.problem)
     problem, x = with_gusts(setup.problem, setup.x, sigma, GUST_LENGTH, shown=True)
-    first = estimate(problem, x, setup.c, CALM_STEPS, held)
+    first = estimate_trajectory(problem, x, setup.c, CALM_STEPS, held)
     sigma = np.maximum(np.sqrt(np.mean(first.x[:, problem.gusts] ** 2, axis=0)), 0.1 * sigma)
     problem = replace(problem, gust=sigma)
     found = replace(_settle(problem, first, held), equations=None)  # those of another problem
@@ -289,7 +299,7 @@ def _in_turbulence(setup: Setup) -> tuple[Setup, Solution]:
     )
     air = _settle(
         blowing,
-        estimate(blowing, x, found.c, CALM_STEPS, problem.constants.names),
+        estimate_trajectory(blowing, x, found.c, CALM_STEPS, problem.constants.names),
         problem.constants.names,
     )
     return replace(setup, problem=blowing, held=held), replace(
@@ -319,7 +329,9 @@ def _hidden_by_gusts(problem: PathProblem) -> tuple[str, ...]:
 def _settle(problem: PathProblem, solution: Solution, held: Sequence[str] = ()) -> Solution:
     """Return the settled solution, iterating on where it is not."""
     if not solution.settled:
-        more = estimate(problem, solution.x, solution.c, held=held, known=solution.equations)
+        more = estimate_trajectory(
+            problem, solution.x, solution.c, held=held, known=solution.equations
+        )
         solution = replace(more, iterations=solution.iterations + more.iterations)
     if not solution.settled:
         raise IdentificationError(
@@ -331,7 +343,7 @@ def _settle(problem: PathProblem, solution: Solution, held: Sequence[str] = ()) 
 
 def _moving(problem: PathProblem, solution: Solution, held: Sequence[str]) -> str:
     """Report which constants one more iteration moves, by how much, and what to do."""
-    change = estimate(problem, solution.x, solution.c, 1, held).c - solution.c
+    change = estimate_trajectory(problem, solution.x, solution.c, 1, held).c - solution.c
     errors = np.sqrt(np.diag(solution.covariance))
     constants = problem.constants
     order = [k for k in np.argsort(-np.abs(change) / errors) if abs(change[k]) > STILL * errors[k]]
@@ -376,11 +388,11 @@ def path_of_solution(
     import pandas as pd
 
     found = setup.biases(solution)
-    states = path_states(record, aircraft, setup, solution)
+    states = solution_states(record, aircraft, setup, solution)
     columns: dict[str, Any] = {}
     rows = []
     for sensor in setup.problem.sensors:
-        values, k = residuals(setup.problem, sensor, solution.x, solution.c)
+        values, k = sensor_residuals(setup.problem, sensor, solution.x, solution.c)
         for i, name in enumerate(sensor.names):
             column = np.full(len(setup.problem.time), np.nan)
             column[k] = values[:, i]
@@ -467,7 +479,7 @@ def _report(path: FlightPath) -> str:
             f"{name:14s}{row.readings:9d}{row.noise:11.4g}{row.rms:11.4g}{row.ratio:7.2f}{row.autocorrelation:9.2f} "
             f" {row.verdict}"
         )
-    words = identifiability(path.biases)
+    words = identifiability_remarks(path.biases)
     lines += ["", *remark_lines(path.remarks)] if path.remarks else []
     return "\n".join(
         [

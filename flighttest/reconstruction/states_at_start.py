@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from flightmech.names import attrs
-from flighttest.reconstruction.path_quantities import columns_of
-from flighttest.reconstruction.problem.assembly import assemble
+from flightmech.names import quantity_attributes
+from flighttest.reconstruction.path_quantities import path_columns
+from flighttest.reconstruction.problem.assembly import assemble_problem
 from flighttest.records.sensors.instruments import instruments_of
-from flighttest.records.sensors.measurements import windows_of
+from flighttest.records.sensors.measurements import order_windows
 
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
@@ -47,18 +47,20 @@ def start_states(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) ->
     OutOfRange
         The record is shorter than ten samples, or its pitch attitude exceeds 80 deg.
     """
-    setup = assemble(
+    setup = assemble_problem(
         record,
         aircraft,
         instruments_of(aircraft, record.attrs),
-        windows_of(record, None),
+        order_windows(record, None),
         rate,
         None,
     )
     # readings that contradict each other may overflow here; the checks look at names and recorded
     # channels
     with np.errstate(all="ignore"):
-        columns = columns_of(record, aircraft, setup, setup.x, setup.c)
-    data = {name: ("time", values, attrs(name)) for name, values in columns.items()}
+        columns = path_columns(record, aircraft, setup, setup.x, setup.c)
+    data = {name: ("time", values, quantity_attributes(name)) for name, values in columns.items()}
     about = {"record": str(record.attrs.get("title", "")), "rate": rate}
-    return xr.Dataset(data, {"time": ("time", setup.problem.time, attrs("time"))}, about)
+    return xr.Dataset(
+        data, {"time": ("time", setup.problem.time, quantity_attributes("time"))}, about
+    )

@@ -3,12 +3,13 @@
 from .files import contents as contents
 from .files import save_record as save_record
 from .manoeuvre_table import read_manoeuvres as read_manoeuvres
+from .manoeuvre_table import with_manoeuvres as marked
 from .manoeuvre_table import with_manoeuvres as with_manoeuvres
 from .manoeuvre_table import write_manoeuvres as write_manoeuvres
 from .record import faults as faults
+from .record import flight_modes as flight_modes
 from .record import manoeuvres as manoeuvres
 from .record import merge as merge
-from .record import modes as modes
 from .record import needs_names as needs_names
 from .record import overview as overview
 from .record import read as read

@@ -16,16 +16,16 @@ import xarray as xr
 
 from flightmech.errors import AeromatchError, ParseError
 from flightmech.support.atomic_write import written_atomically
-from flightmech.support.hdf5_seal import seal
+from flightmech.support.hdf5_seal import write_seal
 from flightmech.support.input_files import json_content
 from flighttest.records.readers.clocks import Clocks, Settled
 from flighttest.records.readers.columns import clear_unit
 from flighttest.records.readers.name_map import NameMap, read_names
-from flighttest.records.readers.opening import FORMATS, open_recording, recognise
+from flighttest.records.readers.opening import FORMATS, open_recording, recognise_recording
 from flighttest.records.readers.recording import Recording
 from flighttest.records.reading import Arrays, RecordGroup, unnamed_arrays
 from flighttest.records.signals.blank_cells import clocks_of_rows
-from flighttest.records.signals.sample_flags import in_words, read_stored_flags
+from flighttest.records.signals.sample_flags import flag_sentences, read_stored_flags
 from flighttest.records.stored_overview import OVERVIEW
 
 
@@ -63,7 +63,7 @@ def contents(path: str | Path, names: str | Path | NameMap | None = None) -> dic
         if names is not None
         else NameMap({})
     )
-    kind = recognise(path)
+    kind = recognise_recording(path)
     found: dict[str, Any] = {
         "file": path.name,
         "format": FORMATS[kind][1],
@@ -73,11 +73,11 @@ def contents(path: str | Path, names: str | Path | NameMap | None = None) -> dic
         "left_out": [],
     }
     if kind == "chapter10":
-        from flighttest.records.readers.formats.chapter10.packets import index
-        from flighttest.records.readers.formats.chapter10.tables import channels
+        from flighttest.records.readers.formats.chapter10.packets import index_packets
+        from flighttest.records.readers.formats.chapter10.tables import chapter10_channels
 
-        file = index(path)
-        found.update(channels=channels(file), notes=list(file.notes))
+        file = index_packets(path)
+        found.update(channels=chapter10_channels(file), notes=list(file.notes))
         if not mapping.decode:
             return found
     everything = NameMap(
@@ -155,7 +155,7 @@ def _column(name: str, values: np.ndarray, unit: str) -> dict[str, Any]:
 MANOEUVRE = ("manoeuvre", "control", "start", "end", "note")
 
 
-def listing(record: Arrays) -> dict[str, Any]:
+def record_listing(record: Arrays) -> dict[str, Any]:
     """Return what `flight show` prints of a record: ``facts channels manoeuvres faults unmapped``."""
     return {
         "facts": {
@@ -246,12 +246,13 @@ def fault_texts(
     found = [str(note) for note in json.loads(attrs.get("notes", "[]"))]
     for leaf, about in leaves:
         found += [
-            f"{leaf}: {text}" for text in in_words(read_stored_flags(about.get("flags", "[]")))
+            f"{leaf}: {text}"
+            for text in flag_sentences(read_stored_flags(about.get("flags", "[]")))
         ]
     return found
 
 
-def save(data: xr.Dataset, path: str | Path) -> None:
+def save_dataset(data: xr.Dataset, path: str | Path) -> None:
     """Write a manoeuvre or the states of a path to netCDF, sealed; an unfinished file never takes
     the name.
     """
@@ -272,7 +273,7 @@ def save_record(record: xr.DataTree, path: str | Path) -> None:
 def _save(groups: Mapping[str, xr.Dataset], target: Path) -> None:
     with written_atomically(target) as part:
         _write(groups, part)
-        seal(part, OVERVIEW, _overview(part))
+        write_seal(part, OVERVIEW, _overview(part))
 
 
 def _overview(part: Path) -> dict[str, Any] | None:
@@ -290,7 +291,7 @@ def _overview(part: Path) -> dict[str, Any] | None:
         }
         if not any(table["clock_fault"] for table in about["tables"]):  # whose text names the file
             found["contents"] = about
-        found["listing"] = listing(unnamed_arrays(recording, None, part))
+        found["listing"] = record_listing(unnamed_arrays(recording, None, part))
     return found or None
 
 

@@ -20,9 +20,9 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from flightmech.errors import ParseError, SchemaError, UnitError
 from flightmech.support.atomic_write import write_text
-from flightmech.support.input_files import WESTERN, csv_rows, load, read_text
-from flightmech.support.toml_models import Strict, validate
-from flightmech.units import quantity
+from flightmech.support.input_files import WESTERN, csv_rows, read_text, read_toml
+from flightmech.support.toml_models import Strict, validate_content
+from flightmech.units import parse_quantity
 
 COLUMNS = ("record", "kind", "control", "start", "end", "confidence", "note")
 """Columns of a table as it is written; ``confidence`` and ``note`` may be absent when it is read."""
@@ -42,7 +42,7 @@ def _seconds(item: Any) -> float:
     except (ValueError, TypeError):
         pass
     try:
-        return quantity(item, "s")
+        return parse_quantity(item, "s")
     except UnitError as error:
         raise ValueError(str(error)) from error
 
@@ -120,8 +120,8 @@ def _rows(path: Path) -> dict[str, list[dict[str, Any]]]:
     """Return the manoeuvres of a table in order of time, with their ``confidence``; empty where
     there is none.
     """
-    rows = validate(
-        _ManoeuvreRows, load(path) if path.suffix.lower() == ".toml" else _csv(path), str(path)
+    rows = validate_content(
+        _ManoeuvreRows, read_toml(path) if path.suffix.lower() == ".toml" else _csv(path), str(path)
     ).manoeuvre
     found: dict[str, list[dict[str, Any]]] = {}
     for row in sorted(rows, key=lambda row: row.start):
@@ -255,7 +255,7 @@ def edit_manoeuvres(
         moved = (
             {} if {"start", "end"}.isdisjoint(change) else {"confidence": ""}
         )  # that of the search was of the old times
-        about = validate(
+        about = validate_content(
             _ManoeuvreRows, {"manoeuvre": [{**old, **moved, **change, "record": record}]}, str(path)
         ).manoeuvre[0]
         rows.append({"confidence": "", **about.as_row()})

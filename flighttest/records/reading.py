@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flightmech.errors import AeromatchError, ParseError, SchemaError, UnitError, UnknownName
-from flightmech.names import VOCABULARY, attrs, lookup
+from flightmech.names import VOCABULARY, lookup_quantity, quantity_attributes
 from flightmech.support.arrays import median
 from flighttest.records.readers.clocks import Clocks, Settled, utc_facts
 from flighttest.records.readers.columns import column_called, unit_of_column
@@ -26,8 +26,8 @@ from flighttest.records.readers.recording import (
     RecordedTable,
     Recording,
     clock_name,
+    flight_mode_rows,
     left_out_as,
-    rows,
 )
 from flighttest.records.signals.blank_cells import clocks_of_rows
 from flighttest.records.signals.conditioning import GAP, remove_delay
@@ -36,9 +36,9 @@ from flighttest.records.signals.sample_flags import (
     MOST,
     Flag,
     as_text,
+    flag_runs,
     read_stored_flags,
     sample_faults,
-    spans,
 )
 from flighttest.records.stored_overview import add_file_name_facts, encodable_text
 
@@ -146,7 +146,7 @@ def _modes(
         for time, name in recording.modes
     ]
     times = [leaf.time for leaf in leaves.values()]
-    return rows(
+    return flight_mode_rows(
         settled, min(float(time[0]) for time in times), max(float(time[-1]) for time in times)
     )
 
@@ -161,7 +161,7 @@ def _with_constants(leaves: Mapping[str, RecordGroup], mapping: NameMap) -> None
     )
     for name, value in mapping.constants.items():
         if name not in shown:
-            about = {**attrs(name), "calibration": "constant, stated in the name map"}
+            about = {**quantity_attributes(name), "calibration": "constant, stated in the name map"}
             home.channels[name] = ChannelSamples(np.full(len(home.time), value), about)
 
 
@@ -216,7 +216,7 @@ def _own_names(recording: Recording, path: Path) -> NameMap:
 
 def _known(name: str) -> bool:
     try:
-        return bool(lookup(name))
+        return bool(lookup_quantity(name))
     except UnknownName:
         return False
 
@@ -426,11 +426,11 @@ def _leaf(
     for name, (group, column) in places.items():
         channel, unit = mapping.leaves[leaf][name], unit_of_column(tables[group], column, name)
         raw = samples[name]
-        found += spans(clock.time, np.isinf(raw), name, "outside")
+        found += flag_runs(clock.time, np.isinf(raw), name, "outside")
         raw = np.where(np.isinf(raw), np.nan, raw)
         x = np.asarray(channel.convert(raw, unit, name), float)
         found += (
-            spans(clock.time, np.isnan(x) & ~np.isnan(raw), name, "outside")
+            flag_runs(clock.time, np.isnan(x) & ~np.isnan(raw), name, "outside")
             if channel.table is not None
             else []
         )
@@ -443,7 +443,7 @@ def _leaf(
         )
         found += sample_faults(clock.time, x, name, clock.about["rate"])
         about = {
-            **attrs(name),
+            **quantity_attributes(name),
             "column": f"{group}/{column}",
             "calibration": channel.calibration(unit, column),
         }
@@ -461,7 +461,10 @@ def _leaf(
         }
         columns[name] = ChannelSamples(x, {**about, **removed, **error})
     if {"delta_a_left", "delta_a_right"} <= set(columns) and "delta_a" not in columns:
-        about = {**attrs("delta_a"), "calibration": "(delta_a_right - delta_a_left) / 2"}
+        about = {
+            **quantity_attributes("delta_a"),
+            "calibration": "(delta_a_right - delta_a_left) / 2",
+        }
         columns["delta_a"] = ChannelSamples(
             (columns["delta_a_right"].values - columns["delta_a_left"].values) / 2.0, about
         )

@@ -21,7 +21,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import AeromatchError, ParseError, SchemaError
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flighttest.records.files import MANOEUVRE, channel_rows, fault_texts, read_listed_rows
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.reading import Arrays, ChannelSamples, RecordGroup, read_arrays
@@ -178,7 +178,7 @@ def as_tree(record: Arrays) -> xr.DataTree:
 def _dataset(leaf: RecordGroup) -> xr.Dataset:
     variables = {name: _over_time(*samples) for name, samples in leaf.channels.items()}
     index = pd.Index(leaf.time)
-    time = xr.IndexVariable("time", index, attrs("time"), fastpath=True)
+    time = xr.IndexVariable("time", index, quantity_attributes("time"), fastpath=True)
     return xr.Dataset(
         variables,
         xr.Coordinates({"time": time}, {"time": xr.indexes.PandasIndex(index, "time")}),
@@ -193,12 +193,12 @@ def _over_time(values: np.ndarray, about: dict[str, Any]) -> xr.Variable:
     return xr.Variable("time", values, about, fastpath=True)
 
 
-def locate(record: xr.DataTree, name: str) -> str | None:
+def find_channel_leaf(record: xr.DataTree, name: str) -> str | None:
     """Return the leaf that holds channel `name`, or None."""
     return next((leaf for leaf, node in record.children.items() if name in node.data_vars), None)
 
 
-def channels(record: xr.DataTree) -> dict[str, str]:
+def channel_leaves(record: xr.DataTree) -> dict[str, str]:
     """Return every channel with its leaf."""
     return {str(name): leaf for leaf, node in record.children.items() for name in node.data_vars}
 
@@ -215,7 +215,7 @@ def manoeuvres(record: xr.DataTree | xr.Dataset) -> pd.DataFrame:
     return _listed(record, "manoeuvres")
 
 
-def modes(record: xr.DataTree | xr.Dataset) -> pd.DataFrame:
+def flight_modes(record: xr.DataTree | xr.Dataset) -> pd.DataFrame:
     """Return the flight modes in the log of an autopilot (PX4, ArduPilot) as `manoeuvres` does: a
     row from each change to the next.
     """

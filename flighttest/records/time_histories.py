@@ -12,8 +12,8 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import OutOfRange, UnknownName
-from flightmech.support.figures import new_figure, to_display_unit
-from flighttest.records.record import channels as channels_of
+from flightmech.support.figures import new_figure, to_display_quantity
+from flighttest.records.record import channel_leaves as channels_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -237,7 +237,7 @@ def _draw_panel(
     names = list(dict.fromkeys(str(signal.name) for signal in panel))
     for signal, colour in zip(panel, cycle(COLOURS), strict=False):
         name, time = str(signal.name), signal["time"].values
-        values, unit = to_display_unit(name, np.asarray(signal.values, float))
+        values, unit = to_display_quantity(name, np.asarray(signal.values, float))
         ax.plot(
             *break_at_gaps(time, values),
             color=colour,
@@ -247,7 +247,7 @@ def _draw_panel(
         if name in stderr:
             half = 2.0 * stderr[name].sel(time=time).values
             below, above = (
-                to_display_unit(name, signal.values + sign * half)[0] for sign in (-1.0, 1.0)
+                to_display_quantity(name, signal.values + sign * half)[0] for sign in (-1.0, 1.0)
             )
             ax.fill_between(time, below, above, color=colour, alpha=0.25, linewidth=0)
     if len(names) == 1:

@@ -314,7 +314,7 @@ _EXPECTED = "numbers, names, + - * / ^, parentheses and the functions " + ", ".j
 _MOST = 60  # nested parentheses
 
 
-def parse(text: str) -> Expression:
+def parse_expression(text: str) -> Expression:
     """Return the expression that a text describes.
 
     Raises

@@ -14,9 +14,9 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError, SchemaError, UnknownName
-from flightmech.names import VOCABULARY, lookup
-from flightmech.support.arrays import columns_of
-from flightmech.units import parse as parse_unit
+from flightmech.names import VOCABULARY, lookup_quantity
+from flightmech.support.arrays import columns_with_count
+from flightmech.units import parse_unit
 from flighttest.regression.expressions import FUNCTIONS, Expression, Pieces, Scope, parse_terms
 
 _NAME = re.compile(r"^[A-Za-z_]\w*(\.\w+)*$")
@@ -188,7 +188,7 @@ class SeparableModel:
             parse_unit(self.units[name])
             return self.units[name]
         try:
-            return lookup(name).units
+            return lookup_quantity(name).units
         except UnknownName:
             known = [*VOCABULARY, *self.units, *self.parameters]
             raise UnknownName(
@@ -229,7 +229,7 @@ class SeparableModel:
             A power, root, logarithm or lag of values for which there is none, or numbers beyond all
             bounds.
         """
-        columns, size = columns_of(data)
+        columns, size = columns_with_count(data)
         quantities = {
             str(name): np.asarray(columns[name]) for name in self.variables if name in columns
         }

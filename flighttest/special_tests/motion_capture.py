@@ -18,11 +18,11 @@ import numpy as np
 import xarray as xr
 from pydantic import Field, model_validator
 
-from flightmech.axes import euler, matrix, quaternion
+from flightmech.axes import euler_from_matrix, matrix_from_quaternion, quaternion_from_matrix
 from flightmech.errors import IdentificationError, SchemaError
-from flightmech.names import lookup
-from flightmech.support.input_files import load
-from flightmech.support.toml_models import Strict, si, validate
+from flightmech.names import lookup_quantity
+from flightmech.support.input_files import read_toml
+from flightmech.support.toml_models import Strict, make_si_type, validate_content
 from flightmech.units import to_si
 from flighttest.records.readers.columns import locate_column
 from flighttest.records.readers.name_map import NameMap
@@ -77,9 +77,9 @@ def smooth_motion(pose: xr.Dataset, cutoff: float) -> xr.Dataset:
     size = np.linalg.norm(quat, axis=1, keepdims=True)
     quat, rate, bend = quat / size, rate / size, bend / size
     omega, omega_dot = 2.0 * _product(quat, rate), 2.0 * _product(quat, bend)
-    R = matrix(quat)
+    R = matrix_from_quaternion(quat)
     force = np.einsum("nij,nj->ni", R, a - [0.0, 0.0, _G])
-    phi, theta, psi = euler(R)
+    phi, theta, psi = euler_from_matrix(R)
     columns = dict(zip(("north", "east", "h"), (x * [1.0, 1.0, -1.0]).T)) | dict(
         zip(("vn", "ve", "vd"), v.T)
     )
@@ -116,7 +116,7 @@ def smooth_motion(pose: xr.Dataset, cutoff: float) -> xr.Dataset:
             name: (
                 "time",
                 np.where(lost, np.nan, y),
-                {"units": lookup(name).units, "stderr": errors[name]},
+                {"units": lookup_quantity(name).units, "stderr": errors[name]},
             )
             for name, y in columns.items()
         },
@@ -228,7 +228,7 @@ _WAYS = {
     "up": (2, -1.0),
 }
 _EVEN = 1e-3  # of the median step
-Metres = si("m")
+Metres = make_si_type("m")
 
 
 class MarkerSetup(Strict):
@@ -237,7 +237,9 @@ class MarkerSetup(Strict):
     body: dict[str, dict[str, tuple[Metres, Metres, Metres]]] = Field(  # type: ignore[valid-type]
         min_length=1, description="Markers of each body in body axes, x forward, y right, z down."
     )
-    flapping_frequency: si("Hz") = Field(gt=0.0, description="Frequency of the periodic motion.")  # type: ignore[valid-type]
+    flapping_frequency: make_si_type("Hz") = Field(
+        gt=0.0, description="Frequency of the periodic motion."
+    )  # type: ignore[valid-type]
     multiples: float = Field(
         default=8.0, gt=0.0, description="Cut-off of the smoothing over the flapping frequency."
     )
@@ -245,7 +247,7 @@ class MarkerSetup(Strict):
         default="north east down",
         description="Where x, y and z of the cameras point to: north east down, their opposites.",
     )
-    noise: si("m") | None = Field(  # type: ignore[valid-type]
+    noise: make_si_type("m") | None = Field(  # type: ignore[valid-type]
         default=None, description="Standard deviation of a coordinate of a marker."
     )
     unit: str = Field(default="m", description="Unit of the positions, where the file states none.")
@@ -289,7 +291,7 @@ def read_marker_setup(path: str | Path) -> MarkerSetup:
     SchemaError
         With all faults of the keys.
     """
-    return validate(MarkerSetup, load(path), str(path))
+    return validate_content(MarkerSetup, read_toml(path), str(path))
 
 
 def read_markers(path: str | Path, setup: MarkerSetup) -> xr.DataArray:
@@ -423,7 +425,7 @@ def poses(
         "nji,njk,nkl->nil", R, body, R
     )
     found = {
-        "r": (("time", "axis"), r), "q": (("time", "component"), _continuous(quaternion(R))),
+        "r": (("time", "axis"), r), "q": (("time", "component"), _continuous(quaternion_from_matrix(R))),
         "r_stderr": (("time", "axis"), np.sqrt(np.einsum("nii->ni", where))),
         "turn_stderr": (("time", "axis"), np.sqrt(np.einsum("nii->ni", turn))),
         "residual": ("time", np.sqrt(squares / (3.0 * count[good]))),

@@ -27,10 +27,10 @@ import xarray as xr
 from flightmech.errors import SchemaError
 from flightmech.support.console import to_json_types
 from flightmech.support.hdf5_seal import demand_self_contained
-from pom.archive.origins import case_found_from, case_seen_from, sha256
+from pom.archive.origins import case_found_from, case_seen_from, file_sha256
 from pom.cases.case import PomCase
 from pom.fmu.run_cache import FileState
-from pom.result import PomResult, split, verdict_table
+from pom.result import PomResult, make_verdict_table, to_split_dict
 from pom.samples import SampledReplay
 
 _NAMES = {
@@ -139,7 +139,7 @@ def _write_result(group: h5py.Group, result: PomResult, folder: Path) -> None:
         "case": case_seen_from(result.case, folder).to_dict(),
         "conditions": result.conditions,
         "failure": result.failure,
-        "trim": split(result.trim),
+        "trim": to_split_dict(result.trim),
         "verdict": result.verdict_records(),
         "attrs": {part: data.attrs for part, data in parts.items()},
         "channels": {
@@ -208,7 +208,7 @@ def _read_result(group: h5py.Group, folder: Path) -> PomResult:
             for name, value in head["conditions"].items()
         },
         trim=trim.rename_axis("quantity"),
-        verdict=verdict_table(head["verdict"]),
+        verdict=make_verdict_table(head["verdict"]),
         failure=head["failure"],
         signals=_read_part(group, head, "signals"),
         tolerance=_read_part(group, head, "tolerance"),
@@ -307,7 +307,7 @@ class Custody:
                 state = FileState.of(
                     path
                 )  # first: what changes while it is hashed is found by `check`
-                self._taken[path] = state, sha256(path)
+                self._taken[path] = state, file_sha256(path)
 
     def sha256(self, file: str | Path) -> str:
         """Return the hash that a file had when it was taken; one that was not is taken now."""

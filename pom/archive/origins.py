@@ -57,7 +57,7 @@ class ReportProvenance(TypedDict, total=False):
     signatures: Mapping[str, Mapping[str, str]]
 
 
-def check(provenance: Mapping[str, Any]) -> None:
+def check_provenance(provenance: Mapping[str, Any]) -> None:
     """Refuse a misspelt key, which would silently leave a gap in the report.
 
     Raises
@@ -103,7 +103,7 @@ def provenance(
         For `write_report`: ``command``, ``date``, ``versions``, ``inputs`` with their SHA-256, the
         ``places`` where they lie, ``models`` with file, SHA-256 and path.
     """
-    digest = digest or sha256
+    digest = digest or file_sha256
     files = sorted({Path(file).resolve() for file in inputs})
     folder = os.path.commonpath([file.parent for file in files]) if files else ""
     return {
@@ -183,7 +183,7 @@ def case_found_from(case: PomCase, folder: str | os.PathLike) -> PomCase:
     return replace(case, **names)
 
 
-def sha256(file: str | Path) -> str:
+def file_sha256(file: str | Path) -> str:
     """Return the SHA-256 of a file as hexadecimal digits."""
     with Path(file).open("rb") as content:
         return hashlib.file_digest(content, "sha256").hexdigest()
@@ -195,7 +195,7 @@ PREDICATE = "https://slsa.dev/provenance/v1"
 BUILD = "urn:aeromatch:proof-of-match:v1"
 
 
-def manifest(
+def report_manifest_text(
     results: Sequence[PomResult],
     outputs: Mapping[str, str],
     folder: str | os.PathLike,
@@ -247,10 +247,10 @@ def manifest(
             },
         },
     }
-    return text_of(statement)
+    return statement_text(statement)
 
 
-def text_of(statement: Mapping[str, Any]) -> str:
+def statement_text(statement: Mapping[str, Any]) -> str:
     """Return a statement as it is written: equal content gives equal bytes."""
     return (
         json.dumps(
@@ -288,7 +288,7 @@ def _dependency(name: str, digest: str, path: Path | None, folder: Path) -> dict
     return item
 
 
-def place(dependency: Mapping[str, Any], folder: str | os.PathLike) -> Path | None:
+def dependency_path(dependency: Mapping[str, Any], folder: str | os.PathLike) -> Path | None:
     """Return where an input of a manifest lies, seen from the folder of the report; None when the
     manifest does not state it.
     """
@@ -296,7 +296,7 @@ def place(dependency: Mapping[str, Any], folder: str | os.PathLike) -> Path | No
     return Path(os.path.normpath(Path(folder) / unquote(uri))) if uri else None
 
 
-def read_manifest(folder: str | os.PathLike) -> dict[str, Any]:
+def read_report_manifest(folder: str | os.PathLike) -> dict[str, Any]:
     """Return the manifest of a report.
 
     Raises

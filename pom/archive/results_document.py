@@ -12,9 +12,9 @@ import pandas as pd
 
 from flightmech.support.console import to_json_types
 from pom.archive.archive import Archive, read_archive
-from pom.archive.origins import NAME, case_seen_from, place, read_manifest
+from pom.archive.origins import NAME, case_seen_from, dependency_path, read_report_manifest
 from pom.replaying.run_remarks import drift
-from pom.result import PomResult, records, split
+from pom.result import PomResult, to_records, to_split_dict
 
 
 def join_reports(paths: Iterable[str | os.PathLike]) -> Archive:
@@ -102,8 +102,10 @@ def _located(folder: Path) -> dict[str, str]:
     if not (folder / NAME).is_file():
         return {}
     found = {}
-    for item in read_manifest(folder)["predicate"]["buildDefinition"]["resolvedDependencies"]:
-        path = place(item, folder)
+    for item in read_report_manifest(folder)["predicate"]["buildDefinition"][
+        "resolvedDependencies"
+    ]:
+        path = dependency_path(item, folder)
         if path is not None:
             found[item.get("annotations", {}).get("run", item["name"])] = str(path.resolve())
     return found
@@ -117,7 +119,9 @@ class CaseText(NamedTuple):
     modes: str
 
 
-def case_text(result: PomResult, modes: pd.DataFrame, folder: str | os.PathLike) -> CaseText:
+def case_results_text(
+    result: PomResult, modes: pd.DataFrame, folder: str | os.PathLike
+) -> CaseText:
     """Return what ``results.json`` holds of a case; files are named from `folder`, `modes` is its
     `pom.judging.mode_table`.
     """
@@ -167,8 +171,8 @@ def _numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:
             "channels": [str(name) for name in result.signals.data_vars],
             "inputs": [str(name) for name in result.inputs.data_vars],
             "samples": int(result.signals.sizes["time"]),
-            "trim": split(result.trim),
-            "drift": records(drift(result)),
+            "trim": to_split_dict(result.trim),
+            "drift": to_records(drift(result)),
             "verdict": result.verdict_records(),
             "failure": result.failure,
             **({"samples": samples} if samples else {}),
@@ -177,4 +181,4 @@ def _numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:
 
 
 def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
-    return to_json_types(records(table))
+    return to_json_types(to_records(table))

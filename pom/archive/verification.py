@@ -22,19 +22,19 @@ from pom.archive.origins import (
     NAME,
     case_found_from,
     case_seen_from,
-    manifest,
-    place,
-    read_manifest,
-    sha256,
-    text_of,
+    dependency_path,
+    file_sha256,
+    read_report_manifest,
+    report_manifest_text,
+    statement_text,
 )
-from pom.archive.results_document import case_text, results_json
+from pom.archive.results_document import case_results_text, results_json
 from pom.cases.case import PomCase
 from pom.judging.beyond_the_bands import watch_channels
 from pom.judging.measures.modal import mode_table
 from pom.judging.signals import traces_of
-from pom.judging.verdict import judge_all, row
-from pom.replaying.trim import beyond_limits, limits_of
+from pom.judging.verdict import judge_all, verdict_row
+from pom.replaying.trim import beyond_limits, result_trim_limits
 from pom.result import NUMBERS, PomResult
 from pom.tolerances import rows
 from pom.tolerances.bands import RowRemark
@@ -100,7 +100,8 @@ def compare_statements(
     yield "statement", "manifest: all else", "; ".join(_all_else(folder, statement, archive))
     due = json.loads(
         results_json(
-            archive, [case_text(result, mode_table(result), folder) for result in archive.results]
+            archive,
+            [case_results_text(result, mode_table(result), folder) for result in archive.results],
         )
     )
     yield (
@@ -126,7 +127,8 @@ def _all_else(folder: Path, statement: Mapping[str, Any], archive: Archive) -> I
     """
     definition = statement["predicate"]["buildDefinition"]
     found = [
-        (run_of(item), item, place(item, folder)) for item in definition["resolvedDependencies"]
+        (run_of(item), item, dependency_path(item, folder))
+        for item in definition["resolvedDependencies"]
     ]
     places = {item["name"]: str(path) for run, item, path in found if path and not run}
     paths = {run: {"path": str(path)} for run, _, path in found if path and run}
@@ -139,7 +141,7 @@ def _all_else(folder: Path, statement: Mapping[str, Any], archive: Archive) -> I
     paper = (
         definition["externalParameters"].get("paper") if archive.paper is None else archive.paper
     )
-    due = manifest(
+    due = report_manifest_text(
         archive.results,
         outputs,
         folder,
@@ -154,7 +156,7 @@ def _all_else(folder: Path, statement: Mapping[str, Any], archive: Archive) -> I
         ),
         5,
     )
-    if (folder / NAME).read_text(encoding="utf-8") != text_of(statement):
+    if (folder / NAME).read_text(encoding="utf-8") != statement_text(statement):
         yield "spaces, lines or the order of the keys are not as they are written"
 
 
@@ -276,7 +278,7 @@ def differences_from_table(case: PomCase) -> Iterator[str]:
     compared.
     """
     try:
-        found = rows.rows_of(case.id, case.standard, case.edition)
+        found = rows.rows_of_test(case.id, case.standard, case.edition)
     except UnknownName as error:
         yield str(error)
         return
@@ -288,7 +290,7 @@ def differences_from_table(case: PomCase) -> Iterator[str]:
             continue
         if criterion.provenance == "case file":
             continue
-        printed = rows.criterion(item, name, criterion.window, case.features)
+        printed = rows.make_criterion(item, name, criterion.window, case.features)
         for what in ("band", "group", "condition", "provenance", "source"):
             if getattr(criterion, what) != getattr(printed, what):
                 shown = [
@@ -340,7 +342,7 @@ def verify(folder: str | os.PathLike) -> list[VerificationResult]:
         The folder holds no manifest of a report.
     """
     folder = Path(folder)
-    statement = read_manifest(folder)
+    statement = read_report_manifest(folder)
     found = [
         _hashed("output", item["name"], folder / item["name"], item["digest"]["sha256"])
         for item in statement["subject"]
@@ -350,7 +352,10 @@ def verify(folder: str | os.PathLike) -> list[VerificationResult]:
         name = f"{run}: {item['name']}" if run else item["name"]
         found.append(
             _hashed(
-                "model" if run else "input", name, place(item, folder), item["digest"]["sha256"]
+                "model" if run else "input",
+                name,
+                dependency_path(item, folder),
+                item["digest"]["sha256"],
             )
         )
     return [
@@ -370,7 +375,7 @@ def _hashed(kind: str, name: str, path: Path | None, wanted: str) -> Verificatio
         )
     if not path.is_file():
         return VerificationResult(kind, name, "missing", f"no file {path}")
-    have = sha256(path)
+    have = file_sha256(path)
     return (
         VerificationResult(kind, name, "same")
         if have == wanted
@@ -442,7 +447,7 @@ def _judged_again(
             if before["verdict"] != "invalid":
                 yield f"{criterion.name}: verdict {before['verdict']}, but the model stopped or its trim went beyond the limits of the case"
         else:
-            now = row(run, criterion, outcomes[criterion.name])
+            now = verdict_row(run, criterion, outcomes[criterion.name])
             unseen = before["verdict"] == "invalid" and criterion.group in empty
             if not unseen and {before["verdict"], now["verdict"]} != _EMPTY:
                 yield from _difference(criterion.name, "judged again", before, now)
@@ -479,7 +484,7 @@ def _beyond(result: PomResult, run: str, demanded: bool) -> tuple[RowRemark, ...
     if run not in result.trim:
         return ()
     found = {str(name): np.array([value]) for name, value in result.trim[run].dropna().items()}
-    return beyond_limits(limits_of(result), found, demanded)
+    return beyond_limits(result_trim_limits(result), found, demanded)
 
 
 def _differences(

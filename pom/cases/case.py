@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import lookup
-from flightmech.support.input_files import load
-from flightmech.support.toml_models import validate
+from flightmech.names import lookup_quantity
+from flightmech.support.input_files import read_toml
+from flightmech.support.toml_models import validate_content
 from pom.cases import resolve as parts
 from pom.cases.case_file import FORCES, INPUTS, SHOWN, TRAVEL, WIND, CaseFile, plain_signatures
 from pom.cases.pilot import PilotLoop
@@ -76,7 +76,7 @@ class CaseInputs:
         if self.surfaces != "pilot":
             return self.surfaces
         return next(
-            (level for loop in self.pilot if (level := parts.level_of(loop.control))), "recorded"
+            (level for loop in self.pilot if (level := parts.drive_level(loop.control))), "recorded"
         )
 
     @classmethod
@@ -248,9 +248,9 @@ def read_case(path: str | Path) -> PomCase:
         time, windows, a math pilot on a judged channel.
     """
     path = Path(path)
-    content = load(path)
+    content = read_toml(path)
     try:
-        file = validate(CaseFile, content, f"case {path}")
+        file = validate_content(CaseFile, content, f"case {path}")
     except SchemaError as error:
         rest = parts.sound_rest(content)
         more = _resolved(path, rest)[1] if rest is not None else _loose_problems(content)
@@ -269,11 +269,13 @@ def _resolved(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
     case = file.case
     parts.check_events(file.events, problems)
     for name in case.show:
-        parts.collect(problems, "case.show", lookup, name)
+        parts.collect_case_problems(problems, "case.show", lookup_quantity, name)
     for word in case.features:
-        if word not in rows.features():
-            problems.append(f"case.features: {UnknownName(word, rows.features(), 'condition')}")
-    found = parts.criteria(file, problems)
+        if word not in rows.claimable_features():
+            problems.append(
+                f"case.features: {UnknownName(word, rows.claimable_features(), 'condition')}"
+            )
+    found = parts.resolve_criteria(file, problems)
     names = {c.name for c in found}
     parts.check_names("ticks", file.ticks, names, "criterion", problems)
     trim = {f"trim.{name}" for name in parts.LIMIT_UNITS}
@@ -288,11 +290,11 @@ def _resolved(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
     problems += [
         f'conditions.{name}: drive.wind is "none", calm air; give one of the two' for name in calm
     ]
-    largest, fraction = parts.ranges(file.ranges, problems), parts.fraction(file)
+    largest, fraction = parts.resolve_ranges(file.ranges, problems), parts.tolerance_fraction(file)
     drive = _drive(file, found, problems)
     as_written: dict[str, Any] = {key: getattr(case, key) for key in _AS_WRITTEN}
     as_written |= {
-        key: parts.place(path, getattr(case, key), f"case.{key}", problems)
+        key: parts.resolve_named_file(path, getattr(case, key), f"case.{key}", problems)
         for key in ("record", "names", "aircraft")
     }
     law = file.control_law
@@ -305,7 +307,7 @@ def _resolved(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
         **as_written,
         path=str(path),
         drive=drive,
-        conditions=parts.conditions(file.conditions, problems),
+        conditions=parts.resolve_conditions(file.conditions, problems),
         events=dict(file.events),
         criteria=parts.scale_tolerances(found, fraction, largest),
         fraction=fraction,
@@ -316,13 +318,15 @@ def _resolved(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
         rationale=dict(file.rationale),
         source=dict(file.source),
         signatures=plain_signatures(file.signatures),
-        law=parts.place(path, law.fmu, "control_law.fmu", problems) if law is not None else "",
-        law_names=parts.place(path, law.names, "control_law.names", problems)
+        law=parts.resolve_named_file(path, law.fmu, "control_law.fmu", problems)
+        if law is not None
+        else "",
+        law_names=parts.resolve_named_file(path, law.names, "control_law.names", problems)
         if law is not None
         else "",
         law_moves=law.moves if law is not None else (),
         models={
-            name: parts.place(path, place, f"models.{name}", problems)
+            name: parts.resolve_named_file(path, place, f"models.{name}", problems)
             for name, place in file.models.items()
         },
     )
@@ -348,7 +352,7 @@ _AS_WRITTEN = (
 
 
 def _drive(file: CaseFile, found: list[Criterion], problems: list[str]) -> CaseInputs:
-    loops = parts.loops(file, problems)
+    loops = parts.resolve_pilot_loops(file, problems)
     if file.case.reference != "footprint":
         parts.forbid_judged(loops, found, problems)
     given = file.drive
@@ -357,7 +361,7 @@ def _drive(file: CaseFile, found: list[Criterion], problems: list[str]) -> CaseI
             f'drive.pilot: a loop moves the throttle, but drive.engine is "{given.engine}"; '
             f'drive the engines by "throttle"'
         )
-    limits = parts.limits(given.limits, problems)
+    limits = parts.resolve_trim_limits(given.limits, problems)
     drive = CaseInputs(
         given.surfaces,
         given.engine,
@@ -389,7 +393,7 @@ def _loose_problems(content: dict[str, Any]) -> list[str]:
     problems: list[str] = []
     conditions, events = content.get("conditions"), content.get("events")
     if isinstance(conditions, dict):
-        parts.conditions(conditions, problems)
+        parts.resolve_conditions(conditions, problems)
     if isinstance(events, dict):
         parts.check_events(events, problems)
     return problems

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 
 from pydantic import Field, StrictBool, field_validator
 
-from flightmech.names import VOCABULARY, lookup
+from flightmech.names import VOCABULARY, lookup_quantity
 from flightmech.support.toml_models import Strict, file_schema, part_schema
 from flightmech.support.toml_quantities import quantity_schema
 from pom.tolerances import rows
@@ -411,10 +411,10 @@ def case_schema() -> dict[str, Any]:
         "description": "Half width, percentage, base, rule, group and window.",
     }
     case = parts["CaseTable"]["properties"]
-    case["id"]["enum"] = sorted({row["test_id"] for row in rows.rows()})
-    case["standard"]["enum"] = sorted({row["standard"] for row in rows.rows()})
-    case["edition"]["enum"] = sorted({row["edition"] for row in rows.rows()})
-    case["features"]["items"]["enum"] = sorted(rows.features())
+    case["id"]["enum"] = sorted({row["test_id"] for row in rows.tolerance_rows()})
+    case["standard"]["enum"] = sorted({row["standard"] for row in rows.tolerance_rows()})
+    case["edition"]["enum"] = sorted({row["edition"] for row in rows.tolerance_rows()})
+    case["features"]["items"]["enum"] = sorted(rows.claimable_features())
     case["show"]["items"]["examples"] = sorted(VOCABULARY)
     top = schema["properties"]
     _only(top["conditions"], {name: _quantity(name) for name in CONDITIONS})
@@ -426,7 +426,7 @@ def case_schema() -> dict[str, Any]:
                 "description": "[s] on the clock of the record",
                 "examples": [12.5],
             }
-            for name in sorted(rows.events())
+            for name in sorted(rows.window_events())
         },
     )
     top["tolerance"]["additionalProperties"] = {
@@ -436,7 +436,7 @@ def case_schema() -> dict[str, Any]:
 
 
 def _quantity(name: str) -> dict[str, Any]:
-    row = lookup(name)
+    row = lookup_quantity(name)
     example = 1.0 if row.units == "1" else f"1 {row.display_units}"
     return {
         **quantity_schema(row.units),

@@ -419,7 +419,7 @@ def _modes(case: PomCase, states: xr.Dataset) -> dict[str, float]:
     return found
 
 
-def configuration(case: PomCase, job: ReplayJob) -> Mapping[str, float]:
+def initial_configuration(case: PomCase, job: ReplayJob) -> Mapping[str, float]:
     """Return initial conditions and configuration by canonical name, for the report. [SI]"""
     found = {
         name.removeprefix("init.").removeprefix("mass.").removeprefix("env."): value

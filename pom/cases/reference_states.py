@@ -81,7 +81,7 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
         np.searchsorted(time, start - 1e-9),
         np.searchsorted(time, stop + 1e-9, side="right"),
     )
-    inside = unwrapped(
+    inside = unwrap_angles(
         states.isel(time=slice(first, behind))
     )  # no copy: a batch holds the states of all its cases
     return (
@@ -97,7 +97,7 @@ def window_problem(case: PomCase) -> str:
     """
     if not Path(case.record).is_file():
         return ""
-    kept = path_states(case.record)
+    kept = read_path_states(case.record)
     if kept is not None:
         leaves = [kept]
     else:
@@ -192,7 +192,7 @@ def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Datas
     IdentificationError
         The reconstruction does not settle.
     """
-    found = path_states(case.record)
+    found = read_path_states(case.record)
     if found is not None:
         return found
     if not case.aircraft:
@@ -216,7 +216,7 @@ def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Datas
         raise IdentificationError(f"case {case.name}: {error}; {hint}") from error
 
 
-def path_states(record: str) -> xr.Dataset | None:
+def read_path_states(record: str) -> xr.Dataset | None:
     """Return the states of a file of reconstructed states, variables without attributes; None when
     it is something else.
     """
@@ -231,7 +231,7 @@ def path_states(record: str) -> xr.Dataset | None:
     return _calibrated(path)
 
 
-def unwrapped(states: xr.Dataset) -> xr.Dataset:
+def unwrap_angles(states: xr.Dataset) -> xr.Dataset:
     """Return the states with angles that jump by a full turn made continuous."""
     items = {name: states.variables[name] for name in states.data_vars}
     smooth = {

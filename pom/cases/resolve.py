@@ -14,13 +14,13 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-from flightmech.names import lookup
-from flightmech.units import quantity
+from flightmech.names import lookup_quantity
+from flightmech.units import parse_quantity
 from pom.cases.case_file import BRAKES, CONDITIONS, FORCES, SURFACES, TRAVEL, CaseFile, LoopTable
 from pom.cases.pilot import PilotLoop
 from pom.tolerances import rows as table
 from pom.tolerances.criteria import Criterion
-from pom.tolerances.rows import missing_claims, override, required_signals
+from pom.tolerances.rows import apply_override, missing_claims, required_signals
 
 T = TypeVar("T")
 
@@ -30,7 +30,7 @@ MOVABLE = (*SURFACES, *TRAVEL, *FORCES, "throttle", "speedbrake", "delta_nw", *B
 BIASES = ("delta_e", "delta_a", "delta_r", "thrust", "throttle", *FORCES)
 REMAINDERS = ("u_dot", "v_dot", "w_dot", "p_dot", "q_dot", "r_dot")
 LIMIT_UNITS = (
-    {name: lookup(name).units for name in BIASES}
+    {name: lookup_quantity(name).units for name in BIASES}
     | {name: "m s-2" for name in REMAINDERS[:3]}
     | dict.fromkeys(REMAINDERS[3:], "rad s-2")
 )
@@ -60,7 +60,9 @@ KINDRED = (
 """Channels that cannot be held without holding each other: an integral or a derivative apart."""
 
 
-def collect(problems: list[str], place: str, act: Callable[..., T], *items: Any) -> T | None:
+def collect_case_problems(
+    problems: list[str], place: str, act: Callable[..., T], *items: Any
+) -> T | None:
     """Return ``act(*items)``; an error of the package becomes one more problem."""
     try:
         return act(*items)
@@ -113,7 +115,7 @@ def _remove(content: Any, place: tuple[int | str, ...]) -> None:
         content.pop(last, None)
 
 
-def quantities(
+def resolve_quantities(
     place: str, found: Mapping[str, Any], units: Mapping[str, str], what: str, problems: list[str]
 ) -> dict[str, float]:
     """Return the SI values of a table whose keys are those of `units`."""
@@ -122,26 +124,28 @@ def quantities(
         if name not in units:
             problems.append(f"{place}: {UnknownName(name, units, what)}")
             continue
-        value = collect(problems, f"{place}.{name}", quantity, item, units[name])
+        value = collect_case_problems(
+            problems, f"{place}.{name}", parse_quantity, item, units[name]
+        )
         if value is not None:
             values[name] = value
     return values
 
 
-def conditions(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
+def resolve_conditions(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
     """Return ``[conditions]`` in SI."""
-    return quantities(
+    return resolve_quantities(
         "conditions",
         found,
-        {name: lookup(name).units for name in CONDITIONS},
+        {name: lookup_quantity(name).units for name in CONDITIONS},
         "condition",
         problems,
     )
 
 
-def limits(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
+def resolve_trim_limits(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
     """Return ``drive.limits`` in SI, all positive."""
-    values = quantities("drive.limits", found, LIMIT_UNITS, "bias of the trim", problems)
+    values = resolve_quantities("drive.limits", found, LIMIT_UNITS, "bias of the trim", problems)
     problems += [
         f"drive.limits.{name}: {value:g} is not positive; a limit is a largest size"
         for name, value in values.items()
@@ -150,21 +154,23 @@ def limits(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
     return values
 
 
-def ranges(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
+def resolve_ranges(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
     """Return ``[ranges]`` in SI."""
     units = {}
     for name in found:
-        row = collect(problems, "ranges", lookup, name)
+        row = collect_case_problems(problems, "ranges", lookup_quantity, name)
         if row is not None:
             units[name] = row.units
-    return quantities("ranges", {name: found[name] for name in units}, units, "channel", problems)
+    return resolve_quantities(
+        "ranges", {name: found[name] for name in units}, units, "channel", problems
+    )
 
 
 def check_events(found: Mapping[str, Any], problems: list[str]) -> None:
     """Check the names of ``[events]``."""
     for name in found:
-        if name not in table.events():
-            problems.append(f"events: {UnknownName(name, table.events(), 'event')}")
+        if name not in table.window_events():
+            problems.append(f"events: {UnknownName(name, table.window_events(), 'event')}")
 
 
 def check_names(
@@ -176,7 +182,7 @@ def check_names(
     ]
 
 
-def place(path: Path, name: str, key: str, problems: list[str]) -> str:
+def resolve_named_file(path: Path, name: str, key: str, problems: list[str]) -> str:
     """Return a file that a case names, relative to the case file; empty for none."""
     if not name:
         return ""
@@ -186,10 +192,15 @@ def place(path: Path, name: str, key: str, problems: list[str]) -> str:
     return os.path.normpath(found)
 
 
-def criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
+def resolve_criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
     """Return the rows of the test as criteria, with what the case file sets for bands."""
     case = file.case
-    rows = collect(problems, "case.id", table.rows_of, case.id, case.standard, case.edition) or []
+    rows = (
+        collect_case_problems(
+            problems, "case.id", table.rows_of_test, case.id, case.standard, case.edition
+        )
+        or []
+    )
     optional = sorted({row["parameter"] for row in rows} & EQUIPMENT)
     problems += [
         f"case.absent: {UnknownName(name, optional, 'equipment of this test')}"
@@ -199,7 +210,7 @@ def criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
     found = []
     for row, name in zip(rows, table.names_of(rows), strict=True):
         window = _window(row, name, file, problems)
-        criterion = table.criterion(
+        criterion = table.make_criterion(
             row, name, window, case.features, case.mode_channel, case.engine_parameter
         )
         if row["parameter"] in case.absent:
@@ -223,7 +234,9 @@ def criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
             )
         found.append(criterion)
     for key, item in file.tolerance.items():
-        changed = collect(problems, f"tolerance.{key}", override, found, key, item, case.window)
+        changed = collect_case_problems(
+            problems, f"tolerance.{key}", apply_override, found, key, item, case.window
+        )
         found = changed if changed is not None else found
     return found
 
@@ -238,7 +251,7 @@ def _window(row: table.Row, name: str, file: CaseFile, problems: list[str]) -> t
     if row["measure"] in SEGMENTS:
         ends = file.events.get("segment_start", start), file.events.get("segment_end", stop)
     for bound, default in zip((row["applies_from"], row["applies_to"]), ends, strict=True):
-        time = collect(
+        time = collect_case_problems(
             problems, f"events, row {name}", table.bound_time, bound, file.events, default
         )
         found.append(default if time is None else float(time))
@@ -266,7 +279,7 @@ def scale_tolerances(
     return tuple(replace(c, fraction=fraction, largest=largest.get(c.channel)) for c in found)
 
 
-def fraction(file: CaseFile) -> float:
+def tolerance_fraction(file: CaseFile) -> float:
     """Return the share of the tolerance: as written, else by reference and edition (rule R9 of the
     table).
     """
@@ -277,13 +290,13 @@ def fraction(file: CaseFile) -> float:
     return 0.2 if file.case.edition[:4] < "2016" else 0.4
 
 
-def loops(file: CaseFile, problems: list[str]) -> tuple[PilotLoop, ...]:
+def resolve_pilot_loops(file: CaseFile, problems: list[str]) -> tuple[PilotLoop, ...]:
     """Return the loops of the math pilot in SI."""
     tables = file.drive.pilot
     if bool(tables) != (file.drive.surfaces == "pilot"):
         problems.append('drive.pilot: loops and surfaces = "pilot" go together; give both, or none')
     found = [_loop(item, f"drive.pilot.{i}", problems) for i, item in enumerate(tables)]
-    levels = {level_of(item.control) for item in tables} - {""}
+    levels = {drive_level(item.control) for item in tables} - {""}
     if len(levels) > 1:
         problems.append(
             f"drive.pilot: the loops move controls of {len(levels)} levels "
@@ -292,7 +305,7 @@ def loops(file: CaseFile, problems: list[str]) -> tuple[PilotLoop, ...]:
     return tuple(loop for loop in found if loop is not None)
 
 
-def level_of(control: str) -> str:
+def drive_level(control: str) -> str:
     """Return the level of drive that a control belongs to; empty for those that belong to all."""
     level = {name: "recorded" for name in ("delta_e", "delta_a", "delta_r")}
     return (level | dict.fromkeys(TRAVEL, "cockpit") | dict.fromkeys(FORCES, "force")).get(
@@ -304,14 +317,14 @@ def _loop(item: LoopTable, where: str, problems: list[str]) -> PilotLoop | None:
     if item.control not in MOVABLE:
         problems.append(f"{where}.control: {UnknownName(item.control, MOVABLE, 'control')}")
         return None
-    channel = collect(problems, f"{where}.channel", lookup, item.channel)
+    channel = collect_case_problems(problems, f"{where}.channel", lookup_quantity, item.channel)
     if channel is None:
         return None
-    moved, held = lookup(item.control).units, channel.units
+    moved, held = lookup_quantity(item.control).units, channel.units
     units = {"gain": f"{moved}/{held}", "integral": f"{moved}/{held} s", "limit": moved}
     given = {key: getattr(item, key) for key in units}
     before = len(problems)
-    values = quantities(where, given, units, "key", problems)
+    values = resolve_quantities(where, given, units, "key", problems)
     if values.get("limit", 1.0) <= 0.0:
         problems.append(
             f"{where}.limit: {values['limit']:g} is not positive; a limit is the largest correction"
@@ -341,4 +354,4 @@ def forbid_judged(
 
 def certified_values(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
     """Return ``[certified]``: fractions, such as climb gradients."""
-    return quantities("certified", found, dict.fromkeys(found, "1"), "parameter", problems)
+    return resolve_quantities("certified", found, dict.fromkeys(found, "1"), "parameter", problems)

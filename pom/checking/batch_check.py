@@ -16,7 +16,7 @@ from flightmech.errors import AeromatchError, SchemaError
 from flightmech.support.atomic_write import write_text
 from flighttest.reconstruction.states_at_start import start_states
 from pom.cases.case import PomCase
-from pom.cases.reference_states import path_states
+from pom.cases.reference_states import read_path_states
 from pom.checking.case_check import RecordCheck, RecordError, case_problems
 from pom.fmu.simulate import FmuModel, Models
 from pom.replaying.caches import KeptStates
@@ -130,7 +130,7 @@ def check_record_and_cases(
     """
     first = cases[0]
     name = Path(first.record).stem
-    if path_states(first.record) is not None:
+    if read_path_states(first.record) is not None:
         return RecordCheck(name, PATH), []
     if not first.aircraft:
         missing = (

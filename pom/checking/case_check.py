@@ -20,7 +20,7 @@ from pom.fmu.simulate import FmuModel
 from pom.fmu.variable_map import Fmu, links_of
 from pom.replaying.kernel_replay import start_untrimmed
 from pom.replaying.replay_case import ReplayPlan, check_plan, plan_of
-from pom.result import PomResult, verdict_table
+from pom.result import PomResult, make_verdict_table
 from pom.tolerances.bands import RowRemark
 
 MOST_CHANNELS = 40
@@ -254,7 +254,7 @@ def _remarked(result: PomResult, checks: Mapping[str, RecordCheck]) -> PomResult
         for error in errors
     )
     rows = [{**row, "remarks": (*row["remarks"], *more)} for row in result.rows]
-    return replace(result, verdict=verdict_table(rows))  # type: ignore[arg-type]
+    return replace(result, verdict=make_verdict_table(rows))  # type: ignore[arg-type]
 
 
 def checks_text(checks: Iterable[RecordCheck]) -> dict[str, str]:

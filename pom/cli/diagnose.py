@@ -16,8 +16,8 @@ from flightmech.support.console import (
     json_option,
     print_json,
     print_remark,
-    progress,
-    table,
+    print_table,
+    show_progress,
 )
 from pom.cli.report import biases_option, case_files, cases_argument, read_biases
 
@@ -109,14 +109,14 @@ def diagnose(
     before, after = aerodb.open(prior), aerodb.open(final)
     old = read_aircraft(apriori) if apriori else None
     biases, read = read_biases(biases_file), _cases(cases)
-    with progress("check the cases and their records"):
+    with show_progress("check the cases and their records"):
         checks = check_batch(read, None, jobs)
     for one in checks.values():
         for words in one.lines():
             print_remark(f"  {words}")
     new = {case.aircraft: read_aircraft(case.aircraft) for case in read}
     models = swap_models(before, after, {case.name: new[case.aircraft] for case in read}, old)
-    with progress(f"swap terms on {len(read)} case{'s' if len(read) > 1 else ''}"):
+    with show_progress(f"swap terms on {len(read)} case{'s' if len(read) > 1 else ''}"):
         paths = {case.name: recorded_states(case, biases) for case in read}
         ranked = rank_all(
             read, models, paths, jobs, groups=wanted, players=players, replays=replays, seed=seed
@@ -126,7 +126,7 @@ def diagnose(
         for case in read:
             _print(case, found[case.name])
     if output or aircraft_output:
-        with progress("join what the cases need"):
+        with show_progress("join what the cases need"):
             found = join_tables(found, {name: bench for name, (bench, _) in ranked.items()}, jobs)
         if not as_json:
             _print_joint(found)
@@ -220,9 +220,9 @@ def _write_aircraft(
 
 def _source(file: str) -> str:
     """Return what the history calls a file: its name and the first half of its digest."""
-    from pom.archive.origins import sha256
+    from pom.archive.origins import file_sha256
 
-    return f"{Path(file).name} (SHA-256 {sha256(file)[:32]})"
+    return f"{Path(file).name} (SHA-256 {file_sha256(file)[:32]})"
 
 
 def _print(case: PomCase, ranked: pd.DataFrame) -> None:
@@ -246,7 +246,7 @@ def _print(case: PomCase, ranked: pd.DataFrame) -> None:
     rows = [
         _cells(row, criteria) for row in ranked[~idle & ~not_flown].drop(quiet).to_dict("records")
     ]
-    table(columns, rows, f"{case.id}  {case.title}", right=[columns[2], *columns[4:]])
+    print_table(columns, rows, f"{case.id}  {case.title}", right=[columns[2], *columns[4:]])
     click.echo(cause_sentences(ranked))
     if not_flown.any():
         together, *alone = ranked.loc[not_flown, "bound"]

@@ -16,8 +16,8 @@ from flightmech.support.console import (
     json_option,
     print_json,
     print_remark,
-    progress,
-    table,
+    print_table,
+    show_progress,
 )
 from pom.cli.diagnose import diagnose
 from pom.cli.report import (
@@ -60,11 +60,11 @@ def check(cases: tuple[Path, ...], as_json: bool) -> None:
     from flightmech.errors import AeromatchError, SchemaError
     from pom.cases.case import read_case
     from pom.cases.reference_states import window_problem
-    from pom.fmu.description import demand_platform, read_fmu
+    from pom.fmu.description import demand_platform, read_fmu_interface
 
     found, problems = [], []
     files = case_files(cases)
-    with progress(f"read {len(files)} case{'s' if len(files) > 1 else ''} and their records"):
+    with show_progress(f"read {len(files)} case{'s' if len(files) > 1 else ''} and their records"):
         for file in files:
             try:
                 case = read_case(file)
@@ -76,7 +76,7 @@ def check(cases: tuple[Path, ...], as_json: bool) -> None:
                 problems.append(problem)
             if case.law:
                 try:
-                    demand_platform(read_fmu(case.law))
+                    demand_platform(read_fmu_interface(case.law))
                 except AeromatchError as error:
                     problems.append(f"case {case.path}: control_law: {error}")
     if as_json and not problems:
@@ -104,7 +104,7 @@ def _print_criteria(case: Any) -> None:
         for c in case.criteria
     ]
     title = f"{case.id}  {case.title}  ({case.standard}, {case.edition})"
-    table(
+    print_table(
         ("criterion", "channel", "measure", "group", "tolerance", "window [s]", "remark"),
         rows,
         title,
@@ -241,7 +241,7 @@ def run(
     for file in (*runs.values(), *names.values(), *stated.values(), *tuned.values()):
         InputFile().convert(file, None, None)
     custody.take([*named, *runs.values()])
-    with progress(f"read {len(named)} case{'s' if len(named) > 1 else ''}"):
+    with show_progress(f"read {len(named)} case{'s' if len(named) > 1 else ''}"):
         read = [read_case(file) for file in named]
     files = [
         *(file for case in read for file in case.files()),
@@ -252,7 +252,7 @@ def run(
     logs = tuning_logs(tuned, runs)
     if scheduler:
         demand_scheduler(scheduler)
-    with progress("check the cases and their records"):
+    with show_progress("check the cases and their records"):
         offered = Models(runs, names)
         if not scheduler:  # the workers of a cluster load the FMUs
             offered.demand_platform()
@@ -286,7 +286,7 @@ def run(
         f"replay {len(read)} case{'s' if len(read) > 1 else ''} by {len(runs)} "
         f"model{'s' if len(runs) > 1 else ''}"
     )
-    with progress(text, lines=not as_json):
+    with show_progress(text, lines=not as_json):
         given: dict[str, Any] = {
             "names": names,
             "biases": biases,
@@ -314,7 +314,7 @@ def run(
             made_from["signatures"] = signatures
         if wrong := checks_text(checks.values()):
             made_from["record_errors"] = wrong
-        with progress("write the report"):
+        with show_progress("write the report"):
             written = write_report(
                 results,
                 output,
@@ -350,8 +350,8 @@ def _lines(result: Any, verbose: bool = False) -> list[str]:
     +2.41 deg at 4.3 s (1.5 deg)``.
     """
     from pom.report.case.remarks import run_notes, sampled_line
-    from pom.result import PASSED, notices, status_text, trim_remarks
-    from pom.tolerances.bands import text_of
+    from pom.result import PASSED, run_notices, status_text, trim_remarks
+    from pom.tolerances.bands import remarks_text
 
     case, lines = result.case, []
     for name in result.runs:
@@ -375,10 +375,10 @@ def _lines(result: Any, verbose: bool = False) -> list[str]:
             rows = result.verdict[
                 (result.verdict["run"] == name) & (result.verdict["verdict"] == status)
             ]
-            text += f"  {text_of(rows.iloc[0]['remarks'])}" if len(rows) else ""
+            text += f"  {remarks_text(rows.iloc[0]['remarks'])}" if len(rows) else ""
         lines.append(f"{case.id:<8}{case.title:<44} {name:<12} {text}")
         lines += (
-            [f"{'':8}notice {text}" for text in notices(result, name)]
+            [f"{'':8}notice {text}" for text in run_notices(result, name)]
             if status != "fail" or verbose
             else []
         )

@@ -19,8 +19,8 @@ from flightmech.support.console import (
     json_option,
     print_json,
     print_remark,
-    progress,
-    table,
+    print_table,
+    show_progress,
 )
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ def init(
     Window and events are filled in where the record shows them; what it does not show is reported.
     """
     from pom.cases.drafting.draft import init_case
-    from pom.tolerances.editions import edition_of, titles
+    from pom.tolerances.editions import edition_of, titles_of_tests
 
     standard, edition = edition_of(standard, edition)
     if test is None:
@@ -148,8 +148,8 @@ def init(
                 "--test is missing; give the number of a row, such as --test 2.c.10 (on a "
                 "terminal it is requested)"
             )
-        test = _ask(titles(standard, edition))
-    with progress("read the record, write the case"):
+        test = _ask(titles_of_tests(standard, edition))
+    with show_progress("read the record, write the case"):
         case, remarks = init_case(
             record,
             test,
@@ -259,11 +259,13 @@ def signatures_of(signed: tuple[tuple[str, str, str], ...]) -> dict[str, dict[st
     SchemaError
         Another role, or no day.
     """
-    from flightmech.support.toml_models import validate
+    from flightmech.support.toml_models import validate_content
     from pom.cases.case_file import Signatures, plain_signatures
 
     given = {role: {"name": name, "date": date} for role, name, date in signed}
-    return plain_signatures(validate(Signatures, {"signatures": given}, "--sign").signatures)
+    return plain_signatures(
+        validate_content(Signatures, {"signatures": given}, "--sign").signatures
+    )
 
 
 @click.command()
@@ -314,7 +316,7 @@ def report(
     from pom.result import results_name
 
     signatures = signatures_of(signed)
-    with progress("read the results"):
+    with show_progress("read the results"):
         found = join_reports(results)
     made_from = {
         **found.provenance,
@@ -333,7 +335,7 @@ def report(
             name: aerodb.open(file)
             for name, file in files_by_name("--database", databases, "final=out/final.nc").items()
         }
-    with progress(f"write the report of {len(found.results)} cases"):
+    with show_progress(f"write the report of {len(found.results)} cases"):
         made = write_report(
             found.results,
             output,
@@ -362,11 +364,11 @@ def verify(ctx: click.Context, folder: Path, as_json: bool) -> None:
     """
     from dataclasses import asdict
 
-    from pom.archive.origins import NAME, sha256
+    from pom.archive.origins import NAME, file_sha256
     from pom.archive.verification import KINDS
     from pom.archive.verification import verify as check
 
-    with progress("hash all files, judge all verdicts again"):
+    with show_progress("hash all files, judge all verdicts again"):
         found = check(folder)
     bad = [item for item in found if item.state != "same"]
     if as_json:
@@ -374,7 +376,7 @@ def verify(ctx: click.Context, folder: Path, as_json: bool) -> None:
     else:
         counts = {kind: sum(item.kind == kind for item in found) for kind in KINDS}
         if bad:
-            table(
+            print_table(
                 ("what", "name", "state", "detail"),
                 [(item.kind, item.name, item.state, item.detail) for item in bad],
             )
@@ -386,6 +388,6 @@ def verify(ctx: click.Context, folder: Path, as_json: bool) -> None:
             if bad
             else f"all as it was: {checked} checked"
         )
-        click.echo(f"SHA-256 of {NAME}, to be signed: {sha256(folder / NAME)}")
+        click.echo(f"SHA-256 of {NAME}, to be signed: {file_sha256(folder / NAME)}")
         click.echo("not covered: who wrote the report, and page and PDF but for their hashes")
     ctx.exit(1 if bad else 0)

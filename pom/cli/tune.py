@@ -18,8 +18,8 @@ from flightmech.support.console import (
     jobs_option,
     json_option,
     print_json,
-    progress,
-    table,
+    print_table,
+    show_progress,
 )
 from pom.cli.report import biases_option, case_files, cases_argument, read_biases
 
@@ -145,13 +145,13 @@ def tune(
     model, found = aerodb.open(database), aerodb.open(evidence) if evidence else None
     demand_evidence(model, model if found is None else found, reasons)
     kept = KeptStates(resume.resolve() if resume is not None else None, read_biases(biases_file))
-    with progress(f"read the flights of {len(read)} case{'s' if len(read) > 1 else ''}"):
+    with show_progress(f"read the flights of {len(read)} case{'s' if len(read) > 1 else ''}"):
         plans = [
             plan_of(case, states)
             for case, states in zip(read, paths_of_cases(read, {}, kept, jobs), strict=True)
         ]
     airplane = read_aircraft(aircraft)
-    with progress("search the least move"):
+    with show_progress("search the least move"):
         tuning = search(plans, model, airplane, list(wanted) or None, found, reasons, bound, jobs)
     tuned = (
         nodes_digest(compile_model(airplane, tuning.database))
@@ -168,7 +168,7 @@ def tune(
         },
     )
     if output is not None and tuning.database is not None:
-        with progress("write the tuned model"):
+        with show_progress("write the tuned model"):
             _write(output, tuning.database, airplane, log, fmu)
     if log_file:
         _write_log(Path(log_file), log)
@@ -197,7 +197,7 @@ def read_rationales(words: Iterable[str]) -> tuple[dict[str, str], str | None]:
         of them.
     """
     from flightmech.errors import SchemaError
-    from flightmech.support.input_files import load
+    from flightmech.support.input_files import read_toml
 
     found: dict[str, str] = {}
     file: str | None = None
@@ -213,7 +213,7 @@ def read_rationales(words: Iterable[str]) -> tuple[dict[str, str], str | None]:
                 else []
             )
             file = str(_FILE.convert(word, None, None))
-            content = load(word)
+            content = read_toml(word)
             given = content.get(RATIONALE, {})
             if not isinstance(given, dict) or not given or set(content) != {RATIONALE}:
                 problems.append(
@@ -289,7 +289,7 @@ def _write(
     from flightmech.fmu_export.fmu_file import write_fmu
     from flightmech.simulation.compiler import compile as compile_model
     from flightmech.support.atomic_write import folder_written_atomically
-    from pom.diagnosis.tuning.tuning_log import lines
+    from pom.diagnosis.tuning.tuning_log import log_lines
 
     folder.parent.mkdir(parents=True, exist_ok=True)
     with folder_written_atomically(
@@ -301,7 +301,7 @@ def _write(
             write_fmu(compile_model(aircraft, database), new / "tuned.fmu")
         _write_log(new / "tuning.json", log)
         (new / "tuning.txt").write_text(
-            "\n".join(lines(log)) + "\n", encoding="utf-8", newline="\n"
+            "\n".join(log_lines(log)) + "\n", encoding="utf-8", newline="\n"
         )
 
 
@@ -313,12 +313,19 @@ def _write_log(file: Path, log: Mapping[str, Any]) -> None:
 
 def _print(log: Mapping[str, Any]) -> None:
     """Print what moved and what it did, a table each."""
-    from pom.diagnosis.tuning.tuning_log import MOVES, NUMBERS, ROWS, headline, moves_of, rows_of
+    from pom.diagnosis.tuning.tuning_log import (
+        MOVES,
+        NUMBERS,
+        ROWS,
+        log_rows,
+        moves_of,
+        outcome_sentence,
+    )
 
-    click.echo(headline(log))
+    click.echo(outcome_sentence(log))
     moves, rest = moves_of(log)
     if moves:
-        table(
+        print_table(
             MOVES,
             moves,
             "terms, in standard errors" + (", as it would take" if log["refusal"] else ""),
@@ -326,9 +333,9 @@ def _print(log: Mapping[str, Any]) -> None:
         )
     if rest:
         click.echo(rest)
-    table(
+    print_table(
         ROWS,
-        rows_of(log),
+        log_rows(log),
         "cases, ratio to the tolerance" + (", with these moves" if log["refusal"] else ""),
         NUMBERS,
     )

@@ -9,6 +9,7 @@ from .term_swaps import by_submodel as by_submodel
 from .term_swaps import corrected_aircraft as corrected_aircraft
 from .term_swaps import corrected_database as corrected_database
 from .term_swaps import corrected_terms as corrected_terms
+from .term_swaps import differing_terms as differing
 from .term_swaps import differing_terms as differing_terms
 from .term_swaps import joint_terms as joint_terms
 from .term_swaps import swap_terms as swap_terms

@@ -23,8 +23,8 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from pom.cases.case import PomCase
-from pom.diagnosis.screening import screen_idle_terms, shares
-from pom.diagnosis.swap_runs import OTHERS, Judged, SwapBench
+from pom.diagnosis.screening import screen_idle_terms, shapley_shares
+from pom.diagnosis.swap_runs import OTHERS, Judged, SwapBench, nearest_choice
 from pom.diagnosis.term_swaps import SwapModels, groups_of
 
 LEAST_SHARE = 0.02  # of the gap: an addition that explains less is not worth a correction
@@ -319,7 +319,7 @@ def _of_groups(
     group of idle terms only.
     """
     meant = [
-        bench.nearest(choice) if bench.idle.keys() >= set(group) else choice
+        nearest_choice(choice, bench.idle) if bench.idle.keys() >= set(group) else choice
         for group, choice in zip(groups, choices, strict=True)
     ]
     return bench.judged(meant, exact=True)
@@ -339,7 +339,7 @@ def _shares(
         )
         return np.stack([found.counted(table.criteria) for found in flown])
 
-    found = shares(len(players), game, replays, seed)
+    found = shapley_shares(len(players), game, replays, seed)
     # what adds to the mismatch comes first: no level of the waterfall is below the mismatch of the
     # final model
     change = found.share[:, 0]

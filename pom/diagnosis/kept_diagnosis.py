@@ -10,7 +10,7 @@ from threading import Lock
 
 import pandas as pd
 
-from pom.diagnosis.swap_runs import Judged, SwapBench
+from pom.diagnosis.swap_runs import Judged, SwapBench, nearest_choice
 
 Known = dict[frozenset[str], Judged]
 """What a bench has flown: judgement by choice of terms and parts."""
@@ -75,9 +75,7 @@ class LateBench:
 
     def judged(self, choices: Iterable[Collection[str]], exact: bool = False) -> list[Judged]:
         """Return the judgement of every choice, as `Bench.judged`."""
-        keys = [
-            frozenset(choice) if exact else SwapBench.nearest(self, choice) for choice in choices
-        ]  # type: ignore[arg-type]
+        keys = [frozenset(c) if exact else nearest_choice(c, self.idle) for c in choices]
         if not all(key in self.known for key in keys):
             self.whole.judged(keys, exact=True)
             self.known.update(self.whole.known)

@@ -125,7 +125,7 @@ def _sizes(bench: SwapBench) -> dict[str, float]:
         whole, _ = fill_missing_devices(states, prior, final)
     except UnknownName:  # the record does not hold what a table is over
         return {}
-    wanted = {"V", *(variable for leaf in leaves for variable in _terms.variables(leaf))}
+    wanted = {"V", *(variable for leaf in leaves for variable in _terms.list_model_variables(leaf))}
     columns = {
         name: np.broadcast_to(whole[name].values, whole.sizes["time"]) for name in sorted(wanted)
     }
@@ -137,7 +137,7 @@ def _sizes(bench: SwapBench) -> dict[str, float]:
     found, places = {}, dict[Any, Any]()
     for name in bench.terms:
         before, after = (
-            _terms.evaluate(terms[name], samples, "clamp", places) if name in terms else 0.0
+            _terms.evaluate_term(terms[name], samples, "clamp", places) if name in terms else 0.0
             for terms in both
         )
         found[name] = rms(weight * (after - before))
@@ -160,7 +160,7 @@ class ShapleyShares:
     orders: int
 
 
-def shares(players: int, game: Game, budget: int, seed: int = 0) -> ShapleyShares:
+def shapley_shares(players: int, game: Game, budget: int, seed: int = 0) -> ShapleyShares:
     """Return the Shapley share of every player.
 
     Parameters

@@ -18,9 +18,9 @@ from flightmech.support.arrays import rms
 from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob
 from pom.diagnosis.term_swaps import SwapModels
-from pom.judging.signals import Comparison, RunSignals, signals_of
+from pom.judging.signals import Comparison, RunSignals, signals_of_run
 from pom.judging.verdict import judge_match
-from pom.replaying.kernel_replay import fly
+from pom.replaying.kernel_replay import replay_choices
 from pom.replaying.replay_case import helping_channels, judged_channels, plan_of
 from pom.replaying.trim import TrimLimit, beyond_limits, trim_limits
 from pom.result import group_verdicts, status_of
@@ -246,6 +246,16 @@ class Judged:
 
 
 @dataclass
+def nearest_choice(choice: Collection[str], idle: Collection[str]) -> frozenset[str]:
+    """Return the choice with all idle terms, or with none of them.
+
+    All idle terms are swapped if `choice` swaps more than half of them.
+    """
+    others = frozenset(choice).difference(idle)
+    swapped = frozenset(choice).intersection(idle)
+    return others | frozenset(idle) if 2 * len(swapped) > len(idle) else others
+
+
 class SwapBench:
     """A case, the two models, and every choice of what differs between them, flown and judged once.
 
@@ -321,7 +331,7 @@ class SwapBench:
             plan.case,
             plan.job,
             plan.states,
-            signals_of(case, flight, plan.job.time),
+            signals_of_run(case, flight, plan.job.time),
             channels,
             limits,
             models,
@@ -350,7 +360,9 @@ class SwapBench:
 
         With `exact` a choice takes idle terms one by one, as it has them.
         """
-        keys = [frozenset(choice) if exact else self.nearest(choice) for choice in choices]
+        keys = [
+            frozenset(choice) if exact else nearest_choice(choice, self.idle) for choice in choices
+        ]
         for key, flown in self._fly(key for key in dict.fromkeys(keys) if key not in self.known):
             self.known[key] = self._judge(*flown)
         return [self.known[key] for key in keys]
@@ -366,15 +378,6 @@ class SwapBench:
             together[self.models.compiled_parts(choice)].append(choice)
         for parts, group in together.items():
             yield from zip(group, zip(*self._flown(parts, group), strict=True), strict=True)
-
-    def nearest(self, choice: Collection[str]) -> frozenset[str]:
-        """Return the choice that takes all idle terms where this one takes more than half of them,
-        and none where it does not.
-        """
-        idle = frozenset(self.idle)
-        return frozenset(choice) - idle | (
-            idle if 2 * len(idle.intersection(choice)) > len(idle) else frozenset()
-        )
 
     def _begin(self) -> None:
         """Fly both models, with the longest steps that are as good, and keep what the effect of a
@@ -426,7 +429,7 @@ class SwapBench:
             return [nothing] * len(choices), [str(error)] * len(choices)
         wanted = sorted({output_of(channel, sim.outputs) for channel in self.channels})
         chosen = [self._without_own(self.models.choice(choice)) for choice in choices]
-        outputs, failures = fly(sim, self.flown, chosen, wanted)
+        outputs, failures = replay_choices(sim, self.flown, chosen, wanted)
         outputs = at_samples(outputs, self.flown.time, self.job.time)
         outputs |= {
             loop.control: outputs[f"applied.{loop.control}"]

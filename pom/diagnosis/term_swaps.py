@@ -236,7 +236,7 @@ def joint_terms(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, list[str]]:
     return {case: names for case, names in found.items() if names}
 
 
-def reasons(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, str]:
+def correction_reasons(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, str]:
     """Return, by term or part that the corrected model takes, which cases need it and what it
     explains there.
 
@@ -321,7 +321,8 @@ def corrected_aircraft(
 
 def _lines(diagnoses: Mapping[str, pd.DataFrame], source: str) -> dict[str, str]:
     return {
-        name: f"pom diagnose: from {source}, {text}" for name, text in reasons(diagnoses).items()
+        name: f"pom diagnose: from {source}, {text}"
+        for name, text in correction_reasons(diagnoses).items()
     }
 
 

@@ -2,4 +2,5 @@
 
 from .process import close_all as close_all
 from .simulate import Models as Models
+from .simulate import fly_job as fly
 from .simulate import fly_job as fly_job

@@ -12,7 +12,7 @@ from typing import Any
 
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
 from flightmech.support.input_files import file_kind
-from flightmech.units import parse
+from flightmech.units import parse_unit
 from pom.fmu.run_cache import FileState
 from pom.fmu.variable_map import Fmu, Link, Links, canonical_unit
 from pom.fmu.worker.model import platform_problem, read_description
@@ -24,7 +24,7 @@ _ABSENT = (
 _TEXTS = ("String", "Binary", "Clock")
 
 
-def read_fmu(path: str | Path) -> Fmu:
+def read_fmu_interface(path: str | Path) -> Fmu:
     """Read the description of an FMU; its code is not run.
 
     Parameters
@@ -136,7 +136,7 @@ def _steps(description: Any) -> tuple[bool, float]:
     ) if experiment is not None and experiment.stepSize else 0.0
 
 
-def check(
+def check_interface(
     fmu: Fmu, links: Links, inputs: Iterable[str], outputs: Iterable[str], parameters: Iterable[str]
 ) -> None:
     """Check that an FMU offers what a case needs, in units that can be converted.
@@ -180,7 +180,7 @@ def _unit_problem(what: str, name: str, unit: str) -> tuple[str, ...]:
     except UnknownName:
         return ()
     try:
-        same = not unit or parse(unit) == parse(expected)
+        same = not unit or parse_unit(unit) == parse_unit(expected)
     except UnitError as error:
         return (f"{what} {name}: {error}",)
     if same:

@@ -58,7 +58,7 @@ class Limits:
     sandbox: bool = False
 
 
-def limits(environment: Mapping[str, str] = os.environ) -> Limits:
+def read_worker_limits(environment: Mapping[str, str] = os.environ) -> Limits:
     """Return the limits as the environment has them.
 
     Raises
@@ -227,7 +227,7 @@ class Child:
     def _start(self) -> subprocess.Popen[bytes]:
         if self._process is None or self._process.poll() is not None:
             self.close()
-            allowed = limits()
+            allowed = read_worker_limits()
             self._folder = _new_folder()
             self._words = tempfile.TemporaryFile()  # noqa: SIM115  lives as long as the process
             self._process = subprocess.Popen(

@@ -20,7 +20,7 @@ from flightmech.errors import OutOfRange, SchemaError
 from flightmech.support.kept_stages.content_hashes import content_hash
 from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob, is_recorded
-from pom.fmu.description import check, demand_platform, read_fmu
+from pom.fmu.description import check_interface, demand_platform, read_fmu_interface
 from pom.fmu.process import hire_worker
 from pom.fmu.run_cache import FileState, RunCache
 from pom.fmu.variable_map import Fmu, Links, links_of
@@ -75,7 +75,7 @@ class Models:
             raise SchemaError(
                 "names", [f"{name}: no such model; there are {', '.join(runs)}" for name in unknown]
             )
-        self._fmus = {name: read_fmu(file) for name, file in runs.items()}
+        self._fmus = {name: read_fmu_interface(file) for name, file in runs.items()}
         self._links: dict[tuple[str, str | None], Links] = {}
         self._laws: dict[tuple[str, str], FmuModel] = {}
 
@@ -119,7 +119,7 @@ class Models:
 
     def _law(self, file: str, names: str) -> FmuModel:
         if (file, names) not in self._laws:
-            fmu = read_fmu(file)
+            fmu = read_fmu_interface(file)
             self._laws[file, names] = FmuModel(fmu, links_of(fmu, names or None))
         return self._laws[file, names]
 
@@ -158,7 +158,9 @@ def fly_job(
         Empty when all went well.
     """
     outputs = [
-        name for name in model.links.outputs if name in {*wanted, *job.targets, *feedback(model)}
+        name
+        for name in model.links.outputs
+        if name in {*wanted, *job.targets, *feedback_outputs(model)}
     ]
     time = _points(model.fmu, job.time)
     if model.law is not None:
@@ -215,7 +217,7 @@ def _points(fmu: Fmu, time: np.ndarray) -> np.ndarray:
     return time[0] + step * np.arange(int(np.ceil((time[-1] - time[0]) / step - 1e-6)) + 1)
 
 
-def feedback(model: FmuModel) -> list[str]:
+def feedback_outputs(model: FmuModel) -> list[str]:
     """Return the outputs of a model that its control law sees, by canonical name."""
     return (
         [] if model.law is None else [name for name in seen_by(model.law) if not is_recorded(name)]
@@ -243,7 +245,7 @@ def check_law(model: FmuModel, job: ReplayJob) -> None:
     if law is None or given is None:
         return
     names = seen_by(law)
-    check(law.fmu, law.links, names, given.moves, ())
+    check_interface(law.fmu, law.links, names, given.moves, ())
     problems = []
     for name in names:
         if is_recorded(name) and name not in given.recorded:

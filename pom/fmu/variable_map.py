@@ -13,10 +13,10 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
-from flightmech.names import lookup
-from flightmech.support.input_files import load
-from flightmech.support.toml_models import Strict, validate
-from flightmech.units import parse, quantity
+from flightmech.names import lookup_quantity
+from flightmech.support.input_files import read_toml
+from flightmech.support.toml_models import Strict, validate_content
+from flightmech.units import parse_quantity, parse_unit
 from pom.fmu.run_cache import FileState
 
 
@@ -153,7 +153,7 @@ def links_of(fmu: Fmu, table: str | Path | None = None) -> Links:
     own = Links(_alike(fmu.inputs), _alike(fmu.outputs), _alike(fmu.parameters))
     if table is None:
         return own
-    file = validate(_VariableMapFile, load(table), f"names {table}")
+    file = validate_content(_VariableMapFile, read_toml(table), f"names {table}")
     problems: list[str] = []
     found = {}
     for what, entries, offered, names in (
@@ -236,9 +236,9 @@ def _turned(entry: _LinkTable, declared: str, expected: str) -> tuple[float, flo
                 f"a scale is for a variable without a unit; this one is in "
                 f"{entry.unit or declared!r}, leave the scale out"
             )
-        return quantity(entry.scale, expected), 0.0
-    dimension, factor, offset = parse(entry.unit or declared or expected)
-    if dimension != parse(expected)[0]:
+        return parse_quantity(entry.scale, expected), 0.0
+    dimension, factor, offset = parse_unit(entry.unit or declared or expected)
+    if dimension != parse_unit(expected)[0]:
         raise UnitError(
             f"unit {entry.unit or declared!r} cannot be converted to {expected!r}; give a "
             f"unit of the same quantity"
@@ -252,7 +252,7 @@ def _turned(entry: _LinkTable, declared: str, expected: str) -> tuple[float, flo
 
 def _parsed(unit: str) -> Any:
     try:
-        return parse(unit)
+        return parse_unit(unit)
     except UnitError:
         return None
 
@@ -289,7 +289,7 @@ def canonical_unit(name: str) -> str:
         There is no such name.
     """
     loose = _LOOSE.get(name) or _LOOSE.get(name.partition(".")[0])
-    return loose or lookup(_bare(name)).units
+    return loose or lookup_quantity(_bare(name)).units
 
 
 def _known(name: str) -> bool:

@@ -21,13 +21,13 @@ from aerodb.store.schema import HINGE, terms
 from aerodb.update.standard_errors import standard_errors
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchError
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import Simulation
 from flightmech.support.arrays import rms
 from flightmech.units import DEGREE, FOOT, KNOT, from_si
 from pom.judging.verdict import reason_not_judged
-from pom.tolerances.bands import RowRemark, difference
+from pom.tolerances.bands import RowRemark, unwrapped_difference
 from pom.tolerances.criteria import Criterion
 
 if TYPE_CHECKING:
@@ -78,8 +78,8 @@ class Evidence:
         self.found: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         count = len(next(iter(self.samples.values()), ()))
         for name, leaf in leaves.items():
-            B = _terms.basis(leaf, self.samples, "clamp")
-            value = np.broadcast_to(_terms.evaluate(leaf, self.samples, "clamp"), count)
+            B = _terms.node_basis(leaf, self.samples, "clamp")
+            value = np.broadcast_to(_terms.evaluate_term(leaf, self.samples, "clamp"), count)
             sigma, weights = standard_errors(B, leaf), abs(B)
             flown = (
                 weights @ _from_flight(leaf).ravel() > 0.5 * np.asarray(weights.sum(axis=1)).ravel()
@@ -228,7 +228,7 @@ def watch_channels(
     for name, least in BANDS.items():
         if name in judged or name not in flight or name not in model:
             continue
-        trace, error = flight[name], np.abs(difference(name, flight[name], model[name]))
+        trace, error = flight[name], np.abs(unwrapped_difference(name, flight[name], model[name]))
         counted = np.isfinite(error) & (airborne if name in ("alpha", "beta") else True)
         if not counted.any():
             continue
@@ -248,9 +248,9 @@ def _judged(case: PomCase, criterion: Criterion) -> bool:
 
 
 def _remark(name: str, error: float, band: float, at: float) -> RowRemark:
-    unit = lookup(name).display_units
+    unit = lookup_quantity(name).display_units
     values = {"off": float(from_si(error, unit)), "band": float(from_si(band, unit))}
     shown = "" if unit == "1" else f" {unit}"
-    off = f"{lookup(name).long_name} off by {values['off']:.3g}{shown} at {at:.1f} s"
+    off = f"{lookup_quantity(name).long_name} off by {values['off']:.3g}{shown} at {at:.1f} s"
     text = f"{off}, without a tolerance, watched within {values['band']:.3g}{shown}"
     return RowRemark("watch", text, name, values, unit)

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.units import KNOT
 from pom.tolerances.bands import Invalid, NotJudged, RowRemark, demand_finite, inside_window
-from pom.tolerances.channels import SOURCES, display_value, output_of
+from pom.tolerances.channels import SOURCES, channel_value_text, output_of
 from pom.tolerances.criteria import ACTS, DISCRETES, LEVELS, Criterion
 from pom.tolerances.rows import sample_mask
 
@@ -80,7 +80,7 @@ class RunSignals(Mapping[str, np.ndarray]):
         return {name: values for name, values in self.raw.items() if _FLOW.match(name)}
 
 
-def signals_of(case: PomCase, raw: Raw, time: np.ndarray) -> RunSignals:
+def signals_of_run(case: PomCase, raw: Raw, time: np.ndarray) -> RunSignals:
     """Return the signals of one run of a case; those of the same samples as they are, with what was
     formed of them.
     """
@@ -163,13 +163,15 @@ class Comparison:
     @classmethod
     def of(cls, case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> Comparison:
         """Return the match of two runs by canonical name."""
-        return cls(case, time, signals_of(case, flight, time), signals_of(case, model, time))
+        return cls(
+            case, time, signals_of_run(case, flight, time), signals_of_run(case, model, time)
+        )
 
     def against(self, model: Raw) -> Comparison:
         """Return the match of the same flight and another model; what depends on the flight alone
         is not computed again.
         """
-        return replace(self, model=signals_of(self.case, model, self.time))
+        return replace(self, model=signals_of_run(self.case, model, self.time))
 
     def once(self, key: Any, of_flight: Callable[[], Any]) -> Any:
         """Return what depends on case and flight alone, computed for the first of the models only."""
@@ -242,7 +244,7 @@ def event_time(match: Comparison, event: str) -> float:
     return match.case.events[event]
 
 
-def find(match: Comparison, event: str, excluded: str = "") -> Instant:
+def find_event(match: Comparison, event: str, excluded: str = "") -> Instant:
     """Return when an event happens in flight and model.
 
     Parameters
@@ -287,17 +289,17 @@ def find(match: Comparison, event: str, excluded: str = "") -> Instant:
         )
     time = event_time(match, event)
     level = level_at(match, event, time)
-    reached = crossing(match.time, match.model[channel], level, direction)
+    reached = crossing_time(match.time, match.model[channel], level, direction)
     if reached is None:
         raise Invalid(
-            f"the model does not come to {event} ({display_value(channel, level)}) in the record"
+            f"the model does not come to {event} ({channel_value_text(channel, level)}) in the record"
         )
     remark = RowRemark(
         "event",
-        f"{event} at {display_value(channel, level)}",
+        f"{event} at {channel_value_text(channel, level)}",
         channel,
         {"level": level},
-        lookup(channel).units,
+        lookup_quantity(channel).units,
     )
     return Instant(time, reached, (remark,))
 
@@ -331,10 +333,10 @@ def _jump(match: Comparison, signals: RunSignals, names: tuple[str, ...]) -> flo
     """
     if not all(name in signals for name in names):
         return None
-    return crossing(match.time, np.max([signals[name] for name in names], axis=0), 0.5, 1)
+    return crossing_time(match.time, np.max([signals[name] for name in names], axis=0), 0.5, 1)
 
 
-def crossing(
+def crossing_time(
     time: np.ndarray, y: np.ndarray, level: float, direction: int, start: float = -np.inf
 ) -> float | None:
     """Return when `y` first passes `level` upwards (1) or downwards (-1), linear between samples;

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from pom.cases.case import PomCase, driven_quantities
 from pom.judging.measures import control_forces as curves
 from pom.judging.measures import control_forces as release
@@ -21,8 +21,8 @@ from pom.judging.measures import values as engine
 from pom.judging.measures import values as instants
 from pom.judging.measures import values as levels
 from pom.judging.measures import values as trends
-from pom.judging.measures.control_forces import free_motion
-from pom.judging.signals import Comparison, Raw, RunSignals, signals_of
+from pom.judging.measures.control_forces import measure_free_motion
+from pom.judging.signals import Comparison, Raw, RunSignals, signals_of_run
 from pom.tolerances.bands import (
     Invalid,
     Judgement,
@@ -32,9 +32,15 @@ from pom.tolerances.bands import (
     applied_band,
     half_width,
     judge_trace,
-    reasons,
+    reason_remarks,
 )
-from pom.tolerances.channels import OTHERS, SOURCES, display_unit, display_value, factor
+from pom.tolerances.channels import (
+    OTHERS,
+    SOURCES,
+    channel_value_text,
+    display_unit,
+    limit_to_si_factor,
+)
 from pom.tolerances.criteria import PARTS, Band, Criterion
 from pom.tolerances.rows import KINDS, required_quantities, satisfies_relation
 
@@ -51,7 +57,7 @@ def settle_case(case: PomCase, time: np.ndarray, flight: Raw) -> PomCase:
     flight : mapping of str to array (time,)
         [SI]
     """
-    signals = signals_of(case, flight, time)
+    signals = signals_of_run(case, flight, time)
     return replace(
         case, criteria=tuple(settle_criterion(case, c, time, signals) for c in case.criteria)
     )
@@ -118,7 +124,7 @@ def _of_kind(
     if criterion.channel not in flight:
         return criterion
     try:
-        motion = free_motion(criterion, time, flight[criterion.channel])
+        motion = measure_free_motion(criterion, time, flight[criterion.channel])
     except Invalid:
         return criterion  # the measure reports what is wrong with the record
     kind = KINDS[0] if motion.overshoots.size else KINDS[1]
@@ -156,7 +162,7 @@ def _by_distance(
     return replace(
         criterion,
         applies=False,
-        reason=f"applies only with {word}; the flight has {display_value('distance', run)}",
+        reason=f"applies only with {word}; the flight has {channel_value_text('distance', run)}",
     )
 
 
@@ -196,7 +202,7 @@ MEASURES: dict[str, Callable[[Criterion, Comparison], Judgement]] = {
 }
 
 
-def judge(
+def judge_criterion(
     case: PomCase, criterion: Criterion, time: np.ndarray, flight: Raw, model: Raw
 ) -> Judgement:
     """Judge one criterion on one model.
@@ -228,16 +234,16 @@ def _judged(criterion: Criterion, match: Comparison) -> Judgement:
         if not reason:
             reason = _lacking("model", needed, match.model)
         return (
-            Judgement("not_tested", remarks=reasons(reason))
+            Judgement("not_tested", remarks=reason_remarks(reason))
             if reason
             else _measured(settled, match)
         )
     except NotJudged as error:
-        return Judgement("not_tested", remarks=reasons(str(error)))
+        return Judgement("not_tested", remarks=reason_remarks(str(error)))
     except NoValue as error:
         return Judgement("invalid", remarks=(RowRemark("no_value", str(error)),))
     except Invalid as error:
-        return Judgement("invalid", remarks=reasons(str(error)))
+        return Judgement("invalid", remarks=reason_remarks(str(error)))
 
 
 def _settled(criterion: Criterion, match: Comparison) -> tuple[Criterion, tuple[str, ...], str]:
@@ -389,10 +395,12 @@ def formed_channels(case: PomCase, flight: RunSignals) -> list[str]:
     ]
 
 
-def row(run: str, criterion: Criterion, outcome: Judgement) -> dict[str, Any]:
+def verdict_row(run: str, criterion: Criterion, outcome: Judgement) -> dict[str, Any]:
     """Return one row of the verdict table, in the unit of the table."""
     unit = display_unit(criterion)
-    scale = factor(criterion.measure, criterion.channel, unit) if criterion.channel else 1.0
+    scale = (
+        limit_to_si_factor(criterion.measure, criterion.channel, unit) if criterion.channel else 1.0
+    )
     return {
         "run": run,
         "criterion": criterion.name,
@@ -422,12 +430,12 @@ def row(run: str, criterion: Criterion, outcome: Judgement) -> dict[str, Any]:
     }
 
 
-def bands(case: PomCase, time: np.ndarray, flight: Raw) -> xr.Dataset:
+def band_widths(case: PomCase, time: np.ndarray, flight: Raw) -> xr.Dataset:
     """Return the half width over time of every judged time history, NaN where it does not count.
     [SI]
     """
     found: dict[str, np.ndarray] = {}
-    signals = signals_of(case, flight, time)
+    signals = signals_of_run(case, flight, time)
     for criterion in case.criteria:
         criterion = settle_criterion(case, criterion, time, signals)
         if (
@@ -447,7 +455,7 @@ def bands(case: PomCase, time: np.ndarray, flight: Raw) -> xr.Dataset:
         found[criterion.channel] = np.fmin(
             width, found.get(criterion.channel, np.full(time.size, np.nan))
         )
-    attrs = {name: {"units": lookup(name).units} for name in found}
+    attrs = {name: {"units": lookup_quantity(name).units} for name in found}
     return xr.Dataset(
         {name: ("time", width, attrs[name]) for name, width in found.items()}, coords={"time": time}
     )

@@ -19,15 +19,15 @@ from typing import Any, TypeVar
 import xarray as xr
 
 from flightmech.errors import SchemaError, SimulationError
-from flightmech.support.kept_stages.program import installation
-from flightmech.support.kept_stages.sharing import cluster
+from flightmech.support.kept_stages.program import hash_installation
+from flightmech.support.kept_stages.sharing import open_cluster
 from pom.cases.case import PomCase
-from pom.cases.reference_states import path_states
+from pom.cases.reference_states import read_path_states
 from pom.fmu.run_cache import RunCache
 from pom.fmu.simulate import FmuModel, Models
 from pom.judging.measures.modal import mode_table
 from pom.replaying.caches import KeptResults, KeptStates, ResultKeys
-from pom.replaying.replay_case import ReplayPlan, check_plan, perform, plan_of
+from pom.replaying.replay_case import ReplayPlan, check_plan, perform_plan, plan_of
 from pom.result import PomResult
 
 LEAST_SHARE = 40
@@ -68,7 +68,7 @@ class Processes:
 
 
 @contextmanager
-def processes(cases: int, jobs: int) -> Iterator[Processes | None]:
+def start_processes(cases: int, jobs: int) -> Iterator[Processes | None]:
     """Give processes for a number of cases, as long as the block lasts; None when there are too few
     cases to share out.
 
@@ -183,7 +183,7 @@ def replay_all(
     records, paths = KeptStates(folder, biases), paths or {}
     kept, by_content = (
         KeptResults(folder),
-        ResultKeys(records, installation() if folder is not None else "", evidence),
+        ResultKeys(records, hash_installation() if folder is not None else "", evidence),
     )
     keys = [
         by_content.of(case, _given(case, paths), models.of(case)) if folder is not None else ""
@@ -193,7 +193,7 @@ def replay_all(
     new = [
         (case, key) for case, key, result in zip(cases, keys, known, strict=True) if result is None
     ]
-    with processes(len(new), 1 if scheduler else jobs) as pool:
+    with start_processes(len(new), 1 if scheduler else jobs) as pool:
         plans = _plans([case for case, _ in new], paths, records, jobs, pool)
         _check(plans, models)
         names_kept = [key if by_content.hold(case) else "" for case, key in new]
@@ -265,7 +265,7 @@ def _performed(
     key: str,
 ) -> PomResult:
     """Return the result of a plan, and keep it when every model flew."""
-    result = perform(plan, models, timeout, store, evidence)
+    result = perform_plan(plan, models, timeout, store, evidence)
     mode_table(
         result
     )  # of fits that were made to judge it, by this process: a report needs them again
@@ -318,7 +318,7 @@ def _states(
 
 
 def _at_hand(case: PomCase, records: KeptStates) -> xr.Dataset | None:
-    states = path_states(case.record)
+    states = read_path_states(case.record)
     return records.read(case) if states is None else states
 
 
@@ -360,5 +360,5 @@ def _here(calls: Iterable[tuple[Any, ...]], jobs: int) -> Iterator[PomResult]:
 
 
 def _on_cluster(calls: Iterable[tuple[Any, ...]], scheduler: str) -> Iterator[PomResult]:
-    with cluster(scheduler) as workers:
+    with open_cluster(scheduler) as workers:
         yield from workers.in_order(_performed, calls)

@@ -32,7 +32,7 @@ from pom.cases.reference_states import recorded_states
 from pom.fmu.run_cache import FileState
 from pom.fmu.simulate import FmuModel
 from pom.judging.measures.modal import keep_modes, mode_table
-from pom.result import PomResult, records, split, verdict_table
+from pom.result import PomResult, make_verdict_table, to_records, to_split_dict
 
 
 @dataclass(frozen=True)
@@ -283,9 +283,9 @@ def _content(result: PomResult) -> tuple[dict[str, Any], list[np.ndarray]]:
         "case": result.case.to_dict(),
         "conditions": result.conditions,
         "failure": result.failure,
-        "trim": split(result.trim),
+        "trim": to_split_dict(result.trim),
         "verdict": result.verdict_records(),
-        "modes": records(mode_table(result)),
+        "modes": to_records(mode_table(result)),
         "runs": [str(run) for run in result.signals["run"].values],
         "parts": {},
     }
@@ -334,7 +334,7 @@ def _result(head: Mapping[str, Any], numbers: np.ndarray) -> PomResult:
         trim=pd.DataFrame(
             trim["data"], pd.Index(trim["index"], name="quantity"), trim["columns"], dtype=float
         ),
-        verdict=verdict_table(head["verdict"]),
+        verdict=make_verdict_table(head["verdict"]),
         failure=head["failure"],
         **parts,
     )

@@ -22,7 +22,7 @@ _AT_ONCE = (
 )
 
 
-def fly(
+def replay_choices(
     sim: Any,
     job: ReplayJob,
     choices: Sequence[Mapping[str, float]] = ({},),

@@ -12,27 +12,27 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import AeromatchError, SchemaError
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.support.console import to_json_types
 from pom.cases.case import PomCase
-from pom.cases.job import ReplayJob, configuration, job_of
+from pom.cases.job import ReplayJob, initial_configuration, job_of
 from pom.cases.reference_states import CALIBRATION, flight_states
-from pom.fmu.description import check
+from pom.fmu.description import check_interface
 from pom.fmu.run_cache import RunCache
 from pom.fmu.simulate import FmuModel, Models, check_law, fly_job
 from pom.judging.beyond_the_bands import Evidence, evidence_remarks, watch_channels
-from pom.judging.signals import Comparison, RunSignals, signals_of, traces_of
+from pom.judging.signals import Comparison, RunSignals, signals_of_run, traces_of
 from pom.judging.verdict import (
-    bands,
+    band_widths,
     formed_channels,
     judge_match,
     reason_not_judged,
-    row,
     settle_case,
+    verdict_row,
 )
-from pom.replaying.run_remarks import PILOT, activity, table_ranges, tables_left
+from pom.replaying.run_remarks import PILOT, pilot_activity_rows, table_ranges, tables_left
 from pom.replaying.trim import OBSERVED, beyond_limits, solve_trim_surfaces, trim_limits, trim_table
-from pom.result import PomResult, verdict_table
+from pom.result import PomResult, make_verdict_table
 from pom.tolerances.bands import Judgement, RowRemark
 from pom.tolerances.channels import WRAPPED, output_of
 from pom.tolerances.criteria import Criterion
@@ -104,7 +104,7 @@ def replay(
     plan = plan_of(case, path)
     for model in models.values():
         check_plan(plan, model)
-    return perform(plan, models, timeout, evidence=evidence)
+    return perform_plan(plan, models, timeout, evidence=evidence)
 
 
 def plan_of(case: PomCase, path: Any = None) -> ReplayPlan:
@@ -148,7 +148,7 @@ def check_plan(plan: ReplayPlan, model: FmuModel) -> None:
     needed = {name for name in judged if output_of(name, recorded) in recorded}
     outputs = _taken([*shown, *job.targets], links.outputs, {*needed, *job.targets})
     check_law(model, job)
-    check(
+    check_interface(
         model.fmu,
         links,
         inputs,
@@ -157,7 +157,7 @@ def check_plan(plan: ReplayPlan, model: FmuModel) -> None:
     )
 
 
-def perform(
+def perform_plan(
     plan: ReplayPlan,
     models: Mapping[str, FmuModel],
     timeout: float,
@@ -192,7 +192,7 @@ def perform(
         )
         for name, model in models.items()
     }
-    return assemble(plan.case, plan.states, plan.job, found, failures, attrs, more)
+    return assemble_result(plan.case, plan.states, plan.job, found, failures, attrs, more)
 
 
 def _without(job: ReplayJob, model: FmuModel) -> tuple[RowRemark, ...]:
@@ -276,7 +276,7 @@ def _taken(given: Iterable[str], offered: Container[str], needed: Container[str]
     return [name for name in given if name in offered or name in needed]
 
 
-def assemble(
+def assemble_result(
     case: PomCase,
     states: xr.Dataset,
     job: ReplayJob,
@@ -297,7 +297,7 @@ def assemble(
     more : mapping of model to tuple of RowRemark, optional
         Remarks on the flown models: distance from the flight evidence, tables left.
     """
-    flight = signals_of(case, _samples(states), job.time)
+    flight = signals_of_run(case, _samples(states), job.time)
     kept = {CALIBRATION: states.attrs[CALIBRATION]} if CALIBRATION in states.attrs else {}
     if job.pilot:
         kept[PILOT] = json.dumps(to_json_types(_pilot(job, found)))
@@ -322,16 +322,18 @@ def assemble(
         failure = _failed(failures.get(name, "")) or beyond_limits(limits, outputs, demanded=True)
         outcomes = judge_match(match.against(outputs))
         for criterion in case.criteria:
-            judged = row(name, criterion, _outcome(criterion, failure, outcomes[criterion.name]))
+            judged = verdict_row(
+                name, criterion, _outcome(criterion, failure, outcomes[criterion.name])
+            )
             rows.append({**judged, "remarks": (*judged["remarks"], *remarks)})
     return PomResult(
         case=case,
-        conditions=dict(configuration(case, job)),
+        conditions=dict(initial_configuration(case, job)),
         signals=signals.assign_attrs({**kept, **(attrs or {})}),
-        tolerance=bands(case, job.time, flight),
+        tolerance=band_widths(case, job.time, flight),
         inputs=_inputs(job),
         trim=trim_table(flight, found),
-        verdict=verdict_table(rows),
+        verdict=make_verdict_table(rows),
         failure="; ".join(f"{name}: {text}" for name, text in failures.items() if text),
     )
 
@@ -356,7 +358,7 @@ def _pilot(job: ReplayJob, found: Mapping[str, Traces]) -> list[dict[str, Any]]:
             for name in dict.fromkeys(loop.control for loop in job.pilot)
             if name in outputs
         }
-        rows += activity(run, job.pilot, job.time, moved, job.targets, outputs)
+        rows += pilot_activity_rows(run, job.pilot, job.time, moved, job.targets, outputs)
     return rows
 
 
@@ -388,7 +390,7 @@ def _signals(names: list[str], flight: RunSignals, found: Mapping[str, Traces]) 
         data[name] = (
             ("run", "time"),
             np.stack(traces),
-            {"units": lookup(name).units, "long_name": lookup(name).long_name},
+            {"units": lookup_quantity(name).units, "long_name": lookup_quantity(name).long_name},
         )
     return xr.Dataset(data, coords={"run": list(runs), "time": time})
 
@@ -405,7 +407,7 @@ def unwrapped_near(angle: np.ndarray, flight: np.ndarray) -> np.ndarray:
 
 def _inputs(job: ReplayJob) -> xr.Dataset:
     units = {
-        name: lookup("thrust" if name.endswith("thrust_drive") else name).units
+        name: lookup_quantity("thrust" if name.endswith("thrust_drive") else name).units
         for name in job.inputs
     }
     data = {name: ("time", values, {"units": units[name]}) for name, values in job.inputs.items()}

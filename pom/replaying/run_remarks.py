@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 
 from flightmech.errors import AeromatchError
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.simulation.kernel import AXIS
 from flightmech.support.arrays import rms
-from flightmech.units import from_si, parse
+from flightmech.units import from_si, parse_unit
 from pom.cases.pilot import Pilot, PilotLoop, shortest_error
 from pom.cases.reference_states import CALIBRATION
 from pom.judging.beyond_the_bands import SLOWEST, flown_model
@@ -62,7 +62,9 @@ def _drift(result: PomResult) -> pd.DataFrame:
             if np.isfinite(difference).all() and time.size > 2:
                 slope, start = np.polyfit(time - time[0], difference, 1)
                 spread = float(np.std(difference - start - slope * (time - time[0])))
-                rows.append((run, name, float(start), float(slope), spread, lookup(name).units))
+                rows.append(
+                    (run, name, float(start), float(slope), spread, lookup_quantity(name).units)
+                )
     return pd.DataFrame(rows, columns=["run", "channel", "start", "rate", "spread", "unit"])
 
 
@@ -70,7 +72,7 @@ PILOT = "pilot"  # attribute of the signals of a result: JSON
 _PILOT_COLUMNS = ("run", "control", "gains", "mean", "rms", "largest", "at", "at_limit", "held")
 
 
-def activity(
+def pilot_activity_rows(
     run: str,
     loops: Sequence[PilotLoop],
     time: np.ndarray,
@@ -144,8 +146,8 @@ def _cut(
 
 
 def _gains(loop: PilotLoop) -> str:
-    moved, held = (lookup(name).display_units for name in (loop.control, loop.channel))
-    size = parse(held)[1] / parse(moved)[1]
+    moved, held = (lookup_quantity(name).display_units for name in (loop.control, loop.channel))
+    size = parse_unit(held)[1] / parse_unit(moved)[1]
     over = f"{moved}/{held}" if "/" not in held else f"{moved}/({held})"
     integral = f" {loop.integral * size:+.4g} {over} /s" if loop.integral else ""
     return (
@@ -156,8 +158,8 @@ def _gains(loop: PilotLoop) -> str:
 
 def _held(name: str, targets: Mapping[str, np.ndarray], outputs: Mapping[str, np.ndarray]) -> str:
     error_of = np.array([shortest_error(name, error) for error in targets[name] - outputs[name]])
-    unit = lookup(name).display_units
-    return f"{name} {np.sqrt(np.nanmean(error_of**2)) / parse(unit)[1]:.3g} {unit} rms"
+    unit = lookup_quantity(name).display_units
+    return f"{name} {np.sqrt(np.nanmean(error_of**2)) / parse_unit(unit)[1]:.3g} {unit} rms"
 
 
 NEGLIGIBLE = 1e-3  # of the range: what a table holds there is as good as what it would be

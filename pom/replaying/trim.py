@@ -115,7 +115,7 @@ def trim_limits(case: PomCase, flight: Mapping[str, np.ndarray]) -> dict[str, Tr
     return found | own
 
 
-def limits_of(result: PomResult) -> dict[str, TrimLimit]:
+def result_trim_limits(result: PomResult) -> dict[str, TrimLimit]:
     """Return the limits that the trim of a result was held against."""
     names = [name for name in map(str, result.signals.data_vars) if _THRUST.match(name)]
     return trim_limits(

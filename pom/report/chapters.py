@@ -19,10 +19,10 @@ import xarray as xr
 
 from flightmech.errors import SchemaError
 from flightmech.support.console import to_json_types
-from pom.report.case.page import line_styles
+from pom.report.case.page import run_line_classes
 from pom.report.models import database_comparison, identification
 from pom.report.submodels.section import Picture, Section, SectionTable
-from pom.report.submodels.sections import needed_submodels, sections
+from pom.report.submodels.sections import make_sections, needed_submodels
 
 if TYPE_CHECKING:
     from flighttest.regression.equation_error.fit import Fit
@@ -96,10 +96,12 @@ def draw_chapters(
     }
     return Chapters(
         attributes,
-        database_comparison.compare_for_report(databases, support, line_styles(databases))
+        database_comparison.compare_for_report(databases, support, run_line_classes(databases))
         if databases
         else None,
-        identification.chapter(fits, level_lines, "identification" in on_paper) if fits else None,
+        identification.identification_chapter(fits, level_lines, "identification" in on_paper)
+        if fits
+        else None,
         tuple(submodels),
         needed_submodels(diagnoses, databases) if submodels else None,
         tuple(on_paper),
@@ -120,7 +122,7 @@ def drawn_chapters(
     """Return what `pom.write_report` takes as `kept` in the place of these arguments of it: the
     same report, drawn once.
     """
-    found = sections(submodels, free_motion, driven_motion)
+    found = make_sections(submodels, free_motion, driven_motion)
     return draw_chapters(databases, {}, fits, level_lines, found, diagnoses, chapters)
 
 

@@ -20,9 +20,9 @@ import numpy as np
 import xarray as xr
 
 from flightmech.support.atomic_write import write_text
-from pom.report.case.page import keys
+from pom.report.case.page import case_keys
 from pom.result import PomResult, record_remarks, trim_remarks
-from pom.tolerances.bands import text_of
+from pom.tolerances.bands import remarks_text
 
 _DIGITS = 9
 _ZEROS = 4  # smallest exponent below zero that is written without one
@@ -204,7 +204,7 @@ def _kept(kind: int, count: int) -> np.ndarray:
 _ELEMENTS = {"fail": "failure", "invalid": "error", "not_tested": "skipped", "advisory": "skipped"}
 
 
-def junit(results: Sequence[PomResult], title: str) -> str:
+def junit_xml(results: Sequence[PomResult], title: str) -> str:
     """Return the verdicts as JUnit XML: a suite per case, a test per model and group of criteria.
 
     Criteria of one group are alternatives, so a group is one test: it fails only when none of them
@@ -212,7 +212,7 @@ def junit(results: Sequence[PomResult], title: str) -> str:
     errors.
     """
     root = ElementTree.Element("testsuites", name=_clean(title))
-    for key, result in zip(keys(results), results, strict=True):
+    for key, result in zip(case_keys(results), results, strict=True):
         suite = ElementTree.SubElement(
             root, "testsuite", name=_clean(f"{result.case.id} {result.case.title}")
         )
@@ -245,7 +245,7 @@ def junit(results: Sequence[PomResult], title: str) -> str:
 
 def write_junit(path: str | os.PathLike, results: Sequence[PomResult], title: str) -> None:
     """Write `junit` to a file, atomically."""
-    write_text(path, junit(results, title))
+    write_text(path, junit_xml(results, title))
 
 
 def _tests(result: PomResult, run: str) -> Iterator[tuple[str, str, str]]:
@@ -263,7 +263,7 @@ def _tests(result: PomResult, run: str) -> Iterator[tuple[str, str, str]]:
 
 def _reason(row: Mapping[Hashable, Any]) -> str:
     if not math.isfinite(row["worst_ratio"]):
-        return f"{row['criterion']}: {row['verdict'].replace('_', ' ')}: {text_of(row['remarks'])}"
+        return f"{row['criterion']}: {row['verdict'].replace('_', ' ')}: {remarks_text(row['remarks'])}"
     at = f" at {row['at']:.2f} s" if math.isfinite(row["at"]) else ""
     return (
         f"{row['criterion']}: {row['worst_ratio']:.3g} x tolerance, {row['worst']:+.3g} "

@@ -18,19 +18,19 @@ from markupsafe import Markup
 
 from pom.cases.case_file import signature_rows
 from pom.report.case import page as case
-from pom.report.case.page import PackedPage, line_styles
+from pom.report.case.page import PackedPage, run_line_classes
 from pom.report.chapters import Chapters
 from pom.report.models import database_comparison, identification
 from pom.report.models import diagnosis as tuning
-from pom.report.presentation.quantities import label
+from pom.report.presentation.quantities import quantity_label
 from pom.report.presentation.traces import pack_page, page_templates
-from pom.report.presentation.verdict_text import Verdict, reason, words
+from pom.report.presentation.verdict_text import Verdict, criterion_words, reason_text
 from pom.report.submodels import sections as submodel_page
 from pom.result import STATUSES, PomResult, results_name
-from pom.tolerances.rows import rows as tolerance_rows
+from pom.tolerances.rows import tolerance_rows
 
 
-def matrix(
+def verdict_matrix(
     keys: Sequence[str], results: Sequence[PomResult], found: Sequence[Sequence[Mapping[str, Any]]]
 ) -> dict[str, Any]:
     """Return rows (case) by columns (model) with verdict and worst ratio, and the counts of every
@@ -50,7 +50,7 @@ def matrix(
             {
                 "key": key,
                 "case": result.case,
-                "chapter": chapter(result.case.id),
+                "chapter": chapter_of_test(result.case.id),
                 "cells": [cells.get(run) for run in runs],
                 "fail": bool(status & {"fail", "limits_exceeded", "record_error"}),
                 "not_run": bool(result.failure) or bool(status & {"invalid", "not_tested"}),
@@ -62,11 +62,11 @@ def matrix(
             cell["status"] for outcome in found for cell in outcome if cell["run"] == run
         )
         counts.append({"run": run, "counts": [count[word] for word in shown]})
-    chapters = sorted({chapter(result.case.id) for result in results})
+    chapters = sorted({chapter_of_test(result.case.id) for result in results})
     order = [Verdict.of(word) for word in shown]
     return {
         "runs": runs,
-        "styles": line_styles(runs),
+        "styles": run_line_classes(runs),
         "rows": rows,
         "counts": counts,
         "order": order,
@@ -82,7 +82,7 @@ def shown_statuses(results: Sequence[PomResult]) -> list[str]:
     return [word for word in STATUSES if rare or word != "record_error"]
 
 
-def chapter(test: str) -> str:
+def chapter_of_test(test: str) -> str:
     """Return the part of the table that a test belongs to.
 
     Examples
@@ -94,7 +94,7 @@ def chapter(test: str) -> str:
     return found.group() if found else test
 
 
-def coverage(
+def table_coverage(
     results: Sequence[PomResult], table: Sequence[Mapping[str, str]]
 ) -> list[dict[str, Any]]:
     """Return, per standard and edition that a case names, what of the table was run, and why the
@@ -145,10 +145,10 @@ def _entry(test: str, title: str, results: Sequence[PomResult]) -> dict[str, Any
     for result in results:
         for row in result.rows:
             if row["verdict"] in ("not_tested", "invalid"):
-                why.setdefault(row["criterion"], reason(row["remarks"]))
+                why.setdefault(row["criterion"], reason_text(row["remarks"]))
             else:
                 judged.add(row["criterion"])
-    left = [(words(name), note) for name, note in why.items() if name not in judged]
+    left = [(criterion_words(name), note) for name, note in why.items() if name not in judged]
     return {
         "id": test,
         "title": title,
@@ -159,7 +159,7 @@ def _entry(test: str, title: str, results: Sequence[PomResult]) -> dict[str, Any
     }
 
 
-def page(
+def provenance_page(
     provenance: Mapping[str, Any],
     results: Sequence[PomResult],
     databases: Mapping[str, xr.DataTree],
@@ -188,7 +188,9 @@ def page(
             for name, db in databases.items()
             for notice in str(db.attrs.get("notices", "")).splitlines()
         ],
-        "glossary": sorted((label(name) for name in channels), key=lambda x: x.name.lower()),
+        "glossary": sorted(
+            (quantity_label(name) for name in channels), key=lambda x: x.name.lower()
+        ),
     }
 
 
@@ -228,16 +230,18 @@ def html_files(
     common = {
         "title": title,
         "revision": revision,
-        "origin": page(provenance, results, databases),
+        "origin": provenance_page(provenance, results, databases),
         "count": len(results),
     }
-    table = matrix([page.key for page in cases], results, [page.outcome for page in cases])
-    common["models"] = database_comparison.page(chapters.compared) if chapters.compared else None
+    table = verdict_matrix([page.key for page in cases], results, [page.outcome for page in cases])
+    common["models"] = (
+        database_comparison.models_page(chapters.compared) if chapters.compared else None
+    )
     more = {}
     if chapters.compared:
         more["models"] = pack_page({"page": pages.get_template("models.html").render(common)})
     if chapters.identification:
-        context, head, body = identification.page(chapters.identification)
+        context, head, body = identification.identification_page(chapters.identification)
         more["identification"] = pack_page(
             {
                 **head,
@@ -249,14 +253,14 @@ def html_files(
         )
     if chapters.submodels:
         chapter = {
-            "submodels": submodel_page.context(chapters.submodels),
+            "submodels": submodel_page.submodels_context(chapters.submodels),
             "needed": chapters.needed,
         }
         more["submodels"] = pack_page(
             {"page": pages.get_template("submodels.html").render(common, **chapter)}
         )
     if tunings:
-        found_styles = case.line_styles(
+        found_styles = case.run_line_classes(
             list(dict.fromkeys(run for result in results for run in result.runs))
         )
         text = pages.get_template("tuning.html").render(
@@ -300,7 +304,7 @@ def html_files(
     text = pages.get_template("report.html").render(
         common,
         matrix=table,
-        coverage=coverage(results, tolerance_rows()),
+        coverage=table_coverage(results, tolerance_rows()),
         more=[{"id": name} for name in more],
         apart=apart,
         index=INDEX if listed else "",

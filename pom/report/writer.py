@@ -23,15 +23,15 @@ from pom.archive.origins import (
     NAME,
     ReportProvenance,
     case_seen_from,
-    manifest,
-    sha256,
+    check_provenance,
+    file_sha256,
+    report_manifest_text,
     with_full_places,
     without_places,
 )
-from pom.archive.origins import check as check_provenance
-from pom.archive.results_document import CaseText, case_text
+from pom.archive.results_document import CaseText, case_results_text
 from pom.judging.measures.modal import mode_table
-from pom.report.case.page import CommonHeading, PackedPage, keys, packed_page, provenance_of
+from pom.report.case.page import CommonHeading, PackedPage, case_keys, packed_page, provenance_of
 from pom.report.chapters import CHAPTERS, Chapters, draw_chapters, restore_chapters, with_kept
 from pom.report.exports import case_csv
 from pom.report.models import diagnosis as tuning
@@ -110,7 +110,7 @@ def case_parts(
         on_paper = case_on_paper(
             place.drawings, position, key, result, heading.provenance, diagnosis, modes, place.paper
         )
-    return CaseParts(page, case_text(result, modes, report or place.folder), on_paper)
+    return CaseParts(page, case_results_text(result, modes, report or place.folder), on_paper)
 
 
 @dataclass(frozen=True)
@@ -330,8 +330,8 @@ def write_report(
     """
     from pom.archive.archive import Archive, write_archive
     from pom.archive.results_document import results_json
-    from pom.report.exports import junit
-    from pom.report.submodels.sections import sections
+    from pom.report.exports import junit_xml
+    from pom.report.submodels.sections import make_sections
 
     results, diagnoses = list(results), dict(diagnoses or {})
     located: dict[str, Any] = {**(provenance or {})}
@@ -339,8 +339,8 @@ def write_report(
     _check(results, located, diagnoses, logs, paper, chapters or ())
     made_from = without_places(located)
     found, tuned = (
-        sections(submodels or {}, free_motion or {}, driven_motion),
-        tuning.context(logs, results),
+        make_sections(submodels or {}, free_motion or {}, driven_motion),
+        tuning.tuning_context(logs, results),
     )
     shown = draw_chapters(
         databases or {}, support or {}, fits, level_lines or {}, found, diagnoses, chapters or ()
@@ -351,7 +351,7 @@ def write_report(
         shown = with_kept(shown, restore_chapters(kept), chapters)
     archive, names = (
         Archive(results, title, revision, made_from, diagnoses, paper or "", logs, shown.kept()),
-        keys(results),
+        case_keys(results),
     )
     heading = CommonHeading(title, revision, len(results), made_from, bool(shown.databases))
     folder = Path(folder)
@@ -363,11 +363,11 @@ def write_report(
 
         def manifested() -> str:
             outputs = {
-                file.relative_to(new).as_posix(): sha256(file)
+                file.relative_to(new).as_posix(): file_sha256(file)
                 for file in new.rglob("*")
                 if file.is_file()
             }
-            return manifest(
+            return report_manifest_text(
                 results,
                 outputs,
                 new,
@@ -384,7 +384,7 @@ def write_report(
         else:
             begun = kept_parts(results, names, heading, diagnoses, place, jobs, stages)
         write_archive(new / SAMPLES, archive, names)  # while other processes make the parts
-        _write(new / JUNIT, junit(results, title))
+        _write(new / JUNIT, junit_xml(results, title))
         parts = list(begun)
         pages = [part.page for part in parts]
         page = html_files(results, pages, title, revision, made_from, shown, tuned)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flightmech.support.arrays import median, rms
-from pom.tolerances.channels import WRAPPED, display_unit, factor
+from pom.tolerances.channels import WRAPPED, display_unit, limit_to_si_factor
 from pom.tolerances.criteria import Criterion
 
 ALLOWED = "; allowed: "
@@ -60,7 +60,7 @@ class RowRemark:
         return asdict(self)
 
 
-def text_of(remarks: Iterable[RowRemark]) -> str:
+def remarks_text(remarks: Iterable[RowRemark]) -> str:
     """Return remarks as one text.
 
     Examples
@@ -71,7 +71,7 @@ def text_of(remarks: Iterable[RowRemark]) -> str:
     return "; ".join(remark.text for remark in remarks)
 
 
-def reasons(text: str) -> tuple[RowRemark, ...]:
+def reason_remarks(text: str) -> tuple[RowRemark, ...]:
     """Return the remark on a row that is not judged."""
     return (RowRemark("reason", text),)
 
@@ -161,7 +161,8 @@ def half_width(criterion: Criterion, flight: np.ndarray | float, cycle: int = 0)
             widths.append(
                 np.full_like(
                     magnitude,
-                    limit.value * factor(criterion.measure, criterion.channel, limit.unit),
+                    limit.value
+                    * limit_to_si_factor(criterion.measure, criterion.channel, limit.unit),
                 )
             )
         elif limit.quantity == "percent":
@@ -203,7 +204,7 @@ def applied_tolerance(criterion: Criterion, widths: np.ndarray, flight: np.ndarr
     ``10 % of the flight value (38 s): 3.8 s``; ``20 % of 2 deg/s: 0.4 deg/s``; ``1.5 deg`` of a plain width.
     """
     unit = display_unit(criterion)
-    size = factor(criterion.measure, criterion.channel, unit)
+    size = limit_to_si_factor(criterion.measure, criterion.channel, unit)
     low, high = float(np.min(widths)) / size, float(np.max(widths)) / size
     number = f"{low:.4g}" if high - low <= 1e-6 * high else f"{low:.4g} ... {high:.4g}"
     base = {
@@ -256,7 +257,7 @@ def demand_finite(who: str, time: np.ndarray, values: np.ndarray) -> None:
         )
 
 
-def difference(channel: str, flight: np.ndarray, model: np.ndarray) -> np.ndarray:
+def unwrapped_difference(channel: str, flight: np.ndarray, model: np.ndarray) -> np.ndarray:
     """Return model minus flight; angles that wrap are unwrapped and start less than half a turn
     apart.
     """
@@ -309,8 +310,8 @@ def judge_trace(
         See `half_width`.
     """
     band = band or applied_band(criterion, time, flight)
-    error = difference(criterion.channel, flight, model)
-    ratio = ratios(error, band.width)
+    error = unwrapped_difference(criterion.channel, flight, model)
+    ratio = band_ratios(error, band.width)
     out = ratio > 1.0 + ROUNDING
     worst = int(np.argmax(ratio))
     return Judgement(
@@ -327,7 +328,7 @@ def judge_trace(
     )
 
 
-def ratios(error: np.ndarray, width: np.ndarray) -> np.ndarray:
+def band_ratios(error: np.ndarray, width: np.ndarray) -> np.ndarray:
     """Return |difference| over half width; no difference is inside, however narrow the band."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(error == 0.0, 0.0, np.abs(error) / width)
@@ -376,7 +377,7 @@ def judge_number(
     base = flight if base is None else base
     width = half_width(criterion, base, cycle)
     error = model - flight
-    ratio = float(ratios(np.array([error]), width)[0])
+    ratio = float(band_ratios(np.array([error]), width)[0])
     return Judgement(
         verdict="pass" if ratio <= 1.0 + ROUNDING else "fail",
         width=float(width[0]),

@@ -7,8 +7,8 @@ from __future__ import annotations
 from collections.abc import Container
 
 from flightmech.errors import UnitError
-from flightmech.names import VOCABULARY, lookup
-from flightmech.units import from_si, parse
+from flightmech.names import VOCABULARY, lookup_quantity
+from flightmech.units import from_si, parse_unit
 from pom.tolerances.criteria import Criterion
 
 SOURCES: dict[str, tuple[str, ...]] = {
@@ -23,7 +23,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
 """Quantities that are formed of signals, and of which; a record or a model that holds the quantity itself is believed."""
 
 
-def sources(channel: str) -> tuple[str, ...]:
+def source_signals(channel: str) -> tuple[str, ...]:
     """Return the signals that a channel is formed of: itself, when it is a signal."""
     return SOURCES.get(channel, (channel,))
 
@@ -167,7 +167,9 @@ WRAPPED = frozenset({"phi", "psi", "lon"})
 """Channels that jump by a full turn."""
 
 _PURE = {"-": "1", "count": "1"}
-_LINEAR = {row.display_units for row in VOCABULARY.values() if parse(row.display_units)[2] == 0.0}
+_LINEAR = {
+    row.display_units for row in VOCABULARY.values() if parse_unit(row.display_units)[2] == 0.0
+}
 
 
 def plain_id(test_id: str) -> str:
@@ -184,10 +186,10 @@ def plain_id(test_id: str) -> str:
 
 def si_unit(measure: str, channel: str) -> str:
     """Return the SI unit in which `measure` on `channel` is computed."""
-    return SCALAR_UNITS.get(measure) or lookup(channel).units
+    return SCALAR_UNITS.get(measure) or lookup_quantity(channel).units
 
 
-def factor(measure: str, channel: str, unit: str) -> float:
+def limit_to_si_factor(measure: str, channel: str, unit: str) -> float:
     """Return the factor that turns a limit in `unit`, as printed, into SI.
 
     Raises
@@ -205,8 +207,8 @@ def factor(measure: str, channel: str, unit: str) -> float:
     expected = si_unit(measure, channel)
     if channel == "nz" and unit == "g":
         return 1.0
-    dimension, size, _ = parse(_PURE.get(unit, unit))
-    if dimension != parse(expected)[0]:
+    dimension, size, _ = parse_unit(_PURE.get(unit, unit))
+    if dimension != parse_unit(expected)[0]:
         raise UnitError(
             f"{channel}: unit {unit!r} cannot be converted to {expected!r}; give a unit of "
             f"the same quantity"
@@ -224,11 +226,11 @@ def display_unit(criterion: Criterion) -> str:
     if not criterion.channel:
         return "1"
     own = si_unit(criterion.measure, criterion.channel)
-    shown = lookup(criterion.channel).display_units
-    return shown if own == lookup(criterion.channel).units and shown in _LINEAR else own
+    shown = lookup_quantity(criterion.channel).display_units
+    return shown if own == lookup_quantity(criterion.channel).units and shown in _LINEAR else own
 
 
-def display_value(channel: str, value: float) -> str:
+def channel_value_text(channel: str, value: float) -> str:
     """Return a value in the unit that people read."""
-    unit = lookup(channel).display_units
+    unit = lookup_quantity(channel).display_units
     return f"{channel} {from_si(value, unit):.4g}{'' if unit == '1' else ' ' + unit}"

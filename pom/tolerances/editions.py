@@ -24,7 +24,7 @@ def edition_of(standard: str | None = None, edition: str | None = None) -> tuple
     UnknownName
         None fits, or several do.
     """
-    standards = {row["standard"] for row in rows.rows()}
+    standards = {row["standard"] for row in rows.tolerance_rows()}
     chosen = (
         rows.STANDARD
         if standard is None
@@ -32,7 +32,7 @@ def edition_of(standard: str | None = None, edition: str | None = None) -> tuple
             standard, [s for s in standards if standard.lower() in s.lower()], standards, "standard"
         )
     )
-    editions = {row["edition"] for row in rows.rows() if row["standard"] == chosen}
+    editions = {row["edition"] for row in rows.tolerance_rows() if row["standard"] == chosen}
     if edition is None:
         return chosen, rows.EDITION if rows.EDITION in editions else min(editions)
     return chosen, _only(
@@ -40,11 +40,11 @@ def edition_of(standard: str | None = None, edition: str | None = None) -> tuple
     )
 
 
-def titles(standard: str, edition: str) -> dict[str, str]:
+def titles_of_tests(standard: str, edition: str) -> dict[str, str]:
     """Return the tests of an edition with their titles, in the order of the table."""
     return {
         row["test_id"]: row["title"]
-        for row in rows.rows()
+        for row in rows.tolerance_rows()
         if (row["standard"], row["edition"]) == (standard, edition)
     }
 

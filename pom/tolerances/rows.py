@@ -17,9 +17,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from flightmech.errors import OutOfRange, UnitError, UnknownName
-from flightmech.names import lookup
-from flightmech.support.toml_models import Strict, validate
-from flightmech.units import quantity
+from flightmech.names import lookup_quantity
+from flightmech.support.toml_models import Strict, validate_content
+from flightmech.units import parse_quantity
 from pom.tolerances.bands import NotJudged
 from pom.tolerances.channels import (
     CHANNELS,
@@ -28,10 +28,10 @@ from pom.tolerances.channels import (
     PROGRESS,
     SHEAR_CHANNEL,
     TRAVEL,
-    factor,
+    limit_to_si_factor,
     plain_id,
     si_unit,
-    sources,
+    source_signals,
 )
 from pom.tolerances.criteria import (
     DISCRETES,
@@ -91,7 +91,7 @@ def satisfies_relation(word: str, value: Any) -> Any:
     """Return whether a value, or each of an array, fulfils a relation with a number. [SI]"""
     name, relation, text = _RELATION.match(word).groups()  # type: ignore[union-attr]
     unit = "m" if name == "distance" else "m s-1"
-    return _COMPARE[relation](value, quantity(re.sub(r"(?<=\d)(?=[a-z])", " ", text), unit))
+    return _COMPARE[relation](value, parse_quantity(re.sub(r"(?<=\d)(?=[a-z])", " ", text), unit))
 
 
 def sample_mask(
@@ -171,7 +171,7 @@ class ToleranceOverride(Strict):
         return self
 
 
-def override(
+def apply_override(
     criteria: Sequence[Criterion], key: str, item: Any, window: tuple[float, float]
 ) -> list[Criterion]:
     """Return the criteria with one entry of ``[tolerance]`` applied.
@@ -193,13 +193,15 @@ def override(
     UnknownName, UnitError, OutOfRange, SchemaError
         Key, unit, width or keys of the entry are wrong.
     """
-    entry = validate(ToleranceOverride, item if isinstance(item, dict) else {"abs": item}, "entry")
+    entry = validate_content(
+        ToleranceOverride, item if isinstance(item, dict) else {"abs": item}, "entry"
+    )
     matching = [c for c in criteria if c.name == key] or [
         c for c in criteria if c.channel == key and c.measure in _WITH_BAND
     ]
     if not matching:
         try:
-            lookup(key)
+            lookup_quantity(key)
         except UnknownName:
             raise UnknownName(
                 key,
@@ -226,7 +228,7 @@ def _changed(criterion: Criterion, entry: ToleranceOverride) -> Criterion:
         limits.append(Limit("percent", entry.percent, "%"))
     if entry.abs is not None:
         value, unit = _printed(entry.abs, si_unit(criterion.measure, criterion.channel))
-        factor(criterion.measure, criterion.channel, unit)
+        limit_to_si_factor(criterion.measure, criterion.channel, unit)
         limits.append(Limit("absolute", value, unit))
     if any(limit.value <= 0.0 for limit in limits):
         raise OutOfRange(
@@ -290,7 +292,7 @@ def required_signals(criterion: Criterion) -> tuple[str, ...]:
     """Return the signals that a criterion is computed from; a model has to have them."""
     return tuple(
         dict.fromkeys(
-            name for channel in required_quantities(criterion) for name in sources(channel)
+            name for channel in required_quantities(criterion) for name in source_signals(channel)
         )
     )
 
@@ -314,7 +316,7 @@ def helpful_signals(criterion: Criterion) -> tuple[str, ...]:
         dict.fromkeys(
             name
             for channel in (*showing, *condition_channels(criterion.condition), *flows)
-            for name in sources(channel)
+            for name in source_signals(channel)
         )
     )
 
@@ -339,13 +341,13 @@ _OFFSET = re.compile(r"^(\w+?)([+-]\d+(?:\.\d+)?)s$")
 
 
 @cache
-def rows() -> tuple[Row, ...]:
+def tolerance_rows() -> tuple[Row, ...]:
     """Return every row of ``tolerances.csv``."""
     with (Path(__file__).parent / "tolerances.csv").open(newline="", encoding="utf-8") as file:
         return tuple(csv.DictReader(file))
 
 
-def rows_of(id: str, standard: str = STANDARD, edition: str = EDITION) -> list[Row]:
+def rows_of_test(id: str, standard: str = STANDARD, edition: str = EDITION) -> list[Row]:
     """Return the rows of one test.
 
     Raises
@@ -353,9 +355,9 @@ def rows_of(id: str, standard: str = STANDARD, edition: str = EDITION) -> list[R
     UnknownName
         No such standard, edition or test; with the near ones.
     """
-    found = [row for row in rows() if row["standard"] == standard]
+    found = [row for row in tolerance_rows() if row["standard"] == standard]
     if not found:
-        raise UnknownName(standard, {row["standard"] for row in rows()}, "standard")
+        raise UnknownName(standard, {row["standard"] for row in tolerance_rows()}, "standard")
     editions = {row["edition"] for row in found}
     if edition not in editions:
         raise UnknownName(edition, editions, f"edition of {standard!r}")
@@ -366,21 +368,21 @@ def rows_of(id: str, standard: str = STANDARD, edition: str = EDITION) -> list[R
     return chosen
 
 
-def features() -> set[str]:
+def claimable_features() -> set[str]:
     """Return every word that a case can claim; conditions that the record shows are not among them,
     but for the kinds of damping.
     """
     return {
         word
-        for row in rows()
+        for row in tolerance_rows()
         for word in row["condition"].split(";")
         if word and (is_claim(word) or word in KINDS)
     }
 
 
-def events() -> set[str]:
+def window_events() -> set[str]:
     """Return every event that bounds a window; ``capture`` is the instant of a snapshot."""
-    bounds = {row[end] for row in rows() for end in ("applies_from", "applies_to")} - {""}
+    bounds = {row[end] for row in tolerance_rows() for end in ("applies_from", "applies_to")} - {""}
     return set(MEASURED) | {
         match.group(1) if (match := _OFFSET.match(bound)) else bound for bound in bounds
     }
@@ -415,7 +417,7 @@ def bound_time(text: str, times: Mapping[str, float], default: float) -> float:
     return times[event] + shift
 
 
-def criterion(
+def make_criterion(
     row: Row,
     name: str,
     window: tuple[float, float],

@@ -15,8 +15,8 @@ from click.testing import CliRunner
 import aerodb
 import flightmech
 from aerodb.cli.group import db as command
-from flightmech.steady_flight.flight_condition import parameters
-from flightmech.terms import evaluate
+from flightmech.steady_flight.flight_condition import condition_parameters
+from flightmech.terms import evaluate_term
 from flightmech.units import FOOT
 from pom.judging.measures.modal import fit_mode
 
@@ -92,7 +92,9 @@ def test_identified_modes_are_those_of_the_records(motion, period, ratio, aircra
     sim = flightmech.compile(aircraft, aerodb.open(folder / "final.nc"))
     states = ("V", "alpha", "q", "theta", "h", "beta", "p", "r", "phi")
     ours = mode(
-        flightmech.modes(flightmech.linearize(sim, parameters(sim, condition), states=states)),
+        flightmech.modes(
+            flightmech.linearize(sim, condition_parameters(sim, condition), states=states)
+        ),
         motion,
     )
     assert ours["period"] == pytest.approx(fit.period, rel=period)
@@ -107,11 +109,13 @@ def test_datcom_modes_against_the_records(aircraft, prior):
     sim = flightmech.compile(aircraft, prior)
     (phugoid, at_phugoid), (roll, at_roll) = (flown(motion) for motion in MOTIONS)
     datcom = mode(
-        flightmech.modes(flightmech.linearize(sim, parameters(sim, at_roll))), "Dutch roll"
+        flightmech.modes(flightmech.linearize(sim, condition_parameters(sim, at_roll))),
+        "Dutch roll",
     )
     assert 1.3 < datcom["period"] / roll.period < 1.5
     datcom = mode(
-        flightmech.modes(flightmech.linearize(sim, parameters(sim, at_phugoid))), "phugoid"
+        flightmech.modes(flightmech.linearize(sim, condition_parameters(sim, at_phugoid))),
+        "phugoid",
     )
     assert 0.3 < datcom["damping_ratio"] / phugoid.damping_ratio < 0.6
 
@@ -126,7 +130,10 @@ def test_modes_are_those_of_the_motion(name, control, channel, stop, aircraft, p
     record.
     """
     sim = flightmech.compile(aircraft, prior)
-    start = {**parameters(sim, CONDITION), **{f"engine{i}.time_constant": 0.0 for i in (1, 2)}}
+    start = {
+        **condition_parameters(sim, CONDITION),
+        **{f"engine{i}.time_constant": 0.0 for i in (1, 2)},
+    }
     states = ("V", "alpha", "q", "theta", "h", "beta", "p", "r", "phi")
     ours = mode(flightmech.modes(flightmech.linearize(sim, start, states=states)), name)
     time = np.round(np.arange(0.0, stop, 0.05), 6)
@@ -174,10 +181,10 @@ def test_full_thrust_is_that_of_the_deck_by_hand(aircraft, found):
     V = float(found.performance["V"][20])
     air, tables = flightmech.air.atmosphere(CONDITION["h"]), aircraft.engines[0].deck.tables
     mach = V / float(air.a_sound)
-    n2 = float(evaluate(tables["n2_command"], {"throttle": 1.0, "h": CONDITION["h"]}))
+    n2 = float(evaluate_term(tables["n2_command"], {"throttle": 1.0, "h": CONDITION["h"]}))
     theta = float(air.temperature) / 288.15 * (1.0 + 0.2 * mach**2)
     corrected = float(
-        evaluate(
+        evaluate_term(
             tables["corrected_thrust"],
             {"corrected_n2": n2 / np.sqrt(theta), "mach": mach, "h": CONDITION["h"]},
         )

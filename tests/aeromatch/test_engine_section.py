@@ -11,7 +11,7 @@ import pytest
 import flightmech
 import flighttest
 from aeromatch.project.project import read_project
-from aeromatch.workflow.steps import perform
+from aeromatch.workflow.steps import perform_match
 from flightmech.support.console import timed_step
 from flighttest.records.signals.conditioning import cut
 from flighttest.submodels.engine.bench import fly_deck
@@ -70,7 +70,7 @@ def test_an_engine_identified_in_the_job_flies_as_the_deck_file(tmp_path):
         gear=None,
         ground_effect=None,
     )
-    outcome = perform(few, tmp_path / "out", 1, timed_step)
+    outcome = perform_match(few, tmp_path / "out", 1, timed_step)
     (case,) = outcome.to_dict()["cases"]
     assert case["failure"] == ""
     assert case["status"]["datcom"] != "pass"

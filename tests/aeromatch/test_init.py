@@ -167,7 +167,7 @@ def test_recorded_channels_come_back_in_si(drafted, flown):
         next(folder.parent.parent.glob("recordings*/monday.csv")), folder / "names.toml"
     )
     for name, _ in COLUMNS.values():
-        leaf = flighttest.records.record.locate(record, name)
+        leaf = flighttest.records.record.find_channel_leaf(record, name)
         np.testing.assert_allclose(
             record[leaf][name].values,
             flown[name].values,

@@ -19,11 +19,11 @@ from aeromatch.project.editing import SCHEMAS
 from aeromatch.project.project import read_project
 from flightmech.errors import AeromatchError, SchemaError
 from flightmech.names import VOCABULARY
-from flightmech.support.input_files import load
+from flightmech.support.input_files import read_toml
 from flightmech.support.toml_quantities import UNIT
-from flightmech.units import quantity
+from flightmech.units import parse_quantity
 from flighttest.records.readers.name_map import read_names
-from flighttest.records.sensors.instruments import instruments
+from flighttest.records.sensors.instruments import parse_instruments
 from flighttest.submodels.engine.tables import read_structure
 from pom.cases.case import read_case
 
@@ -48,7 +48,7 @@ FILES = [(kind, file) for kind, files in SHIPPED.items() for file in files]
 
 def _aircraft(path: Path) -> None:
     """Read an aircraft file as a reconstruction does: its instruments too."""
-    instruments(flightmech.read_aircraft(path).instruments)
+    parse_instruments(flightmech.read_aircraft(path).instruments)
 
 
 READERS = {
@@ -61,7 +61,7 @@ READERS = {
 
 
 def plain(file: Path) -> Any:
-    return json.loads(json.dumps(load(file), default=str))
+    return json.loads(json.dumps(read_toml(file), default=str))
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def test_examples_of_keys_fit_them(schemas):
                             {**part, "$defs": schema.get("$defs", {})}
                         ).validate(example)
                     if UNIT in part:
-                        assert np.isfinite(quantity(example, part[UNIT]))
+                        assert np.isfinite(parse_quantity(example, part[UNIT]))
                 assert part.get("default", 0) is not None, (kind, place, key)
 
 

@@ -71,7 +71,7 @@ def fitted(project, *manoeuvres):
 
 
 def windows_of(project):
-    return workflow.windows_of(
+    return workflow.select_windows(
         project,
         {name: flighttest.read(file, project.names) for name, file in project.flights.items()},
     )
@@ -83,15 +83,15 @@ def test_the_rows_of_a_table_stand_in_place_of_the_marks_of_a_record(project, tm
     )
     given = replace(fitted(project, "doublet elevator"), manoeuvres=tmp_path / "manoeuvres.csv")
     records = {"run_1": flighttest.read(project.flights["run_1"], project.names)}
-    assert workflow.windows_of(given, records).fits == [{"run_1": [(2.0, 3.0)]}]
+    assert workflow.select_windows(given, records).fits == [{"run_1": [(2.0, 3.0)]}]
     del records["run_1"].attrs["manoeuvres"]
-    assert workflow.windows_of(given, records).fits == [{"run_1": [(2.0, 3.0)]}]
+    assert workflow.select_windows(given, records).fits == [{"run_1": [(2.0, 3.0)]}]
     assert tmp_path / "manoeuvres.csv" in workflow.inputs_of(given, ["run_1"])
     (tmp_path / "manoeuvres.csv").write_text(
         "record,kind,control,start,end\nrun1,doublet,elevator,2,3\n"
     )
     with pytest.raises(SchemaError, match="manoeuvres: unknown record 'run1'; near it: run_1"):
-        workflow.windows_of(given, records)
+        workflow.select_windows(given, records)
 
 
 def test_windows_by_kind_and_by_kind_and_control(project):
@@ -129,12 +129,12 @@ def test_what_proves_the_model_does_not_identify_it(project):
     """A record may do both, at different times."""
     case = SimpleNamespace(name="a", record="x/run_1.nc", window=(4.0, 9.0))
     read = {name: flighttest.read(file, project.names) for name, file in project.flights.items()}
-    apart = workflow.windows_of(fitted(project, "3211 elevator"), read, [case])
+    apart = workflow.select_windows(fitted(project, "3211 elevator"), read, [case])
     assert apart.fits == [{"run_1": [(1.0, 4.0)]}]
     ground = GroundEffectSection(flown=(RecordSelection(records=("run_1",)),), models=("CL = 1",))
     both = replace(fitted(project, "doublet elevator"), ground_effect=ground)
     with pytest.raises(SchemaError) as caught:
-        workflow.windows_of(both, read, [case])
+        workflow.select_windows(both, read, [case])
     assert caught.value.problems == [
         "fit 'pitch': record run_1 proves case a from 4 to 9 s; it cannot identify too",
         "ground_effect.flown: record run_1 proves case a from 4 to 9 s; it cannot identify too",
@@ -255,7 +255,7 @@ def test_flights_enter_the_tables_in_the_way_that_the_project_names(project):
         {"alpha": ("time", flown), "CL": ("time", 0.22 + 5.4 * flown + noise)}, {"time": t}
     )
     windows = workflow.IdentificationWindows([{"run_1": [(0.0, 4.0)]}], {})
-    fits = workflow.identify(project, {"run_1": data}, windows, jobs=-1)  # one thread per core
+    fits = workflow.fit_records(project, {"run_1": data}, windows, jobs=-1)  # one thread per core
     samples = workflow.samples_of(project, start, {"run_1": data}, windows)
     assert [one.attrs["name"] for one in samples] == [fit.name for fit in fits] == ["run_1: pitch"]
     found = {}
@@ -304,7 +304,7 @@ def test_an_elevator_without_a_table_stops_a_match_in_each_way(project, way):
         tabulation=way,
         fits=(project.fits[0].model_copy(update={"models": ("CL = 1 + alpha + delta_e",)}),),
     )
-    fits = workflow.identify(job, {"run_1": data}, windows)
+    fits = workflow.fit_records(job, {"run_1": data}, windows)
     samples = workflow.samples_of(job, start, {"run_1": data}, windows)
     with pytest.raises(
         SchemaError, match=r"CL: delta_e of 'run_1: pitch': estimate 0\.[45].*listing for elevator"

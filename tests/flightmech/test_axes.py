@@ -15,22 +15,22 @@ PITCH = st.floats(-1.5, 1.5)
 
 @given(ANGLE, PITCH, ANGLE)
 def test_euler_angles_there_and_back(phi, theta, psi):
-    found = axes.euler(axes.rotation(phi, theta, psi))
+    found = axes.euler_from_matrix(axes.matrix_from_euler(phi, theta, psi))
     np.testing.assert_allclose(found, [phi, theta, psi], atol=1e-12)
 
 
 @given(ANGLE, PITCH, ANGLE)
 def test_quaternion_there_and_back(phi, theta, psi):
-    C = axes.rotation(phi, theta, psi)
-    q = axes.quaternion(C)
+    C = axes.matrix_from_euler(phi, theta, psi)
+    q = axes.quaternion_from_matrix(C)
     assert q[0] >= 0.0
     assert np.linalg.norm(q) == pytest.approx(1.0)
-    np.testing.assert_allclose(axes.matrix(3.0 * q), C, atol=1e-14)
+    np.testing.assert_allclose(axes.matrix_from_quaternion(3.0 * q), C, atol=1e-14)
 
 
 def test_quaternion_of_a_bank_is_its_half_angle():
     np.testing.assert_allclose(
-        axes.quaternion(axes.rotation(0.6, 0.0, 0.0)),
+        axes.quaternion_from_matrix(axes.matrix_from_euler(0.6, 0.0, 0.0)),
         [np.cos(0.3), np.sin(0.3), 0.0, 0.0],
         atol=1e-15,
     )
@@ -45,27 +45,27 @@ def test_rotation_is_three_turns_in_order():
         return C
 
     expected = turn(0, 0.3) @ turn(1, -0.4) @ turn(2, 1.2)
-    np.testing.assert_allclose(axes.rotation(0.3, -0.4, 1.2), expected, atol=1e-15)
+    np.testing.assert_allclose(axes.matrix_from_euler(0.3, -0.4, 1.2), expected, atol=1e-15)
 
 
 def test_arrays_keep_their_shape():
-    C = axes.rotation(np.zeros((4, 1)), 0.1, np.linspace(0.0, 1.0, 5))
+    C = axes.matrix_from_euler(np.zeros((4, 1)), 0.1, np.linspace(0.0, 1.0, 5))
     assert C.shape == (4, 5, 3, 3)
-    assert axes.quaternion(C).shape == (4, 5, 4)
-    assert axes.euler(C).psi.shape == (4, 5)
+    assert axes.quaternion_from_matrix(C).shape == (4, 5, 4)
+    assert axes.euler_from_matrix(C).psi.shape == (4, 5)
 
 
 @given(st.floats(-1.5, 1.5))
 def test_stability_axes_there_and_back(alpha):
     vector = np.array([0.3, -0.2, 0.9])
     np.testing.assert_allclose(
-        axes.to_stability(axes.to_body(vector, alpha), alpha), vector, atol=1e-15
+        axes.to_stability(axes.stability_to_body(vector, alpha), alpha), vector, atol=1e-15
     )
 
 
 def test_lift_and_drag_of_body_forces():
     alpha, CL, CD = np.array([0.0, 0.2, 1.4]), 0.8, 0.05
-    body = axes.to_body(
+    body = axes.stability_to_body(
         np.stack(np.broadcast_arrays(-CD, 0.0, -CL), axis=-1)[None, :].repeat(3, 0), alpha
     )
     found = axes.lift_drag(body[:, 0], body[:, 2], alpha)
@@ -86,7 +86,7 @@ def test_rate_derivatives_give_the_same_moment(alpha):
     rates = np.array([0.02, 0.0, -0.05])
     p, _, r = axes.to_stability(rates, alpha)
     roll, yaw = D @ [p, r]
-    expected = axes.to_body([roll, 0.0, yaw], alpha)
+    expected = axes.stability_to_body([roll, 0.0, yaw], alpha)
     found = axes.rate_derivatives_to_body(D, alpha) @ rates[[0, 2]]
     np.testing.assert_allclose(found, expected[[0, 2]], atol=1e-16)
 
@@ -113,5 +113,6 @@ def test_velocity_of_a_vane():
     below.
     """
     np.testing.assert_allclose(
-        axes.velocity_at([80.0, 0.0, 4.0], [0.0, 0.2, 0.0], [4.0, 0.0, 0.0]), [80.0, 0.0, 3.2]
+        axes.velocity_at_position([80.0, 0.0, 4.0], [0.0, 0.2, 0.0], [4.0, 0.0, 0.0]),
+        [80.0, 0.0, 3.2],
     )

@@ -13,14 +13,14 @@ from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.terms import (
     SOURCES,
     PowerFactor,
-    basis,
-    check,
-    evaluate,
+    check_term,
+    evaluate_term,
+    list_model_variables,
+    list_multipliers,
+    list_regressors,
     make_term,
-    multipliers,
-    power,
-    regressors,
-    variables,
+    node_basis,
+    power_factor,
     without_multipliers,
 )
 
@@ -36,12 +36,12 @@ def table() -> xr.Dataset:
 
 
 def test_a_leaf_carries_its_meaning(table):
-    assert regressors(table) == ("qhat",)
-    assert variables(table) == {"alpha", "mach", "qhat"}
+    assert list_regressors(table) == ("qhat",)
+    assert list_model_variables(table) == {"alpha", "mach", "qhat"}
     assert table["stderr"].shape == (4, 3)
     assert SOURCES[int(table["source"][0, 0])] == "datcom"
     assert table["alpha"].attrs["units"] == "rad"
-    assert check(table) == []
+    assert check_term(table) == []
 
 
 def test_all_faults_are_reported_at_once():
@@ -77,7 +77,7 @@ def test_value_agrees_with_scipy(table):
         * qhat
     )
     np.testing.assert_allclose(
-        evaluate(table, {"alpha": alpha, "mach": mach, "qhat": qhat}),
+        evaluate_term(table, {"alpha": alpha, "mach": mach, "qhat": qhat}),
         expected,
         rtol=1e-13,
         atol=1e-14,
@@ -85,7 +85,7 @@ def test_value_agrees_with_scipy(table):
 
 
 def test_conditions_broadcast(table):
-    found = evaluate(table, {"alpha": np.zeros((5, 1)), "mach": MACH, "qhat": 2.0})
+    found = evaluate_term(table, {"alpha": np.zeros((5, 1)), "mach": MACH, "qhat": 2.0})
     assert found.shape == (5, 3)
     np.testing.assert_allclose(found[3], 2.0 * table["value"].values[1], rtol=1e-15)
 
@@ -96,17 +96,17 @@ def test_contribution_is_linear_in_the_nodes(table):
         "mach": np.linspace(0.8, 0.2, 30),
         "qhat": np.linspace(-1.0, 1.0, 30),
     }
-    B = basis(table, conditions)
+    B = node_basis(table, conditions)
     assert B.shape == (30, 12)
     np.testing.assert_allclose(
-        B @ table["value"].values.ravel(), evaluate(table, conditions), rtol=1e-14
+        B @ table["value"].values.ravel(), evaluate_term(table, conditions), rtol=1e-14
     )
 
 
 def test_factor_tables_multiply():
     gear = xr.DataArray([0.0, 3.0], coords={"gear": [0.0, 1.0]}, dims="gear")
     leaf = make_term(2.0, regressors=["alpha", "alpha"], K1=gear)
-    assert evaluate(leaf, {"alpha": 0.5, "gear": 0.5}) == pytest.approx(2.0 * 0.25 * 1.5)
+    assert evaluate_term(leaf, {"alpha": 0.5, "gear": 0.5}) == pytest.approx(2.0 * 0.25 * 1.5)
 
 
 def test_outside_raises_or_follows_the_rule(table):
@@ -115,18 +115,18 @@ def test_outside_raises_or_follows_the_rule(table):
         OutOfRange,
         match=r"alpha = 0.4 lies outside -0.1 ... 0.3 in 1 of 2 samples, first at sample 1",
     ) as caught:
-        evaluate(table, beyond)
+        evaluate_term(table, beyond)
     assert caught.value.mask.tolist() == [False, True]
     end = float(table["value"].sel(alpha=0.3, mach=0.5))
-    assert evaluate(table, beyond, outside="clamp")[1] == pytest.approx(end, rel=1e-14)
+    assert evaluate_term(table, beyond, outside="clamp")[1] == pytest.approx(end, rel=1e-14)
     slope = (end - float(table["value"].sel(alpha=0.2, mach=0.5))) / 0.1
-    going_on = evaluate(table.assign_attrs(outside="linear"), beyond, outside="clamp")[1]
+    going_on = evaluate_term(table.assign_attrs(outside="linear"), beyond, outside="clamp")[1]
     assert going_on == pytest.approx(end + 0.1 * slope, rel=1e-12)
 
 
 def test_missing_condition_is_named(table):
     with pytest.raises(UnknownName, match=r"unknown condition 'qhat'.*the term needs it"):
-        evaluate(table, {"alpha": 0.0, "mach": 0.5})
+        evaluate_term(table, {"alpha": 0.0, "mach": 0.5})
 
 
 @st.composite
@@ -151,7 +151,9 @@ def terms_and_conditions(draw):
         outside=draw(st.sampled_from(["hold", "linear"])),
     )
     shapes = st.sampled_from([(), (1,), (3,), (4, 1), (4, 3)])
-    return leaf, {name: rng.normal(size=draw(shapes)) for name in sorted(variables(leaf))}
+    return leaf, {
+        name: rng.normal(size=draw(shapes)) for name in sorted(list_model_variables(leaf))
+    }
 
 
 @pytest.mark.slow
@@ -159,8 +161,8 @@ def terms_and_conditions(draw):
 def test_evaluation_is_the_linear_map_without_its_matrix(case):
     leaf, conditions = case
     shape = np.broadcast_shapes((), *(np.shape(x) for x in conditions.values()))
-    B, nodes = basis(leaf, conditions, "clamp"), leaf["value"].values.ravel()
-    found = evaluate(leaf, conditions, "clamp")
+    B, nodes = node_basis(leaf, conditions, "clamp"), leaf["value"].values.ravel()
+    found = evaluate_term(leaf, conditions, "clamp")
     assert found.shape == shape
     # a few dozen operations on the largest of the summands, of the table and of its factors, which
     # may cancel
@@ -169,11 +171,11 @@ def test_evaluation_is_the_linear_map_without_its_matrix(case):
         [name for name in ("K1", "K2") if name in leaf],
     )
     everywhere = {name: np.broadcast_to(x, shape).ravel() for name, x in conditions.items()}
-    largest = abs(basis(whole, everywhere, "clamp")) @ np.abs(nodes)
+    largest = abs(node_basis(whole, everywhere, "clamp")) @ np.abs(nodes)
     for name in factors:
         factor = leaf[[name]].rename({name: "value"}).assign_attrs(regressors="")
         largest = largest * (
-            abs(basis(factor, everywhere, "clamp")) @ np.abs(factor["value"].values.ravel())
+            abs(node_basis(factor, everywhere, "clamp")) @ np.abs(factor["value"].values.ravel())
         )
     rounding = 1e-13 * largest
     assert (np.abs(found.ravel() - B @ nodes) <= rounding).all()
@@ -187,8 +189,8 @@ def test_evaluation_of_a_long_record_crosses_its_blocks(table):
         "qhat": np.ones(n),
     }
     np.testing.assert_allclose(
-        evaluate(table, along),
-        basis(table, along) @ table["value"].values.ravel(),
+        evaluate_term(table, along),
+        node_basis(table, along) @ table["value"].values.ravel(),
         rtol=1e-13,
         atol=1e-15,
     )
@@ -197,21 +199,21 @@ def test_evaluation_of_a_long_record_crosses_its_blocks(table):
 def test_places_found_once_serve_the_next_term(table):
     places: dict = {}
     conditions = {"alpha": np.array([0.1, 0.25]), "mach": 0.4, "qhat": 1.0}
-    first = evaluate(table, conditions, places=places)
+    first = evaluate_term(table, conditions, places=places)
     assert len(places) == 2
     other = make_term([1.0, 2.0, 3.0, 4.0], {"alpha": ALPHA})
     np.testing.assert_array_equal(
-        evaluate(other, conditions, places=places), evaluate(other, conditions)
+        evaluate_term(other, conditions, places=places), evaluate_term(other, conditions)
     )
-    np.testing.assert_array_equal(evaluate(table, conditions, places=places), first)
+    np.testing.assert_array_equal(evaluate_term(table, conditions, places=places), first)
     assert len(places) == 2
     with pytest.raises(OutOfRange):
-        evaluate(make_term([1.0, 2.0], {"alpha": [0.0, 0.2]}), conditions, places=places)
+        evaluate_term(make_term([1.0, 2.0], {"alpha": [0.0, 0.2]}), conditions, places=places)
 
 
 def test_the_mask_has_a_place_for_every_sample(table):
     with pytest.raises(OutOfRange, match="in 3 of 3 samples") as caught:
-        evaluate(table, {"alpha": [0.0, 0.1, 0.2], "mach": 0.9, "qhat": 1.0})
+        evaluate_term(table, {"alpha": [0.0, 0.1, 0.2], "mach": 0.9, "qhat": 1.0})
     assert caught.value.mask.tolist() == [True, True, True]
 
 
@@ -246,14 +248,14 @@ def test_the_mask_has_a_place_for_every_sample(table):
 )
 def test_a_leaf_that_contradicts_the_vocabulary_or_holds_no_numbers(table, change, fault):
     change(table)
-    assert [text for text in check(table) if fault in text], check(table)
-    assert len(check(table)) == 1
+    assert [text for text in check_term(table) if fault in text], check_term(table)
+    assert len(check_term(table)) == 1
 
 
 def test_another_spelling_of_the_same_unit_is_no_fault():
     leaf = make_term([1.0, 2.0], {"V": [50.0, 100.0]})
     leaf["V"].attrs["units"] = "m/s"
-    assert check(leaf) == []
+    assert check_term(leaf) == []
 
 
 @pytest.fixture
@@ -271,20 +273,22 @@ def test_a_power_multiplies_the_table(ground):
     at = {"delta_f": 0.7, "alpha": 0.1, "h_agl": np.array([3.0, 2.0, 0.5, -1.0])}
     at_the_floor = 0.506 * 4.87 * 0.1 * 2.0**-1.75
     expected = [0.506 * 4.87 * 0.1 * 3.0**-1.75, at_the_floor, at_the_floor, at_the_floor]
-    np.testing.assert_allclose(evaluate(ground, at), expected, rtol=1e-14)  # rounding
-    np.testing.assert_allclose(basis(ground, at) @ ground["value"].values, expected, rtol=1e-14)
-    assert variables(ground) == {"delta_f", "alpha", "h_agl"}
-    assert power(ground) == PowerFactor("h_agl", -1.75, 2.0)
+    np.testing.assert_allclose(evaluate_term(ground, at), expected, rtol=1e-14)  # rounding
+    np.testing.assert_allclose(
+        node_basis(ground, at) @ ground["value"].values, expected, rtol=1e-14
+    )
+    assert list_model_variables(ground) == {"delta_f", "alpha", "h_agl"}
+    assert power_factor(ground) == PowerFactor("h_agl", -1.75, 2.0)
 
 
 def test_a_bare_leaf_keeps_its_table_and_other_attributes(ground):
-    assert multipliers(ground) == ("alpha", "max(h_agl, 2)^-1.75")
+    assert list_multipliers(ground) == ("alpha", "max(h_agl, 2)^-1.75")
     alone = without_multipliers(ground.assign_attrs(comment="kept"))
-    assert power(alone) is None
-    assert multipliers(alone) == ()
+    assert power_factor(alone) is None
+    assert list_multipliers(alone) == ()
     assert alone.attrs["comment"] == "kept"
-    assert power(ground) is not None  # the leaf itself is untouched
-    np.testing.assert_allclose(evaluate(alone, {"delta_f": 0.0}), 2.0, rtol=1e-15)
+    assert power_factor(ground) is not None  # the leaf itself is untouched
+    np.testing.assert_allclose(evaluate_term(alone, {"delta_f": 0.0}), 2.0, rtol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -299,13 +303,13 @@ def test_a_bare_leaf_keeps_its_table_and_other_attributes(ground):
     ],
 )
 def test_faults_of_a_power(ground, change, fault):
-    assert fault in " ".join(check(ground.assign_attrs(change)))
+    assert fault in " ".join(check_term(ground.assign_attrs(change)))
 
 
 def test_a_power_without_exponent_or_floor(ground):
     for key in ("exponent", "floor"):
         lacking = ground.copy()
         del lacking.attrs[key]
-        assert check(lacking) == [
+        assert check_term(lacking) == [
             f"power h_agl: attribute {key} is None; a finite number is needed"
         ]

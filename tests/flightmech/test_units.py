@@ -9,7 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flightmech.errors import UnitError
-from flightmech.units import _BASE, fitted_unit, from_si, known_unit, parse, quantity, to_si
+from flightmech.units import (
+    _BASE,
+    fitted_unit,
+    from_si,
+    known_unit,
+    parse_quantity,
+    parse_unit,
+    to_si,
+)
 
 
 @pytest.mark.parametrize(
@@ -44,16 +52,16 @@ def test_there_and_back(value, unit):
 
 
 def test_dimension_is_checked():
-    assert parse("N")[0] == parse("kg m s-2")[0]
+    assert parse_unit("N")[0] == parse_unit("kg m s-2")[0]
     with pytest.raises(UnitError, match=r"'kg' cannot be converted to 'm'"):
         to_si(1.0, "kg", "m")
 
 
 def test_unknown_units_and_offsets_in_products():
     with pytest.raises(UnitError, match=r"unknown unit 'furlong'; known are"):
-        parse("furlong")
+        parse_unit("furlong")
     with pytest.raises(UnitError, match=r"degC has an offset and cannot stand in a product; use K"):
-        parse("m degC")
+        parse_unit("m degC")
 
 
 @pytest.mark.parametrize(
@@ -66,13 +74,13 @@ def test_unknown_units_and_offsets_in_products():
     ],
 )
 def test_quantities_of_a_file(text, units, si):
-    assert quantity(text, units) == pytest.approx(si, rel=1e-15)
+    assert parse_quantity(text, units) == pytest.approx(si, rel=1e-15)
 
 
 @pytest.mark.parametrize("text", ["12", "deg", True, "1,5 deg"])
 def test_texts_that_are_no_quantity(text):
     with pytest.raises(UnitError, match=r"found|unknown unit"):
-        quantity(text, "rad")
+        parse_quantity(text, "rad")
 
 
 KNOT, DEG, POUND_FOOT = 1852 / 3600, math.pi / 180, 1.3558179483314004
@@ -124,7 +132,7 @@ def test_units_as_recorders_spell_them(text):
 
 def test_a_spelling_with_two_meanings_is_refused_and_a_pound_goes_by_its_quantity():
     with pytest.raises(UnitError, match=r"unknown unit 'KN'; near it: kN or kt"):
-        parse("KN")
+        parse_unit("KN")
     assert [fitted_unit("lbs", unit) for unit in ("N", "kg", "m")] == ["lbf", "lb", "lb"]
     assert fitted_unit("lbf", "kg") == "lb"
-    assert parse("°C") == parse("degC")
+    assert parse_unit("°C") == parse_unit("degC")

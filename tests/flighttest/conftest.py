@@ -13,9 +13,9 @@ from scipy.signal import lfilter
 from flightmech.air import impact_pressure
 from flighttest.reconstruction.dynamics.kinematics import (
     EARTH_RADIUS,
+    body_to_ned_rotation,
     gravity,
     rate_matrix,
-    rotation,
 )
 
 sys.path.insert(0, str(Path(__file__).parent))  # for the helpers next to the tests
@@ -94,7 +94,7 @@ def path(duration, rng, gust=0.0, motion=1.0):
     air = np.stack(
         [V * np.cos(alpha) * np.cos(beta), V * np.sin(beta), V * np.sin(alpha) * np.cos(beta)], 1
     )
-    R = rotation(attitude)
+    R = body_to_ned_rotation(attitude)
     steady = (R @ air[..., None])[..., 0] + [
         4.0,
         -3.0,

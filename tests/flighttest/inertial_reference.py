@@ -18,10 +18,10 @@ import xarray as xr
 from flightmech.air import GAMMA, R_AIR, calibrated_airspeed, impact_pressure
 from flighttest.reconstruction.dynamics.kinematics import (
     EARTH_RADIUS,
-    earth,
+    body_to_ned_rotation,
+    earth_rotation,
     gravity,
     rate_matrix,
-    rotation,
 )
 
 RATE = 100.0
@@ -165,7 +165,7 @@ def motion(rng, duration: float, wind, excitation: float = 1.0) -> SimpleNamespa
     flown = trajectory(rng, duration, excitation)
 
     def velocity(t):
-        return (rotation(flown.attitude(t)) @ flown.air(t)[..., None])[..., 0] + wind
+        return (body_to_ned_rotation(flown.attitude(t)) @ flown.air(t)[..., None])[..., 0] + wind
 
     def omega(t):
         return (rate_matrix(flown.attitude(t)) @ _slope(flown.attitude, t)[..., None])[..., 0]
@@ -231,9 +231,9 @@ def fly(
     error = {**draw_errors(rng, speed), **(given or {})}
     wind = np.array([error["wind_n"], error["wind_e"], error["wind_d"]])
     true = motion(rng, duration, wind, error.get("excitation", 1.0))
-    R = rotation(true.attitude)
+    R = body_to_ned_rotation(true.attitude)
     latitude = (facts or {}).get("latitude")
-    spin, transport = earth(latitude)
+    spin, transport = earth_rotation(latitude)
     carried = true.velocity @ transport.T
     pull = gravity(latitude, 0.0) * (1.0 - 2.0 * true.h / EARTH_RADIUS)
     inertial = (

@@ -5,7 +5,12 @@ the flight path.
 import numpy as np
 
 from flightmech.simulation.driven_path import LAG, SCALE, WIND
-from flighttest.reconstruction.dynamics.kinematics import rate_matrix, rates, skew, to_body
+from flighttest.reconstruction.dynamics.kinematics import (
+    body_rates_from_angles,
+    cross_product_matrix,
+    ned_to_body,
+    rate_matrix,
+)
 
 
 def over_steps(values, linked):
@@ -45,12 +50,12 @@ def inertial_steps(path, linked):
     )
     difference, middle = np.diff(x[:, :7], axis=0) / dt, (x[1:, :7] + x[:-1, :7]) / 2.0
     r = np.zeros((len(middle), 7))
-    from_angles, change = rates(middle[:, :3], difference[:, :3])
+    from_angles, change = body_rates_from_angles(middle[:, :3], difference[:, :3])
     v = middle[:, 3:6]
     carried = v @ around.transport.T
     needed = difference[:, 3:6] + np.cross(2.0 * around.spin + carried, v)
     needed[:, 2] -= around.gravity - around.fall * (middle[:, 6] - around.level)
-    U, turn, Rt = to_body(middle[:, :3], needed)
+    U, turn, Rt = ned_to_body(middle[:, :3], needed)
     r[:, :3] = from_angles + (Rt @ (carried + around.sensed)[..., None])[..., 0] - mean_rates
     r[:, 3:6] = U - mean_force
     r[:, 6] = difference[:, 6] + middle[:, 5]
@@ -69,7 +74,9 @@ def inertial_steps(path, linked):
 def by_inputs(path):
     """Return the derivatives of rates and specific force by the inputs (N, 6, p)."""
     unit, by = path.inertial, np.zeros((path.samples, 6, len(path.inputs)))
-    lever = skew(np.cross(unit.rates, unit.arm)) + skew(unit.rates) @ skew(unit.arm)
+    lever = cross_product_matrix(np.cross(unit.rates, unit.arm)) + cross_product_matrix(
+        unit.rates
+    ) @ cross_product_matrix(unit.arm)
     read = np.concatenate([unit.rates, unit.sensed], axis=1)
     for j, item in enumerate(path.inputs):
         if item < WIND:
@@ -110,7 +117,7 @@ def sight(path, i):
     """
     gusts = slice(7 + len(path.vanes.side), 10 + len(path.vanes.side))
     air = path.x[:, 3:6] - path.vanes.wind - (path.x[:, gusts] if path.gusts else 0.0)
-    U, turn, Rt = to_body(path.x[:, :3], air)
+    U, turn, Rt = ned_to_body(path.x[:, :3], air)
     arm, side = path.vanes.arms[i], path.vanes.side[i]
     local, row = U + np.cross(path.inertial.rates, arm), np.zeros_like(U)
     row[:, 0], row[:, side] = -local[:, side], local[:, 0]
@@ -119,7 +126,7 @@ def sight(path, i):
     by_state[:, :3], by_state[:, 3:6] = (row[:, None] @ turn)[:, 0], (row[:, None] @ Rt)[:, 0]
     if path.gusts:
         by_state[:, gusts] = -by_state[:, 3:6]
-    by_rates, by_input = -row @ skew(arm), np.zeros((len(U), len(path.inputs)))
+    by_rates, by_input = -row @ cross_product_matrix(arm), np.zeros((len(U), len(path.inputs)))
     for j, item in enumerate(path.inputs):
         if WIND <= item < LAG:
             by_input[:, j] = -by_state[:, 3 + item - WIND]

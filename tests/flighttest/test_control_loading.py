@@ -25,7 +25,7 @@ from flighttest.submodels.control_loading.motion import smooth_derivatives
 from flighttest.submodels.control_loading.regression import trim_forces
 from flighttest.submodels.control_loading.result import replace_hinge_moments
 from flighttest.submodels.control_loading.simulation import simulate_linkages
-from flighttest.submodels.control_loading.windows import free_signals, modulate
+from flighttest.submodels.control_loading.windows import free_signals, modulate_signal
 
 SHARED = Path(__file__).parents[2] / ".." / "shared" / "data" / "identification"
 CHANNELS = {
@@ -398,8 +398,8 @@ def test_windows_end_at_reversals_and_give_derivatives_without_differences(loadi
         (1, 2.0 * np.pi * 0.05 * np.cos(2.0 * np.pi * time)),
         (2, -((2.0 * np.pi) ** 2) * s),
     ):
-        assert modulate(s, windows, order) == pytest.approx(
-            modulate(exact, windows), abs=2e-3 * np.abs(exact).max()
+        assert modulate_signal(s, windows, order) == pytest.approx(
+            modulate_signal(exact, windows), abs=2e-3 * np.abs(exact).max()
         )
 
 

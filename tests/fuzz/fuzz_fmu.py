@@ -28,10 +28,10 @@ import fmpy.fmi3  # noqa: F401  what a child needs is loaded before it is forked
 import numpy as np
 
 from flightmech.errors import AeromatchError
-from pom.fmu.description import read_fmu
+from pom.fmu.description import read_fmu_interface
 from pom.fmu.variable_map import links_of
-from pom.fmu.worker import UnpackedFmu, replay
-from pom.fmu.worker.messages import columns_of, read_reply, reply_bytes
+from pom.fmu.worker import UnpackedFmu, replay_job
+from pom.fmu.worker.messages import read_reply, reply_bytes, reply_columns
 
 RUBBISH = (
     "",
@@ -183,7 +183,7 @@ def one_input(content: bytes, folder: Path) -> str:
     path = folder / "harmed.fmu"
     path.write_bytes(content)
     try:
-        fmu = read_fmu(path)
+        fmu = read_fmu_interface(path)
         links = links_of(fmu)
     except (AeromatchError, OSError):
         return "refused"
@@ -213,8 +213,8 @@ def _forked(path: Path, job: dict) -> str:
             os.dup2(1, 2)
             with tempfile.TemporaryDirectory() as folder:
                 try:
-                    found = replay(UnpackedFmu(str(path), folder, 50_000_000), job)
-                    content = reply_bytes(1, found["error"], columns_of(job, found))
+                    found = replay_job(UnpackedFmu(str(path), folder, 50_000_000), job)
+                    content = reply_bytes(1, found["error"], reply_columns(job, found))
                 except (
                     Exception
                 ) as error:  # the worker's own answer to a model that cannot be loaded

@@ -8,7 +8,7 @@ import xarray as xr
 
 import flightmech
 from flightmech import air, axes, terms
-from flightmech.aircraft.aircraft import inertia
+from flightmech.aircraft.aircraft import inertia_tensor
 from flightmech.simulation.kernel import Simulation
 from flightmech.terms import make_term
 
@@ -115,7 +115,7 @@ class Reference:
 
     def __init__(self, aircraft: flightmech.Aircraft, content: dict[str, xr.Dataset], earth: int):
         self.aircraft, self.content, self.earth = aircraft, content, earth
-        self.J = inertia(aircraft)
+        self.J = inertia_tensor(aircraft)
 
     def place(self, r: np.ndarray) -> tuple[float, np.ndarray]:
         """Height, and the matrix Earth axes to north-east-down."""
@@ -149,7 +149,7 @@ class Reference:
         craft, W = self.aircraft, np.array([0.0, 0.0, self.rate * self.earth])
         r, v, q, w, lag = x[:3], x[3:6], x[6:10], x[10:13], x[13:]
         h, ned = self.place(r)
-        C = axes.matrix(q)
+        C = axes.matrix_from_quaternion(q)
         atm = air.atmosphere(h)
         velocity = C @ (v - ned.T @ np.array([u["wind_n"], u["wind_e"], u["wind_d"]]))
         V = np.linalg.norm(velocity)
@@ -174,7 +174,7 @@ class Reference:
             F_T, M_T = F_T + force, M_T + np.cross(np.array(engine.position) - cg, force)
             H = H + engine.angular_momentum * np.array(engine.direction)
             own = {"throttle": u[f"engine{i + 1}.throttle"], "mach": z["mach"], "h": h}
-            steady.append(float(terms.evaluate(engine.thrust, own, outside="clamp")))
+            steady.append(float(terms.evaluate_term(engine.thrust, own, outside="clamp")))
             z[f"engine{i + 1}.thrust"] = lag[i]
         g = self.gravity(r) - 2.0 * np.cross(W, v) - np.cross(W, np.cross(W, r))
         qS = 0.5 * float(atm.rho) * V**2 * craft.S
@@ -184,8 +184,8 @@ class Reference:
             known = {**z, "alphadothat": implicit[0], "betadothat": implicit[1], "dnz": implicit[2]}
             c = dict.fromkeys(("CL", "CD", "CY", "Cl", "Cm", "Cn"), 0.0)
             for name, leaf in self.content.items():
-                c[name.split("/")[0]] += float(terms.evaluate(leaf, known, outside="clamp"))
-            F_A = qS * axes.to_body([-c["CD"], c["CY"], -c["CL"]], alpha)
+                c[name.split("/")[0]] += float(terms.evaluate_term(leaf, known, outside="clamp"))
+            F_A = qS * axes.stability_to_body([-c["CD"], c["CY"], -c["CL"]], alpha)
             M = (
                 qS * np.array([craft.b * c["Cl"], craft.cbar * c["Cm"], craft.b * c["Cn"]])
                 + np.cross(-cg, F_A)

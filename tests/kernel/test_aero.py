@@ -37,7 +37,7 @@ def test_every_term_agrees_with_numpy(sim, content):
     v, columns = random_variables(sim)
     _, found = Simulation(sim.model).evaluate(v)
     for name, leaf in content.items():
-        expected = terms.evaluate(leaf, columns, outside="clamp")
+        expected = terms.evaluate_term(leaf, columns, outside="clamp")
         scale = np.abs(expected).max()
         np.testing.assert_allclose(
             found[:, sim.terms.index(name)], expected, rtol=0.0, atol=1e-13 * scale, err_msg=name
@@ -66,7 +66,7 @@ def test_scale_of_a_term(sim):
 def test_the_same_force_in_three_axes(force_axes, make_aircraft, make_tree, flown):
     CL, CD, CY, alpha, beta = 0.7, 0.06, -0.11, 0.2, 0.15
     # body components of the force of CL, CD (stability) and CY (body)
-    CX, _, CZ = axes.to_body([-CD, 0.0, -CL], alpha)
+    CX, _, CZ = axes.stability_to_body([-CD, 0.0, -CL], alpha)
     to_wind = np.array([[np.cos(beta), np.sin(beta)], [-np.sin(beta), np.cos(beta)]])
     x_wind, y_wind = to_wind @ [-CD, CY]
     values = {
@@ -167,6 +167,6 @@ def test_drag_of_a_sphere_acts_against_the_wind_at_90_degrees(make_aircraft, mak
 
 
 def test_variables_of_the_block_are_those_the_terms_use(sim, content):
-    used = set().union(*(terms.variables(leaf) for leaf in content.values()))
+    used = set().union(*(terms.list_model_variables(leaf) for leaf in content.values()))
     assert set(sim.variables) == used | {"engine1.throttle", "engine2.throttle", "h", "mach"}
     assert isinstance(content["CL/basic"], xr.Dataset)

@@ -66,7 +66,7 @@ def by_hand(leaves, force_axes, at):
     found = dict(at)
     for name in (*order, "Cl", "Cm", "Cn"):
         found[name] = sum(
-            float(terms.evaluate(leaf, found, "clamp"))
+            float(terms.evaluate_term(leaf, found, "clamp"))
             for key, leaf in leaves.items()
             if key.split("/")[0] == name
         )
@@ -104,7 +104,9 @@ def test_the_values_are_those_of_the_same_instant(force_axes, own, make_aircraft
             [y[name] for name in COUNT], [found[name] for name in COUNT], rtol=2e-14, atol=1e-16
         )
         force = (
-            y["qbar"] * 17.0 * axes.to_body([-found["CD"], found["CY"], -found["CL"]], y["alpha"])
+            y["qbar"]
+            * 17.0
+            * axes.stability_to_body([-found["CD"], found["CY"], -found["CL"]], y["alpha"])
         )
         np.testing.assert_allclose(
             np.array([y["ax"], y["ay"], y["az"]]) * 2300.0, force, rtol=1e-13, atol=1e-9
@@ -128,7 +130,7 @@ def test_contributions_and_many_rows(make_aircraft, make_tree):
     for name, leaf in leaves.items():
         np.testing.assert_allclose(
             many[:, sim.terms.index(name)],
-            terms.evaluate(leaf, columns, "clamp"),
+            terms.evaluate_term(leaf, columns, "clamp"),
             rtol=1e-13,
             atol=1e-16,
         )

@@ -23,7 +23,7 @@ def test_static_thrust_is_the_table(bare, flown, make_aircraft):
     y = flown(bare, init__V=150.0, init__h=3000.0, engine1__throttle=0.45, engine2__throttle=1.0)
     for engine, throttle in ((1, 0.45), (2, 1.0)):
         expected = float(
-            terms.evaluate(leaf, {"throttle": throttle, "mach": y["mach"], "h": y["h"]})
+            terms.evaluate_term(leaf, {"throttle": throttle, "mach": y["mach"], "h": y["h"]})
         )
         assert y[f"engine{engine}.thrust"] == pytest.approx(expected, rel=1e-12)
 
@@ -70,12 +70,12 @@ def test_force_and_moment_of_one_engine(bare, flown, make_aircraft):
     y = flown(bare, **STILL, mode__engine=2.0, engine2__thrust_drive=1000.0)
     craft = make_aircraft()
     moment = np.cross(np.array(craft.engines[1].position) - craft.cg, [1000.0, 0.0, 0.0])
-    from flightmech.aircraft.aircraft import inertia
+    from flightmech.aircraft.aircraft import inertia_tensor
 
     assert y["ax"] == pytest.approx(1000.0 / 2300.0, rel=1e-14)
     np.testing.assert_allclose(
         [y["p_dot"], y["q_dot"], y["r_dot"]],
-        np.linalg.solve(inertia(craft), moment),
+        np.linalg.solve(inertia_tensor(craft), moment),
         rtol=1e-12,
         atol=1e-15,
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flightmech
-from flightmech.aircraft.aircraft import inertia
+from flightmech.aircraft.aircraft import inertia_tensor
 from flightmech.aircraft.engine import EngineDeck
 from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
 from flightmech.errors import SimulationError
@@ -58,7 +58,7 @@ def counterpart(craft: flightmech.Aircraft, fuel: float) -> tuple[float, np.ndar
     mass = craft.mass + sum(m for m, _ in bodies)
     cg = (craft.mass * cg0 + sum(m * r for m, r in bodies)) / mass
     J = (
-        inertia(craft)
+        inertia_tensor(craft)
         + point(craft.mass, cg0)
         + sum(point(m, r) for m, r in bodies)
         - point(mass, cg)
@@ -177,7 +177,7 @@ def test_one_mass_point_needs_no_tables(make_tree, craft, start):
     y = burnt(sim, start(sim, **STILL), 20.0)
     mass, cg0 = craft.mass - 40.0, np.array(craft.cg)
     cg = (craft.mass * cg0 - 40.0 * here) / mass
-    J = inertia(craft) + point(craft.mass, cg0) - point(40.0, here) - point(mass, cg)
+    J = inertia_tensor(craft) + point(craft.mass, cg0) - point(40.0, here) - point(mass, cg)
     np.testing.assert_allclose([y["x_cg_b"], y["y_cg_b"], y["z_cg_b"]], cg, rtol=1e-12)
     np.testing.assert_allclose([y["Ixx"], y["Iyy"], y["Izz"]], np.diag(J), rtol=1e-12)
     np.testing.assert_allclose(

@@ -233,7 +233,7 @@ def counterpart(
     docs/landing-gear.md.
     """
     lag, order = 0.02, states(sim)
-    C = axes.matrix(x[6:10])
+    C = axes.matrix_from_quaternion(x[6:10])
     down, F, M, rates = C[:, 2], np.zeros(3), np.zeros(3), {}
     for leg in gear.contacts:
         name = f"state.gear.{leg.name}"
@@ -367,7 +367,7 @@ def test_whole_gear_against_its_counterpart(changes, compiled, start):
         quiet = rng.choice([0.0, 0.01, 1.0])  # at rest, nearly, rolling or sliding
         tilt = rng.normal(0.0, [0.04, 0.05, 1.0])
         x[2], x[3:6] = -rng.uniform(0.3, 0.6), quiet * rng.normal(0.0, [25.0, 25.0, 1.0])
-        x[6:10] = axes.quaternion(axes.rotation(*tilt))
+        x[6:10] = axes.quaternion_from_matrix(axes.matrix_from_euler(*tilt))
         x[10:13] = quiet * rng.normal(0.0, 0.2, 3)
         x[13:] = 0.0
         x[order.index("state.gear.steering")] = rng.normal(0.0, 0.3)
@@ -388,7 +388,10 @@ def test_whole_gear_against_its_counterpart(changes, compiled, start):
         dx = run.derivative(x, inputs(sim, **given))
         w = x[10:13]
         np.testing.assert_allclose(
-            dx[3:6] * MASS, axes.matrix(x[6:10]).T @ F + [0.0, 0.0, MASS * g], rtol=1e-9, atol=1e-6
+            dx[3:6] * MASS,
+            axes.matrix_from_quaternion(x[6:10]).T @ F + [0.0, 0.0, MASS * g],
+            rtol=1e-9,
+            atol=1e-6,
         )
         np.testing.assert_allclose(
             INERTIA @ dx[10:13] + np.cross(w, INERTIA @ w), M, rtol=1e-9, atol=1e-6
@@ -514,7 +517,7 @@ def test_anchors_hold_in_turbulence(compiled, start):
     for i in range(600):
         run.step(float(i), 1.0, u, u)
         x = run.state
-        C = axes.matrix(x[6:10])
+        C = axes.matrix_from_quaternion(x[6:10])
         point = np.array(CONTACTS[1].position) - CG
         point[2] -= (point @ C[:, 2] + x[2]) / C[2, 2]
         forward = C.T @ [1.0, 0.0, 0.0] * [1.0, 1.0, 0.0]

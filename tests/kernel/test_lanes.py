@@ -14,7 +14,7 @@ import xarray as xr
 import flightmech
 from flightmech.errors import UnknownName
 from flightmech.simulation.batch import ControlLoop, fly_batch
-from flightmech.simulation.kernel import PARAMETER, library
+from flightmech.simulation.kernel import PARAMETER, load_kernel
 from flightmech.simulation.run import read_inputs
 
 MODELS = Path(__file__).parents[2] / "kernel" / "fuzz" / "models.py"
@@ -69,7 +69,7 @@ def demand_same(sim: flightmech.SimModel, *arguments, **options) -> xr.Dataset:
 
 
 def test_this_processor_has_lanes(sim):
-    assert library().am_lanes(sim.model.handle) in (1, 4, 8)
+    assert load_kernel().am_lanes(sim.model.handle) in (1, 4, 8)
 
 
 @pytest.mark.parametrize("earth", [0.0, 1.0, 2.0, 3.0])

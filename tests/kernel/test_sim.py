@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flightmech.errors import SimulationError
-from flightmech.simulation.kernel import Simulation, library
+from flightmech.simulation.kernel import Simulation, load_kernel
 
 AM_BAD_INDEX, AM_NOT_FINITE = 1, 3
 NOT_FINITE = pytest.mark.parametrize(
@@ -28,10 +28,10 @@ def test_a_parameter_that_is_not_finite_is_refused_at_once(value, text, sim):
 @NOT_FINITE
 def test_an_input_that_is_not_finite_is_refused_at_once(value, text, sim):
     run, index, kept = Simulation(sim.model), sim.inputs.index("gear"), c_double()
-    assert library().am_set_input(run.handle, index, c_double(0.5)) == 0
-    assert library().am_set_input(run.handle, index, c_double(value)) == AM_NOT_FINITE
-    assert library().am_error(run.handle).decode() == f"gear is {text}; it must be finite"
-    assert library().am_get_input(run.handle, index, byref(kept)) == 0
+    assert load_kernel().am_set_input(run.handle, index, c_double(0.5)) == 0
+    assert load_kernel().am_set_input(run.handle, index, c_double(value)) == AM_NOT_FINITE
+    assert load_kernel().am_error(run.handle).decode() == f"gear is {text}; it must be finite"
+    assert load_kernel().am_get_input(run.handle, index, byref(kept)) == 0
     assert kept.value == 0.5
 
 
@@ -48,8 +48,8 @@ def test_of_all_inputs_none_changes_when_one_is_refused(sim, start):
 def test_indices_that_do_not_exist(sim):
     run = Simulation(sim.model)
     for index in (-1, len(sim.inputs)):
-        assert library().am_set_input(run.handle, index, c_double(0.0)) == AM_BAD_INDEX
-        assert library().am_error(run.handle).decode() == f"there is no input {index}"
+        assert load_kernel().am_set_input(run.handle, index, c_double(0.0)) == AM_BAD_INDEX
+        assert load_kernel().am_error(run.handle).decode() == f"there is no input {index}"
     for index in (-1, 10**6):
-        assert library().am_set_parameter(run.handle, index, 0.0) == AM_BAD_INDEX
-        assert library().am_error(run.handle).decode() == f"there is no parameter {index}"
+        assert load_kernel().am_set_parameter(run.handle, index, 0.0) == AM_BAD_INDEX
+        assert load_kernel().am_error(run.handle).decode() == f"there is no parameter {index}"

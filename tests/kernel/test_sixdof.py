@@ -102,7 +102,7 @@ def test_outputs_give_back_the_initial_condition(earth, sim, flown):
     )
     found = {name: y[name] for name in given}
     assert found == pytest.approx(given, rel=1e-12, abs=1e-9)  # height: rounding of 6.4e6 m
-    air_relative = axes.rotation(0.4, -0.2, 2.5).T @ np.array([y["u"], y["v"], y["w"]])
+    air_relative = axes.matrix_from_euler(0.4, -0.2, 2.5).T @ np.array([y["u"], y["v"], y["w"]])
     np.testing.assert_allclose(
         [y["vn"], y["ve"], y["vd"]], air_relative + [12.0, 3.0, -1.0], rtol=1e-10, atol=1e-9
     )
@@ -117,13 +117,13 @@ def empty(make_aircraft, make_tree, **changes) -> flightmech.SimModel:
 
 
 def test_rotational_energy_and_momentum_of_a_tumbling_body(make_aircraft, make_tree, start):
-    from flightmech.aircraft.aircraft import inertia
+    from flightmech.aircraft.aircraft import inertia_tensor
 
     sim = empty(make_aircraft, make_tree)
     run = start(
         sim, init__p=0.3, init__q=-0.8, init__r=0.5, init__V=10.0, init__h=9000.0, mode__step=0.005
     )
-    J, u = inertia(make_aircraft()), np.zeros(len(sim.inputs))
+    J, u = inertia_tensor(make_aircraft()), np.zeros(len(sim.inputs))
     x = np.array([run.state] + [(run.step(0.1 * i, 0.1, u, u), run.state)[1] for i in range(300)])
     w = x[:, 10:13]
     energy = np.einsum("ti,ij,tj->t", w, J, w)

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import flightmech
 from flightmech import air, terms
-from flightmech.aircraft.aircraft import inertia
+from flightmech.aircraft.aircraft import inertia_tensor
 from flightmech.aircraft.engine import EngineDeck
 from flightmech.errors import SimulationError
 from flightmech.simulation.kernel import STATE, Simulation
@@ -115,7 +115,7 @@ def test_static_deck_by_hand(static, flown):
     at = {"corrected_n1": n1 / root, "corrected_n2": n2 / root, "mach": mach}
 
     def of(name: str) -> float:
-        return float(terms.evaluate(STATIC[name], at))
+        return float(terms.evaluate_term(STATIC[name], at))
 
     gross, flow = delta * of("corrected_thrust"), delta / root * of("corrected_air_flow")
     expected = {
@@ -151,7 +151,9 @@ def test_ram_drag_acts_at_the_inlet_against_the_airspeed(compiled, flown, make_a
     moment = np.cross(np.array(deck.inlet) - craft.cg, force)
     np.testing.assert_allclose([y["ax"], y["ay"], y["az"]], force / craft.mass, rtol=1e-12)
     np.testing.assert_allclose(
-        [y["p_dot"], y["q_dot"], y["r_dot"]], np.linalg.solve(inertia(craft), moment), rtol=1e-11
+        [y["p_dot"], y["q_dot"], y["r_dot"]],
+        np.linalg.solve(inertia_tensor(craft), moment),
+        rtol=1e-11,
     )
     assert force @ [y["u"], y["v"], y["w"]] < 0.0  # takes energy away
     assert y["engine1.thrust"] == pytest.approx(-20.0 * 120.0)
@@ -452,7 +454,9 @@ def test_one_engine_failed_yaws_towards_it(compiled, flown, make_aircraft):
     assert (y["engine1.thrust"], y["engine2.thrust"]) == (pytest.approx(4000.0), 0.0)
     moment = np.cross(np.array([0.0, -1.0, 0.0]) - craft.cg, [y["engine1.thrust"], 0.0, 0.0])
     np.testing.assert_allclose(
-        [y["p_dot"], y["q_dot"], y["r_dot"]], np.linalg.solve(inertia(craft), moment), rtol=1e-11
+        [y["p_dot"], y["q_dot"], y["r_dot"]],
+        np.linalg.solve(inertia_tensor(craft), moment),
+        rtol=1e-11,
     )
     assert y["r_dot"] > 0.0  # left engine pushes, right engine is dead
 
@@ -472,14 +476,16 @@ def test_n1_drives(compiled, start):
         assert y["engine1.n1"] == n1
         assert y["engine1.n2"] == pytest.approx(corrected_n2 * theta**0.5, rel=1e-12)
         thrust = float(
-            terms.evaluate(
+            terms.evaluate_term(
                 STATIC["corrected_thrust"], {"corrected_n1": n1 / theta**0.5, "mach": y["mach"]}
             )
         )
         assert y["engine1.gross_thrust"] == pytest.approx(
             thrust * y["p_static"] / 101325.0, rel=1e-12
         )
-        fuel = float(terms.evaluate(STATIC["corrected_fuel_flow"], {"corrected_n2": corrected_n2}))
+        fuel = float(
+            terms.evaluate_term(STATIC["corrected_fuel_flow"], {"corrected_n2": corrected_n2})
+        )
         assert y["engine1.fuel_flow"] == pytest.approx(
             fuel * y["p_static"] / 101325.0 * theta**0.5, rel=1e-12
         )
@@ -507,7 +513,7 @@ def test_rotors_keep_the_angular_momentum(compiled, start, make_aircraft):
         **craft,
     )
     run = start(sim, **STILL, init__p=0.05, init__q=0.3, init__r=-0.2)
-    J = inertia(make_aircraft(**craft))
+    J = inertia_tensor(make_aircraft(**craft))
 
     def momentum(y: dict[str, float]) -> np.ndarray:
         return J @ [y["p"], y["q"], y["r"]] + [

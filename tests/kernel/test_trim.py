@@ -152,7 +152,7 @@ def test_the_residual_is_a_least_squares_minimum(sim):
         }
         z = flightmech.trim(sim, held)
         a = np.array([float(z[k]) for k in ("ax", "ay", "az")])
-        C = flightmech.axes.rotation(float(z["phi"]), float(z["theta"]), float(z["psi"]))
+        C = flightmech.axes.matrix_from_euler(float(z["phi"]), float(z["theta"]), float(z["psi"]))
         gravity = C @ [0.0, 0.0, 9.80665]
         found = np.concatenate([a + gravity, [float(z[k]) for k in ("p_dot", "q_dot", "r_dot")]])
         assert np.linalg.norm(weight * found) > best

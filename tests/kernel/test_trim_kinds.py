@@ -90,7 +90,7 @@ def solution(found: xr.Dataset) -> dict[str, float]:
 
 def earth_force(y: dict[str, float]) -> np.ndarray:
     """Specific force in axes along the horizontal track, to its right, and down."""
-    turned = axes.rotation(y["phi"], y["theta"], y["psi"]).T @ [y["ax"], y["ay"], y["az"]]
+    turned = axes.matrix_from_euler(y["phi"], y["theta"], y["psi"]).T @ [y["ax"], y["ay"], y["az"]]
     track = np.arctan2(y["ve"], y["vn"])
     return (
         np.array(
@@ -183,7 +183,7 @@ def test_force_and_acceleration_of_the_path(kind, fixed, sim):
     if kind == "turn":
         assert y["beta" if "beta" in fixed else "ay"] == near(0.0)
         assert (y["p"], y["q"], y["r"]) == near(
-            tuple(rate_of_turn(y) * axes.rotation(y["phi"], y["theta"], 0.0)[:, 2])
+            tuple(rate_of_turn(y) * axes.matrix_from_euler(y["phi"], y["theta"], 0.0)[:, 2])
         )  # theta and phi stand still
 
 

@@ -102,7 +102,7 @@ def eliminated(library: ctypes.CDLL, monkeypatch) -> list[bytes]:
     """Sums of steps and readings with ten constants, and what their elimination leaves, by one
     library.
     """
-    monkeypatch.setattr("flightmech.simulation.normal_sums.library", lambda: library)
+    monkeypatch.setattr("flightmech.simulation.normal_sums.load_kernel", lambda: library)
     for name in ("am_add_residuals", "am_eliminate", "am_substitute"):
         getattr(library, name).restype, getattr(library, name).argtypes = _SIGNATURES[name]
     rng = np.random.default_rng(6)

@@ -267,7 +267,7 @@ def trainer():
 def judged():
     """Judge the rows of a test on signals made by hand; returns the verdict rows by criterion."""
     from pom.cases.case import CaseInputs, PomCase
-    from pom.judging.verdict import judge, row, settle_case
+    from pom.judging.verdict import judge_criterion, settle_case, verdict_row
     from pom.tolerances import rows as table
 
     def judge_rows(
@@ -282,15 +282,15 @@ def judged():
         **more,
     ):
         events, features = more.get("events", {}), more.get("features", ())
-        found = table.rows_of(id, standard, edition)
+        found = table.rows_of_test(id, standard, edition)
         criteria = []
         for item, name in zip(found, table.names_of(found), strict=True):
-            marks = {event: time[0] for event in table.events()} | events
+            marks = {event: time[0] for event in table.window_events()} | events
             ends = zip(("applies_from", "applies_to"), window or (time[0], time[-1]), strict=True)
             start, stop = (float(table.bound_time(item[key], marks, end)) for key, end in ends)
             inside = (max(start, time[0]), min(stop, time[-1]))
             criteria.append(
-                table.criterion(item, name, inside, features, engine_parameter="engine1.n1")
+                table.make_criterion(item, name, inside, features, engine_parameter="engine1.n1")
             )
         drive = drive or CaseInputs("cockpit", "throttle")
         case = PomCase(
@@ -307,6 +307,9 @@ def judged():
             **more,
         )
         case = settle_case(case, time, flight)
-        return {c.name: row("m", c, judge(case, c, time, flight, model)) for c in case.criteria}
+        return {
+            c.name: verdict_row("m", c, judge_criterion(case, c, time, flight, model))
+            for c in case.criteria
+        }
 
     return judge_rows

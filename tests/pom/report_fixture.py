@@ -9,8 +9,8 @@ import xarray as xr
 from flightmech import terms
 from pom.cases.case import PomCase
 from pom.diagnosis.tuning.tuning_log import KIND
-from pom.result import PomResult, verdict_table
-from pom.tolerances.bands import RowRemark, reasons
+from pom.result import PomResult, make_verdict_table
+from pom.tolerances.bands import RowRemark, reason_remarks
 from pom.tolerances.criteria import Band, Criterion, Limit
 
 STANDARD, EDITION = "FAA 14 CFR Part 60 App A Table A2A", "2014-01-01"
@@ -83,7 +83,9 @@ def judge(case, data, runs):
                 window_stop=c.window[1], tolerance_text=c.band.text, width=np.nanmin(half) / factor, unit=unit, provenance=c.provenance,
             )  # fmt: skip
             if not np.isfinite(error).all():
-                rows.append({**row, "verdict": "invalid", "remarks": reasons("no finite response")})
+                rows.append(
+                    {**row, "verdict": "invalid", "remarks": reason_remarks("no finite response")}
+                )
                 continue
             ratio = np.abs(error) / half
             k = int(np.nanargmax(ratio))
@@ -100,7 +102,7 @@ def judge(case, data, runs):
                     "remarks": (RowRemark("row", c.note),) if c.note else (),
                 }
             )
-    return xr.Dataset(tolerance, {"time": time}), verdict_table(rows)
+    return xr.Dataset(tolerance, {"time": time}), make_verdict_table(rows)
 
 
 def criterion(name, channel, group, window, *limits, provenance="verified", note=""):
@@ -519,7 +521,7 @@ def column_sweep_result():
         xr.Dataset(coords={"time": time}),
         inputs,
         trim(RUNS),
-        verdict_table(rows),
+        make_verdict_table(rows),
     )
 
 

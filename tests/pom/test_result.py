@@ -5,7 +5,7 @@ import xarray as xr
 
 from flightmech.errors import UnknownName
 from pom.cases.case import PomCase
-from pom.result import PomResult, verdict_table
+from pom.result import PomResult, make_verdict_table
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.criteria import Band, Criterion, Limit
 
@@ -35,7 +35,7 @@ def result(rows, criteria):
         trim=pd.DataFrame(
             {"flight": [0.1], "a": [0.11]}, index=pd.Index(["alpha"], name="quantity")
         ),
-        verdict=verdict_table(
+        verdict=make_verdict_table(
             [
                 {"run": "a", "criterion": c, "group": g, "verdict": v, "worst_ratio": x}
                 for c, g, v, x in rows
@@ -107,7 +107,7 @@ def test_remarks_there_and_back_and_the_note_of_an_older_file():
         "values": {"flight": 6.2},
         "unit": "1",
     }
-    table = verdict_table(
+    table = make_verdict_table(
         [
             {"run": "a", "remarks": [remark]},
             {"run": "a", "note": "the model: no oscillation"},

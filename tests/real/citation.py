@@ -17,7 +17,7 @@ import aerodb
 import flightmech
 import flighttest
 from flightmech import terms
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flighttest.flight_programme.evaluation.flight_evaluation import add_computed_mass
 from flighttest.flight_programme.evaluation.plan import read_plan
 
@@ -90,7 +90,9 @@ def record(year):
         plan(year).thrust,
     )
     data = found["computed"].to_dataset()
-    up = xr.zeros_like(data["mass"]).assign_attrs(attrs("delta_f"))  # flaps up in all manoeuvres
+    up = xr.zeros_like(data["mass"]).assign_attrs(
+        quantity_attributes("delta_f")
+    )  # flaps up in all manoeuvres
     return found.assign({"computed": xr.DataTree(data.assign(delta_f=up))})
 
 

@@ -42,8 +42,8 @@ DERIVATIVES = {
 def table(db, name, **conditions):
     """Return the table of a term without its regressor."""
     leaf = db[name].to_dataset()
-    regressor = dict.fromkeys(terms.regressors(leaf), 1.0)
-    return float(terms.evaluate(leaf, {**POINT, **regressor, **conditions}))
+    regressor = dict.fromkeys(terms.list_regressors(leaf), 1.0)
+    return float(terms.evaluate_term(leaf, {**POINT, **regressor, **conditions}))
 
 
 @pytest.mark.slow

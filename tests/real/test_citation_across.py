@@ -15,9 +15,9 @@ import aerodb
 import flightmech
 import flighttest
 import pom
-from flighttest.maximum_likelihood.fit_job import perform
+from flighttest.maximum_likelihood.fit_job import perform_fit_job
 from flighttest.maximum_likelihood.specification import read_specification
-from pom.tolerances.bands import text_of
+from pom.tolerances.bands import remarks_text
 
 pytestmark = [
     pytest.mark.slow,
@@ -81,7 +81,7 @@ def fits(citation, ce500_db, folder):
             flighttest.reconstruction.save_path(path, folder / str(year) / f"path_{motion}.nc")
         for step in ("pitch", "side"):
             shutil.copy(citation.HERE / "maps" / f"fit_{step}_{year}.toml", folder)
-            done = perform(read_specification(folder / f"fit_{step}_{year}.toml"))
+            done = perform_fit_job(read_specification(folder / f"fit_{step}_{year}.toml"))
             assert (
                 done.fit.warnings == ()
             )  # what the residuals of several outputs share moves the estimates by less than 2 % of the motion
@@ -207,7 +207,7 @@ def test_without_a_pilot_the_models_leave_the_phugoid_in_a_turn(citation, models
         ]
         noted = (
             table["remarks"]
-            .map(text_of)
+            .map(remarks_text)
             .str.contains("bank of the model up to .* deg off the flight's, a turn and no phugoid")
         )
         assert noted.all() if not drive else not noted.any()

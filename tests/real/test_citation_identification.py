@@ -152,7 +152,7 @@ def prior(citation, ce500_db):
 
 
 def lift_slope(db):
-    CL = terms.evaluate(
+    CL = terms.evaluate_term(
         db["CL/basic"].to_dataset(), {"alpha": ALPHAS, "mach": np.full(ALPHAS.size, 0.27)}
     )
     return np.polyfit(ALPHAS, CL, 1)[0]

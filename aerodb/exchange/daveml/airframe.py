@@ -14,12 +14,12 @@ import xarray as xr
 from aerodb.exchange.daveml import polynomials
 from aerodb.exchange.daveml.document.model import DaveModel, DaveVariable
 from aerodb.exchange.daveml.document.reading import read
-from aerodb.exchange.daveml.expansion import expand
-from aerodb.exchange.daveml.vocabulary import conversion, quantity_of
+from aerodb.exchange.daveml.expansion import expand_variables
+from aerodb.exchange.daveml.vocabulary import file_unit_conversion, quantity_of
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.engine import THRUST_AXES, Engine
 from flightmech.errors import SchemaError
-from flightmech.terms import evaluate, make_term
+from flightmech.terms import evaluate_term, make_term
 
 _NAMES = {  # of S-119, in addition to those of the vocabulary
     "bodyProductOfInertia_ZX": "Ixz",
@@ -138,7 +138,7 @@ def _mass_properties(model: DaveModel, inputs: Mapping[str, float]) -> dict[str,
     values = model.evaluate({varID: value for varID, value in given.items() if value is not None})
     found = dict.fromkeys(_MASS, 0.0)
     for quantity, varID in places.items():
-        factor, offset = conversion(model.variables[varID], quantity)
+        factor, offset = file_unit_conversion(model.variables[varID], quantity)
         found[quantity] = (float(values[varID]) - offset) / factor
     return found
 
@@ -158,12 +158,15 @@ def _thrust(model: DaveModel) -> xr.Dataset:
     if problems:
         raise SchemaError(model.file, problems)
     scales = {
-        quantity: (varID, *conversion(model.variables[varID], quantity))
+        quantity: (varID, *file_unit_conversion(model.variables[varID], quantity))
         for varID, quantity in mine.items()
     }
-    sums, reasons = expand(
+    sums, reasons = expand_variables(
         model,
-        {varID: polynomials.variable(name, f, o) for name, (varID, f, o) in scales.items()},
+        {
+            varID: polynomials.make_variable_sum(name, f, o)
+            for name, (varID, f, o) in scales.items()
+        },
         {},
     )
     if outputs[0] not in sums:
@@ -213,7 +216,7 @@ def _forces(
                 f"in the aircraft file"
             ],
         )
-    factor, offset = conversion(model.variables[varID], "thrust")
+    factor, offset = file_unit_conversion(model.variables[varID], "thrust")
     return (np.broadcast_to(values[varID], first.shape) - offset) / factor
 
 
@@ -228,7 +231,7 @@ def _prove(
     draw = np.random.default_rng(0)
     at = {name: draw.uniform(points[0], points[-1], _PROOFS) for name, points in axes.items()}
     expected = _forces(model, scales, varID, at)
-    apart = np.abs(evaluate(leaf, at) - expected).max()
+    apart = np.abs(evaluate_term(leaf, at) - expected).max()
     if apart > _ROUNDING * np.abs(expected).max():
         raise SchemaError(
             model.file,

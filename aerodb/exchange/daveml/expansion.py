@@ -21,7 +21,7 @@ from aerodb.exchange.daveml.vocabulary import REDUCED, VALUE
 _TURNED = {"lt": "gt", "gt": "lt", "leq": "geq", "geq": "leq"}
 
 
-def expand(
+def expand_variables(
     model: DaveModel, inputs: Mapping[str, Sum], lengths: Mapping[str, float]
 ) -> tuple[dict[str, Sum], dict[str, str]]:
     """Expand every variable of a model.
@@ -125,12 +125,12 @@ def _approximated(expression: mathml.Expression, of: _Approximation, weight: flo
 def _product(factors: list[mathml.Expression], of: _Approximation, weight: float) -> Sum:
     """Return a product whose exact factors stay exact."""
     found = [_exact(factor, of) for factor in factors]
-    product = polynomials.constant(1.0)
+    product = polynomials.make_constant_sum(1.0)
     for one in found:
-        product = product if one is None else polynomials.multiply(product, one)
+        product = product if one is None else polynomials.multiply_sums(product, one)
     for factor, one in zip(factors, found, strict=True):
         if one is None:
-            product = polynomials.multiply(
+            product = polynomials.multiply_sums(
                 product, _approximated(factor, of, weight * of.sampler.magnitude(product))
             )
     return product
@@ -198,10 +198,10 @@ def _variable(
         )
     stderr = node_standard_errors(variable.uncertainty, np.asarray(variable.initial))
     if stderr is not None or variable.name.endswith(VALUE):
-        return polynomials.table(
+        return polynomials.make_table_sum(
             MultilinearTable((), np.asarray(variable.initial), stderr, varID, -1)
         )
-    return polynomials.constant(variable.initial)
+    return polynomials.make_constant_sum(variable.initial)
 
 
 def _limited(one: Sum, variable: DaveVariable) -> Sum:
@@ -210,10 +210,10 @@ def _limited(one: Sum, variable: DaveVariable) -> Sum:
         return one
     value = one.constant
     if value is not None:
-        return polynomials.constant(float(np.clip(value, variable.low, variable.high)))
+        return polynomials.make_constant_sum(float(np.clip(value, variable.low, variable.high)))
     try:
         return polynomials.apply_piecewise_linear(
-            piecewise_linear.limiter(variable.low, variable.high), one, variable.varID
+            piecewise_linear.make_limiter(variable.low, variable.high), one, variable.varID
         )
     except Inexact as error:
         raise Inexact(
@@ -259,7 +259,7 @@ class _Lookup:
 
 def _expression(expression: mathml.Expression, known: _Lookup) -> Sum:
     if isinstance(expression, mathml.MathNumber):
-        return polynomials.constant(expression.value)
+        return polynomials.make_constant_sum(expression.value)
     if isinstance(expression, mathml.Name):
         return known[expression.varID]
     if isinstance(expression, mathml.Choice):
@@ -275,38 +275,40 @@ def _expression(expression: mathml.Expression, known: _Lookup) -> Sum:
             )
         if not np.isfinite(value):
             raise Inexact(f"{expression.operator} of numbers gives {value}")
-        return polynomials.constant(value)
+        return polynomials.make_constant_sum(value)
     return _operation(expression.operator, arguments)
 
 
 def _operation(operator: str, arguments: list[Sum]) -> Sum:
     first, rest = arguments[0], arguments[1:]
     if operator == "plus":
-        return polynomials.add(arguments)
+        return polynomials.add_sums(arguments)
     if operator == "minus":
         return (
-            polynomials.add([first, *(polynomials.scale(one, -1.0) for one in rest)])
+            polynomials.add_sums([first, *(polynomials.scale_sum(one, -1.0) for one in rest)])
             if rest
-            else polynomials.scale(first, -1.0)
+            else polynomials.scale_sum(first, -1.0)
         )
     if operator == "times":
         for one in rest:
-            first = polynomials.multiply(first, one)
+            first = polynomials.multiply_sums(first, one)
         return first
     if operator in ("divide", "quotient"):
-        return polynomials.multiply(first, polynomials.inverse(rest[0]))
+        return polynomials.multiply_sums(first, polynomials.invert_sum(rest[0]))
     if operator == "power" and rest[0].constant is not None:
-        return polynomials.power(first, rest[0].constant)
+        return polynomials.power_of_sum(first, rest[0].constant)
     if operator == "abs":
         return polynomials.apply_piecewise_linear(piecewise_linear.ABS, first)
     if operator in ("max", "min"):
         sign = 1.0 if operator == "max" else -1.0
         for one in rest:  # max(a, b) = a + max(b - a, 0), min(a, b) = a - max(a - b, 0)
-            gap = polynomials.scale(polynomials.add([one, polynomials.scale(first, -1.0)]), sign)
-            first = polynomials.add(
+            gap = polynomials.scale_sum(
+                polynomials.add_sums([one, polynomials.scale_sum(first, -1.0)]), sign
+            )
+            first = polynomials.add_sums(
                 [
                     first,
-                    polynomials.scale(
+                    polynomials.scale_sum(
                         polynomials.apply_piecewise_linear(piecewise_linear.POSITIVE, gap), sign
                     ),
                 ]
@@ -332,9 +334,11 @@ def _choice(choice: mathml.Choice, known: _Lookup) -> Sum:
             result = _expression(value, known)
         elif held is not False:
             name, at, below = held
-            gap = polynomials.add([_expression(value, known), polynomials.scale(result, -1.0)])
+            gap = polynomials.add_sums(
+                [_expression(value, known), polynomials.scale_sum(result, -1.0)]
+            )
             result = polynomials.merge_tables(
-                polynomials.add([result, polynomials.restrict_side(gap, name, at, below)])
+                polynomials.add_sums([result, polynomials.restrict_sum(gap, name, at, below)])
             )
     return result
 
@@ -353,7 +357,7 @@ def _condition(condition: mathml.Expression, known: _Lookup) -> bool | tuple[str
             raise Inexact("a condition that is no comparison by lt, gt, leq or geq")
         return value != 0.0
     one, other = (_expression(argument, known) for argument in condition.arguments)
-    gap = polynomials.add([one, polynomials.scale(other, -1.0)])
+    gap = polynomials.add_sums([one, polynomials.scale_sum(other, -1.0)])
     name, function = polynomials.as_piecewise_linear(gap)
     if not name:
         return bool(
@@ -393,7 +397,7 @@ def _function(function: DaveFunction, known: _Lookup) -> Sum:
             raise Inexact(f"two of its inputs depend on {name}")
         made, values, stderr = _axis(axis, name, inner, values, stderr, index)
         axes = [*made, *axes]
-    return polynomials.table(
+    return polynomials.make_table_sum(
         MultilinearTable(tuple(axes), values, stderr, function.output, function.place)
     )
 
@@ -411,8 +415,8 @@ def _axis(
     """
     if name and inner.is_line and not _limits(axis):
         return _straight(axis, name, inner, values, stderr, index)
-    limiter = piecewise_linear.limiter(axis.low, axis.high)
-    argument = piecewise_linear.compose(limiter, inner) if _limits(axis) else inner
+    limiter = piecewise_linear.make_limiter(axis.low, axis.high)
+    argument = piecewise_linear.compose_functions(limiter, inner) if _limits(axis) else inner
     plain = (GridAxis("", axis.points, axis.open_low, axis.open_high),)
     front = [None if item is None else np.moveaxis(item, index, 0) for item in (values, stderr)]
     along = [
@@ -425,7 +429,7 @@ def _axis(
         picked = [None if one is None else one(at)[0] for one in along]
         return (), picked[0], None if picked[1] is None else np.abs(picked[1])
     points, table, low, high = piecewise_linear.as_axis(
-        piecewise_linear.compose(along[0], argument)
+        piecewise_linear.compose_functions(along[0], argument)
     )
     spread_there = (
         None if along[1] is None else np.moveaxis(np.abs(along[1](argument(points))), 0, index)

@@ -13,15 +13,15 @@ from aerodb.exchange.daveml.document.units import code_of
 from aerodb.exchange.daveml.vocabulary import REDUCED, STORED, replace_illegal_characters
 from aerodb.store.evaluation import contributions
 from aerodb.store.schema import FORCE_AXES, terms
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.support.netcdf_trees import CHECKS
-from flightmech.terms import variables
+from flightmech.terms import list_model_variables
 
 _STEP = "  "
 _ROW = 8  # numbers in a line
 
 
-def element(
+def element_lines(
     tag: str, attributes: Mapping[str, str] | None = None, inside: Sequence[str] | str | None = None
 ) -> list[str]:
     """Return an element as lines; `inside` is its text, or the lines of its children."""
@@ -37,7 +37,7 @@ def element(
     return [f"<{head}>", *(_STEP + line for line in inside), f"</{tag}>"]
 
 
-def text(tag: str, content: str) -> list[str]:
+def text_element_lines(tag: str, content: str) -> list[str]:
     """Return an element of several lines of text, each at the margin; nothing for no text."""
     return (
         [f"<{tag}>", *escape(replace_illegal_characters(content)).split("\n"), f"</{tag}>"]
@@ -46,7 +46,7 @@ def text(tag: str, content: str) -> list[str]:
     )
 
 
-def numbers(values: np.ndarray) -> list[str]:
+def number_lines(values: np.ndarray) -> list[str]:
     """Return an array as lines of comma-separated numbers in C order, a new line for each row;
     every number is exact.
     """
@@ -70,22 +70,22 @@ _RANGES = {  # of what no table covers, by name, then by unit
 }  # fmt: skip
 
 
-def needed_inputs(leaves: Iterable[xr.Dataset]) -> list[str]:
+def required_variables(leaves: Iterable[xr.Dataset]) -> list[str]:
     """Return the model variables of the terms, by name."""
-    return sorted(set().union(*(variables(leaf) for leaf in leaves)))
+    return sorted(set().union(*(list_model_variables(leaf) for leaf in leaves)))
 
 
-def ranges(leaves: Iterable[xr.Dataset], limits: Limits) -> dict[str, tuple[float, float]]:
+def variable_ranges(leaves: Iterable[xr.Dataset], limits: Limits) -> dict[str, tuple[float, float]]:
     """Return the range (low, high) of each variable: of the control, of the tables that have it as
     an axis, or a usual one. [SI]
     """
     leaves = list(leaves)
     found: dict[str, tuple[float, float]] = {}
-    for name in needed_inputs(leaves):
+    for name in required_variables(leaves):
         tables = [
             leaf[name].values for leaf in leaves if name in leaf.dims and leaf.sizes[name] > 1
         ]
-        row = lookup(name)
+        row = lookup_quantity(name)
         if name in limits:
             found[name] = limits[name]
         elif tables:
@@ -106,11 +106,11 @@ def ranges(leaves: Iterable[xr.Dataset], limits: Limits) -> dict[str, tuple[floa
 
 def typical_size(name: str) -> float:
     """Return the usual largest size of a variable. [SI]"""
-    row = lookup(name)
+    row = lookup_quantity(name)
     return max(map(abs, _RANGES.get(row.name, _RANGES.get(row.units, (-1.0, 1.0)))))
 
 
-def draw(
+def draw_check_states(
     leaves: Iterable[xr.Dataset], count: int, beyond: float, limits: Limits | None = None
 ) -> dict[str, np.ndarray]:
     """Return states (count,) by variable, a Latin hypercube over the ranges extended by a share of
@@ -118,7 +118,7 @@ def draw(
     """
     random = np.random.default_rng(SEED)
     states = {}
-    for name, (low, high) in ranges(leaves, limits or {}).items():
+    for name, (low, high) in variable_ranges(leaves, limits or {}).items():
         places = (random.permutation(count) + random.random(count)) / count
         margin = beyond * (high - low)
         states[name] = low - margin + places * (high - low + 2.0 * margin)
@@ -185,8 +185,8 @@ def draw_check_cases(
 ) -> list[CheckShot]:
     """Return check cases spread over the tables, every second one to 15 % beyond them."""
     leaves = list(terms(db).values())
-    inside = draw(leaves, count, 0.0, limits)
-    beyond = draw(leaves, count, BEYOND, limits)
+    inside = draw_check_states(leaves, count, 0.0, limits)
+    beyond = draw_check_states(leaves, count, BEYOND, limits)
     states = {name: np.where(np.arange(count) % 2, beyond[name], inside[name]) for name in inside}
     names = [
         f"{i + 1:02d} {'inside or beyond' if i % 2 else 'inside'} the tables" for i in range(count)
@@ -203,7 +203,7 @@ def read_stored_cases(db: xr.DataTree) -> list[CheckShot]:
     if CHECKS not in db.children:
         return []
     table = db.children[CHECKS].to_dataset(inherit=False)
-    needed = needed_inputs(terms(db).values())
+    needed = required_variables(terms(db).values())
     if "case" not in table.dims or not all(
         name in table and table[name].dims == ("case",) for name in needed
     ):
@@ -236,11 +236,11 @@ def shot_lines(case: CheckShot, term_ids: Mapping[str, str], inputs: Sequence[st
         for line in _signal(_labels(name), value, tolerance)
     ]
     inside = [
-        *(element("checkInputs", {}, given) if given else []),
-        *element("internalValues", {}, internal),
+        *(element_lines("checkInputs", {}, given) if given else []),
+        *element_lines("internalValues", {}, internal),
     ]
-    return element(
-        "staticShot", {"name": case.name}, [*inside, *element("checkOutputs", {}, found)]
+    return element_lines(
+        "staticShot", {"name": case.name}, [*inside, *element_lines("checkOutputs", {}, found)]
     )
 
 
@@ -308,19 +308,19 @@ def _as_stored(case: CheckShot, table: xr.Dataset, index: int) -> CheckShot | No
 
 def standard_name(quantity: str) -> str:
     """Return the S-119 name of a quantity, or ``""``; that of one engine among several has none."""
-    row = lookup(quantity)
+    row = lookup_quantity(quantity)
     return row.s119 if row.name == quantity else ""
 
 
 def _labels(quantity: str) -> dict[str, str]:
     return {
         "signalName": standard_name(quantity) or quantity,
-        "signalUnits": code_of(lookup(quantity).units),
+        "signalUnits": code_of(lookup_quantity(quantity).units),
     }
 
 
 def _signal(labels: Mapping[str, str], value: float, tolerance: float | None = None) -> list[str]:
-    inside = [line for tag, content in labels.items() for line in element(tag, {}, content)]
-    inside += element("signalValue", {}, repr(value))
-    inside += [] if tolerance is None else element("tol", {}, f"{tolerance:.2g}")
-    return element("signal", {}, inside)
+    inside = [line for tag, content in labels.items() for line in element_lines(tag, {}, content)]
+    inside += element_lines("signalValue", {}, repr(value))
+    inside += [] if tolerance is None else element_lines("tol", {}, f"{tolerance:.2g}")
+    return element_lines("signal", {}, inside)

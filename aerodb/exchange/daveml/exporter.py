@@ -22,21 +22,21 @@ from aerodb.exchange.daveml.export_checks import (
     SIZES,
     CheckShot,
     draw_check_cases,
-    element,
+    element_lines,
     exported_coefficients,
-    numbers,
+    number_lines,
     read_stored_cases,
     shot_lines,
     standard_name,
-    text,
+    text_element_lines,
 )
 from aerodb.exchange.daveml.vocabulary import REDUCED, VALUE, WRITER, pack_attributes, source_runs
-from aerodb.store.schema import require, terms
+from aerodb.store.schema import require_valid, terms
 from flightmech.build_up import used_coefficients
 from flightmech.errors import SchemaError
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.support.atomic_write import write_text
-from flightmech.terms import power, regressors
+from flightmech.terms import list_regressors, power_factor
 
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
@@ -83,7 +83,7 @@ def export_daveml(
         A database with faults, one of another aircraft, or a term with a power factor or one that
         depends on a coefficient, such as ``CL``.
     """
-    require(db)
+    require_valid(db)
     if shots < 1:
         raise ValueError(f"shots is {shots}; a file has at least one")
     _demand_tables(db)
@@ -92,16 +92,16 @@ def export_daveml(
     limits = aircraft.limits if aircraft is not None else {}
     writer = _Writer(db)
     cases = [*draw_check_cases(db, shots, limits), *read_stored_cases(db)]
-    lines = [_HEAD, *element("DAVEfunc", {"xmlns": _NAMESPACE}, writer.lines(cases))]
+    lines = [_HEAD, *element_lines("DAVEfunc", {"xmlns": _NAMESPACE}, writer.lines(cases))]
     write_text(path, "\n".join(lines) + "\n")
 
 
 def _demand_tables(db: xr.DataTree) -> None:
     problems = []
     for name, leaf in terms(db).items():
-        if power(leaf) is not None:
+        if power_factor(leaf) is not None:
             problems.append(
-                f"{name}: the factor {power(leaf)} is a formula, and the file takes tables; "
+                f"{name}: the factor {power_factor(leaf)} is a formula, and the file takes tables; "
                 "make it one first (aerodb.transform.with_height_table)"
             )
         for word in sorted(used_coefficients(leaf)):
@@ -147,14 +147,14 @@ class _Writer:
         rates = [
             line
             for name in REDUCED
-            if name in sample_states.needed_inputs(self.leaves.values())
+            if name in sample_states.required_variables(self.leaves.values())
             for line in self._reduced(name)
         ]
         for name, leaf in self.leaves.items():
             self.term_ids[name] = self._id(name.replace("/", "_"))
             self._term(name, leaf)
         sums = [line for name in exported_coefficients(self.db) for line in self._total(name)]
-        checks = element(
+        checks = element_lines(
             "checkData",
             {},
             [line for case in cases for line in shot_lines(case, self.term_ids, self._inputs())],
@@ -175,7 +175,7 @@ class _Writer:
         return found
 
     def _author(self) -> list[str]:
-        return element("author", {"name": WRITER, "org": "-"})
+        return element_lines("author", {"name": WRITER, "org": "-"})
 
     def _header(self) -> list[str]:
         attributes = {str(key): item for key, item in self.db.attrs.items()}
@@ -188,9 +188,9 @@ class _Writer:
         history = [line for line in str(attributes.get("history", "")).split("\n") if line]
         inside = [
             *self._author(),
-            *element("creationDate", {"date": self.today}),
-            *element("fileVersion", {}, f"{WRITER} {version('aeromatch')}"),
-            *text("description", pack_attributes(texts)),
+            *element_lines("creationDate", {"date": self.today}),
+            *element_lines("fileVersion", {}, f"{WRITER} {version('aeromatch')}"),
+            *text_element_lines("description", pack_attributes(texts)),
             *(
                 line
                 for i, title in enumerate(documents, 1)
@@ -202,33 +202,35 @@ class _Writer:
                 for line in self._modification(_letters(i), entry)
             ),
         ]
-        return element("fileHeader", {"name": str(attributes["title"])}, inside)
+        return element_lines("fileHeader", {"name": str(attributes["title"])}, inside)
 
     def _provenance(self) -> list[str]:
         """Return who made a function and when, which the standard demands; in full, since not every
         reader follows a reference.
         """
-        return element(
-            "provenance", {}, [*self._author(), *element("creationDate", {"date": self.today})]
+        return element_lines(
+            "provenance",
+            {},
+            [*self._author(), *element_lines("creationDate", {"date": self.today})],
         )
 
     def _reference(self, key: str, title: str) -> list[str]:
         dates = re.findall(r"(?:19|20)\d\d(?:-\d\d(?:-\d\d)?)?", title)
-        return element(
+        return element_lines(
             "reference",
             {"refID": key, "author": "-", "title": title, "date": dates[-1] if dates else "-"},
         )
 
     def _modification(self, key: str, entry: str) -> list[str]:
         found = re.search(r"\d{4}-\d\d-\d\d", entry)
-        inside = [*self._author(), *text("description", entry)]
-        return element(
+        inside = [*self._author(), *text_element_lines("description", entry)]
+        return element_lines(
             "modificationRecord", {"modID": key, "date": found[0] if found else self.today}, inside
         )
 
     def _inputs(self) -> list[str]:
         """Return the variables a user of the file must give, in SI."""
-        needed = sample_states.needed_inputs(self.leaves.values())
+        needed = sample_states.required_variables(self.leaves.values())
         rates = [REDUCED[name][0] for name in needed if name in REDUCED]
         plain = [name for name in needed if name not in REDUCED]
         return sorted({*plain, *rates, *(["V"] if rates else [])})
@@ -244,10 +246,10 @@ class _Writer:
         if name in SIZES:
             return self._variable(name, name, value, ["<isOutput/>"])
         properties = {"name": name, "varID": name, "units": "m", **value}
-        return element(
+        return element_lines(
             "variableDef",
             properties,
-            element(
+            element_lines(
                 "description", {}, f"moment reference point from the drawing datum, body {name[0]}"
             ),
         )
@@ -267,7 +269,7 @@ class _Writer:
     def _variable(
         self, varID: str, quantity: str, more: Mapping[str, str], inside: list[str]
     ) -> list[str]:
-        row, name = lookup(quantity), standard_name(quantity)
+        row, name = lookup_quantity(quantity), standard_name(quantity)
         properties = {
             "name": name or quantity,
             "varID": varID,
@@ -276,8 +278,10 @@ class _Writer:
             **more,
         }
         flags = ["<isStdAIAA/>"] if name else []
-        return element(
-            "variableDef", properties, [*element("description", {}, row.long_name), *inside, *flags]
+        return element_lines(
+            "variableDef",
+            properties,
+            [*element_lines("description", {}, row.long_name), *inside, *flags],
         )
 
     def _total(self, coefficient: str) -> list[str]:
@@ -302,7 +306,7 @@ class _Writer:
         factors: list[Expression] = []
         for key in (key for key in _TABLES if key in leaf):
             factors.append(Name(self._table_variable(name, key, leaf)))
-        factors += [Name(word) for word in regressors(leaf)]
+        factors += [Name(word) for word in list_regressors(leaf)]
         product = _calculation(Apply("times", tuple(factors)))
         texts = {
             str(key): item
@@ -312,8 +316,10 @@ class _Writer:
         if "source" in leaf:
             texts["source"] = source_runs(leaf["source"].values)
         properties = {"name": name, "varID": self.term_ids[name], "units": "nd"}
-        self.term_lines += element(
-            "variableDef", properties, [*text("description", pack_attributes(texts)), *product]
+        self.term_lines += element_lines(
+            "variableDef",
+            properties,
+            [*text_element_lines("description", pack_attributes(texts)), *product],
         )
 
     def _table_variable(self, name: str, key: str, leaf: xr.Dataset) -> str:
@@ -325,11 +331,11 @@ class _Writer:
         properties = {"name": label, "varID": varID, "units": "nd"}
         if table.ndim == 0:
             spread = [] if stderr is None else _uncertainty([repr(float(stderr))])
-            self.term_lines += element(
+            self.term_lines += element_lines(
                 "variableDef", {**properties, "initialValue": repr(float(table))}, spread
             )
             return varID
-        self.term_lines += element("variableDef", properties)
+        self.term_lines += element_lines("variableDef", properties)
         self._function(
             label,
             varID,
@@ -351,19 +357,19 @@ class _Writer:
         references = [
             line
             for axis in table.dims
-            for line in element("independentVarRef", {"varID": str(axis), **rules})
+            for line in element_lines("independentVarRef", {"varID": str(axis), **rules})
         ]
         inside = [
             *self._provenance(),
             *references,
-            *element("dependentVarRef", {"varID": varID}),
-            *element(
+            *element_lines("dependentVarRef", {"varID": varID}),
+            *element_lines(
                 "functionDefn",
                 {"name": f"{varID}_fn"},
-                element("griddedTableRef", {"gtID": self._table(name, table, stderr)}),
+                element_lines("griddedTableRef", {"gtID": self._table(name, table, stderr)}),
             ),
         ]
-        self.function_lines += element("function", {"name": name}, inside)
+        self.function_lines += element_lines("function", {"name": name}, inside)
 
     def _table(self, name: str, table: xr.DataArray, stderr: xr.DataArray | None) -> str:
         """Return the gtID of a table, written unless an equal one was."""
@@ -376,18 +382,20 @@ class _Writer:
             uncertainty = (
                 []
                 if stderr is None
-                else _uncertainty(element("dataTable", {}, numbers(stderr.values.astype(float))))
+                else _uncertainty(
+                    element_lines("dataTable", {}, number_lines(stderr.values.astype(float)))
+                )
             )
             inside = [
-                *element(
+                *element_lines(
                     "breakpointRefs",
                     {},
-                    [line for point in points for line in element("bpRef", {"bpID": point})],
+                    [line for point in points for line in element_lines("bpRef", {"bpID": point})],
                 ),
                 *uncertainty,
-                *element("dataTable", {}, numbers(values)),
+                *element_lines("dataTable", {}, number_lines(values)),
             ]
-            self.table_lines += element(
+            self.table_lines += element_lines(
                 "griddedTableDef", {"name": name, "gtID": self.tables[key], "units": "nd"}, inside
             )
         return self.tables[key]
@@ -399,29 +407,31 @@ class _Writer:
             self.breakpoints[key] = self._id(
                 f"B{len(self.breakpoints) + 1}_{axis.replace('.', '_')}"
             )
-            row = lookup(axis)
+            row = lookup_quantity(axis)
             inside = [
-                *element("description", {}, row.long_name),
-                *element("bpVals", {}, numbers(points)),
+                *element_lines("description", {}, row.long_name),
+                *element_lines("bpVals", {}, number_lines(points)),
             ]
             properties = {"name": axis, "bpID": self.breakpoints[key], "units": code_of(row.units)}
-            self.breakpoint_lines += element("breakpointDef", properties, inside)
+            self.breakpoint_lines += element_lines("breakpointDef", properties, inside)
         return self.breakpoints[key]
 
 
 def _calculation(expression: Expression) -> list[str]:
     """Return a calculation element."""
-    return element(
-        "calculation", {}, element("math", {"xmlns": _MATH}, mathml.write_mathml(expression, ""))
+    return element_lines(
+        "calculation",
+        {},
+        element_lines("math", {"xmlns": _MATH}, mathml.write_mathml(expression, "")),
     )
 
 
 def _uncertainty(bounds: list[str]) -> list[str]:
     """Return standard errors: an additive normal uncertainty of one sigma."""
-    return element(
+    return element_lines(
         "uncertainty",
         {"effect": "additive"},
-        element("normalPDF", {"numSigmas": "1"}, element("bounds", {}, bounds)),
+        element_lines("normalPDF", {"numSigmas": "1"}, element_lines("bounds", {}, bounds)),
     )
 
 

@@ -17,25 +17,25 @@ from aerodb.exchange.daveml import export_checks as sample_states
 from aerodb.exchange.daveml import polynomials
 from aerodb.exchange.daveml.document.model import DaveModel, DaveReference, DaveVariable, Shot
 from aerodb.exchange.daveml.document.reading import read
-from aerodb.exchange.daveml.expansion import approximate_variable, expand
+from aerodb.exchange.daveml.expansion import approximate_variable, expand_variables
 from aerodb.exchange.daveml.polynomials import Sum
 from aerodb.exchange.daveml.sampler import Sampler
-from aerodb.exchange.daveml.terms import CoefficientPart, leaves_of, parts_of
+from aerodb.exchange.daveml.terms import CoefficientPart, leaves_from_parts, parts_of
 from aerodb.exchange.daveml.vocabulary import (
     COEFFICIENTS,
     STORED,
     WRITER,
-    conversion,
     device_of,
+    file_unit_conversion,
     quantity_of,
     unpack_attributes,
 )
 from aerodb.store.evaluation import contributions
 from aerodb.store.schema import FORCE_AXES, make_database, terms
 from flightmech.errors import AeromatchWarning, SchemaError, UnitError, UnknownName
-from flightmech.names import ITEM, VOCABULARY, attrs, lookup
+from flightmech.names import ITEM, VOCABULARY, lookup_quantity, quantity_attributes
 from flightmech.support.netcdf_trees import CHECKS
-from flightmech.terms import variables
+from flightmech.terms import list_model_variables
 
 _REFERENCE = ("S", "cbar", "b")
 _PLACE = ("x_ref", "y_ref", "z_ref")
@@ -119,7 +119,7 @@ def import_daveml(
     inputs = {
         varID: _substitute(model.variables[varID], quantity) for varID, quantity in mine.items()
     }
-    sums, reasons = expand(model, inputs, geometry)
+    sums, reasons = expand_variables(model, inputs, geometry)
     outputs, axes = _coefficients(model, names, force_axes, without)
     source = _ImportedModel(model, mine, outputs, geometry, sums, reasons)
     if sample is None and grid:
@@ -231,7 +231,7 @@ def _named(model: DaveModel, names: Mapping[str, str]) -> tuple[DaveModel, dict[
     for key, text in names.items():
         name, _, unit = text.partition("[")
         variable = model.find(key)
-        lookup(name.strip())  # raises for a name that there is not
+        lookup_quantity(name.strip())  # raises for a name that there is not
         quantities[variable.varID] = name.strip()
         if unit:
             variables[variable.varID] = replace(variable, units=unit.strip(" ]"))
@@ -256,8 +256,8 @@ def _quantities(model: DaveModel, names: Mapping[str, str]) -> dict[str, str]:
 
 
 def _substitute(variable: DaveVariable, quantity: str) -> Sum:
-    factor, offset = conversion(variable, quantity)
-    return polynomials.variable(quantity, factor, offset)
+    factor, offset = file_unit_conversion(variable, quantity)
+    return polynomials.make_variable_sum(quantity, factor, offset)
 
 
 def _geometry(model: DaveModel, given: Mapping[str, float | None]) -> dict[str, float]:
@@ -272,7 +272,9 @@ def _geometry(model: DaveModel, given: Mapping[str, float | None]) -> dict[str, 
             and variable.initial is not None
             and variable.varID not in model.functions
         ):
-            factor, offset = conversion(variable, "cbar" if quantity in _PLACE else quantity)
+            factor, offset = file_unit_conversion(
+                variable, "cbar" if quantity in _PLACE else quantity
+            )
             found[quantity] = (variable.initial - offset) / factor
     problems = []
     for quantity, value in given.items():
@@ -369,7 +371,7 @@ def _leaves(
 ) -> dict[str, xr.Dataset]:
     """Return the terms of one coefficient by name."""
     model, sums = source.model, source.sums if sampler is None else sampler.sums
-    factor, offset = conversion(model.variables[varID], coefficient)
+    factor, offset = file_unit_conversion(model.variables[varID], coefficient)
     if sampler is not None:
         approximate_variable(sampler, varID, source.reasons, source.geometry)
     if varID not in sums:
@@ -378,11 +380,11 @@ def _leaves(
     if factor != 1.0 or offset != 0.0:
         parts = [
             CoefficientPart(
-                part.name, polynomials.scale(part.sum, 1.0 / factor), part.order, part.texts
+                part.name, polynomials.scale_sum(part.sum, 1.0 / factor), part.order, part.texts
             )
             for part in parts
         ]
-    return leaves_of(model, coefficient, parts, None if sampler is None else sampler.joined)
+    return leaves_from_parts(model, coefficient, parts, None if sampler is None else sampler.joined)
 
 
 def _named_inputs(
@@ -394,7 +396,7 @@ def _named_inputs(
     """Return which inputs the terms use under a name that nobody gave them, as a remark; empty when
     there are none.
     """
-    used = set().union(*(variables(leaf) for leaf in leaves.values()))
+    used = set().union(*(list_model_variables(leaf) for leaf in leaves.values()))
     unnamed = {
         v: name
         for v, name in mine.items()
@@ -472,7 +474,7 @@ def _file_inputs(
     found = {}
     for varID, quantity in mine.items():
         if quantity in states:
-            factor, offset = conversion(model.variables[varID], quantity)
+            factor, offset = file_unit_conversion(model.variables[varID], quantity)
             found[varID] = factor * states[quantity] + offset
     return found
 
@@ -496,7 +498,9 @@ def _prove(
     """
     model, mine = source.model, source.mine
     count = _SAMPLES if box else _PROOFS
-    drawn = sample_states.draw(terms(db).values(), count, 0.0 if box else sample_states.BEYOND, box)
+    drawn = sample_states.draw_check_states(
+        terms(db).values(), count, 0.0 if box else sample_states.BEYOND, box
+    )
     states = sample_states.with_rates(drawn, source.geometry)
     for quantity in mine.values():
         states.setdefault(quantity, np.zeros(count))
@@ -506,7 +510,7 @@ def _prove(
     sampled = {name.split("/")[0] for name, leaf in terms(db).items() if "sampled" in leaf.attrs}
     problems, gaps = [], {}
     for coefficient, varID in source.outputs.items():
-        factor, offset = conversion(model.variables[varID], coefficient)
+        factor, offset = file_unit_conversion(model.variables[varID], coefficient)
         parts = contributions(db, coefficient, states, outside="clamp")
         total, size = (
             sum(parts.values(), np.zeros(count)),
@@ -565,7 +569,7 @@ def _checks(
     )
     for key in columns:
         if ITEM.sub("", key) in VOCABULARY:
-            cases[key].attrs.update(attrs(key))
+            cases[key].attrs.update(quantity_attributes(key))
     names = "\n".join(
         " ".join(shot.name.split()) for shot in shots
     )  # arrays of a database file are numbers
@@ -591,13 +595,16 @@ def _case(
     given = {model.signal(signal).varID: model.converted(signal).value for signal in shot.inputs}
     for varID, value in {**{v: i for v, i in initial.items() if i is not None}, **given}.items():
         if varID in mine:
-            factor, offset = conversion(model.variables[varID], mine[varID])
+            factor, offset = file_unit_conversion(model.variables[varID], mine[varID])
             row[mine[varID]] = (value - offset) / factor
     for signal in shot.outputs:
         variable = model.signal(signal)
         quantity = back.get(variable.varID)
         if quantity is not None:
-            due, (factor, offset) = model.converted(signal), conversion(variable, quantity)
+            due, (factor, offset) = (
+                model.converted(signal),
+                file_unit_conversion(variable, quantity),
+            )
             row[quantity] = (due.value - offset) / factor
             row[f"{quantity}_tolerance"] = abs(due.tolerance / factor)
     return row

@@ -57,7 +57,7 @@ class PiecewiseLinear:
         )
 
 
-def line(slope: float, offset: float = 0.0) -> PiecewiseLinear:
+def make_line(slope: float, offset: float = 0.0) -> PiecewiseLinear:
     """Return slope * x + offset."""
     return PiecewiseLinear(np.zeros(1), np.array([offset]), np.asarray(slope), np.asarray(slope))
 
@@ -78,7 +78,7 @@ ABS = from_nodes([0.0], [0.0], -1.0, 1.0)
 POSITIVE = from_nodes([0.0], [0.0], 0.0, 1.0)
 
 
-def limiter(low: float, high: float) -> PiecewiseLinear:
+def make_limiter(low: float, high: float) -> PiecewiseLinear:
     """Return the limiter to low ... high; either may be infinite."""
     if np.isfinite(low) and np.isfinite(high):
         return (
@@ -88,10 +88,10 @@ def limiter(low: float, high: float) -> PiecewiseLinear:
         )
     if np.isfinite(low):
         return from_nodes([low], [low], 0.0, 1.0)
-    return from_nodes([high], [high], 1.0, 0.0) if np.isfinite(high) else line(1.0)
+    return from_nodes([high], [high], 1.0, 0.0) if np.isfinite(high) else make_line(1.0)
 
 
-def add(f: PiecewiseLinear, g: PiecewiseLinear) -> PiecewiseLinear:
+def add_functions(f: PiecewiseLinear, g: PiecewiseLinear) -> PiecewiseLinear:
     """Return f + g."""
     points = g.points if f.is_line else f.points if g.is_line else merge_points(f.points, g.points)
     return PiecewiseLinear(
@@ -99,9 +99,9 @@ def add(f: PiecewiseLinear, g: PiecewiseLinear) -> PiecewiseLinear:
     )
 
 
-def compose(outer: PiecewiseLinear, inner: PiecewiseLinear) -> PiecewiseLinear:
+def compose_functions(outer: PiecewiseLinear, inner: PiecewiseLinear) -> PiecewiseLinear:
     """Return outer(inner(x)); the inner function is a single one."""
-    places, nodes = preimages(outer.points, inner)
+    places, nodes = find_preimages(outer.points, inner)
     points = merge_points(places, inner.points)
     values = outer(inner(points))
     for at, node in zip(
@@ -121,7 +121,7 @@ def compose(outer: PiecewiseLinear, inner: PiecewiseLinear) -> PiecewiseLinear:
     return _without(PiecewiseLinear(points, values, left, right), places)
 
 
-def restrict_side(f: PiecewiseLinear, at: float, below: bool) -> PiecewiseLinear | None:
+def restrict_function(f: PiecewiseLinear, at: float, below: bool) -> PiecewiseLinear | None:
     """Return f on one side of a place and zero on the other, or None when f jumps there."""
     points = merge_points(f.points, np.array([at]))
     values = f(points)
@@ -186,7 +186,7 @@ def merge_points(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.sort(np.concatenate([a, new]))
 
 
-def preimages(targets: np.ndarray, inner: PiecewiseLinear) -> tuple[np.ndarray, list[int]]:
+def find_preimages(targets: np.ndarray, inner: PiecewiseLinear) -> tuple[np.ndarray, list[int]]:
     """Return the places where the inner function meets the targets, and the number of the target at
     each.
     """

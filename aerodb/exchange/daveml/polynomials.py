@@ -145,22 +145,22 @@ class Sum:
         }
 
 
-def constant(value: float) -> Sum:
+def make_constant_sum(value: float) -> Sum:
     """Return a number as a sum."""
     return Sum({ONE: float(value)} if value != 0.0 else {})
 
 
-def variable(name: str, factor: float = 1.0, offset: float = 0.0) -> Sum:
+def make_variable_sum(name: str, factor: float = 1.0, offset: float = 0.0) -> Sum:
     """Return factor * variable + offset."""
-    return add([Sum({((), ((name, 1),)): factor}), constant(offset)])
+    return add_sums([Sum({((), ((name, 1),)): factor}), make_constant_sum(offset)])
 
 
-def table(grid: MultilinearTable) -> Sum:
+def make_table_sum(grid: MultilinearTable) -> Sum:
     """Return a table as a sum."""
     return Sum({((grid,), ()): 1.0})
 
 
-def add(sums: Iterable[Sum]) -> Sum:
+def add_sums(sums: Iterable[Sum]) -> Sum:
     """Return the sum of sums; like products are joined, and those that cancel but for rounding are
     gone.
     """
@@ -181,7 +181,7 @@ def add(sums: Iterable[Sum]) -> Sum:
     )
 
 
-def scale(one: Sum, factor: float) -> Sum:
+def scale_sum(one: Sum, factor: float) -> Sum:
     """Return a sum times a number."""
     return Sum(
         {product: coefficient * factor for product, coefficient in one.products.items()}
@@ -190,11 +190,11 @@ def scale(one: Sum, factor: float) -> Sum:
     )
 
 
-def multiply(one: Sum, other: Sum) -> Sum:
+def multiply_sums(one: Sum, other: Sum) -> Sum:
     """Return the product of two sums."""
     if len(one.products) * len(other.products) > MAX_PRODUCTS:
         raise Inexact(f"more than {MAX_PRODUCTS} products")
-    return add(
+    return add_sums(
         Sum({_joined(a, b): x * y})
         for a, x in one.products.items()
         for b, y in other.products.items()
@@ -211,7 +211,7 @@ def _joined(a: Product, b: Product) -> Product:
     return grids, tuple(sorted((name, power) for name, power in powers.items() if power))
 
 
-def inverse(one: Sum) -> Sum:
+def invert_sum(one: Sum) -> Sum:
     """Return 1 / sum, for a number times powers of variables."""
     if len(one.products) != 1:
         raise Inexact("division by a sum" if one.products else "division by zero")
@@ -221,17 +221,17 @@ def inverse(one: Sum) -> Sum:
     return Sum({((), tuple((name, -power) for name, power in powers)): 1.0 / coefficient})
 
 
-def power(one: Sum, exponent: float) -> Sum:
+def power_of_sum(one: Sum, exponent: float) -> Sum:
     """Return a sum to a whole power."""
     if exponent != round(exponent) or abs(exponent) > MAX_POWER:
         raise Inexact(
             f"the power {exponent:g} of {', '.join(sorted(one.variables))} is no sum of products"
         )
     if exponent < 0:
-        return power(inverse(one), -exponent)
-    result = constant(1.0)
+        return power_of_sum(invert_sum(one), -exponent)
+    result = make_constant_sum(1.0)
     for _ in range(round(exponent)):
-        result = multiply(result, one)
+        result = multiply_sums(result, one)
     return result
 
 
@@ -243,7 +243,7 @@ def as_piecewise_linear(one: Sum) -> tuple[str, PiecewiseLinear]:
     if len(names) > 1:
         raise Inexact(f"it depends on {', '.join(sorted(names))} together")
     name = next(iter(names), "")
-    shapes = [piecewise_linear.line(0.0)]
+    shapes = [piecewise_linear.make_line(0.0)]
     for (grids, powers), coefficient in one.products.items():
         degree = len(grids) + sum(abs(power) for _, power in powers)
         if degree > 1 or any(power < 0 for _, power in powers):
@@ -251,14 +251,14 @@ def as_piecewise_linear(one: Sum) -> tuple[str, PiecewiseLinear]:
         shape = (
             grids[0].along(name)
             if grids and name in grids[0].variables
-            else piecewise_linear.line(1.0)
+            else piecewise_linear.make_line(1.0)
             if powers
-            else piecewise_linear.line(0.0, 1.0)
+            else piecewise_linear.make_line(0.0, 1.0)
         )
         if grids and not grids[0].axes:
-            shape = piecewise_linear.line(0.0, float(grids[0].values))
+            shape = piecewise_linear.make_line(0.0, float(grids[0].values))
         shapes.append(shape.times(coefficient))
-    return name, reduce(piecewise_linear.add, shapes)
+    return name, reduce(piecewise_linear.add_functions, shapes)
 
 
 def from_piecewise_linear(name: str, function: PiecewiseLinear, label: str = "") -> Sum:
@@ -266,21 +266,28 @@ def from_piecewise_linear(name: str, function: PiecewiseLinear, label: str = "")
     if function.is_line:
         offset = float(function(np.zeros(1))[0])
         return (
-            add([scale(variable(name), float(function.left)), constant(offset)])
+            add_sums(
+                [
+                    scale_sum(make_variable_sum(name), float(function.left)),
+                    make_constant_sum(offset),
+                ]
+            )
             if name
-            else constant(offset)
+            else make_constant_sum(offset)
         )
     points, values, low, high = piecewise_linear.as_axis(function)
-    return table(MultilinearTable((GridAxis(name, points, low, high),), values, None, label))
+    return make_table_sum(
+        MultilinearTable((GridAxis(name, points, low, high),), values, None, label)
+    )
 
 
 def apply_piecewise_linear(outer: PiecewiseLinear, one: Sum, label: str = "") -> Sum:
     """Return a piecewise-linear function of a sum, which must be one of a single variable itself."""
     name, inner = as_piecewise_linear(one)
-    return from_piecewise_linear(name, piecewise_linear.compose(outer, inner), label)
+    return from_piecewise_linear(name, piecewise_linear.compose_functions(outer, inner), label)
 
 
-def restrict_side(one: Sum, name: str, at: float, below: bool) -> Sum:
+def restrict_sum(one: Sum, name: str, at: float, below: bool) -> Sum:
     """Return a sum where a variable is on one side of a place, and zero on the other; it must
     vanish at the place.
 
@@ -298,8 +305,8 @@ def restrict_side(one: Sum, name: str, at: float, below: bool) -> Sum:
         )
         shape = own[0] if own else None if degree else MultilinearTable((), np.ones(()))
         gathered.setdefault(rest, []).append((shape, coefficient))
-    return add(
-        multiply(Sum({rest: 1.0}), _side(parts, name, at, below))
+    return add_sums(
+        multiply_sums(Sum({rest: 1.0}), _side(parts, name, at, below))
         for rest, parts in gathered.items()
     )
 
@@ -318,15 +325,15 @@ def _side(
     )
     if all(grid is None or len(grid.axes) < 2 for grid, _ in parts):
         _, function = as_piecewise_linear(flat)
-        cut = piecewise_linear.restrict_side(function, at, below)
+        cut = piecewise_linear.restrict_function(function, at, below)
         if cut is not None:
             return from_piecewise_linear(name, cut)
     elif len(parts) == 1:
         grid, coefficient = parts[0]
         assert grid is not None
-        cut = piecewise_linear.restrict_side(grid.along(name), at, below)
+        cut = piecewise_linear.restrict_function(grid.along(name), at, below)
         if cut is not None:
-            return scale(table(grid.replaced(name, cut)), coefficient)
+            return scale_sum(make_table_sum(grid.replaced(name, cut)), coefficient)
     raise Inexact(f"it jumps where {name} passes {at:g}")
 
 
@@ -340,7 +347,7 @@ def merge_tables(one: Sum) -> Sum:
             continue
         key, grid = (frozenset(grids[0].variables), powers), _scaled(grids[0], coefficient)
         kept[key] = _total(kept[key], grid) if key in kept else grid
-    return add([*(Sum({((grid,), powers): 1.0}) for (_, powers), grid in kept.items()), *rest])
+    return add_sums([*(Sum({((grid,), powers): 1.0}) for (_, powers), grid in kept.items()), *rest])
 
 
 def _scaled(grid: MultilinearTable, factor: float) -> MultilinearTable:

@@ -13,9 +13,9 @@ from aerodb.exchange.daveml.document import mathml
 from aerodb.exchange.daveml.document.model import DaveModel
 from aerodb.exchange.daveml.polynomials import GridAxis, Inexact, MultilinearTable, Sum
 from aerodb.exchange.daveml.terms import Factors, unify_rules
-from aerodb.exchange.daveml.vocabulary import REDUCED, conversion
+from aerodb.exchange.daveml.vocabulary import REDUCED, file_unit_conversion
 from aerodb.exchange.sampling import Function, SamplingError, largest_difference, tabulate_function
-from flightmech.terms import MAX_AXES, evaluate, make_term
+from flightmech.terms import MAX_AXES, evaluate_term, make_term
 
 _FIRST = 5  # breakpoints of an axis whose table has its two ends only
 _RATES = {rate for rate, _ in REDUCED.values()} - {
@@ -71,9 +71,12 @@ class Sampler:
 
     def expression(self, expression: mathml.Expression, label: str, weight: float) -> Sum:
         """Return an expression as a table; `label` is the variable it belongs to."""
-        names = tuple(mathml.names(expression))
+        names = tuple(mathml.expression_variables(expression))
         return self._table(
-            f"part of {label}", names, lambda values: mathml.evaluate(expression, values), weight
+            f"part of {label}",
+            names,
+            lambda values: mathml.evaluate_mathml(expression, values),
+            weight,
         )
 
     def ranges(self) -> dict[str, tuple[float, float]]:
@@ -148,7 +151,10 @@ class Sampler:
     ) -> Sum:
         model, needed = self.model, self.model.rests_on(names)
         inputs = {varID: name for varID, name in self.mine.items() if varID in needed}
-        scales = {varID: conversion(model.variables[varID], name) for varID, name in inputs.items()}
+        scales = {
+            varID: file_unit_conversion(model.variables[varID], name)
+            for varID, name in inputs.items()
+        }
         unknown = [
             v
             for v in model.inputs
@@ -168,7 +174,7 @@ class Sampler:
             return np.asarray(of_values(model.values(names, given)), float)
 
         starts = {name: self._start(name, needed) for name in sorted(set(inputs.values()))}
-        return polynomials.table(self._sampled(what, function, starts, weight))
+        return polynomials.make_table_sum(self._sampled(what, function, starts, weight))
 
     def _product(
         self, grids: list[MultilinearTable], powers: Mapping[str, int], weight: float
@@ -195,7 +201,7 @@ class Sampler:
         }
 
         def function(at: Mapping[str, np.ndarray]) -> np.ndarray:
-            factors = [evaluate(leaf, at, "clamp") for leaf in leaves]
+            factors = [evaluate_term(leaf, at, "clamp") for leaf in leaves]
             return reduce(
                 np.multiply,
                 [*factors, *(at[name] ** float(power) for name, power in powers.items())],
@@ -266,7 +272,11 @@ class Sampler:
             variable, inner = polynomials.as_piecewise_linear(self.sums[name])
         except (KeyError, Inexact):
             return []
-        return piecewise_linear.preimages(points, inner)[0].tolist() if variable == quantity else []
+        return (
+            piecewise_linear.find_preimages(points, inner)[0].tolist()
+            if variable == quantity
+            else []
+        )
 
     def _within(self, quantity: str, points: np.ndarray) -> np.ndarray:
         """Return breakpoints as the caller gives them, or inside the range that he or the file
@@ -293,7 +303,7 @@ class Sampler:
         if varID is not None:
             variable, (factor, offset) = (
                 self.model.variables[varID],
-                conversion(self.model.variables[varID], quantity),
+                file_unit_conversion(self.model.variables[varID], quantity),
             )
             low, high = sorted(
                 ((variable.low - offset) / factor, (variable.high - offset) / factor)

@@ -16,7 +16,7 @@ from aerodb.exchange.daveml.document.model import DaveModel
 from aerodb.exchange.daveml.polynomials import GridAxis, Inexact, MultilinearTable, Sum
 from aerodb.exchange.daveml.vocabulary import source_codes, unpack_attributes
 from flightmech.aircraft.controls import DEVICE
-from flightmech.names import attrs, lookup
+from flightmech.names import lookup_quantity, quantity_attributes
 from flightmech.terms import MAX_AXES, MAX_REGRESSORS, SOURCES, make_term
 
 # what a regressor makes of a contribution's name; others keep their own
@@ -104,7 +104,7 @@ Factors = tuple[list[MultilinearTable], dict[str, int]]
 Join = Callable[[list[MultilinearTable], Mapping[str, int], float], Iterator[Factors]]
 
 
-def leaves_of(
+def leaves_from_parts(
     model: DaveModel, coefficient: str, parts: Sequence[CoefficientPart], join: Join | None = None
 ) -> dict[str, xr.Dataset]:
     """Return the terms of a coefficient by name.
@@ -260,7 +260,7 @@ def _without_scalars(grids: list[MultilinearTable]) -> list[MultilinearTable]:
 
 def _identity(name: str) -> MultilinearTable:
     """Return the table that gives its variable."""
-    span = _SPAN.get(lookup(name).units, 10.0)
+    span = _SPAN.get(lookup_quantity(name).units, 10.0)
     points = np.array([-span, span])
     return MultilinearTable((GridAxis(name, points, True, True),), points.copy())
 
@@ -303,7 +303,7 @@ def _array(grid: MultilinearTable) -> xr.DataArray:
         grid.values, {axis.variable: axis.points for axis in grid.axes}, grid.variables
     )
     for name in grid.variables:
-        array[name].attrs.update(attrs(name))
+        array[name].attrs.update(quantity_attributes(name))
     return array
 
 

@@ -14,9 +14,9 @@ from aerodb.exchange.daveml.document.model import DaveVariable
 from aerodb.exchange.daveml.document.units import unit_of_code
 from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import SchemaError, UnitError, UnknownName
-from flightmech.names import VOCABULARY, lookup
+from flightmech.names import VOCABULARY, lookup_quantity
 from flightmech.terms import SOURCES
-from flightmech.units import parse
+from flightmech.units import parse_unit
 
 STORED = "checks: "  # how the name of a case begins that stands in the database
 
@@ -162,12 +162,12 @@ def device_of(variable: DaveVariable) -> str:
     """
     try:
         unit = unit_of_code(variable.units)
-        dimension = parse(unit)[0]
+        dimension = parse_unit(unit)[0]
     except UnitError:
         return ""
-    kind = {parse("rad")[0]: "deflection" if "rad" in unit or "deg" in unit else "setting"}.get(
-        dimension, ""
-    )
+    kind = {
+        parse_unit("rad")[0]: "deflection" if "rad" in unit or "deg" in unit else "setting"
+    }.get(dimension, "")
     return f"{DEVICE}{re.sub('[^A-Za-z0-9_]', '_', variable.varID)}.{kind}" if kind else ""
 
 
@@ -176,13 +176,13 @@ def _is_quantity(text: str) -> bool:
     are in the vocabulary without prefix.
     """
     try:
-        lookup(text)
+        lookup_quantity(text)
     except UnknownName:
         return False
     return True
 
 
-def conversion(variable: DaveVariable, quantity: str) -> tuple[float, float]:
+def file_unit_conversion(variable: DaveVariable, quantity: str) -> tuple[float, float]:
     """Return factor and offset of value_file = factor * value_SI + offset, units and sign.
 
     Raises
@@ -190,11 +190,11 @@ def conversion(variable: DaveVariable, quantity: str) -> tuple[float, float]:
     SchemaError
         A unit of another quantity, or none where an angle needs one.
     """
-    expected = lookup(quantity).units
+    expected = lookup_quantity(quantity).units
     try:
         unit = unit_of_code(variable.units)
-        dimension, to_si, offset = parse(unit)
-        if dimension != parse(expected)[0] or (
+        dimension, to_si, offset = parse_unit(unit)
+        if dimension != parse_unit(expected)[0] or (
             "rad" in expected and "rad" not in unit and "deg" not in unit
         ):
             problem = f"unit {variable.units!r}, where {quantity} needs one such as {expected}"
@@ -203,7 +203,7 @@ def conversion(variable: DaveVariable, quantity: str) -> tuple[float, float]:
             )
     except UnitError as error:
         raise SchemaError(f"variable {variable.varID} ({variable.name})", [str(error)]) from None
-    sense = -1.0 if has_opposite_sign(variable.sign, lookup(quantity).sign) else 1.0
+    sense = -1.0 if has_opposite_sign(variable.sign, lookup_quantity(quantity).sign) else 1.0
     return sense / to_si, -offset / to_si
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from aerodb.exchange.jsbsim.read import _LENGTH, _reference, _section, _sizes, _unit
-from aerodb.exchange.xml_reader import Element, parse
+from aerodb.exchange.xml_reader import Element, read_xml
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.units import FOOT, POUND, SLUG
 
@@ -58,7 +58,7 @@ def import_jsbsim_aircraft(
         Not an aircraft file, no mass or inertia, an unknown unit, point masses with an extent, gas
         cells; with the line.
     """
-    root = parse(Path(path))
+    root = read_xml(Path(path))
     if root.tag != "fdm_config":
         raise root.error(f"<{root.tag}>", "an aircraft file of JSBSim, <fdm_config>")
     gas = root.first("buoyant_forces")

@@ -18,7 +18,7 @@ from aerodb.exchange.jsbsim.products import (
     Product,
     Sum,
     absolute_value_table,
-    combine,
+    combine_sums,
     reference_factor,
     scale_products,
 )
@@ -27,19 +27,19 @@ from aerodb.exchange.jsbsim.properties import (
     NORMALISED,
     PROPERTY,
     PropertyValue,
-    throttle,
-    thrust,
-    unit,
+    jsbsim_unit,
+    throttle_property,
+    thrust_property,
 )
-from aerodb.exchange.jsbsim.terms import read_table
+from aerodb.exchange.jsbsim.terms import read_jsbsim_table
 from aerodb.exchange.sampling import SamplingError, largest_difference, tabulate_function
 from aerodb.exchange.xml_reader import MAX_DEPTH, Element
-from flightmech.terms import MAX_AXES, evaluate, make_term
+from flightmech.terms import MAX_AXES, evaluate_term, make_term
 
 _MOST_ENGINES = 8
 _ENGINES = {
-    **{throttle(i): f"engine{i}.throttle" for i in range(1, _MOST_ENGINES + 1)},
-    **{thrust(i): f"engine{i}.thrust" for i in range(1, _MOST_ENGINES + 1)},
+    **{throttle_property(i): f"engine{i}.throttle" for i in range(1, _MOST_ENGINES + 1)},
+    **{thrust_property(i): f"engine{i}.thrust" for i in range(1, _MOST_ENGINES + 1)},
     **{
         f"propulsion/engine[{i - 1}]/thrust-lbs": f"engine{i}.thrust"
         for i in range(1, _MOST_ENGINES + 1)
@@ -130,7 +130,7 @@ class Functions:
             return self._interpolated(element, parts)
         if not parts and tag not in NOT_COMPUTED:
             raise element.error(f"<{tag}> without anything in it", "what it works on")
-        return combine(tag, [self._expand(part) for part in parts], self.sizes)
+        return combine_sums(tag, [self._expand(part) for part in parts], self.sizes)
 
     def _property(self, name: str) -> Sum:
         if name.startswith("-"):
@@ -203,13 +203,13 @@ class Functions:
         if len(variables) != 1 or set(variables.values()) != {1}:
             raise NotAProduct(f"a table over {name}, which is no single variable of the model")
         (variable,) = variables
-        return variable, (-1.0 if name.startswith("-") else 1.0) * unit(variable) / (
+        return variable, (-1.0 if name.startswith("-") else 1.0) * jsbsim_unit(variable) / (
             power.factor * reference_factor(power.symbols, self.sizes)
         )
 
     def _table(self, element: Element) -> xr.DataArray:
         """Return a table, axes from the outermost to the columns, in SI."""
-        names, grid, nodes = read_table(element)
+        names, grid, nodes = read_jsbsim_table(element)
         found = xr.DataArray(nodes)
         for position, (name, points) in enumerate(zip(names, grid)):
             variable, scale = self._axis(MAGNITUDE.get(name, name))
@@ -321,7 +321,7 @@ def sample_product(
     def function(at: Mapping[str, np.ndarray]) -> np.ndarray:
         found = np.ones(())
         for leaf in leaves:
-            found = found * evaluate(leaf, at, "clamp")
+            found = found * evaluate_term(leaf, at, "clamp")
         for one in opaque:
             found = found * one.value(at)
         if not np.isfinite(found).all():

@@ -17,8 +17,8 @@ from functools import reduce
 import numpy as np
 import xarray as xr
 
-from aerodb.exchange.jsbsim.properties import RANGE, unit
-from flightmech.terms import evaluate, make_term
+from aerodb.exchange.jsbsim.properties import RANGE, jsbsim_unit
+from flightmech.terms import evaluate_term, make_term
 
 MOST_PRODUCTS = 64
 MOST_NODES = 5_000_000  # of one table
@@ -84,7 +84,7 @@ class Product:
 Sum = list[Product]
 
 
-def combine(tag: str, sums: Sequence[Sum], sizes: Mapping[str, float]) -> Sum:
+def combine_sums(tag: str, sums: Sequence[Sum], sizes: Mapping[str, float]) -> Sum:
     """Return an operation on sums as a sum.
 
     Parameters
@@ -152,9 +152,9 @@ def _value(part: Product, at: Values, sizes: Mapping[str, float]) -> np.ndarray:
     found = np.asarray(part.factor * reference_factor(part.symbols, sizes))
     for symbol, power in part.symbols.items():
         if symbol not in LENGTHS:
-            found = found * (np.asarray(at[symbol], float) / unit(symbol)) ** power
+            found = found * (np.asarray(at[symbol], float) / jsbsim_unit(symbol)) ** power
     for table in (*part.tables, *part.shared):
-        found = found * evaluate(
+        found = found * evaluate_term(
             make_term(table.values, {str(d): table[d].values for d in table.dims}), at, "clamp"
         )
     for one in part.opaque:

@@ -23,7 +23,7 @@ import xarray as xr
 
 from aerodb.exchange.xml_reader import Element
 from flightmech.errors import ParseError, SchemaError
-from flightmech.terms import regressors
+from flightmech.terms import list_regressors
 from flightmech.units import DEGREE, FOOT, POUND_FORCE
 
 PSF = POUND_FORCE / FOOT**2
@@ -100,19 +100,19 @@ FUNCTION = {
 }
 
 
-def unit(variable: str) -> float:
+def jsbsim_unit(variable: str) -> float:
     """Return the unit of JSBSim in which a variable stands, in SI; that of ``engine2.thrust`` is
     the one of ``thrust``.
     """
     return UNIT.get(variable.rsplit(".", 1)[-1], 1.0)
 
 
-def throttle(engine: int) -> str:
+def throttle_property(engine: int) -> str:
     """Return the property of an engine's lever; engine 1 is the first."""
     return "fcs/throttle-cmd-norm" + (f"[{engine - 1}]" if engine > 1 else "")
 
 
-def thrust(engine: int) -> str:
+def thrust_property(engine: int) -> str:
     """Return the property of an engine's thrust."""
     return f"fcs/engine{engine}-thrust-lbs"
 
@@ -195,28 +195,34 @@ RANGE = {
 _LOOKUP = ("column", "row", "table", "axis4")  # from the last dimension backwards
 
 
-def factors(leaf: xr.Dataset, native: bool) -> list[ET.Element]:
+def factor_elements(leaf: xr.Dataset, native: bool) -> list[ET.Element]:
     """Return the factors of a term: its regressors and tables as elements of a product; `native` as
     in `table`.
     """
-    words = regressors(leaf)
+    words = list_regressors(leaf)
     found = [_text("property", LIFT_SQUARED)] if words == ("CL", "CL") else []
     for word in () if found else words:
         found += [_text("property", name) for name in REGRESSOR.get(word) or (property_of(word),)]
-        if unit(word) != 1.0:
-            found.append(_text("value", repr(unit(word))))
-    return found + [table(leaf[name], native) for name in ("value", "K1", "K2") if name in leaf]
+        if jsbsim_unit(word) != 1.0:
+            found.append(_text("value", repr(jsbsim_unit(word))))
+    return found + [
+        table_element(leaf[name], native) for name in ("value", "K1", "K2") if name in leaf
+    ]
 
 
 def property_of(variable: str) -> str:
     """Return the property that holds a variable, in the unit of `unit`."""
     engine = ENGINE.match(variable)
     if engine:
-        return throttle(int(engine[1])) if engine[2] == "throttle" else thrust(int(engine[1]))
+        return (
+            throttle_property(int(engine[1]))
+            if engine[2] == "throttle"
+            else thrust_property(int(engine[1]))
+        )
     return AXIS.get(variable, OWN + variable)
 
 
-def table(values: xr.DataArray, native: bool) -> ET.Element:
+def table_element(values: xr.DataArray, native: bool) -> ET.Element:
     """Return a table of 0 to 4 axes as an element of a function.
 
     Parameters
@@ -268,7 +274,7 @@ def _continued(values: xr.DataArray, axis: str, low: float, high: float) -> xr.D
 
 
 def _points(values: xr.DataArray, axis: str) -> np.ndarray:
-    points = values[axis].values / unit(axis)
+    points = values[axis].values / jsbsim_unit(axis)
     if (np.diff(points) <= 0).any():
         raise SchemaError(
             "JSBSim table",
@@ -297,7 +303,7 @@ def _slices(values: xr.DataArray, points: np.ndarray) -> ET.Element:
     element.append(_text("property", property_of(str(values.dims[0]))))
     for number, point in enumerate(points):
         element.append(_text("value", repr(float(point))))
-        element.append(table(values[number], native=False))
+        element.append(table_element(values[number], native=False))
     return element
 
 

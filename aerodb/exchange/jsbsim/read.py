@@ -20,7 +20,7 @@ from aerodb.exchange.jsbsim.functions import Functions, sample_product
 from aerodb.exchange.jsbsim.products import NotAProduct, scale_products
 from aerodb.exchange.jsbsim.properties import COEFFICIENT, stated_travel
 from aerodb.exchange.jsbsim.terms import term_of_product
-from aerodb.exchange.xml_reader import Element, parse
+from aerodb.exchange.xml_reader import Element, read_xml
 from aerodb.store.schema import HINGE, make_database
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.units import FOOT, INCH
@@ -108,7 +108,7 @@ def import_jsbsim(
     dynamic pressure.  Ailerons are taken to move by the same angle: ``left-aileron-pos`` is -delta_a.  Magnitudes such as
     ``aero/mag-beta-rad``, and a third factor such as ``gear-pos-norm``, become tables over all values of the variable.
     """
-    root = parse(Path(path))
+    root = read_xml(Path(path))
     if root.tag != "fdm_config":
         raise root.error(f"<{root.tag}>", "an aircraft file of JSBSim, <fdm_config>")
     metrics, aerodynamics = (_section(root, tag) for tag in ("metrics", "aerodynamics"))
@@ -301,7 +301,7 @@ def _section(root: Element, tag: str) -> Element:
         folder / "Systems" / f"{name}.xml",
     ):
         if candidate.is_file() and candidate.resolve().is_relative_to(folder):
-            found = parse(candidate)
+            found = read_xml(candidate)
             if found.tag != tag:
                 raise found.error(
                     f"<{found.tag}>",

@@ -23,14 +23,14 @@ from aerodb.exchange.jsbsim.products import (
     Product,
     reference_factor,
 )
-from aerodb.exchange.jsbsim.properties import AXIS, ENGINE, FUNCTION, RANGE, RATES, unit
+from aerodb.exchange.jsbsim.properties import AXIS, ENGINE, FUNCTION, RANGE, RATES, jsbsim_unit
 from aerodb.exchange.xml_reader import Element
 from flightmech.terms import MAX_AXES, MAX_REGRESSORS, make_term
 
 _PLACES = ("axis4", "table", "row", "column")
 
 
-def read_table(element: Element) -> tuple[list[str], list[np.ndarray], np.ndarray]:
+def read_jsbsim_table(element: Element) -> tuple[list[str], list[np.ndarray], np.ndarray]:
     """Return the properties, breakpoints and nodes of a ``<table>``, axes from the outermost to the
     columns.
     """
@@ -240,7 +240,7 @@ def _regressors(
             continue
         if power < 0:
             raise NotAProduct(f"it divides by {symbol}")
-        factor /= unit(symbol) ** power
+        factor /= jsbsim_unit(symbol) ** power
         words += [symbol] * power
     for word in words:
         _demand_known(word)

@@ -30,16 +30,16 @@ from aerodb.exchange.jsbsim.properties import (
     OWN,
     REGRESSOR,
     extend_linearly,
-    factors,
-    throttle,
-    thrust,
+    factor_elements,
+    throttle_property,
+    thrust_property,
 )
-from aerodb.store.schema import HINGE, require, terms
+from aerodb.store.schema import HINGE, require_valid, terms
 from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.aircraft.engine import Engine
 from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import written_atomically
-from flightmech.terms import SOURCES, power, regressors, variables
+from flightmech.terms import SOURCES, list_model_variables, list_regressors, power_factor
 from flightmech.units import FOOT, INCH, POUND, POUND_FORCE, SLUG
 
 _SLUGFT2 = SLUG * FOOT**2
@@ -106,7 +106,7 @@ def write_engines(root: ET.Element, aircraft: Aircraft) -> None:
     reactions = ET.SubElement(root, "external_reactions")
     for number, engine in enumerate(aircraft.engines, 1):
         force = ET.SubElement(reactions, "force", name=f"engine{number}", frame="BODY")
-        ET.SubElement(ET.SubElement(force, "function"), "property").text = thrust(number)
+        ET.SubElement(ET.SubElement(force, "function"), "property").text = thrust_property(number)
         _location(force, aircraft, engine.position)
         direction = ET.SubElement(force, "direction")
         for name, component in zip("xyz", engine.direction):
@@ -123,9 +123,9 @@ def flight_control(
     """Write how commands move the surfaces that the model uses, and the `thrusts` of the engines."""
     control = ET.SubElement(root, "flight_control", name=aircraft.name)
     for number, engine in enumerate(aircraft.engines, 1):
-        ET.SubElement(control, "property", value="0").text = throttle(number)
+        ET.SubElement(control, "property", value="0").text = throttle_property(number)
         if engine.thrust is None:
-            ET.SubElement(control, "property", value="0").text = thrust(number)
+            ET.SubElement(control, "property", value="0").text = thrust_property(number)
     free = [name for name in _TABS if name in used and name not in aircraft.limits]
     for name in free:  # without limits a tab has no command: whoever flies sets its position
         ET.SubElement(control, "property", value="0").text = AXIS[name]
@@ -170,7 +170,7 @@ def engine_terms(aircraft: Aircraft) -> dict[str, xr.Dataset]:
     for number, engine in enumerate(aircraft.engines, 1):
         if engine.thrust is not None:
             leaf, own = engine.thrust.squeeze(drop=True), f"engine{number}.throttle"
-            words = [own if word == "throttle" else word for word in regressors(leaf)]
+            words = [own if word == "throttle" else word for word in list_regressors(leaf)]
             named = leaf.rename({"throttle": own}) if "throttle" in leaf.dims else leaf
             found[f"engine{number}/thrust"] = named.assign_attrs(regressors=" ".join(words))
     return found
@@ -179,7 +179,8 @@ def engine_terms(aircraft: Aircraft) -> dict[str, xr.Dataset]:
 def function_fields(aircraft: Aircraft) -> dict[str, object]:
     """Return what the functions for variables that JSBSim has not take from the aircraft."""
     thrusts = "".join(
-        f"<property>{thrust(number)}</property>" for number in range(1, len(aircraft.engines) + 1)
+        f"<property>{thrust_property(number)}</property>"
+        for number in range(1, len(aircraft.engines) + 1)
     )
     return {
         "x_ref_mac": aircraft.x_ref_mac,
@@ -226,7 +227,7 @@ def _engine(channel: ET.Element, name: str, leaf: xr.Dataset, engine: Engine, na
     )
     product = ET.SubElement(function, "product")
     _child(product, "value", repr(1.0 / POUND_FORCE))
-    product.extend(factors(leaf, native))
+    product.extend(factor_elements(leaf, native))
     lags = engine.time_constant > 0.0
     follower = ET.SubElement(channel, "lag_filter" if lags else "pure_gain", name=f"{name}-spool")
     _child(follower, "input", f"fcs/{name}-static-thrust-lbs")
@@ -312,7 +313,7 @@ def export_jsbsim(
     last step.  Standard errors and sources of the nodes are summed up in
     comments; the database file stays the master.  `import_jsbsim` reads the file back, term by term.
     """
-    require(db)
+    require_valid(db)
     aircraft = replace(aircraft, reference=reference_in(aircraft, db.attrs))
     native = tuple(int(part) for part in jsbsim_min.split(".")) >= (1, 3, 1)
     leaves = {name: leaf.squeeze(drop=True) for name, leaf in terms(db).items()}
@@ -320,7 +321,7 @@ def export_jsbsim(
     problems = _disagreements(db, aircraft)
     for name, leaf in (*leaves.items(), *thrusts.items()):
         problems += [f"{name}: {text}" for text in _leaf_problems(leaf, aircraft, reach or {})]
-    used = set().union(*(variables(leaf) for leaf in leaves.values()))
+    used = set().union(*(list_model_variables(leaf) for leaf in leaves.values()))
     problems += missing_limits(aircraft, used)
     if problems:
         raise SchemaError(f"JSBSim model of {aircraft.name}", problems)
@@ -356,15 +357,15 @@ def _leaf_problems(
     ]
     known = {*AXIS, *REGRESSOR, *FUNCTION, *engines} - ({"CT"} if not engines else set())
     if (
-        regressors(leaf) == ("CL", "CL") and "CL" not in leaf.dims
+        list_regressors(leaf) == ("CL", "CL") and "CL" not in leaf.dims
     ):  # the one way in which JSBSim knows the lift
         known.add("CL")
     problems = [
         f"{variable} is nothing that JSBSim knows or that can be computed from what it "
         f"knows; leave the term out (aerodb.delete_terms)"
-        for variable in sorted(variables(leaf) - known)
+        for variable in sorted(list_model_variables(leaf) - known)
     ]
-    factor = power(leaf)
+    factor = power_factor(leaf)
     if factor is not None:
         problems.append(
             f"the factor {factor} is a formula, and the export writes tables; make it one "
@@ -401,7 +402,9 @@ def _needs_function(variable: str, leaf: xr.Dataset) -> bool:
     """Return whether a term looks up, or multiplies by, a variable that JSBSim has not as a
     property.
     """
-    return variable in leaf.dims or (variable in regressors(leaf) and variable not in REGRESSOR)
+    return variable in leaf.dims or (
+        variable in list_regressors(leaf) and variable not in REGRESSOR
+    )
 
 
 def _own_function(variable: str, aircraft: Aircraft) -> ET.Element:
@@ -437,7 +440,7 @@ def _functions(
             scale = [
                 _text("property", word) for word in ("aero/qbar-psf", "metrics/Sw-sqft", *lengths)
             ]
-            _function(axis, name, leaf, [*scale, *factors(leaf, native)])
+            _function(axis, name, leaf, [*scale, *factor_elements(leaf, native)])
 
 
 def _hinge_moments(
@@ -448,7 +451,7 @@ def _hinge_moments(
     """
     for name, leaf in leaves.items():
         if name.split("/")[0] in HINGE:
-            _function(aerodynamics, name, leaf, factors(leaf, native), type="post")
+            _function(aerodynamics, name, leaf, factor_elements(leaf, native), type="post")
 
 
 def _function(
@@ -465,7 +468,9 @@ def _remark(leaf: xr.Dataset) -> str:
     """Return in one line what the term is, where its nodes come from and how far they can be
     trusted.
     """
-    words = [" x ".join((*regressors(leaf), f"table({', '.join(map(str, leaf['value'].dims))})"))]
+    words = [
+        " x ".join((*list_regressors(leaf), f"table({', '.join(map(str, leaf['value'].dims))})"))
+    ]
     if "source" in leaf:
         flags, counts = np.unique(leaf["source"].values, return_counts=True)
         words.append(

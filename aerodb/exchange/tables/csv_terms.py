@@ -22,8 +22,8 @@ import xarray as xr
 
 from aerodb.exchange.tables.csv_text import (
     CsvTable,
+    column_numbers,
     flatten_attributes,
-    numbers,
     read_csv,
     restore_attributes,
     si_column,
@@ -33,18 +33,18 @@ from aerodb.exchange.tables.csv_text import (
 from aerodb.store.evaluation import (
     SEED,
     TOLERANCE,
+    check_case_inputs,
     compare_output,
-    needed_inputs,
     outputs_at,
     random_states,
 )
-from aerodb.store.schema import check, require, terms
+from aerodb.store.schema import check, require_valid, terms
 from aerodb.store.undo_history import add_history_line
 from flightmech import terms as _terms
 from flightmech.errors import ParseError, SchemaError, UnknownName
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.support.atomic_write import folder_written_atomically, write_text
-from flightmech.units import parse
+from flightmech.units import parse_unit
 
 CHECK_FORMAT = "aeromatch check cases, format 1"
 _COUNT = 200
@@ -67,10 +67,10 @@ def export_checkcases(
     seed : int
         Of the random numbers; the same seed gives the same cases.
     """
-    require(db)
+    require_valid(db)
     inputs = random_states(db, count, seed)
     outputs = outputs_at(db, inputs, count)
-    header = ["case", *(f"{name} [{lookup(name).units}]" for name in inputs), *outputs]
+    header = ["case", *(f"{name} [{lookup_quantity(name).units}]" for name in inputs), *outputs]
     columns = [map(repr, values.tolist()) for values in (*inputs.values(), *outputs.values())]
     facts: dict[str, Any] = {
         key: db.attrs[key] for key in ("title", "aircraft", "force_axes", "S", "cbar", "b")
@@ -117,9 +117,9 @@ def run_checkcases(db: xr.DataTree, path: str | os.PathLike) -> pd.DataFrame:
         for name in table.columns
         if not table.units[name] and name != "case"
     }
-    missing = [name for name in needed_inputs(db) if name not in inputs]
+    missing = [name for name in check_case_inputs(db) if name not in inputs]
     problems += [
-        f"{Path(path).name}: no column {name} [{lookup(name).units}], which the database needs"
+        f"{Path(path).name}: no column {name} [{lookup_quantity(name).units}], which the database needs"
         for name in missing
     ]
     if problems:
@@ -158,7 +158,7 @@ def export_csv(db: xr.DataTree, folder: str | os.PathLike) -> None:
         The folder holds other files than an export; nothing is touched.
     """
     folder = Path(folder)
-    require(db)
+    require_valid(db)
     leaves = terms(db)
     facts = {name: flatten_attributes(leaf) for name, leaf in leaves.items()}
     root = {str(key): item for key, item in db.attrs.items()}
@@ -178,7 +178,7 @@ def export_csv(db: xr.DataTree, folder: str | os.PathLike) -> None:
                 header = {} if table != "value" else facts[name]
                 text = written_csv(f"{name}, {table}", header, *_long(leaf, table))
                 (part / file).write_text(text, encoding="utf-8", newline="")
-                words = " ".join(_terms.regressors(leaf)) if table == "value" else ""
+                words = " ".join(_terms.list_regressors(leaf)) if table == "value" else ""
                 rows.append(
                     [
                         file,
@@ -201,7 +201,7 @@ def _long(leaf: xr.Dataset, name: str) -> tuple[list[str], list[list[str]]]:
     mesh = np.meshgrid(*(leaf[axis].values.astype(float) for axis in axes), indexing="ij")
     columns: dict[str, Iterable[str]]
     columns = {
-        f"{axis} [{lookup(axis).units}]": map(repr, points.ravel().tolist())
+        f"{axis} [{lookup_quantity(axis).units}]": map(repr, points.ravel().tolist())
         for axis, points in zip(axes, mesh)
     }
     columns[name] = map(repr, table.values.astype(float).ravel().tolist())
@@ -320,7 +320,7 @@ def _with_table(leaf: xr.Dataset, path: Path, kind: str, problems: list[str]) ->
         return leaf
     coords = {axis: si_column(table, axis, problems) for axis in axes}
     columns = {
-        name: _codes(table, problems) if name == "source" else numbers(table, name, problems)
+        name: _codes(table, problems) if name == "source" else column_numbers(table, name, problems)
         for name in rest
     }
     grid = _grid(table, coords, problems) if len(problems) == before else None
@@ -335,7 +335,7 @@ def _with_table(leaf: xr.Dataset, path: Path, kind: str, problems: list[str]) ->
     given = [
         f"{axis} in {table.units[axis]}"
         for axis in axes
-        if parse(table.units[axis]) != parse(lookup(axis).units)
+        if parse_unit(table.units[axis]) != parse_unit(lookup_quantity(axis).units)
     ]
     return (
         add_history_line(found, f"import_csv: {path.name} gives {', '.join(given)}")
@@ -346,7 +346,7 @@ def _with_table(leaf: xr.Dataset, path: Path, kind: str, problems: list[str]) ->
 
 def _unknown(axis: str) -> Iterator[str]:
     try:
-        lookup(axis)
+        lookup_quantity(axis)
     except UnknownName as error:
         yield str(error)
 

@@ -19,7 +19,7 @@ import xarray as xr
 
 from flightmech import terms as _terms
 from flightmech.errors import ParseError, UnitError, UnknownName
-from flightmech.names import VOCABULARY, attrs, lookup
+from flightmech.names import VOCABULARY, lookup_quantity, quantity_attributes
 from flightmech.support.input_files import csv_rows, read_text
 from flightmech.units import to_si
 
@@ -63,7 +63,7 @@ def restore_attributes(leaf: xr.Dataset, facts: Facts) -> xr.Dataset:
 def _usual(name: str) -> dict[str, str]:
     if name == "source":
         return _terms.SOURCE_ATTRS
-    return attrs(name) if name in VOCABULARY else {}
+    return quantity_attributes(name) if name in VOCABULARY else {}
 
 
 Fact = str | int | float
@@ -179,7 +179,7 @@ def _take_fact(line: str, facts: dict[str, Fact], problems: list[str], place: st
     facts[key] = f"{facts[key]}\n{decoded}" if key in facts else decoded
 
 
-def numbers(table: CsvTable, name: str, problems: list[str]) -> np.ndarray:
+def column_numbers(table: CsvTable, name: str, problems: list[str]) -> np.ndarray:
     """Return a column as numbers; each cell that is none becomes a problem."""
     found = np.full(len(table.lines), np.nan)
     for place, (cell, line) in enumerate(zip(table.columns[name], table.lines)):
@@ -197,9 +197,9 @@ def si_column(table: CsvTable, name: str, problems: list[str]) -> np.ndarray:
     """Return a column converted from the unit in its brackets to SI; without brackets it is taken
     as it is.
     """
-    found, unit = numbers(table, name, problems), table.units[name]
+    found, unit = column_numbers(table, name, problems), table.units[name]
     try:
-        return to_si(found, unit, lookup(name).units) if unit else found
+        return to_si(found, unit, lookup_quantity(name).units) if unit else found
     except (UnitError, UnknownName) as error:
         problems.append(f"{table.name}: column {name} [{unit}]: {error}")
         return found

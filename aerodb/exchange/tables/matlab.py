@@ -24,10 +24,10 @@ import xarray as xr
 from scipy.io import savemat
 
 from aerodb.exchange.tables.csv_text import flatten_attributes, restore_attributes
-from aerodb.store.schema import check, require, terms
+from aerodb.store.schema import check, require_valid, terms
 from flightmech import terms as _terms
 from flightmech.errors import ParseError, SchemaError
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.input_files import read_bytes
 from flightmech.support.mat_files import load_mat
@@ -78,7 +78,7 @@ def export_matlab(db: xr.DataTree, path: str | os.PathLike) -> None:
         The database is faulty, or an attribute of its root has a name that no MATLAB structure
         takes.
     """
-    require(db)
+    require_valid(db)
     problems = [
         f"root attribute {key!r} is no name of a MATLAB field; rename it"
         for key in map(str, db.attrs)
@@ -110,7 +110,7 @@ def _element(name: str, leaf: xr.Dataset) -> dict[str, Any]:
     facts = flatten_attributes(leaf)
     named = {key: facts.pop(key) if isinstance(facts.get(key), str) else "" for key in _TEXTS}
     absent = [key for key in _TEXTS if key not in leaf.attrs]
-    words = _cell(_terms.regressors(leaf))
+    words = _cell(_terms.list_regressors(leaf))
     facts.pop("regressors", None)
     others = np.empty((len(facts), 2), object)
     for row, (key, item) in enumerate(facts.items()):
@@ -136,7 +136,8 @@ def _table(leaf: xr.Dataset, name: str) -> dict[str, Any]:
     axes = [str(axis) for axis in leaf[name].dims]
     return {
         "axes": _structures(
-            ("name", "units"), [{"name": axis, "units": lookup(axis).units} for axis in axes]
+            ("name", "units"),
+            [{"name": axis, "units": lookup_quantity(axis).units} for axis in axes],
         ),
         "breakpoints": _cell([leaf[axis].values.astype(float) for axis in axes]),
         "values": _matlab_order(leaf[name]),
@@ -281,10 +282,10 @@ def _read_table(
 ) -> tuple[tuple[str, ...], dict[str, np.ndarray], np.ndarray]:
     axes = [_text(axis, "axes") for axis in _names(element["axes"])]
     for axis, units in zip(axes, _units(element["axes"])):
-        if units != lookup(axis).units:
+        if units != lookup_quantity(axis).units:
             raise ValueError(
                 f"{what}: axis {axis} is given in {units!r}; convert its breakpoints to "
-                f"{lookup(axis).units!r}"
+                f"{lookup_quantity(axis).units!r}"
             )
     points = [np.asarray(p, float).ravel() for p in element["breakpoints"].ravel()]
     if len(points) != len(axes):

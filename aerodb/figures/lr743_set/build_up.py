@@ -13,17 +13,23 @@ import xarray as xr
 from aerodb.figures.curve_families import refine_breakpoints, thin_breakpoints
 from aerodb.figures.lr743_set.chart import Chart, ChartLine, ChartPanel, FlightPoints, NotDrawn
 from aerodb.figures.lr743_set.combinations import (
+    coefficient_leaves,
     combine_coefficients,
-    leaves_of,
     points_of,
     remove_moving_devices,
     span_of,
 )
 from aerodb.figures.lr743_set.flown import FlightData, is_clean, is_free
-from aerodb.figures.symbols import axis_label, number_text, symbol, to_display_unit, value_text
+from aerodb.figures.symbols import (
+    axis_label,
+    math_symbol,
+    number_text,
+    to_printed_unit,
+    value_with_symbol,
+)
 from aerodb.store.overview import FREE_AIR
 from flightmech import terms as _terms
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.units import DEGREE
 
 Databases = Mapping[str, xr.DataTree]
@@ -48,7 +54,7 @@ _AROUND = 4.0 * DEGREE  # beyond the angles of attack of low passes that Fig. 16
 _NEAR = 2.0 * DEGREE  # of a flap setting: whose estimates belong to it
 
 
-def intercept(databases: Databases, flown: FlightData | None) -> Chart:
+def lift_intercept_chart(databases: Databases, flown: FlightData | None) -> Chart:
     """Fig. 1: lift coefficient at zero angle of attack over Mach number, clean."""
 
     def curve(db: xr.DataTree, mach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -67,7 +73,7 @@ def intercept(databases: Databases, flown: FlightData | None) -> Chart:
     )
 
 
-def slope(databases: Databases, flown: FlightData | None) -> Chart:
+def lift_slope_chart(databases: Databases, flown: FlightData | None) -> Chart:
     """Fig. 2: lift slope over Mach number, clean."""
 
     def curve(db: xr.DataTree, mach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -122,7 +128,7 @@ def flap_increment(databases: Databases, flown: FlightData | None, stem: str, fi
     return _over_alpha(stem, figure, title, r"$\Delta C_L$ [1]", "delta_f", databases, curves)
 
 
-def elevator(databases: Databases, flown: FlightData | None, stem: str, figure: str) -> Chart:
+def elevator_chart(databases: Databases, flown: FlightData | None, stem: str, figure: str) -> Chart:
     """Figs. 4 and 14: lift coefficient by the elevator over angle of attack, by flap setting."""
 
     def curves(db: xr.DataTree) -> tuple[list[ChartLine], str]:
@@ -220,7 +226,7 @@ def near_the_ground(databases: Databases, flown: FlightData | None) -> Chart:
         lines = []
         for i, (h, place) in enumerate(_heights(db, "CL", low, flap)):
             y, stderr = combine_coefficients(db, "CL", (1.0, {**place, "alpha": alpha, "h_agl": h}))
-            lines.append(ChartLine(_height(h), to_display_unit("alpha", alpha), y, stderr, i))
+            lines.append(ChartLine(_height(h), to_printed_unit("alpha", alpha), y, stderr, i))
         return lines, _held({"delta_f": flap})
 
     notes = (
@@ -264,7 +270,7 @@ def bank_near_the_ground(databases: Databases, flown: FlightData | None) -> Char
         "figure-17",
         "Fig. 17",
         "rolling moment of the ground",
-        f"$C_l$ over $C_L \\phi$, curves by ${symbol('h_agl')}$",
+        f"$C_l$ over $C_L \\phi$, curves by ${math_symbol('h_agl')}$",
         r"$C_L\,\phi$ [rad]",
         "$C_l$ [1]",
         _panels(last, curves, points, "h_agl")[0],
@@ -292,7 +298,7 @@ def _over_mach(
         mach = refine_breakpoints(points_of(db, "CL", "mach"))
         lines.append(ChartLine(name, mach, *curve(db, mach), i))
     held = _held({k: v for k, v in remove_moving_devices(db, "CL").items() if k == "h"})
-    line = f"{y_label.split(' [')[0]} over ${symbol('mach')}${held}"
+    line = f"{y_label.split(' [')[0]} over ${math_symbol('mach')}${held}"
     return Chart(
         stem,
         figure,
@@ -318,10 +324,8 @@ def _over_alpha(
     notes: Sequence[str] = (),
 ) -> Chart:
     panels, held = _panels(databases, curves, points, by)
-    unit = " [deg]" if lookup(by).units == "rad" else ""
-    line = (
-        f"{y_label.split(' [')[0]} over ${symbol('alpha')}$, curves by ${symbol(by)}${unit}{held}"
-    )
+    unit = " [deg]" if lookup_quantity(by).units == "rad" else ""
+    line = f"{y_label.split(' [')[0]} over ${math_symbol('alpha')}$, curves by ${math_symbol(by)}${unit}{held}"
     return Chart(stem, figure, title, line, axis_label("alpha"), y_label, panels, notes)
 
 
@@ -331,7 +335,7 @@ def _panels(
     found = {name: curves(db) for name, db in databases.items()}
     last = list(found)[-1]
     panels = [
-        ChartPanel(name, lines, points=points if name == last else (), by=f"${symbol(by)}$")
+        ChartPanel(name, lines, points=points if name == last else (), by=f"${math_symbol(by)}$")
         for name, (lines, _) in found.items()
     ]
     return panels, next(iter(found.values()))[1]
@@ -340,7 +344,7 @@ def _panels(
 def _line(
     by: str, member: float, x: np.ndarray, values: tuple[np.ndarray, np.ndarray], i: int
 ) -> ChartLine:
-    return ChartLine(value_text(by, member), to_display_unit("alpha", x), *values, i)
+    return ChartLine(value_with_symbol(by, member), to_printed_unit("alpha", x), *values, i)
 
 
 def _by_flap(
@@ -382,7 +386,7 @@ def _reach(db: xr.DataTree, name: str, wanted: float) -> float:
     """Return half the chord of a derivative: `wanted`, or what the tables of the variable allow on
     both sides.
     """
-    if not any(name in _terms.variables(leaf) for leaf in leaves_of(db, "CL")):
+    if not any(name in _terms.list_model_variables(leaf) for leaf in coefficient_leaves(db, "CL")):
         raise NotDrawn(f"no term of CL depends on {name}")
     try:
         low, high = span_of(db, "CL", name)
@@ -395,7 +399,7 @@ def _middle_mach(db: xr.DataTree, among: str) -> dict[str, float]:
     """Return the middle Mach number of the tables that depend on a variable; nothing where Mach
     number is no axis.
     """
-    if not any(among in _terms.variables(leaf) for leaf in leaves_of(db, "CL")):
+    if not any(among in _terms.list_model_variables(leaf) for leaf in coefficient_leaves(db, "CL")):
         raise NotDrawn(f"no term of CL depends on {among}")
     try:
         points = points_of(db, "CL", "mach", among)
@@ -409,7 +413,9 @@ def _height(h: float) -> str:
 
 
 def _demand_height(db: xr.DataTree, coefficient: str) -> None:
-    if not any("h_agl" in _terms.variables(leaf) for leaf in leaves_of(db, coefficient)):
+    if not any(
+        "h_agl" in _terms.list_model_variables(leaf) for leaf in coefficient_leaves(db, coefficient)
+    ):
         raise NotDrawn(
             f"no term of {coefficient} depends on h_agl; it needs DATCOM cases with GRNDEF, "
             f"or flights near the ground"
@@ -417,7 +423,9 @@ def _demand_height(db: xr.DataTree, coefficient: str) -> None:
 
 
 def _rolls(db: xr.DataTree) -> bool:
-    return any({"h_agl", "phi"} <= _terms.variables(leaf) for name, leaf in _cl(db).items())
+    return any(
+        {"h_agl", "phi"} <= _terms.list_model_variables(leaf) for name, leaf in _cl(db).items()
+    )
 
 
 def _cl(db: xr.DataTree) -> dict[str, xr.Dataset]:
@@ -477,7 +485,7 @@ def _sampled(flown: FlightData, row: pd.Series, member: int, x: str, y: str) -> 
     part = flown.samples[flown.samples["manoeuvre"].isin(manoeuvres)]
     return FlightPoints(
         f"samples at {_height(round(row['h_agl'], 1))}",
-        to_display_unit(x, part[x]),
+        to_printed_unit(x, part[x]),
         part[y].to_numpy(),
         np.zeros(len(part)),
         "sample",
@@ -523,7 +531,7 @@ def _estimates(flown: FlightData | None, term: str, over: str) -> list[FlightPoi
     x, y, stderr = (table[name].to_numpy(float) for name in (over, "estimate", "stderr"))
     return [
         FlightPoints(
-            "local estimate, standard error", to_display_unit(over, x), y, stderr, "estimate"
+            "local estimate, standard error", to_printed_unit(over, x), y, stderr, "estimate"
         )
     ]
 
@@ -547,9 +555,9 @@ def _by_flap_estimates(
         if len(part):
             x, y, stderr = (part[name].to_numpy(float) for name in ("alpha", "estimate", "stderr"))
             label = (
-                f"local estimate, flaps {number_text(float(to_display_unit('delta_f', flap)))} deg"
+                f"local estimate, flaps {number_text(float(to_printed_unit('delta_f', flap)))} deg"
             )
-            found.append(FlightPoints(label, to_display_unit("alpha", x), y, stderr, "estimate", i))
+            found.append(FlightPoints(label, to_printed_unit("alpha", x), y, stderr, "estimate", i))
     return found
 
 
@@ -558,5 +566,5 @@ def _own(points: Sequence[FlightPoints]) -> tuple[str, ...]:
 
 
 def _held(place: Mapping[str, float]) -> str:
-    words = ", ".join(value_text(name, value) for name, value in place.items())
+    words = ", ".join(value_with_symbol(name, value) for name, value in place.items())
     return f"; at {words}" if words else ""

@@ -11,9 +11,9 @@ import numpy as np
 import xarray as xr
 
 from aerodb.comparison.conditions import (
-    axes_of,
     coefficient_points,
-    merge_breakpoints,
+    leaf_breakpoints,
+    merge_leaf_breakpoints,
     neutral_value,
 )
 from aerodb.figures.lr743_set.chart import NotDrawn
@@ -26,7 +26,7 @@ from flightmech.build_up import COEFFICIENTS
 Condition = Mapping[str, Any]
 
 
-def leaves_of(db: xr.DataTree, coefficient: str) -> list[xr.Dataset]:
+def coefficient_leaves(db: xr.DataTree, coefficient: str) -> list[xr.Dataset]:
     """Return the terms of a coefficient.
 
     Raises
@@ -50,9 +50,11 @@ def points_of(db: xr.DataTree, coefficient: str, axis: str, among: str = "") -> 
         No term has the axis.
     """
     leaves = [
-        leaf for leaf in leaves_of(db, coefficient) if not among or among in _terms.variables(leaf)
+        leaf
+        for leaf in coefficient_leaves(db, coefficient)
+        if not among or among in _terms.list_model_variables(leaf)
     ]
-    points = merge_breakpoints(leaves)
+    points = merge_leaf_breakpoints(leaves)
     if axis not in points:
         raise NotDrawn(f"no term of {coefficient} is a table over {axis}")
     return points[axis]
@@ -62,8 +64,8 @@ def span_of(db: xr.DataTree, coefficient: str, axis: str) -> tuple[float, float]
     """Return the range of an axis that all tables of a coefficient share. [SI]"""
     ends = [
         (points[0], points[-1])
-        for leaf in leaves_of(db, coefficient)
-        for name, points in axes_of(leaf).items()
+        for leaf in coefficient_leaves(db, coefficient)
+        for name, points in leaf_breakpoints(leaf).items()
         if name == axis
     ]
     if not ends:
@@ -75,7 +77,7 @@ def remove_moving_devices(db: xr.DataTree, coefficient: str) -> dict[str, float]
     """Return the variables of a coefficient at rest, in free air and at the lowest height;
     coefficients that it depends on are left out.
     """
-    points = coefficient_points(leaves_of(db, coefficient), [])
+    points = coefficient_points(coefficient_leaves(db, coefficient), [])
     return {
         name: neutral_value(name, values)
         for name, values in points.items()
@@ -101,7 +103,7 @@ def combine_coefficients(
         The map from the nodes to the sum is linear, sum_i w_i B_i, so that its standard error is
         that of any other one (`aerodb.update.standard_errors`).
     """
-    leaves = leaves_of(db, coefficient)
+    leaves = coefficient_leaves(db, coefficient)
     rest = remove_moving_devices(db, coefficient)
     count = np.broadcast_shapes(
         *(np.shape(value) for _, given in parts for value in given.values()), (1,)
@@ -111,7 +113,7 @@ def combine_coefficients(
     for leaf in leaves:
         maps.append(
             sum(
-                weight * repeat_rows(_terms.basis(leaf, conditions, "clamp"), count[0])
+                weight * repeat_rows(_terms.node_basis(leaf, conditions, "clamp"), count[0])
                 for weight, conditions in whole
             )
         )
@@ -123,7 +125,7 @@ def _complete(
     db: xr.DataTree, leaves: list[xr.Dataset], given: Condition, count: tuple[int, ...]
 ) -> dict[str, np.ndarray]:
     """Return conditions (points,) with the coefficients on which the terms depend."""
-    needed = {name for leaf in leaves for name in _terms.variables(leaf)}
+    needed = {name for leaf in leaves for name in _terms.list_model_variables(leaf)}
     found = {
         name: np.broadcast_to(np.asarray(value, float), count) for name, value in given.items()
     }

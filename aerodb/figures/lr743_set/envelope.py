@@ -23,13 +23,19 @@ from aerodb.figures.lr743_set.combinations import (
 )
 from aerodb.figures.lr743_set.flown import (
     FlightData,
-    configuration,
+    configuration_text,
+    group_heights,
     height_text,
-    heights,
     is_clean,
     is_free,
 )
-from aerodb.figures.symbols import axis_label, number_text, symbol, to_display_unit, value_text
+from aerodb.figures.symbols import (
+    axis_label,
+    math_symbol,
+    number_text,
+    to_printed_unit,
+    value_with_symbol,
+)
 from flightmech.air import GAMMA, atmosphere
 from flightmech.errors import AeromatchError, SimulationError
 from flightmech.flying_qualities.performance import one_g, polar, stall
@@ -81,13 +87,13 @@ def one_g_lines(
     for _, alike in points.groupby(
         [(points[name] / step).round() for name, step in _SETTINGS.items()]
     ):
-        at = heights(alike)
+        at = group_heights(alike)
         for h in map(float, np.unique(at)):
             part = alike[at == h]
             means = part.mean(numeric_only=True)
             label = (
                 f"{height_text(h)}, {number_text(float(np.round(means['mass'], -1)))} kg, "
-                f"{configuration(means)}"
+                f"{configuration_text(means)}"
             )
             flight = {name: float(means[name]) for name in ("mass", *_SETTINGS)} | {
                 "h": h,
@@ -104,7 +110,7 @@ def one_g_lines(
                 remarks.append(f"{label}: no steady flight up to Mach {flight['mach']:.2g}")
                 continue
             found[label] = line.assign_attrs(
-                h=h, mass=float(means["mass"]), configuration=configuration(means)
+                h=h, mass=float(means["mass"]), configuration=configuration_text(means)
             )
     return found, remarks
 
@@ -137,7 +143,7 @@ class _Polar(NamedTuple):
     alpha: np.ndarray
 
 
-def envelope(
+def flight_envelope_chart(
     databases: Databases, aircraft: Aircrafts, flown: FlightData | None, buffet: pd.DataFrame | None
 ) -> Chart:
     """Fig. 9: test points of the clean aeroplane over Mach number, 1 g lines, stall, buffet,
@@ -157,7 +163,7 @@ def envelope(
     levels = [(h, craft.mass) for h in _HEIGHTS]
     if flown is not None:
         clean = flown.manoeuvres[is_clean(flown.manoeuvres)]
-        at = heights(clean)
+        at = group_heights(clean)
         levels = [(h, float(clean["mass"][at == h].mean())) for h in np.unique(at)]
         points += [
             FlightPoints(
@@ -202,9 +208,9 @@ def envelope(
         "figure-09",
         "Fig. 9",
         "flight envelope and test points, clean",
-        f"$C_L$ over ${symbol('mach')}$; grey: lift in the manoeuvres of the elevator"
+        f"$C_L$ over ${math_symbol('mach')}$; grey: lift in the manoeuvres of the elevator"
         if flown is not None
-        else f"$C_L$ over ${symbol('mach')}$",
+        else f"$C_L$ over ${math_symbol('mach')}$",
         axis_label("mach"),
         "$C_L$ [1]",
         [ChartPanel("", lines, points=points)],
@@ -214,7 +220,7 @@ def envelope(
     )
 
 
-def sweeps(databases: Databases, flown: FlightData | None) -> Chart:
+def elevator_sweep_chart(databases: Databases, flown: FlightData | None) -> Chart:
     """Fig. 10: lift over angle of attack in the sweeps of the elevator, by configuration and Mach
     number, and the database there.
     """
@@ -225,12 +231,12 @@ def sweeps(databases: Databases, flown: FlightData | None) -> Chart:
         )
     name, db = list(databases.items())[-1]
     rows = flown.manoeuvres[is_free(flown.manoeuvres)]
-    rows = rows.assign(height=heights(rows))
+    rows = rows.assign(height=group_heights(rows))
     found: dict[str, list[tuple[float, ChartLine, FlightPoints]]] = {}
     for i, part in _by_manoeuvre(flown, rows[rows["label"].str.contains("elevator")]):
         if np.ptp(part["CL"]) >= _MOVED and np.ptp(part["mach"]) <= _FORWARD:
             row = rows.loc[[i]].iloc[0]
-            found.setdefault(f"{configuration(row)}, {height_text(row['height'])}", []).append(
+            found.setdefault(f"{configuration_text(row)}, {height_text(row['height'])}", []).append(
                 _swept(db, row, part)
             )
     if not found:
@@ -243,7 +249,7 @@ def sweeps(databases: Databases, flown: FlightData | None) -> Chart:
         "figure-10",
         "Fig. 10",
         "sweeps of angle of attack by configuration and Mach number",
-        f"$C_L$ over ${symbol('alpha')}$, curves by ${symbol('mach')}$: {name} at the mean "
+        f"$C_L$ over ${math_symbol('alpha')}$, curves by ${math_symbol('mach')}$: {name} at the mean "
         f"condition of the sweep",
         axis_label("alpha"),
         "$C_L$ [1]",
@@ -270,7 +276,7 @@ def _of_sweeps(title: str, swept: Sequence[tuple[float, ChartLine, FlightPoints]
         )
         points += [replace(trace, member=members[mach]), start]
     return ChartPanel(
-        title, [lines[mach] for mach in members], points=points, by=f"${symbol('mach')}$"
+        title, [lines[mach] for mach in members], points=points, by=f"${math_symbol('mach')}$"
     )
 
 
@@ -283,14 +289,19 @@ def polars_clean(databases: Databases, aircraft: Aircrafts, flown: FlightData | 
         for i, one in enumerate(_polars(point, db)):
             lines.append(
                 ChartLine(
-                    value_text("mach", one.mach), one.CD, one.CL, one.stderr, i, is_across=True
+                    value_with_symbol("mach", one.mach),
+                    one.CD,
+                    one.CL,
+                    one.stderr,
+                    i,
+                    is_across=True,
                 )
             )
-        panels.append(ChartPanel(name, lines, by=f"${symbol('mach')}$"))
+        panels.append(ChartPanel(name, lines, by=f"${math_symbol('mach')}$"))
     points = []
     if flown is not None:
         clean = flown.manoeuvres[is_clean(flown.manoeuvres)]
-        at = heights(clean)
+        at = group_heights(clean)
         for i, h in enumerate(np.unique(at)):
             on = at == h
             points.append(
@@ -307,7 +318,7 @@ def polars_clean(databases: Databases, aircraft: Aircrafts, flown: FlightData | 
         "figure-11",
         "Fig. 11",
         "lift over drag, clean",
-        f"$C_L$ over $C_D$, curves by ${symbol('mach')}$; trimmed, power off",
+        f"$C_L$ over $C_D$, curves by ${math_symbol('mach')}$; trimmed, power off",
         "$C_D$ [1]",
         "$C_L$ [1]",
         panels,
@@ -328,22 +339,22 @@ def drag_polars(databases: Databases, aircraft: Aircrafts, flown: FlightData | N
     for flap in flaps:
         point = _flight(craft, db, {"delta_f": float(flap)} if flap else {})
         lines = [
-            ChartLine(value_text("mach", p.mach), p.CL, p.CD, p.stderr, i)
+            ChartLine(value_with_symbol("mach", p.mach), p.CL, p.CD, p.stderr, i)
             for i, p in enumerate(_polars(point, db, float(flap)))
         ]
         panels.append(
             ChartPanel(
-                value_text("delta_f", float(flap)),
+                value_with_symbol("delta_f", float(flap)),
                 lines,
                 points=_test_points(flown, float(flap)),
-                by=f"${symbol('mach')}$",
+                by=f"${math_symbol('mach')}$",
             )
         )
     return Chart(
         "drag-polars",
         "",
         "drag polars by Mach number and flap setting",
-        f"$C_D$ over $C_L$, curves by ${symbol('mach')}$; {name}, trimmed, power off, gear up",
+        f"$C_D$ over $C_L$, curves by ${math_symbol('mach')}$; {name}, trimmed, power off, gear up",
         "$C_L$ [1]",
         "$C_D$ [1]",
         panels,
@@ -452,7 +463,7 @@ def _swept(
     )
     return (
         mach,
-        ChartLine(value_text("mach", mach), to_display_unit("alpha", alpha), y, stderr),
+        ChartLine(value_with_symbol("mach", mach), to_printed_unit("alpha", alpha), y, stderr),
         _trace(part, "alpha", "CL"),
     )
 
@@ -460,7 +471,7 @@ def _swept(
 def _trace(part: pd.DataFrame, x: str, y: str) -> FlightPoints:
     return FlightPoints(
         "samples of flight",
-        to_display_unit(x, part[x]),
+        to_printed_unit(x, part[x]),
         part[y].to_numpy(float),
         np.zeros(len(part)),
         "trace",

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from aerodb.figures.symbols import number_text, printed_unit, to_display_unit
+from aerodb.figures.symbols import number_text, printed_unit, to_printed_unit
 from aerodb.store.evaluation import contributions
 from aerodb.store.schema import terms
 from flightmech import terms as _terms
@@ -150,10 +150,10 @@ def is_free(table: pd.DataFrame) -> pd.Series:
     return table["h_agl"] >= _FREE
 
 
-def configuration(row: pd.Series) -> str:
+def configuration_text(row: pd.Series) -> str:
     """Return the configuration in words: ``clean``, ``flaps 40 deg, gear``."""
     words = (
-        [f"flaps {number_text(float(np.round(to_display_unit('delta_f', row['delta_f']))))} deg"]
+        [f"flaps {number_text(float(np.round(to_printed_unit('delta_f', row['delta_f']))))} deg"]
         if abs(row["delta_f"]) >= _AT_REST
         else []
     )
@@ -163,7 +163,7 @@ def configuration(row: pd.Series) -> str:
     return ", ".join(words) or "clean"
 
 
-def heights(table: pd.DataFrame) -> np.ndarray:
+def group_heights(table: pd.DataFrame) -> np.ndarray:
     """Return the height at which each row was flown, those within 300 m of each other as their
     mean. [m]
     """
@@ -176,7 +176,7 @@ def heights(table: pd.DataFrame) -> np.ndarray:
 
 def height_text(h: float) -> str:
     """Return a height as it is named: to the nearest hundred of its display unit."""
-    return f"{number_text(float(np.round(to_display_unit('h', h), -2)))} {printed_unit('h')}"
+    return f"{number_text(float(np.round(to_printed_unit('h', h), -2)))} {printed_unit('h')}"
 
 
 _LEAST = 8  # samples of a manoeuvre
@@ -222,12 +222,12 @@ def partial_residuals(db: xr.DataTree, flown: FlightData, name: str) -> pd.DataF
         word
         for one, part in terms(db).items()
         if one.startswith(f"{coefficient}/")
-        for word in _terms.variables(part)
+        for word in _terms.list_model_variables(part)
     }
     if needed - set(conditions):
         return pd.DataFrame()
     unit = leaf.assign(value=xr.ones_like(leaf["value"]))
-    x = np.broadcast_to(_terms.evaluate(unit, conditions, "clamp"), len(samples))
+    x = np.broadcast_to(_terms.evaluate_term(unit, conditions, "clamp"), len(samples))
     parts = contributions(db, coefficient, conditions, "clamp")
     rest = samples[coefficient].to_numpy(float) - sum(
         value for part, value in parts.items() if part != own

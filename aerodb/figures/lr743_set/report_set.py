@@ -14,18 +14,23 @@ import xarray as xr
 from aerodb.figures.drawing import FORMATS, reference_notes, save_figure
 from aerodb.figures.lr743_set.build_up import (
     bank_near_the_ground,
-    elevator,
+    elevator_chart,
     flap_increment,
-    intercept,
     lift_by_mach,
+    lift_intercept_chart,
+    lift_slope_chart,
     near_the_ground,
     pitch_rate,
-    slope,
 )
 from aerodb.figures.lr743_set.chart import Chart, NotDrawn
-from aerodb.figures.lr743_set.envelope import drag_polars, envelope, polars_clean, sweeps
+from aerodb.figures.lr743_set.envelope import (
+    drag_polars,
+    elevator_sweep_chart,
+    flight_envelope_chart,
+    polars_clean,
+)
 from aerodb.figures.lr743_set.flown import FlightData
-from aerodb.figures.lr743_set.sheet import draw
+from aerodb.figures.lr743_set.sheet import draw_chart
 from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import folder_written_atomically
 
@@ -62,8 +67,12 @@ def lr743_charts(
     first, last = names[0], names[-1]
     prior, final = {first: databases[first]}, {last: databases[last]}
     crafts = aircraft or {}
-    yield "Fig. 1", "lift coefficient at zero angle of attack", partial(intercept, databases, flown)
-    yield "Fig. 2", "lift slope", partial(slope, databases, flown)
+    yield (
+        "Fig. 1",
+        "lift coefficient at zero angle of attack",
+        partial(lift_intercept_chart, databases, flown),
+    )
+    yield "Fig. 2", "lift slope", partial(lift_slope_chart, databases, flown)
     yield (
         "Fig. 3",
         "lift by the flaps, a priori",
@@ -72,14 +81,14 @@ def lr743_charts(
     yield (
         "Fig. 4",
         "lift by the elevator, a priori",
-        partial(elevator, prior, None, "figure-04", "Fig. 4"),
+        partial(elevator_chart, prior, None, "figure-04", "Fig. 4"),
     )
     yield (
         "Fig. 9",
         "flight envelope and test points",
-        partial(envelope, databases, crafts, flown, buffet),
+        partial(flight_envelope_chart, databases, crafts, flown, buffet),
     )
-    yield "Fig. 10", "sweeps of angle of attack", partial(sweeps, databases, flown)
+    yield "Fig. 10", "sweeps of angle of attack", partial(elevator_sweep_chart, databases, flown)
     yield "Fig. 11", "lift over drag", partial(polars_clean, databases, crafts, flown)
     yield "Fig. 12", "lift by Mach number", partial(lift_by_mach, databases, flown)
     yield (
@@ -87,7 +96,11 @@ def lr743_charts(
         "lift by the flaps",
         partial(flap_increment, final, flown, "figure-13", "Fig. 13"),
     )
-    yield "Fig. 14", "lift by the elevator", partial(elevator, final, flown, "figure-14", "Fig. 14")
+    yield (
+        "Fig. 14",
+        "lift by the elevator",
+        partial(elevator_chart, final, flown, "figure-14", "Fig. 14"),
+    )
     yield "Fig. 15", "lift by pitch rate", partial(pitch_rate, final, flown)
     yield "Fig. 16", "lift near the ground", partial(near_the_ground, final, flown)
     yield "Fig. 17", "rolling moment near the ground", partial(bank_near_the_ground, final, flown)
@@ -161,7 +174,7 @@ def write_lr743(
                 made.append(WrittenSet(number, title, None, str(lacking)))
                 continue
             file = f"{chart.stem}.{format}"
-            save_figure(draw(chart, name, notes), part / file)
+            save_figure(draw_chart(chart, name, notes), part / file)
             made.append(WrittenSet(number, chart.title, folder / file, ""))
         made += [
             *_table(

@@ -19,10 +19,10 @@ from aerodb.figures.drawing import (
     axis_limits,
     band_handle,
     colormaps,
+    database_pens,
     drawing_style,
     foot_height,
     foot_lines,
-    line_styles,
 )
 from aerodb.figures.figures import end_labels
 from aerodb.figures.lr743_set.chart import Chart, ChartLine, ChartPanel, FlightPoints
@@ -60,7 +60,7 @@ _DASHES: tuple[Any, ...] = (
 )
 
 
-def draw(chart: Chart, aircraft: str, notes: Sequence[str] = ()) -> Figure:
+def draw_chart(chart: Chart, aircraft: str, notes: Sequence[str] = ()) -> Figure:
     """Return a chart as a figure, `notes` at its foot after its own; its lines and points carry
     their labels.
     """
@@ -178,7 +178,7 @@ def short_label(label: str) -> str:
 
 def _codes(chart: Chart, lines: Sequence[ChartLine]) -> list[dict[str, Any]]:
     if chart.is_by_database:
-        code = list(line_styles([line.label for line in lines]).values())
+        code = list(database_pens([line.label for line in lines]).values())
         return [
             {"color": pen.color, "linestyle": pen.dashes, "linewidth": pen.width} for pen in code
         ]

@@ -161,7 +161,7 @@ def unplaced_controls(
     """
     rows = []
     z = samples[known.coefficient].values.astype(float)
-    needed = set().union(*map(_terms.variables, known.leaves.values()))
+    needed = set().union(*map(_terms.list_model_variables, known.leaves.values()))
     primary = _CONTROLS.get(known.coefficient, ())
     lacking = [
         word
@@ -290,7 +290,11 @@ def _unplaced(place: int, term: str, fit: Any, known: CoefficientTerms) -> _Part
     factors = _factors(term)
     needed = set(factors) - _STATE
     # whatever else multiplies such a table, as gear = 1 along the flight, is in its basis
-    leaves = {name: leaf for name, leaf in known.leaves.items() if needed <= _terms.variables(leaf)}
+    leaves = {
+        name: leaf
+        for name, leaf in known.leaves.items()
+        if needed <= _terms.list_model_variables(leaf)
+    }
     if not leaves:
         lacking = sorted(needed) or factors
         missing = (
@@ -325,8 +329,8 @@ def _unplaced(place: int, term: str, fit: Any, known: CoefficientTerms) -> _Part
 def _is_regressor(leaf: xr.Dataset, factors: Sequence[str]) -> bool:
     """Whether equal nodes of a table give the term itself, whatever its axes."""
     return (
-        sorted(_terms.regressors(leaf)) == sorted(factors)
-        and _terms.power(leaf) is None
+        sorted(_terms.list_regressors(leaf)) == sorted(factors)
+        and _terms.power_factor(leaf) is None
         and not {"K1", "K2"} & set(leaf)
     )
 

@@ -4,7 +4,12 @@ canard_downwash``.
 
 from __future__ import annotations
 
-from datcom_io.arrays.families.single_numbers import Item, NumberStack, labelled, row
+from datcom_io.arrays.families.single_numbers import (
+    Item,
+    NumberStack,
+    labelled_numbers,
+    row_numbers,
+)
 from datcom_io.arrays.stacking import LeafBuilder, Stacker
 from datcom_io.printout.layouts.auxiliary import (
     BODY,
@@ -81,7 +86,7 @@ _CANARD_NAMES = {
 }
 
 
-def auxiliary(stacker: Stacker) -> LeafBuilder | None:
+def stack_auxiliary(stacker: Stacker) -> LeafBuilder | None:
     """Stack the properties of the body and the place of the moment centre."""
     bodies = stacker.placed("body")
     places = stacker.placed_values("mac")
@@ -91,17 +96,17 @@ def auxiliary(stacker: Stacker) -> LeafBuilder | None:
     sheet.add(
         BODY.columns,
         _ALONG,
-        (((spot.condition,), page, row(table)) for spot, page, table in bodies),
+        (((spot.condition,), page, row_numbers(table)) for spot, page, table in bodies),
     )
     sheet.add(
         MAC.numbers,
         _ALONG,
-        (((spot.condition,), page, labelled(group)) for spot, page, group in places),
+        (((spot.condition,), page, labelled_numbers(group)) for spot, page, group in places),
     )
     return sheet.finished(_BODY_NAMES, configuration=(bodies or places)[0][1].configuration)
 
 
-def planform(stacker: Stacker) -> LeafBuilder | None:
+def stack_planform(stacker: Stacker) -> LeafBuilder | None:
     """Stack the properties of the surfaces and their panels."""
     groups = stacker.placed_values("planform")
     if not groups:
@@ -120,13 +125,13 @@ def planform(stacker: Stacker) -> LeafBuilder | None:
         for spot, page, group in groups
         for i, surface in enumerate(surfaces)
         for k, panel in enumerate(panels)
-        if (numbers := labelled(group, f"{surface} {panel}"))
+        if (numbers := labelled_numbers(group, f"{surface} {panel}"))
     ]
     sheet.add(PLANFORM, ("condition", "surface", "panel"), items)
     return sheet.finished(_PLANFORM_NAMES)
 
 
-def interference(stacker: Stacker) -> LeafBuilder | None:
+def stack_interference(stacker: Stacker) -> LeafBuilder | None:
     """Stack the interference factors of wing and horizontal tail with the body, and the sidewash."""
     groups = stacker.placed_values("interference")
     if not groups:
@@ -139,7 +144,7 @@ def interference(stacker: Stacker) -> LeafBuilder | None:
     wing = INTERFERENCE["WING"].numbers
     items: list[Item] = []
     for spot, page, group in groups:
-        numbers = labelled(group)
+        numbers = labelled_numbers(group)
         for k, name in enumerate(surfaces):
             own = {
                 column.name: number
@@ -151,7 +156,7 @@ def interference(stacker: Stacker) -> LeafBuilder | None:
     sheet.add(
         SIDEWASH.numbers,
         _ALONG,
-        (((spot.condition,), page, labelled(group)) for spot, page, group in groups),
+        (((spot.condition,), page, labelled_numbers(group)) for spot, page, group in groups),
     )
     found = sheet.finished(_INTERFERENCE_NAMES)
     for column in wing:
@@ -161,7 +166,7 @@ def interference(stacker: Stacker) -> LeafBuilder | None:
     return found
 
 
-def increments(stacker: Stacker) -> LeafBuilder | None:
+def stack_increments(stacker: Stacker) -> LeafBuilder | None:
     """Stack the increments of dynamic derivatives, and the derivatives per dihedral and twist."""
     groups = stacker.placed_values("increments")
     if not groups:
@@ -171,7 +176,7 @@ def increments(stacker: Stacker) -> LeafBuilder | None:
     sheet.add(
         columns,
         _ALONG,
-        (((spot.condition,), page, labelled(group)) for spot, page, group in groups),
+        (((spot.condition,), page, labelled_numbers(group)) for spot, page, group in groups),
     )
     return sheet.finished(_INCREMENT_NAMES)
 
@@ -185,7 +190,7 @@ def _over_alpha(stacker: Stacker, layout: TableLayout) -> LeafBuilder | None:
     return stacker.stack(layout.columns[1:], [stacker.condition_axis()], alphas, items)
 
 
-def vortex(stacker: Stacker) -> LeafBuilder | None:
+def stack_vortex(stacker: Stacker) -> LeafBuilder | None:
     """Stack the vortex interference factors and vortex strengths."""
     found = _over_alpha(stacker, VORTEX)
     return None if found is None else found.described(_VORTEX_NAMES)
@@ -198,10 +203,10 @@ def canard_downwash(stacker: Stacker) -> LeafBuilder | None:
 
 
 LEAVES = {
-    "auxiliary": auxiliary,
-    "planform": planform,
-    "interference": interference,
-    "vortex": vortex,
-    "increments": increments,
+    "auxiliary": stack_auxiliary,
+    "planform": stack_planform,
+    "interference": stack_interference,
+    "vortex": stack_vortex,
+    "increments": stack_increments,
     "canard_downwash": canard_downwash,
 }

@@ -48,19 +48,19 @@ def _over_alpha(stacker: Stacker, name: str) -> LeafBuilder | None:
     return found
 
 
-def static(stacker: Stacker) -> LeafBuilder | None:
+def stack_static(stacker: Stacker) -> LeafBuilder | None:
     """Stack the static pages."""
     return _over_alpha(stacker, "static")
 
 
-def downwash(stacker: Stacker) -> LeafBuilder | None:
+def stack_downwash(stacker: Stacker) -> LeafBuilder | None:
     """Stack the downwash tables."""
     return _over_alpha(stacker, "downwash")
 
 
-def dynamic(stacker: Stacker) -> LeafBuilder | None:
+def stack_dynamic(stacker: Stacker) -> LeafBuilder | None:
     """Stack the dynamic derivatives."""
     return _over_alpha(stacker, "dynamic")
 
 
-LEAVES = {"static": static, "downwash": downwash, "dynamic": dynamic}
+LEAVES = {"static": stack_static, "downwash": stack_downwash, "dynamic": stack_dynamic}

@@ -50,7 +50,7 @@ _HALF_UNIT_OF_DIFFERENCE = 2 * HALF_UNIT  # both angles are rounded
 _HALF_UNIT_OF_CHORD = 5.01e-5  # of spoiler heights, printed with four decimals
 
 
-def symflp(stacker: Stacker) -> LeafBuilder | None:
+def stack_symflp(stacker: Stacker) -> LeafBuilder | None:
     """Stack the increments of a symmetrical device, hinge moments and induced drag."""
     placed = stacker.placed("symflp")
     if not placed:
@@ -75,7 +75,7 @@ def _device(configuration: str, deck: Deck) -> tuple[str, str]:
     return control_surface(deck), _DEVICES[kind - 1] if 0 < kind <= len(_DEVICES) else ""
 
 
-def asyflp(stacker: Stacker) -> LeafBuilder | None:
+def stack_asyflp(stacker: Stacker) -> LeafBuilder | None:
     """Stack rolling and yawing moment of ailerons, or the rolling moment of a differential tail."""
     roll, tail = stacker.placed("asyflp_roll"), stacker.placed("asyflp_tail")
     if not roll and not tail:
@@ -147,7 +147,7 @@ def _rolling(stacker: Stacker, roll: _Placed, pairs: StackedAxis) -> LeafBuilder
     )
 
 
-def spoiler(stacker: Stacker) -> LeafBuilder | None:
+def stack_spoiler(stacker: Stacker) -> LeafBuilder | None:
     """Stack rolling and yawing moment of spoilers; their heights are coordinates of the deflection."""
     placed = [item for name in _SPOILERS for item in stacker.placed(name)]
     if not placed:
@@ -205,4 +205,4 @@ def _heights(stacker: Stacker, tables: list[PrintedTable], count: int) -> dict[s
     return found
 
 
-LEAVES = {"symflp": symflp, "asyflp": asyflp, "spoiler": spoiler}
+LEAVES = {"symflp": stack_symflp, "asyflp": stack_asyflp, "spoiler": stack_spoiler}

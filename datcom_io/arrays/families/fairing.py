@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from datcom_io.arrays.families.single_numbers import Item, NumberStack, labelled, row
+from datcom_io.arrays.families.single_numbers import (
+    Item,
+    NumberStack,
+    labelled_numbers,
+    row_numbers,
+)
 from datcom_io.arrays.stacking import LeafBuilder, Stacker
 from datcom_io.printout.layouts.fairing import (
     DIVERGENCE,
@@ -35,7 +40,7 @@ _NAMES = {
 }
 
 
-def fairing(stacker: Stacker) -> LeafBuilder | None:
+def stack_fairing(stacker: Stacker) -> LeafBuilder | None:
     """Stack the numbers between which the program interpolates in transonic flow."""
     groups = stacker.placed_values("fairing")
     if not groups:
@@ -66,11 +71,11 @@ def fairing(stacker: Stacker) -> LeafBuilder | None:
         ((spot.condition, k), page, numbers)
         for spot, page, group in groups
         for k, subject in enumerate(subjects)
-        if (numbers := labelled(group, subject))
+        if (numbers := labelled_numbers(group, subject))
     ]
     sheet.add(columns.values(), ("condition", "configuration"), items)
     points: list[Item] = [
-        ((spot.condition, subjects.index(subject), k), page, row(table, k))
+        ((spot.condition, subjects.index(subject), k), page, row_numbers(table, k))
         for subject, placed in tables.items()
         for spot, page, table in placed
         for k in range(len(table.rows))
@@ -82,11 +87,13 @@ def fairing(stacker: Stacker) -> LeafBuilder | None:
         points,
     )
     whole = "BODY-WING-HORIZONTAL TAIL"
-    divergence = (((spot.condition,), page, labelled(group, whole)) for spot, page, group in groups)
+    divergence = (
+        ((spot.condition,), page, labelled_numbers(group, whole)) for spot, page, group in groups
+    )
     sheet.add(DIVERGENCE[0].numbers, ("condition",), divergence)
     mach, cd0 = DRAG.columns
     rise = (
-        ((spot.condition, k), page, row(table, k))
+        ((spot.condition, k), page, row_numbers(table, k))
         for spot, page, table in drag
         for k in range(len(table.rows))
     )
@@ -94,4 +101,4 @@ def fairing(stacker: Stacker) -> LeafBuilder | None:
     return sheet.finished(_NAMES)
 
 
-LEAVES = {"fairing": fairing}
+LEAVES = {"fairing": stack_fairing}

@@ -9,7 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from datcom_io.arrays.families.single_numbers import Item, NumberStack, labelled, row
+from datcom_io.arrays.families.single_numbers import (
+    Item,
+    NumberStack,
+    labelled_numbers,
+    row_numbers,
+)
 from datcom_io.arrays.stacking import LeafBuilder, Stacker
 from datcom_io.printout.content import Page
 from datcom_io.printout.layouts.auxiliary import SURFACES
@@ -59,7 +64,7 @@ def _surfaces(pages: Sequence[Page]) -> list[str]:
     return [name for name in SURFACES if name in found]
 
 
-def section(stacker: Stacker) -> LeafBuilder | None:
+def stack_section(stacker: Stacker) -> LeafBuilder | None:
     """Stack what the section module computes."""
     case = stacker.case
     summaries = [(page, group) for page, group in case.values("section") if _surface(page)]
@@ -74,13 +79,16 @@ def section(stacker: Stacker) -> LeafBuilder | None:
     sheet.add(
         single,
         ("surface",),
-        (((surfaces.index(_surface(page)),), page, labelled(group)) for page, group in summaries),
+        (
+            ((surfaces.index(_surface(page)),), page, labelled_numbers(group))
+            for page, group in summaries
+        ),
     )
     items: list[Item] = []
     for page, table in slopes:
         places = _places(stacker, table, machs)
         items += [
-            ((surfaces.index(_surface(page)), place), page, row(table, k))
+            ((surfaces.index(_surface(page)), place), page, row_numbers(table, k))
             for k, place in enumerate(places)
         ]
     sheet.add(SLOPE.columns[1:], ("surface", "mach"), items)
@@ -107,7 +115,7 @@ def _places(stacker: Stacker, table: PrintedTable, machs: Sequence[float]) -> li
     return places
 
 
-def coordinates(stacker: Stacker) -> LeafBuilder | None:
+def stack_coordinates(stacker: Stacker) -> LeafBuilder | None:
     """Stack the coordinates of the sections."""
     tables = [
         (page, table) for page, table in stacker.case.tables(COORDINATES.name) if _surface(page)
@@ -118,7 +126,7 @@ def coordinates(stacker: Stacker) -> LeafBuilder | None:
     points = range(max(len(table.rows) for _, table in tables))
     sheet = NumberStack(stacker, {"surface": [name.lower() for name in surfaces], "point": points})
     items = (
-        ((surfaces.index(_surface(page)), k), page, row(table, k))
+        ((surfaces.index(_surface(page)), k), page, row_numbers(table, k))
         for page, table in tables
         for k in range(len(table.rows))
     )
@@ -131,4 +139,4 @@ def coordinates(stacker: Stacker) -> LeafBuilder | None:
     return sheet.finished(_COORDINATE_NAMES, file=stacker.case.file)
 
 
-LEAVES = {"section": section, "coordinates": coordinates}
+LEAVES = {"section": stack_section, "coordinates": stack_coordinates}

@@ -16,7 +16,7 @@ from datcom_io.printout.content import Page
 from datcom_io.printout.rows import PrintedColumn
 from datcom_io.printout.tables import PrintedTable, Values
 from flightmech.errors import ParseError
-from flightmech.names import VOCABULARY, attrs
+from flightmech.names import VOCABULARY, quantity_attributes
 
 _PER = {"1/deg": "radian", "1/deg2": "radian squared"}
 
@@ -35,7 +35,7 @@ Item = tuple[tuple[int, ...], Page, Numbers]
 """Index along the dimensions, page and numbers."""
 
 
-def labelled(group: Values, subject: str = "") -> dict[str, PrintedNumber]:
+def labelled_numbers(group: Values, subject: str = "") -> dict[str, PrintedNumber]:
     """Return the numbers of a group; with a subject only those whose labels begin with it, without
     it.
     """
@@ -48,7 +48,7 @@ def labelled(group: Values, subject: str = "") -> dict[str, PrintedNumber]:
     }
 
 
-def row(table: PrintedTable, k: int = 0) -> dict[str, PrintedNumber]:
+def row_numbers(table: PrintedTable, k: int = 0) -> dict[str, PrintedNumber]:
     """Return the numbers of a row."""
     cells = zip(table.columns, table.values[k].tolist(), table.flags[k].tolist())
     return {
@@ -76,7 +76,7 @@ class NumberStack:
         for name, values in axes.items():
             if values is not None:
                 self.leaf.coords[name] = xr.Variable(
-                    name, np.array(values), attrs(name) if name in VOCABULARY else {}
+                    name, np.array(values), quantity_attributes(name) if name in VOCABULARY else {}
                 )
         self.seen: dict[int, list[int]] = {}
 

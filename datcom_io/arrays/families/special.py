@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from datcom_io.arrays.conditions import PrintedCondition, nearest_exact, si_factor
-from datcom_io.arrays.families.single_numbers import Item, NumberStack, labelled
+from datcom_io.arrays.families.single_numbers import Item, NumberStack, labelled_numbers
 from datcom_io.arrays.stacking import HALF_UNIT, LeafBuilder, StackedAxis, Stacker
 from datcom_io.cells import ABSENT
 from datcom_io.printout.content import Page
@@ -96,7 +96,7 @@ _WEIGHT_NAMES = {
 }
 
 
-def hypersonic(stacker: Stacker) -> LeafBuilder | None:
+def stack_hypersonic(stacker: Stacker) -> LeafBuilder | None:
     """Stack the increments of a hypersonic flap, per metre of its span."""
     tables = {layout.name: list(stacker.case.tables(layout.name)) for layout in HYPERSONIC}
     count = max(map(len, tables.values()))
@@ -134,7 +134,7 @@ def hypersonic(stacker: Stacker) -> LeafBuilder | None:
     )
 
 
-def jet(stacker: Stacker) -> LeafBuilder | None:
+def stack_jet(stacker: Stacker) -> LeafBuilder | None:
     """Stack the transverse jet over time."""
     placed = list(stacker.case.values("jet"))
     if not placed:
@@ -172,7 +172,7 @@ def jet(stacker: Stacker) -> LeafBuilder | None:
     return found
 
 
-def weight(stacker: Stacker) -> LeafBuilder | None:
+def stack_weight(stacker: Stacker) -> LeafBuilder | None:
     """Stack weight and lift coefficient of level flight, of the first page of each condition that
     has them.
     """
@@ -195,7 +195,7 @@ def weight(stacker: Stacker) -> LeafBuilder | None:
                 {
                     label: number
                     for group in groups[:2]
-                    for label, number in labelled(group).items()
+                    for label, number in labelled_numbers(group).items()
                 },
             )
         )
@@ -250,7 +250,9 @@ def _header(page: Page) -> dict[str, float]:
     groups = [
         group for group in page.printed if isinstance(group, Values) and group.name == "hypersonic"
     ]
-    return {label: number.value for group in groups for label, number in labelled(group).items()}
+    return {
+        label: number.value for group in groups for label, number in labelled_numbers(group).items()
+    }
 
 
 def _reference(stacker: Stacker, header: dict[str, float]) -> dict[str, float]:
@@ -343,4 +345,4 @@ def _add(
     leaf[column.quantity].attrs["units"] = _SI.get(column.units, "1")
 
 
-LEAVES = {"hypersonic": hypersonic, "jet": jet, "weight": weight}
+LEAVES = {"hypersonic": stack_hypersonic, "jet": stack_jet, "weight": stack_weight}

@@ -23,7 +23,7 @@ _LONG_NAMES = {
 }
 
 
-def tabs(stacker: Stacker) -> LeafBuilder | None:
+def stack_tabs(stacker: Stacker) -> LeafBuilder | None:
     """Stack the value streams of control tabs as (condition, alpha, delta), alpha and delta taken
     from the input cards.
     """
@@ -83,4 +83,4 @@ def _add_stream(
     found.coords[f"lines_{column.quantity}"] = stacker.lines_of_conditions(placed)
 
 
-LEAVES = {"tabs": tabs}
+LEAVES = {"tabs": stack_tabs}

@@ -44,7 +44,7 @@ _STABILIZER_NAMES = {
 }
 
 
-def trim(stacker: Stacker) -> LeafBuilder | None:
+def stack_trim(stacker: Stacker) -> LeafBuilder | None:
     """Stack trim with a control device; a row whose CM is NA is no solution, whatever stands behind
     it.
     """
@@ -113,4 +113,4 @@ def _level_names(names: dict[str, str]) -> dict[str, str]:
     return {**names, **level, "alpha_level": "angle of attack in level flight"}
 
 
-LEAVES = {"trim": trim, "trim_stabilizer": trim_stabilizer}
+LEAVES = {"trim": stack_trim, "trim_stabilizer": trim_stabilizer}

@@ -10,14 +10,14 @@ from __future__ import annotations
 import re
 
 from datcom_io.printout.layouts.labelled import Item, Labelled, labelled_block, title_block
-from datcom_io.printout.rows import Line, PrintedColumn, windows
+from datcom_io.printout.rows import Line, PrintedColumn, cached_column_windows
 from datcom_io.printout.tables import (
     Printed,
     PrintedBlock,
     TableLayout,
-    heading_words,
     make_values,
-    read_table,
+    normalise_heading,
+    read_printed_table,
 )
 
 _PAGES = ("auxiliary",)
@@ -139,7 +139,7 @@ def _read_surface(lines: list[Line], at: int) -> tuple[list[Printed], int] | Non
     """Read the panels of a surface: a line with the panel's name, and the numbers printed over it
     (``+``).
     """
-    surface, items = heading_words(lines[at][1]), []
+    surface, items = normalise_heading(lines[at][1]), []
     after = at + 1
     for k in range(at + 1, len(lines)):
         name = lines[k][1][1:_LABEL_END].strip()
@@ -161,7 +161,7 @@ def _read_surface(lines: list[Line], at: int) -> tuple[list[Printed], int] | Non
 def _panel(subject: str, line: Line) -> list[Item]:
     number, text = line
     row = " " * _LABEL_END + text[_LABEL_END:]
-    if not windows(PLANFORM, 0).hold(row):
+    if not cached_column_windows(PLANFORM, 0).hold(row):
         return []
     return [
         (number, f"{subject} {column.name}", row[column.first - 1 : column.last], "")
@@ -172,9 +172,9 @@ def _panel(subject: str, line: Line) -> list[Item]:
 def _read_vortex(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
     """Read the vortex table; its heading goes on in a second line."""
     second = next((k for k in range(at + 1, len(lines)) if lines[k][1][1:].strip()), at)
-    if heading_words(lines[second][1]) != "2*PI*ALPHA*V*R (2*PI*ALPHA*V*R)T":
+    if normalise_heading(lines[second][1]) != "2*PI*ALPHA*V*R (2*PI*ALPHA*V*R)T":
         return None
-    table, after = read_table(VORTEX, lines, second + 1)
+    table, after = read_printed_table(VORTEX, lines, second + 1)
     return ([table], after) if table else None
 
 
@@ -182,7 +182,7 @@ def _read_row(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
     """Read the one row below the heading of the derivatives per dihedral and twist."""
     below = next((k for k in range(at + 1, len(lines)) if lines[k][1][1:].strip()), at)
     number, row = lines[below]
-    if below == at or not windows(DIHEDRAL_AND_TWIST, 0).hold(row):
+    if below == at or not cached_column_windows(DIHEDRAL_AND_TWIST, 0).hold(row):
         return None
     items = [
         (number, column.name, row[column.first - 1 : column.last], "")

@@ -10,8 +10,8 @@ from datcom_io.printout.tables import (
     PrintedBlock,
     TableLayout,
     Values,
-    heading_words,
     make_values,
+    normalise_heading,
 )
 
 _DIFFERENCE = Across(
@@ -133,7 +133,7 @@ def _read_without_method(lines: list[Line], at: int) -> tuple[list[Printed], int
     below = [i for i in range(at + 1, len(lines)) if lines[i][1][1:].strip()][:3]
     if (
         len(below) < 3
-        or heading_words(lines[below[1]][1]) != "ALPHA"
+        or normalise_heading(lines[below[1]][1]) != "ALPHA"
         or not lines[below[2]][1][1:].lstrip().startswith(_NO_OUTPUT)
     ):
         return None

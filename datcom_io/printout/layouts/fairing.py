@@ -14,9 +14,9 @@ from datcom_io.printout.tables import (
     Printed,
     PrintedBlock,
     TableLayout,
-    heading_words,
     make_values,
-    read_table,
+    normalise_heading,
+    read_printed_table,
 )
 
 _PAGES = ("auxiliary",)
@@ -95,21 +95,25 @@ def _read_subject(lines: list[Line], at: int) -> tuple[list[Printed], int] | Non
     """Read what stands below the title of one subject: lines of ``label = value``, then a table
     over Mach numbers.
     """
-    title = _TITLE.search(heading_words(lines[at][1]))
+    title = _TITLE.search(normalise_heading(lines[at][1]))
     if title is None:
         return None
     subject = title[1]
     items, at = read_lines(FORMS, lines, at + 1, subject)
     found: list[Printed] = [make_values("fairing", items)] if items else []
-    while at < len(lines) and (not (words := heading_words(lines[at][1])) or words == _SLOPE_TABLE):
+    while at < len(lines) and (
+        not (words := normalise_heading(lines[at][1])) or words == _SLOPE_TABLE
+    ):
         at += 1
     layout = (
-        {"MACH CL-ALPHA": SLOPES.get(subject), "MACH CDO": DRAG}.get(heading_words(lines[at][1]))
+        {"MACH CL-ALPHA": SLOPES.get(subject), "MACH CDO": DRAG}.get(
+            normalise_heading(lines[at][1])
+        )
         if at < len(lines)
         else None
     )
     if layout:
-        table, after = read_table(layout, lines, at + 1)
+        table, after = read_printed_table(layout, lines, at + 1)
         if table:
             return [*found, table], after
     return found, at

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from datcom_io.cells import read_cell
 from datcom_io.printout.rows import Line, PrintedColumn
-from datcom_io.printout.tables import Printed, PrintedBlock, heading_words, make_values
+from datcom_io.printout.tables import Printed, PrintedBlock, make_values, normalise_heading
 
 Item = tuple[int, str, str, str]
 """Line number, label, text, unit as printed: what `make_values` takes."""
@@ -44,7 +44,7 @@ def read_line(form: Labelled, line: Line, subject: str = "") -> list[Item]:
             return []
         unit = text[edge:].partition("  ")[0].strip()
         items.append((number, f"{subject} {column.name}".strip(), part, unit))
-    return items if heading_words(words + text[edge:]) == form.words else []
+    return items if normalise_heading(words + text[edge:]) == form.words else []
 
 
 def read_lines(

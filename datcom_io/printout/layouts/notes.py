@@ -150,12 +150,12 @@ def sort_of(words: str) -> str:
     return "note" if _FOOTNOTES.match(words) and words.strip("*") else ""
 
 
-def footnotes(texts: list[str]) -> list[str]:
+def list_footnote_words(texts: list[str]) -> list[str]:
     """Return the words of `FOOTNOTE_WORDS` for the notes of a page."""
     return [word for phrase, word in _WORDS_OF.items() if any(phrase in text for text in texts)]
 
 
-def numbers(number: int, words: str) -> Values | None:
+def read_footnote_number(number: int, words: str) -> Values | None:
     """Return the number of a footnote, None when it has none."""
     for name, label, pattern in _NUMBERS:
         if found := pattern.search(words):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 
 from datcom_io.printout.layouts.labelled import Labelled, labelled_block
-from datcom_io.printout.rows import Line, PrintedColumn, windows
+from datcom_io.printout.rows import Line, PrintedColumn, cached_column_windows
 from datcom_io.printout.tables import Printed, PrintedBlock, PrintedTable, TableLayout, make_values
 
 _PAGES = ("section",)
@@ -74,9 +74,9 @@ def _read_slopes(lines: list[Line], at: int) -> tuple[list[Printed], int] | None
         if not text[1:].strip():
             continue
         # the labels stand between the windows, where a row must be blank
-        if not _SLOPE_LABELS.match(text) or not windows(SLOPE.columns, SLOPE.keys).hold(
-            _numbers_only(text)
-        ):
+        if not _SLOPE_LABELS.match(text) or not cached_column_windows(
+            SLOPE.columns, SLOPE.keys
+        ).hold(_numbers_only(text)):
             break
         numbers.append(number)
         rows.append(text)

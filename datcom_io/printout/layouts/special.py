@@ -18,10 +18,10 @@ from datcom_io.printout.tables import (
     Printed,
     PrintedBlock,
     TableLayout,
-    heading_words,
     make_table,
     make_values,
-    pairs,
+    normalise_heading,
+    split_label_values,
 )
 
 HYPERSONIC_FROM = 5.0
@@ -130,14 +130,14 @@ def _read_header(lines: list[Line], at: int) -> tuple[list[Printed], int] | None
     items = [
         (lines[i][0], label, text, units.get(label, ""))
         for i in used
-        for label, text in pairs(lines[i][1][1:])
+        for label, text in split_label_values(lines[i][1][1:])
     ]
     return [make_values("hypersonic", items)], used[-1] + 1
 
 
 def _read_increments(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
     """Read one of the six tables, and what the page prints behind the last deflection."""
-    name = _HEADINGS[heading_words(lines[at][1]).strip("-")]
+    name = _HEADINGS[normalise_heading(lines[at][1]).strip("-")]
     at = _next_text(lines, at + 1)
     if at == len(lines):
         return None

@@ -16,7 +16,7 @@ import numpy as np
 
 from datcom_io.printout.layouts.devices import heading_values
 from datcom_io.printout.rows import Across, Line, PrintedColumn
-from datcom_io.printout.tables import Printed, PrintedBlock, TableLayout, read_table
+from datcom_io.printout.tables import Printed, PrintedBlock, TableLayout, read_printed_table
 
 if TYPE_CHECKING:
     from datcom_io.decks.deck import Deck
@@ -78,7 +78,7 @@ def _read_stream(
     deltas = heading_values(layout.name, _DELTA, lines[heading])
     if deltas is None:
         return None
-    table, after = read_table(layout, lines, heading + 1)
+    table, after = read_printed_table(layout, lines, heading + 1)
     return None if table is None else ([deltas, table], after)
 
 

@@ -16,8 +16,8 @@ from datcom_io.printout.tables import (
     PrintedBlock,
     PrintedTable,
     TableLayout,
-    heading_words,
-    read_table,
+    normalise_heading,
+    read_printed_table,
 )
 
 _STOPS = "TRIM RESULTS"  # ... HAVE BEEN TERMINATED DUE TO ..., ... TERMINATED BECAUSE ...
@@ -74,11 +74,11 @@ def _read(
     of level flight behind it.
     """
     filled = [i for i in range(at + 1, len(lines)) if lines[i][1][1:].strip()]
-    if not filled or heading_words(lines[filled[0]][1]) != columns:
+    if not filled or normalise_heading(lines[filled[0]][1]) != columns:
         return None
     start = filled[0] + 1
     gap = next((i + 1 for i, j in pairwise(filled[1:]) if j != i + 1), len(lines))
-    table, after = read_table(layout, lines[:gap], start)
+    table, after = read_printed_table(layout, lines[:gap], start)
     printed: list[Printed] = [table] if table else []
     behind = [i for i in filled if i >= max(after, start)][:2]
     if table is None and not (behind and lines[behind[0]][1][1:].startswith("*")):
@@ -93,7 +93,7 @@ def _level_row(level: TableLayout, lines: list[Line]) -> PrintedTable | None:
     several.
     """
     rows = [
-        read_table(level, [(number, " " + text[1:])], 0)[0] for number, text in lines
+        read_printed_table(level, [(number, " " + text[1:])], 0)[0] for number, text in lines
     ]  # a stabilizer's has a 0 in front
     return None if any(rows[1:]) else rows[0]
 

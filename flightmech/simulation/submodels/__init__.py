@@ -40,7 +40,7 @@ _OWNER = {
 }
 
 
-def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
+def submodel_items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
     """Return the names of the items of every group; the core and groups of one item have the empty
     name.
     """
@@ -50,12 +50,12 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
+def submodel_row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the catalogue row of a name of a group."""
     return _OWNER[group].row(kind, group, item, name, aircraft)
 
 
-def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:
+def submodel_terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:
     """Return the tables of all submodels: target, name of the term, leaf."""
     for module in MODULES:
         yield from module.terms(aircraft)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from flightmech.aircraft.engine import MOST, OWN, Engine
 from flightmech.errors import SchemaError
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.simulation.kernel import INPUT, OUTPUT, STATE, VARIABLE, CatalogueEntry
-from flightmech.terms import regressors
+from flightmech.terms import list_regressors
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -136,7 +136,7 @@ def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:
 
 
 def _like(name: str, quantity_: str, low: float = -MOST, high: float = MOST) -> CatalogueEntry:
-    found = lookup(quantity_)
+    found = lookup_quantity(quantity_)
     sign = f", positive {found.sign}" if found.sign else ""
     return CatalogueEntry(
         name, found.units, found.display_units, found.long_name + sign, 0.0, low, high, 0
@@ -146,5 +146,5 @@ def _like(name: str, quantity_: str, low: float = -MOST, high: float = MOST) -> 
 def _renamed(leaf: xr.Dataset, own: Mapping[str, str]) -> xr.Dataset:
     renamed = leaf.rename({name: new for name, new in own.items() if name in leaf.dims})
     return renamed.assign_attrs(
-        regressors=" ".join(own.get(word, word) for word in regressors(leaf))
+        regressors=" ".join(own.get(word, word) for word in list_regressors(leaf))
     )

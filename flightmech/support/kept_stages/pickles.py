@@ -48,7 +48,7 @@ def _filled(shape: tuple[int, int], full: np.ndarray, rows: np.ndarray) -> np.nd
     return found
 
 
-def pickled(value: Any) -> bytes:
+def to_pickle(value: Any) -> bytes:
     """Return a value as bytes."""
     stream = io.BytesIO()
     _Pickler(stream, protocol=5).dump(value)

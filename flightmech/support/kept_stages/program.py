@@ -30,7 +30,7 @@ _ARITHMETIC = (
 
 
 @cache
-def installation() -> str:
+def hash_installation() -> str:
     """Return the hash of our packages with kernel, templates and tables, then the versions of
     `LIBRARIES` and the kind of machine.
     """
@@ -54,7 +54,7 @@ def installation() -> str:
 
 
 @cache
-def arithmetic() -> str:
+def hash_arithmetic() -> str:
     """Return what decides how linear algebra sums, short of importing it: settings of the
     environment, and the kind of processor.
     """

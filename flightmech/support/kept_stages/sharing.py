@@ -16,7 +16,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from flightmech.errors import SchemaError, SimulationError
-from flightmech.support.kept_stages.program import installation
+from flightmech.support.kept_stages.program import hash_installation
 
 WAIT = 20.0
 """How long a scheduler may take to answer and to have a worker. [s]"""
@@ -152,7 +152,7 @@ def demand_scheduler(address: str) -> None:
 
 
 @contextmanager
-def cluster(scheduler: str) -> Iterator[Cluster]:
+def open_cluster(scheduler: str) -> Iterator[Cluster]:
     """Give the workers of a scheduler as long as the block lasts.
 
     Parameters
@@ -226,7 +226,9 @@ def _check_workers(client: Any, scheduler: str) -> None:
             f"the scheduler at {scheduler} has no worker after {WAIT:g} s; start some"
         ) from error
     others = [
-        worker for worker, found in client.run(installation).items() if found != installation()
+        worker
+        for worker, found in client.run(hash_installation).items()
+        if found != hash_installation()
     ]
     if others:
         raise SimulationError(

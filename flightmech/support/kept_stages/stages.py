@@ -15,7 +15,7 @@ from typing import Any, Generic, TypeVar
 from flightmech.errors import AeromatchWarning
 from flightmech.support.kept_stages.content_hashes import content_hash
 from flightmech.support.kept_stages.explanation import StageTrace
-from flightmech.support.kept_stages.program import arithmetic, installation
+from flightmech.support.kept_stages.program import hash_arithmetic, hash_installation
 from flightmech.support.kept_stages.sharing import Cores
 from flightmech.support.kept_stages.store import StageStore
 
@@ -137,8 +137,8 @@ class Stages:
         item : str
             Of several results of the stage.
         """
-        key, kept = self._known(stage, item, inputs, lambda: recorded(make))
-        return kept if kept is not None else self._keep(stage, key, recorded(make))
+        key, kept = self._known(stage, item, inputs, lambda: capture_warnings(make))
+        return kept if kept is not None else self._keep(stage, key, capture_warnings(make))
 
     def each(
         self,
@@ -166,7 +166,7 @@ class Stages:
         """
 
         def again(item: str) -> Callable[[], tuple[_Value, list[str]]]:
-            return lambda: recorded(function, *arguments(item))
+            return lambda: capture_warnings(function, *arguments(item))
 
         known = {
             item: self._known(stage, item, given, again(item)) for item, given in inputs.items()
@@ -174,7 +174,7 @@ class Stages:
         found = {item: kept for item, (_, kept) in known.items() if kept is not None}
         missing = [item for item in inputs if item not in found]
         # threads share what catches warnings: theirs are shown as they come
-        work = _without_record if threads else recorded
+        work = _without_record if threads else capture_warnings
         calls = ((function, *arguments(item)) for item in missing)
         shared = (
             self.workers.unordered(
@@ -299,7 +299,7 @@ class Stages:
     def _key(stage: str, inputs: Mapping[str, Any]) -> tuple[str, dict[str, str]]:
         """Return the key of a result, and the hashes it is made of."""
         hashes = {
-            "program": content_hash(installation(), arithmetic()),
+            "program": content_hash(hash_installation(), hash_arithmetic()),
             **{name: content_hash(one) for name, one in inputs.items()},
         }
         return content_hash(stage, hashes), hashes
@@ -336,7 +336,7 @@ class Stages:
             warnings.warn(text, AeromatchWarning, stacklevel=4)
 
 
-def recorded(function: Callable[..., _Value], *arguments: Any) -> tuple[_Value, list[str]]:
+def capture_warnings(function: Callable[..., _Value], *arguments: Any) -> tuple[_Value, list[str]]:
     """Return the result of a call, and the texts of the warnings of this package; others are given
     on as they are.
     """

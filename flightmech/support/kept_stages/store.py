@@ -91,11 +91,11 @@ class StageStore:
         """Keep a value and remarks on it under a key, and return the hash of what is kept."""
         head = json.dumps(list(remarks)).encode() + b"\n"
         from flightmech.support.kept_stages.pickles import (
-            pickled,
+            to_pickle,
         )  # NumPy is not needed to find that nothing changed
 
         try:
-            body = pickled(value)
+            body = to_pickle(value)
         except (
             pickle.PicklingError,
             TypeError,

@@ -1,4 +1,4 @@
 """Public names of `flighttest.flight_programme.evaluation`."""
 
-from .flight_evaluation import evaluate as evaluate
+from .flight_evaluation import evaluate_flight as evaluate_flight
 from .result import Evaluation as Evaluation

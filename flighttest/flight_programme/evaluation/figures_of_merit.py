@@ -18,9 +18,9 @@ from flightmech.errors import (
     SchemaError,
     UnknownName,
 )
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.support.arrays import rms
-from flightmech.units import G0, from_si, quantity
+from flightmech.units import G0, from_si, parse_quantity
 from flighttest.flight_programme.evaluation.plan import (
     Bound,
     EvaluationPlan,
@@ -83,7 +83,9 @@ def times_of(points: StationaryTimes) -> pd.DataFrame:
     return found.dropna().drop_duplicates().sort_values("time", ignore_index=True)
 
 
-def windows_of(points: StationaryTimes, series: Sequence[str] = ()) -> list[tuple[float, float]]:
+def series_windows(
+    points: StationaryTimes, series: Sequence[str] = ()
+) -> list[tuple[float, float]]:
     """Return the windows of some series, each time once.
 
     Raises
@@ -102,7 +104,7 @@ def windows_of(points: StationaryTimes, series: Sequence[str] = ()) -> list[tupl
     ]
 
 
-def means(
+def window_means(
     record: xr.DataTree,
     aircraft: Aircraft,
     windows: Sequence[tuple[float, float]],
@@ -211,7 +213,7 @@ def line_through(line: StraightLine, points: pd.DataFrame) -> FittedLine:
 DISPLAY = {"rad": "deg", "rad s-1": "rad/s", "m s-1": "m/s", "s-2": "1/s2 per rad"}
 
 
-def number(value: float, unit: str, digits: int = 4) -> str:
+def format_si_value(value: float, unit: str, digits: int = 4) -> str:
     """Return an SI value for people, angles in degrees; a dash for what is not there."""
     if not math.isfinite(value):
         return "-"
@@ -226,11 +228,11 @@ def unit_shown(unit: str) -> str:
 def limits_shown(low: float, high: float, unit: str) -> str:
     """Return the bounds as text."""
     if math.isinf(high):
-        return f"at least {number(low, unit)}"
+        return f"at least {format_si_value(low, unit)}"
     return (
-        f"at most {number(high, unit)}"
+        f"at most {format_si_value(high, unit)}"
         if math.isinf(low)
-        else f"{number(low, unit)} ... {number(high, unit)}"
+        else f"{format_si_value(low, unit)} ... {format_si_value(high, unit)}"
     )
 
 
@@ -251,7 +253,7 @@ class FigureOfMerit(NamedTuple):
     unit: str
 
 
-def units_of(plan: EvaluationPlan) -> dict[str, str]:
+def figure_units(plan: EvaluationPlan) -> dict[str, str]:
     """Return name and SI unit of every figure that an evaluation can give.
 
     ``kinematics.theta_rate.slope``, ``delay.theta``, ``answer.delta_e``; of a line ``trim.slope
@@ -286,12 +288,12 @@ def _unit(name: str) -> str:
     if name == "attitude_less_climb":
         return "rad"
     try:
-        return lookup(name).units
+        return lookup_quantity(name).units
     except UnknownName:
         return "1"
 
 
-def limits_of(plan: EvaluationPlan) -> list[tuple[float, float]]:
+def bounds_in_si(plan: EvaluationPlan) -> list[tuple[float, float]]:
     """Return the bounds in SI.
 
     Raises
@@ -299,7 +301,7 @@ def limits_of(plan: EvaluationPlan) -> list[tuple[float, float]]:
     SchemaError
         Figures that do not exist, with near names, and wrong units; all at once.
     """
-    units, problems, found = units_of(plan), [], []
+    units, problems, found = figure_units(plan), [], []
     for number, bound in enumerate(plan.bound, start=1):
         try:
             if bound.of not in units:
@@ -315,16 +317,16 @@ def limits_of(plan: EvaluationPlan) -> list[tuple[float, float]]:
 def _limits(bound: Bound, unit: str) -> tuple[float, float]:
     if bound.value is None:
         low, high = (
-            None if edge is None else quantity(edge, unit) for edge in (bound.low, bound.high)
+            None if edge is None else parse_quantity(edge, unit) for edge in (bound.low, bound.high)
         )
         return (-math.inf if low is None else low), (math.inf if high is None else high)
-    value, within = quantity(bound.value, unit), bound.within or 0.0
+    value, within = parse_quantity(bound.value, unit), bound.within or 0.0
     relative = isinstance(within, str) and within.strip().endswith("%")
-    width = abs(value) * quantity(within, "1") if relative else quantity(within, unit)
+    width = abs(value) * parse_quantity(within, "1") if relative else parse_quantity(within, unit)
     return value - width, value + width
 
 
-def collect(
+def collect_figures(
     quality: Quality,
     lines: Sequence[FittedLine],
     fits: Sequence[Fit],
@@ -378,10 +380,10 @@ def _of_line(fitted: FittedLine, aircraft: Aircraft) -> dict[str, FigureOfMerit]
     }
 
 
-def judge(plan: EvaluationPlan, figures: Mapping[str, FigureOfMerit]) -> pd.DataFrame:
+def judge_bounds(plan: EvaluationPlan, figures: Mapping[str, FigureOfMerit]) -> pd.DataFrame:
     """Return every bound with its figure and verdict; columns `COLUMNS`, SI."""
     rows = []
-    for bound, (low, high) in zip(plan.bound, limits_of(plan)):
+    for bound, (low, high) in zip(plan.bound, bounds_in_si(plan)):
         figure = figures.get(bound.of)
         if figure is None:
             rows.append(
@@ -389,7 +391,7 @@ def judge(plan: EvaluationPlan, figures: Mapping[str, FigureOfMerit]) -> pd.Data
                     bound.of,
                     math.nan,
                     math.nan,
-                    units_of(plan)[bound.of],
+                    figure_units(plan)[bound.of],
                     low,
                     high,
                     OPEN,

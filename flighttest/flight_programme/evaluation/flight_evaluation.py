@@ -23,15 +23,15 @@ from flightmech.errors import (
     SchemaError,
     UnknownName,
 )
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flighttest.flight_programme.evaluation.figures_of_merit import (
     FittedLine,
-    collect,
-    judge,
-    limits_of,
+    bounds_in_si,
+    collect_figures,
+    judge_bounds,
     line_through,
-    means,
-    windows_of,
+    series_windows,
+    window_means,
 )
 from flighttest.flight_programme.evaluation.plan import (
     EvaluationPlan,
@@ -199,7 +199,8 @@ def add_computed_mass(
             for k, row in enumerate(flow)
         }
     data = xr.Dataset(
-        {name: ("time", x, attrs(name)) for name, x in found.items()}, {"time": clock["time"]}
+        {name: ("time", x, quantity_attributes(name)) for name, x in found.items()},
+        {"time": clock["time"]},
     )
     return record.assign({"computed": xr.DataTree(data.assign_attrs(clock.attrs))})
 
@@ -215,7 +216,7 @@ T = TypeVar("T")
 _POINT_RATE = 10.0  # Hz: nothing moves
 
 
-def evaluate(plan: EvaluationPlan | str | Path) -> Evaluation:
+def evaluate_flight(plan: EvaluationPlan | str | Path) -> Evaluation:
     """Evaluate a flight: consistency, stationary points, coefficients, eigenmotions, each against
     its bounds.
 
@@ -237,7 +238,7 @@ def evaluate(plan: EvaluationPlan | str | Path) -> Evaluation:
         carry is no exception but in `refused`.
     """
     plan = plan if isinstance(plan, EvaluationPlan) else read_plan(plan)
-    limits_of(plan)
+    bounds_in_si(plan)
     return _Work(plan).done()
 
 
@@ -277,8 +278,8 @@ class _Work:
                 for mode in self.plan.mode
                 if (m := self._tried(mode.name, self._motion, mode)) is not None
             }
-        figures = collect(quality, lines, fits, motions, self.aircraft)
-        judged = judge(self.plan, figures)
+        figures = collect_figures(quality, lines, fits, motions, self.aircraft)
+        judged = judge_bounds(self.plan, figures)
         return Evaluation(
             self.plan,
             self.aircraft,
@@ -332,7 +333,7 @@ class _Work:
         path = reconstruct(
             self.record,
             self.aircraft,
-            windows_of(self.plan.points),
+            series_windows(self.plan.points),
             rate=min(_POINT_RATE, self.plan.rate),
         )
         self.paths["points"] = path
@@ -343,14 +344,19 @@ class _Work:
             return pd.DataFrame()
         data = self._tried("points", lambda: self.at_points)
         found = self._tried(
-            "points", means, self.record, self.aircraft, windows_of(self.plan.points), data
+            "points",
+            window_means,
+            self.record,
+            self.aircraft,
+            series_windows(self.plan.points),
+            data,
         )
         return pd.DataFrame() if found is None else found
 
     def _line(self, line, points: pd.DataFrame) -> FittedLine:
         if points.empty:
             raise SchemaError(f"line {line.name}", ["there are no stationary points"])
-        wanted = {start for start, _ in windows_of(self.plan.points, line.series)}  # type: ignore[arg-type]
+        wanted = {start for start, _ in series_windows(self.plan.points, line.series)}  # type: ignore[arg-type]
         return line_through(line, points[points["start"].isin(wanted)])
 
     def _manoeuvre(self, name: str, window: tuple[float, float]) -> xr.Dataset:
@@ -384,7 +390,10 @@ class _Work:
                 parts += (
                     []
                     if data is None
-                    else [select_time(data, *w) for w in windows_of(self.plan.points, table.series)]  # type: ignore[arg-type]
+                    else [
+                        select_time(data, *w)
+                        for w in series_windows(self.plan.points, table.series)
+                    ]  # type: ignore[arg-type]
                 )
             else:
                 key = name, table.window or (0.0, 0.0)

@@ -65,8 +65,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
-from flightmech.support.input_files import WESTERN, csv_rows, load, read_text
-from flightmech.support.toml_models import Strict, si, validate
+from flightmech.support.input_files import WESTERN, csv_rows, read_text, read_toml
+from flightmech.support.toml_models import Strict, make_si_type, validate_content
 from flightmech.units import to_si
 
 
@@ -158,7 +158,7 @@ class TestPointSheet:
             ) from None
 
 
-_Length = si("m")
+_Length = make_si_type("m")
 _Window = tuple[float, float]
 _Name = Annotated[str, Field(pattern=r"^\w+$")]  # of a figure, and of a file
 
@@ -324,7 +324,9 @@ def read_plan(path: str | Path) -> EvaluationPlan:
         Every unknown key, missing value, wrong unit and absent file at once.
     """
     path = Path(path)
-    plan = validate(EvaluationPlan, _placed(load(path), path.parent), f"evaluation {path}")
+    plan = validate_content(
+        EvaluationPlan, _placed(read_toml(path), path.parent), f"evaluation {path}"
+    )
     absent = [str(file) for file in files_of(plan) if not file.is_file()]
     if absent:
         raise SchemaError(

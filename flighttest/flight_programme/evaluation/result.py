@@ -15,22 +15,27 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import UnknownName
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.support.console import command_line, to_json_types
 from flightmech.units import from_si
 from flighttest.flight_programme.evaluation.figures_of_merit import (
     INSIDE,
     FigureOfMerit,
     FittedLine,
+    format_si_value,
     limits_shown,
-    number,
     unit_shown,
 )
 from flighttest.flight_programme.evaluation.plan import EvaluationPlan, files_of
 from flighttest.reconstruction.flight_programme import save_path
-from flighttest.reconstruction.quality.page import chart, scatter, style, template_of
-from flighttest.reconstruction.quality.result import Quality, meaningful, shown
-from flighttest.reconstruction.quality.result import report as quality_report
+from flighttest.reconstruction.quality.page import (
+    draw_scatter_chart,
+    draw_time_chart,
+    read_style_sheet,
+    template_of,
+)
+from flighttest.reconstruction.quality.result import Quality, format_display_value, is_meaningful
+from flighttest.reconstruction.quality.result import format_quality as quality_report
 from flighttest.reconstruction.smoother import FlightPath
 from flighttest.records.files import save_record
 from flighttest.regression.equation_error.fit import Fit, save_fit
@@ -117,7 +122,7 @@ class Evaluation:
 
     def report(self) -> str:
         """Return quality, fits, motions and bounds as text."""
-        return report(self)
+        return format_evaluation(self)
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything but the time histories, made of types that JSON knows."""
@@ -149,7 +154,7 @@ class Evaluation:
         return files
 
 
-def report(evaluation: Evaluation) -> str:
+def format_evaluation(evaluation: Evaluation) -> str:
     """Return consistency, stationary lines, coefficients, eigenmotions and bounds as text."""
     e = evaluation
     lines = [e.plan.title, e.verdict, "", quality_report(e.quality), ""]
@@ -166,7 +171,7 @@ def report(evaluation: Evaluation) -> str:
     for row in e.judged.to_dict("records"):
         symbol = " " if row["verdict"] == "inside" else "!"
         value = (
-            f"{number(row['value'], row['unit'])} ({number(row['stderr'], row['unit'], 2)}) "
+            f"{format_si_value(row['value'], row['unit'])} ({format_si_value(row['stderr'], row['unit'], 2)}) "
             f"{unit_shown(row['unit'])}".rstrip()
         )
         limits = limits_shown(row["low"], row["high"], row["unit"])
@@ -179,8 +184,8 @@ def report(evaluation: Evaluation) -> str:
 
 def _figures(e: Evaluation, name: str) -> list[str]:
     return [
-        f"  {key.rpartition('.')[2]:10s}{number(f.value, f.unit):>10s} "
-        f"({number(f.stderr, f.unit, 2)}) {unit_shown(f.unit)}".rstrip()
+        f"  {key.rpartition('.')[2]:10s}{format_si_value(f.value, f.unit):>10s} "
+        f"({format_si_value(f.stderr, f.unit, 2)}) {unit_shown(f.unit)}".rstrip()
         for key, f in e.figures.items()
         if key.rpartition(".")[0] == name
     ]
@@ -202,11 +207,11 @@ _SHOWN = (
 )
 
 
-def page(evaluation: Evaluation) -> str:
+def render_evaluation_page(evaluation: Evaluation) -> str:
     """Return the page as text."""
     e = evaluation
     return template_of("flighttest.flight_programme.evaluation").render(
-        style=style(),
+        style=read_style_sheet(),
         title=e.plan.title,
         verdict=e.verdict,
         grade="good" if e.passed else "error",
@@ -230,7 +235,7 @@ def page(evaluation: Evaluation) -> str:
 def _units(name: str) -> str:
     """Return the unit in which people read a quantity."""
     try:
-        return lookup(name).display_units
+        return lookup_quantity(name).display_units
     except UnknownName:
         return "deg" if name == "attitude_less_climb" else "1"
 
@@ -241,15 +246,17 @@ def _name(name: str) -> str:
 
 
 def _kinematic(row) -> dict[str, Any]:
-    texts = {f"{name}_text": shown(row[name], row["units"]) for name in ("offset", "rms")}
-    return {**row, **texts, "meaningful": meaningful(row["moving"], row["correlation"])}
+    texts = {
+        f"{name}_text": format_display_value(row[name], row["units"]) for name in ("offset", "rms")
+    }
+    return {**row, **texts, "meaningful": is_meaningful(row["moving"], row["correlation"])}
 
 
 def _bound(row) -> dict[str, Any]:
     unit = row["unit"]
     texts = {
-        "value_text": number(row["value"], unit),
-        "stderr_text": number(row["stderr"], unit, 2),
+        "value_text": format_si_value(row["value"], unit),
+        "stderr_text": format_si_value(row["stderr"], unit, 2),
         "unit_text": unit_shown(unit),
     }
     return {
@@ -284,7 +291,9 @@ def _line(e: Evaluation, fitted: FittedLine) -> dict[str, Any]:
             if key.rpartition(".")[0] == line.name
         }
     )
-    svg = scatter(x, y, (float(b[0] - slope * a[0]), slope), names, f"{line.y} over {line.x}")
+    svg = draw_scatter_chart(
+        x, y, (float(b[0] - slope * a[0]), slope), names, f"{line.y} over {line.x}"
+    )
     return {
         "name": line.name,
         "title": f"{line.y} over {names[0]}, {len(x)} points",
@@ -297,8 +306,8 @@ def _draw_figures(figures: dict[str, Any]) -> list[dict[str, str]]:
     return [
         {
             "name": name,
-            "value": number(value, unit),
-            "stderr": number(stderr, unit, 2),
+            "value": format_si_value(value, unit),
+            "stderr": format_si_value(stderr, unit, 2),
             "unit": unit_shown(unit),
         }
         for name, (value, stderr, unit) in figures.items()
@@ -314,7 +323,7 @@ def _fit(fit: Fit) -> dict[str, Any]:
     ]
     measured, picture = fit.data[fit.model.coefficient].values, None
     if a["manoeuvres"] == 1:
-        picture = chart(
+        picture = draw_time_chart(
             fit.data["time"].values,
             [measured, measured - fit.residual],
             "measured and fitted",
@@ -342,7 +351,9 @@ def _motion(name: str, motion: Motion) -> dict[str, Any]:
         charts.append(
             {
                 "title": _name(channel),
-                "svg": chart(motion.time, lines, units, label=f"{channel}, measured and fitted"),
+                "svg": draw_time_chart(
+                    motion.time, lines, units, label=f"{channel}, measured and fitted"
+                ),
             }
         )
     return {

@@ -25,7 +25,7 @@ import xarray as xr
 from flightmech.errors import IdentificationError, UnknownName
 from flighttest.flight_programme.input_design.predicted_response import STEP, model_inputs
 from flighttest.reconstruction.dynamics.force_coefficients import reduced_rates
-from flighttest.records.sensors.instruments import instruments
+from flighttest.records.sensors.instruments import parse_instruments
 from flighttest.records.signals.differentiation import derivative_noise
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.uncertainty import collinearity
@@ -106,7 +106,7 @@ def coefficient_noise(aircraft: Aircraft, response: xr.Dataset) -> dict[str, flo
     Forces: m sigma_a/(qbar S).  Moments: I sigma_omega G/(qbar S l), G being the noise gain of `derivative`.  Noise alone is the floor of
     a real residual: where an earlier flight of the kind is at hand, take the rms of its residuals.
     """
-    specification = instruments(aircraft.instruments, f"instruments of {aircraft.name}")
+    specification = parse_instruments(aircraft.instruments, f"instruments of {aircraft.name}")
     force = float(response["qbar"].mean()) * aircraft.S
     gain = derivative_noise(float(np.median(np.diff(response["time"].values))))
     found = {
@@ -292,7 +292,7 @@ def _estimates(
     )
     stderr = np.sqrt(np.diag(covariance))
     constants = np.array([term == "1" for term in terms])
-    vif = collinearity.inflation(collinearity.correlations(X, constants))
+    vif = collinearity.variance_inflation(collinearity.regressor_correlations(X, constants))
     return xr.Dataset(
         {
             "estimate": ("term", theta),

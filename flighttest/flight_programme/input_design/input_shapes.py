@@ -14,14 +14,14 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flighttest.flight_programme.input_design.input_signals import (
     LEAD_IN,
     RATE,
     assemble_signal,
     fine_samples,
     optimise_phases,
-    synthesise,
+    synthesise_period,
 )
 
 LEAST_HARMONIC = 2  # two full cycles of the slowest line per period
@@ -97,7 +97,7 @@ def multisine(
         An axis that is not in the vocabulary.
     """
     for name in axes:
-        lookup(name)
+        lookup_quantity(name)
     lines = deal_harmonics(axes, period)
     count = round(period * rate)
     problems = (
@@ -121,11 +121,11 @@ def multisine(
         relative = _relative_power(axis, k / period)
         phi = optimise_phases(k, relative, seed + row)
         peak = max(
-            np.abs(synthesise(k, relative, phi, samples)).max()
+            np.abs(synthesise_period(k, relative, phi, samples)).max()
             for samples in (count, _FINER * fine_samples(k))
         )
         scaled = relative * (axis.amplitude / peak) ** 2
-        active[name] = synthesise(k, scaled, phi, count)
+        active[name] = synthesise_period(k, scaled, phi, count)
         at = np.searchsorted(every, k)
         power[row, at], phase[row, at] = scaled, phi
     signal = assemble_signal(active, rate, lead_in, repeats, kind="multisine")
@@ -293,7 +293,7 @@ def multistep(
     SchemaError
         Steps shorter than two samples or than the ramp.
     """
-    lookup(axis)
+    lookup_quantity(axis)
     edges = np.cumsum([0.0, *(np.asarray(widths, float) * step)])
     shortest, ramp = float(np.diff(edges).min()), max(rise, 1.0 / rate)
     if not shortest >= max(2.0 / rate, ramp):
@@ -351,7 +351,7 @@ def sweep(
     SchemaError
         A band upside down, too few samples per cycle, too short a duration.
     """
-    lookup(axis)
+    lookup_quantity(axis)
     if law not in ("logarithmic", "linear"):
         raise ValueError(f"law is {law!r}; allowed: logarithmic, linear")
     low, high = band

@@ -23,7 +23,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,7 +67,7 @@ def relative_peak_factor(u) -> float:
     return float(np.ptp(u) / (2.0 * np.sqrt(2.0) * np.sqrt(np.mean(u**2))))
 
 
-def synthesise(harmonics, power, phases, samples: int) -> np.ndarray:
+def synthesise_period(harmonics, power, phases, samples: int) -> np.ndarray:
     """Return one period of sum sqrt(2 P_k) cos(2 pi k t/T + phi_k), so that the mean square is the
     sum of the powers.
 
@@ -123,7 +123,7 @@ def optimise_phases(harmonics, power, seed: int = 0, target: float = 1.1) -> np.
     best, lowest, idle = starts[0], np.inf, 0
     for start in starts:
         phases = _lowered(harmonics, power, start, samples)
-        peak = relative_peak_factor(synthesise(harmonics, power, phases, samples))
+        peak = relative_peak_factor(synthesise_period(harmonics, power, phases, samples))
         idle = 0 if peak < _BETTER * lowest else idle + 1
         if peak < lowest:
             best, lowest = phases, peak
@@ -139,7 +139,7 @@ def _lowered(
     from scipy.optimize import minimize
 
     def norm(phi: np.ndarray, p: int) -> tuple[float, np.ndarray]:
-        u = synthesise(harmonics, power, phi, samples)
+        u = synthesise_period(harmonics, power, phi, samples)
         top = np.abs(u).max()
         v = u / top
         total = np.mean(v**p)
@@ -168,7 +168,7 @@ def _from_zero(
     """
     from scipy.optimize import brentq
 
-    u = synthesise(harmonics, power, phases, samples)
+    u = synthesise_period(harmonics, power, phases, samples)
     at = np.flatnonzero(np.signbit(u) != np.signbit(np.roll(u, -1)))
     first = at[np.argmin(np.abs(np.roll(u, -1)[at] - u[at]))]
 
@@ -239,7 +239,11 @@ def assemble_signal(
     columns = {}
     for name, u in active.items():
         stretches = [part for k in range(repeats) for part in ((gap, u) if k else (u,))]
-        columns[name] = "time", np.concatenate([quiet, *stretches, quiet, [0.0]]), attrs(name)
+        columns[name] = (
+            "time",
+            np.concatenate([quiet, *stretches, quiet, [0.0]]),
+            quantity_attributes(name),
+        )
     length = len(next(iter(columns.values()))[1])
     start = len(quiet) / rate
     stop = start + len(next(iter(active.values()))) / rate
@@ -251,7 +255,9 @@ def assemble_signal(
         "active_start": start,
         "active_stop": stop,
     }
-    return xr.Dataset(columns, {"time": ("time", np.arange(length) / rate, attrs("time"))}, about)
+    return xr.Dataset(
+        columns, {"time": ("time", np.arange(length) / rate, quantity_attributes("time"))}, about
+    )
 
 
 def axes_of(signal: xr.Dataset) -> list[str]:
@@ -304,7 +310,7 @@ def measures(signal: xr.Dataset) -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("axis")
 
 
-def correlations(signal: xr.Dataset) -> np.ndarray:
+def axis_correlations(signal: xr.Dataset) -> np.ndarray:
     """Return the correlation of the axes about zero over the first moving stretch, (axis, axis)."""
     part = active_part(signal)
     U = np.stack([part[name].values for name in axes_of(part)])

@@ -40,10 +40,10 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
-from flightmech.names import lookup
-from flightmech.support.input_files import load
-from flightmech.support.toml_models import Strict, si, validate
-from flightmech.units import quantity
+from flightmech.names import lookup_quantity
+from flightmech.support.input_files import read_toml
+from flightmech.support.toml_models import Strict, make_si_type, validate_content
+from flightmech.units import parse_quantity
 from flighttest.flight_programme.input_design.input_shapes import (
     PATTERNS,
     InputAxis,
@@ -61,7 +61,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-_Time, _Frequency = si("s"), si("Hz")
+_Time, _Frequency = make_si_type("s"), make_si_type("Hz")
 _Band = tuple[_Frequency, _Frequency]  # type: ignore[valid-type]
 
 
@@ -77,7 +77,7 @@ class AxisTable(Strict):
     pattern: Literal["doublet", "1-2-1", "3-2-1-1"] | None = None
     widths: tuple[float, ...] = ()
     step: _Time | None = None  # type: ignore[valid-type]
-    omega: si("rad s-1") | None = None  # type: ignore[valid-type]
+    omega: make_si_type("rad s-1") | None = None  # type: ignore[valid-type]
     rise: _Time = 0.0  # type: ignore[valid-type]
     free: _Time = 0.0  # type: ignore[valid-type]
     duration: _Time | None = None  # type: ignore[valid-type]
@@ -286,14 +286,14 @@ def read_design(path: str | os.PathLike) -> Design:
     SchemaError
         Every unknown key, missing value and wrong unit.
     """
-    return design_of(load(os.fspath(path)), os.fspath(path))
+    return design_of(read_toml(os.fspath(path)), os.fspath(path))
 
 
 def design_of(content: Mapping[str, Any], what: str = "design") -> Design:
     """Return the design of a test input from the content of such a file; errors as in
     `read_design`.
     """
-    return validate(Design, dict(content), what)
+    return validate_content(Design, dict(content), what)
 
 
 def _si(name: str, item: Any, per: str = "") -> float:
@@ -301,10 +301,10 @@ def _si(name: str, item: Any, per: str = "") -> float:
     known as well.
     """
     try:
-        units = lookup(name.removeprefix("applied.")).units
+        units = lookup_quantity(name.removeprefix("applied.")).units
     except UnknownName:
         units = "1"
     try:
-        return quantity(item, units + per)
+        return parse_quantity(item, units + per)
     except UnitError as error:
         raise ValueError(f"{name}: {error}") from error

@@ -68,7 +68,7 @@ class FoundManoeuvre:
     confidence: float
 
 
-def excursions(time: np.ndarray, x: np.ndarray, least: float) -> list[Excursion]:
+def find_excursions(time: np.ndarray, x: np.ndarray, least: float) -> list[Excursion]:
     """Return the excursions of a signal.
 
     Parameters
@@ -82,7 +82,7 @@ def excursions(time: np.ndarray, x: np.ndarray, least: float) -> list[Excursion]
     return [_excursion(time[a : b + 1], x[a : b + 1]) for a, b in pairwise(turns)]
 
 
-def movements(time: np.ndarray, x: np.ndarray, least: float) -> list[Excursion]:
+def find_movements(time: np.ndarray, x: np.ndarray, least: float) -> list[Excursion]:
     """Return the excursions of a control without the plateaus in them: a step and a drift that
     follows it are two movements.
 
@@ -97,7 +97,7 @@ def movements(time: np.ndarray, x: np.ndarray, least: float) -> list[Excursion]:
     found = []
     for a, b in pairwise(turns):
         moving = np.sign(x[b] - x[a]) * (ahead - behind)[a : b + 1] > (0.5 + _TIE) * least
-        for first, last in stretches(moving):
+        for first, last in true_runs(moving):
             c, d = max(a + first - half, a), min(a + last + half, b)
             if abs(x[d] - x[c]) >= (1.0 - _TIE) * least:
                 found.append(_excursion(time[c : d + 1], x[c : d + 1]))
@@ -122,7 +122,7 @@ def _turning_points(x: np.ndarray, least: float) -> list[int]:
     return [*turns, high if rising > 0 else low] if turns else []
 
 
-def stretches(mask: np.ndarray) -> list[tuple[int, int]]:
+def true_runs(mask: np.ndarray) -> list[tuple[int, int]]:
     """Return first sample and the one after the last of every stretch in which a mask is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
@@ -197,7 +197,7 @@ def _disturbed(found: Sequence[Excursion], k: int, count: int) -> bool:
     return any(pause < ISOLATED for pause in (*before, *after))
 
 
-def oscillations(
+def find_oscillations(
     control: str, found: Sequence[Excursion], most: float
 ) -> list[tuple[FoundManoeuvre, float]]:
     """Return long alternating movements, and the trend of their half periods, -1 for a sweep

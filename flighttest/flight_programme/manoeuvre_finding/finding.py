@@ -13,19 +13,19 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import SchemaError
-from flightmech.support.figures import demand_drawable, new_figure, save_figure
+from flightmech.support.figures import demand_drawable, new_figure, write_figure
 from flightmech.units import DEGREE
 from flighttest.flight_programme.manoeuvre_finding.excursions import (
     Excursion,
     FoundManoeuvre,
-    movements,
+    find_movements,
+    find_oscillations,
     named_oscillations,
-    oscillations,
     step_inputs,
 )
-from flighttest.flight_programme.manoeuvre_finding.responses import phugoids, responses
-from flighttest.reconstruction.quality.checks.signals import ResampledChannels, signals_of
-from flighttest.records.record import locate
+from flighttest.flight_programme.manoeuvre_finding.responses import find_phugoids, find_responses
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels, resample_channels
+from flighttest.records.record import find_channel_leaf
 from flighttest.records.signals.sample_flags import flags
 
 _CONTROLS = {
@@ -65,7 +65,8 @@ def draw_manoeuvres(record: xr.DataTree, table: pd.DataFrame, target: str | Path
     shown += [
         ("", name)
         for name in _MOTION
-        if locate(record, name) and not (name == "V_cas" and locate(record, "V"))
+        if find_channel_leaf(record, name)
+        and not (name == "V_cas" and find_channel_leaf(record, "V"))
     ]
     if not shown:
         raise SchemaError(
@@ -98,15 +99,15 @@ def draw_manoeuvres(record: xr.DataTree, table: pd.DataFrame, target: str | Path
                 )
     axes[-1].set_xlabel("time [s]")
     figure.suptitle(str(record.attrs.get("title", "")), fontsize="medium")
-    save_figure(figure, target, dpi=120)
+    write_figure(figure, target, dpi=120)
 
 
 def _first(record: xr.DataTree, names: tuple[str, ...]) -> str | None:
-    return next((name for name in names if locate(record, name)), None)
+    return next((name for name in names if find_channel_leaf(record, name)), None)
 
 
 def _draw(ax, record: xr.DataTree, name: str) -> None:
-    signal = record[str(locate(record, name))].to_dataset()[name]
+    signal = record[str(find_channel_leaf(record, name))].to_dataset()[name]
     units = signal.attrs.get("units", "")
     shown, factor = ("deg", np.degrees(1.0)) if units == "rad" else (units, 1.0)
     ax.plot(signal["time"].values, factor * signal.values, color="black", linewidth=0.6)
@@ -163,7 +164,7 @@ def find_manoeuvres(record: xr.DataTree) -> pd.DataFrame:
     ----------
     .. [Jategaonkar2015] R. V. Jategaonkar, Flight Vehicle System Identification, 2nd ed., 2015, chapter 2.
     """
-    signals = signals_of(record, flags(record))
+    signals = resample_channels(record, flags(record))
     levers = [name for name in signals.values if name.endswith((".throttle", ".n1"))]
     if not levers and not set(SURFACES) & set(signals.values):
         raise SchemaError(
@@ -181,7 +182,7 @@ def find_manoeuvres(record: xr.DataTree) -> pd.DataFrame:
         [
             one
             for control, (parts, least) in moved.items()
-            for one in oscillations(control, parts, 2.0 * least)
+            for one in find_oscillations(control, parts, 2.0 * least)
         ]
     )
     waves = [one for one in waves if not any(_overlap(one, other) for other in inputs)]
@@ -189,7 +190,7 @@ def find_manoeuvres(record: xr.DataTree) -> pd.DataFrame:
     lateral = [one for one in inputs if one.control != "elevator"]
     slow = [
         _with_pulse(one, inputs)
-        for one in phugoids(signals)
+        for one in find_phugoids(signals)
         if not any(_overlap(one, other) for other in lateral)
     ]
     inputs = [
@@ -198,7 +199,7 @@ def find_manoeuvres(record: xr.DataTree) -> pd.DataFrame:
         if one.kind != "pulse" or not any(_overlap(one, other) for other in slow)
     ]
     known = [*slow, *(_with_response(one, parts, signals) for one in inputs)]
-    known += [one for one in [*waves, *responses(signals)] if one.kind != "unknown"]
+    known += [one for one in [*waves, *find_responses(signals)] if one.kind != "unknown"]
     stepped = [
         one for one in inputs if one.kind != "pulse"
     ]  # their load factor is that of a pull-up too
@@ -230,8 +231,8 @@ def named_by_response(record: xr.DataTree, marks: pd.DataFrame) -> pd.DataFrame:
     pulses = marks["manoeuvre"].isin(_PULSES) & (marks["control"] == "elevator")
     if not pulses.any():
         return marks
-    signals = signals_of(record, flags(record))
-    slow = phugoids(signals)
+    signals = resample_channels(record, flags(record))
+    slow = find_phugoids(signals)
     named = marks.copy()
     for number, row in enumerate(marks.to_dict("records")):
         start, end = float(row["start"]), float(row["end"])
@@ -264,7 +265,7 @@ def _excursions(signals: ResampledChannels, name: str) -> tuple[list[Excursion],
     least = max(_LEAST, _NOISE * noise)
     found = [
         one
-        for one in movements(signals.time, x, least)
+        for one in find_movements(signals.time, x, least)
         if signals.flying[np.searchsorted(signals.time, one.middle)]
     ]
     return found, least

@@ -13,11 +13,11 @@ from flightmech.units import DEGREE
 from flighttest.flight_programme.manoeuvre_finding.excursions import (
     Excursion,
     FoundManoeuvre,
-    excursions,
-    movements,
-    stretches,
+    find_excursions,
+    find_movements,
+    true_runs,
 )
-from flighttest.reconstruction.quality.checks.signals import ResampledChannels, smooth
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels, lowpass_if_possible
 
 G = 9.80665  # m s-2
 SURFACES = ("delta_e", "delta_a", "delta_r")
@@ -45,10 +45,10 @@ _SHOWN = 15.0  # s of the response to a power change, [14CFR60] Table A2A 2.c.1
 def speed_of(signals: ResampledChannels) -> np.ndarray | None:
     """Return the speed of a record, or None. [m/s]"""
     name = next((name for name in ("V", "V_cas") if name in signals), None)
-    return None if name is None else smooth(signals[name], signals.step, 0.2)
+    return None if name is None else lowpass_if_possible(signals[name], signals.step, 0.2)
 
 
-def phugoids(signals: ResampledChannels) -> list[FoundManoeuvre]:
+def find_phugoids(signals: ResampledChannels) -> list[FoundManoeuvre]:
     """Return stretches in which elevator and levers are at rest for a period ``pi sqrt(2) V / g``
     at least, and the speed oscillates.
 
@@ -68,7 +68,7 @@ def phugoids(signals: ResampledChannels) -> list[FoundManoeuvre]:
         mean = float(speed[a:b].mean())
         period = np.pi * np.sqrt(2.0) * mean / G
         crossings = [
-            one.middle for one in excursions(signals.time[a:b], speed[a:b], _FREE_SPEED * mean)
+            one.middle for one in find_excursions(signals.time[a:b], speed[a:b], _FREE_SPEED * mean)
         ]
         level = (
             "phi" not in signals
@@ -84,13 +84,13 @@ def phugoids(signals: ResampledChannels) -> list[FoundManoeuvre]:
     return found
 
 
-def spirals(signals: ResampledChannels) -> list[FoundManoeuvre]:
+def find_spirals(signals: ResampledChannels) -> list[FoundManoeuvre]:
     """Return stretches of 20 s and more in a bank in which neither a surface nor a lever moves."""
     if "phi" not in signals or not set(SURFACES) <= set(signals.values):
         return []
     banked = signals.flying & (np.abs(signals["phi"]) > _BANK)
     found = []
-    for a, b in stretches(banked):
+    for a, b in true_runs(banked):
         inside = replace(
             signals,
             flying=signals.flying & (np.arange(len(banked)) >= a) & (np.arange(len(banked)) < b),
@@ -109,7 +109,7 @@ def _rests(
     [s]
     """
     found = []
-    for a, b in stretches(signals.flying):
+    for a, b in true_runs(signals.flying):
         start = float(signals.time[a])
         while start + least < signals.time[b - 1]:
             end = at_rest_until(signals, surfaces, start, _FIXED)
@@ -119,7 +119,7 @@ def _rests(
     return found
 
 
-def power_changes(
+def mark_power_changes(
     moved: Sequence[FoundManoeuvre], signals: ResampledChannels
 ) -> list[FoundManoeuvre]:
     """Return chops and slams, those after which power stays constant for 10 s and the aeroplane
@@ -148,7 +148,9 @@ def configuration_changes(signals: ResampledChannels) -> list[FoundManoeuvre]:
         ("gear", "gear", 0.5),
         ("speedbrake", "speedbrake", 0.2),
     ):
-        for one in excursions(signals.time, signals[channel], least) if channel in signals else ():
+        for one in (
+            find_excursions(signals.time, signals[channel], least) if channel in signals else ()
+        ):
             if signals.flying[np.searchsorted(signals.time, one.middle)]:
                 kind = f"{word}_{'out' if one.size > 0.0 else 'in'}"
                 found.append(
@@ -201,18 +203,18 @@ _LASTING = (
 _SPEED = 0.1  # smallest change, of the highest speed
 
 
-def responses(signals: ResampledChannels) -> list[FoundManoeuvre]:
+def find_responses(signals: ResampledChannels) -> list[FoundManoeuvre]:
     """Return the manoeuvres that show in the motion, and movements of levers, flaps, gear and speed
     brakes.
     """
-    powered = power_changes(throttle_movements(signals), signals)
+    powered = mark_power_changes(throttle_movements(signals), signals)
     return [
         *powered,
         *configuration_changes(signals),
-        *spirals(signals),
+        *find_spirals(signals),
         *level_speed_changes(signals),
         *pull_ups(signals),
-        *sideslips(signals),
+        *find_sideslips(signals),
     ]
 
 
@@ -226,7 +228,7 @@ def throttle_movements(signals: ResampledChannels) -> list[FoundManoeuvre]:
     x = np.mean(levers or fans, axis=0)
     moved = [
         one
-        for one in movements(signals.time, x, _LEVER)
+        for one in find_movements(signals.time, x, _LEVER)
         if one.end - one.start < fastest and _flown(signals, one.middle)
     ]
     found: list[FoundManoeuvre] = []
@@ -266,9 +268,9 @@ def level_speed_changes(signals: ResampledChannels) -> list[FoundManoeuvre]:
     speed = next((name for name in ("V", "V_cas") if name in signals), None)
     if speed is None or "h_baro" not in signals:
         return []
-    V, h = (smooth(signals[name], signals.step, 0.2) for name in (speed, "h_baro"))
+    V, h = (lowpass_if_possible(signals[name], signals.step, 0.2) for name in (speed, "h_baro"))
     found: list[FoundManoeuvre] = []
-    for one in excursions(signals.time, V, _SPEED * float(np.percentile(V, 90.0))):
+    for one in find_excursions(signals.time, V, _SPEED * float(np.percentile(V, 90.0))):
         a, b = np.searchsorted(signals.time, (one.start, one.end))
         kinetic, potential = 0.5 * abs(V[b] ** 2 - V[a] ** 2), G * float(np.ptp(h[a : b + 1]))
         if (
@@ -291,8 +293,8 @@ def pull_ups(signals: ResampledChannels) -> list[FoundManoeuvre]:
     """Return pull-ups followed by push-downs (or the reverse) with wings level, by the load factor."""
     if not {"az_imu", "phi"} <= set(signals.values):
         return []
-    n = -smooth(signals["az_imu"], signals.step, 0.5) / G
-    moves = [one for one in excursions(signals.time, n, 0.25) if _flown(signals, one.middle)]
+    n = -lowpass_if_possible(signals["az_imu"], signals.step, 0.5) / G
+    moves = [one for one in find_excursions(signals.time, n, 0.25) if _flown(signals, one.middle)]
     found: list[FoundManoeuvre] = []
     for one in moves:
         a, b = np.searchsorted(signals.time, (one.start - 3.0, one.end + 3.0))
@@ -324,7 +326,7 @@ def _disturbed(n: np.ndarray, signals: ResampledChannels, one: Excursion) -> tup
     """
     rest = [
         (signals.time[a], signals.time[b - 1])
-        for a, b in stretches(np.abs(n - 1.0) < _REST)
+        for a, b in true_runs(np.abs(n - 1.0) < _REST)
         if (b - a) * signals.step > _AT_REST
     ]
     start = max([one.start - 10.0, *(end for _, end in rest if end < one.end)])
@@ -333,13 +335,17 @@ def _disturbed(n: np.ndarray, signals: ResampledChannels, one: Excursion) -> tup
     )
 
 
-def sideslips(signals: ResampledChannels) -> list[FoundManoeuvre]:
+def find_sideslips(signals: ResampledChannels) -> list[FoundManoeuvre]:
     """Return stretches of held rudder at a steady bank, with sideslip or side force."""
     if not {"delta_r", "p", "phi"} <= set(signals.values):
         return []
-    dr = smooth(signals["delta_r"], signals.step, 1.0)
-    beta = smooth(signals["beta_vane"], signals.step, 0.5) if "beta_vane" in signals else None
-    ay = smooth(signals["ay_imu"], signals.step, 0.5) if "ay_imu" in signals else None
+    dr = lowpass_if_possible(signals["delta_r"], signals.step, 1.0)
+    beta = (
+        lowpass_if_possible(signals["beta_vane"], signals.step, 0.5)
+        if "beta_vane" in signals
+        else None
+    )
+    ay = lowpass_if_possible(signals["ay_imu"], signals.step, 0.5) if "ay_imu" in signals else None
     away = dr - np.median(dr[signals.flying]) if signals.flying.any() else dr
     held = (
         (np.abs(away) > 2.0 * DEGREE)
@@ -347,7 +353,7 @@ def sideslips(signals: ResampledChannels) -> list[FoundManoeuvre]:
         & (np.abs(np.gradient(dr, signals.step)) < 1.0 * DEGREE)
     )
     found: list[FoundManoeuvre] = []
-    for a, b in stretches(held):
+    for a, b in true_runs(held):
         if (b - a) * signals.step < _HELD or np.ptp(dr[a:b]) > 0.3 * np.abs(away[a:b]).mean():
             continue
         slip = beta is not None and abs(float(np.mean(beta[a:b]) - np.median(beta))) > _SIDESLIP

@@ -5,6 +5,7 @@ from .catalogue import read_catalogue as read_catalogue
 from .coverage import Coverage as Coverage
 from .coverage import coverage_of as coverage_of
 from .coverage import flights_of as flights_of
+from .plan import ProgrammePlan as Plan
 from .plan import ProgrammePlan as ProgrammePlan
 from .plan import plan_programme as plan_programme
 from .plan_files import save_plan as save_plan

@@ -59,10 +59,10 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownName
-from flightmech.names import lookup
-from flightmech.support.input_files import load
-from flightmech.support.toml_models import Strict, si, validate
-from flightmech.units import quantity
+from flightmech.names import lookup_quantity
+from flightmech.support.input_files import read_toml
+from flightmech.support.toml_models import Strict, make_si_type, validate_content
+from flightmech.units import parse_quantity
 from flighttest.flight_programme.input_design.specification import ConditionTable, Design, design_of
 from flighttest.reconstruction.dynamics.force_coefficients import ERRORS
 from flighttest.regression.equation_error.model import RegressionModel
@@ -73,7 +73,7 @@ if TYPE_CHECKING:
 INPUTS = ("multisine", "multistep", "sweep")
 STEADY = ("sideslip", "pull_up_push_down", "level_speed", "device")
 RATE = 50.0  # of an instrument whose rate is not given [Hz]
-_Time, _Frequency = si("s"), si("Hz")
+_Time, _Frequency = make_si_type("s"), make_si_type("Hz")
 _OF_KIND = {
     "sideslip": "delta_r",
     "pull_up_push_down": "theta",
@@ -261,7 +261,7 @@ def read_catalogue(path: str | os.PathLike) -> Catalogue:
         Every unknown key, missing value, wrong unit, and name of a condition or manoeuvre that the
         file does not have.
     """
-    return validate(Catalogue, dict(load(os.fspath(path))), os.fspath(path))
+    return validate_content(Catalogue, dict(read_toml(os.fspath(path))), os.fspath(path))
 
 
 def _with_design(item: dict[str, Any]) -> dict[str, Any]:
@@ -298,6 +298,6 @@ def _twice(what: str, items: Any) -> list[str]:
 def _si(name: str, item: Any) -> float:
     """Return a quantity by name in SI; a name without unit is a plain number."""
     try:
-        return quantity(item, lookup(name).units if name else "1")
+        return parse_quantity(item, lookup_quantity(name).units if name else "1")
     except (UnknownName, UnitError) as error:
         raise ValueError(f"{name}: {error}") from error

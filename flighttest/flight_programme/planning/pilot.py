@@ -18,12 +18,12 @@ import xarray as xr
 
 from flightmech.air import impact_pressure
 from flightmech.errors import IdentificationError
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flightmech.units import DEGREE
 from flighttest.flight_programme.input_design.input_signals import axes_of
 from flighttest.flight_programme.input_design.predicted_response import STEP, model_inputs
 from flighttest.flight_programme.planning.catalogue import RATE, PlannedManoeuvre
-from flighttest.records.sensors.instruments import IMU, Instrument, Instruments, instruments
+from flighttest.records.sensors.instruments import IMU, Instrument, Instruments, parse_instruments
 from flighttest.records.signals.delays import remove_lag
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class PredictedFlight:
     marks: list[dict[str, Any]]
 
 
-def fly(
+def fly_manoeuvres(
     sim: SimModel,
     start: Mapping[str, float],
     manoeuvres: Sequence[tuple[PlannedManoeuvre, xr.Dataset | None]],
@@ -88,7 +88,7 @@ def fly(
     marks: list[dict[str, Any]] = []
     clock = BEFORE
     for manoeuvre, signal in manoeuvres:
-        length = duration(manoeuvre, signal)
+        length = manoeuvre_duration(manoeuvre, signal)
         control = " ".join(axes_of(signal)) if signal is not None else manoeuvre.device
         marks.append(
             {"manoeuvre": manoeuvre.name, "control": control, "start": clock, "end": clock + length}
@@ -107,7 +107,7 @@ def fly(
     return PredictedFlight(motion.assign(inputs), marks)
 
 
-def duration(manoeuvre: PlannedManoeuvre, signal: xr.Dataset | None = None) -> float:
+def manoeuvre_duration(manoeuvre: PlannedManoeuvre, signal: xr.Dataset | None = None) -> float:
     """Return the length of a manoeuvre without recovery. [s]"""
     if signal is not None:
         return float(signal["time"][-1])
@@ -354,7 +354,7 @@ def predicted_record(
         Instruments that a reconstruction cannot work with.
     """
     rng = np.random.default_rng(seed)
-    specification = instruments(aircraft.instruments, f"instruments of {aircraft.name}")
+    specification = parse_instruments(aircraft.instruments, f"instruments of {aircraft.name}")
     time = flown.motion["time"].values
     sensed = _sensed(flown.motion, aircraft, specification)
     leaves: dict[str, xr.Dataset] = {}
@@ -462,6 +462,10 @@ def _leaf(
     for name, x in channels.items():
         level = item.noise.get(name, 0.0)
         x = np.interp(clock - delay, time, np.unwrap(x) if name == "psi" else x)
-        shown[name] = "time", x + rng.normal(0.0, level, len(clock)) if level else x, attrs(name)
+        shown[name] = (
+            "time",
+            x + rng.normal(0.0, level, len(clock)) if level else x,
+            quantity_attributes(name),
+        )
     about = {"rate": rate, "gaps": "", "duplicates": 0, "missing": "", "flags": "[]"}
-    return xr.Dataset(shown, {"time": ("time", clock, attrs("time"))}, about)
+    return xr.Dataset(shown, {"time": ("time", clock, quantity_attributes("time"))}, about)

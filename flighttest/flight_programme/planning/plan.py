@@ -17,7 +17,7 @@ from aerodb.update.expectation import Expectation
 from aerodb.update.observations import coefficient_of
 from aerodb.update.tabulation import Tabulation
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.units import from_si
 from flighttest.flight_programme.planning.catalogue import Catalogue
 from flighttest.flight_programme.planning.prediction import Item, Prediction, predict
@@ -326,10 +326,10 @@ def plan_programme(
     SchemaError
         As `predict` and `Goal`.
     """
-    return plan_of(predict(catalogue, sim, aircraft, jobs), database, flown, done)
+    return plan_predicted_flights(predict(catalogue, sim, aircraft, jobs), database, flown, done)
 
 
-def plan_of(
+def plan_predicted_flights(
     prediction: Prediction,
     database: xr.DataTree,
     flown: Sequence[Any] = (),
@@ -431,9 +431,9 @@ def _undetermined(prediction: Prediction, items: Sequence[Item]) -> list[tuple[s
     return found
 
 
-def display_value(name: str, value: float) -> str:
+def format_quantity(name: str, value: float) -> str:
     """Return a quantity by name in the units of display, with its unit."""
-    units = lookup(name.removeprefix("applied.")).display_units
+    units = lookup_quantity(name.removeprefix("applied.")).display_units
     text = f"{float(from_si(value, units)):.4g}"
     return text if units == "1" else f"{text} {units}"
 

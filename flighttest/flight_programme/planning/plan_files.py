@@ -22,7 +22,7 @@ from flighttest.flight_programme.input_design.design import save_csv, save_timet
 from flighttest.flight_programme.input_design.input_signals import axes_of
 from flighttest.flight_programme.planning.catalogue import PlannedCondition, PlannedManoeuvre
 from flighttest.flight_programme.planning.pilot import BEHIND
-from flighttest.flight_programme.planning.plan import ProgrammePlan, clock_text, display_value
+from flighttest.flight_programme.planning.plan import ProgrammePlan, clock_text, format_quantity
 from flighttest.flight_programme.planning.prediction import Item
 
 _TEMPLATE = Path(__file__).with_name("cards.typ")
@@ -110,7 +110,7 @@ def _content(plan: ProgrammePlan, number: int, name: str, place: Path) -> dict[s
         if key.endswith(".throttle") and key.startswith("engine")
     ]
     trim = [
-        [key, display_value(key, float(start[source]))]
+        [key, format_quantity(key, float(start[source]))]
         for source, key in _TRIM.items()
         if source in start
     ]
@@ -121,7 +121,7 @@ def _content(plan: ProgrammePlan, number: int, name: str, place: Path) -> dict[s
         "count": str(len(plan.items)),
         "manoeuvre": item[1],
         "condition": item[0],
-        "state": [[key, display_value(key, value)] for key, value in condition.fixed.items()],
+        "state": [[key, format_quantity(key, value)] for key, value in condition.fixed.items()],
         "trim": trim + ([["power levers", ", ".join(dict.fromkeys(levers))]] if levers else []),
         "instruction": _instruction(candidate.manoeuvre, signal),
         "axes": _axes(signal, name) if signal is not None else [],
@@ -132,8 +132,8 @@ def _content(plan: ProgrammePlan, number: int, name: str, place: Path) -> dict[s
         "limits": [
             [
                 key,
-                f"{display_value(key, low)} ... {display_value(key, high)}",
-                " ... ".join(display_value(key, x) for x in candidate.extremes.get(key, ())),
+                f"{format_quantity(key, low)} ... {format_quantity(key, high)}",
+                " ... ".join(format_quantity(key, x) for x in candidate.extremes.get(key, ())),
             ]
             for key, (low, high) in limits.items()
         ],
@@ -152,7 +152,7 @@ def _instruction(manoeuvre: PlannedManoeuvre, signal: xr.Dataset | None) -> str:
             manoeuvre.kind, manoeuvre.device
         )
         text = _WORDS[manoeuvre.kind].format(
-            a=display_value(of, manoeuvre.amplitude), t=manoeuvre.duration, d=manoeuvre.device
+            a=format_quantity(of, manoeuvre.amplitude), t=manoeuvre.duration, d=manoeuvre.device
         )
     else:
         steps = (
@@ -185,8 +185,8 @@ def _axes(signal: xr.Dataset, name: str) -> list[list[str]]:
         rows.append(
             [
                 axis,
-                display_value(axis, float(np.abs(u).max())),
-                f"{display_value(axis, rate)}/s",
+                format_quantity(axis, float(np.abs(u).max())),
+                f"{format_quantity(axis, rate)}/s",
                 f"{name}.csv",
             ]
         )
@@ -227,7 +227,7 @@ def _drawing(signal: xr.Dataset) -> str:
         )
         body.append(
             f'<text x="4" y="{middle - 3:.1f}">{name}</text><text x="4" '
-            f'y="{middle + 15:.1f}">+-{display_value(name, peak)}</text>'
+            f'y="{middle + 15:.1f}">+-{format_quantity(name, peak)}</text>'
         )
     style = 'font-family="Libertinus Serif" font-size="15"'
     return (

@@ -41,7 +41,7 @@ from flighttest.flight_programme.planning.catalogue import (
 from flighttest.flight_programme.planning.pilot import (
     BEHIND,
     PredictedFlight,
-    fly,
+    fly_manoeuvres,
     predicted_record,
 )
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
@@ -294,7 +294,7 @@ def _condition(
             continue
         ready.append((manoeuvre, signal))
         candidates[item] = _candidate(item, manoeuvre, signal, binding or stopped, alone, limits)
-    return fly(sim, start, ready) if ready else None
+    return fly_manoeuvres(sim, start, ready) if ready else None
 
 
 def _within(
@@ -310,7 +310,7 @@ def _within(
     stopped = ""
     for part in _PARTS if signal is None and manoeuvre.kind != "device" else (1.0,):
         smaller = manoeuvre.model_copy(update={"amplitude": part * manoeuvre.amplitude})
-        flown = fly(sim, start, [(smaller, signal)])
+        flown = fly_manoeuvres(sim, start, [(smaller, signal)])
         broken = first_exceeded_limit(
             flown.motion, {name: pair for name, pair in limits.items() if name in flown.motion}
         )

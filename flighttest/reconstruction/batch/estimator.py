@@ -16,7 +16,7 @@ from flighttest.reconstruction.batch.unknowns import (
     BatchUnknowns,
     PathSensitivities,
     path_sensitivities,
-    segments,
+    window_slices,
 )
 from flighttest.reconstruction.problem.trajectory import linearise_sensor, states_and_rates
 
@@ -128,7 +128,7 @@ class BatchEquations:
         values = states_and_rates(problem, swept.x, c)
         for sensor in problem.sensors:
             r, k, f, J, columns, Jc = linearise_sensor(problem, sensor, values, c)
-            for i, samples in enumerate(segments(problem)):
+            for i, samples in enumerate(window_slices(problem)):
                 rows = slice(*np.searchsorted(k, [samples.start, samples.stop]))
                 if rows.stop > rows.start:
                     readings = Readings(
@@ -244,7 +244,7 @@ def first_equations(layout: BatchUnknowns) -> BatchEquations:
     return BatchEquations(layout, Unknowns(c, starts, paths), sigma)
 
 
-def fit(equations: BatchEquations) -> BatchSolution:
+def fit_batch(equations: BatchEquations) -> BatchSolution:
     """Return the maximum-likelihood estimate.
 
     Parameters

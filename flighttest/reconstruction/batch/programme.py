@@ -14,21 +14,21 @@ from flighttest.reconstruction.batch.estimator import (
     BatchEquations,
     BatchSolution,
     first_equations,
-    fit,
+    fit_batch,
 )
 from flighttest.reconstruction.batch.standard_errors import (
     Observability,
-    covariances,
+    batch_covariances,
     demand_sight,
     determine_observability,
 )
-from flighttest.reconstruction.batch.unknowns import BatchUnknowns, layout
-from flighttest.reconstruction.problem.assembly import assemble
-from flighttest.reconstruction.problem.problem import identifiability
+from flighttest.reconstruction.batch.unknowns import BatchUnknowns, layout_unknowns
+from flighttest.reconstruction.problem.assembly import assemble_problem
+from flighttest.reconstruction.problem.problem import identifiability_remarks
 from flighttest.reconstruction.problem.trajectory import Solution
 from flighttest.reconstruction.smoother import ACCEPT, FlightPath, path_of_solution
 from flighttest.records.sensors.instruments import instruments_of
-from flighttest.records.sensors.measurements import windows_of
+from flighttest.records.sensors.measurements import order_windows
 
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
@@ -99,7 +99,7 @@ class Batch:
         free = self.estimates.isel(
             parameter=self.estimates["free"].values, parameter_=self.estimates["free"].values
         )
-        words = identifiability(free)
+        words = identifiability_remarks(free)
         return "\n".join(
             [
                 *lines,
@@ -163,7 +163,7 @@ def reconstruct_batch(
     if free is not None:
         demand_sight(seen)
     try:
-        fitted = fit(first)
+        fitted = fit_batch(first)
     except IdentificationError as error:
         raise IdentificationError("\n  - ".join([str(error), *seen.hidden()])) from error
     return _batch(records, aircraft, fitted, seen)
@@ -193,10 +193,10 @@ def _start(records, aircraft, windows, free, prior, rate) -> BatchEquations:
         )
     specification = instruments_of(aircraft, records[0].attrs)
     setups = [
-        assemble(record, aircraft, specification, windows_of(record, own), rate, prior)
+        assemble_problem(record, aircraft, specification, order_windows(record, own), rate, prior)
         for record, own in zip(records, chosen)
     ]
-    return first_equations(layout(setups, free))
+    return first_equations(layout_unknowns(setups, free))
 
 
 def _batch(records, aircraft, fitted: BatchSolution, seen: Observability) -> Batch:
@@ -204,7 +204,7 @@ def _batch(records, aircraft, fitted: BatchSolution, seen: Observability) -> Bat
 
     equations = fitted.equations
     plan = equations.layout
-    covariance, white = covariances(equations)
+    covariance, white = batch_covariances(equations)
     paths = [_path(record, aircraft, i, fitted, covariance) for i, record in enumerate(records)]
     given: dict[str, float] = {}
     for setup in plan.setups:

@@ -21,7 +21,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from flightmech.errors import IdentificationError
 from flightmech.simulation.normal_sums import driven_series
 from flighttest.reconstruction.batch.estimator import BatchEquations
-from flighttest.reconstruction.batch.unknowns import driven_paths, segments
+from flighttest.reconstruction.batch.unknowns import driven_paths, window_slices
 
 RANK = 1e-10  # of the largest eigenvalue of the information scaled to unit diagonal
 PART = 0.2  # of the largest component: smaller ones are left out of the words
@@ -142,7 +142,7 @@ def demand_sight(found: Observability) -> None:
 WINDOW = 0.1  # lag window over the length of a segment
 
 
-def covariances(equations: BatchEquations) -> tuple[np.ndarray, np.ndarray]:
+def batch_covariances(equations: BatchEquations) -> tuple[np.ndarray, np.ndarray]:
     """Return the corrected and the white (Cramer-Rao) covariance of all unknowns; zero for those
     not estimated.
 
@@ -214,7 +214,7 @@ def residual_noise(equations: BatchEquations) -> tuple[np.ndarray, np.ndarray]:
                 chosen = places[part.segment][used]
                 coloured[np.ix_(chosen, chosen)] += correlated_variance(S[used] / own, r / own)
         paths = driven_paths(problem, equations.at.c[at], swept.x, swept.columns)
-        for path, samples, own in zip(paths, segments(problem), places, strict=True):
+        for path, samples, own in zip(paths, window_slices(problem), places, strict=True):
             products = np.zeros((len(own), len(own)))
             path.add_noise(swept.x[samples], problem.noise, pressed[samples], products)
             inertial[np.ix_(own, own)] += products

@@ -13,7 +13,7 @@ import numpy as np
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.simulation.driven_path import DrivenPath
 from flighttest.reconstruction.problem.assembly import Setup
-from flighttest.reconstruction.problem.problem import PER_RUN, PathProblem, inverse
+from flighttest.reconstruction.problem.problem import PER_RUN, PathProblem, invert_covariance
 from flighttest.reconstruction.problem.trajectory import driven_path, driving_constants
 
 
@@ -69,7 +69,7 @@ class BatchUnknowns:
         found = np.zeros((len(self.names), len(self.names)))
         if self.weighed:
             f = np.ix_(self.free, self.free)
-            found[f] = inverse(self.covariance[f])
+            found[f] = invert_covariance(self.covariance[f])
         return found
 
     def _starts(self, run: int) -> int:
@@ -77,7 +77,7 @@ class BatchUnknowns:
         return len(problem.starts) * problem.states
 
 
-def layout(setups: Sequence[Setup], free: Sequence[str] | None) -> BatchUnknowns:
+def layout_unknowns(setups: Sequence[Setup], free: Sequence[str] | None) -> BatchUnknowns:
     """Return the layout of the unknowns.
 
     Parameters
@@ -149,7 +149,7 @@ class PathSensitivities:
     columns: np.ndarray
 
 
-def segments(problem: PathProblem) -> list[slice]:
+def window_slices(problem: PathProblem) -> list[slice]:
     """Return the samples of each window."""
     edges = [*problem.starts.tolist(), len(problem.time)]
     return [slice(a, b) for a, b in pairwise(edges)]
@@ -161,7 +161,7 @@ def driven_paths(
     """Return the path of each window for constants c (nc,), what depends on it weakly from the path
     `before` (N, n).
     """
-    return [driven_path(problem, before, c, columns, part) for part in segments(problem)]
+    return [driven_path(problem, before, c, columns, part) for part in window_slices(problem)]
 
 
 def path_of(
@@ -172,7 +172,10 @@ def path_of(
     """
     x = np.empty_like(before)
     for path, part, start in zip(
-        driven_paths(problem, c, before, np.zeros(0, int)), segments(problem), starts, strict=True
+        driven_paths(problem, c, before, np.zeros(0, int)),
+        window_slices(problem),
+        starts,
+        strict=True,
     ):
         path.follow(start, x[part])
     return x
@@ -187,7 +190,7 @@ def path_sensitivities(
     columns, n = driving_constants(problem, free), problem.states
     x, X = np.empty((len(before), n)), np.empty((len(before), n, n + len(columns)))
     for path, part, start in zip(
-        driven_paths(problem, c, before, columns), segments(problem), starts, strict=True
+        driven_paths(problem, c, before, columns), window_slices(problem), starts, strict=True
     ):
         path.follow(start, x[part], X[part])
     return PathSensitivities(x, X, columns)

@@ -18,9 +18,13 @@ import xarray as xr
 
 from flightmech.air import GAMMA, R_AIR, mach_number
 from flightmech.errors import SchemaError
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flightmech.support.arrays import rms
-from flighttest.reconstruction.dynamics.kinematics import gravity, rates, rotation
+from flighttest.reconstruction.dynamics.kinematics import (
+    body_rates_from_angles,
+    body_to_ned_rotation,
+    gravity,
+)
 from flighttest.records.signals.conditioning import resample
 from flighttest.records.signals.differentiation import (
     derivative,
@@ -69,7 +73,7 @@ def rates_from_attitude(data: xr.Dataset) -> xr.Dataset:
     names = ("phi", "theta", "psi")
     angles = np.stack(_channels(data, *names), axis=1)
     turned = [_differentiated(data, name) for name in names]
-    omega, _ = rates(angles, np.stack([x for x, _ in turned], axis=1))
+    omega, _ = body_rates_from_angles(angles, np.stack([x for x, _ in turned], axis=1))
     error = dict(zip("pqr", (sigma for _, sigma in turned)))
     return _dataset(
         data,
@@ -111,7 +115,7 @@ def forces_from_velocity(data: xr.Dataset, latitude: float | None = None) -> xr.
     g = gravity(latitude, float(np.nanmean(heights[0])) if heights else 0.0)
     turned = [_differentiated(data, name) for name in names]
     rate = np.stack([x for x, _ in turned], axis=1) - [0.0, 0.0, g]
-    force = np.einsum("tji,tj->ti", rotation(angles), rate)
+    force = np.einsum("tji,tj->ti", body_to_ned_rotation(angles), rate)
     tilt = g * np.array(
         [_noise(data, "theta"), _noise(data, "phi"), 0.0]
     )  # about level flight, where az does not see the attitude
@@ -164,7 +168,7 @@ def incidence_from_velocity(
         A velocity or an angle is missing.
     """
     velocity, angles = _channels(data, "vn", "ve", "vd"), _channels(data, "phi", "theta", "psi")
-    R = rotation(np.stack(angles, axis=1))
+    R = body_to_ned_rotation(np.stack(angles, axis=1))
     u, v, w = np.einsum("tji,tj->ti", R, np.stack(velocity, axis=1) - np.asarray(wind, float)).T
     V = np.sqrt(u**2 + v**2 + w**2)
     speed = float(np.hypot(wind_error, rms([_noise(data, name) for name in ("vn", "ve", "vd")])))
@@ -294,5 +298,5 @@ def _dataset(
         about = {"made_from": origin, "stderr": float(error[name])} | (
             {"bandwidth": bandwidth} if bandwidth else {}
         )
-        found[name] = "time", x, {**attrs(name), **about}
+        found[name] = "time", x, {**quantity_attributes(name), **about}
     return found

@@ -27,7 +27,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, OutOfRange, UnknownName
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flightmech.units import G0
 from flighttest.records.sensors.instruments import SURFACES, surface_errors
 from flighttest.records.signals.conditioning import lowpass
@@ -160,7 +160,7 @@ def coefficients(
             continue
         change = np.stack([share.get(name, nothing[:, 0]) for share in shares.values()])
         about = {
-            "units": attrs(name)["units"],
+            "units": quantity_attributes(name)["units"],
             "long_name": f"change of {name} for one standard error of the source",
         }
         found[f"{name}_error"] = ("error", "time"), change, about
@@ -171,11 +171,18 @@ def coefficients(
                 else np.full(len(shares), np.nan)
             )
             budget = {f"error_{source}": float(value) for source, value in zip(shares, rms)}
-            found[name] = "time", np.where(airborne, total[name], np.nan), {**attrs(name), **budget}
+            found[name] = (
+                "time",
+                np.where(airborne, total[name], np.nan),
+                {**quantity_attributes(name), **budget},
+            )
     nz = -_column(data, "az") / G0
-    found |= {"nz": ("time", nz, attrs("nz")), "dnz": ("time", nz - 1.0, attrs("dnz"))}
+    found |= {
+        "nz": ("time", nz, quantity_attributes("nz")),
+        "dnz": ("time", nz - 1.0, quantity_attributes("dnz")),
+    }
     if "CT" in data:
-        found["CT"] = "time", data["CT"], attrs("CT")
+        found["CT"] = "time", data["CT"], quantity_attributes("CT")
     return (
         known.assign_coords(error=list(shares)).assign(found).assign_attrs(force_axes="stability")
     )
@@ -342,7 +349,9 @@ def reduced_rates(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
     Rates are divided by 2 V: phat = p b/(2 V), qhat = q cbar/(2 V).
     """
     found = _reduced_rates(_columns(states), aircraft)
-    return states.assign({name: ("time", values, attrs(name)) for name, values in found.items()})
+    return states.assign(
+        {name: ("time", values, quantity_attributes(name)) for name, values in found.items()}
+    )
 
 
 def _reduced_rates(data: _Columns, aircraft: Aircraft) -> _Columns:

@@ -50,7 +50,7 @@ def gravity(latitude: float | None, h: float) -> float:
     return float(surface * (1.0 - 2.0 * h / EARTH_RADIUS))
 
 
-def earth(latitude: float | None) -> tuple[np.ndarray, np.ndarray]:
+def earth_rotation(latitude: float | None) -> tuple[np.ndarray, np.ndarray]:
     """Return what the Earth does to a moving observer, north-east-down axes; zeros when the
     latitude is not known.
 
@@ -75,7 +75,7 @@ def earth(latitude: float | None) -> tuple[np.ndarray, np.ndarray]:
     return EARTH_RATE * np.array([np.cos(latitude), 0.0, -np.sin(latitude)]), transport
 
 
-def skew(a: np.ndarray) -> np.ndarray:
+def cross_product_matrix(a: np.ndarray) -> np.ndarray:
     """Return the matrices of the cross product a x (...), shape (..., 3, 3)."""
     out = np.zeros((*np.shape(a)[:-1], 3, 3))
     out[..., 0, 1], out[..., 0, 2] = -a[..., 2], a[..., 1]
@@ -84,7 +84,7 @@ def skew(a: np.ndarray) -> np.ndarray:
     return out
 
 
-def rotation(attitude: np.ndarray) -> np.ndarray:
+def body_to_ned_rotation(attitude: np.ndarray) -> np.ndarray:
     """Return the rotations from body to north-east-down axes.
 
     Parameters
@@ -118,7 +118,9 @@ def rate_matrix(attitude: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def rates(attitude: np.ndarray, attitude_dot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def body_rates_from_angles(
+    attitude: np.ndarray, attitude_dot: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return body rates (time, 3) from the rates of the angles, and their derivative with respect
     to the angles (time, 3, 3).
     """
@@ -136,13 +138,15 @@ def rates(attitude: np.ndarray, attitude_dot: np.ndarray) -> tuple[np.ndarray, n
     return omega, change
 
 
-def to_body(attitude: np.ndarray, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def ned_to_body(
+    attitude: np.ndarray, vector: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return R' m for vectors in north-east-down axes, its derivative with respect to the angles,
     and R' itself.
     """
-    Rt = np.swapaxes(rotation(attitude), -1, -2)
+    Rt = np.swapaxes(body_to_ned_rotation(attitude), -1, -2)
     U = (Rt @ vector[..., None])[..., 0]
-    return U, skew(U) @ rate_matrix(attitude), Rt
+    return U, cross_product_matrix(U) @ rate_matrix(attitude), Rt
 
 
 def in_body(

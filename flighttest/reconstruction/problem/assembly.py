@@ -13,8 +13,12 @@ import xarray as xr
 
 from flightmech.air import R_AIR, pressure_altitude
 from flightmech.errors import OutOfRange, SchemaError
-from flightmech.names import lookup
-from flighttest.reconstruction.dynamics.kinematics import earth, gravity, rotation
+from flightmech.names import lookup_quantity
+from flighttest.reconstruction.dynamics.kinematics import (
+    body_to_ned_rotation,
+    earth_rotation,
+    gravity,
+)
 from flighttest.reconstruction.problem import output_equations
 from flighttest.reconstruction.problem.output_equations import LAPSE
 from flighttest.reconstruction.problem.problem import (
@@ -22,12 +26,12 @@ from flighttest.reconstruction.problem.problem import (
     Constants,
     PathProblem,
     Sensor,
-    biases,
+    bias_estimates,
 )
 from flighttest.reconstruction.problem.trajectory import Solution
 from flighttest.records.sensors.instruments import IMU, SPEEDS, VANES, Instruments
 from flighttest.records.sensors.measurements import MEASURED, MeasuredChannels, air_readings
-from flighttest.records.signals.conditioning import to_grid
+from flighttest.records.signals.conditioning import resample_to_grid
 from flighttest.records.signals.differentiation import derivative
 
 WIND_SIGMA = 25.0  # m/s, of each horizontal component
@@ -68,10 +72,10 @@ class Setup:
 
     def biases(self, solution: Solution) -> xr.Dataset:
         """Return the constants of a solution, see `constants.biases`."""
-        return biases(self.problem.constants, solution.c, solution.covariance, self.held)
+        return bias_estimates(self.problem.constants, solution.c, solution.covariance, self.held)
 
 
-def assemble(
+def assemble_problem(
     record: xr.DataTree,
     aircraft: Any,
     specification: Instruments,
@@ -145,7 +149,7 @@ class _Assembly:
     def on_grid(self, name: str) -> np.ndarray:
         """Return a channel on the clock of the path."""
         return np.concatenate(
-            [to_grid(*self.channels.get(name), grid, name) for grid in self.grids]
+            [resample_to_grid(*self.channels.get(name), grid, name) for grid in self.grids]
         )
 
     def arm(self, channel: str) -> np.ndarray:
@@ -191,7 +195,7 @@ class _Assembly:
             vane_arms=np.array([self.arm(name) for name in self.vanes]).reshape(-1, 3),
             g=self.g,
             g_height=self.reference[0],
-            earth=earth(self.latitude),
+            earth=earth_rotation(self.latitude),
             airborne=self.air.speed_at(self.time) > limit,
             vanes=self.vanes,
             vane_noise=VANE_SHARE
@@ -226,7 +230,7 @@ class _Assembly:
                     'give [record] latitude = "45 deg" in the name map'
                 ],
             )
-        return earth(self.latitude)[0]
+        return earth_rotation(self.latitude)[0]
 
     def first_path(self) -> np.ndarray:
         """Return a first trajectory from the readings."""
@@ -247,7 +251,7 @@ class _Assembly:
         else:
             V = self.air.speed_at(self.time)
             along = np.stack([V * np.cos(alpha), np.zeros_like(V), V * np.sin(alpha)], axis=1)
-            x[:, 3:6] = (rotation(x[:, :3]) @ along[..., None])[..., 0]
+            x[:, 3:6] = (body_to_ned_rotation(x[:, :3]) @ along[..., None])[..., 0]
         x[:, 6] = (
             self.shifted("h_gps")
             if self.usable("h_gps")
@@ -283,7 +287,7 @@ class _Assembly:
         for name in known:
             if name in self.specification.of(name).bias_sigma:
                 rows[f"bias.{name}"] = (
-                    lookup(name).units,
+                    lookup_quantity(name).units,
                     0.0,
                     self.specification.of(name).bias_sigma[name],
                 )

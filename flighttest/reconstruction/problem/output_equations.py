@@ -11,8 +11,14 @@ from __future__ import annotations
 import numpy as np
 
 from flightmech.air import A_SEA, GAMMA, P_SEA, R_AIR
-from flighttest.reconstruction.dynamics.kinematics import skew, to_body
-from flighttest.reconstruction.problem.problem import ATTITUDE, VELOCITY, PathProblem, Sensor, wind
+from flighttest.reconstruction.dynamics.kinematics import cross_product_matrix, ned_to_body
+from flighttest.reconstruction.problem.problem import (
+    ATTITUDE,
+    VELOCITY,
+    PathProblem,
+    Sensor,
+    wind_velocity,
+)
 
 LAPSE = 0.0065  # K/m, inside one run; the level is measured
 _BEHIND_AIR = (
@@ -158,17 +164,17 @@ def airspeed_squared(
     derivative : array (M, states + 3)
         Gusts are left out.
     """
-    air, D = x[:, VELOCITY] - wind(problem, x, c), np.zeros((len(x), problem.states + 3))
+    air, D = x[:, VELOCITY] - wind_velocity(problem, x, c), np.zeros((len(x), problem.states + 3))
     if arm is None:
         D[:, VELOCITY] = 2.0 * air
         return (air**2).sum(axis=1), D
-    U, turn, Rt = to_body(x[:, ATTITUDE], air)
+    U, turn, Rt = ned_to_body(x[:, ATTITUDE], air)
     local = U + np.cross(x[:, problem.states :], arm)
     double = 2.0 * local[:, None, :]
     D[:, ATTITUDE], D[:, VELOCITY], D[:, problem.states :] = (
         (double @ turn)[:, 0],
         (double @ Rt)[:, 0],
-        (double @ -skew(arm))[:, 0],
+        (double @ -cross_product_matrix(arm))[:, 0],
     )
     return (local**2).sum(axis=1), D
 
@@ -219,7 +225,7 @@ def impact_and_static(
     )
 
 
-def pressures(
+def impact_static_pressures(
     problem: PathProblem, square, h, c, temperature, reference
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return true impact and static pressure alone; arguments as `impact_and_static`."""
@@ -251,7 +257,7 @@ def _show_gust(
 
 def no_sideslip(sensor: Sensor, problem: PathProblem, x: np.ndarray, c: np.ndarray):
     """Show the air-relative velocity along body y: without a sideslip vane it is held near zero."""
-    U, turn, Rt = to_body(x[:, :3], x[:, 3:6] - wind(problem, x, c))
+    U, turn, Rt = ned_to_body(x[:, :3], x[:, 3:6] - wind_velocity(problem, x, c))
     J = np.zeros((len(x), 1, problem.states))
     J[:, 0, :3], J[:, 0, 3:6] = turn[:, 1], Rt[:, 1]
     return U[:, 1:2], J, (), np.zeros((len(x), 1, 0))

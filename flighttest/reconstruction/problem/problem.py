@@ -55,7 +55,7 @@ class Constants:
 
     def precision(self) -> np.ndarray:
         """Return the inverse of the prior covariance."""
-        return inverse(self.covariance)
+        return invert_covariance(self.covariance)
 
     def with_prior(self, prior: xr.Dataset) -> Constants:
         """Return these constants with the mean and covariance that another `biases` Dataset gives
@@ -77,7 +77,7 @@ class Constants:
         return Constants(self.names, self.units, mean, covariance)
 
 
-def inverse(matrix: np.ndarray) -> np.ndarray:
+def invert_covariance(matrix: np.ndarray) -> np.ndarray:
     """Return the inverse of a covariance, scaled first because the units of the constants differ by
     powers of ten.
     """
@@ -85,7 +85,7 @@ def inverse(matrix: np.ndarray) -> np.ndarray:
     return np.linalg.inv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)
 
 
-def biases(
+def bias_estimates(
     constants: Constants, c: np.ndarray, covariance: np.ndarray, held: tuple[str, ...] = ()
 ) -> xr.Dataset:
     """Return the estimates as a Dataset over ``parameter``.
@@ -114,7 +114,7 @@ def biases(
     )
 
 
-def identifiability(found: xr.Dataset) -> list[str]:
+def identifiability_remarks(found: xr.Dataset) -> list[str]:
     """Return in words what the data could not determine: constants that rest on their prior or
     contradict it, and pairs that do the same.
 
@@ -289,7 +289,7 @@ class PathProblem:
         return np.concatenate([[0], np.flatnonzero(~self.linked) + 1])
 
 
-def wind(problem: PathProblem, x: np.ndarray, c: np.ndarray) -> np.ndarray:
+def wind_velocity(problem: PathProblem, x: np.ndarray, c: np.ndarray) -> np.ndarray:
     """Return the velocity of the air mass at each state, gusts included (N, 3). [m s-1]"""
     steady = np.array([problem.constants.get(c, name) for name in ("wind_n", "wind_e", "wind_d")])
     blowing = problem.gust is not None and not problem.shown
@@ -298,9 +298,9 @@ def wind(problem: PathProblem, x: np.ndarray, c: np.ndarray) -> np.ndarray:
 
 def body_rates(problem: PathProblem, c: np.ndarray) -> np.ndarray:
     """Return the gyro signals without biases and scale errors (N, 3). [rad s-1]"""
-    return (problem.omega - c[problem.constants.index("bias.p", "bias.q", "bias.r")]) * gains(
-        problem, c
-    )[:3]
+    return (
+        problem.omega - c[problem.constants.index("bias.p", "bias.q", "bias.r")]
+    ) * inertial_gains(problem, c)[:3]
 
 
 def specific_force(problem: PathProblem, c: np.ndarray) -> np.ndarray:
@@ -316,9 +316,9 @@ def sensed_force(problem: PathProblem, c: np.ndarray) -> np.ndarray:
     """
     return (
         problem.force - c[problem.constants.index("bias.ax_imu", "bias.ay_imu", "bias.az_imu")]
-    ) * gains(problem, c)[3:]
+    ) * inertial_gains(problem, c)[3:]
 
 
-def gains(problem: PathProblem, c: np.ndarray) -> np.ndarray:
+def inertial_gains(problem: PathProblem, c: np.ndarray) -> np.ndarray:
     """Return 1/(1 + scale error) of gyros and accelerometers (6,)."""
     return 1.0 / (1.0 + np.array([problem.constants.get(c, f"scale.{name}") for name in IMU]))

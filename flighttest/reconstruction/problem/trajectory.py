@@ -37,8 +37,8 @@ from flighttest.reconstruction.problem.problem import (
     PathProblem,
     Sensor,
     body_rates,
-    gains,
-    inverse,
+    inertial_gains,
+    invert_covariance,
     sensed_force,
     specific_force,
 )
@@ -82,7 +82,7 @@ class Solution:
     equations: NormalEquations | None = None
 
 
-def estimate(
+def estimate_trajectory(
     problem: PathProblem,
     x: np.ndarray,
     c: np.ndarray,
@@ -196,7 +196,7 @@ def _covariance(information: np.ndarray, free: np.ndarray, prior: np.ndarray) ->
     covariance = prior.copy()
     f, h = np.flatnonzero(free), np.flatnonzero(~free)
     if len(f):
-        own = inverse(information[np.ix_(f, f)])
+        own = invert_covariance(information[np.ix_(f, f)])
         follow = -own @ information[np.ix_(f, h)]
         covariance[np.ix_(f, f)] = own + follow @ prior[np.ix_(h, h)] @ follow.T
         covariance[np.ix_(f, h)] = follow @ prior[np.ix_(h, h)]
@@ -239,7 +239,7 @@ def linearise(
     return equations
 
 
-def surroundings(problem: PathProblem) -> Surroundings:
+def path_surroundings(problem: PathProblem) -> Surroundings:
     """Return gravity and the rate of the Earth along a path."""
     return Surroundings(
         problem.g, problem.g_fall, problem.g_height, *problem.earth, problem.gyro_spin
@@ -269,12 +269,12 @@ def driven_path(
     vanes = Vanes([_SIDE[name] for name in problem.vanes], problem.vane_arms, wind, *weights)
     inputs = [_DRIVING[constants.names[i]] for i in columns]
     blowing = problem.gust is not None and not problem.shown
-    unit = Inertial(rates, force, sensed, gains(problem, c), problem.arm)
+    unit = Inertial(rates, force, sensed, inertial_gains(problem, c), problem.arm)
     return DrivenPath(
         unit,
         x[part],
         problem.dt,
-        surroundings(problem),
+        path_surroundings(problem),
         inputs,
         vanes,
         blowing,
@@ -368,7 +368,7 @@ def _gyro_errors(
     """Yield the constants behind the body rates, the axis they act on, and the derivative of its
     rate by them.
     """
-    gain = gains(problem, c)
+    gain = inertial_gains(problem, c)
     for kind in ("bias", "scale"):
         for i, axis in enumerate(IMU[:3]):
             if f"{kind}.{axis}" in problem.constants:
@@ -427,7 +427,7 @@ def linearise_sensor(problem: PathProblem, sensor: Sensor, values: np.ndarray, c
     return y - sensor.z, k, f, J[..., :n], problem.constants.index(*names), Jc
 
 
-def residuals(
+def sensor_residuals(
     problem: PathProblem, sensor: Sensor, x: np.ndarray, c: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return readings minus model (M, m) of a sensor and the sample each belongs to."""

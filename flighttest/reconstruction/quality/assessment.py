@@ -15,21 +15,21 @@ import xarray as xr
 
 from flightmech.errors import AeromatchError, AeromatchWarning, SchemaError
 from flightmech.units import DEGREE
-from flighttest.reconstruction.problem.assembly import assemble
+from flighttest.reconstruction.problem.assembly import assemble_problem
 from flighttest.reconstruction.quality.checks.control_response import (
     answer_findings,
+    axis_excitation,
     control_responses,
-    correlations,
-    excitation,
     excitation_findings,
+    input_correlations,
     pilot_to_surface,
 )
 from flighttest.reconstruction.quality.checks.kinematic_consistency import (
     accuracy_findings,
+    find_lags,
     kinematic_findings,
     kinematic_table,
     lag_findings,
-    lags,
 )
 from flighttest.reconstruction.quality.checks.mistake_search import find_mistakes
 from flighttest.reconstruction.quality.checks.relations import compare_all, not_checked
@@ -38,9 +38,13 @@ from flighttest.reconstruction.quality.checks.samples import (
     channel_table,
     faults_of,
     flag_findings,
-    remarks,
+    quality_remarks,
 )
-from flighttest.reconstruction.quality.checks.signals import ResampledChannels, at_cg, signals_of
+from flighttest.reconstruction.quality.checks.signals import (
+    ResampledChannels,
+    at_cg,
+    resample_channels,
+)
 from flighttest.reconstruction.quality.declarations.aircraft import (
     geometry_findings,
     inertia_findings,
@@ -57,7 +61,7 @@ from flighttest.reconstruction.quality.finding import Finding, by_severity, with
 from flighttest.reconstruction.quality.result import Quality
 from flighttest.records.record import manoeuvres
 from flighttest.records.sensors.instruments import SPEEDS, Instruments, instruments_of
-from flighttest.records.sensors.measurements import MeasuredChannels, demand_air_data, windows_of
+from flighttest.records.sensors.measurements import MeasuredChannels, demand_air_data, order_windows
 from flighttest.records.signals.conditioning import GAP
 
 if TYPE_CHECKING:
@@ -104,7 +108,7 @@ def assess(
     stated = aircraft is not None and (aircraft.instruments or "instruments" in record.attrs)
     specification = instruments_of(aircraft, record.attrs) if stated else None
     faults = faults_of(record)
-    signals = signals_of(record, faults)
+    signals = resample_channels(record, faults)
     table = channel_table(record)
     findings = flag_findings(faults) + channel_findings(record, table, specification)
     shared, wrong = column_findings(record, signals)
@@ -121,12 +125,12 @@ def assess(
     if aircraft is not None:
         of_aircraft, unseen = _of_aircraft(moved, aircraft, record, database, unseen)
         findings += of_aircraft
-    delays = lags(moved, places)
+    delays = find_lags(moved, places)
     answered, followed = (
         control_responses(_on_time(moved, delays, specification, record)),
         pilot_to_surface(corrected),
     )
-    excited, matrix = excitation(corrected), correlations(corrected)
+    excited, matrix = axis_excitation(corrected), input_correlations(corrected)
     purpose = str(record.attrs.get("purpose", ""))
     findings += accuracy_findings(kinematics)
     findings += lag_findings(delays, specification, record)
@@ -135,7 +139,7 @@ def assess(
     }
     findings += answer_findings(answered, followed, moved, record, late)
     findings += excitation_findings(excited, matrix, corrected, manoeuvres(record), purpose)
-    findings += remarks(corrected, table, comparisons, signals)
+    findings += quality_remarks(corrected, table, comparisons, signals)
     if all(
         finding.severity == "note" for finding in findings
     ):  # nothing is called sound that the reconstruction refuses
@@ -223,9 +227,9 @@ def _refusals(
     if not any("ax_imu" in leaf for leaf in record.children.values()):
         return []  # no record for a reconstruction; the note on absent channels states it
     try:
-        windows = windows_of(record, None)
+        windows = order_windows(record, None)
         if aircraft is not None and specification is not None:
-            assemble(record, aircraft, specification, windows, RATE, None)
+            assemble_problem(record, aircraft, specification, windows, RATE, None)
         else:
             channels = MeasuredChannels(record, windows)
             demand_air_data(
@@ -341,7 +345,9 @@ def _in_all(found: Sequence[Sequence[Finding]]) -> set[str]:
 def _of_stretch(states: xr.Dataset) -> list[Finding]:
     """Return the findings of a stretch without gaps."""
     record = _as_record(states)
-    signals = signals_of(record, pd.DataFrame(columns=["leaf", "channel", "kind", "start", "stop"]))
+    signals = resample_channels(
+        record, pd.DataFrame(columns=["leaf", "channel", "kind", "start", "stop"])
+    )
     explanations, corrected, comparisons = find_mistakes(signals)
     if any(
         sum(e.before) - sum(e.after) < _CERTAIN_GAIN for e in explanations
@@ -353,7 +359,7 @@ def _of_stretch(states: xr.Dataset) -> list[Finding]:
         answered[answered["movement"] > _MOVED], pilot_to_surface(corrected), corrected, record
     )
     found += excitation_findings(
-        excitation(corrected), correlations(corrected), corrected, manoeuvres(record), ""
+        axis_excitation(corrected), input_correlations(corrected), corrected, manoeuvres(record), ""
     )
     return without_consequences(found)
 

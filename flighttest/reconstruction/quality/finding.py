@@ -140,7 +140,7 @@ def map_entry_of(record: xr.DataTree, name: str) -> tuple[str, Channel | None, s
     return leaf, Channel(**json.loads(entry)) if entry else None, about.get("file_unit") or None
 
 
-def rows(table: pd.DataFrame) -> Iterator[Any]:
+def iterate_rows(table: pd.DataFrame) -> Iterator[Any]:
     """Yield the rows of a table as named tuples."""
     yield from table.itertuples()
 

@@ -11,25 +11,25 @@ import numpy as np
 from jinja2 import ChoiceLoader, PackageLoader, Template
 from markupsafe import Markup
 
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.support.atomic_write import write_text
 from flightmech.support.figures import (
     Frame,
-    axes,
-    curve,
-    dots,
-    environment,
-    limits,
-    line,
-    rect,
-    stretches,
-    svg,
-    text,
+    draw_axes,
+    draw_curve,
+    draw_dots,
+    draw_line,
+    draw_rectangle,
+    draw_text,
+    find_axis_limits,
+    make_svg_figure,
+    make_template_environment,
     thin_to_extremes,
+    true_runs,
 )
 from flightmech.units import from_si
 from flighttest.reconstruction.quality.checks.control_response import SIGNIFICANT
-from flighttest.reconstruction.quality.result import meaningful, shown
+from flighttest.reconstruction.quality.result import format_display_value, is_meaningful
 
 if TYPE_CHECKING:
     from flighttest.reconstruction.quality.checks.relations import RelationCheck
@@ -41,7 +41,7 @@ _MARGIN = 0.05  # of the range, above and below the values
 _SLACK = 0.2  # what thinning may move a line: noise of half a line's width is seen
 
 
-def chart(
+def draw_time_chart(
     time: np.ndarray,
     lines: Sequence[np.ndarray],
     units: str,
@@ -65,18 +65,18 @@ def chart(
     label : str
         Text for screen readers.
     """
-    frame = _frame(limits(time), limits(np.concatenate(lines), _MARGIN))
+    frame = _frame(find_axis_limits(time), find_axis_limits(np.concatenate(lines), _MARGIN))
     parts = [_span(frame, *span, "ground", 0.0) for span in shaded] + [
         _span(frame, *span, "fault", 2.0) for span in flagged
     ]
-    parts.append(axes(frame, x_labels=True, x_most=6))
+    parts.append(draw_axes(frame, x_labels=True, x_most=6))
     for values, style in reversed(list(zip(lines, ("one", "two"), strict=False))):
         kept = thin_to_extremes(values)
-        parts.append(curve(frame, time[kept], values[kept], style, _SLACK))
+        parts.append(draw_curve(frame, time[kept], values[kept], style, _SLACK))
     return _figure(parts, units, "over time [s]", label)
 
 
-def scatter(
+def draw_scatter_chart(
     x: np.ndarray,
     y: np.ndarray,
     straight: tuple[float, float],
@@ -97,15 +97,15 @@ def scatter(
         Text for screen readers.
     """
     fitted = straight[0] + straight[1] * x
-    frame = _frame(limits(x, _MARGIN), limits(np.append(y, fitted), _MARGIN))
+    frame = _frame(find_axis_limits(x, _MARGIN), find_axis_limits(np.append(y, fitted), _MARGIN))
     first, last = np.argmin(x), np.argmax(x)
     (x1, x2), (y1, y2) = (
         values[[first, last]].tolist() for values in (frame.px(x), frame.py(fitted))
     )
     parts = [
-        axes(frame, x_labels=True, x_most=6),
-        line(x1, y1, x2, y2, "two"),
-        dots(frame, x, y, "dot"),
+        draw_axes(frame, x_labels=True, x_most=6),
+        draw_line(x1, y1, x2, y2, "two"),
+        draw_dots(frame, x, y, "dot"),
     ]
     return _figure(parts, names[1], f"over {names[0]}", label)
 
@@ -116,15 +116,18 @@ def _frame(x: tuple[float, float], y: tuple[float, float]) -> Frame:
 
 def _figure(parts: Sequence[str], vertical: str, horizontal: str, label: str) -> Markup:
     """Return the figure with the names of its axes above it."""
-    names = [text(4.0, 11.0, vertical), text(WIDTH - _RIGHT, 11.0, horizontal, anchor="end")]
+    names = [
+        draw_text(4.0, 11.0, vertical),
+        draw_text(WIDTH - _RIGHT, 11.0, horizontal, anchor="end"),
+    ]
     return Markup(
-        svg(HEIGHT, "".join([*parts, *names]), label, WIDTH)
+        make_svg_figure(HEIGHT, "".join([*parts, *names]), label, WIDTH)
     )  # every text in it is escaped
 
 
 def _span(frame: Frame, start: float, stop: float, style: str, least: float) -> str:
     left, right = (float(np.clip(frame.px(t), frame.left, frame.right)) for t in (start, stop))
-    return rect(left, frame.top, max(right - left, least), frame.height, style)
+    return draw_rectangle(left, frame.top, max(right - left, least), frame.height, style)
 
 
 _HISTORIES = (
@@ -145,27 +148,27 @@ _AIR_DATA = (
 
 def template_of(package: str) -> Template:
     """Return the template ``page.html`` of a package; the frame around it is the same for all."""
-    return environment(
+    return make_template_environment(
         ChoiceLoader([PackageLoader(package, ""), PackageLoader(_HERE, "")])
     ).get_template("page.html")
 
 
-def style() -> Markup:
+def read_style_sheet() -> Markup:
     """Return the style sheet of the pages of this package."""
     return Markup(files(_HERE).joinpath("style.css").read_text(encoding="utf-8"))  # our own file
 
 
 def write_page(quality: Quality, path: str | Path) -> None:
     """Write the quality of a record as one self-contained HTML page; an error leaves no file."""
-    write_text(path, page(quality))
+    write_text(path, render_quality_page(quality))
 
 
-def page(quality: Quality) -> str:
+def render_quality_page(quality: Quality) -> str:
     """Return the page as text."""
     template = template_of("flighttest.reconstruction.quality")
     grade = "error" if not quality.usable else "warning" if quality.count("warning") else "good"
     return template.render(
-        style=style(),
+        style=read_style_sheet(),
         facts=quality.facts,
         verdict=quality.verdict,
         grade=grade,
@@ -187,7 +190,7 @@ def page(quality: Quality) -> str:
 
 
 def _history(quality: Quality, name: str) -> dict[str, Any]:
-    signals, row = quality.signals, lookup(name)
+    signals, row = quality.signals, lookup_quantity(name)
     spans = [
         (f.start, f.stop)
         for f in quality.findings
@@ -198,7 +201,7 @@ def _history(quality: Quality, name: str) -> dict[str, Any]:
         np.where(signals.good[name] | (signals[name] != 0.0), signals[name], np.nan),
         row.display_units,
     )
-    picture = chart(
+    picture = draw_time_chart(
         signals.time,
         [x],
         row.display_units,
@@ -210,7 +213,7 @@ def _history(quality: Quality, name: str) -> dict[str, Any]:
 
 
 def _worth_seeing(name: str, c: RelationCheck) -> bool:
-    return not c.consistent or (name not in _AIR_DATA and meaningful(c.moving, c.correlation))
+    return not c.consistent or (name not in _AIR_DATA and is_meaningful(c.moving, c.correlation))
 
 
 def _broken(quality: Quality) -> list[str]:
@@ -235,13 +238,15 @@ def _comparison(c: RelationCheck) -> dict[str, Any]:
     lines = [from_si(np.where(c.mask, side, np.nan)[window], units) for side in (c.first, c.second)]
     return {
         "title": c.relation.title,
-        "svg": chart(c.time[window], lines, units, label=c.relation.title),
+        "svg": draw_time_chart(c.time[window], lines, units, label=c.relation.title),
     }
 
 
 def _kinematic(row) -> dict[str, Any]:
-    texts = {f"{name}_text": shown(row[name], row["units"]) for name in ("offset", "rms")}
-    return {**row, **texts, "meaningful": meaningful(row["moving"], row["correlation"])}
+    texts = {
+        f"{name}_text": format_display_value(row[name], row["units"]) for name in ("offset", "rms")
+    }
+    return {**row, **texts, "meaningful": is_meaningful(row["moving"], row["correlation"])}
 
 
 def _answer(row) -> dict[str, Any]:
@@ -276,7 +281,7 @@ def _matrix(quality: Quality) -> dict[str, Any] | None:
 
 
 def _channel(row) -> dict[str, Any]:
-    display = lookup(row["channel"]).display_units
+    display = lookup_quantity(row["channel"]).display_units
     spread = {"degC": "K"}.get(display, display)
 
     def text(value: float, units: str) -> str:
@@ -291,4 +296,4 @@ def _channel(row) -> dict[str, Any]:
 
 
 def _spans(time: np.ndarray, mask: np.ndarray) -> list[tuple[float, float]]:
-    return [(float(time[a]), float(time[b - 1])) for a, b in stretches(mask)]
+    return [(float(time[a]), float(time[b - 1])) for a, b in true_runs(mask)]

@@ -13,17 +13,17 @@ from flightmech.support.console import to_json_types
 from flightmech.units import from_si
 from flighttest.reconstruction.quality.checks.relations import RelationCheck
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
-from flighttest.reconstruction.quality.finding import SEVERITIES, Finding, rows
+from flighttest.reconstruction.quality.finding import SEVERITIES, Finding, iterate_rows
 
 
-def shown(value: float, units: str) -> str:
+def format_display_value(value: float, units: str) -> str:
     """Return an SI value in the unit in which people read it."""
     display = {"rad": "deg", "rad s-1": "deg/s"}.get(units, units)
     number = from_si(value, display) if display != units else value
     return f"{number:.3g} {display}" if display != "1" else f"{number:.3g}"
 
 
-def meaningful(moving: bool, correlation: float) -> bool:
+def is_meaningful(moving: bool, correlation: float) -> bool:
     """Whether slope and correlation of a comparison mean anything."""
     return moving or correlation > 0.95
 
@@ -90,7 +90,7 @@ class Quality:
 
     def report(self) -> str:
         """Return the findings and figures as text."""
-        return report(self)
+        return format_quality(self)
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything but the time histories, made of types that JSON knows."""
@@ -122,7 +122,7 @@ class Quality:
         return json.dumps(self.as_dict(), indent=2, ensure_ascii=False)
 
 
-def report(quality: Quality) -> str:
+def format_quality(quality: Quality) -> str:
     """Return findings, kinematic consistency, delays, answers and excitation as text."""
     parts = [
         _head(quality),
@@ -154,16 +154,16 @@ def _kinematics(quality: Quality) -> list[str]:
     lines = [
         "kinematic consistency, mistakes undone; disagreement 0 equal, 0.7 unrelated, 1 opposite:"
     ]
-    for row in rows(quality.kinematics):
+    for row in iterate_rows(quality.kinematics):
         symbol = " " if row.consistent else "!"
         what = (
             f"slope {row.slope:7.3f} ({row.slope_stderr:.3f})  correlation {row.correlation:+.3f}"
-            if meaningful(row.moving, row.correlation)
+            if is_meaningful(row.moving, row.correlation)
             else "too little motion to compare"
         )
         lines.append(
             f"{symbol} {row.title:45s} {row.disagreement:5.2f}  {what}  offset "
-            f"{shown(row.offset, row.units)}"
+            f"{format_display_value(row.offset, row.units)}"
         )
     return lines
 
@@ -174,7 +174,7 @@ def _not_checked(quality: Quality) -> list[str]:
     return [
         "",
         "not checked:",
-        *(f"  {row.title:45s} {row.reason}" for row in rows(quality.not_checked)),
+        *(f"  {row.title:45s} {row.reason}" for row in iterate_rows(quality.not_checked)),
     ]
 
 
@@ -185,7 +185,7 @@ def _delays(quality: Quality) -> list[str]:
     return lines + [
         f"  {row.channel:12s} against {row.against:14s} {1e3 * row.delay:+7.1f} ms "
         f"({'at least' if row.bound else f'standard error {1e3 * row.stderr:.1f} ms'})"
-        for row in rows(quality.delays)
+        for row in iterate_rows(quality.delays)
     ]
 
 
@@ -196,7 +196,7 @@ def _answers(quality: Quality) -> list[str]:
     return lines + [
         f"  {row.rate}_dot over {row.surface:8s} {row.effect:+8.2f} 1/s2 per rad "
         f"({row.stderr:.2f})  R2 {row.R2:.2f}, {_recorded(row)}"
-        for row in rows(quality.answers)
+        for row in iterate_rows(quality.answers)
     ]
 
 
@@ -218,7 +218,7 @@ def _excitation(quality: Quality) -> list[str]:
     if quality.excitation.empty:
         return []
     lines = ["", "excitation:"]
-    for row in rows(quality.excitation):
+    for row in iterate_rows(quality.excitation):
         moved = (
             f"{row.surface} {np.degrees(row.input):.2g} deg, {row.rate} "
             f"{np.degrees(row.response):.2g} deg/s rms at most"

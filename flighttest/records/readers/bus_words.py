@@ -56,7 +56,7 @@ from pydantic import Field
 
 from flightmech.errors import UnitError, UnknownName
 from flightmech.support.toml_models import Strict
-from flightmech.units import parse
+from flightmech.units import parse_unit
 from flighttest.records.readers.recording import RecordedTable
 
 WordCode = Literal["unsigned", "twos", "offset", "magnitude", "float"]
@@ -64,7 +64,7 @@ WordCode = Literal["unsigned", "twos", "offset", "magnitude", "float"]
 
 def _unit_fault(name: str, unit: str) -> list[str]:
     try:
-        parse(unit)
+        parse_unit(unit)
     except UnitError as error:
         return [f"parameters.{name}.unit: {error}"]
     return []

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
-from flightmech.names import lookup
-from flightmech.units import fitted_unit, known_unit, parse, to_si
-from flighttest.records.readers.name_map import units_of
+from flightmech.names import lookup_quantity
+from flightmech.units import fitted_unit, known_unit, parse_unit, to_si
+from flighttest.records.readers.name_map import recorder_units
 from flighttest.records.readers.recording import (
     CLOCK_NAMES,
     Columns,
@@ -119,16 +119,18 @@ def unit_of_column(table: RecordedTable, column: str, name: str) -> str | None:
     """
     if stated := table.units.get(column):
         return stated
-    wanted = lookup(name).units
-    words = heading_words(column)
+    wanted = lookup_quantity(name).units
+    words = column_words(column)
     for length in (3, 2, 1):
         for unit in units_at_the_end(words[-length:]) if length < len(words) else []:
             unit = fitted_unit(unit, wanted)
-            plain = parse(unit)[0] in (
+            plain = parse_unit(unit)[0] in (
                 (0, 0, 0, 0),
                 (0, 0, -1, 0),
             )  # angles are numbers too, and rates of angles frequencies
-            if parse(unit)[0] == parse(wanted)[0] and (not plain or unit in units_of(name)):
+            if parse_unit(unit)[0] == parse_unit(wanted)[0] and (
+                not plain or unit in recorder_units(name)
+            ):
                 return unit
     return None
 
@@ -137,7 +139,7 @@ def clear_unit(column: str) -> str:
     """Return the unit at the end of a heading where it can be nothing else, whatever the column
     shows; empty without one.
     """
-    words = heading_words(column)
+    words = column_words(column)
     for length in (3, 2, 1):
         units = units_at_the_end(words[-length:]) if length < len(words) else []
         if units and length > 1:
@@ -147,7 +149,7 @@ def clear_unit(column: str) -> str:
     return ""
 
 
-def heading_words(column: str) -> list[str]:
+def column_words(column: str) -> list[str]:
     """Return the words of a heading in lower case, without its group, index and sense:
     ``adc/ELEV_DEG_TEU`` -> elev deg.
     """
@@ -225,7 +227,7 @@ def column_called(wanted: str, table: RecordedTable) -> str | None:
 
 def _is_unit(text: str) -> bool:
     try:
-        parse(text)
+        parse_unit(text)
     except UnitError:
         return False
     return True
@@ -233,7 +235,7 @@ def _is_unit(text: str) -> bool:
 
 def _is_canonical(name: str) -> bool:
     try:
-        return bool(lookup(name))
+        return bool(lookup_quantity(name))
     except UnknownName:
         return False
 

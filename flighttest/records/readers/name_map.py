@@ -44,11 +44,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 import numpy as np
 
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
-from flightmech.names import lookup
-from flightmech.support.input_files import WESTERN, foreign_kind, load, read_text
-from flightmech.support.plain_tables import Plain, read_table, value
+from flightmech.names import lookup_quantity
+from flightmech.support.input_files import WESTERN, foreign_kind, read_text, read_toml
+from flightmech.support.plain_tables import Plain, define_field, read_plain_table
 from flightmech.support.toml_quantities import Above, InUnits
-from flightmech.units import G0, fitted_unit, known_unit, parse, quantity, to_si
+from flightmech.units import G0, fitted_unit, known_unit, parse_quantity, parse_unit, to_si
 
 if TYPE_CHECKING:
     from flighttest.records.readers.bus_words import Decode
@@ -64,58 +64,58 @@ TOP = ("extends", "optional", "time", "record", "constants", "instruments", "utc
 class Channel(Plain):
     """Where a channel comes from and how it becomes SI."""
 
-    column: str | tuple[str, ...] = value(
+    column: str | tuple[str, ...] = define_field(
         description="Column of the file, TABLE/COLUMN where there are several tables; of a list "
         "the first that the file holds."
     )
-    unit: str | None = value(
+    unit: str | None = define_field(
         default=None,
         description="Unit of the column, where the file does not state it or states another.",
     )
-    sign: Literal[1, -1] = value(
+    sign: Literal[1, -1] = define_field(
         default=1, description="-1 where the recorder's positive sense is the opposite one."
     )
-    scale: float | str = value(
+    scale: float | str = define_field(
         default=1.0,
         description='Factor of the column; with a unit ("40 deg") it replaces the change of unit.',
     )
-    offset: float | str = value(default=0.0, description="Added last: SI, or with its unit.")
-    polynomial: tuple[float, ...] | None = value(
+    offset: float | str = define_field(default=0.0, description="Added last: SI, or with its unit.")
+    polynomial: tuple[float, ...] | None = define_field(
         default=None,
         examples=[[-12.1, 0.0321, 1.2e-06]],
         description="Calibration: coefficients of the raw column by ascending power, giving the "
         "value in unit.",
     )
-    table: tuple[tuple[float, float], ...] | None = value(
+    table: tuple[tuple[float, float], ...] | None = define_field(
         default=None,
         examples=[[[112, -25], [530, 0], [980, 25]]],
         description="Calibration: rows [raw, value] in unit, or a CSV file of two columns; linear "
         "between, NaN and flagged beyond.",
     )
-    delay: Annotated[float, InUnits("s")] = value(
+    delay: Annotated[float, InUnits("s")] = define_field(
         default=0.0,
         examples=["60 ms"],
         description="Known latency: the channel shows at t what was true at t - delay.",
     )
-    lag: Annotated[float, InUnits("s")] = value(
+    lag: Annotated[float, InUnits("s")] = define_field(
         default=0.0,
         examples=["-0.05 s"],
         description="Known time constant of a first-order lag behind the truth; negative: of a "
         "command, that of the actuator.",
     )
-    rate_limit: float | str | None = value(
+    rate_limit: float | str | None = define_field(
         default=None,
         examples=["300 deg/s"],
         description="Of a command: the highest rate of the actuator that follows it, in SI or "
         "with its unit.",
     )
-    stops: tuple[float | str, float | str] | None = value(
+    stops: tuple[float | str, float | str] | None = define_field(
         default=None,
         examples=[["-25 deg", "20 deg"]],
         description="Of a command: lowest and highest position of the actuator, in SI or with "
         "their unit.",
     )
-    optional: bool = value(
+    optional: bool = define_field(
         default=False,
         description="Whether the channel is left out where the file has no such column.",
     )
@@ -145,12 +145,14 @@ class Channel(Plain):
         """
         if self.rate_limit is None and self.stops is None:
             return None
-        units = lookup(name).units
-        rate = math.inf if self.rate_limit is None else quantity(self.rate_limit, f"{units} s-1")
+        units = lookup_quantity(name).units
+        rate = (
+            math.inf if self.rate_limit is None else parse_quantity(self.rate_limit, f"{units} s-1")
+        )
         low, high = (
             (-math.inf, math.inf)
             if self.stops is None
-            else (quantity(stop, units) for stop in self.stops)
+            else (parse_quantity(stop, units) for stop in self.stops)
         )
         if not (rate > 0.0 and low < high):
             raise SchemaError(
@@ -166,11 +168,11 @@ class Channel(Plain):
         """Return the column's `values` in the SI unit of the canonical name `name`; beyond a
         calibration table NaN.
         """
-        units = lookup(name).units
-        offset = quantity(self.offset, units)
+        units = lookup_quantity(name).units
+        offset = parse_quantity(self.offset, units)
         values = self._calibrated(values)
         if isinstance(self.scale, str):
-            return _line(values, self.sign * quantity(self.scale, units), offset)
+            return _line(values, self.sign * parse_quantity(self.scale, units), offset)
         unit = self.unit or file_unit
         if unit is None:
             raise UnitError(
@@ -179,7 +181,7 @@ class Channel(Plain):
             )
         unit = fitted_unit(unit, units)
         zero = float(to_si(0.0, unit, units))
-        factor = parse(unit)[1]
+        factor = parse_unit(unit)[1]
         return _line(
             values, self.sign * self.scale * factor, self.sign * self.scale * zero + offset
         )
@@ -219,31 +221,31 @@ def _line(values, factor: float, offset: float):
 class Facts(Plain):
     """Facts about a record that its file may not state."""
 
-    title: str | None = value(
+    title: str | None = define_field(
         default=None, examples=["Flight 12, clean, 5000 ft"], description="Title of the record."
     )
-    start: str | None = value(
+    start: str | None = define_field(
         default=None,
         examples=["2024-05-17T09:30:00Z"],
         description="Start of the record in the time of the world.",
     )
-    purpose: str | None = value(
+    purpose: str | None = define_field(
         default=None,
         examples=["stability and control"],
         description="What the record was flown for.",
     )
-    latitude: Annotated[float, InUnits("rad")] | None = value(
+    latitude: Annotated[float, InUnits("rad")] | None = define_field(
         default=None, description="Latitude of the flight; gives gravity and the rate of the Earth."
     )
-    runway_elevation: Annotated[float, InUnits("m")] | None = value(
+    runway_elevation: Annotated[float, InUnits("m")] | None = define_field(
         default=None, examples=["120 m"], description="Elevation of the runway over mean sea level."
     )
-    temperature: Annotated[float, InUnits("K"), Above(100.0)] | None = value(
+    temperature: Annotated[float, InUnits("K"), Above(100.0)] | None = define_field(
         default=None,
         examples=["12 degC"],
         description="Constant temperature of the outside air, where none is recorded.",
     )
-    wind_down_sigma: Annotated[float, InUnits("m s-1"), Above(0.0)] | None = value(
+    wind_down_sigma: Annotated[float, InUnits("m s-1"), Above(0.0)] | None = define_field(
         default=None,
         examples=[0.2],
         description="Standard error of the mean vertical wind before the reconstruction.",
@@ -261,33 +263,33 @@ class Clock(Plain):
     went before.
     """
 
-    column: str | None = value(
+    column: str | None = define_field(
         default=None, examples=["adc/time"], description="Column of the stamps."
     )
-    unit: str | None = value(
+    unit: str | None = define_field(
         default=None,
         examples=["us"],
         description="Unit of the stamps, us and ns as well; the file's own without it, else s.",
     )
-    wrap: Annotated[float, InUnits("s")] | None = value(
+    wrap: Annotated[float, InUnits("s")] | None = define_field(
         default=None,
         examples=["65.536 s"],
         description="Where a counter starts again; it is unrolled.",
     )
-    rate: Annotated[float, InUnits("Hz")] | None = value(
+    rate: Annotated[float, InUnits("Hz")] | None = define_field(
         default=None,
         examples=["50 Hz"],
         description="Sampling rate: even stamps from the first one on.",
     )
-    offset: Annotated[float, InUnits("s")] = value(
+    offset: Annotated[float, InUnits("s")] = define_field(
         default=0.0,
         examples=["0.12 s"],
         description="Added last; brings the clock onto that of the record.",
     )
-    drift: float = value(
+    drift: float = define_field(
         default=0.0, examples=[2e-05], description="Seconds that the clock runs fast per second."
     )
-    reset: bool = value(
+    reset: bool = define_field(
         default=False,
         examples=[True],
         description="Whether what follows a backward step is moved behind what went before.",
@@ -306,19 +308,19 @@ class Utc(Plain):
     of UTC by `leap_seconds`).
     """
 
-    column: str = value(
+    column: str = define_field(
         examples=["gps/utc"], description="Column with the time of day of the world."
     )
-    unit: str = value(default="s", description="Its unit.")
-    epoch: Literal["unix", "gps"] = value(
+    unit: str = define_field(default="s", description="Its unit.")
+    epoch: Literal["unix", "gps"] = define_field(
         default="unix",
         description="What it counts from: 1970-01-01 (unix), or 1980-01-06 without leap seconds "
         "(gps).",
     )
-    leap_seconds: int = value(
+    leap_seconds: int = define_field(
         default=18, examples=[18], description="By which gps is ahead of UTC."
     )
-    optional: bool = value(
+    optional: bool = define_field(
         default=False, description="Whether it is left out where the file has no such column."
     )
 
@@ -389,7 +391,7 @@ def _place(path: str | Path, folder: Path) -> Path:
 
 def _extended(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     """Return the content of a map with what it extends beneath it."""
-    content = load(path)
+    content = read_toml(path)
     if kind := foreign_kind(content):
         raise SchemaError(
             f"name map {path}",
@@ -500,10 +502,10 @@ def _instruments(tables: Any, problems: list[str]) -> dict[str, Instrument]:
         return {}
     if not tables:
         return {}
-    from flightmech.support.toml_models import validate
+    from flightmech.support.toml_models import validate_content
     from flighttest.records.sensors.instruments import Instrument
 
-    read = partial(validate, Instrument)
+    read = partial(validate_content, Instrument)
     found = {
         name: _part(read, table, f"instruments.{name}", problems) for name, table in tables.items()
     }
@@ -520,7 +522,7 @@ def _constants(table: Any, problems: list[str]) -> dict[str, float]:
     found = {}
     for name, item in _flatten(table).items():
         try:
-            found[name] = quantity(item, lookup(name).units)
+            found[name] = parse_quantity(item, lookup_quantity(name).units)
         except (UnknownName, UnitError) as error:
             problems.append(f"constants.{name}: {error}")
     return found
@@ -543,7 +545,7 @@ def _decoded(content: Any, problems: list[str]) -> dict[str, Decode]:
     found: dict[str, Decode] = {}
     if not isinstance(content, dict) or not content:
         return found
-    from flightmech.support.toml_models import validate
+    from flightmech.support.toml_models import validate_content
     from flighttest.records.readers.bus_words import KINDS
 
     for name, table in content.items():
@@ -552,7 +554,7 @@ def _decoded(content: Any, problems: list[str]) -> dict[str, Decode]:
             problems.append(f"decode.{name}.kind: found {kind!r}; allowed: {', '.join(KINDS)}")
             continue
         part: Decode | None = _part(
-            partial(validate, KINDS[kind]), table, f"decode.{name}", problems
+            partial(validate_content, KINDS[kind]), table, f"decode.{name}", problems
         )
         if part is not None:
             problems += [f"decode.{name}.{text}" for text in part.problems()]
@@ -567,7 +569,7 @@ def _channels(
     for name, entry in _flatten(table).items():
         place = f"{leaf}.{name}"
         try:
-            row = lookup(name)
+            row = lookup_quantity(name)
         except UnknownName as error:
             problems.append(f"{place}: {error}")
             continue
@@ -592,13 +594,13 @@ def _faults(channel: Channel, units: str) -> list[str]:
     for key in ("scale", "offset"):
         try:
             if isinstance(getattr(channel, key), str):
-                quantity(getattr(channel, key), units)
+                parse_quantity(getattr(channel, key), units)
         except UnitError as error:
             found.append(f"{key}: {error}")
     if channel.unit is not None:
         unit = fitted_unit(channel.unit, units)
         try:
-            if parse(unit)[0] != parse(units)[0]:
+            if parse_unit(unit)[0] != parse_unit(units)[0]:
                 raise UnitError(
                     f"{channel.unit!r} cannot be converted to {units!r}; give a unit of the "
                     f"same quantity"
@@ -661,7 +663,7 @@ def _flatten(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _made(kind: type[P]) -> Callable[[dict[str, Any], str], P]:
-    return partial(read_table, kind)
+    return partial(read_plain_table, kind)
 
 
 def _twice_written(table: Mapping[str, Any]) -> list[str]:
@@ -746,12 +748,12 @@ UNITS = (
 _EQUAL = 1e-9
 
 
-def units_of(name: str) -> tuple[str, ...]:
+def recorder_units(name: str) -> tuple[str, ...]:
     """Return the units of recorders in which a quantity may stand, the SI unit first."""
-    dimension = parse(lookup(name).units)[0]
-    found = [unit for unit in UNITS if parse(unit)[0] == dimension]
+    dimension = parse_unit(lookup_quantity(name).units)[0]
+    found = [unit for unit in UNITS if parse_unit(unit)[0] == dimension]
     if dimension == (0, 0, 0, 0):  # angles and fractions
-        wanted = ("rad", "deg") if lookup(name).units == "rad" else ("1", "%")
+        wanted = ("rad", "deg") if lookup_quantity(name).units == "rad" else ("1", "%")
         found = [unit for unit in found if unit in wanted]
     if dimension == (0, 0, -1, 0):
         found = [unit for unit in found if unit in ("rad/s", "deg/s")]
@@ -788,31 +790,32 @@ def correct_channel(
     slope, shift : float
         Corrected value = slope * value + shift. [1, SI]
     """
-    units = lookup(name).units
-    offset = slope * quantity(channel.offset, units) + shift
+    units = lookup_quantity(name).units
+    offset = slope * parse_quantity(channel.offset, units) + shift
     sign = channel.sign if slope > 0.0 else -channel.sign
     if isinstance(channel.scale, str):
         per_one = (
             channel.scale
             if abs(slope) == 1.0
-            else f"{abs(slope) * quantity(channel.scale, units):.10g} {units}"
+            else f"{abs(slope) * parse_quantity(channel.scale, units):.10g} {units}"
         )
         return channel.changed(sign=sign, scale=per_one, offset=_offset(offset, units))
     unit = known_unit(channel.unit or file_unit or units)
     old_zero = float(to_si(0.0, unit, units))
     offset += slope * channel.sign * channel.scale * old_zero
-    wanted = abs(slope) * parse(unit)[1]
-    candidates = [unit, *units_of(name)]
+    wanted = abs(slope) * parse_unit(unit)[1]
+    candidates = [unit, *recorder_units(name)]
     new = next(
         (
             one
             for one in candidates
-            if abs(parse(one)[1] - wanted) <= _EQUAL * wanted and _fits(one, sign, channel, offset)
+            if abs(parse_unit(one)[1] - wanted) <= _EQUAL * wanted
+            and _fits(one, sign, channel, offset)
         ),
         None,
     )
     new = new or next(
-        (one for one in candidates if abs(parse(one)[1] - wanted) <= _EQUAL * wanted), None
+        (one for one in candidates if abs(parse_unit(one)[1] - wanted) <= _EQUAL * wanted), None
     )
     scale = channel.scale if new else channel.scale * abs(slope)
     new = new or unit

@@ -39,7 +39,7 @@ _START = {
 }
 
 
-def recognise(path: str | Path) -> str:
+def recognise_recording(path: str | Path) -> str:
     """Return the format of a file, a key of `FORMATS`, from its content and not from its name.
 
     Raises
@@ -142,6 +142,6 @@ def open_recording(path: str | Path, names: NameMap, form: str | None = None) ->
     AeromatchError
         The package that reads the format is not installed.
     """
-    module, _ = FORMATS[form or recognise(path)]
+    module, _ = FORMATS[form or recognise_recording(path)]
     recording = importlib.import_module(f".formats.{module}", __package__).read(Path(path), names)
     return with_units_of_headings(without_short_tables(recording))

@@ -76,7 +76,7 @@ ARDUPLANE = {
 }
 
 
-def changes(
+def flight_mode_changes(
     times: np.ndarray, numbers: np.ndarray, names: Mapping[int, str]
 ) -> tuple[tuple[float, str], ...]:
     """Return when each flight mode begins and its name, ``mode_7`` for a number without one; a mode
@@ -90,7 +90,9 @@ def changes(
     return tuple((float(times[k]), names.get(int(numbers[k]), f"mode_{numbers[k]}")) for k in begin)
 
 
-def rows(modes: Sequence[tuple[float, str]], start: float, end: float) -> list[dict[str, object]]:
+def flight_mode_rows(
+    modes: Sequence[tuple[float, str]], start: float, end: float
+) -> list[dict[str, object]]:
     """Return the modes as manoeuvres between start and end of a record: ``manoeuvre control start
     end note``. [s]
     """

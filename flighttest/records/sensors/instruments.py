@@ -40,11 +40,11 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 from pydantic import BeforeValidator, Field, WithJsonSchema, field_validator
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.support.input_files import json_content
-from flightmech.support.toml_models import Strict, fixed_array, si, validate
+from flightmech.support.toml_models import Strict, fixed_array, make_si_type, validate_content
 from flightmech.support.toml_quantities import quantity_schema
-from flightmech.units import DEGREE, quantity
+from flightmech.units import DEGREE, parse_quantity
 
 IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
 SPEEDS = (
@@ -83,7 +83,7 @@ def _pair(units: str) -> Any:
     def convert(item: Any) -> tuple[float, float]:
         if not isinstance(item, list | tuple) or len(item) != 2:
             raise ValueError(f"expected [mean, sigma] in {units}")
-        mean, sigma = (quantity(part, units) for part in item)
+        mean, sigma = (parse_quantity(part, units) for part in item)
         if sigma < 0.0:
             raise ValueError("sigma must not be negative")
         return mean, sigma
@@ -99,7 +99,9 @@ def _per_channel(table: Any) -> dict[str, float]:
     if not isinstance(table, dict):
         raise ValueError("expected a table channel = value")
     try:
-        values = {name: quantity(item, lookup(name).units) for name, item in table.items()}
+        values = {
+            name: parse_quantity(item, lookup_quantity(name).units) for name, item in table.items()
+        }
     except (UnknownName, UnitError) as error:
         raise ValueError(str(error)) from error
     if any(value <= 0.0 for value in values.values()):
@@ -112,7 +114,7 @@ if TYPE_CHECKING:
     _Number: TypeAlias = tuple[float, float]
 else:
     _Time, _Number = _pair("s"), _pair("1")
-_Length = si("m")
+_Length = make_si_type("m")
 _Channels = Annotated[
     dict[str, float],
     BeforeValidator(_per_channel),
@@ -164,12 +166,12 @@ class Instrument(Strict):
         examples=[[0.0, 0.02]],
         description="[mean, sigma] of the static-pressure error over impact pressure.",
     )
-    minimum_speed: si("m s-1") = Field(  # type: ignore[valid-type]
+    minimum_speed: make_si_type("m s-1") = Field(  # type: ignore[valid-type]
         default=0.0,
         examples=["50 kt"],
         description="Airspeed below which the readings mean nothing.",
     )
-    maximum: si("m") | None = Field(  # type: ignore[valid-type]
+    maximum: make_si_type("m") | None = Field(  # type: ignore[valid-type]
         default=None,
         examples=["2500 ft"],
         description="Height above which a radio altimeter shows nothing.",
@@ -241,7 +243,7 @@ def surface_errors(
     SchemaError
         With all problems of the tables.
     """
-    tables = validate(Instruments, {"table": _tables(content)}, what).table.values()
+    tables = validate_content(Instruments, {"table": _tables(content)}, what).table.values()
     found = {}
     for name in SURFACES:
         bias = next(
@@ -279,7 +281,7 @@ def pick_up_errors(
     SchemaError
         With all problems of the tables.
     """
-    tables = validate(Instruments, {"table": _tables(content)}, what).table.values()
+    tables = validate_content(Instruments, {"table": _tables(content)}, what).table.values()
     found = surface_errors(content, what)
     for name in COCKPIT:
         bias = next((item.bias_sigma[name] for item in tables if name in item.bias_sigma), 0.0)
@@ -306,7 +308,7 @@ def instruments_of(aircraft: Any, facts: Mapping[Any, Any]) -> Instruments:
         As `instruments`.
     """
     stated = stated_in(facts)
-    return instruments(
+    return parse_instruments(
         {**aircraft.instruments, **stated},
         f"instruments of {aircraft.name}{' and the name map' if stated else ''}",
     )
@@ -328,7 +330,7 @@ def _tables(content: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def instruments(content: Mapping[str, Any], what: str = "instruments") -> Instruments:
+def parse_instruments(content: Mapping[str, Any], what: str = "instruments") -> Instruments:
     """Return the specification from the tables of an aircraft file.
 
     Parameters
@@ -342,7 +344,7 @@ def instruments(content: Mapping[str, Any], what: str = "instruments") -> Instru
         With all problems; an inertial unit (noise of p q r ax_imu ay_imu az_imu and its position)
         must be there.
     """
-    found = validate(Instruments, {"table": _tables(content)}, what)
+    found = validate_content(Instruments, {"table": _tables(content)}, what)
     problems = [
         f"no instrument gives the noise of {name}; the reconstruction integrates it"
         for name in IMU

@@ -17,7 +17,7 @@ from flightmech.air import (
     mach_number,
 )
 from flightmech.errors import OutOfRange, SchemaError
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flighttest.records.sensors.instruments import IMU, MEASURED, SPEEDS, Instruments
 from flighttest.records.signals.conditioning import demand_numbers, lowpass
 from flighttest.records.signals.sample_flags import find_spikes
@@ -57,9 +57,11 @@ def derive_air_data(leaves: dict[str, xr.Dataset]) -> dict[str, xr.Dataset]:
     for leaf, data in leaves.items():
         new = data
         if "p_static" not in recorded and "h_baro" in data:
-            new = new.assign(p_static=("time", pressure(data["h_baro"].values), attrs("p_static")))
+            new = new.assign(
+                p_static=("time", pressure(data["h_baro"].values), quantity_attributes("p_static"))
+            )
         if "q_c" not in recorded and (q := _impact(new)) is not None:
-            new = new.assign(q_c=("time", q, attrs("q_c")))
+            new = new.assign(q_c=("time", q, quantity_attributes("q_c")))
         if new is not data:
             changed[leaf] = new
     return changed
@@ -183,7 +185,7 @@ def _with_temperature(
             temperature=(
                 "time",
                 np.full(data.sizes["time"], float(temperature)),
-                attrs("temperature"),
+                quantity_attributes("temperature"),
             )
         )
     }
@@ -212,7 +214,7 @@ def airspeed_channel(channels: MeasuredChannels, specification: Instruments) -> 
     return shown[0] if shown else "q_c"
 
 
-def windows_of(
+def order_windows(
     record: xr.DataTree, windows: Sequence[tuple[float, float]] | None
 ) -> list[tuple[float, float]]:
     """Return the windows in order, by default the whole span of the inertial unit.

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flighttest.records.signals.sample_flags import ENDLESS
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ def resample(time, x, grid, name: str) -> np.ndarray:
     return (PchipInterpolator if is_control(name) else CubicSpline)(time, x)(grid)
 
 
-def to_grid(time, x, grid, name: str) -> np.ndarray:
+def resample_to_grid(time, x, grid, name: str) -> np.ndarray:
     """Return a channel on a uniform grid, low-passed below 0.4 of the grid's rate first when the
     channel is faster.
 
@@ -262,7 +262,7 @@ def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> x
     demand_numbers(pieces, f"{record.attrs.get('title', 'record')}, {start:g} ... {stop:g} s")
     import xarray as xr
 
-    data = xr.Dataset(coords={"time": ("time", grid, attrs("time"))})
+    data = xr.Dataset(coords={"time": ("time", grid, quantity_attributes("time"))})
     for piece in pieces.values():
         time = piece["time"].values
         recorded = float(piece.attrs["rate"])
@@ -286,7 +286,7 @@ def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> x
             else:
                 data[name] = (
                     "time",
-                    to_grid(time, x, grid, name),
+                    resample_to_grid(time, x, grid, name),
                     {**about, "recorded_rate": recorded},
                 )
     place = {

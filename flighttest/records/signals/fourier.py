@@ -65,7 +65,7 @@ def harmonics(duration: float, low: float, high: float) -> np.ndarray:
     return np.arange(first, last + 1) / duration
 
 
-def detrended(x: np.ndarray) -> np.ndarray:
+def remove_straight_line(x: np.ndarray) -> np.ndarray:
     """Return signals (time, ...) less their straight line by least squares."""
     t = np.linspace(-1.0, 1.0, len(x))
     basis = np.linalg.qr(np.column_stack([np.ones_like(t), t]))[0]
@@ -109,7 +109,9 @@ def finite_fourier(x: np.ndarray, step: float, frequencies: np.ndarray) -> np.nd
     return (step * total).reshape(len(frequencies), *x.shape[1:])
 
 
-def adjoint(values: np.ndarray, step: float, frequencies: np.ndarray, samples: int) -> np.ndarray:
+def adjoint_fourier(
+    values: np.ndarray, step: float, frequencies: np.ndarray, samples: int
+) -> np.ndarray:
     """Return the real part of the adjoint of `finite_fourier`: Re(F* values), with F its matrix
     (frequency, samples).
 

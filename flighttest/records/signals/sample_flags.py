@@ -111,7 +111,7 @@ def as_text(found: Iterable[Flag]) -> str:
     return json.dumps([list(flag) for flag in found])
 
 
-def in_words(found: Iterable[Flag]) -> list[str]:
+def flag_sentences(found: Iterable[Flag]) -> list[str]:
     """Return one sentence per channel and kind."""
     groups: dict[tuple[str, str], list[Flag]] = {}
     for flag in found:
@@ -138,7 +138,9 @@ def _sentence(channel: str, kind: str, group: list[Flag]) -> str:
     return text[kind]
 
 
-def spans(time: np.ndarray, bad: np.ndarray, channel: str, kind: str, note: str = "") -> list[Flag]:
+def flag_runs(
+    time: np.ndarray, bad: np.ndarray, channel: str, kind: str, note: str = ""
+) -> list[Flag]:
     """Return the runs of a mask as flags."""
     if not bad.any():
         return []
@@ -181,7 +183,7 @@ def sample_faults(time: np.ndarray, x: np.ndarray, channel: str, rate: float) ->
     `DEAD` times longer than every run before.
     A spike leaves and returns by more than `SPIKE` typical steps and `BURST` times every other step within five samples.
     """
-    found = spans(time, np.isnan(x), channel, "missing")
+    found = flag_runs(time, np.isnan(x), channel, "missing")
     step = _steps(x, channel)
     typical = _typical(step)
     if typical is None:
@@ -189,7 +191,7 @@ def sample_faults(time: np.ndarray, x: np.ndarray, channel: str, rate: float) ->
     size = np.abs(step)
     if np.count_nonzero(size) > 0.5 * len(size):
         found += _held(time, size, typical, channel, rate)
-    return found + spans(time, _spikes(step, typical), channel, "spike")
+    return found + flag_runs(time, _spikes(step, typical), channel, "spike")
 
 
 def find_spikes(x: np.ndarray, channel: str) -> np.ndarray:
@@ -235,7 +237,7 @@ def _held(
             jump, after = size[bounds[i + 1]], size[bounds[i + 1] + 1 : bounds[i + 1] + 6]
             stuck = bool(jump > RETURN * typical and jump > 2.0 * np.max(after, initial=0.0))
         bad[bounds[i] + 1 : bounds[i + 1] + 1] = stuck
-    return spans(time, bad, channel, "held")
+    return flag_runs(time, bad, channel, "held")
 
 
 def _spikes(step: np.ndarray, typical: float) -> np.ndarray:

@@ -9,6 +9,7 @@ from .joined_fits import join_fits as join_fits
 from .joined_fits import table_samples as table_samples
 from .pooling import Mixed as Mixed
 from .pooling import mix_with_prior as mix_with_prior
+from .pooling import mix_with_prior as mixed
 from .pooling import pool as pool
 from .pooling import pool_fits as pool_fits
 from .pooling import prior_of as prior_of

@@ -18,7 +18,7 @@ from flightmech.errors import IdentificationError, UnknownName
 from flighttest.regression.combining.pooling import METHODS, Pooled, pool
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
-from flighttest.regression.equation_error.samples import RegressionSamples, stack
+from flighttest.regression.equation_error.samples import RegressionSamples, stack_samples
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 from flighttest.remarks import Remark, remark_lines
 
@@ -61,13 +61,13 @@ def table_samples(
             coefficient, {term.split("/")[0] for term in aerodb.terms(database)}, "coefficient"
         )
     manoeuvres = [data] if isinstance(data, xr.Dataset) else list(data)
-    needed = {variable for leaf in mine for variable in _terms.variables(leaf)}
+    needed = {variable for leaf in mine for variable in _terms.list_model_variables(leaf)}
     in_error = sorted(
         variable
         for variable in needed
         if manoeuvres and all(f"{variable}_error" in one for one in manoeuvres)
     )
-    samples = stack(coefficient, in_error, manoeuvres, f"the terms of {coefficient}")
+    samples = stack_samples(coefficient, in_error, manoeuvres, f"the terms of {coefficient}")
     return samples.data.assign_attrs(coefficient=coefficient, name=name, steps=samples.steps)
 
 
@@ -220,7 +220,7 @@ def join_fits(fits: Sequence[Fit], method: str = "inverse_variance", name: str =
         for key in _SHOWN
     }
     more["count"] = "term", np.array([single[term].count for term in terms])
-    estimates = least_squares.estimates(terms, theta, C, white, systematic, more)
+    estimates = least_squares.regression_estimates(terms, theta, C, white, systematic, more)
     estimates.attrs = {
         "coefficient": found.pop(),
         "name": name,

@@ -14,7 +14,7 @@ from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.fit_remarks import against_prior
-from flighttest.regression.equation_error.model import powers, variable_of
+from flighttest.regression.equation_error.model import term_powers, variable_of
 from flighttest.remarks import Remark, remark_lines
 
 Prior = Mapping[str, tuple[float, float]] | xr.Dataset
@@ -177,7 +177,7 @@ def mix_with_prior(fit: Fit, prior: Prior) -> Mixed:
         "prior_share": ("term", np.diag(covariance) / sd**2),
     }
     nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(terms), 0)))
-    found = least_squares.estimates(
+    found = least_squares.regression_estimates(
         terms, theta + gain @ innovation, covariance, np.sqrt(np.diag(white)), nothing, more
     )
     found.attrs = {
@@ -218,7 +218,7 @@ def prior_of(fit: Fit, database: xr.DataTree) -> xr.Dataset:
     """
     from aerodb.update.observations import basis_at
     from aerodb.update.posterior import joint_covariance
-    from flightmech.terms import variables
+    from flightmech.terms import list_model_variables
 
     coefficient = fit.model.coefficient
     if coefficient not in database.children:
@@ -233,22 +233,24 @@ def prior_of(fit: Fit, database: xr.DataTree) -> xr.Dataset:
         f"{name} has no stderr" for name, leaf in leaves.items() if "stderr" not in leaf
     ]:
         raise SchemaError("database as a prior", without_error)
-    A = least_squares.estimator(fit.design.values)
+    A = least_squares.estimator_matrix(fit.design.values)
     H = np.hstack([(basis_at(leaf, fit.data).T @ A.T).T for leaf in leaves.values()])
     theta = H @ np.concatenate([leaf["value"].values.ravel() for leaf in leaves.values()])
     C = H @ joint_covariance(leaves)[1] @ H.T
-    known = set().union(*(variables(leaf) for leaf in leaves.values()))
+    known = set().union(*(list_model_variables(leaf) for leaf in leaves.values()))
     terms = [str(term) for term in fit.estimates["term"].values]
     spoken = [
-        least_squares.constants([term])[0]
-        or {variable_of(factor) for factor in powers(term)} <= known
+        least_squares.intercept_mask([term])[0]
+        or {variable_of(factor) for factor in term_powers(term)} <= known
         for term in terms
     ]
     spoken = [bool(s) and C[k, k] > 0 for k, s in enumerate(spoken)]
     names = [term for term, s in zip(terms, spoken) if s]
     nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(names), 0)))
     P = C[np.ix_(spoken, spoken)]
-    found = least_squares.estimates(names, theta[spoken], P, np.sqrt(np.diag(P)), nothing, {})
+    found = least_squares.regression_estimates(
+        names, theta[spoken], P, np.sqrt(np.diag(P)), nothing, {}
+    )
     return found[["estimate", "stderr", "covariance", "correlation"]].assign_attrs(
         coefficient=coefficient
     )

@@ -14,12 +14,12 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import AeromatchError, IdentificationError, ParseError, SchemaError
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.support.input_files import WESTERN, csv_rows, read_text
-from flightmech.units import parse, to_si
+from flightmech.units import parse_unit, to_si
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
-from flighttest.regression.equation_error.model import RegressionModel, powers, variable_of
+from flighttest.regression.equation_error.model import RegressionModel, term_powers, variable_of
 from flighttest.regression.uncertainty import collinearity
 
 _TANGENT = (
@@ -102,7 +102,7 @@ def published_fit(
     data[model.coefficient] = "sample", X @ theta
     design = least_squares.label_terms(X, terms)
     R = np.eye(len(terms)) if correlation is None else np.asarray(correlation, float)
-    found = least_squares.estimates(
+    found = least_squares.regression_estimates(
         terms,
         theta,
         R * np.outer(sd, sd),
@@ -155,7 +155,7 @@ def _grid(
     columns = {name: np.zeros(size) for name in _RATES if name not in conditions} | columns
     columns |= {name: columns[other].copy() for name, other in tied.items()}
     return xr.Dataset(
-        {name: ("sample", x, {"units": lookup(name).units}) for name, x in columns.items()}
+        {name: ("sample", x, {"units": lookup_quantity(name).units}) for name, x in columns.items()}
     )
 
 
@@ -193,7 +193,7 @@ def _demand(model: RegressionModel, values, stderr, conditions, correlation) -> 
     curved = {
         variable_of(factor)
         for term in model.terms
-        for factor, power in powers(term).items()
+        for factor, power in term_powers(term).items()
         if power > 1 or "(" in factor
     }
     for name in model.variables:
@@ -214,7 +214,7 @@ def _demand(model: RegressionModel, values, stderr, conditions, correlation) -> 
 
 
 def _faults(name: str, item: float | Sequence[float] | str, conditions: Mapping) -> list[str]:
-    lookup(name)
+    lookup_quantity(name)
     if isinstance(item, str):
         known = item in conditions and not isinstance(conditions[item], str)
         return (
@@ -350,7 +350,7 @@ def _columns(path: Path, heads: list[str]) -> dict[str, str]:
         if name in (*NEEDED, _UNIT):
             continue
         try:
-            variable = lookup(name.removesuffix(_REFERENCE).strip())
+            variable = lookup_quantity(name.removesuffix(_REFERENCE).strip())
             to_si(0.0, unit or variable.units, variable.units)
         except AeromatchError as error:
             problems.append(f"column {name!r}: {error}")
@@ -372,7 +372,7 @@ def _row(
         if name in (*NEEDED, _UNIT) or not cell:
             continue
         variable = name.removesuffix(_REFERENCE).strip()
-        unit = columns[name] or lookup(variable).units
+        unit = columns[name] or lookup_quantity(variable).units
         if variable != name:
             reference[variable] = to_si(_number(line, name, cell, problems), unit)
         elif re.fullmatch(r"[A-Za-z_][\w.]*", cell):
@@ -413,13 +413,13 @@ def _scale(line: int, cells: Mapping[str, str], problems: list[str]) -> float:
     try:
         variables = [
             variable_of(factor)
-            for factor, power in powers(cells["term"]).items()
+            for factor, power in term_powers(cells["term"]).items()
             for _ in range(power)
             if factor != "1"
         ]
-        expected = "/".join(["1", *(lookup(name).units for name in variables)])
+        expected = "/".join(["1", *(lookup_quantity(name).units for name in variables)])
         to_si(0.0, cells[_UNIT], expected)
-        return parse(cells[_UNIT])[1]
+        return parse_unit(cells[_UNIT])[1]
     except AeromatchError as error:
         problems.append(f"line {line}: {error}")
         return float("nan")

@@ -22,13 +22,13 @@ from flightmech.errors import (
     SchemaError,
     UnknownName,
 )
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.figures import html_table
 from flightmech.support.hdf5_seal import demand_self_contained
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit_remarks import FitData, fit_figure, remarks_of
-from flighttest.regression.equation_error.model import RegressionModel, regressors
+from flighttest.regression.equation_error.model import RegressionModel, term_regressors
 from flighttest.remarks import Remark, remark_lines
 
 if TYPE_CHECKING:
@@ -55,7 +55,11 @@ def predict_samples(fit: FitData, data: xr.Dataset, manoeuvre: int | None) -> xr
         )
     (dim,) = samples.sizes
     columns = {
-        fit.model.coefficient: (dim, X @ e["estimate"].values, attrs(fit.model.coefficient)),
+        fit.model.coefficient: (
+            dim,
+            X @ e["estimate"].values,
+            quantity_attributes(fit.model.coefficient),
+        ),
         "stderr": (
             dim,
             np.sqrt(variance),
@@ -83,7 +87,7 @@ def describe_extrapolation(fit: FitData, samples: xr.Dataset, X: np.ndarray) -> 
         for name in variables
     ]
     for term, x, known in zip(fit.estimates["term"].values, X.T, fit.regressors.values.T):
-        if str(term) not in variables and not least_squares.constants([str(term)])[0]:
+        if str(term) not in variables and not least_squares.intercept_mask([str(term)])[0]:
             found.append(_beyond(str(term), x, known, plain_number))
     return [text for text in found if text]
 
@@ -118,7 +122,7 @@ def _design(fit: FitData, samples: xr.Dataset, manoeuvre: int | None) -> np.ndar
             "intercept",
             f"manoeuvre={manoeuvre} is none of those with a constant of their own",
         )
-    rows = regressors(
+    rows = term_regressors(
         ["1" if term in separate else term for term in terms], samples, fit.model.reference
     )
     away = [term in separate and term != f"1[{manoeuvre}]" for term in terms]
@@ -342,7 +346,7 @@ def _headline(a) -> str:
     return words
 
 
-def tests(a: Mapping[str, Any]) -> list[str]:
+def slope_test_lines(a: Mapping[str, Any]) -> list[str]:
     """Return the test of all slopes and the colour of the residual, in words.
 
     Parameters
@@ -366,7 +370,7 @@ def tests(a: Mapping[str, Any]) -> list[str]:
     return found
 
 
-def correlations(e: xr.Dataset) -> list[str]:
+def correlation_lines(e: xr.Dataset) -> list[str]:
     """Return the correlation matrix of estimates as lines of text."""
     terms = [str(term) for term in e["term"].values]
     width = max(9, *(len(term) + 2 for term in terms))
@@ -389,7 +393,7 @@ def _report(fit: Fit, correlation: bool) -> str:
     text = [
         f"{fit.name}: {fit.model}" if fit.name else str(fit.model),
         _headline(a),
-        *tests(a),
+        *slope_test_lines(a),
         f"{'term':<{wide}}{'estimate':>11}{'stderr':>10}{'95 % interval':>24}"
         + "".join(f"{head:>{width}}" for head, width in _HEADS.items()),
     ]
@@ -407,4 +411,6 @@ def _report(fit: Fit, correlation: bool) -> str:
         text.append(
             f"{term!s:<{wide}}{row['estimate']:>11.5g}{row['stderr']:>10.2g}{between:>24}{errors}{t}{vif:>8}{row['contribution']:>8.2f}"
         )
-    return "\n".join([*text, *(correlations(e) if correlation else []), *remark_lines(fit.remarks)])
+    return "\n".join(
+        [*text, *(correlation_lines(e) if correlation else []), *remark_lines(fit.remarks)]
+    )

@@ -215,7 +215,7 @@ def _insignificant(fit: FitData) -> list[Remark]:
     idle = [
         k
         for k in np.flatnonzero(p > SIGNIFICANT)
-        if not least_squares.constants([str(names[k])])[0]
+        if not least_squares.intercept_mask([str(names[k])])[0]
     ]
     return [
         Remark(
@@ -371,7 +371,7 @@ def _collinear(fit: FitData) -> list[Remark]:
         found.append(
             Remark("collinear", words, terms[i], float(rho[i, j]), collinearity.CORRELATED)
         )
-    for index, words in collinearity.pairs(e):
+    for index, words in collinearity.collinear_terms(e):
         text = f"condition index {index:.0f}: hardly distinguishable are {words}"
         found.append(Remark("collinear", text, "", index, collinearity.CONDITION))
     return found

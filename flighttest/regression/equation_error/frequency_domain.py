@@ -30,12 +30,17 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flightmech.support.arrays import rms
-from flighttest.records.signals.fourier import adjoint, detrended, finite_fourier, harmonics
+from flighttest.records.signals.fourier import (
+    adjoint_fourier,
+    finite_fourier,
+    harmonics,
+    remove_straight_line,
+)
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.least_squares import ridge_penalty
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.regression.equation_error.samples import RegressionSamples, slopes_of, stack
+from flighttest.regression.equation_error.samples import RegressionSamples, slopes_of, stack_samples
 from flighttest.regression.equation_error.time_domain import (
     demand_choice,
     demand_determined,
@@ -70,7 +75,7 @@ class TransformedStretch:
         return (self.samples.stop - self.samples.start) * self.step
 
 
-def stretches(
+def select_stretches(
     samples: RegressionSamples, band: tuple[float, float], spacing: float | None = None
 ) -> list[TransformedStretch]:
     """Return the stretches that reach down to the band, with the frequencies of each.
@@ -108,10 +113,10 @@ def stretches(
     return found
 
 
-def transform(columns: np.ndarray, parts: Sequence[TransformedStretch]) -> np.ndarray:
+def transform_columns(columns: np.ndarray, parts: Sequence[TransformedStretch]) -> np.ndarray:
     """Return the scaled transforms of sampled columns, complex (rows, columns)."""
     rows = [
-        finite_fourier(detrended(columns[part.samples]), part.step, part.frequencies)
+        finite_fourier(remove_straight_line(columns[part.samples]), part.step, part.frequencies)
         / np.sqrt(part.duration)
         for part in parts
     ]
@@ -183,12 +188,12 @@ def regress_frequency(
     """
     demand_choice("intercepts", intercepts, ("common", "separate"))
     demand_choice("weights", weights, WEIGHTS)
-    samples = stack(model.coefficient, model.variables, data, model)
+    samples = stack_samples(model.coefficient, model.variables, data, model)
     X, terms = model.design(samples.data), list(model.terms)
     if intercepts == "separate":
         X, terms = separate_intercepts(X, terms, samples.data["manoeuvre"].values)
     demand_determined(name, model, samples.data[model.coefficient].values, X, terms)
-    parts = stretches(samples, band, spacing)
+    parts = select_stretches(samples, band, spacing)
     found, A, change = _solve(model, samples, X, terms, parts, name, ridge, weights)
     found.attrs.update(
         name=name,
@@ -271,26 +276,26 @@ def _solve(
     """The estimates, the linear map (terms, samples) from the measured coefficient to them, and
     what the common errors change.
     """
-    z, fixed = samples.data[model.coefficient].values, least_squares.constants(terms)
+    z, fixed = samples.data[model.coefficient].values, least_squares.intercept_mask(terms)
     slopes = [term for term, constant in zip(terms, fixed) if not constant]
     if not slopes:
         raise IdentificationError(
             f"{model} has no slope; a spectrum without its mean contains no information "
             f"about a constant"
         )
-    Xf, zf = transform(X[:, ~fixed], parts), transform(z[:, None], parts)[:, 0]
+    Xf, zf = transform_columns(X[:, ~fixed], parts), transform_columns(z[:, None], parts)[:, 0]
     demand_frequencies(f"{name}: {model}" if name else str(model), Xf, X[:, ~fixed], parts, slopes)
     whitened = (
-        whitening(Xf, zf, parts)
+        whitening_weights(Xf, zf, parts)
         if weights == "spectrum"
         else Whitened(np.ones(len(zf)), np.zeros((2 * len(zf), 0)))
     )
     root, lost = whitened.root, whitened.ends.shape[1]
     X2, z2 = whitened.equations(Xf), whitened.equations(zf[:, None])[:, 0]
     penalty, parameter = ridge_penalty(ridge, X2, z2, np.zeros(len(slopes), bool))
-    theta, E = least_squares.solve(X2, z2, penalty)
+    theta, E = least_squares.solve_least_squares(X2, z2, penalty)
     v = whitened.residual(zf, Xf, theta)
-    D = least_squares.estimator(E) * np.tile(root, 2)
+    D = least_squares.estimator_matrix(E) * np.tile(root, 2)
     s2 = float((np.abs(v) ** 2).sum()) / (2 * len(v) - len(slopes) - lost)
     dense = np.concatenate(
         [
@@ -313,7 +318,7 @@ def _solve(
         model.coefficient, model.variables, slopes_of(model, whole.theta)
     )
     rest = z - X @ whole.theta
-    more = least_squares.diagnostics(X2, np.zeros(len(slopes), bool))
+    more = least_squares.regressor_diagnostics(X2, np.zeros(len(slopes), bool))
     more = _with_constants(more, terms, fixed)
     size = np.zeros(len(terms))
     size[~fixed] = np.sqrt((np.abs(Xf) ** 2).sum(axis=0) / (np.abs(zf) ** 2).sum()) * np.abs(theta)
@@ -326,14 +331,14 @@ def _solve(
     if parameter:
         bias = np.zeros(len(terms))
         bias[~fixed] = -np.linalg.solve(
-            X2.T @ X2 + np.diag(penalty), penalty * least_squares.solve(X2, z2)[0]
+            X2.T @ X2 + np.diag(penalty), penalty * least_squares.solve_least_squares(X2, z2)[0]
         )
         more["shrinkage"] = (
             "term",
             bias,
             {"long_name": "bias of the ridge, from the estimates without it"},
         )
-    found = least_squares.estimates(
+    found = least_squares.regression_estimates(
         terms, whole.theta, whole.covariance, whole.white, (sources, whole.A @ errors.T), more
     )
     found.attrs = {
@@ -347,7 +352,7 @@ def _solve(
         "offset": whole.offset,
         "weights": weights,
         "ridge": parameter,
-        **significance.whiteness(rest, *samples.pieces()),
+        **significance.residual_whiteness(rest, *samples.pieces()),
     }
     dof, inflated = np.full(len(terms), freedom.min()), np.ones(len(terms))
     dof[~fixed], inflated[~fixed] = freedom, grow
@@ -386,7 +391,9 @@ class Whitened:
         return (left[: len(v)] + 1j * left[len(v) :]) / self.root
 
 
-def whitening(Xf: np.ndarray, zf: np.ndarray, parts: Sequence[TransformedStretch]) -> Whitened:
+def whitening_weights(
+    Xf: np.ndarray, zf: np.ndarray, parts: Sequence[TransformedStretch]
+) -> Whitened:
     """Return weights by which a fit leaves a residual with a flat spectrum.
 
     Parameters
@@ -546,10 +553,10 @@ def _map(D: np.ndarray, parts: Sequence[TransformedStretch], samples: int) -> np
     A = np.zeros((len(D), samples))
     for part in parts:
         count = part.samples.stop - part.samples.start
-        back = adjoint(
+        back = adjoint_fourier(
             weights[part.rows] / np.sqrt(part.duration), part.step, part.frequencies, count
         )
-        A[:, part.samples] = detrended(back).T
+        A[:, part.samples] = remove_straight_line(back).T
     return A
 
 
@@ -578,7 +585,7 @@ def _joined(
     C[np.ix_(~fixed, ~fixed)] = slopes.covariance
     if not fixed.any():
         return _Whole(theta, C, white, A, 0.0)
-    P = least_squares.estimator(X[:, fixed])
+    P = least_squares.estimator_matrix(X[:, fixed])
     theta[fixed] = P @ (z - X[:, ~fixed] @ slopes.theta)
     v = z - X @ theta
     own = coloured_covariance_of(X[:, fixed], v, *samples.pieces())

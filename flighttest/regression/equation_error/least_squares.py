@@ -18,7 +18,7 @@ from flightmech.errors import IdentificationError
 from flighttest.regression.uncertainty import collinearity
 
 
-def solve(
+def solve_least_squares(
     X: np.ndarray, z: np.ndarray, penalty: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the least-squares estimate and the regressors of which it is the ordinary one.
@@ -49,7 +49,7 @@ def equivalent_regressors(A: np.ndarray) -> np.ndarray:
     return np.linalg.solve(R, Q.T).T
 
 
-def estimator(E: np.ndarray) -> np.ndarray:
+def estimator_matrix(E: np.ndarray) -> np.ndarray:
     """Return A = pinv(E), (terms, samples), of regressors of full rank."""
     Q, R = np.linalg.qr(E)
     return np.linalg.solve(R, Q.T)
@@ -60,12 +60,12 @@ def label_terms(X: np.ndarray, terms: Sequence[str]) -> xr.DataArray:
     return xr.DataArray(X, dims=("sample", "term"), coords={"term": list(terms)})
 
 
-def constants(terms: Sequence[str]) -> np.ndarray:
+def intercept_mask(terms: Sequence[str]) -> np.ndarray:
     """Return which terms are intercepts: ``1``, or ``1[k]`` of one manoeuvre."""
     return np.array([term == "1" or term.startswith("1[") for term in terms])
 
 
-def diagnostics(X: np.ndarray, fixed: np.ndarray) -> dict[str, tuple]:
+def regressor_diagnostics(X: np.ndarray, fixed: np.ndarray) -> dict[str, tuple]:
     """Return the diagnostics of the regressors, as variables of a Dataset.
 
     Parameters
@@ -80,12 +80,12 @@ def diagnostics(X: np.ndarray, fixed: np.ndarray) -> dict[str, tuple]:
         ``vif``, ``regressor_correlation``, ``condition_index`` (component), ``proportion``
         (component, term).
     """
-    correlation = collinearity.correlations(X, fixed)
-    index, proportion = collinearity.decomposition(X)
+    correlation = collinearity.regressor_correlations(X, fixed)
+    index, proportion = collinearity.variance_decomposition(X)
     return {
         "vif": (
             "term",
-            np.where(fixed, np.nan, collinearity.inflation(correlation)),
+            np.where(fixed, np.nan, collinearity.variance_inflation(correlation)),
             {"long_name": "variance inflation factor"},
         ),
         "regressor_correlation": (("term", "term_"), correlation),
@@ -102,7 +102,7 @@ def diagnostics(X: np.ndarray, fixed: np.ndarray) -> dict[str, tuple]:
     }
 
 
-def estimates(
+def regression_estimates(
     terms: Sequence[str],
     theta: np.ndarray,
     covariance: np.ndarray,
@@ -162,7 +162,7 @@ _ROUNDS = 20
 _STILL = 1e-4
 
 
-def roots(kind: str, X: np.ndarray, z: np.ndarray, data: xr.Dataset) -> np.ndarray:
+def weight_roots(kind: str, X: np.ndarray, z: np.ndarray, data: xr.Dataset) -> np.ndarray:
     """Return the square roots of the weights, (samples,); their squares have the mean one.
 
     Parameters

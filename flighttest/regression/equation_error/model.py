@@ -21,9 +21,9 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError, UnknownName
-from flightmech.names import COEFFICIENTS, lookup
-from flightmech.support.arrays import columns_of
-from flightmech.units import quantity
+from flightmech.names import COEFFICIENTS, lookup_quantity
+from flightmech.support.arrays import columns_with_count
+from flightmech.units import parse_quantity
 
 if TYPE_CHECKING:
     from flighttest.regression.separable_model import SeparableModel, ShapeParameter
@@ -72,12 +72,12 @@ class RegressionModel:
     def __post_init__(self):
         if self.coefficient not in MEASURED:
             try:
-                lookup(self.coefficient)
+                lookup_quantity(self.coefficient)
             except UnknownName:
                 raise UnknownName(
                     self.coefficient, MEASURED, "coefficient", "or any quantity of the vocabulary"
                 ) from None
-        names = tuple(term_text(powers(term)) for term in self.terms)
+        names = tuple(term_text(term_powers(term)) for term in self.terms)
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise ParseError("<model>", 0, f"the term {twice} more than once", "each term once")
@@ -147,7 +147,9 @@ class RegressionModel:
     def variables(self) -> tuple[str, ...]:
         """Names of the model variables, in order of appearance."""
         return tuple(
-            dict.fromkeys(variable_of(factor) for term in self.terms for factor in powers(term))
+            dict.fromkeys(
+                variable_of(factor) for term in self.terms for factor in term_powers(term)
+            )
         )
 
     def design(self, data: xr.Dataset | Mapping[str, np.ndarray]) -> np.ndarray:
@@ -163,7 +165,7 @@ class RegressionModel:
         UnknownName
             A variable that `data` does not hold.
         """
-        return regressors(self.terms, data, self.reference).T
+        return term_regressors(self.terms, data, self.reference).T
 
     def absolute(self) -> tuple[RegressionModel, np.ndarray]:
         """Return the same model without reference values, and the matrix that turns its parameters
@@ -176,7 +178,7 @@ class RegressionModel:
         matrix : array (terms of model, terms of self)
             parameters = matrix @ centred parameters; covariance = matrix @ covariance @ matrix.T.
         """
-        expansions = [_expand(powers(term), self.reference) for term in self.terms]
+        expansions = [_expand(term_powers(term), self.reference) for term in self.terms]
         names = tuple(
             dict.fromkeys([*self.terms, *(name for expansion in expansions for name in expansion)])
         )
@@ -187,7 +189,7 @@ class RegressionModel:
         return RegressionModel(self.coefficient, names), matrix
 
 
-def regressors(
+def term_regressors(
     terms: Sequence[str],
     data: xr.Dataset | Mapping[str, np.ndarray],
     reference: Mapping[str, float] | None = None,
@@ -207,13 +209,13 @@ def regressors(
     UnknownName
         A variable that `data` does not hold.
     """
-    columns, size = columns_of(data)
+    columns, size = columns_with_count(data)
     rows = np.empty((len(terms), size))
     known: dict[tuple[str, int], np.ndarray] = {}
     for row, term in zip(rows, terms):
         factors = [
             _power(factor, power, term, columns, reference or {}, known)
-            for factor, power in powers(term).items()
+            for factor, power in term_powers(term).items()
         ]
         row[:] = factors[0] if factors else 1.0
         for factor in factors[1:]:
@@ -254,7 +256,7 @@ def _power(
     return known[factor, power]
 
 
-def powers(term: str) -> dict[str, int]:
+def term_powers(term: str) -> dict[str, int]:
     """Return the factors of a term, variables and ramps, and their powers; an empty dict for
     ``"1"``.
 
@@ -302,14 +304,14 @@ def knot_of(factor: str) -> float:
 def _factor(word: str, term: str) -> str:
     """A variable, or a ramp with its knot in SI."""
     if "(" not in word:
-        lookup(word)
+        lookup_quantity(word)
         return word
     match = _RAMP.match(word)
     if not match:
         raise ParseError("<model>", 0, f"the term {term!r}", _EXPECTED)
-    text, units = match.group(2), lookup(match.group(1)).units
+    text, units = match.group(2), lookup_quantity(match.group(1)).units
     bare = re.fullmatch(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?", text)
-    return f"ramp({match.group(1)},{quantity(float(text) if bare else text, units):.10g})"
+    return f"ramp({match.group(1)},{parse_quantity(float(text) if bare else text, units):.10g})"
 
 
 def term_text(factors: Mapping[str, int]) -> str:

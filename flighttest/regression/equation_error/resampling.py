@@ -228,7 +228,7 @@ def bootstrap(fit: Fit, replicates: int = 200, seed: int = 0, jobs: int = 1) -> 
     }
     nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(terms), 0)))
     covariance = np.atleast_2d(np.cov(found.T))
-    estimates = least_squares.estimates(
+    estimates = least_squares.regression_estimates(
         terms, theta, covariance, fit.estimates["stderr_white"].values, nothing, more
     )
     return Bootstrap(
@@ -248,7 +248,7 @@ class _ResidualSimulator:
             for k in range(int(number.max()) + 1)
         ]
         self.pieces, steps = RegressionSamples(fit.data, steps).pieces()
-        self.estimator = least_squares.estimator(fit.design.values)
+        self.estimator = least_squares.estimator_matrix(fit.design.values)
         self.offset = float(fit.estimates.attrs.get("offset", 0.0))
         self.colours = estimate_disturbances(
             fit.regressors.values, fit.residual, self.pieces, steps

@@ -181,7 +181,7 @@ def _demand_rising(time: np.ndarray, number: int) -> None:
     )
 
 
-def stack(
+def stack_samples(
     coefficient: str,
     variables: Sequence[str],
     data: xr.Dataset | Sequence[xr.Dataset],

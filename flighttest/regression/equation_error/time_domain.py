@@ -15,12 +15,12 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
-from flighttest.regression.equation_error.least_squares import WEIGHTS, ridge_penalty, roots
-from flighttest.regression.equation_error.model import RegressionModel, powers, variable_of
-from flighttest.regression.equation_error.samples import RegressionSamples, slopes_of, stack
+from flighttest.regression.equation_error.least_squares import WEIGHTS, ridge_penalty, weight_roots
+from flighttest.regression.equation_error.model import RegressionModel, term_powers, variable_of
+from flighttest.regression.equation_error.samples import RegressionSamples, slopes_of, stack_samples
 from flighttest.regression.uncertainty import collinearity, significance
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 
@@ -84,7 +84,7 @@ def regress(
     """
     demand_choice("intercepts", intercepts, ("common", "separate"))
     extra = [] if weights in WEIGHTS else [weights]
-    samples = stack(model.coefficient, [*model.variables, *extra], data, model)
+    samples = stack_samples(model.coefficient, [*model.variables, *extra], data, model)
     X, terms = model.design(samples.data), list(model.terms)
     if intercepts == "separate":
         X, terms = separate_intercepts(X, terms, samples.data["manoeuvre"].values)
@@ -128,7 +128,7 @@ def demand_determined(
     try:
         _demand_movement(z, X, terms)
         collinearity.demand_rank(X, terms)
-        collinearity.demand_independence(X, least_squares.constants(terms), terms)
+        collinearity.demand_independence(X, least_squares.intercept_mask(terms), terms)
     except IdentificationError as error:
         raise IdentificationError(f"{label}{model}: {error}") from None
 
@@ -153,15 +153,15 @@ def _demand_movement(z: np.ndarray, X: np.ndarray, terms: Sequence[str]) -> None
     """A single variable that stays where it is cannot carry a slope next to a constant."""
     if np.ptp(z) == 0.0:
         raise IdentificationError("the coefficient is constant; look at its accelerations")
-    fixed = least_squares.constants(terms)
+    fixed = least_squares.intercept_mask(terms)
     if not fixed.any():
         return
     for column, term, constant in zip(X.T, terms, fixed):
-        factors = {} if constant else powers(term)
+        factors = {} if constant else term_powers(term)
         if list(factors.values()) != [1]:
             continue
         name = variable_of(next(iter(factors)))
-        least = LEAST_MOVEMENT.get(lookup(name).units, 0.0)
+        least = LEAST_MOVEMENT.get(lookup_quantity(name).units, 0.0)
         if np.std(column) < least:
             raise IdentificationError(
                 f"{term} does not move: rms {np.std(column):.2g} about its mean, {least:.2g} "
@@ -181,23 +181,23 @@ def _solve(
     """The estimates, the regressors of which they are the ordinary least squares, and what the
     common errors change.
     """
-    z, fixed = samples.data[model.coefficient].values, least_squares.constants(terms)
-    root = roots(weights, X, z, samples.data)
+    z, fixed = samples.data[model.coefficient].values, least_squares.intercept_mask(terms)
+    root = weight_roots(weights, X, z, samples.data)
     Xw, zw = X * root[:, None], z * root
     penalty, parameter = ridge_penalty(ridge, Xw, zw, fixed)
-    theta, E = least_squares.solve(Xw, zw, penalty)
+    theta, E = least_squares.solve_least_squares(Xw, zw, penalty)
     v = z - X @ theta
     s2 = float(v * root @ (v * root)) / (len(z) - len(terms))
     pieces, steps = samples.pieces()
     C = coloured_covariance_of(E, v * root, pieces, steps, lag)
-    A = least_squares.estimator(E) * root
+    A = least_squares.estimator_matrix(E) * root
     sources, errors = samples.errors(model.coefficient, model.variables, slopes_of(model, theta))
     spread = float(np.std(z))
-    more = least_squares.diagnostics(Xw, fixed)
+    more = least_squares.regressor_diagnostics(Xw, fixed)
     more["contribution"] = "term", np.std(X, axis=0) * np.abs(theta) / spread
     if parameter:
         shrinkage = -np.linalg.solve(
-            Xw.T @ Xw + np.diag(penalty), penalty * least_squares.solve(Xw, zw)[0]
+            Xw.T @ Xw + np.diag(penalty), penalty * least_squares.solve_least_squares(Xw, zw)[0]
         )
         more["shrinkage"] = (
             "term",
@@ -210,7 +210,7 @@ def _solve(
         {"long_name": "standard error by a lag window, for comparison"},
     )
     white = np.sqrt(s2 * ((A / root) ** 2).sum(axis=1))
-    found = least_squares.estimates(
+    found = least_squares.regression_estimates(
         terms, theta, C.covariance, white, (sources, A @ errors.T), more
     )
     found.attrs = {
@@ -225,7 +225,7 @@ def _solve(
         "edge": C.edge,
         "weights": weights,
         "ridge": parameter,
-        **significance.whiteness(v * root, pieces, steps),
+        **significance.residual_whiteness(v * root, pieces, steps),
     }
     dof = significance.of_slopes(A, v, pieces, fixed)
     found = significance.add_tests(found, fixed, dof, np.ones(len(terms)))

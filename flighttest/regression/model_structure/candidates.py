@@ -11,17 +11,22 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, ParseError
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.frequency_domain import (
     WEIGHTS,
+    select_stretches,
     stack_complex,
-    stretches,
-    transform,
-    whitening,
+    transform_columns,
+    whitening_weights,
 )
-from flighttest.regression.equation_error.model import powers, regressors, term_text, variable_of
-from flighttest.regression.equation_error.samples import stack
+from flighttest.regression.equation_error.model import (
+    term_powers,
+    term_regressors,
+    term_text,
+    variable_of,
+)
+from flighttest.regression.equation_error.samples import stack_samples
 from flighttest.regression.equation_error.time_domain import demand_choice
 
 FREE = 2  # frequencies per candidate, from which on the residual of all candidates shows the noise
@@ -46,7 +51,7 @@ def monomials(variables: Sequence[str], order: int) -> list[str]:
     if not 1 <= order <= 9:
         raise IdentificationError(f"order is {order}; allowed: 1 to 9")
     for name in variables:
-        lookup(name)
+        lookup_quantity(name)
     found = ["1"]
     for size in range(1, order + 1):
         for pick in combinations_with_replacement(variables, size):
@@ -81,16 +86,16 @@ def spline_terms(variable: str, knots: Sequence[float | str], order: int = 1) ->
     return [
         term_text({factor: order})
         for knot in knots
-        for factor in powers(f"ramp({variable},{knot})")
+        for factor in term_powers(f"ramp({variable},{knot})")
     ]
 
 
 @lru_cache(maxsize=16)
 def _spelled(candidates: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Terms in one spelling, each once, and their variables."""
-    terms = tuple(dict.fromkeys(term_text(powers(term)) for term in candidates))
+    terms = tuple(dict.fromkeys(term_text(term_powers(term)) for term in candidates))
     return terms, tuple(
-        dict.fromkeys(variable_of(factor) for term in terms for factor in powers(term))
+        dict.fromkeys(variable_of(factor) for term in terms for factor in term_powers(term))
     )
 
 
@@ -133,7 +138,7 @@ class CandidateEquations:
         return self.terms.index(term)
 
 
-def equations(
+def candidate_equations(
     coefficient: str,
     candidates: Sequence[str],
     data: xr.Dataset | Sequence[xr.Dataset],
@@ -161,21 +166,21 @@ def equations(
     """
     demand_choice("weights", weights, WEIGHTS if band is not None else ("equal",))
     terms, variables = _spelled(tuple(candidates))
-    samples = stack(coefficient, variables, data, f"the candidates of {coefficient}")
+    samples = stack_samples(coefficient, variables, data, f"the candidates of {coefficient}")
     z = samples.data[coefficient].values
     if len(z) < 2 or np.ptp(z) == 0.0:
         raise IdentificationError(
             f"{coefficient} is constant, or has no samples; look at its accelerations"
         )
-    X = regressors(terms, samples.data)
-    fixed = least_squares.constants(terms)
+    X = term_regressors(terms, samples.data)
+    fixed = least_squares.intercept_mask(terms)
     top, low = X.max(axis=1), X.min(axis=1)
     moving = top - low > IDLE * np.maximum(np.abs(top), np.abs(low))
     keep, lost = moving | fixed, 0
     if band is not None:
         keep = moving & ~fixed
-        parts = stretches(samples, band)
-        Xf, zf = transform(X[keep].T, parts), transform(z[:, None], parts)
+        parts = select_stretches(samples, band)
+        Xf, zf = transform_columns(X[keep].T, parts), transform_columns(z[:, None], parts)
         if weights == "spectrum":
             if len(zf) < FREE * Xf.shape[1]:
                 raise IdentificationError(
@@ -184,7 +189,7 @@ def equations(
                     f"{FREE} per candidate: give fewer candidates, widen the band, or take "
                     f"equal weights"
                 )
-            whitened = whitening(Xf, zf[:, 0], parts)
+            whitened = whitening_weights(Xf, zf[:, 0], parts)
             X, z, lost = (
                 whitened.equations(Xf).T,
                 whitened.equations(zf)[:, 0],

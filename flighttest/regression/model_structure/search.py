@@ -25,13 +25,13 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
-from flighttest.regression.equation_error.model import powers, term_text
+from flighttest.regression.equation_error.model import term_powers, term_text
 from flighttest.regression.model_structure.candidates import (
     FREE,
     LEAST,
     CandidateEquations,
     OrthogonalBasis,
-    equations,
+    candidate_equations,
 )
 from flighttest.regression.model_structure.selection import Selection, fit_selected_terms
 
@@ -83,7 +83,7 @@ def select_orthogonal(
     PSE = v'v/N + s2_max n/N, s2_max the variance of the coefficient, or 50 times that of the noise but never less than
     the variance of the residual.  In frequency see `Rating`.
     """
-    problem = equations(coefficient, candidates, data, band, weights)
+    problem = candidate_equations(coefficient, candidates, data, band, weights)
     work = OrthogonalBasis(problem.X, problem.z)
     kept = [problem.place(term) for term in keep if not (term == "1" and band is not None)]
     rows: list[dict] = []
@@ -315,7 +315,7 @@ def select_stepwise(
             f"F to enter {enter:g}, to leave {leave:g}; expected 0 < leave <= enter, or "
             f"terms would come and go for ever"
         )
-    problem = equations(coefficient, candidates, data, band, weights)
+    problem = candidate_equations(coefficient, candidates, data, band, weights)
     kept = [problem.place(term) for term in keep if not (term == "1" and band is not None)]
     work, rate = OrthogonalBasis(problem.X, problem.z), Rating(problem)
     rows: list[dict] = []
@@ -380,7 +380,7 @@ def _parents(problem: CandidateEquations) -> list[set[int]]:
     places = {term: j for j, term in enumerate(problem.terms)}
     found = []
     for term in problem.terms:
-        factors = powers(term)
+        factors = term_powers(term)
         lower = [
             term_text({f: p - (f == less) for f, p in factors.items() if p - (f == less)})
             for less in factors

@@ -12,8 +12,8 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.samples import stack
-from flighttest.regression.expressions import Scope, parse
+from flighttest.regression.equation_error.samples import stack_samples
+from flighttest.regression.expressions import Scope, parse_expression
 from flighttest.regression.separable.search import (
     SeparableProblem,
     SeparableSolution,
@@ -89,7 +89,7 @@ class SeparableFit:
         """
         names = [str(term) for term in self.estimates["term"].values]
         scope = Scope({}, dict(zip(names, self.estimates["estimate"].values)))
-        found = [parse(text).at(scope) for text in texts]
+        found = [parse_expression(text).at(scope) for text in texts]
         G = np.array([[float(one.by.get(name, 0.0)) for name in names] for one in found])
         C = self.estimates["covariance"].values
         unknown = np.isnan(np.diag(C))
@@ -109,7 +109,7 @@ class SeparableFit:
         ]
         found += [
             f"condition index {index:.0f}: hardly distinguishable are {words}"
-            for index, words in collinearity.pairs(e)
+            for index, words in collinearity.collinear_terms(e)
         ]
         return found
 
@@ -202,7 +202,7 @@ def regress_separable(
     models = [model] if isinstance(model, SeparableModel) else list(model)
     _demand_models(models)
     problem = SeparableProblem(
-        models, [stack(one.target, one.variables, data, one) for one in models]
+        models, [stack_samples(one.target, one.variables, data, one) for one in models]
     )
     search = WeightedMinimum(problem)
     found = search.settled(lag)
@@ -259,7 +259,9 @@ def _estimates(problem: SeparableProblem, found: SeparableSolution) -> xr.Datase
             pushed[columns] = X.T @ (problem.weights[j] * error)
             change[free, sources.index(source)] += D @ pushed[free]
     more = assess_identifiability(problem.models, problem.shape, names, theta, covariance, found)
-    return least_squares.estimates(names, theta, covariance, white, (sources, change), more)
+    return least_squares.regression_estimates(
+        names, theta, covariance, white, (sources, change), more
+    )
 
 
 def _inverse(M: np.ndarray, names: Sequence[str]) -> np.ndarray:
@@ -268,7 +270,7 @@ def _inverse(M: np.ndarray, names: Sequence[str]) -> np.ndarray:
     values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
     if values[0] <= 1e-14 * values[-1]:
         raise IdentificationError(
-            f"the data cannot distinguish: {collinearity.combination(vectors[:, 0], names)} "
+            f"the data cannot distinguish: {collinearity.describe_combination(vectors[:, 0], names)} "
             f"does not change the fit; leave a term out"
         )
     return (vectors / values @ vectors.T) * np.outer(scale, scale)

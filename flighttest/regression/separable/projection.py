@@ -76,7 +76,7 @@ class Projection(NamedTuple):
 Blocks = Callable[[np.ndarray], Sequence[LinearBlock]]
 
 
-def project(
+def project_blocks(
     blocks: Sequence[LinearBlock],
     parameters: int,
     fixed: tuple[np.ndarray, np.ndarray] | None = None,
@@ -122,7 +122,7 @@ def project(
     )
 
 
-def minimise(
+def minimise_projection(
     evaluate: Callable[[np.ndarray], Projection | None],
     low: np.ndarray,
     high: np.ndarray,

@@ -16,8 +16,8 @@ from flighttest.regression.expressions import Pieces
 from flighttest.regression.separable.projection import (
     LinearBlock,
     Projection,
-    minimise,
-    project,
+    minimise_projection,
+    project_blocks,
     spread_starts,
 )
 from flighttest.regression.separable_model import SeparableModel, ShapeParameter
@@ -132,7 +132,7 @@ def _decomposed(found: Any) -> tuple[np.ndarray, np.ndarray]:
     free, size = found.free, len(found.free)
     M = found.products[np.ix_(free, free)]
     root = np.linalg.cholesky(M + 1e-15 * np.diag(np.diag(M))).T
-    index, share = collinearity.decomposition(root)
+    index, share = collinearity.variance_decomposition(root)
     whole_index, whole = np.full(size, np.inf), np.zeros((size, size))
     whole_index[: len(index)] = index
     whole[: len(index), free] = share
@@ -196,7 +196,7 @@ class SeparableProblem:
         ]
         means = np.array([self.shape[name].start or 0.0 for name in self.names])
         fixed = (prior * (s - means), np.diag(prior)) if prior.any() else None
-        return project(blocks, len(s), fixed)
+        return project_blocks(blocks, len(s), fixed)
 
     def residuals(self, s: np.ndarray, coefficients: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Measured minus fitted, per quantity."""
@@ -274,7 +274,9 @@ class WeightedMinimum:
         """Shape parameters of the least cost."""
         if not self.problem.names:
             return np.zeros(0)
-        return minimise(lambda s: self.problem.project(s, prior), self.low, self.high, starts)
+        return minimise_projection(
+            lambda s: self.problem.project(s, prior), self.low, self.high, starts
+        )
 
     def colour(self, found: SeparableSolution) -> np.ndarray:
         """Variance that a white disturbance would need, to give each shape parameter its standard

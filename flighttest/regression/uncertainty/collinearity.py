@@ -51,7 +51,7 @@ def demand_rank(X: np.ndarray, terms: Sequence[str]) -> None:
     for value, vector in zip(np.pad(s, (0, len(Vt) - len(s))), Vt):
         if value < RANK * s[0]:
             raise IdentificationError(
-                f"the data cannot distinguish: {combination(vector, terms)} vanishes "
+                f"the data cannot distinguish: {describe_combination(vector, terms)} vanishes "
                 f"throughout; leave a term out or add a manoeuvre"
             )
 
@@ -91,7 +91,7 @@ def demand_independence(X: np.ndarray, fixed: np.ndarray, terms: Sequence[str]) 
     )
 
 
-def correlations(X: np.ndarray, constants: np.ndarray) -> np.ndarray:
+def regressor_correlations(X: np.ndarray, constants: np.ndarray) -> np.ndarray:
     """Return the correlation of the regressors after their constants are taken out.
 
     Parameters
@@ -116,12 +116,12 @@ def correlations(X: np.ndarray, constants: np.ndarray) -> np.ndarray:
     return found
 
 
-def inflation(correlation: np.ndarray) -> np.ndarray:
+def variance_inflation(correlation: np.ndarray) -> np.ndarray:
     """Return the variance inflation factors: diagonal of the inverse correlation matrix."""
     return np.diag(np.linalg.inv(correlation))
 
 
-def decomposition(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def variance_decomposition(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return condition indexes and variance proportions of regressors scaled to unit length
     [Belsley1980].
 
@@ -143,7 +143,7 @@ def decomposition(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return s[0] / s, share / share.sum(axis=0)
 
 
-def pairs(estimates: xr.Dataset) -> list[tuple[float, str]]:
+def collinear_terms(estimates: xr.Dataset) -> list[tuple[float, str]]:
     """Return condition indexes above 30 on which two or more terms depend, each with those terms in
     words.
 
@@ -167,7 +167,7 @@ def pairs(estimates: xr.Dataset) -> list[tuple[float, str]]:
     return found
 
 
-def combination(vector: np.ndarray, terms: Sequence[str]) -> str:
+def describe_combination(vector: np.ndarray, terms: Sequence[str]) -> str:
     """Return a vector over scaled regressors in words, such as ``0.71 alpha - 0.70 qhat``."""
     order = [j for j in np.argsort(-np.abs(vector)) if abs(vector[j]) > 0.1 * np.abs(vector).max()]
     sign = np.sign(vector[order[0]])

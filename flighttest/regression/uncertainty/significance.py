@@ -330,7 +330,9 @@ def _wald(t: np.ndarray, correlation: np.ndarray, dof: np.ndarray) -> tuple[floa
     return max(0.0, float(t @ np.linalg.solve(correlation, t))) / len(t), len(t), float(dof.min())
 
 
-def whiteness(v: np.ndarray, pieces: Sequence[slice], steps: Sequence[float]) -> dict[str, float]:
+def residual_whiteness(
+    v: np.ndarray, pieces: Sequence[slice], steps: Sequence[float]
+) -> dict[str, float]:
     """Return how far the residuals are from white.
 
     Parameters

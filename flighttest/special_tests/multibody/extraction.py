@@ -23,19 +23,19 @@ import xarray as xr
 
 from flightmech.axes import lift_drag
 from flightmech.errors import IdentificationError, SchemaError
-from flightmech.names import attrs
-from flightmech.support.figures import demand_drawable, new_figure, save_figure
-from flighttest.records.signals.fourier import detrended, finite_fourier
+from flightmech.names import quantity_attributes
+from flightmech.support.figures import demand_drawable, new_figure, write_figure
+from flighttest.records.signals.fourier import finite_fourier, remove_straight_line
 from flighttest.regression.equation_error.fit import Fit, open_fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.special_tests.multibody.mechanics import (
     actuator_loads,
     energy,
     inertial_loads,
-    posture,
     spring_loads,
+    tree_posture,
 )
-from flighttest.special_tests.multibody.motion_fit import TreeMotion, states
+from flighttest.special_tests.multibody.motion_fit import TreeMotion, tree_states
 from flighttest.special_tests.multibody.vehicle import LiftingBody, Vehicle
 
 _COMPONENTS = ("X", "Y", "Z", "L", "M", "N")
@@ -96,7 +96,7 @@ def air_loads(motion: TreeMotion, commands: xr.Dataset | None = None) -> xr.Data
             found[name] = (
                 "time",
                 columns[name],
-                {**attrs(name), "stderr": float(np.sqrt(np.mean(s**2)))},
+                {**quantity_attributes(name), "stderr": float(np.sqrt(np.mean(s**2)))},
             )
     components = [*_COMPONENTS, *vehicle.independent]
     note = {
@@ -166,7 +166,7 @@ def surface_loads(
 
 def _flow(vehicle: Vehicle, surface: LiftingBody, p: np.ndarray, v: np.ndarray):
     """Angle of attack, sideslip and airspeed at a surface, and the tree."""
-    tree = posture(vehicle, p[:, 7:])
+    tree = tree_posture(vehicle, p[:, 7:])
     point = tree.point(surface.body, surface.point)
     velocity = (
         v[:, :3]
@@ -182,7 +182,7 @@ def _columns(
     vehicle: Vehicle, commands: Mapping[str, np.ndarray], models: Mapping, *y: np.ndarray
 ) -> dict[str, np.ndarray]:
     """All columns that have a standard error."""
-    p, v, v_dot = states(*y)
+    p, v, v_dot = tree_states(*y)
     theta, theta_dot, theta_ddot = p[:, 7:], v[:, 6:], v_dot[:, 6:]
     total = inertial_loads(vehicle, p, v, v_dot)
     total[:, 6:] -= spring_loads(vehicle, theta, theta_dot) + actuator_loads(
@@ -201,7 +201,7 @@ def _columns(
     alpha, qbar = np.arctan2(w, u), 0.5 * vehicle.rho * V**2
     found = {"V": V, "alpha": alpha, "beta": np.arcsin(side / np.maximum(V, 1e-9)), "qbar": qbar}
     found |= dict(zip("uvwpqr", v[:, :6].T))
-    joints = posture(vehicle, theta).joints
+    joints = tree_posture(vehicle, theta).joints
     rates, _ = joints.rates(theta_dot, theta_ddot)
     for j, name in enumerate(vehicle.joints):
         found |= {
@@ -351,7 +351,7 @@ def draw_wing_models(fits: Sequence[Fit], data: xr.Dataset, target: str | Path) 
         for values, colour, style in ((z, _DATA, "-"), (y, _MODEL, "--"), (z - y, _REST, "-")):
             spectrum.plot(
                 f,
-                np.abs(finite_fourier(detrended(values), step, f)),
+                np.abs(finite_fourier(remove_straight_line(values), step, f)),
                 color=colour,
                 linewidth=0.8,
                 linestyle=style,
@@ -363,4 +363,4 @@ def draw_wing_models(fits: Sequence[Fit], data: xr.Dataset, target: str | Path) 
     axes[0][0].legend(fontsize="small", ncols=4)
     axes[-1][0].set_xlabel("time [s]")
     axes[-1][1].set_xlabel("frequency [Hz]")
-    save_figure(figure, target, dpi=120)
+    write_figure(figure, target, dpi=120)

@@ -323,7 +323,7 @@ class Posture:
         return found
 
 
-def posture(vehicle: Vehicle, theta: np.ndarray) -> Posture:
+def tree_posture(vehicle: Vehicle, theta: np.ndarray) -> Posture:
     """Return the tree at independent angles (..., independent). [rad]"""
     joints = joint_angles(vehicle, theta)
     shape = theta.shape[:-1]

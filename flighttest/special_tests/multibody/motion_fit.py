@@ -27,10 +27,10 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from flightmech.axes import matrix
+from flightmech.axes import matrix_from_quaternion
 from flightmech.errors import AeromatchWarning, IdentificationError
 from flighttest.special_tests.motion_capture import poses
-from flighttest.special_tests.multibody.mechanics import Posture, posture
+from flighttest.special_tests.multibody.mechanics import Posture, tree_posture
 from flighttest.special_tests.multibody.vehicle import Vehicle
 
 _DEGREE = 5
@@ -83,7 +83,7 @@ class TreeMotion:
     @property
     def states(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Positions, velocities and their derivatives as `inertial_loads` takes them."""
-        return states(self.y, self.y_dot, self.y_ddot)
+        return tree_states(self.y, self.y_dot, self.y_ddot)
 
     def stderr(
         self, function: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -106,7 +106,7 @@ class TreeMotion:
         return np.sqrt(np.einsum("tci,tij,tcj->tc", G, self.covariance, G))
 
 
-def states(
+def tree_states(
     y: np.ndarray, y_dot: np.ndarray, y_ddot: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return positions, velocities along axes of the base, and their derivatives; see `TreeMotion`
@@ -118,7 +118,7 @@ def states(
     unit = q / np.sqrt(square)
     omega = 2.0 * _vector(q, dq) / square
     omega_dot = 2.0 * _vector(q, ddq) / square - growth * omega
-    R = matrix(unit)
+    R = matrix_from_quaternion(unit)
     nu = np.einsum("tij,tj->ti", R, y_dot[:, :3])
     nu_dot = np.einsum("tij,tj->ti", R, y_ddot[:, :3]) - np.cross(omega, nu)
     p = np.concatenate([y[:, :3], unit, y[:, 7:]], axis=1)
@@ -354,8 +354,8 @@ def _residuals(
     """
     q = y[:, 3:7]
     square = (q**2).sum(axis=1)
-    to_ned = np.swapaxes(matrix(q / np.sqrt(square)[:, None]), 1, 2)
-    tree = posture(vehicle, y[:, 7:])
+    to_ned = np.swapaxes(matrix_from_quaternion(q / np.sqrt(square)[:, None]), 1, 2)
+    tree = tree_posture(vehicle, y[:, 7:])
     rows, slopes = [], []
     turn = (
         2.0 / square[:, None, None] * _vector_matrix(q)
@@ -392,7 +392,7 @@ def _first_guess(
     rigid = np.stack([np.interp(time, time[good], column[good]) for column in rigid.T], axis=1)
     unit = rigid[:, 3:] / np.linalg.norm(rigid[:, 3:], axis=1, keepdims=True)
     inside = np.einsum(
-        "tij,tmj->tmi", matrix(unit), P - rigid[:, None, :3]
+        "tij,tmj->tmi", matrix_from_quaternion(unit), P - rigid[:, None, :3]
     )  # markers in axes of the base
     theta = np.zeros((len(time), len(vehicle.independent)))
     cranks = {linkage.crank: linkage.turns for linkage in vehicle.linkage.values()}
@@ -404,7 +404,7 @@ def _first_guess(
         )
         trial = np.broadcast_to(theta[:, None], (len(time), _GRID, theta.shape[1])).copy()
         trial[:, :, k] = grid
-        tree = posture(vehicle, trial)
+        tree = tree_posture(vehicle, trial)
         cost = np.zeros((len(time), _GRID))
         for j, (body, place) in enumerate(markers):
             if k in _sources(tree, body):

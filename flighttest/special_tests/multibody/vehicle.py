@@ -61,15 +61,15 @@ import xarray as xr
 from pydantic import BeforeValidator, Field, model_validator
 
 from flightmech.errors import SchemaError
-from flightmech.support.input_files import load
-from flightmech.support.toml_models import Strict, si, validate
-from flightmech.units import quantity, to_si
+from flightmech.support.input_files import read_toml
+from flightmech.support.toml_models import Strict, make_si_type, validate_content
+from flightmech.units import parse_quantity, to_si
 from flighttest.records.readers.columns import locate_column
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.opening import open_recording
 from flighttest.special_tests.motion_capture import MarkerSetup, read_markers
 
-Metres = si("m")
+Metres = make_si_type("m")
 Position = tuple[Metres, Metres, Metres]  # type: ignore[valid-type]
 _PARALLEL = 1e-9
 
@@ -79,13 +79,13 @@ def _inertia(item: Any) -> tuple[float, ...]:
         raise ValueError(
             "three moments of inertia Ixx Iyy Izz, or six with Ixy Ixz Iyz, are needed"
         )
-    return tuple(quantity(value, "kg m2") for value in item)
+    return tuple(parse_quantity(value, "kg m2") for value in item)
 
 
 class RigidBody(Strict):
     """One rigid body and the joint that holds it to its parent."""
 
-    mass: si("kg") = Field(ge=0.0, description="Mass.")  # type: ignore[valid-type]
+    mass: make_si_type("kg") = Field(ge=0.0, description="Mass.")  # type: ignore[valid-type]
     cg: Position = Field(
         default=(0.0, 0.0, 0.0),
         description="Centre of gravity from the origin, x forward, y right, z down.",
@@ -131,7 +131,9 @@ class GearedJoint(Strict):
 
     follows: str = Field(description="The other joint, by its body.")
     ratio: float = Field(default=1.0, description="Angle over that of the other.")
-    offset: si("rad") = Field(default=0.0, description="Angle where that of the other is zero.")  # type: ignore[valid-type]
+    offset: make_si_type("rad") = Field(
+        default=0.0, description="Angle where that of the other is zero."
+    )  # type: ignore[valid-type]
 
 
 class Linkage(Strict):
@@ -164,9 +166,13 @@ class Linkage(Strict):
 class Spring(Strict):
     """A spring with a damper on a joint."""
 
-    stiffness: si("N m rad-1") = Field(default=0.0, ge=0.0, description="Moment over angle.")  # type: ignore[valid-type]
-    rest: si("rad") = Field(default=0.0, description="Angle without moment.")  # type: ignore[valid-type]
-    damping: si("N m s rad-1") = Field(default=0.0, ge=0.0, description="Moment over rate.")  # type: ignore[valid-type]
+    stiffness: make_si_type("N m rad-1") = Field(
+        default=0.0, ge=0.0, description="Moment over angle."
+    )  # type: ignore[valid-type]
+    rest: make_si_type("rad") = Field(default=0.0, description="Angle without moment.")  # type: ignore[valid-type]
+    damping: make_si_type("N m s rad-1") = Field(
+        default=0.0, ge=0.0, description="Moment over rate."
+    )  # type: ignore[valid-type]
 
 
 class JointActuator(Strict):
@@ -200,7 +206,7 @@ class LiftingBody(Strict):
         default=(0.0, 0.0, 0.0),
         description="Where the loads act and the flow is taken, in axes of the body.",
     )
-    S: si("m2") = Field(gt=0.0, description="Reference area.")  # type: ignore[valid-type]
+    S: make_si_type("m2") = Field(gt=0.0, description="Reference area.")  # type: ignore[valid-type]
     fits: str | None = Field(
         default=None, description="Folder with CL.nc and CD.nc, as flight balance writes it."
     )
@@ -221,13 +227,15 @@ class LiftingBody(Strict):
 class Area(Strict):
     """Reference of the coefficients of the vehicle."""
 
-    S: si("m2") = Field(gt=0.0, description="Reference area.")  # type: ignore[valid-type]
+    S: make_si_type("m2") = Field(gt=0.0, description="Reference area.")  # type: ignore[valid-type]
 
 
 class Cameras(Strict):
     """How the cameras see the markers."""
 
-    flapping_frequency: si("Hz") = Field(gt=0.0, description="Frequency of the periodic motion.")  # type: ignore[valid-type]
+    flapping_frequency: make_si_type("Hz") = Field(
+        gt=0.0, description="Frequency of the periodic motion."
+    )  # type: ignore[valid-type]
     multiples: float = Field(
         default=8.0, gt=0.0, description="Cut-off of the motion over the flapping frequency."
     )
@@ -252,7 +260,7 @@ class Vehicle(Strict):
     aerodynamics: dict[str, LiftingBody] = Field(default_factory=dict)
     reference: Area
     cameras: Cameras
-    rho: si("kg m-3") = Field(default=1.225, gt=0.0, description="Density of the air.")  # type: ignore[valid-type]
+    rho: make_si_type("kg m-3") = Field(default=1.225, gt=0.0, description="Density of the air.")  # type: ignore[valid-type]
 
     @model_validator(mode="after")
     def _a_tree(self) -> Vehicle:
@@ -390,7 +398,7 @@ def read_vehicle(path: str | Path) -> Vehicle:
         that is not planar.
     """
     path = Path(path)
-    found = validate(Vehicle, load(path), str(path))
+    found = validate_content(Vehicle, read_toml(path), str(path))
     if not any(body.markers for body in found.body.values()):
         raise SchemaError(str(path), ["no body has markers; give those of [body.NAME.markers]"])
     moved = {

@@ -2,6 +2,7 @@
 
 from .polynomial_models import SPIN as SPIN
 from .polynomial_models import Polynomial as Polynomial
+from .polynomial_models import models_of_structure as models
 from .polynomial_models import models_of_structure as models_of_structure
 from .polynomial_models import polynomial_database as polynomial_database
 from .polynomial_models import read_polynomials as read_polynomials

@@ -24,7 +24,7 @@ from flightmech.aircraft.aircraft import reference_in
 from flightmech.errors import ParseError, SchemaError
 from flightmech.support.input_files import csv_rows, read_text
 from flightmech.terms import MAX_REGRESSORS, make_term
-from flighttest.regression.equation_error.model import RegressionModel, powers
+from flighttest.regression.equation_error.model import RegressionModel, term_powers
 from flighttest.special_tests.spin.rotation_rates import WIND_RATES
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def polynomial_database(
         rates = {
             term: value
             for term, value in values.items()
-            if any(name in WIND_RATES for name in powers(term))
+            if any(name in WIND_RATES for name in term_powers(term))
         }
         for term, value in values.items():
             if term not in rates:
@@ -133,7 +133,7 @@ def _term(term: str, value: float) -> xr.Dataset:
     """One product of powers: two factors are regressors, others become straight tables, one per
     axis variable.
     """
-    factors = [name for name, power in powers(term).items() for _ in range(power)]
+    factors = [name for name, power in term_powers(term).items() for _ in range(power)]
     factors.sort(key=lambda name: name not in _IMPLICIT)
     words, rest = factors[:MAX_REGRESSORS], factors[MAX_REGRESSORS:]
     if len(rest) != len(set(rest)) or set(rest) & set(_IMPLICIT):
@@ -232,7 +232,7 @@ def models_of_structure(
     """
     found = {}
     for coefficient, terms in structure.items():
-        variables = {name for term in terms for name in powers(term)}
+        variables = {name for term in terms for name in term_powers(term)}
         found[coefficient] = RegressionModel(
             coefficient,
             terms,
@@ -299,7 +299,7 @@ def read_polynomials(
     found = {}
     for coefficient, lines in rows.items():
         terms = [term for term, _, _ in lines]
-        variables = {name for term in terms for name in powers(term)}
+        variables = {name for term in terms for name in term_powers(term)}
         model = RegressionModel(
             coefficient,
             terms,

@@ -33,9 +33,9 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import UnknownName
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flighttest.reconstruction.dynamics.force_coefficients import reduced_rates
-from flighttest.reconstruction.dynamics.kinematics import rotation
+from flighttest.reconstruction.dynamics.kinematics import body_to_ned_rotation
 from flighttest.reconstruction.smoother import FlightPath, reconstruct
 from flighttest.records.sensors.instruments import stated_in
 
@@ -128,12 +128,12 @@ def spin_variables(data: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
     rates = wind_axis_rates(*(data[name].values for name in ("p", "q", "r", "alpha", "beta")))
     dims = data["p"].dims
     for name, rate in rates._asdict().items():
-        found[name] = dims, rate, attrs(name)
+        found[name] = dims, rate, quantity_attributes(name)
     for name, (rate_name, length) in WIND_RATES.items():
         found[name] = (
             dims,
             found[rate_name].values * getattr(aircraft, length) / (2.0 * data["V"].values),
-            attrs(name),
+            quantity_attributes(name),
         )
     return found
 
@@ -219,7 +219,7 @@ def _turned_record(record: xr.DataTree) -> xr.DataTree:
                     data, triple, np.stack([data[part].values for part in triple], axis=1) @ TURN.T
                 )
         if all(part in data for part in _EULER):
-            R = rotation(np.stack([data[part].values for part in _EULER], axis=1))
+            R = body_to_ned_rotation(np.stack([data[part].values for part in _EULER], axis=1))
             data = _with(data, _EULER, _euler(R @ TURN.T))
         leaves[f"/{name}"] = data.drop_vars(["alpha_vane", "beta_vane"], errors="ignore")
     return xr.DataTree.from_dict(
@@ -259,11 +259,11 @@ def _turned_back(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
             found = _with(
                 found, triple, np.stack([states[part].values for part in triple], axis=1) @ TURN
             )
-    R = rotation(np.stack([states[part].values for part in _EULER], axis=1))
+    R = body_to_ned_rotation(np.stack([states[part].values for part in _EULER], axis=1))
     found = _with(found, _EULER, _euler(R @ TURN))
     u, v, w, V = (found[name].values for name in ("u", "v", "w", "V"))
-    found["alpha"] = "time", np.arctan2(w, u), attrs("alpha")
-    found["beta"] = "time", np.arcsin(np.clip(v / V, -1.0, 1.0)), attrs("beta")
+    found["alpha"] = "time", np.arctan2(w, u), quantity_attributes("alpha")
+    found["beta"] = "time", np.arcsin(np.clip(v / V, -1.0, 1.0)), quantity_attributes("beta")
     return reduced_rates(found, aircraft)
 
 

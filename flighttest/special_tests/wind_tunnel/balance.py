@@ -35,10 +35,10 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, model_validator
 
 from flightmech.errors import AeromatchError
-from flightmech.names import lookup
-from flightmech.support.input_files import load
-from flightmech.support.toml_models import Strict, si, validate
-from flightmech.units import quantity
+from flightmech.names import lookup_quantity
+from flightmech.support.input_files import read_toml
+from flightmech.support.toml_models import Strict, make_si_type, validate_content
+from flightmech.units import parse_quantity
 
 FORCES, MOMENTS = ("Fx", "Fy", "Fz"), ("Mx", "My", "Mz")
 LOADS = (*FORCES, *MOMENTS)
@@ -56,7 +56,7 @@ def _errors(item: Any) -> dict[str, float]:
     if unknown:
         raise ValueError(f"{', '.join(unknown)}: unknown; allowed: {', '.join(UNITS)}")
     try:
-        found = {str(name): quantity(value, UNITS[str(name)]) for name, value in item.items()}
+        found = {str(name): parse_quantity(value, UNITS[str(name)]) for name, value in item.items()}
     except AeromatchError as error:
         raise ValueError(str(error)) from error
     if any(not value >= 0.0 for value in found.values()):
@@ -70,7 +70,10 @@ def _constants(item: Any) -> dict[str, float]:
             'a table of quantities is needed, such as { mach = 0.03, delta_f = "0 deg" }'
         )
     try:
-        return {str(name): quantity(value, lookup(str(name)).units) for name, value in item.items()}
+        return {
+            str(name): parse_quantity(value, lookup_quantity(str(name)).units)
+            for name, value in item.items()
+        }
     except AeromatchError as error:
         raise ValueError(str(error)) from error
 
@@ -78,20 +81,20 @@ def _constants(item: Any) -> dict[str, float]:
 class ReferenceLengths(Strict):
     """Reference lengths of the coefficients."""
 
-    S: si("m2") = Field(gt=0.0, description="Reference area.")  # type: ignore[valid-type]
-    b: si("m") = Field(gt=0.0, description="Span, of rolling and yawing moment.")  # type: ignore[valid-type]
-    c: si("m") = Field(gt=0.0, description="Chord, of the pitching moment.")  # type: ignore[valid-type]
+    S: make_si_type("m2") = Field(gt=0.0, description="Reference area.")  # type: ignore[valid-type]
+    b: make_si_type("m") = Field(gt=0.0, description="Span, of rolling and yawing moment.")  # type: ignore[valid-type]
+    c: make_si_type("m") = Field(gt=0.0, description="Chord, of the pitching moment.")  # type: ignore[valid-type]
 
 
 class Balance(Strict):
     """How the balance sits in the model."""
 
-    rotation: tuple[si("rad"), si("rad"), si("rad")] = Field(  # type: ignore[valid-type]
+    rotation: tuple[make_si_type("rad"), make_si_type("rad"), make_si_type("rad")] = Field(  # type: ignore[valid-type]
         default=(0.0, 0.0, 0.0),
         description="phi, theta, psi that turn body axes (x forward, z down) into those of the "
         "balance.",
     )
-    offset: tuple[si("m"), si("m"), si("m")] = Field(  # type: ignore[valid-type]
+    offset: tuple[make_si_type("m"), make_si_type("m"), make_si_type("m")] = Field(  # type: ignore[valid-type]
         default=(0.0, 0.0, 0.0),
         description="Centre of the balance from the moment reference point, in body axes.",
     )
@@ -123,8 +126,10 @@ class BalanceSetup(Strict):
         description="Terms per coefficient that are estimated and taken off: tare, or products of "
         "columns.",
     )
-    rho: si("kg m-3") = Field(default=1.225, gt=0.0, description="Density, where no column has it.")  # type: ignore[valid-type]
-    wind_off: si("m s-1") = Field(  # type: ignore[valid-type]
+    rho: make_si_type("kg m-3") = Field(
+        default=1.225, gt=0.0, description="Density, where no column has it."
+    )  # type: ignore[valid-type]
+    wind_off: make_si_type("m s-1") = Field(  # type: ignore[valid-type]
         default=0.5, ge=0.0, description="Airspeed below which a point belongs to the tare."
     )
 
@@ -148,4 +153,4 @@ def read_setup(path: str | Path) -> BalanceSetup:
     SchemaError
         With all faults of the keys.
     """
-    return validate(BalanceSetup, load(path), str(path))
+    return validate_content(BalanceSetup, read_toml(path), str(path))

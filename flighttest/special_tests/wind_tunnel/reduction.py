@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from flightmech.axes import lift_drag, rotation, transfer_moment
+from flightmech.axes import lift_drag, matrix_from_euler, transfer_moment
 from flightmech.errors import IdentificationError, SchemaError
-from flightmech.support.figures import demand_drawable, new_figure, save_figure
+from flightmech.support.figures import demand_drawable, new_figure, write_figure
 from flightmech.units import to_si
 from flighttest.records.readers.columns import locate_column
 from flighttest.records.readers.name_map import NameMap
@@ -83,7 +83,7 @@ def draw_surfaces(fits: Sequence[Fit], target: str | Path) -> None:
         axis.set_title(str(fit.model), fontsize="small", loc="left")
         axis.set_zlabel(name)
     figure.axes[0].legend(fontsize="small")
-    save_figure(figure, target, dpi=120)
+    write_figure(figure, target, dpi=120)
 
 
 def _range(points: xr.Dataset, angle: str) -> tuple[float, float]:
@@ -338,7 +338,7 @@ def _coefficients(
     it out.
     """
     size, reference = len(state["alpha"]), setup.reference
-    C = rotation(*setup.balance.rotation).T  # from balance to body axes, or to tunnel axes
+    C = matrix_from_euler(*setup.balance.rotation).T  # from balance to body axes, or to tunnel axes
     known = np.array([name in loads for name in LOADS])
     F, M = (
         np.stack([loads.get(name, np.zeros(size)) for name in names], axis=1) @ C.T
@@ -346,7 +346,7 @@ def _coefficients(
     )
     needs_F, needs_M = (np.abs(C) > 1e-9 for _ in range(2))
     if not setup.balance.moves:
-        to_body = rotation(0.0, state["alpha"], -state["beta"])
+        to_body = matrix_from_euler(0.0, state["alpha"], -state["beta"])
         F, M = (np.einsum("nij,nj->ni", to_body, x) for x in (F, M))
     has_F, has_M = (
         ~(needs & ~known[part]).any(axis=1)

@@ -32,15 +32,15 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import AeromatchWarning, IdentificationError
-from flighttest.maximum_likelihood.residual_covariance import coloured_covariance
-from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_of
+from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
 from flighttest.maximum_likelihood.search import (
     Likelihood,
     LikelihoodMaximum,
     Unknown,
-    inverse,
+    invert_information,
     lay_out,
-    search,
+    maximise_likelihood,
 )
 from flighttest.records.signals.fourier import finite_fourier, harmonics
 from flighttest.regression.equation_error.frequency_domain import (
@@ -51,7 +51,12 @@ from flighttest.regression.equation_error.frequency_domain import (
     student_factor,
 )
 from flighttest.regression.uncertainty.collinearity import demand_rank
-from flighttest.submodels.actuators.response import Structure, inputs, responses, simulate_actuator
+from flighttest.submodels.actuators.response import (
+    Structure,
+    actuator_inputs,
+    actuator_responses,
+    simulate_actuator,
+)
 
 _LONGEST_DELAY, _DELAYS = 0.5, 51  # [s], first look
 _FLOOR = 30.0  # of the noise of the motion's spectrum, above which there is content
@@ -157,13 +162,13 @@ class _Rows:
         self.motion: list[dict[str, np.ndarray]] = []
         if parts:
             self.motion = [
-                self._spectra(log, part.step, part.frequencies, inputs(log, structure)[2])
+                self._spectra(log, part.step, part.frequencies, actuator_inputs(log, structure)[2])
                 for log, part in zip(logs, parts)
             ]
             return
         start = 0
         for log in logs:
-            step, _, torque = inputs(log, structure)
+            step, _, torque = actuator_inputs(log, structure)
             duration = step * (log.sizes["time"] - 1)
             f = harmonics(duration, *(band or excited_band(log)))
             self.parts.append(
@@ -312,7 +317,7 @@ class _Rows:
         found = []
         value = {name.removesuffix("/Ma"): x for name, x in values.items()}
         for log in self.logs:
-            time, (_, u, torque) = log["time"].values, inputs(log, self.structure)
+            time, (_, u, torque) = log["time"].values, actuator_inputs(log, self.structure)
             p = log["position"].values if "position" in log else np.zeros(1)
             v = _rate(log)
             load = (
@@ -344,7 +349,7 @@ ITERATIONS = 60
 _LOWEST = {"Ma": 1e-12, "Ka": 0.0, "Ka/Ma": 0.0, "delay": 0.0, "rate_limit": 1e-9}
 
 
-def output_error(
+def fit_actuator_response(
     logs: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]
 ) -> OutputError:
     """Return the parameters of an actuator by maximum likelihood from its whole response.
@@ -364,13 +369,15 @@ def output_error(
     """
     runs, likelihood = _likelihood(logs, structure, start)
     layout = likelihood.layout
-    found = search(likelihood, ITERATIONS)
-    covariance, colours = coloured_covariance(found, layout.columns, [run.step for run in runs])
+    found = maximise_likelihood(likelihood, ITERATIONS)
+    covariance, colours = coloured_likelihood_covariance(
+        found, layout.columns, [run.step for run in runs]
+    )
     covariance = covariance + _by_torque(runs, logs, structure, found, layout.columns)
     estimates = estimates_dataset(
         found, layout, covariance, {"method": "output error in time, actuator"}
     )
-    scatter = noise_of(found, list(runs[0].outputs), colours, [run.measured for run in runs])
+    scatter = noise_dataset(found, list(runs[0].outputs), colours, [run.measured for run in runs])
     return OutputError(
         estimates, tuple(run.residual(v) for run, v in zip(runs, found.residuals)), scatter
     )
@@ -390,7 +397,7 @@ def _by_torque(
     with the response h to an impulse of the torque; smoothing leaves the noise below its cut-off,
     where the estimates are formed.
     """
-    D = inverse(found.information, ~found.active)
+    D = invert_information(found.information, ~found.active)
     total = np.zeros_like(found.information)
     for run, log, S, noise, place in zip(runs, logs, found.slopes, found.noise, columns):
         deviation = float(log["torque"].attrs.get("noise", 0.0)) if structure.absolute else 0.0
@@ -429,7 +436,7 @@ class _SimulatedLog:
 
     def __init__(self, log: xr.Dataset, structure: Structure):
         self.structure, self.time = structure, log["time"].values.astype(float)
-        self.step, self.command, self.torque = inputs(log, structure)
+        self.step, self.command, self.torque = actuator_inputs(log, structure)
         self.outputs = tuple(
             name
             for name in ("position", "rate")
@@ -451,7 +458,9 @@ class _SimulatedLog:
             moved = dict(
                 zip(
                     ("position", "rate"),
-                    responses(self.structure, values, self.step, self.command, self.torque),
+                    actuator_responses(
+                        self.structure, values, self.step, self.command, self.torque
+                    ),
                 )
             )
         return np.stack([moved[name] for name in self.outputs], axis=2)
@@ -470,7 +479,9 @@ class _SimulatedLog:
         impulse[1] = gear
         free = replace(self.structure, rate_limit=False, stop_low=False, stop_high=False)
         rest = np.full(len(self.command), values[self.names.index("neutral")])
-        moved = dict(zip(("position", "rate"), responses(free, still, self.step, rest, impulse)))
+        moved = dict(
+            zip(("position", "rate"), actuator_responses(free, still, self.step, rest, impulse))
+        )
         return np.stack([np.append(moved[name][0, 1:], 0.0) for name in self.outputs], axis=1)
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:

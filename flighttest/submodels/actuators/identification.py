@@ -18,7 +18,7 @@ from flighttest.records.readers.columns import locate_column
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.opening import open_recording
 from flighttest.records.signals.differentiation import fourier_smooth
-from flighttest.submodels.actuators.estimation import equation_error, output_error
+from flighttest.submodels.actuators.estimation import equation_error, fit_actuator_response
 from flighttest.submodels.actuators.response import LIMITS, Structure, simulate_actuator
 from flighttest.submodels.actuators.result import IdentifiedActuator, LogEstimates
 
@@ -216,7 +216,7 @@ def identify_actuator(
     if limits and structure.stiffness:
         found, structure = _with_limits(records, structure, start)
     else:
-        found = output_error(records, structure, start)
+        found = fit_actuator_response(records, structure, start)
     single = [_alone(log, structure, found) for log in records] if len(records) > 1 else []
     return IdentifiedActuator(
         structure,
@@ -296,7 +296,7 @@ def _with_limits(
     def bic(found: OutputError, model: Structure) -> float:
         return 2.0 * float(found.estimates.attrs["cost"]) + len(model.parameters) * np.log(samples)
 
-    free = output_error(records, structure, start), structure
+    free = fit_actuator_response(records, structure, start), structure
     model = replace(structure, **dict.fromkeys(LIMITS, True))
     tried = [free]
     while any(getattr(model, name) for name in LIMITS):
@@ -324,7 +324,7 @@ def _best(
     found = []
     for start in starts:
         try:
-            found.append(output_error(records, model, start))
+            found.append(fit_actuator_response(records, model, start))
         except IdentificationError:
             continue
     return min(found, key=lambda one: float(one.estimates.attrs["cost"])) if found else None
@@ -373,7 +373,7 @@ def _reached(
 def _alone(log: xr.Dataset, structure: Structure, found: OutputError) -> LogEstimates | None:
     """Estimates of one log by itself, from those of all; None where it cannot determine them."""
     try:
-        own = output_error([log], structure, found.parameters)
+        own = fit_actuator_response([log], structure, found.parameters)
     except IdentificationError:
         return None
     e = own.estimates.sel(parameter=[name for name in structure.parameters])

@@ -102,7 +102,7 @@ def simulate_actuator(
         ``position`` [rad] and ``rate`` [rad/s].
     """
     rows = {name: np.array([value], float) for name, value in values.items()}
-    p, v = responses(structure, rows, *inputs(log, structure))
+    p, v = actuator_responses(structure, rows, *actuator_inputs(log, structure))
     return xr.Dataset(
         {
             "position": ("time", p[0], {"units": "rad"}),
@@ -112,7 +112,7 @@ def simulate_actuator(
     )
 
 
-def inputs(log: xr.Dataset, structure: Structure) -> tuple[float, np.ndarray, np.ndarray]:
+def actuator_inputs(log: xr.Dataset, structure: Structure) -> tuple[float, np.ndarray, np.ndarray]:
     """Return step [s], command and torque at the actuator, G tau, of a log."""
     time = log["time"].values.astype(float)
     torque = (
@@ -127,7 +127,7 @@ def inputs(log: xr.Dataset, structure: Structure) -> tuple[float, np.ndarray, np
     )
 
 
-def responses(
+def actuator_responses(
     structure: Structure,
     values: Mapping[str, np.ndarray],
     step: float,

@@ -15,9 +15,9 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import IdentificationError
-from flightmech.support.figures import demand_drawable, new_figure, save_figure
+from flightmech.support.figures import demand_drawable, new_figure, write_figure
 from flighttest.maximum_likelihood.result import OutputError
-from flighttest.records.signals.fourier import detrended, finite_fourier
+from flighttest.records.signals.fourier import finite_fourier, remove_straight_line
 from flighttest.regression.combining.pooling import DISAGREEMENT, Pooled, pool
 from flighttest.remarks import Remark, remark_lines
 from flighttest.submodels.actuators.estimation import Estimates, excited_band
@@ -508,7 +508,7 @@ def draw_actuator(found: IdentifiedActuator, target: str | Path) -> None:
         ):
             spectrum.semilogy(
                 f,
-                np.abs(finite_fourier(detrended(values), step, f)),
+                np.abs(finite_fourier(remove_straight_line(values), step, f)),
                 color=colour,
                 linewidth=0.8,
                 linestyle=style,
@@ -520,4 +520,4 @@ def draw_actuator(found: IdentifiedActuator, target: str | Path) -> None:
     axes[0][0].legend(fontsize="small", ncols=3)
     axes[-1][0].set_xlabel("time [s]")
     axes[-1][1].set_xlabel("frequency [Hz]")
-    save_figure(figure, target, dpi=120)
+    write_figure(figure, target, dpi=120)

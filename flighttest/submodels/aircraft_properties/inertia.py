@@ -41,8 +41,8 @@ from flighttest.reconstruction.dynamics.force_coefficients import (
     smooth_states,
 )
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.model import RegressionModel, regressors
-from flighttest.regression.equation_error.samples import stack
+from flighttest.regression.equation_error.model import RegressionModel, term_regressors
+from flighttest.regression.equation_error.samples import stack_samples
 from flighttest.regression.uncertainty.collinearity import demand_rank
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 from flighttest.remarks import Remark, remark_lines
@@ -179,7 +179,7 @@ def inertia_from_flight(
         _diagonal([getattr(one, block) for one in found]) for block in ("covariance", "white")
     )
     I, J = _ratios(k, C, aircraft, scale)
-    products = least_squares.estimates(
+    products = least_squares.regression_estimates(
         _NAMES,
         k,
         C,
@@ -238,7 +238,7 @@ def _regressed(
         dict.fromkeys(v for name in _COEFFICIENT[rate] for v in models[name].variables)
     )
     products = _PRODUCTS[rate]
-    samples = stack(rate, ["qbar", *products, *variables], parts, f"the equation of {rate}")
+    samples = stack_samples(rate, ["qbar", *products, *variables], parts, f"the equation of {rate}")
     z = samples.data[rate].values
     load = (
         samples.data["qbar"].values
@@ -246,7 +246,10 @@ def _regressed(
         * (aircraft.cbar if rate == "q_dot" else aircraft.b)
     )
     X = np.vstack(
-        [*(samples.data[name].values for name in products), regressors(terms, samples.data) * load]
+        [
+            *(samples.data[name].values for name in products),
+            term_regressors(terms, samples.data) * load,
+        ]
     ).T
     if len(z) <= 5 * X.shape[1]:
         raise IdentificationError(
@@ -256,10 +259,10 @@ def _regressed(
         demand_rank(X, [*products, *(f"qbar*{term}" for term in terms)])
     except IdentificationError as error:
         raise IdentificationError(f"equation of {rate}: {error}") from None
-    theta, _ = least_squares.solve(X, z)
+    theta, _ = least_squares.solve_least_squares(X, z)
     v = z - X @ theta
     C = coloured_covariance_of(X, v, *samples.pieces()).covariance
-    A = least_squares.estimator(X)
+    A = least_squares.estimator_matrix(X)
     white = A @ A.T * float(v @ v) / (len(z) - len(theta))
     n = len(products)
     return _Regressed(theta[:n], C[:n, :n], white[:n, :n])
@@ -322,7 +325,7 @@ def _moments(k, C, white, I, J, aircraft: Aircraft, scale: str) -> xr.Dataset:
     rest = k - _factors(I)
     chi2 = float(rest @ inverse @ rest)
     stated = np.array([float(getattr(aircraft, name)) for name in MOMENTS])
-    found = least_squares.estimates(
+    found = least_squares.regression_estimates(
         MOMENTS,
         I,
         covariance,

@@ -16,7 +16,7 @@ from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error import least_squares
 from flighttest.submodels.control_loading.joint_fit import JointFit, RecordEquations
 from flighttest.submodels.control_loading.loading import ControlLoading
-from flighttest.submodels.control_loading.motion import CUTOFF, channels
+from flighttest.submodels.control_loading.motion import CUTOFF, loading_channels
 from flighttest.submodels.control_loading.regression import (
     NAMES,
     CableFit,
@@ -156,7 +156,7 @@ class _Fit:
         C = block_diag(*(one["covariance"].values for one in both))
         theta = np.concatenate([one["estimate"].values for one in both])
         nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(theta), 0)))
-        return least_squares.estimates(
+        return least_squares.regression_estimates(
             self.names, T @ theta, T @ C @ T.T, np.full(len(theta), np.nan), nothing, {}
         )
 
@@ -243,7 +243,7 @@ def _sources(
     """Channel, 0 for a bias and 1 for a scale error, and its size, of every error of a channel that
     is used.
     """
-    used = {name for name in channels(loading) if all(name in one for one in records)}
+    used = {name for name in loading_channels(loading) if all(name in one for one in records)}
     return [
         (name, kind, size)
         for name, pair in errors.items()

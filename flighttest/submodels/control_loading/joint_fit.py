@@ -167,7 +167,7 @@ def joint_fit(
         )
         v = z - X @ theta
         weight = worth / _variances(v, noise @ theta**2, source, fixed)
-    estimator = least_squares.estimator(equivalent) * root
+    estimator = least_squares.estimator_matrix(equivalent) * root
     counts = [int((source == k).sum()) for k in (0, 1)]
     lengths = tuple(length for one in samples for length in one.lengths)
     steps = tuple(one.step for one in samples for _ in one.lengths)
@@ -210,6 +210,6 @@ def _without_noise(
             f"motion or leave it out"
         )
         raise IdentificationError(f"{names[int(np.argmax(share))]}: {text}")
-    return least_squares.solve(
+    return least_squares.solve_least_squares(
         X, z, -noise * min(1.0, _SAFE / worst if worst > 0.0 else 1.0) if not final else -noise
     )

@@ -21,7 +21,7 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 from flightmech.units import G0
-from flighttest.regression.equation_error.model import RegressionModel, powers
+from flighttest.regression.equation_error.model import RegressionModel, term_powers
 
 DEFLECTION = {"column": "delta_e", "wheel": "delta_a", "pedal": "delta_r"}
 COEFFICIENT = {"column": "Ch_e", "wheel": "Ch_a", "pedal": "Ch_r"}
@@ -161,7 +161,7 @@ class ControlLoading:
         """
         found = []
         for term in self.model.terms:
-            factors = dict(powers(term))
+            factors = dict(term_powers(term))
             if any(self.deflection in factor and factor != self.deflection for factor in factors):
                 raise SchemaError(
                     "control loading",

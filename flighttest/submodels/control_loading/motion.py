@@ -105,7 +105,7 @@ def control_signals(loading: ControlLoading, data: xr.Dataset, cutoff: float | N
     UnknownName
         A channel that the record does not hold.
     """
-    wanted, item = channels(loading), loading.item
+    wanted, item = loading_channels(loading), loading.item
     if "wow" in wanted and "wow" not in data and "wow_nose" in data:
         data = data.assign(wow=data["wow_nose"])
     for name in wanted:
@@ -142,7 +142,7 @@ def control_signals(loading: ControlLoading, data: xr.Dataset, cutoff: float | N
     return xr.Dataset({name: ("time", x) for name, x in found.items()}, {"time": time})
 
 
-def free_motion(loading: ControlLoading, data: xr.Dataset) -> list[xr.Dataset]:
+def free_motion_windows(loading: ControlLoading, data: xr.Dataset) -> list[xr.Dataset]:
     """Return the windows from rest to rest in which the control moves, in order of time.
 
     Parameters
@@ -163,7 +163,7 @@ def free_motion(loading: ControlLoading, data: xr.Dataset) -> list[xr.Dataset]:
     moves = np.flatnonzero(
         rate
         > max(
-            _SLOW * derivative_noise(data[loading.item].values, step, EVENT_CUTOFF)[0],
+            _SLOW * smoothed_derivative_noise(data[loading.item].values, step, EVENT_CUTOFF)[0],
             LEAST_RATE * float(rate.max()),
         )
     )
@@ -190,7 +190,7 @@ def is_sliding(
     reach = int(np.ceil(_REACH / cutoff / step))
     use = ~_next_to(has_force_jump(data[f"F_{loading.item}"].values))
     use &= rate > max(
-        _SLOW * derivative_noise(raw, step, cutoff)[0], LEAST_RATE * float(rate.max())
+        _SLOW * smoothed_derivative_noise(raw, step, cutoff)[0], LEAST_RATE * float(rate.max())
     )
     use &= ~(_crossing(moved["rate"].values) | _crossing(moved["aft_rate"].values))
     if "preload" in loading.constants:
@@ -222,11 +222,13 @@ def pick_up_noise(
     the surface's end of the cable.
     """
     step = float(np.median(np.diff(data["time"].values)))
-    own = derivative_noise(data[loading.item].values, step, cutoff)
-    return own, derivative_noise(data[loading.deflection].values / loading.gearing, step, cutoff)
+    own = smoothed_derivative_noise(data[loading.item].values, step, cutoff)
+    return own, smoothed_derivative_noise(
+        data[loading.deflection].values / loading.gearing, step, cutoff
+    )
 
 
-def channels(loading: ControlLoading) -> list[str]:
+def loading_channels(loading: ControlLoading) -> list[str]:
     """Return the names of the channels that a record must hold."""
     item = loading.item
     names = [item, f"F_{item}", loading.deflection, "qbar", *loading.model.variables]
@@ -281,7 +283,7 @@ def _weights(count: int, step: float, cutoff: float) -> tuple[np.ndarray, np.nda
     return omega, np.exp(-0.5 * (omega * _WIDTH / cutoff) ** 2)
 
 
-def derivative_noise(x: np.ndarray, step: float, cutoff: float) -> tuple[float, float]:
+def smoothed_derivative_noise(x: np.ndarray, step: float, cutoff: float) -> tuple[float, float]:
     """Return the standard deviations of the noise in `smoothed` first and second derivatives of a
     slow signal with white noise.
     """

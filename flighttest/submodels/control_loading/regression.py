@@ -117,8 +117,8 @@ def sliding_fit(
         np.zeros((len(loading.names), 0)),
     )
     white = np.sqrt(np.diag(np.linalg.inv(found.X.T @ found.X)))
-    more = least_squares.diagnostics(found.X, fixed)
-    estimates = least_squares.estimates(
+    more = least_squares.regressor_diagnostics(found.X, fixed)
+    estimates = least_squares.regression_estimates(
         loading.names, found.theta, found.covariance, white, ([], none), more
     )
     estimates.attrs = {
@@ -237,11 +237,11 @@ def trim_forces(loading: ControlLoading, points: xr.Dataset) -> TrimForces:
         )
     collinearity.demand_rank(X, names)
     F = points[f"F_{loading.item}"].values
-    theta, _ = least_squares.solve(X, F)
+    theta, _ = least_squares.solve_least_squares(X, F)
     v = F - X @ theta
     covariance = float(v @ v) / spare * np.linalg.inv(X.T @ X)
     stderr = np.sqrt(np.diag(covariance))
-    found = least_squares.estimates(
+    found = least_squares.regression_estimates(
         names, theta, covariance, stderr, ([], np.zeros((len(names), 0))), {}
     )
     limit = float(np.sqrt(3.0 * (v @ v) / chi2.ppf(0.025, spare)))
@@ -350,7 +350,7 @@ def cable_fit(
     at = [slid.loading.names.index(loading.term(term)) for term in loading.model.terms]
     covariance = G[:, moves] @ fit.covariance @ G[:, moves].T
     covariance += by_terms @ slid.estimates["covariance"].values[np.ix_(at, at)] @ by_terms.T
-    found = least_squares.estimates(
+    found = least_squares.regression_estimates(
         NAMES, values, covariance, np.full(len(NAMES), np.nan), ([], np.zeros((len(NAMES), 0))), {}
     )
     return CableFit(

@@ -17,7 +17,7 @@ from flightmech.aircraft.controls import Circuit, ControlGeometry
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.units import G0
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.model import powers
+from flighttest.regression.equation_error.model import term_powers
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.regression import SlidingFit
 from flighttest.submodels.control_loading.simulation import SimulatedWindow, fly_windows
@@ -155,7 +155,7 @@ class IdentifiedLoading:
     def _moved(self, theta: np.ndarray, covariance: np.ndarray) -> IdentifiedLoading:
         names = [str(name) for name in self.estimates["term"].values]
         nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(names), 0)))
-        found = least_squares.estimates(
+        found = least_squares.regression_estimates(
             names,
             theta,
             0.5 * (covariance + covariance.T),
@@ -324,7 +324,7 @@ def hinge_terms(found: IdentifiedLoading) -> dict[str, xr.Dataset]:
     coefficient = found.loading.model.coefficient
     leaves = {}
     for term in found.loading.model.terms:
-        regressors = [name for name, power in powers(term).items() for _ in range(power)]
+        regressors = [name for name, power in term_powers(term).items() for _ in range(power)]
         value, stderr = found.value(found.loading.term(term))
         if len(regressors) > 2:
             leaves[f"{coefficient}/{_contribution(term)}"] = _tabulated(found, term, value, stderr)
@@ -371,7 +371,7 @@ def _tabulated(found: IdentifiedLoading, term: str, value: float, stderr: float)
     """A power of the deflection beyond the second: a table over it times the deflection, up to 0.5
     rad.
     """
-    factors = powers(term)
+    factors = term_powers(term)
     name = found.loading.deflection
     if set(factors) != {name}:
         raise SchemaError(

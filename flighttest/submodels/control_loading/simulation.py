@@ -21,7 +21,7 @@ import xarray as xr
 from flightmech.errors import IdentificationError
 from flightmech.units import G0
 from flighttest.submodels.control_loading.loading import ControlLoading
-from flighttest.submodels.control_loading.motion import REST, control_signals, free_motion
+from flighttest.submodels.control_loading.motion import REST, control_signals, free_motion_windows
 
 LONGEST_STEP = 1e-3  # s
 PHASE = 0.25  # of the cable mode in a sub-step [rad]: its frequency is right within PHASE^2 / 24
@@ -229,7 +229,9 @@ def fly_windows(
         A mass or a stiffness that is not positive.
     """
     return [
-        _flown(loading, estimates, window) for one in free for window in free_motion(loading, one)
+        _flown(loading, estimates, window)
+        for one in free
+        for window in free_motion_windows(loading, one)
     ]
 
 

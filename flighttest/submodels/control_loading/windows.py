@@ -16,13 +16,13 @@ from flighttest.submodels.control_loading.motion import (
     LEAST_RATE,
     NEUTRAL,
     control_signals,
-    derivative_noise,
     estimate_white_noise,
     force_regressors,
     has_force_jump,
     is_sliding,
     pick_up_noise,
     smooth_derivatives,
+    smoothed_derivative_noise,
 )
 
 EVENTS = 10.0  # Hz: low-pass of the rate whose sign bounds the windows
@@ -56,14 +56,14 @@ class ModulatingWindow:
         return self.phi[order] @ x[self.part]
 
 
-def modulate(x: np.ndarray, windows: list[ModulatingWindow], order: int = 0) -> np.ndarray:
+def modulate_signal(x: np.ndarray, windows: list[ModulatingWindow], order: int = 0) -> np.ndarray:
     """Return the derivative of a signal, (time,) or (time, columns), in every window, (windows,) or
     (windows, columns).
     """
     return np.array([window.of(x, order) for window in windows]).reshape(len(windows), *x.shape[1:])
 
 
-def windows_of(
+def find_slide_windows(
     loading: ControlLoading, data: xr.Dataset, moved: xr.Dataset
 ) -> list[ModulatingWindow]:
     """Return the windows of a record in which the control slides one way, on one side of neutral,
@@ -81,7 +81,8 @@ def windows_of(
     s = data[loading.item].values
     rate = moved["rate"].values
     use = np.abs(rate) > max(
-        _MOVING * derivative_noise(s, step, EVENTS)[0], LEAST_RATE * float(np.abs(rate).max())
+        _MOVING * smoothed_derivative_noise(s, step, EVENTS)[0],
+        LEAST_RATE * float(np.abs(rate).max()),
     )
     breaks = (
         has_force_jump(data[f"F_{loading.item}"].values)
@@ -114,7 +115,7 @@ def free_signals(
 ) -> tuple[xr.Dataset, list[ModulatingWindow]]:
     """Return the signals of a record without low-pass, and its windows."""
     moved = control_signals(loading, data, None)
-    return moved, windows_of(loading, data, moved)
+    return moved, find_slide_windows(loading, data, moved)
 
 
 def _windows(first: int, count: int, step: float) -> list[ModulatingWindow]:
@@ -181,7 +182,7 @@ class PreparedRecord:
     def rows(self, x: np.ndarray, order: int = 0) -> np.ndarray:
         """Return the derivative of a signal, (time,) or (time, columns), in the rows."""
         if isinstance(self.used, list):
-            return modulate(x, self.used, order)
+            return modulate_signal(x, self.used, order)
         return (
             x[self.used]
             if order == 0
@@ -202,7 +203,7 @@ class PreparedRecord:
                 self.moved[f"aft_{_DERIVATIVES[order]}"].values,
             )
             return ((1.0 - share) * own + share * far)[self.used]
-        return modulate((1.0 - share) * own + share * far, self.used, order)
+        return modulate_signal((1.0 - share) * own + share * far, self.used, order)
 
     def motion_noise(self, order: int, share: float) -> np.ndarray:
         """Return the variance of the noise in `motion`, (rows,)."""

@@ -21,9 +21,9 @@ from flightmech.simulation.batch import fly_batch
 from flightmech.simulation.kernel import STATE
 from flightmech.simulation.run import constant_inputs, initialise_run, read_inputs
 from flightmech.terms import make_term
-from flighttest.maximum_likelihood.residual_covariance import coloured_covariance
-from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_of
-from flighttest.maximum_likelihood.search import Likelihood, Unknown, lay_out, search
+from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
+from flighttest.maximum_likelihood.search import Likelihood, Unknown, lay_out, maximise_likelihood
 from flighttest.maximum_likelihood.time_domain import Runs, uniform_step
 
 HEAVY = 1e9  # [kg]: thrust changes the speed by less than 0.01 m/s in a minute
@@ -71,7 +71,7 @@ class EngineCondition(NamedTuple):
     wind: np.ndarray
 
 
-def condition(record: xr.Dataset) -> EngineCondition:
+def record_condition(record: xr.Dataset) -> EngineCondition:
     """Return the condition of a record: its Mach number, the straight line through its height, the
     mean offset of its temperature.
 
@@ -150,19 +150,21 @@ def fit_engine(
         _SimulatedEngine(sim, record, remembered, list(outputs), step, least) for record in records
     ]
     layout = lay_out(unknowns, [{} for _ in runs])
-    found = search(Likelihood(runs, layout, np.zeros(len(runs), int)), iterations)
-    covariance, colours = coloured_covariance(found, layout.columns, [run.interval for run in runs])
+    found = maximise_likelihood(Likelihood(runs, layout, np.zeros(len(runs), int)), iterations)
+    covariance, colours = coloured_likelihood_covariance(
+        found, layout.columns, [run.interval for run in runs]
+    )
     estimates = estimates_dataset(
         found, layout, covariance, {"method": "output error on the engine of the kernel"}
     )
     names = [f"engine1.{name}" for name in outputs]
     rest = tuple(run.residual(v) for run, v in zip(runs, found.residuals))
     return OutputError(
-        estimates, rest, noise_of(found, names, colours, [run.measured for run in runs])
+        estimates, rest, noise_dataset(found, names, colours, [run.measured for run in runs])
     )
 
 
-def parameter(table: str, node: Sequence[int] = ()) -> str:
+def kernel_parameter(table: str, node: Sequence[int] = ()) -> str:
     """Return the name of a constant or of a node of a table in the kernel."""
     if table in CONSTANTS:
         return f"engine1.{table}"
@@ -171,7 +173,7 @@ def parameter(table: str, node: Sequence[int] = ()) -> str:
 
 def as_nodes(table: str, values: np.ndarray) -> dict[str, float]:
     """Return the nodes of a table under their names in the kernel."""
-    return {parameter(table, place): float(value) for place, value in np.ndenumerate(values)}
+    return {kernel_parameter(table, place): float(value) for place, value in np.ndenumerate(values)}
 
 
 class _Remembered:
@@ -208,7 +210,7 @@ class _SimulatedEngine:
         self.time = record["time"].values.astype(float)
         self.interval = uniform_step(self.time, f"record {record.attrs.get('record', '')}".strip())
         self.measured = np.column_stack([record[name].values.astype(float) for name in outputs])
-        held, wind = condition(record)
+        held, wind = record_condition(record)
         self.held = {"mode.step": step, **held}
         self.u = read_inputs(sim, simulation_inputs(record, wind), self.held, len(self.time))
         self.runs = Runs(self._fly)
@@ -277,7 +279,7 @@ def fly_deck(deck: EngineDeck, record: xr.Dataset) -> xr.Dataset:
             f"the record has {' '.join(map(str, record.data_vars))}; the lever, throttle, is needed"
         )
     model = compile_engine(deck)
-    held, _ = condition(record)
+    held, _ = record_condition(record)
     time = record["time"].values.astype(float)
     mach, h = (
         record[name].values.astype(float) if name in record else np.zeros(len(time))

@@ -77,7 +77,7 @@ def find_lever_rest(record: xr.Dataset, still: float = STILL, same: float = SAME
     return (high - low)[width:] < same
 
 
-def positions(records: Sequence[xr.Dataset]) -> np.ndarray:
+def rest_positions(records: Sequence[xr.Dataset]) -> np.ndarray:
     """Return the positions at which the lever rested, rising."""
     found = np.sort(
         np.concatenate([one["throttle"].values[find_lever_rest(one)] for one in records])
@@ -91,16 +91,16 @@ def positions(records: Sequence[xr.Dataset]) -> np.ndarray:
     return np.array([float(np.median(group)) for group in groups if len(group) >= least])
 
 
-def nodes(records: Sequence[xr.Dataset]) -> np.ndarray:
+def schedule_nodes(records: Sequence[xr.Dataset]) -> np.ndarray:
     """Return breakpoints of the schedule: the positions of rest, and evenly between those that are
     far apart.
     """
-    rest = positions(records)
+    rest = rest_positions(records)
     between = [np.linspace(a, b, int(np.ceil((b - a) / GAP)) + 1)[1:-1] for a, b in pairwise(rest)]
     return np.sort(np.concatenate([rest, *between]))
 
 
-def speeds(records: Sequence[xr.Dataset]) -> np.ndarray:
+def speed_knots(records: Sequence[xr.Dataset]) -> np.ndarray:
     """Return knots of the tables over n2, evenly over what was run."""
     n2 = np.concatenate([one["n2"].values for one in records])
     low, high = np.quantile(n2, [0.002, 0.998])

@@ -33,12 +33,12 @@ from flighttest.submodels.engine.schedule import (
     cover_settled_range,
     first_rates,
     first_schedule,
-    nodes,
     reading_error,
     reading_noise,
     remove_lever_noise,
+    schedule_nodes,
     settled_speeds,
-    speeds,
+    speed_knots,
 )
 from flighttest.submodels.engine.tables import FINE, EngineCurve, EngineTable2D
 
@@ -198,10 +198,11 @@ def identify_spools(
     if fan not in ("n2", "lever"):
         raise IdentificationError(f"fan is {fan!r}; one of n2, lever is needed")
     noisy = reading_error(
-        records, lever := np.array(throttle if throttle is not None else nodes(records), float)
+        records,
+        lever := np.array(throttle if throttle is not None else schedule_nodes(records), float),
     )
     records = [remove_lever_noise(record) for record in records]
-    given = np.array(n2 if n2 is not None else speeds(records), float)
+    given = np.array(n2 if n2 is not None else speed_knots(records), float)
     speed = cover_settled_range(given, settled_speeds(records, "n2"))
     core = _Spool("n2", lever, speed, over or {}, limits)
     found = core.search(records)
@@ -314,7 +315,11 @@ class _Spool:
         return self.surfaces[table.replace("_down_time", "_up_time")].axes
 
     def _parameters(self, theta: np.ndarray) -> dict[str, float]:
-        found = {} if self.delay is not None else {bench.parameter("lever_delay"): float(theta[0])}
+        found = (
+            {}
+            if self.delay is not None
+            else {bench.kernel_parameter("lever_delay"): float(theta[0])}
+        )
         for table, values in self.tables(theta).items():
             found |= bench.as_nodes(
                 table, np.clip(values, QUICKEST, None) if table.endswith("_time") else values
@@ -471,7 +476,7 @@ def _fan(
 
     def parameters(theta: np.ndarray) -> dict[str, float]:
         return bench.as_nodes("n1_command", curve(theta)) | {
-            bench.parameter("n1_up_time"): float(theta[-1])
+            bench.kernel_parameter("n1_up_time"): float(theta[-1])
         }
 
     leaves = {name: one.leaf for name, one in tables.items()}

@@ -152,7 +152,7 @@ def identify_start(records: Sequence[xr.Dataset]) -> StartFit:
 
     def parameters(theta: np.ndarray) -> dict[str, float]:
         return {
-            bench.parameter(name): float(value) for name, value in zip(single, theta)
+            bench.kernel_parameter(name): float(value) for name, value in zip(single, theta)
         } | bench.as_nodes("n2_up_time", times(theta))
 
     light = max(min(lit) - 0.02, 0.01)
@@ -221,7 +221,7 @@ def _flows(deck: EngineDeck, records: Sequence[xr.Dataset], knots: np.ndarray):
 
     def parameters(theta: np.ndarray) -> dict[str, float]:
         nodes = [bench.as_nodes(name, curve(k)(theta)) for k, name in enumerate(outputs)]
-        lag = {bench.parameter("itt_time"): float(theta[-1])} if lagged else {}
+        lag = {bench.kernel_parameter("itt_time"): float(theta[-1])} if lagged else {}
         return {key: value for part in nodes for key, value in part.items()} | lag
 
     own = {name: make_term(np.interp(at, knots, first[name]), {"n2": at}) for name in outputs}

@@ -28,8 +28,8 @@ from flightmech.errors import IdentificationError
 from flightmech.terms import SOURCE_ATTRS, SOURCES
 from flighttest.submodels.engine.steady_points import (
     equilibrium_rows,
+    prior_thrust_shares,
     recorded_rows,
-    shares,
     speed_axis,
 )
 
@@ -88,7 +88,9 @@ class DeckCorrection:
         flight condition.
         """
         at = {self._axis: speed, "mach": mach, **condition}
-        P = shares(self.prior, {name: np.array([value]) for name, value in at.items()})[0]
+        P = prior_thrust_shares(
+            self.prior, {name: np.array([value]) for name, value in at.items()}
+        )[0]
         w = P / P.sum()
         return float(w @ self.factor), float(np.sqrt(w @ self.covariance @ w))
 

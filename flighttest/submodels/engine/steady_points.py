@@ -17,13 +17,13 @@ import xarray as xr
 from flightmech.air import atmosphere
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.support.arrays import rms
-from flightmech.terms import basis
+from flightmech.terms import node_basis
 
 T_STANDARD, P_STANDARD, GAMMA, G0 = 288.15, 101325.0, 1.4, 9.80665
 SPEEDS = ("corrected_n1", "corrected_n2")
 
 
-def ratios(points: Mapping) -> tuple[np.ndarray, np.ndarray]:
+def temperature_pressure_ratios(points: Mapping) -> tuple[np.ndarray, np.ndarray]:
     """Return total temperature over 288.15 K and ambient pressure over 101325 Pa.
 
     Parameters
@@ -50,7 +50,7 @@ def speed_axis(prior: xr.Dataset) -> str:
     return found[0]
 
 
-def shares(prior: xr.Dataset, at: Mapping[str, np.ndarray]) -> np.ndarray:
+def prior_thrust_shares(prior: xr.Dataset, at: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return the a-priori corrected thrust (point, breakpoint) by the speed to whose nodes it
     belongs. [N]
     """
@@ -62,7 +62,7 @@ def shares(prior: xr.Dataset, at: Mapping[str, np.ndarray]) -> np.ndarray:
         ),
         prior["value"].shape,
     )
-    weights = basis(prior, at, outside="clamp").toarray() * prior["value"].values.ravel()
+    weights = node_basis(prior, at, outside="clamp").toarray() * prior["value"].values.ravel()
     return weights @ (index.ravel()[:, None] == np.arange(prior.sizes[axis]))
 
 
@@ -71,7 +71,7 @@ def _inside(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Which points lie inside the deck; shares and pressure ratio of those."""
     axis = speed_axis(prior)
-    theta, delta = ratios(points)
+    theta, delta = temperature_pressure_ratios(points)
     speed = points[axis.removeprefix("corrected_")].values / np.sqrt(theta)
     at = {**{str(key): points[key].values for key in points.data_vars}, axis: speed}
     inside = np.all(
@@ -91,7 +91,11 @@ def _inside(
             f"{name}: {np.count_nonzero(~inside)} of {len(inside)} points lie outside the "
             f"a-priori deck and are left out"
         )
-    return inside, shares(prior, {key: value[inside] for key, value in at.items()}), delta[inside]
+    return (
+        inside,
+        prior_thrust_shares(prior, {key: value[inside] for key, value in at.items()}),
+        delta[inside],
+    )
 
 
 def _range(prior: xr.Dataset) -> str:
@@ -186,11 +190,15 @@ def equilibrium_points(
         str(name): np.broadcast_to(points[name].values, points.sizes["time"])
         for name in points.data_vars
     }
-    theta, delta = ratios(at)
+    theta, delta = temperature_pressure_ratios(at)
     fx = at["ax"] * np.cos(at["alpha"]) + at["az"] * np.sin(at["alpha"])
     fz = at["ax"] * np.sin(at["alpha"]) - at["az"] * np.cos(at["alpha"])
     q = 0.5 * GAMMA * P_STANDARD * delta * at["mach"] ** 2
-    thrust = engines * delta * shares(prior, at | {axis: at[speed] / np.sqrt(theta)}).sum(axis=1)
+    thrust = (
+        engines
+        * delta
+        * prior_thrust_shares(prior, at | {axis: at[speed] / np.sqrt(theta)}).sum(axis=1)
+    )
     lift = at["mass"] * fz - thrust * np.sin(at["alpha"] + i_T)
     kept = {
         name: at[name]
@@ -291,7 +299,7 @@ def fit_fuel_thrust(points: xr.Dataset) -> FuelThrust:
 
 
 def _rows(points: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    theta, delta = ratios(points)
+    theta, delta = temperature_pressure_ratios(points)
     mach = points["mach"].values
     w = points["fuel_flow"].values / (delta * np.sqrt(theta))
     return np.column_stack([np.ones(len(w)), w, mach, w * mach, mach**2]), delta, w, mach

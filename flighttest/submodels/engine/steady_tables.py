@@ -26,13 +26,13 @@ import xarray as xr
 
 from flightmech.aircraft.engine import OWN, TARGETS
 from flightmech.errors import IdentificationError, UnknownName
-from flightmech.terms import SOURCES, basis, make_term
+from flightmech.terms import SOURCES, make_term, node_basis
 from flighttest.submodels.engine.schedule import (
     cover_settled_range,
     find_lever_rest,
     settled_speeds,
 )
-from flighttest.submodels.engine.steady_points import ratios
+from flighttest.submodels.engine.steady_points import temperature_pressure_ratios
 
 AXES = (*OWN, "mach", "h")
 BLOCK, LONG = 1.0, 20.0  # means by which noise and slow disturbance are looked at [s]
@@ -179,7 +179,12 @@ def _settled(flights: Sequence[xr.Dataset], axis: str) -> np.ndarray:
     timed = [one for one in flights if "time" in one.sizes and name in one]
     return settled_speeds(
         [
-            one.assign({axis: one[name] / (np.sqrt(ratios(one)[0]) if axis != name else 1.0)})
+            one.assign(
+                {
+                    axis: one[name]
+                    / (np.sqrt(temperature_pressure_ratios(one)[0]) if axis != name else 1.0)
+                }
+            )
             for one in timed
         ],
         axis,
@@ -196,7 +201,7 @@ def _samples(
     """Weights of the nodes (sample, node) and values of the samples of a flight inside the axes;
     their interval, 0 for points. [s]
     """
-    theta, delta = ratios(one)
+    theta, delta = temperature_pressure_ratios(one)
     at = {str(name): one[name].values for name in one.data_vars} | {
         "temperature_ratio": theta,
         "pressure_ratio": delta,
@@ -226,7 +231,7 @@ def _samples(
     if not used.any():
         return np.empty((0, 0)), np.empty(0), 0.0
     leaf = make_term(np.zeros([len(points) for points in grid.values()]), grid)
-    B = basis(leaf, {name: at[name][used] for name in grid}, outside="clamp").toarray()
+    B = node_basis(leaf, {name: at[name][used] for name in grid}, outside="clamp").toarray()
     return B, value[used], float(np.median(np.diff(one["time"].values))) if timed else 0.0
 
 
@@ -244,7 +249,9 @@ def _prior(
         raise UnknownName(
             strange[0], grid, "axis", "the a-priori table has it; give its breakpoints too"
         )
-    B = basis(prior, {str(name): mesh[str(name)] for name in prior["value"].dims}, outside="clamp")
+    B = node_basis(
+        prior, {str(name): mesh[str(name)] for name in prior["value"].dims}, outside="clamp"
+    )
     weights = np.broadcast_to(B.toarray(), (count, prior["value"].size))
     first = weights @ prior["value"].values.ravel()
     sigma = (

@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.regression.equation_error.model import RegressionModel, regressors
-from flighttest.regression.equation_error.samples import RegressionSamples, stack
+from flighttest.regression.equation_error.model import RegressionModel, term_regressors
+from flighttest.regression.equation_error.samples import RegressionSamples, stack_samples
 from flighttest.regression.separable.fit import SeparableFit, regress_separable
 from flighttest.submodels.ground_effect.result import (
     CoefficientOverGround,
@@ -21,14 +21,14 @@ from flighttest.submodels.ground_effect.structure import (
     EXPONENTS,
     HEIGHT,
     HeightTable,
-    breakpoints,
-    criterion,
-    exponent,
+    exponent_name,
     ground_terms,
+    height_breakpoints,
     height_table,
     independent_samples,
     model_over_ground,
     rank_forms,
+    schwarz_criterion,
     times_height_power,
     with_heights,
 )
@@ -145,7 +145,7 @@ class _Coefficient:
         name = self.model.coefficient
         fit, left, deleted = self.reduced()
         common = self.fit(left, common=True) if len(left) > 1 else None
-        samples = stack(name, self.wanted, self.records, self.model)
+        samples = stack_samples(name, self.wanted, self.records, self.model)
         h = samples.data[HEIGHT].values
         forms = self.closed_forms(samples, fit, common)
         n = independent_samples(forms["k h^s" if fit else "none"][0], samples)
@@ -153,7 +153,7 @@ class _Coefficient:
         if table is not None:
             forms["table"] = table.residual, table.parameters
         evidence = rank_forms(forms, n)
-        heights = float(h.min()), float(breakpoints(h)[-1])
+        heights = float(h.min()), float(height_breakpoints(h)[-1])
         return CoefficientOverGround(
             self.model,
             left,
@@ -191,7 +191,7 @@ class _Coefficient:
             least = min(unseen, key=lambda term: float(e["t"].sel(term=times_height_power(term))))
             deleted[least] = reasons[least]
             left = tuple(term for term in left if term != least)
-            starts = {exponent(term): fit.value(exponent(term))[0] for term in left}
+            starts = {exponent_name(term): fit.value(exponent_name(term))[0] for term in left}
         return None, left, deleted
 
     @property
@@ -221,7 +221,7 @@ class _Coefficient:
                 found[form] = one.residuals[name], one.estimates.sizes["term"]
         if self.database is not None:
             rest = (
-                stack(
+                stack_samples(
                     name,
                     self.wanted,
                     _less(self.records, name, self.database.over_ground),
@@ -244,18 +244,24 @@ class _Coefficient:
             samples.data[self.model.coefficient].values,
             self.free_terms(samples),
         )
-        found, least = None, criterion(rest, X.shape[1], n)
+        found, least = None, schwarz_criterion(rest, X.shape[1], n)
         for terms in (left, *((*left, term) for term in self.ground if term not in left)):
             terms = tuple(dict.fromkeys((*(found.terms if found else ()), *terms)))
             if not terms:
                 continue
             try:
                 trial = height_table(
-                    X, terms, regressors(terms, samples.data).T, h, z, samples, breakpoints(h)
+                    X,
+                    terms,
+                    term_regressors(terms, samples.data).T,
+                    h,
+                    z,
+                    samples,
+                    height_breakpoints(h),
                 )
             except IdentificationError:
                 continue
-            if (own := criterion(trial.residual, trial.parameters, n)) < least:
+            if (own := schwarz_criterion(trial.residual, trial.parameters, n)) < least:
                 found, least = trial, own
         return found
 
@@ -268,7 +274,7 @@ class _Coefficient:
             one.assign({name: ("time", part)})
             for one, part in zip(self.records, self.database.free)
         ]
-        samples = stack(name, self.model.variables, records, self.model)
+        samples = stack_samples(name, self.model.variables, records, self.model)
         theta = np.linalg.lstsq(
             self.model.design(samples.data), samples.data[name].values, rcond=None
         )[0]
@@ -283,7 +289,7 @@ def _rest(X: np.ndarray, z: np.ndarray) -> np.ndarray:
 def _why(fit: SeparableFit, term: str) -> str:
     """Why a ground term is not identified; an empty text when it is."""
     e = fit.estimates
-    for name in (times_height_power(term), exponent(term)):
+    for name in (times_height_power(term), exponent_name(term)):
         if text := str(e["why"].sel(term=name).values):
             return text
     value, stderr = fit.value(times_height_power(term))
@@ -318,12 +324,12 @@ def _database_parts(
 ) -> _Database:
     from aerodb.store.evaluation import contributions
     from aerodb.store.schema import terms
-    from flightmech.terms import SOURCES, variables
+    from flightmech.terms import SOURCES, list_model_variables
 
     leaves = {
         name: leaf
         for name, leaf in terms(database).items()
-        if name.startswith(f"{coefficient}/") and HEIGHT in variables(leaf)
+        if name.startswith(f"{coefficient}/") and HEIGHT in list_model_variables(leaf)
     }
     over_ground = {name.partition("/")[2] for name in leaves}
     flight = SOURCES.index("flight")

@@ -12,14 +12,14 @@ import xarray as xr
 
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.separable.fit import SeparableFit
 from flighttest.submodels.ground_effect.structure import (
     BANK,
     HEIGHT,
     HeightTable,
-    exponent,
+    exponent_name,
     select_form,
     separable_spelling,
     times_height_power,
@@ -161,7 +161,7 @@ class CoefficientOverGround:
             raise UnknownName(
                 term, self.ground, "ground term", f"{self.model.coefficient}: it is not identified"
             )
-        return (self.common, "s") if common else (self.fit, exponent(term))  # type: ignore[return-value]
+        return (self.common, "s") if common else (self.fit, exponent_name(term))  # type: ignore[return-value]
 
     def _factor(self, fit: SeparableFit, term: str, common: bool) -> tuple[str, float]:
         """k as an expression of the estimates, and the free-air coefficient."""
@@ -316,7 +316,7 @@ def replace_ground_effect(
         old += [
             term
             for term, leaf in terms(database).items()
-            if term.startswith(f"{name}/") and HEIGHT in _terms.variables(leaf)
+            if term.startswith(f"{name}/") and HEIGHT in _terms.list_model_variables(leaf)
         ]
         new |= {
             f"{name}/{contribution}": leaf
@@ -355,7 +355,7 @@ def ground_terms_of(
     free = {  # a multiple of a table is not one more table that was estimated with it
         term.partition("/")[2]: without_posterior(leaf)
         for term, leaf in terms(database).items()
-        if term.startswith(f"{name}/") and HEIGHT not in _terms.variables(leaf)
+        if term.startswith(f"{name}/") and HEIGHT not in _terms.list_model_variables(leaf)
     }
     found: dict[str, xr.Dataset] = {}
     for term in one.table.terms if one.form == "table" and one.table is not None else one.ground:
@@ -379,13 +379,13 @@ def ground_terms_of(
 def _parts(term: str, free: dict[str, xr.Dataset]) -> Iterator[tuple[str, xr.Dataset]]:
     """Terms in free air, or parts of them, that a term of the local model stands for."""
     for name, leaf in free.items():
-        variables = _terms.variables(leaf)
+        variables = _terms.list_model_variables(leaf)
         movers = sorted({_TOGETHER.get(v, v) for v in variables - _CONFIGURATION})
         if movers:
             if "*".join(movers) == term:
                 yield f"ground_{name}", leaf
             continue
-        sloped = "alpha" in _terms.regressors(leaf)
+        sloped = "alpha" in _terms.list_regressors(leaf)
         if term == "1" and not sloped:
             yield f"ground_{name}", _at_zero(leaf)
         if term == "alpha" and (sloped or "alpha" in variables):
@@ -465,7 +465,9 @@ def _with_factor(leaf: xr.Dataset, heights: np.ndarray, K: np.ndarray) -> xr.Dat
         raise SchemaError(
             "ground effect", ["a term with two factors has no room for one over the height"]
         )
-    return leaf.assign({name: xr.DataArray(K, {HEIGHT: (HEIGHT, heights, attrs(HEIGHT))}, HEIGHT)})
+    return leaf.assign(
+        {name: xr.DataArray(K, {HEIGHT: (HEIGHT, heights, quantity_attributes(HEIGHT))}, HEIGHT)}
+    )
 
 
 def _comment(one: CoefficientOverGround, term: str) -> str:

@@ -23,7 +23,7 @@ from flightmech.errors import IdentificationError
 from flightmech.support.arrays import rms
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.samples import RegressionSamples
-from flighttest.regression.expressions import parse
+from flighttest.regression.expressions import parse_expression
 from flighttest.regression.separable_model import SeparableModel, ShapeParameter
 from flighttest.regression.uncertainty import collinearity
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
@@ -107,7 +107,7 @@ def height_table(
     return HeightTable(terms, heights, value, stderr, theta[: X.shape[1]], v)
 
 
-def breakpoints(
+def height_breakpoints(
     h: np.ndarray, ratio: float = 1.5, least: int = 25, highest: float = 60.0
 ) -> np.ndarray:
     """Return heights from the lowest that was flown up to free air. [m]
@@ -165,13 +165,15 @@ def rank_forms(residuals: dict[str, tuple[np.ndarray, int | None]], n: float) ->
         Index form; ``parameters``, ``rms``, ``BIC`` less that of the best.
     """
     known = {
-        form: criterion(v, count, n) for form, (v, count) in residuals.items() if count is not None
+        form: schwarz_criterion(v, count, n)
+        for form, (v, count) in residuals.items()
+        if count is not None
     }
     like = residuals[min(known, key=lambda form: known[form])][1] or 0
     rows = {}
     for form, (v, count) in residuals.items():
         counted = like if count is None else count
-        rows[form] = {"parameters": counted, "rms": rms(v), "BIC": criterion(v, counted, n)}
+        rows[form] = {"parameters": counted, "rms": rms(v), "BIC": schwarz_criterion(v, counted, n)}
     table = (
         pd.DataFrame.from_dict(rows, orient="index")
         .rename_axis("form")
@@ -181,7 +183,7 @@ def rank_forms(residuals: dict[str, tuple[np.ndarray, int | None]], n: float) ->
     return table
 
 
-def criterion(v: np.ndarray, parameters: int, n: float) -> float:
+def schwarz_criterion(v: np.ndarray, parameters: int, n: float) -> float:
     """Return Schwarz's criterion of a form with residual `v` and `n` independent samples."""
     return n * float(np.log(np.mean(v**2))) + parameters * float(np.log(n))
 
@@ -220,7 +222,7 @@ def ground_terms(model: RegressionModel) -> tuple[str, ...]:
     )
 
 
-def exponent(term: str) -> str:
+def exponent_name(term: str) -> str:
     """Return the name of the exponent of a ground term: ``s_alpha`` of ``alpha``, ``s_0`` of the
     constant.
     """
@@ -229,12 +231,16 @@ def exponent(term: str) -> str:
 
 def times_height_power(term: str, name: str | None = None) -> str:
     """Return a term times h^s, in the spelling of a separable model."""
-    return str(parse(f"{'' if term == '1' else term + '*'}{HEIGHT}^{name or exponent(term)}"))
+    return str(
+        parse_expression(
+            f"{'' if term == '1' else term + '*'}{HEIGHT}^{name or exponent_name(term)}"
+        )
+    )
 
 
 def separable_spelling(term: str) -> str:
     """Return a term of a `Model` in the spelling of a separable model."""
-    return str(parse(term))
+    return str(parse_expression(term))
 
 
 def model_over_ground(
@@ -264,7 +270,7 @@ def model_over_ground(
     """
     name = "s" if common else None
     terms = [*(() if held else model.terms), *(times_height_power(term, name) for term in ground)]
-    names = dict.fromkeys(name or exponent(term) for term in ground)
+    names = dict.fromkeys(name or exponent_name(term) for term in ground)
     return SeparableModel(
         model.coefficient,
         terms,

@@ -22,9 +22,9 @@ import numpy as np
 import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
-from flighttest.maximum_likelihood.residual_covariance import coloured_covariance
-from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_of
-from flighttest.maximum_likelihood.search import Likelihood, Unknown, lay_out, search
+from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
+from flighttest.maximum_likelihood.search import Likelihood, Unknown, lay_out, maximise_likelihood
 from flighttest.submodels.landing_gear.reconstructed_loads import (
     WheelGroup,
     wheel_groups,
@@ -254,8 +254,10 @@ def explicit_fit(runs: Sequence[GroundRun], unknowns: Mapping[str, Unknown]) -> 
     layout = lay_out(unknowns, [{} for _ in runs])
     for k, run in enumerate(runs):
         run.take(layout.names, k + 1)
-    found = search(Likelihood(runs, layout, np.arange(len(runs))), _ITERATIONS)
-    covariance, colours = coloured_covariance(found, layout.columns, [run.interval for run in runs])
+    found = maximise_likelihood(Likelihood(runs, layout, np.arange(len(runs))), _ITERATIONS)
+    covariance, colours = coloured_likelihood_covariance(
+        found, layout.columns, [run.interval for run in runs]
+    )
     outputs = [str(name) for name in runs[0].data["output"].values]
     estimates = estimates_dataset(
         found, layout, covariance, {"method": "reconstructed wheel loads"}
@@ -269,5 +271,5 @@ def explicit_fit(runs: Sequence[GroundRun], unknowns: Mapping[str, Unknown]) -> 
         for run, v in zip(runs, found.residuals)
     )
     return OutputError(
-        estimates, rest, noise_of(found, outputs, colours, [run.measured for run in runs])
+        estimates, rest, noise_dataset(found, outputs, colours, [run.measured for run in runs])
     )

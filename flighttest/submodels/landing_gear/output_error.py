@@ -19,21 +19,21 @@ import xarray as xr
 import flightmech
 from flightmech.air import atmosphere
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.axes import rotation
+from flightmech.axes import matrix_from_euler
 from flightmech.simulation.batch import fly_batch
 from flightmech.simulation.run import read_inputs
-from flighttest.maximum_likelihood.residual_covariance import coloured_covariance
-from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_of
-from flighttest.maximum_likelihood.search import Likelihood, Unknown, lay_out, search
+from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
+from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
+from flighttest.maximum_likelihood.search import Likelihood, Unknown, lay_out, maximise_likelihood
 from flighttest.maximum_likelihood.time_domain import Runs
 from flighttest.submodels.landing_gear.explicit import FRICTION, LOAD, MOVING
 from flighttest.submodels.landing_gear.reconstructed_loads import (
     TOUCHING,
     WheelGroup,
-    column,
-    places,
+    state_column,
     states_of,
     wheel_groups,
+    wheel_places,
     wheels_of,
 )
 from flighttest.submodels.landing_gear.regression import LoadFit
@@ -102,10 +102,11 @@ class RollingStretch:
             *wheels,
             *(["gear.steering"] if "gear.steering" in states else []),
         ]
-        self.measured = np.column_stack([column(states, name) for name in self.outputs])
+        self.measured = np.column_stack([state_column(states, name) for name in self.outputs])
         self.measured[self.time < SETTLE] = np.nan
         wind = [
-            column(states, f"wind_{axis}", 0.0) + errors.get(f"wind_{axis}", 0.0) for axis in "ne"
+            state_column(states, f"wind_{axis}", 0.0) + errors.get(f"wind_{axis}", 0.0)
+            for axis in "ne"
         ]
         self.held = {"mode.step": STEP, **_start(states, aircraft, wind)}
         self.held |= {
@@ -151,14 +152,17 @@ def _inputs(
     time: np.ndarray,
 ) -> xr.Dataset:
     found = {
-        name: column(states, name) for name in _CONTROLS if name in states and name in sim.inputs
+        name: state_column(states, name)
+        for name in _CONTROLS
+        if name in states and name in sim.inputs
     }
     found |= {"gear": np.ones(len(time)), "wind_n": wind[0], "wind_e": wind[1]}
     found |= {
-        name: np.clip(column(states, name, 0.0), 0.0, 1.0) for name in ("brake_left", "brake_right")
+        name: np.clip(state_column(states, name, 0.0), 0.0, 1.0)
+        for name in ("brake_left", "brake_right")
     }
     drives = [name for name in sim.inputs if name.endswith(".thrust_drive")]
-    found |= {name: thrust * column(states, name.removesuffix("_drive")) for name in drives}
+    found |= {name: thrust * state_column(states, name.removesuffix("_drive")) for name in drives}
     return xr.Dataset({name: ("time", values) for name, values in found.items()}, {"time": time})
 
 
@@ -168,21 +172,21 @@ def _start(states: xr.Dataset, aircraft: Aircraft, wind: Sequence[np.ndarray]) -
     """
     first = states.isel(time=slice(0, 1))
     at = {
-        name: float(column(first, name)[0])
+        name: float(state_column(first, name)[0])
         for name in ("phi", "theta", "psi", "p", "q", "r", "vn", "ve", "vd")
     }
-    C = rotation(at["phi"], at["theta"], at["psi"])
+    C = matrix_from_euler(at["phi"], at["theta"], at["psi"])
     u, v, w = C @ (
         np.array([at["vn"], at["ve"], at["vd"]]) - (float(wind[0][0]), float(wind[1][0]), 0.0)
     )
     V = float(np.sqrt(u**2 + v**2 + w**2))
     motion = {"V": V, "alpha": float(np.arctan2(w, u)), "beta": float(np.arcsin(v / V))}
     motion |= {name: at[name] for name in ("phi", "theta", "psi", "p", "q", "r")}
-    height = places(states, aircraft, np.zeros(states.sizes["time"])).height
-    h = column(states, "h", 0.0)
+    height = wheel_places(states, aircraft, np.zeros(states.sizes["time"])).height
+    h = state_column(states, "h", 0.0)
     runway = float(np.mean(h - height))
     air = atmosphere(runway)
-    T = float(air.p_static) / (_R_AIR * float(column(states, "rho", float(air.rho)).mean()))
+    T = float(air.p_static) / (_R_AIR * float(state_column(states, "rho", float(air.rho)).mean()))
     found = {f"init.{name}": value for name, value in motion.items()} | {
         "init.h": runway + float(height[0])
     }
@@ -193,13 +197,15 @@ def _start(states: xr.Dataset, aircraft: Aircraft, wind: Sequence[np.ndarray]) -
         "mode.engine": 2.0,
     }
     cg = {
-        f"mass.{axis}_cg_b": float(column(states, f"{axis}_cg_b", value).mean())
+        f"mass.{axis}_cg_b": float(state_column(states, f"{axis}_cg_b", value).mean())
         for axis, value in zip("xyz", aircraft.cg)
     }
-    return found | cg | {"mass.mass": float(column(states, "mass", aircraft.mass).mean())}
+    return found | cg | {"mass.mass": float(state_column(states, "mass", aircraft.mass).mean())}
 
 
-def stretches(states: xr.Dataset, loads: xr.Dataset, length: float = LENGTH) -> list[xr.Dataset]:
+def turning_stretches(
+    states: xr.Dataset, loads: xr.Dataset, length: float = LENGTH
+) -> list[xr.Dataset]:
     """Return the stretches of a record in which all wheels roll and the tyres turn the aircraft,
     each at most `length` long. [s]
 
@@ -255,7 +261,7 @@ def fly_gear(
     )
     sim = flightmech.compile(aircraft, database)
     for k, record in enumerate(records):
-        parts = stretches(states_of(record), loads.loads[k])
+        parts = turning_stretches(states_of(record), loads.loads[k])
         pieces += [RollingStretch(sim, part, aircraft, loads.inputs_of(k), known) for part in parts]
         groups += [k] * len(parts)
     if not pieces or not unknown:
@@ -263,8 +269,8 @@ def fly_gear(
     layout = lay_out(unknown, [{} for _ in pieces])
     for piece in pieces:
         piece.names = layout.names
-    found = search(Likelihood(pieces, layout, np.array(groups)), _ITERATIONS)
-    covariance, colours = coloured_covariance(
+    found = maximise_likelihood(Likelihood(pieces, layout, np.array(groups)), _ITERATIONS)
+    covariance, colours = coloured_likelihood_covariance(
         found, layout.columns, [piece.interval for piece in pieces]
     )
     estimates = estimates_dataset(
@@ -279,7 +285,7 @@ def fly_gear(
     return OutputError(
         estimates,
         rest,
-        noise_of(found, pieces[0].outputs, colours, [piece.measured for piece in pieces]),
+        noise_dataset(found, pieces[0].outputs, colours, [piece.measured for piece in pieces]),
     )
 
 

@@ -18,7 +18,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.landing_gear import Contact
-from flightmech.axes import rotation, to_body
+from flightmech.axes import matrix_from_euler, stability_to_body
 from flightmech.errors import IdentificationError, UnknownName
 from flighttest.reconstruction.dynamics.force_coefficients import external_load, smooth_states
 from flighttest.reconstruction.smoother import FlightPath
@@ -121,7 +121,7 @@ class ContactPoints:
     rate: np.ndarray
 
 
-def column(states: xr.Dataset, name: str, default: float | None = None) -> np.ndarray:
+def state_column(states: xr.Dataset, name: str, default: float | None = None) -> np.ndarray:
     """Return a state over time, or its default where the record has none.
 
     Raises
@@ -138,7 +138,7 @@ def column(states: xr.Dataset, name: str, default: float | None = None) -> np.nd
     return np.broadcast_to(np.asarray(states[name].values, float), (states.sizes["time"],))
 
 
-def places(states: xr.Dataset, aircraft: Aircraft, steering: np.ndarray) -> ContactPoints:
+def wheel_places(states: xr.Dataset, aircraft: Aircraft, steering: np.ndarray) -> ContactPoints:
     """Return where the wheels stand, with leg along body z as the kernel has it
     (docs/landing-gear.md).
 
@@ -151,18 +151,21 @@ def places(states: xr.Dataset, aircraft: Aircraft, steering: np.ndarray) -> Cont
         Angle of the steering, to the right. [rad]
     """
     wheels = wheels_of(aircraft)
-    C = rotation(*(column(states, name) for name in ("phi", "theta", "psi")))
+    C = matrix_from_euler(*(state_column(states, name) for name in ("phi", "theta", "psi")))
     down = C[:, :, 2]
-    omega = np.stack([column(states, name) for name in ("p", "q", "r")], axis=1)
+    omega = np.stack([state_column(states, name) for name in ("p", "q", "r")], axis=1)
     v = np.einsum(
-        "tij,tj->ti", C, np.stack([column(states, name) for name in ("vn", "ve", "vd")], axis=1)
+        "tij,tj->ti",
+        C,
+        np.stack([state_column(states, name) for name in ("vn", "ve", "vd")], axis=1),
     )
     cg = np.stack(
-        [column(states, f"{axis}_cg_b", value) for axis, value in zip("xyz", aircraft.cg)], axis=1
+        [state_column(states, f"{axis}_cg_b", value) for axis, value in zip("xyz", aircraft.cg)],
+        axis=1,
     )
     arm = np.stack(
         [
-            _arm(wheel, down, cg, column(states, f"gear.{wheel.name}.compression"))
+            _arm(wheel, down, cg, state_column(states, f"gear.{wheel.name}.compression"))
             for wheel in wheels
         ],
         axis=1,
@@ -285,11 +288,11 @@ def wheel_loads(
     """
     states = states_of(path)
     data = smooth_states(states, cutoff)
-    angle = column(data, "gear.steering" if "gear.steering" in data else "delta_nw", 0.0)
-    at = places(data, aircraft, angle)
+    angle = state_column(data, "gear.steering" if "gear.steering" in data else "delta_nw", 0.0)
+    at = wheel_places(data, aircraft, angle)
     wheels = wheels_of(aircraft)
     compression = np.stack(
-        [column(data, f"gear.{wheel.name}.compression") for wheel in wheels], axis=1
+        [state_column(data, f"gear.{wheel.name}.compression") for wheel in wheels], axis=1
     )
     touching = compression > TOUCHING
     if not touching.any():
@@ -346,7 +349,7 @@ def _changes(
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Force and moment of the ground, by source, for one unit of its error."""
     zero = np.zeros_like(at.down)
-    qS = 0.5 * column(data, "rho", RHO) * (at.v_along[:, 0] ** 2) * aircraft.S
+    qS = 0.5 * state_column(data, "rho", RHO) * (at.v_along[:, 0] ** 2) * aircraft.S
     thrust = [
         x - y
         for x, y in zip(
@@ -378,18 +381,20 @@ def air_load(
     if database is None:
         return np.zeros((count, 3)), np.zeros((count, 3))
     import aerodb
-    from aerodb.store.schema import coefficients
+    from aerodb.store.schema import database_coefficients
 
-    turn = rotation(*(column(data, name) for name in ("phi", "theta", "psi")))
-    over = [column(data, f"wind_{axis}", 0.0) + more for axis, more in zip("ned", (*wind, 0.0))]
+    turn = matrix_from_euler(*(state_column(data, name) for name in ("phi", "theta", "psi")))
+    over = [
+        state_column(data, f"wind_{axis}", 0.0) + more for axis, more in zip("ned", (*wind, 0.0))
+    ]
     motion = np.stack(
-        [column(data, name) - blows for name, blows in zip(("vn", "ve", "vd"), over)], axis=1
+        [state_column(data, name) - blows for name, blows in zip(("vn", "ve", "vd"), over)], axis=1
     )
     u, v, w = np.einsum("tij,tj->it", turn, motion)
     V = np.sqrt(u**2 + v**2 + w**2)
     slow = np.maximum(V, _SLOWEST)
     at: dict[str, np.ndarray] = {
-        str(name): column(data, str(name))
+        str(name): state_column(data, str(name))
         for name, item in data.data_vars.items()
         if item.dims in (("time",), ())
     }
@@ -402,16 +407,16 @@ def air_load(
     at |= {
         "alphadothat": np.zeros(count),
         "betadothat": np.zeros(count),
-        "gear": column(data, "gear", 1.0),
+        "gear": state_column(data, "gear", 1.0),
         "V": slow,
     }
     forces = {
         name: np.broadcast_to(aerodb.evaluate(database, name, "clamp", **at), count)
-        for name in coefficients(database)
+        for name in database_coefficients(database)
     }
-    qS = (0.5 * column(data, "rho", RHO) * V**2 * aircraft.S)[:, None]
+    qS = (0.5 * state_column(data, "rho", RHO) * V**2 * aircraft.S)[:, None]
     if "CL" in forces:
-        F = qS * to_body(
+        F = qS * stability_to_body(
             np.stack([-forces["CD"], forces["CY"], -forces["CL"]], axis=1), at["alpha"]
         )
     else:
@@ -422,7 +427,8 @@ def air_load(
         * (aircraft.b, aircraft.cbar, aircraft.b)
     )
     cg = np.stack(
-        [column(data, f"{axis}_cg_b", value) for axis, value in zip("xyz", aircraft.cg)], axis=1
+        [state_column(data, f"{axis}_cg_b", value) for axis, value in zip("xyz", aircraft.cg)],
+        axis=1,
     )
     return F, M - np.cross(cg, F)
 
@@ -486,7 +492,7 @@ def _rates(
     # white noise behind the low-pass and a derivative: its power over frequency, from 0 to the
     # cut-off
     for k, wheel in enumerate(wheels_of(aircraft)):
-        white = estimate_white_noise(column(states, f"gear.{wheel.name}.compression"))
+        white = estimate_white_noise(state_column(states, f"gear.{wheel.name}.compression"))
         loud = white * 2.0 * np.pi * cutoff * np.sqrt(2.0 * cutoff * step / 3.0)
         width = max(1, round(0.5 / step))
         power = np.convolve(rate[:, k] ** 2, np.ones(2 * width + 1), mode="same") / (2 * width + 1)
@@ -496,6 +502,6 @@ def _rates(
 
 def _pedal(data: xr.Dataset, y: float) -> np.ndarray:
     left, right = (
-        np.clip(column(data, f"brake_{side}", 0.0), 0.0, 1.0) for side in ("left", "right")
+        np.clip(state_column(data, f"brake_{side}", 0.0), 0.0, 1.0) for side in ("left", "right")
     )
     return left if y < 0.0 else right if y > 0.0 else 0.5 * (left + right)

@@ -32,12 +32,12 @@ from pom.cases.drafting.event_detection import (
     RecordedManoeuvre,
     demand_fitting,
     find_events,
+    find_movement,
     input_channels,
     matching_manoeuvres,
-    movement,
     on_ground,
 )
-from pom.cases.reference_states import path_states
+from pom.cases.reference_states import read_path_states
 from pom.tolerances import rows as table
 from pom.tolerances.criteria import Criterion
 from pom.tolerances.rows import missing_claims
@@ -89,7 +89,7 @@ _OPTIONAL = """
 """
 
 
-def case_text(draft: Draft, criteria: Sequence[Criterion]) -> str:
+def draft_text(draft: Draft, criteria: Sequence[Criterion]) -> str:
     """Return a draft as the text of a case file.
 
     Parameters
@@ -248,13 +248,13 @@ def init_case(
         raise FileExistsError(
             f"{output} is there already; give another name, or --force to overwrite it"
         )
-    rows = table.rows_of(test, standard, edition)
+    rows = table.rows_of_test(test, standard, edition)
     record = Path(record)
     map_file = _next_to(record, "names.toml", names)
     if (
         names is None
         and map_file is not None
-        and path_states(str(record)) is None
+        and read_path_states(str(record)) is None
         and not needs_names(record)
     ):
         map_file = None  # a file of `flight convert`: the map next to it is that of the recording
@@ -274,8 +274,8 @@ def init_case(
         if file is not None:
             draft.case[key] = Path(os.path.relpath(file, output.parent)).as_posix()
     with written_atomically(output) as part:
-        part.write_text(case_text(draft, ()), encoding="utf-8")
-        part.write_text(case_text(draft, read_case(part).criteria), encoding="utf-8")
+        part.write_text(draft_text(draft, ()), encoding="utf-8")
+        part.write_text(draft_text(draft, read_case(part).criteria), encoding="utf-8")
         read_case(part)
     return read_case(output), draft.remarks
 
@@ -295,7 +295,7 @@ def recorded_channels(record: Path, names: Path | None) -> Recorded:
     ParseError, SchemaError, UnknownName
         As `flighttest.read`: not a record, or columns that no name map explains.
     """
-    states = path_states(str(record))
+    states = read_path_states(str(record))
     if states is not None:
         time = states["time"].values.astype(float)
         found = {
@@ -354,7 +354,7 @@ def draft_case(
         row["measure"] == "steady" for row in rows if not missing_claims(row["condition"], ())
     )
     search, limits = _search(test, recorded, window, remarks, snapshot)
-    moved = movement(recorded, input_channels(test), search)
+    moved = find_movement(recorded, input_channels(test), search)
     applied = [row for row in rows if not missing_claims(row["condition"], ())]
     wanted = _wanted(applied)
     found = find_events(wanted, test, recorded, search, limits)
@@ -437,7 +437,7 @@ def _wanted(rows: Sequence[table.Row]) -> list[str]:
     needed = [
         next(
             event
-            for event in sorted(table.events(), key=len, reverse=True)
+            for event in sorted(table.window_events(), key=len, reverse=True)
             if bound.startswith(event)
         )
         for bound in bounds

@@ -111,7 +111,7 @@ def input_channels(test: str) -> tuple[str, ...]:
     return INPUTS.get(test.replace("(", ".").replace(")", ""), ELEVATOR)
 
 
-def movement(
+def find_movement(
     recorded: Recorded, names: Iterable[str], window: tuple[float, float]
 ) -> Movement | None:
     """Return the movement of the first of `names` that moves, in its own noise, at least half as
@@ -239,7 +239,7 @@ def _input(end: str) -> Finder:
     """
 
     def find(recorded: Recorded, test: str, window: tuple[float, float]) -> float | None:
-        moved = movement(recorded, input_channels(test), window)
+        moved = find_movement(recorded, input_channels(test), window)
         if moved is None or (
             end == "end"
             and window[1] - moved.end < max(2.0 * QUIET_LEAD, RAMP * (moved.end - moved.start))
@@ -254,7 +254,7 @@ def _let_go(recorded: Recorded, test: str, window: tuple[float, float]) -> float
     """Return the instant at which a control held away from neutral is released; what follows is its
     own motion.
     """
-    moved = movement(recorded, input_channels(test), window)
+    moved = find_movement(recorded, input_channels(test), window)
     if moved is None:
         return None
     time, y = recorded.within(moved.channel, window)
@@ -264,7 +264,7 @@ def _let_go(recorded: Recorded, test: str, window: tuple[float, float]) -> float
 
 
 def _throttle(recorded: Recorded, test: str, window: tuple[float, float]) -> float | None:
-    moved = movement(recorded, POWER, window)
+    moved = find_movement(recorded, POWER, window)
     return None if moved is None else moved.start
 
 
@@ -353,7 +353,7 @@ def _rotates(recorded: Recorded, test: str, window: tuple[float, float]) -> floa
     """
     off = _FINDERS["main_gear_liftoff"](recorded, test, window)
     moved = (
-        movement(recorded, ELEVATOR, (window[0], off))
+        find_movement(recorded, ELEVATOR, (window[0], off))
         if off is not None and off - window[0] > 2.0
         else None
     )

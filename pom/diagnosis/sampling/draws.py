@@ -27,9 +27,9 @@ from flightmech.errors import SchemaError
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.node_values import table_values, with_table_values
 from flighttest.reconstruction.dynamics.force_coefficients import ERRORS
-from flighttest.reconstruction.dynamics.kinematics import rotation
+from flighttest.reconstruction.dynamics.kinematics import body_to_ned_rotation
 from flighttest.records.sensors.instruments import pick_up_errors
-from pom.archive.origins import sha256
+from pom.archive.origins import file_sha256
 from pom.cases.case_file import WIND
 from pom.cases.job import TRIM_GROUND, ReplayJob
 from pom.cases.reference_states import ERROR
@@ -49,7 +49,7 @@ def standard_normal(error: str, count: int, seed: int) -> np.ndarray:
     return np.random.default_rng([seed, zlib.crc32(error.encode())]).standard_normal(count)
 
 
-def noise_of(y: np.ndarray) -> float:
+def white_noise_sigma(y: np.ndarray) -> float:
     """Return the standard deviation of the white noise of a channel (time,): of its third
     differences, by their median.
 
@@ -152,7 +152,9 @@ class InstrumentErrors:
             for name, item in states.data_vars.items()
             if item.dims == ("time",) and (not compared or name in compared)
         ]
-        noise = {name: size for name in channels if (size := noise_of(states[name].values))}
+        noise = {
+            name: size for name in channels if (size := white_noise_sigma(states[name].values))
+        }
         return cls(constants, flight, inputs, parameters, noise)
 
     @cached_property
@@ -251,7 +253,7 @@ def _air_velocity(
     U = V[:, None] * np.stack(
         [np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)], axis=1
     )
-    return (rotation(np.stack([phi, theta, psi], axis=1)) @ U[:, :, None])[:, :, 0]
+    return (body_to_ned_rotation(np.stack([phi, theta, psi], axis=1)) @ U[:, :, None])[:, :, 0]
 
 
 @dataclass(frozen=True)
@@ -351,4 +353,4 @@ class DrawnModels:
 
 
 def _called(file: Path) -> str:
-    return f"{file.name}, sha256 {sha256(file)}"
+    return f"{file.name}, sha256 {file_sha256(file)}"

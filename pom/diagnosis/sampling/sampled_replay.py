@@ -27,11 +27,11 @@ from flightmech.simulation.kernel import PARAMETER
 from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob
 from pom.diagnosis.sampling.draws import INERTIA, DrawnModels, InstrumentErrors
-from pom.diagnosis.sampling.shares import contributions, regressors, shares
+from pom.diagnosis.sampling.shares import contribution_changes, regressors_of_draws, variance_shares
 from pom.fmu.run_cache import FileState
 from pom.fmu.simulate import Models
-from pom.judging.signals import Comparison, find, signals_of
-from pom.judging.verdict import bands, judge_all
+from pom.judging.signals import Comparison, find_event, signals_of_run
+from pom.judging.verdict import band_widths, judge_all
 from pom.replaying.batch import paths_of_cases, replay_all
 from pom.replaying.caches import KeptStates
 from pom.replaying.kernel_replay import fly_once
@@ -39,8 +39,8 @@ from pom.replaying.replay_case import ReplayPlan, plan_of, shown_channels, unwra
 from pom.replaying.trim import OBSERVED, beyond_limits, solve_trim_surfaces, trim_limits
 from pom.result import PomResult, group_verdicts, status_of
 from pom.samples import QUANTILES, SampledReplay
-from pom.tolerances.bands import Invalid, Judgement, NotJudged, difference
-from pom.tolerances.channels import WRAPPED, output_of, sources
+from pom.tolerances.bands import Invalid, Judgement, NotJudged, unwrapped_difference
+from pom.tolerances.channels import WRAPPED, output_of, source_signals
 
 Traces = dict[str, np.ndarray]
 
@@ -81,7 +81,7 @@ def replay_draws(
     compared = {
         source
         for channel in shown_channels(plan.case, plan.states)
-        for source in (channel, *sources(channel))
+        for source in (channel, *source_signals(channel))
     }
     bench = SampledBench.of(
         plan, models.model, InstrumentErrors.of(plan.job, plan.states, aircraft, errors, compared)
@@ -103,10 +103,10 @@ def replay_draws(
         for criterion in plan.case.criteria
         if any(np.isfinite(run.signed(criterion.name)) for run in runs)
     ]
-    changes = contributions(
+    changes = contribution_changes(
         models.database, models.nodes, plan.states, plan.case.drive.level != "recorded"
     )
-    found = regressors(changes, dict(zip(bench.instruments.names, sizes.T, strict=True)))
+    found = regressors_of_draws(changes, dict(zip(bench.instruments.names, sizes.T, strict=True)))
     return SampledReplay(
         seed=models.seed,
         database=models.source,
@@ -115,7 +115,7 @@ def replay_draws(
         ratio=pd.DataFrame(
             {name: [run.ratio(name) for run in runs] for name in names}, dtype=float
         ),
-        shares=shares({name: bench.signed(name, runs) for name in names}, found),
+        shares=variance_shares({name: bench.signed(name, runs) for name in names}, found),
         fan=bench.fan(runs),
     )
 
@@ -202,7 +202,7 @@ class SampledBench:
             for name, limit in self.limits.items()
         }
         self.trim_sizes = {name: size for name, size in sizes.items() if math.isfinite(size)}
-        self.tolerance = bands(plan.case, plan.job.time, flight)
+        self.tolerance = band_widths(plan.case, plan.job.time, flight)
         judged = [c for c in plan.case.criteria if c.applies and c.measure != "setup"]
         self.groups = {criterion.name: criterion.group for criterion in judged}
         self.traced = {
@@ -299,7 +299,7 @@ class SampledBench:
                 name: replace(outcome, verdict=verdicts[name]) for name, outcome in outcomes.items()
             }
         off = {
-            c: difference(c, flight[c], model[c])
+            c: unwrapped_difference(c, flight[c], model[c])
             for c in self.traced.values()
             if c in model and c in flight
         }
@@ -317,7 +317,7 @@ class SampledBench:
 
     def _as_flight(self, outputs: Traces) -> Traces:
         """Return the channels that the flight has, of the draw where it has or forms them."""
-        seen = signals_of(self.plan.case, outputs, self.plan.job.time)
+        seen = signals_of_run(self.plan.case, outputs, self.plan.job.time)
         return {name: seen.get(name, values) for name, values in self.flight.items()}
 
     def _with_events(self, outputs: Traces) -> PomCase:
@@ -329,7 +329,7 @@ class SampledBench:
         match = Comparison.of(case, time, self.flight, outputs)
         for event in events:
             with contextlib.suppress(NotJudged, Invalid):
-                events[event] = find(match, event).model
+                events[event] = find_event(match, event).model
         return replace(case, events=events)
 
     def deciding(self, run: SampledRun) -> list[str]:

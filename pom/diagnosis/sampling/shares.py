@@ -30,7 +30,7 @@ PER_DRAW = 0.25  # regressors for each draw
 _SAMPLES = 200  # of a case
 
 
-def contributions(
+def contribution_changes(
     db: xr.DataTree, nodes: Mapping[str, np.ndarray], states: xr.Dataset, hinges: bool
 ) -> dict[str, np.ndarray]:
     """Return what the draws of every term change in its contribution along a flight.
@@ -55,7 +55,7 @@ def contributions(
     found = {}
     for name, leaf in leaves.items():
         dg = (nodes[name] - leaf["value"].values).reshape(len(nodes[name]), -1)
-        found[name] = (_terms.basis(leaf, samples, "clamp") @ dg.T).T
+        found[name] = (_terms.node_basis(leaf, samples, "clamp") @ dg.T).T
     return found
 
 
@@ -93,7 +93,7 @@ def _with_rates(states: xr.Dataset, db: xr.DataTree) -> xr.Dataset:
     )
 
 
-def regressors(
+def regressors_of_draws(
     changes: Mapping[str, np.ndarray], errors: Mapping[str, np.ndarray]
 ) -> list[tuple[str, np.ndarray]]:
     """Return the regressors of the draws: (source, array (draw,)), each with mean 0 and variance 1.
@@ -127,7 +127,9 @@ def regressors(
     return [(name, (x - x.mean()) / x.std()) for name, x in chosen if x.std() > 0.0]
 
 
-def shares(signed: Mapping[str, np.ndarray], found: list[tuple[str, np.ndarray]]) -> pd.DataFrame:
+def variance_shares(
+    signed: Mapping[str, np.ndarray], found: list[tuple[str, np.ndarray]]
+) -> pd.DataFrame:
     """Return the shares of the sources in the variance of every criterion: ``criterion source
     share``, the largest first.
 

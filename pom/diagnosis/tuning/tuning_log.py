@@ -99,10 +99,10 @@ class Tuning:
 
     def log(self) -> list[str]:
         """Return what moved and what it did, line by line."""
-        return list(lines(self.document()))
+        return list(log_lines(self.document()))
 
 
-def headline(log: Mapping[str, Any]) -> str:
+def outcome_sentence(log: Mapping[str, Any]) -> str:
     """Return the outcome of a tuning in one sentence."""
     if log["refusal"]:
         return f"refused: {log['refusal']}"
@@ -154,7 +154,7 @@ def moves_of(log: Mapping[str, Any]) -> tuple[list[tuple[str, ...]], str]:
     )
 
 
-def rows_of(log: Mapping[str, Any]) -> list[tuple[str, ...]]:
+def log_rows(log: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """Return the cells of `ROWS` for every case."""
     return [
         (
@@ -171,9 +171,9 @@ def rows_of(log: Mapping[str, Any]) -> list[tuple[str, ...]]:
     ]
 
 
-def lines(log: Mapping[str, Any]) -> Iterator[str]:
+def log_lines(log: Mapping[str, Any]) -> Iterator[str]:
     """Yield the text of a log (`Tuning.document`)."""
-    yield headline(log)
+    yield outcome_sentence(log)
     moves, rest = moves_of(log)
     for term, moved, away, share, nodes, at, why in moves:
         verb, place = "would move" if log["refusal"] else "moved", f", most at {at}" if at else ""
@@ -184,7 +184,7 @@ def lines(log: Mapping[str, Any]) -> Iterator[str]:
         yield f"{text}; rationale: {why}" if why else text
     if rest:
         yield rest
-    for test, case, wanted, before, ratio, after, now, criterion in rows_of(log):
+    for test, case, wanted, before, ratio, after, now, criterion in log_rows(log):
         yield f"{test} {case}: {before} -> {after}, {ratio} -> {now} x tolerance ({criterion}){wanted and ', wanted'}"
 
 

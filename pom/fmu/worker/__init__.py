@@ -6,6 +6,6 @@ Of the rest of the package it imports the math pilot only, so that the child sta
 from __future__ import annotations
 
 from pom.fmu.worker.model import UnpackedFmu
-from pom.fmu.worker.run import replay
+from pom.fmu.worker.run import replay_job
 
-__all__ = ["UnpackedFmu", "replay"]
+__all__ = ["UnpackedFmu", "replay_job"]

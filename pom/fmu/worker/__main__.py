@@ -15,11 +15,13 @@ from contextlib import suppress
 
 import numpy as np
 
-from pom.fmu.worker import UnpackedFmu, replay
-from pom.fmu.worker.messages import columns_of, reply_bytes
+from pom.fmu.worker import UnpackedFmu, replay_job
+from pom.fmu.worker.messages import reply_bytes, reply_columns
 
 
-def main(path: str, folder: str, parent: str, memory: str, written: str, unpacked: str) -> None:
+def answer_jobs(
+    path: str, folder: str, parent: str, memory: str, written: str, unpacked: str
+) -> None:
     """Answer jobs until stdin ends, or the process with the number `parent`; 0: somebody else
     watches over it.
     """
@@ -42,8 +44,8 @@ def main(path: str, folder: str, parent: str, memory: str, written: str, unpacke
         if model is None:
             _send(replies, reply_bytes(job["number"], fault, np.empty((0, 0))))
             continue
-        found = replay(model, job)
-        _send(replies, reply_bytes(job["number"], found["error"], columns_of(job, found)))
+        found = replay_job(model, job)
+        _send(replies, reply_bytes(job["number"], found["error"], reply_columns(job, found)))
     shutil.rmtree(folder, ignore_errors=True)
 
 
@@ -80,4 +82,4 @@ def _end_with(parent: int, folder: str) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:7])
+    answer_jobs(*sys.argv[1:7])

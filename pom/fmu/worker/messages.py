@@ -24,7 +24,7 @@ def moved_controls(job: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def columns_of(job: Mapping[str, Any], reply: Mapping[str, Any]) -> np.ndarray:
+def reply_columns(job: Mapping[str, Any], reply: Mapping[str, Any]) -> np.ndarray:
     """Return the numbers of a reply of `pom.fmu.worker.replay` (time, column); NaN for what did not
     come.
     """

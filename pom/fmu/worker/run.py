@@ -22,7 +22,7 @@ from pom.fmu.worker.model import UnpackedFmu
 from pom.fmu.worker.stepping import ArrayRun, CoSimulation, Exchange
 
 
-def replay(model: UnpackedFmu, job: dict[str, Any]) -> dict[str, Any]:
+def replay_job(model: UnpackedFmu, job: dict[str, Any]) -> dict[str, Any]:
     """Fly a job; names, units and signs are those of the FMU.
 
     Parameters

@@ -20,11 +20,11 @@ from pom.tolerances.bands import (
     Judgement,
     RowRemark,
     applied_tolerance,
+    band_ratios,
     demand_finite,
     half_width,
     inside_window,
     judge_number,
-    ratios,
 )
 from pom.tolerances.criteria import Criterion
 
@@ -94,7 +94,7 @@ def _branches(
         travel = float(np.ptp(x))
         if travel <= 0.0:
             raise Invalid(f"{who} does not move {criterion.abscissa}")
-        way = directions(x, TURN * travel)
+        way = motion_directions(x, TURN * travel)
         parts = np.split(np.arange(x.size), np.flatnonzero(np.diff(way)) + 1)
         kept = [
             part[_progress(int(way[part[0]]) * (x[part] - x[part[0]]), SLACK * travel)]
@@ -112,7 +112,7 @@ def _progress(moved: np.ndarray, slack: float) -> np.ndarray:
     return (moved > slack) & (moved > before)
 
 
-def directions(x: np.ndarray, least: float) -> np.ndarray:
+def motion_directions(x: np.ndarray, least: float) -> np.ndarray:
     """Return 1 where x is on its way up, -1 on its way down; it turns at an extreme from which it
     moves back by `least`.
     """
@@ -178,7 +178,7 @@ def _compare(criterion: Criterion, flight: list[Branch], model: list[Branch]) ->
     if not times:
         raise Invalid(f"the flight has no sweep of {criterion.abscissa} in the window")
     time, width, error, value = (np.concatenate(parts) for parts in (times, widths, errors, values))
-    ratio = ratios(error, width)
+    ratio = band_ratios(error, width)
     out, worst = ratio > 1.0 + ROUNDING, int(np.argmax(ratio))
     return Judgement(
         verdict="fail" if out.any() else "pass",
@@ -236,7 +236,7 @@ def _first_force(x: np.ndarray, force: np.ndarray, direction: int, least: float)
     return float(np.interp(least, away[k - 1 : k + 1], force[k - 1 : k + 1]))
 
 
-def dead_band(criterion: Criterion, match: Comparison) -> Judgement:
+def judge_dead_band(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the dead band of the nose-wheel steering: how far the wheel lags between the two
     branches at pedals neutral.
     """
@@ -335,7 +335,7 @@ class FreeMotion:
         )
 
 
-def free_motion(
+def measure_free_motion(
     criterion: Criterion, time: np.ndarray, x: np.ndarray, who: str = "flight"
 ) -> FreeMotion:
     """Measure the motion of a control from its release at the start of the window.
@@ -416,7 +416,7 @@ def _middle(t: np.ndarray, y: np.ndarray, a: int, b: int) -> float:
 
 def _motions(criterion: Criterion, match: Comparison) -> tuple[FreeMotion, FreeMotion]:
     flight, model = (
-        free_motion(criterion, match.time, signals[criterion.channel], who)
+        measure_free_motion(criterion, match.time, signals[criterion.channel], who)
         for who, signals in zip(WHO, (match.flight, match.model), strict=True)
     )
     return flight, model

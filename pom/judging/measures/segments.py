@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.units import FOOT, KNOT
-from pom.judging.measures.control_forces import dead_band
-from pom.judging.signals import WHO, Comparison, crossing, event_time, find, level_at
+from pom.judging.measures.control_forces import judge_dead_band
+from pom.judging.signals import WHO, Comparison, crossing_time, event_time, find_event, level_at
 from pom.tolerances.bands import (
     Invalid,
     Judgement,
@@ -20,7 +20,7 @@ from pom.tolerances.bands import (
     inside_window,
     judge_number,
 )
-from pom.tolerances.channels import display_value, plain_id
+from pom.tolerances.channels import channel_value_text, plain_id
 from pom.tolerances.criteria import LEVELS, Criterion
 
 SHARE = {"1.b.1": 0.8, "1.e.1": 0.8, "1.e.2": 0.8}
@@ -60,7 +60,7 @@ def judge_elapsed(criterion: Criterion, match: Comparison) -> Judgement:
     the part required is invalid.
     """
     if criterion.parameter == "flare_time_tf":
-        flare, touchdown = find(match, "flare"), find(match, "touchdown")
+        flare, touchdown = find_event(match, "flare"), find_event(match, "touchdown")
         span = TimedRun(
             (flare.flight, touchdown.flight), (flare.model, touchdown.model), touchdown.remarks
         )
@@ -82,16 +82,18 @@ def _start(criterion: Criterion, match: Comparison) -> tuple[float, float]:
     same height or speed. [s]
     """
     if criterion.bounds[0]:
-        found = find(match, criterion.bounds[0])
+        found = find_event(match, criterion.bounds[0])
         return found.flight, found.model
     start, channel = criterion.window[0], criterion.abscissa
     if not channel or start <= match.time[1]:
         return start, start
     level, end = np.interp(criterion.window, match.time, match.flight[channel])
-    reached = crossing(match.time, match.model[channel], float(level), 1 if end > level else -1)
+    reached = crossing_time(
+        match.time, match.model[channel], float(level), 1 if end > level else -1
+    )
     if reached is None:
         raise Invalid(
-            f"the model does not pass {display_value(channel, float(level))}, where the "
+            f"the model does not pass {channel_value_text(channel, float(level))}, where the "
             f"segment starts"
         )
     return start, reached
@@ -114,7 +116,7 @@ def _gate(criterion: Criterion, match: Comparison, start: float) -> Gate:
     if instant <= end + 1e-9:
         level = level_at(match, event, instant)
         stood = (
-            crossing(match.time, match.flight[channel], level, direction, start)
+            crossing_time(match.time, match.flight[channel], level, direction, start)
             if event == "full_stop"
             else None
         )
@@ -139,8 +141,8 @@ def _progress_gate(criterion: Criterion, match: Comparison) -> Gate:
     covered = float(y[-1] - y[0])
     if abs(covered) < least and not match.case.shortened:
         raise Invalid(
-            f"the segment covers {display_value(channel, abs(covered))}; the table requires "
-            f"{display_value(channel, least)}: "
+            f"the segment covers {channel_value_text(channel, abs(covered))}; the table requires "
+            f"{channel_value_text(channel, least)}: "
             "widen the window, or give the reason in case.shortened"
         )
     return Gate(channel, float(y[-1]), 1 if covered > 0.0 else -1, criterion.window[1])
@@ -154,22 +156,22 @@ def _span(
     """
     signal = match.model[gate.channel]
     demand_finite("the model", match.time, signal)
-    reached = crossing(match.time, signal, gate.level, gate.direction, start[1])
+    reached = crossing_time(match.time, signal, gate.level, gate.direction, start[1])
     if reached is not None:
         return TimedRun(
             (start[0], gate.flight),
             (start[1], reached),
-            (_span_remark(gate, gate.level, f"to {display_value(gate.channel, gate.level)}"),),
+            (_span_remark(gate, gate.level, f"to {channel_value_text(gate.channel, gate.level)}"),),
         )
     level = gate.direction * float(np.max(gate.direction * signal))
-    there = crossing(match.time, match.flight[gate.channel], level, gate.direction, start[0])
+    there = crossing_time(match.time, match.flight[gate.channel], level, gate.direction, start[0])
     required = SHARE.get(plain_id(match.case.id), 1.0)
     if there is None or required == 1.0 or there - start[0] < required * (gate.flight - start[0]):
         return None
-    own = crossing(match.time, signal, level, gate.direction, start[1])
+    own = crossing_time(match.time, signal, level, gate.direction, start[1])
     share = 100.0 * (there - start[0]) / (gate.flight - start[0])
     text = (
-        f"the model reaches {display_value(gate.channel, level)}; both are compared up to "
+        f"the model reaches {channel_value_text(gate.channel, level)}; both are compared up to "
         f"there, {share:.0f} % of the run"
     )
     return TimedRun(
@@ -180,7 +182,9 @@ def _span(
 
 
 def _span_remark(gate: Gate, level: float, text: str) -> RowRemark:
-    return RowRemark("span", text, gate.channel, {"level": level}, lookup(gate.channel).units)
+    return RowRemark(
+        "span", text, gate.channel, {"level": level}, lookup_quantity(gate.channel).units
+    )
 
 
 def _never(
@@ -192,7 +196,9 @@ def _never(
     flight = _amount(criterion, match, 0, (start[0], gate.flight))
     so_far = _amount(criterion, match, 1, (start[1], float(match.time[-1])))
     width = half_width(criterion, flight)
-    text = f"the model does not come to {display_value(gate.channel, gate.level)} in the record"
+    text = (
+        f"the model does not come to {channel_value_text(gate.channel, gate.level)} in the record"
+    )
     if so_far - flight <= width[0]:
         raise Invalid(f"{text}; widen the window")
     remark = _span_remark(gate, gate.level, f"{text}; its value is what it has used so far")
@@ -302,7 +308,7 @@ LEAST_TURN = np.radians(90.0)  # ours: less does not determine a radius
 def judge_turning_number(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge a number that a whole manoeuvre gives."""
     if criterion.parameter == "nosewheel_deadband":
-        return dead_band(criterion, match)
+        return judge_dead_band(criterion, match)
     values = _RADIUS_OR_RATE[criterion.parameter](criterion, match)
     return judge_number(criterion, values[0], values[1], criterion.window[0])
 
@@ -334,7 +340,7 @@ def _rates(criterion: Criterion, match: Comparison) -> list[float]:
         travel = float(y[-1] - y[0])
         direction = 1 if travel > 0.0 else -1
         passed = [
-            crossing(time, y, float(y[0]) + share * travel, direction) for share in (0.1, 0.9)
+            crossing_time(time, y, float(y[0]) + share * travel, direction) for share in (0.1, 0.9)
         ]
         if travel == 0.0 or passed[0] is None or passed[1] is None:
             raise Invalid(f"{who} does not move {criterion.abscissa}")

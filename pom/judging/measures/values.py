@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.units import DEGREE, from_si
-from pom.judging.signals import WHO, Comparison, Instant, crossing, event_time, find
+from pom.judging.signals import WHO, Comparison, Instant, crossing_time, event_time, find_event
 from pom.tolerances.bands import (
     Invalid,
     Judgement,
     NotJudged,
     RowRemark,
     demand_finite,
-    difference,
     half_width,
     inside_window,
     judge_number,
     judge_trace,
+    unwrapped_difference,
 )
 from pom.tolerances.criteria import OF_PARAMETER, Criterion
 
@@ -76,7 +76,7 @@ def _end(time: np.ndarray, y: np.ndarray) -> float:
 
 def _time_to(who: str, time: np.ndarray, y: np.ndarray, level: float) -> float:
     """Return the time from the first sample to the first passage of a level. [s]"""
-    reached = crossing(time, y, level, 1 if y[0] < level else -1)
+    reached = crossing_time(time, y, level, 1 if y[0] < level else -1)
     if reached is None:
         raise Invalid(f"{who} does not reach the level in the window")
     return reached - float(time[0])
@@ -86,7 +86,7 @@ def event_value(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the value at an event: stall warning, buffet, stall, touchdown, flare, minimum control
     speed.
     """
-    found = find(match, OF_PARAMETER[criterion.parameter], criterion.channel)
+    found = find_event(match, OF_PARAMETER[criterion.parameter], criterion.channel)
     flight, model = _values(criterion, match, found)
     return judge_number(
         criterion, flight, model, found.flight, found.remarks and (*found.remarks, _times(found))
@@ -97,7 +97,7 @@ def check_setup(criterion: Criterion, match: Comparison) -> Judgement:
     """Check a precondition, e.g. the engine failure speed: outside it the test is not valid, which
     is not a failure.
     """
-    found = find(match, OF_PARAMETER[criterion.parameter], criterion.channel)
+    found = find_event(match, OF_PARAMETER[criterion.parameter], criterion.channel)
     flight, model = _values(criterion, match, found)
     outcome = judge_number(
         criterion,
@@ -128,7 +128,7 @@ def _values(criterion: Criterion, match: Comparison, found: Instant) -> tuple[fl
         values.append(value)
     if criterion.parameter.startswith("descent_rate"):
         values = [-value for value in values]
-    error = float(difference(criterion.channel, *values)[0])
+    error = float(unwrapped_difference(criterion.channel, *values)[0])
     return float(values[0][0]), float(values[0][0]) + error
 
 
@@ -156,7 +156,9 @@ def judge_steady_state(criterion: Criterion, match: Comparison) -> Judgement:
     levels = _levels(match, criterion.channel, capture)
     flight, model = (level[0] for level in levels)
     remark = _demand_steady(float(half_width(criterion, flight)[0]), *levels)
-    turned = flight + float(difference(criterion.channel, np.array([flight]), np.array([model]))[0])
+    turned = flight + float(
+        unwrapped_difference(criterion.channel, np.array([flight]), np.array([model]))[0]
+    )
     return judge_number(criterion, flight, turned, capture, (remark,))
 
 
@@ -184,7 +186,7 @@ def _levels(
     time, *runs = match.over(mask, channel)
     found = []
     for y in runs:
-        smooth = difference(channel, np.zeros_like(y), y)
+        smooth = unwrapped_difference(channel, np.zeros_like(y), y)
         line = np.polynomial.Polynomial.fit(time, smooth, 1)
         drift, spread = (
             abs(float(line(time[-1]) - line(time[0]))),
@@ -214,7 +216,7 @@ def _demand_steady(width: float, *levels: tuple[float, float, float]) -> RowRema
 def end_value(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the value at the end of the window, e.g. the bank angle 20 s after release."""
     time, flight, model = match.both(criterion)
-    error = difference(criterion.channel, flight, model)
+    error = unwrapped_difference(criterion.channel, flight, model)
     return judge_number(
         criterion,
         float(flight[-1]),
@@ -271,11 +273,11 @@ def judge_trend(criterion: Criterion, match: Comparison) -> Judgement:
     the channel, or within twice the dead band where it has none.
     """
     time, flight, model = match.both(criterion)
-    model = flight + difference(criterion.channel, flight, model)
+    model = flight + unwrapped_difference(criterion.channel, flight, model)
     departures = [y - y[0] for y in (flight, model)]
     extremes = [float(d[np.argmax(np.abs(d))]) for d in departures]
     dead = match.once(
-        ("dead band", criterion.name), lambda: dead_band(criterion.channel, time, flight)
+        ("dead band", criterion.name), lambda: trend_dead_band(criterion.channel, time, flight)
     )
     shown = [_shown(criterion.channel, value) for value in (*extremes, dead)]
     if abs(extremes[0]) <= dead:
@@ -351,7 +353,7 @@ def _allowed(case: PomCase, channel: str, flight: np.ndarray) -> float:
     return min(widths, default=0.0)
 
 
-def dead_band(channel: str, time: np.ndarray, flight: np.ndarray) -> float:
+def trend_dead_band(channel: str, time: np.ndarray, flight: np.ndarray) -> float:
     """Return the change of a flight trace below which it shows no trend. [SI]
 
     Three standard deviations of its scatter about straight lines over one second, the median of all
@@ -368,7 +370,7 @@ def dead_band(channel: str, time: np.ndarray, flight: np.ndarray) -> float:
         if t.size > 2
     ]
     scatter = float(np.median(scatters)) if scatters else 0.0
-    return max(SCATTER * scatter, RESOLVED.get(lookup(channel).units, 0.0))
+    return max(SCATTER * scatter, RESOLVED.get(lookup_quantity(channel).units, 0.0))
 
 
 def _order(departure: np.ndarray) -> str:
@@ -389,5 +391,5 @@ def _correlation(flight: np.ndarray, model: np.ndarray) -> float:
 
 
 def _shown(channel: str, value: float) -> str:
-    unit = lookup(channel).display_units
+    unit = lookup_quantity(channel).display_units
     return f"{from_si(value, unit):+.3g} {unit}"

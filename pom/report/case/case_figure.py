@@ -12,17 +12,17 @@ import numpy as np
 from flightmech.support.figures import (
     WIDTH,
     Frame,
-    area,
-    axes,
     clip_to_frame,
-    curve,
-    line,
-    rect,
-    svg,
-    text,
+    draw_area,
+    draw_axes,
+    draw_curve,
+    draw_line,
+    draw_rectangle,
+    draw_text,
+    make_svg_figure,
     text_pieces,
 )
-from pom.report.case.panels import CasePanel, description
+from pom.report.case.panels import CasePanel, panel_description
 from pom.report.presentation.quantities import SYMBOLS, fixed_decimals
 from pom.report.presentation.traces import LANE, beyond_scale_mark, exit_ticks, quantile_areas
 
@@ -33,7 +33,7 @@ MAIN, STRIP, SMALL, GAP = 170.0, 38.0, 66.0, 5.0
 RESIDUAL = 1.6
 
 
-def figures(
+def draw_case_figures(
     key: str,
     time: np.ndarray,
     panels: Sequence[CasePanel],
@@ -98,7 +98,7 @@ def _figure(
         parts.append(body)
     parts.append(_events(time, top - GAP, events))
     parts.append(
-        text(
+        draw_text(
             LEFT + (WIDTH - LEFT - RIGHT) / 2,
             top + 22,
             "time, s (clock of the record)",
@@ -106,19 +106,27 @@ def _figure(
             "middle",
         )
     )
-    return svg(top + FOOT, "".join(parts), " ".join(description(p) + "." for p in panels))
+    return make_svg_figure(
+        top + FOOT, "".join(parts), " ".join(panel_description(p) + "." for p in panels)
+    )
 
 
 def _legend(panels: Sequence[CasePanel], styles: Mapping[str, str]) -> str:
     runs = [run for run in styles if run != "applied" and any(run in p.traces for p in panels)]
     parts, x = [], LEFT
     for run in runs:
-        parts.append(line(x, 9, x + 30, 9, f"trace {styles[run]}"))
-        parts.append(text(x + 35, 12.5, run, "caption"))
+        parts.append(draw_line(x, 9, x + 30, 9, f"trace {styles[run]}"))
+        parts.append(draw_text(x + 35, 12.5, run, "caption"))
         x += 52 + 6.4 * len(run)
     if any(p.half is not None for p in panels):
-        parts += [rect(x, 4, 26, 10, "band"), text(x + 31, 12.5, "tolerance", "caption")]
-        parts += [rect(x + 96, 4, 26, 10, "exit"), text(x + 127, 12.5, "outside", "caption")]
+        parts += [
+            draw_rectangle(x, 4, 26, 10, "band"),
+            draw_text(x + 31, 12.5, "tolerance", "caption"),
+        ]
+        parts += [
+            draw_rectangle(x + 96, 4, 26, 10, "exit"),
+            draw_text(x + 127, 12.5, "outside", "caption"),
+        ]
     return "".join(parts)
 
 
@@ -137,8 +145,8 @@ def _events(time: np.ndarray, bottom: float, events: Mapping[str, float]) -> str
         if time[0] < at < time[-1]:
             x = float(frame.px(at))
             parts += [
-                line(x, frame.top, x, frame.bottom, "event"),
-                text(x + 3, frame.top + 9 + 11 * (i % 2), name.replace("_", " "), "tick halo"),
+                draw_line(x, frame.top, x, frame.bottom, "event"),
+                draw_text(x + 3, frame.top + 9 + 11 * (i % 2), name.replace("_", " "), "tick halo"),
             ]
     return "".join(parts)
 
@@ -149,7 +157,7 @@ def _panel(
     height = (MAIN if panel.kind == "judged" else SMALL) * scale
     x = (float(time[0]), float(time[-1]))
     frame = Frame(LEFT, top + HEAD, WIDTH - LEFT - RIGHT, height, x, panel.scale)
-    parts = [_head(panel, top + 12), axes(frame, x_labels=last and panel.half is None)]
+    parts = [_head(panel, top + 12), draw_axes(frame, x_labels=last and panel.half is None)]
     parts.append(clip_to_frame(frame, name, _inside(frame, time, panel, styles)))
     clear = replace(frame, height=frame.height - LANE * sum(map(bool, panel.exits.values())))
     parts += [
@@ -188,7 +196,7 @@ def _head(panel: CasePanel, y: float) -> str:
         for row in rows
     ]
     return body + (
-        text(WIDTH - RIGHT, y, "\N{EM SPACE}".join(words), "caption", "end") if words else ""
+        draw_text(WIDTH - RIGHT, y, "\N{EM SPACE}".join(words), "caption", "end") if words else ""
     )
 
 
@@ -197,7 +205,7 @@ def _inside(frame: Frame, time, panel: CasePanel, styles) -> str:
     flight = panel.traces.get("flight")
     if panel.half is not None and flight is not None:
         low, high = flight - panel.half, flight + panel.half
-        parts.append(area(frame, time, low, high, "band"))
+        parts.append(draw_area(frame, time, low, high, "band"))
         for run, values in panel.traces.items():
             if panel.exits.get(run):
                 parts.append(_exceedance(frame, time, values, low, high))
@@ -206,11 +214,11 @@ def _inside(frame: Frame, time, panel: CasePanel, styles) -> str:
     ]
     if panel.window:
         parts += [
-            line(float(frame.px(t)), frame.top, float(frame.px(t)), frame.bottom, "window")
+            draw_line(float(frame.px(t)), frame.top, float(frame.px(t)), frame.bottom, "window")
             for t in panel.window
         ]
     for run, values in panel.traces.items():
-        parts.append(curve(frame, time, values, f"trace {styles[run]}"))
+        parts.append(draw_curve(frame, time, values, f"trace {styles[run]}"))
     return "".join(parts)
 
 
@@ -221,7 +229,9 @@ def _exceedance(frame: Frame, time, values, low, high) -> str:
     shapes = ""
     for a, b, out in ((high, above, values > high), (below, low, values < low)):
         wide = out | np.roll(out, 1) | np.roll(out, -1)
-        shapes += area(frame, time, np.where(wide, a, np.nan), np.where(wide, b, np.nan), "exit")
+        shapes += draw_area(
+            frame, time, np.where(wide, a, np.nan), np.where(wide, b, np.nan), "exit"
+        )
     return shapes
 
 
@@ -231,14 +241,14 @@ def _residual(
     flight = panel.traces["flight"]
     unit_band = np.where(np.isfinite(half), 1.0, np.nan)
     parts = [
-        axes(frame, x_labels=last, y_ticks=(-1.0, 0.0, 1.0)),
-        text(6, frame.top + frame.height / 2 + 3.5, "e/t", "caption"),
+        draw_axes(frame, x_labels=last, y_ticks=(-1.0, 0.0, 1.0)),
+        draw_text(6, frame.top + frame.height / 2 + 3.5, "e/t", "caption"),
     ]
-    body = area(frame, time, -unit_band, unit_band, "band")
+    body = draw_area(frame, time, -unit_band, unit_band, "band")
     for run, values in panel.traces.items():
         if run != "flight":
             with np.errstate(invalid="ignore", divide="ignore"):
                 ratio = np.where(half > 0, (values - flight) / half, np.nan)
-            body += curve(frame, time, ratio, f"trace {styles[run]}")
+            body += draw_curve(frame, time, ratio, f"trace {styles[run]}")
             parts.append(beyond_scale_mark(frame, time, ratio, styles[run], with_value=False))
     return "".join(parts) + clip_to_frame(frame, name, body)

@@ -16,17 +16,36 @@ from pom.report.case import remarks
 from pom.report.case import remarks as modal
 from pom.report.case import remarks as probability
 from pom.report.case import start_and_inputs as initial_conditions
-from pom.report.case.case_figure import figures
-from pom.report.case.panels import CasePanel, Cross, crosses, description, panels
+from pom.report.case.case_figure import draw_case_figures
+from pom.report.case.panels import (
+    CasePanel,
+    Cross,
+    make_case_panels,
+    make_cross_plots,
+    panel_description,
+)
 from pom.report.case.start_and_inputs import describe_driving
 from pom.report.models.diagnosis import cause_section
 from pom.report.presentation.quantities import QuantityLabel, fixed_decimals
 from pom.report.presentation.traces import TIME_STEP, Pack, pack_page, page_templates, step_of
-from pom.report.presentation.verdict_text import MODAL, Verdict, reason, verdict_table, words
-from pom.result import PASSED, PomResult, exceeds, is_on_faulty_record, notices, results_name
+from pom.report.presentation.verdict_text import (
+    MODAL,
+    Verdict,
+    criterion_words,
+    reason_text,
+    verdict_blocks,
+)
+from pom.result import (
+    PASSED,
+    PomResult,
+    has_trim_remark,
+    is_on_faulty_record,
+    results_name,
+    run_notices,
+)
 
 
-def data(
+def plot_data(
     result: PomResult,
     panels: Sequence[CasePanel],
     crosses: Sequence[Cross],
@@ -38,7 +57,7 @@ def data(
     head = {
         "time": pack.add(result.signals["time"].values, TIME_STEP),
         "runs": [{"name": run, "style": style} for run, style in styles.items()],
-        "events": [[words(name), at] for name, at in result.case.events.items()],
+        "events": [[criterion_words(name), at] for name, at in result.case.events.items()],
         "fraction": result.case.fraction,
         "rows": rows,
         "panels": [_panel(panel, pack, rows) for panel in panels],
@@ -54,13 +73,13 @@ def _rows(result: PomResult) -> list[dict[str, Any]]:
         {
             "run": row["run"],
             "criterion": row["criterion"],
-            "words": words(row["criterion"]),
+            "words": criterion_words(row["criterion"]),
             "measure": row["measure"],
             "channel": row["channel"],
             "group": row["group"],
             "applies": row["criterion"] in applying,
             "verdict": row["verdict"],
-            "exceeds": exceeds(row),
+            "exceeds": has_trim_remark(row),
             "faulty": is_on_faulty_record(row),
             "ratio": row["worst_ratio"] if math.isfinite(row["worst_ratio"]) else None,
             "fraction": row["fraction"] if math.isfinite(row["fraction"]) else 1.0,
@@ -86,7 +105,7 @@ def _panel(panel: CasePanel, pack: Pack, rows: Sequence[Mapping[str, Any]]) -> d
         **_quantity(panel.label),
         "kind": panel.kind,
         "sign": panel.label.sign,
-        "alt": description(panel),
+        "alt": panel_description(panel),
         "limits": [float(f"{edge:.6g}") for edge in panel.scale],
         "span": panel.label.least_span,
         "decimals": _decimals(step),
@@ -136,7 +155,7 @@ _SPARE = ("run-4", "run-5", "run-1", "run-2", "run-3")
 _OF_ALL = ("document", "chapters")  # what ``results.nc`` holds next to the groups of the cases
 
 
-def line_styles(runs: Iterable[str]) -> dict[str, str]:
+def run_line_classes(runs: Iterable[str]) -> dict[str, str]:
     """Return the line class of every run, flight first."""
     runs = [run for run in runs if run != "flight"]
     taken = [_STYLES[run] for run in runs if run in _STYLES]
@@ -144,7 +163,7 @@ def line_styles(runs: Iterable[str]) -> dict[str, str]:
     return {"flight": "run-0", **{run: _STYLES.get(run) or spare.pop(0) for run in runs}}
 
 
-def keys(results: Sequence[PomResult]) -> list[str]:
+def case_keys(results: Sequence[PomResult]) -> list[str]:
     """Return a name per case, fit for an address and a file: unique without regard to case, as
     Windows and macOS compare them.
     """
@@ -171,36 +190,36 @@ def case_page(
     """Return everything the templates need for one case; `with_figures` draws those for readers
     without a script.
     """
-    styles = line_styles(result.runs)
-    shown, time = panels(result), result.signals["time"].values
+    styles = run_line_classes(result.runs)
+    shown, time = make_case_panels(result), result.signals["time"].values
     lines = {**styles, "applied": "run-0"}
     judged = [panel for panel in shown if panel.kind == "judged"]
-    head, body = data(result, shown, crosses(result), styles)
+    head, body = plot_data(result, shown, make_cross_plots(result), styles)
     return {
         "key": key,
         "case": result.case,
-        "objective": remarks.objective(result.case),
-        "share": remarks.share(result.case.fraction),
+        "objective": remarks.case_objective(result.case),
+        "share": remarks.fraction_text(result.case.fraction),
         "outcomes": outcome,
         "failure": result.failure,
-        "hashes": digests(result, provenance),
+        "hashes": digest_rows(result, provenance),
         "source": remarks.data_source(result),
-        "calibration": initial_conditions.calibration(result),
+        "calibration": initial_conditions.calibration_rows(result),
         "conditions": initial_conditions.condition_rows(result.conditions, result.trim.index),
         "drive": describe_driving(result),
-        "trim": initial_conditions.trim(result),
-        "drift": initial_conditions.drift(result),
-        "verdicts": verdict_table(result),
-        "modes": modal.mode_table(result, modes, styles),
+        "trim": initial_conditions.trim_tables(result),
+        "drift": initial_conditions.drift_rows(result),
+        "verdicts": verdict_blocks(result),
+        "modes": modal.mode_blocks(result, modes, styles),
         "probability": probability.probability_table(result),
         "cause": cause_section(result, diagnosis),
-        "notes": remarks.notes(result),
-        "rationales": remarks.rationales(result),
-        "ticks": remarks.ticks(result),
+        "notes": remarks.reader_notes(result),
+        "rationales": remarks.rationale_rows(result),
+        "ticks": remarks.tick_rows(result),
         "results": (name := results_name([result])),
         "signatures": signature_rows(result.case.signatures, provenance.get("date", ""), name),
         "styles": styles,
-        "plain": figures(f"{key}-plain", time, judged, lines, result.case.events)
+        "plain": draw_case_figures(f"{key}-plain", time, judged, lines, result.case.events)
         if with_figures
         else [],
         "head": head,
@@ -208,7 +227,7 @@ def case_page(
     }
 
 
-def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any]]:
+def outcome_rows(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any]]:
     """Return status, deciding criterion and worst ratio of every model."""
     rows = []
     applying = {c.name for c in result.case.criteria if c.applies}
@@ -234,9 +253,9 @@ def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any
                 "verdict": Verdict.of(status),
                 "ratio": ratio,
                 "ratio_text": fixed_decimals(ratio, 2),
-                "criterion": words(worst.get("criterion", "")),
-                "why": "" if math.isfinite(ratio) else reason(worst.get("remarks", ())),
-                "notices": notices(result, run),
+                "criterion": criterion_words(worst.get("criterion", "")),
+                "why": "" if math.isfinite(ratio) else reason_text(worst.get("remarks", ())),
+                "notices": run_notices(result, run),
                 "at": at,
                 "at_text": fixed_decimals(at, 2),
             }
@@ -263,7 +282,7 @@ def provenance_of(result: PomResult, provenance: Mapping[str, Any]) -> dict[str,
     }
 
 
-def digests(result: PomResult, provenance: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+def digest_rows(result: PomResult, provenance: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Return (what, file, SHA-256) of the record and of every model."""
     inputs = provenance.get("inputs", {})
     record = PurePath(result.case.record).name
@@ -352,7 +371,7 @@ def packed_page(
 ) -> PackedPage:
     """Return the page of the case at `position`, counted from one; `modes` is its table of modes."""
     made_from = heading.provenance
-    outcome = outcomes(result, line_styles(result.runs))
+    outcome = outcome_rows(result, run_line_classes(result.runs))
     page = case_page(
         key,
         result,

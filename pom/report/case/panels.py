@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from flightmech.support.figures import stretches
-from pom.judging.signals import RunSignals, signals_of, traces_of
-from pom.report.presentation.quantities import QuantityLabel, fixed_decimals, label
+from flightmech.support.figures import true_runs
+from pom.judging.signals import RunSignals, signals_of_run, traces_of
+from pom.report.presentation.quantities import QuantityLabel, fixed_decimals, quantity_label
 from pom.report.presentation.traces import STEPS_PER_HEIGHT, step_of
 from pom.result import PomResult
 from pom.tolerances.bands import NotJudged, half_width, inside_window
@@ -51,7 +51,7 @@ class Cross:
         )
 
 
-def crosses(result: PomResult) -> list[Cross]:
+def make_cross_plots(result: PomResult) -> list[Cross]:
     """Return the cross plots of the criteria that compare curves; several criteria on one pair of
     channels share a plot.
     """
@@ -73,7 +73,7 @@ def crosses(result: PomResult) -> list[Cross]:
 
 def _signals(result: PomResult, run: str, time: np.ndarray) -> RunSignals:
     """Return what a run holds of the channels of a result."""
-    return signals_of(result.case, traces_of(result.signals, run), time)
+    return signals_of_run(result.case, traces_of(result.signals, run), time)
 
 
 def _cross(
@@ -84,7 +84,7 @@ def _cross(
         for c in result.case.criteria
         if (c.abscissa, c.channel) == (criterion.abscissa, criterion.channel)
     )
-    x, y = label(criterion.abscissa), label(criterion.channel)
+    x, y = quantity_label(criterion.abscissa), quantity_label(criterion.channel)
     flight = runs["flight"][criterion.channel][inside]
     try:
         half = y.width(np.broadcast_to(half_width(criterion, flight), flight.shape))
@@ -153,7 +153,7 @@ class CasePanel:
         return self.label.name
 
 
-def panels(result: PomResult) -> list[CasePanel]:
+def make_case_panels(result: PomResult) -> list[CasePanel]:
     """Return the panels of a case: judged channels, then the inputs that move, then what proves the
     condition.
     """
@@ -194,7 +194,7 @@ def _split_inputs(result: PomResult) -> tuple[list[str], list[str]]:
     count = max(1, min(len(time), round(0.5 * (len(time) - 1) / (time[-1] - time[0]))))
     moving = []
     for name in names:
-        shown = label(name)
+        shown = quantity_label(name)
         values = result.inputs.variables[name].values
         if values.size and values.min() == values.max():
             continue
@@ -207,7 +207,7 @@ def _split_inputs(result: PomResult) -> tuple[list[str], list[str]]:
 def _compared(
     result: PomResult, name: str, kind: str, rows: Sequence[Mapping[Hashable, Any]]
 ) -> CasePanel:
-    shown = label(name)
+    shown = quantity_label(name)
     time = result.signals["time"].values
     traces = dict(
         zip(
@@ -224,13 +224,13 @@ def _compared(
     exits: dict[str, list[tuple[float, float]]] = {}
     if half is not None and "flight" in traces:
         exits = {
-            run: spans(time, outside(values, traces["flight"], half))
+            run: spans_of_mask(time, is_outside_band(values, traces["flight"], half))
             for run, values in traces.items()
             if run != "flight"
         }
     inside = np.isfinite(half) if half is not None else np.zeros(len(time), bool)
     window = (float(time[inside][0]), float(time[inside][-1])) if inside.any() else _window(rows)
-    whole = limits(traces, half, shown.least_span)
+    whole = scale_limits(traces, half, shown.least_span)
     fans = {
         run: shown.shown(found.fan[name].values)
         for run, found in result.samples.items()
@@ -260,7 +260,9 @@ def _scale(
     if half is None or not np.isfinite(half).any():
         return whole
     inside = np.isfinite(half)
-    own = limits({run: values[inside] for run, values in traces.items()}, half[inside], least_span)
+    own = scale_limits(
+        {run: values[inside] for run, values in traces.items()}, half[inside], least_span
+    )
     return own if whole[1] - whole[0] > SQUEEZED * (own[1] - own[0]) else whole
 
 
@@ -271,18 +273,18 @@ def _window(rows: Sequence[Mapping[Hashable, Any]]) -> tuple[float, float] | Non
 
 
 def _input(result: PomResult, name: str) -> CasePanel:
-    shown = label(name)
+    shown = quantity_label(name)
     values = np.interp(
         result.signals["time"].values,
         result.inputs["time"].values,
         shown.shown(result.inputs.variables[name].values),
     )
     traces = {"applied": values}
-    scale = limits(traces, None, shown.least_span)
+    scale = scale_limits(traces, None, shown.least_span)
     return CasePanel("input", shown, traces, None, None, {}, [], scale, scale)
 
 
-def outside(model: np.ndarray, flight: np.ndarray, half: np.ndarray) -> np.ndarray:
+def is_outside_band(model: np.ndarray, flight: np.ndarray, half: np.ndarray) -> np.ndarray:
     """Return where a model is outside the band; a missing value inside the window counts as
     outside.
     """
@@ -290,12 +292,12 @@ def outside(model: np.ndarray, flight: np.ndarray, half: np.ndarray) -> np.ndarr
         return np.isfinite(half) & ~(np.abs(model - flight) <= half * (1.0 + 1e-12))
 
 
-def spans(time: np.ndarray, mask: np.ndarray) -> list[tuple[float, float]]:
+def spans_of_mask(time: np.ndarray, mask: np.ndarray) -> list[tuple[float, float]]:
     """Return start and stop of every run of true samples. [s]"""
-    return [(float(time[a]), float(time[b - 1])) for a, b in stretches(mask)]
+    return [(float(time[a]), float(time[b - 1])) for a, b in true_runs(mask)]
 
 
-def limits(
+def scale_limits(
     traces: dict[str, np.ndarray], half: np.ndarray | None, least_span: float
 ) -> tuple[float, float]:
     """Return the scale of a panel: flight and band always fit, a model's outlier is clipped before
@@ -326,7 +328,7 @@ def _extent(values: Sequence[np.ndarray]) -> tuple[float, float]:
     return (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
 
 
-def description(panel: CasePanel) -> str:
+def panel_description(panel: CasePanel) -> str:
     """Return the alternative text of a panel, made from its verdicts."""
     name = panel.label.words or panel.channel
     head = f"{name} against time" + (f", {panel.label.unit}" if panel.label.unit else "")

@@ -7,39 +7,39 @@ from typing import Any
 
 import pandas as pd
 
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.units import from_si
 from pom.cases.case import PomCase
 from pom.cases.resolve import LIMIT_UNITS
 from pom.replaying.run_remarks import drift, pilot_activity
-from pom.replaying.trim import FOUND, LEFT, SHOWN_UNITS, limits_of
+from pom.replaying.trim import FOUND, LEFT, SHOWN_UNITS, result_trim_limits
 from pom.report.presentation.quantities import (
     MISSING,
     fixed_decimals,
+    format_number,
     has_ends,
-    label,
     measured_text,
-    number,
+    quantity_label,
     short_number,
 )
-from pom.report.presentation.verdict_text import MARKS, MODAL, remark_text, words
-from pom.result import PomResult, records
+from pom.report.presentation.verdict_text import MARKS, MODAL, criterion_words, remark_text
+from pom.result import PomResult, to_records
 from pom.samples import SampledReplay
-from pom.tolerances.rows import rows
+from pom.tolerances.rows import tolerance_rows
 
 
-def mode_table(
+def mode_blocks(
     result: PomResult, modes: pd.DataFrame, styles: dict[str, str]
 ) -> list[dict[str, Any]]:
     """Return one block per fitted channel and window, flight first."""
     fitted: dict[tuple[str, float, float], list[dict[Any, Any]]] = {}
-    for row in records(modes):
+    for row in to_records(modes):
         fitted.setdefault(
             (str(row["channel"]), row["window_start"], row["window_stop"]), []
         ).append(row)
     blocks = []
     for (channel, start, stop), fits in fitted.items():
-        shown = label(channel)
+        shown = quantity_label(channel)
         blocks.append(
             {
                 "label": shown,
@@ -62,8 +62,8 @@ def _row(row: dict[Any, Any], shown, styles: dict[str, str]) -> dict[str, Any]:
         else f"{fixed_decimals(abs(half), 2)}{' to double' if half < 0 else ''}",
         "damping": fixed_decimals(row["damping_ratio"], 4),
         "cycles": fixed_decimals(row["cycles"], 1),
-        "amplitude": number(float(shown.width(row["amplitude"])), 3),
-        "residual": number(float(shown.width(row["residual_rms"])), 2),
+        "amplitude": format_number(float(shown.width(row["amplitude"])), 3),
+        "residual": format_number(float(shown.width(row["residual_rms"])), 2),
         "lag": fixed_decimals(row["lag"], 2),
         "note": row["note"],
     }
@@ -84,32 +84,32 @@ def _block(run: str, samples: SampledReplay) -> dict[str, Any]:
         "draws": samples.count,
         "seed": samples.seed,
         "database": samples.database,
-        "probability": probability(samples),
-        "ratio": spread(samples),
+        "probability": probability_text(samples),
+        "ratio": spread_text(samples),
         "rows": [
             {
-                "criterion": words(name),
+                "criterion": criterion_words(name),
                 "probability": fixed_decimals(samples.passing(name), 3),
-                "ratio": spread(samples, name),
-                "sources": sources(samples, name),
+                "ratio": spread_text(samples, name),
+                "sources": dominant_sources_text(samples, name),
             }
             for name in map(str, samples.ratio.columns)
         ],
     }
 
 
-def probability(samples: SampledReplay) -> str:
+def probability_text(samples: SampledReplay) -> str:
     """Return the probability of a pass with its standard error from the number of draws."""
     return f"{fixed_decimals(samples.probability, 3)} ± {fixed_decimals(samples.stderr, 3)}"
 
 
-def spread(samples: SampledReplay, criterion: str = "") -> str:
+def spread_text(samples: SampledReplay, criterion: str = "") -> str:
     """Return the median of the ratio and its quantiles 5 and 95 %."""
     low, middle, high = samples.spread(criterion)
     return f"{fixed_decimals(middle, 2)} ({fixed_decimals(low, 2)} … {fixed_decimals(high, 2)})"
 
 
-def sources(samples: SampledReplay, criterion: str, most: int = SOURCES) -> str:
+def dominant_sources_text(samples: SampledReplay, criterion: str, most: int = SOURCES) -> str:
     """Return the terms and instruments whose errors make most of the spread, with their shares."""
     return ", ".join(
         f"{source} {100.0 * share:.0f} %" for source, share in samples.dominant(criterion, most)
@@ -127,21 +127,21 @@ _REFERENCES = {
 }
 
 
-def notes(result: PomResult) -> list[str]:
+def reader_notes(result: PomResult) -> list[str]:
     """Return what the reader must know in addition to the verdicts."""
     case = result.case
     found = [case.notes] if case.notes else []
     if case.reference in _REFERENCES:
-        found.append(_REFERENCES[case.reference].format(share=share(case.fraction)))
+        found.append(_REFERENCES[case.reference].format(share=fraction_text(case.fraction)))
     elif case.fraction != 1.0:
         found.append(
-            f"{share(case.fraction)} of the tolerance is applied, as the case file states."
+            f"{fraction_text(case.fraction)} of the tolerance is applied, as the case file states."
         )
     if case.shortened:
         found.append(f"The window is shorter than the table requires: {case.shortened}.")
     if case.conditions:
         given = ", ".join(
-            f"{label(name).words or name} {_given(value, name)}"
+            f"{quantity_label(name).words or name} {_given(value, name)}"
             for name, value in case.conditions.items()
         )
         found.append(f"From the case file, not from the record: {given}.")
@@ -163,19 +163,21 @@ def notes(result: PomResult) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def objective(case: PomCase) -> str:
+def case_objective(case: PomCase) -> str:
     """Return the objective of a case: that of the case file, else what its entry of the tolerance
     table compares.
     """
     if case.objective:
         return case.objective
     judged = ", ".join(
-        dict.fromkeys(words(criterion.name) for criterion in case.criteria if criterion.applies)
+        dict.fromkeys(
+            criterion_words(criterion.name) for criterion in case.criteria if criterion.applies
+        )
     )
     title = next(
         (
             row["title"]
-            for row in rows()
+            for row in tolerance_rows()
             if (row["standard"], row["test_id"]) == (case.standard, case.id)
         ),
         case.title,
@@ -186,7 +188,7 @@ def objective(case: PomCase) -> str:
     return f"{title}: {judged} of the models against {other}, within the tolerances of {case.id}."
 
 
-def share(fraction: float) -> str:
+def fraction_text(fraction: float) -> str:
     """Return a fraction of the tolerance as printed.
 
     Examples
@@ -208,11 +210,11 @@ def _of_rows(result: PomResult) -> list[str]:
         for remark in row["remarks"]:
             if remark.kind == "outside":
                 longest.setdefault(row["run"], []).append(
-                    f"{words(row['criterion'])} {remark.values['longest']:.2f} s"
+                    f"{criterion_words(row['criterion'])} {remark.values['longest']:.2f} s"
                 )
             elif remark.kind != "record" and not (fitted and remark.kind in IN_MODE_TABLE):
                 places.setdefault(remark_text(remark), []).append(
-                    (words(row["criterion"]), row["run"])
+                    (criterion_words(row["criterion"]), row["run"])
                 )
     found: dict[str, list[str]] = {}
     for text, where in places.items():
@@ -223,7 +225,7 @@ def _of_rows(result: PomResult) -> list[str]:
 
 def _given(value: float, name: str) -> str:
     """Return a value as somebody set it, without trailing zeros."""
-    shown = label(name)
+    shown = quantity_label(name)
     if has_ends(name):
         return measured_text(value, name)
     return f"{short_number(float(shown.shown(value)))}\N{NO-BREAK SPACE}{shown.unit}".rstrip(
@@ -242,18 +244,24 @@ def _where(found: Sequence[tuple[str, str]], result: PomResult) -> str:
     return ", ".join(parts or criteria)
 
 
-def rationales(result: PomResult) -> list[tuple[str, str]]:
+def rationale_rows(result: PomResult) -> list[tuple[str, str]]:
     """Return how the case file explains criteria or channels: (what, why)."""
-    return [(label(name).words or words(name), why) for name, why in result.case.rationale.items()]
+    return [
+        (quantity_label(name).words or criterion_words(name), why)
+        for name, why in result.case.rationale.items()
+    ]
 
 
-def ticks(result: PomResult) -> list[dict[str, Any]]:
+def tick_rows(result: PomResult) -> list[dict[str, Any]]:
     """Return the criteria that an engineer judges, with the tick of the case file where there is
     one.
     """
     wanted = result.verdict.loc[result.verdict["verdict"] == "advisory", "criterion"]
     names = dict.fromkeys([*wanted, *result.case.ticks])
-    return [{"criterion": words(name), "tick": result.case.ticks.get(name, "")} for name in names]
+    return [
+        {"criterion": criterion_words(name), "tick": result.case.ticks.get(name, "")}
+        for name in names
+    ]
 
 
 def data_source(result: PomResult) -> list[tuple[str, str]]:
@@ -261,7 +269,7 @@ def data_source(result: PomResult) -> list[tuple[str, str]]:
     time = result.signals["time"].values
     rate = (len(time) - 1) / (time[-1] - time[0])
     return [
-        *((words(key), text) for key, text in result.case.source.items()),
+        *((criterion_words(key), text) for key, text in result.case.source.items()),
         ("samples", f"{len(time)} at {short_number(rate, 3)} per second"),
     ]
 
@@ -275,10 +283,10 @@ def sampled_line(result: PomResult, run: str) -> str:
     """
     samples, worst = result.samples[run], result.worst(run)
     decides = str(worst["criterion"]) if worst is not None else ""
-    made = sources(samples, decides, 3) if decides in samples.ratio else ""
+    made = dominant_sources_text(samples, decides, 3) if decides in samples.ratio else ""
     text = (
-        f"probability of a pass {probability(samples)} ({samples.count} draws), ratio "
-        f"{spread(samples)}"
+        f"probability of a pass {probability_text(samples)} ({samples.count} draws), ratio "
+        f"{spread_text(samples)}"
     )
     return f"{text}; {decides}: {made}" if made else text
 
@@ -293,7 +301,7 @@ def run_notes(result: PomResult, run: str) -> list[str]:
 
 
 def _trim(result: PomResult, run: str) -> str:
-    limits = limits_of(result)
+    limits = result_trim_limits(result)
     words = []
     trim = result.trim[run].dropna().to_dict()
     for quantity in (name for name in (*FOUND, *LEFT) if name in trim):
@@ -315,7 +323,7 @@ def _pilot(result: PomResult, run: str) -> list[str]:
     rows = pilot_activity(result)
     lines = []
     for row in rows[rows["run"] == run].to_dict("records"):
-        unit = lookup(row["control"]).display_units
+        unit = lookup_quantity(row["control"]).display_units
         mean, rms, largest = (from_si(row[key], unit) for key in ("mean", "rms", "largest"))
         lines.append(
             f"pilot  {row['control']}: mean {mean:+.3g}, rms {rms:.3g}, largest "
@@ -330,6 +338,6 @@ def _drift(result: PomResult, run: str) -> str:
     rows = drift(result)
     words = []
     for row in rows[(rows["run"] == run) & rows["channel"].isin(_RATES)].to_dict("records"):
-        unit = lookup(row["channel"]).display_units
+        unit = lookup_quantity(row["channel"]).display_units
         words.append(f"{row['channel']} {from_si(60.0 * row['rate'], unit):+.3g} {unit}/min")
     return f"drift  {', '.join(words)}" if words else ""

@@ -17,23 +17,23 @@ from pom.cases.reference_states import CALIBRATION
 from pom.judging.beyond_the_bands import SLOWEST
 from pom.replaying import run_remarks
 from pom.replaying.run_remarks import FLOW, PILOT, pilot_activity
-from pom.replaying.trim import CONTROLS, limits_of
+from pom.replaying.trim import CONTROLS, result_trim_limits
 from pom.report.case.panels import split_inputs
 from pom.report.presentation.quantities import (
     MINUS,
     MISSING,
     QuantityLabel,
     fixed_decimals,
+    format_number,
     has_ends,
-    label,
     measured_text,
-    number,
-    percent,
+    percent_text,
     plain_measured_text,
     pretty_unit,
+    quantity_label,
     short_number,
 )
-from pom.result import PomResult, records
+from pom.result import PomResult, to_records
 
 _CONFIGURATION = (
     "mass",
@@ -89,10 +89,10 @@ def condition_rows(
             else "Flight"
         )
         if not stem.startswith("wind_") and (part != "Flight" or stem not in printed):
-            parts[part].append((label(name), measured_text(value, name)))
+            parts[part].append((quantity_label(name), measured_text(value, name)))
     if {"wind_n", "wind_e"} <= set(found):
         parts["Atmosphere"].append(
-            (_WIND, wind(found["wind_n"], found["wind_e"], found.get("wind_d", 0.0)))
+            (_WIND, wind_text(found["wind_n"], found["wind_e"], found.get("wind_d", 0.0)))
         )
     for part, names in (("Configuration", _CONFIGURATION), ("Atmosphere", _ATMOSPHERE)):
         parts[part] = sorted(parts[part], key=_place_among(names))
@@ -106,7 +106,7 @@ def _place_among(names: Sequence[str]) -> Callable[[tuple[QuantityLabel, str]], 
 _WIND = QuantityLabel("wind", "W", "", "wind", "", "", 1.0, 0.0)
 
 
-def wind(north: float, east: float, down: float = 0.0) -> str:
+def wind_text(north: float, east: float, down: float = 0.0) -> str:
     """Return a wind as pilots name it, from where it blows.
 
     Parameters
@@ -119,7 +119,7 @@ def wind(north: float, east: float, down: float = 0.0) -> str:
     >>> wind(-5.0, 0.0)
     'from 360° true at 9.7 kt'
     """
-    knots = float(label("V").shown(math.hypot(north, east)))
+    knots = float(quantity_label("V").shown(math.hypot(north, east)))
     if knots < 0.05:
         return "calm"
     bearing = round(math.degrees(math.atan2(-east, -north))) % 360 or 360
@@ -131,16 +131,16 @@ def wind(north: float, east: float, down: float = 0.0) -> str:
     return f"from {bearing:03d}° true at {fixed_decimals(knots, 1)} kt{rising}"
 
 
-def trim(result: PomResult) -> dict[str, Any]:
+def trim_tables(result: PomResult) -> dict[str, Any]:
     """Return the table of the trim in its parts; a bias or an acceleration beyond its limit is
     marked.
     """
     parts: dict[str, list[Any]] = {"State": [], "Controls as applied": [], _FOUND: [], _LEFT: []}
     table = result.trim
-    limits = limits_of(result)
+    limits = result_trim_limits(result)
     standing = "V" in table.index and float(table.iloc[:, 0]["V"]) < SLOWEST
     for name, held in zip(map(str, table.index), table.to_numpy(float), strict=True):
-        shown, stem = label(name), name.rpartition(".")[2]
+        shown, stem = quantity_label(name), name.rpartition(".")[2]
         found, left = (
             name.startswith("trim.") and not name.endswith("_dot"),
             name.startswith("trim.") and name.endswith("_dot"),
@@ -172,7 +172,7 @@ def trim(result: PomResult) -> dict[str, Any]:
         parts[part].append(
             {
                 "label": shown,
-                "words": label(stem).words or stem,
+                "words": quantity_label(stem).words or stem,
                 "cells": cells,
                 "differences": differences,
                 "limit": shown_limit,
@@ -196,14 +196,14 @@ def _difference(value: float, shown: QuantityLabel) -> str:
     return text if text == MISSING or text.startswith(MINUS) or not text.strip("0.") else f"+{text}"
 
 
-def calibration(result: PomResult) -> list[tuple[str, str]]:
+def calibration_rows(result: PomResult) -> list[tuple[str, str]]:
     """Return the constants of the instruments by which the flight data were corrected, with their
     standard errors.
     """
     rows: list[tuple[str, str]] = []
     if CALIBRATION not in result.signals.attrs:
         return rows
-    for row in records(run_remarks.calibration(result)):
+    for row in to_records(run_remarks.calibration(result)):
         given = str(row["unit"])
         unit = {"rad": "deg", "rad s-1": "deg/s"}.get(given, given)
         scale = math.degrees(1.0) if unit != given else 1.0
@@ -238,11 +238,11 @@ def _constant(parameter: str) -> str:
     ['bias of specific force x', 'delay of air data', 'reference pressure']
     """
     kind, _, name = parameter.rpartition(".")
-    quantity = _INSTRUMENTS.get(name) or label(name).words or name.replace("_", " ")
+    quantity = _INSTRUMENTS.get(name) or quantity_label(name).words or name.replace("_", " ")
     return f"{kind} of {quantity}" if kind else quantity
 
 
-def drift(result: PomResult) -> list[tuple[QuantityLabel, str, str, str]]:
+def drift_rows(result: PomResult) -> list[tuple[QuantityLabel, str, str, str]]:
     """Return how fast speed, height and heading of every model leave those of the flight in a long
     run: channel, run, rate, spread.
     """
@@ -250,10 +250,12 @@ def drift(result: PomResult) -> list[tuple[QuantityLabel, str, str, str]]:
     if time[-1] - time[0] < _LONG:
         return []
     rows = []
-    for row in records(run_remarks.drift(result)):
-        shown = label(str(row["channel"]))
+    for row in to_records(run_remarks.drift(result)):
+        shown = quantity_label(str(row["channel"]))
         unit = shown.unit
-        rate, spread = (number(float(shown.width(row[key])), 2) for key in ("rate", "spread"))
+        rate, spread = (
+            format_number(float(shown.width(row[key])), 2) for key in ("rate", "spread")
+        )
         rows.append((shown, str(row["run"]), f"{rate} {unit}/s", f"{spread} {unit}"))
     return rows
 
@@ -300,8 +302,10 @@ def describe_driving(result: PomResult) -> dict[str, Any]:
         ("time shift", "none: flight and models share the clock of the record"),
     ]
     moving, still = split_inputs(result)
-    inputs = [(label(name), _source(result, name), "moves, plotted") for name in moving]
-    inputs += [(label(name), _source(result, name), _steady(result, name)) for name in still]
+    inputs = [(quantity_label(name), _source(result, name), "moves, plotted") for name in moving]
+    inputs += [
+        (quantity_label(name), _source(result, name), _steady(result, name)) for name in still
+    ]
     return {
         "how": how,
         "inputs": inputs,
@@ -312,7 +316,7 @@ def describe_driving(result: PomResult) -> dict[str, Any]:
 
 def _feedback(result: PomResult) -> str:
     if result.case.law:
-        moved = ", ".join(label(name).words or name for name in result.case.law_moves)
+        moved = ", ".join(quantity_label(name).words or name for name in result.case.law_moves)
         law = result.signals.attrs.get("control_law", Path(result.case.law).name)
         return (
             f"closed loop: the control law of the airplane ({law}) moves {moved}; it sees the "
@@ -321,7 +325,9 @@ def _feedback(result: PomResult) -> str:
     if not result.case.drive.pilot:
         return "none: open loop, nothing corrects the model during the run"
     moved = ", ".join(
-        dict.fromkeys(label(loop.control).words or loop.control for loop in result.case.drive.pilot)
+        dict.fromkeys(
+            quantity_label(loop.control).words or loop.control for loop in result.case.drive.pilot
+        )
     )
     return f"closed loop: the math pilot moves {moved}"
 
@@ -344,7 +350,7 @@ def _steady(result: PomResult, name: str) -> str:
     """Return an input that does not move: its mean, and how far the record strays from it."""
     values = result.inputs[name].values
     mean, stray = float(values.mean()), float(np.abs(values - values.mean()).max())
-    shown = label(name)
+    shown = quantity_label(name)
     if stray < 1e-9 * max(1.0, abs(mean)) or has_ends(name):
         return measured_text(mean, name)
     value = (
@@ -356,20 +362,20 @@ def _steady(result: PomResult, name: str) -> str:
 
 def _loop(loop: PilotLoop) -> dict[str, Any]:
     """Return one loop of the math pilot."""
-    control, channel = label(loop.control), label(loop.channel)
+    control, channel = quantity_label(loop.control), quantity_label(loop.channel)
     return {
         "control": control,
         "channel": channel,
         "gain": _gain(loop.gain, control, channel, ""),
         "integral": _gain(loop.integral, control, channel, " and s") if loop.integral else "none",
-        "limit": f"± {number(float(control.width(loop.limit)))} {control.unit}".strip(),
+        "limit": f"± {format_number(float(control.width(loop.limit)))} {control.unit}".strip(),
     }
 
 
 def _gain(value: float, control: QuantityLabel, channel: QuantityLabel, per: str) -> str:
     """Return a gain in display units of control and channel."""
     return (
-        f"{number(value * control.factor / channel.factor)} {control.unit or '1'} per "
+        f"{format_number(value * control.factor / channel.factor)} {control.unit or '1'} per "
         f"{channel.unit or '1'}{per}"
     )
 
@@ -380,15 +386,17 @@ def _activity(result: PomResult) -> list[dict[str, Any]]:
     if PILOT not in result.signals.attrs:
         return rows
     for row in pilot_activity(result).to_dict("records"):
-        control = label(row["control"])
-        rms, largest = (number(float(control.width(row[key])), 2) for key in ("rms", "largest"))
+        control = quantity_label(row["control"])
+        rms, largest = (
+            format_number(float(control.width(row[key])), 2) for key in ("rms", "largest")
+        )
         rows.append(
             {
                 "run": row["run"],
                 "control": control,
                 "rms": f"{rms} {control.unit}".strip(),
                 "largest": f"{largest} {control.unit} at {fixed_decimals(row['at'], 1)} s",
-                "at_limit": percent(row["at_limit"]),
+                "at_limit": percent_text(row["at_limit"]),
                 "held": row["held"],
             }
         )

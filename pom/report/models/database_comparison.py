@@ -21,24 +21,24 @@ from flightmech.names import COEFFICIENTS
 from flightmech.support.figures import (
     WIDTH,
     Frame,
-    area,
-    axes,
+    choose_ticks,
     clip_to_frame,
-    curve,
-    dots,
-    line,
-    svg,
-    text,
+    draw_area,
+    draw_axes,
+    draw_curve,
+    draw_dots,
+    draw_line,
+    draw_text,
+    make_svg_figure,
     text_pieces,
-    ticks,
 )
 from pom.report.presentation.quantities import (
     MISSING,
     fixed_decimals,
-    label,
-    number,
+    format_number,
+    quantity_label,
     short_number,
-    symbol,
+    symbol_parts,
     term_words,
 )
 from pom.report.submodels.section import Picture
@@ -51,12 +51,17 @@ _ABSCISSA = ("alpha", "beta", "mach", "h_agl", "delta_e", "delta_a", "delta_r", 
 _FLIGHT = terms.SOURCES.index("flight")
 
 
-def page(found: Mapping[str, Any]) -> dict[str, Any]:
+def models_page(found: Mapping[str, Any]) -> dict[str, Any]:
     """Return everything the template ``models.html`` needs: of `compared`, its figures ready to
     stand in the page.
     """
     drawn = [
-        {**term, "figures": [svg(one.height, one.body, one.words) for one in term["figures"]]}
+        {
+            **term,
+            "figures": [
+                make_svg_figure(one.height, one.body, one.words) for one in term["figures"]
+            ],
+        }
         for term in found["terms"]
     ]
     return {**found, "terms": drawn}
@@ -125,7 +130,7 @@ def _changed(
         rows.append(
             {
                 **item,
-                "change": number(row["max_difference"], 2),
+                "change": format_number(row["max_difference"], 2),
                 "errors": fixed_decimals(errors, 1) if np.isfinite(errors) else MISSING,
                 "where": row["location"],
                 "note": row["note"],
@@ -148,7 +153,7 @@ def _alike(leaves: Sequence[xr.Dataset]) -> bool:
     return all(
         set(leaf) & {"value", "K1", "K2"} == set(leaves[0]) & {"value", "K1", "K2"}
         and all(leaf[v].equals(leaves[0][v]) for v in ("value", "K1", "K2") if v in leaf)
-        and terms.multipliers(leaf) == terms.multipliers(leaves[0])
+        and terms.list_multipliers(leaf) == terms.list_multipliers(leaves[0])
         for leaf in leaves[1:]
     )
 
@@ -172,7 +177,7 @@ def _facts(leaf: xr.Dataset) -> dict[str, str]:
     return {
         "shape": shape,
         "flown": flown,
-        "regressors": " ".join(terms.multipliers(leaf)),
+        "regressors": " ".join(terms.list_multipliers(leaf)),
         "source": source or "not stated",
         **{key: str(leaf.attrs.get(key, "")) for key in ("references", "history", "comment")},
     }
@@ -181,7 +186,7 @@ def _facts(leaf: xr.Dataset) -> dict[str, str]:
 def _term(term, holders, everyone, support, styles, changed) -> dict[str, Any]:
     lone = [name for name in everyone if name not in holders]
     state = f"not in {', '.join(lone)}" if lone else "replaced" if changed else "unchanged"
-    factors = [symbol(word) for word in terms.regressors(next(iter(holders.values())))]
+    factors = [symbol_parts(word) for word in terms.list_regressors(next(iter(holders.values())))]
     item: dict[str, Any] = {
         "term": term,
         "words": term_words(term),
@@ -193,7 +198,8 @@ def _term(term, holders, everyone, support, styles, changed) -> dict[str, Any]:
     tables = [quantity for quantity in ("value", "K1", "K2") if _has(holders, quantity)]
     if "value" not in tables:
         item["scalars"] = [
-            (name, number(float(leaf["value"]), 4), _stderr(leaf)) for name, leaf in holders.items()
+            (name, format_number(float(leaf["value"]), 4), _stderr(leaf))
+            for name, leaf in holders.items()
         ]
     return {
         **item,
@@ -223,7 +229,7 @@ def _has(holders: Mapping[str, xr.Dataset], quantity: str) -> bool:
 
 
 def _stderr(leaf: xr.Dataset) -> str:
-    return number(float(leaf["stderr"]), 2) if "stderr" in leaf else ""
+    return format_number(float(leaf["stderr"]), 2) if "stderr" in leaf else ""
 
 
 def _figure(term: str, quantity: str, holders, shared, support, styles) -> Picture:
@@ -247,7 +253,7 @@ def _figure(term: str, quantity: str, holders, shared, support, styles) -> Pictu
         name = f"term-{term.replace('/', '-')}-{quantity}-{i}"
         parts += [
             _slice_head(frame, term if quantity == "value" else quantity, at),
-            axes(frame, x_labels=not strip, x_most=5),
+            draw_axes(frame, x_labels=not strip, x_most=5),
         ]
         parts += [
             clip_to_frame(frame, name, "".join(_trace(frame, c, styles) for c in curves[i])),
@@ -257,7 +263,7 @@ def _figure(term: str, quantity: str, holders, shared, support, styles) -> Pictu
             frame = Frame(
                 left, frame.bottom + 6, width, strip - 6, frame.x, _range(changes, zero=True)
             )
-            parts += [axes(frame, x_labels=True, x_most=5, y_ticks=ticks(*frame.y, 3))]
+            parts += [draw_axes(frame, x_labels=True, x_most=5, y_ticks=choose_ticks(*frame.y, 3))]
             parts += [
                 clip_to_frame(
                     frame, f"{name}-d", "".join(_trace(frame, c, styles) for c in changes[i])
@@ -316,7 +322,7 @@ def _slices(tables, others: Sequence[str]) -> list[dict[str, float]]:
 
 
 def _curves(tables, holders, quantity, x_axis, at) -> list[dict[str, Any]]:
-    shown = label(x_axis)
+    shown = quantity_label(x_axis)
     points = np.concatenate([t[x_axis].values for t in tables.values() if x_axis in t.dims])
     found = []
     for name, table in tables.items():
@@ -377,17 +383,19 @@ def _edges(c) -> tuple[np.ndarray, np.ndarray]:
 
 def _x_range(tables, x_axis: str) -> tuple[float, float]:
     points = np.concatenate([t[x_axis].values for t in tables.values() if x_axis in t.dims])
-    shown = label(x_axis).shown(points)
+    shown = quantity_label(x_axis).shown(points)
     low, high = float(shown.min()), float(shown.max())
     return (low, high) if high > low else (low - 1.0, high + 1.0)
 
 
 def _trace(frame: Frame, c, styles) -> str:
     css = styles[c["name"]]
-    body = area(frame, c["x"], *_edges(c), f"error {css}-area") if c["stderr"] is not None else ""
-    body += curve(frame, c["x"], c["y"], f"trace {css}")
+    body = (
+        draw_area(frame, c["x"], *_edges(c), f"error {css}-area") if c["stderr"] is not None else ""
+    )
+    body += draw_curve(frame, c["x"], c["y"], f"trace {css}")
     if c["flown"] is not None:
-        body += dots(frame, c["x"], c["y"], f"node {css}") + dots(
+        body += draw_dots(frame, c["x"], c["y"], f"node {css}") + draw_dots(
             frame, c["x"], np.where(c["flown"], np.nan, c["y"]), "node hollow"
         )
     return body
@@ -395,14 +403,14 @@ def _trace(frame: Frame, c, styles) -> str:
 
 def _slice_head(frame: Frame, name: str, at: Mapping[str, float]) -> str:
     where = ", ".join(
-        f"{_plain(a)} = {short_number(float(label(a).shown(v)), 3)} {label(a).unit}".strip()
+        f"{_plain(a)} = {short_number(float(quantity_label(a).shown(v)), 3)} {quantity_label(a).unit}".strip()
         for a, v in at.items()
     )
-    return text(frame.left, frame.top - 6, f"{name} at {where}" if where else name, "title")
+    return draw_text(frame.left, frame.top - 6, f"{name} at {where}" if where else name, "title")
 
 
 def _abscissa(frame: Frame, x_axis: str) -> str:
-    shown = label(x_axis)
+    shown = quantity_label(x_axis)
     pieces = [
         (shown.base, "symbol"),
         *([(shown.sub, "sub")] if shown.sub else []),
@@ -412,7 +420,7 @@ def _abscissa(frame: Frame, x_axis: str) -> str:
 
 
 def _plain(axis: str) -> str:
-    base, sub = symbol(axis)
+    base, sub = symbol_parts(axis)
     return base + (f"_{sub}" if sub else "")
 
 
@@ -421,12 +429,15 @@ def _key(tables, shared, styles, supported: bool) -> str:
     for name in tables:
         words = " = ".join(shared[name])
         parts += [
-            line(x, 10, x + 30, 10, f"trace {styles[name]}"),
-            text(x + 35, 13.5, words, "caption"),
+            draw_line(x, 10, x + 30, 10, f"trace {styles[name]}"),
+            draw_text(x + 35, 13.5, words, "caption"),
         ]
         x += 52 + 6.4 * len(words)
     if supported:
-        parts += [line(x + 4, 4, x + 4, 14, "rug"), text(x + 12, 13.5, "flight sample", "caption")]
+        parts += [
+            draw_line(x + 4, 4, x + 4, 14, "rug"),
+            draw_text(x + 12, 13.5, "flight sample", "caption"),
+        ]
     return "".join(parts)
 
 
@@ -442,7 +453,9 @@ def _support(
             nodes = max((t[axis].values for t in tables.values() if axis in t.dims), key=len)
             near &= nodes[np.abs(support[axis].to_numpy()[:, None] - nodes).argmin(axis=1)] == value
     places = np.unique(
-        np.round(frame.px(label(x_axis).shown(support[x_axis].to_numpy()[near])) * 2) / 2
+        np.round(frame.px(quantity_label(x_axis).shown(support[x_axis].to_numpy()[near])) * 2) / 2
     )
     places = places[(places >= frame.left) & (places <= frame.right)]
-    return "".join(line(float(x), frame.bottom - 7, float(x), frame.bottom, "rug") for x in places)
+    return "".join(
+        draw_line(float(x), frame.bottom - 7, float(x), frame.bottom, "rug") for x in places
+    )

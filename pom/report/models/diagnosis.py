@@ -16,9 +16,17 @@ from markupsafe import Markup
 from flightmech.support import figures as svg_chart
 from flightmech.support.figures import Frame
 from pom.diagnosis.swap_runs import MATCHED, OTHERS, criteria_of, waterfall
-from pom.diagnosis.tuning.tuning_log import BASES, MOVES, NUMBERS, ROWS, headline, moves_of, rows_of
+from pom.diagnosis.tuning.tuning_log import (
+    BASES,
+    MOVES,
+    NUMBERS,
+    ROWS,
+    log_rows,
+    moves_of,
+    outcome_sentence,
+)
 from pom.report.presentation.quantities import MISSING, fixed_decimals, term_words
-from pom.report.presentation.verdict_text import Verdict, words
+from pom.report.presentation.verdict_text import Verdict, criterion_words
 from pom.report.submodels.section import SectionTable
 from pom.result import PomResult, status_text
 
@@ -63,10 +71,10 @@ def cause_figure(table: pd.DataFrame) -> str:
     needed = set(table.loc[table["stage"].isin(["sequence", "joint"]), "term"])
     bottom = _HEAD + _ROW * (len(total) + 2)
     body = [_names(total, needed), *_panels(table, total, needed, bottom), _legend(bottom + 38.0)]
-    return svg_chart.svg(bottom + 44.0, "".join(body), alternative(table))
+    return svg_chart.make_svg_figure(bottom + 44.0, "".join(body), waterfall_text(table))
 
 
-def alternative(table: pd.DataFrame) -> str:
+def waterfall_text(table: pd.DataFrame) -> str:
     """Return the waterfall in words, for those who cannot see it."""
     sentences = []
     for name in ("", *_shown(table)):
@@ -155,11 +163,13 @@ def _panel(
     )
     lines = _two_lines(title, 20 if main else max(int((width + _NUMBER) / 5.6), 8))
     heading = [
-        svg_chart.text(left, _HEAD - 8.0 - 12.0 * (len(lines) - 1 - k), line)
+        svg_chart.draw_text(left, _HEAD - 8.0 - 12.0 * (len(lines) - 1 - k), line)
         for k, line in enumerate(lines)
     ]
     below = (
-        svg_chart.text(left, bottom + 26.0, "mismatch, in half widths of the tolerance", "caption")
+        svg_chart.draw_text(
+            left, bottom + 26.0, "mismatch, in half widths of the tolerance", "caption"
+        )
         if main
         else ""
     )
@@ -175,14 +185,14 @@ def _panel(
 
 
 def _scale(frame: Frame) -> str:
-    marks = svg_chart.ticks(*frame.x, max(2, int(frame.width / 40)))
+    marks = svg_chart.choose_ticks(*frame.x, max(2, int(frame.width / 40)))
     grid = "".join(f"M{frame.px(mark):.1f},{frame.top:.1f}v{frame.height:.1f}" for mark in marks)
     words = "".join(
-        svg_chart.text(float(frame.px(v)), frame.bottom + 12, w)
+        svg_chart.draw_text(float(frame.px(v)), frame.bottom + 12, w)
         for v, w in zip(marks, svg_chart.tick_text(marks), strict=True)
     )
     zero = float(frame.px(0.0))
-    axis = svg_chart.line(zero, frame.top, zero, frame.bottom, "frame")
+    axis = svg_chart.draw_line(zero, frame.top, zero, frame.bottom, "frame")
     return f'<path class="grid" d="{grid}"/>{axis}<g class="tick" text-anchor="middle">{words}</g>'
 
 
@@ -191,7 +201,7 @@ def _bar_row(frame: Frame, k: int, bar: _Bar) -> str:
     a, b = sorted((float(frame.px(bar.start)), float(frame.px(bar.stop))))
     middle = frame.top + _ROW * (k + 0.5)
     parts = [
-        svg_chart.rect(
+        svg_chart.draw_rectangle(
             a,
             middle - 0.5 * _BAR,
             max(b - a, 0.8),
@@ -204,7 +214,7 @@ def _bar_row(frame: Frame, k: int, bar: _Bar) -> str:
         parts.append(
             f'<path class="frame" d="M{low:.1f},{middle - 3:.1f}v6m0,-3H{high:.1f}m0,-3v6"/>'
         )
-    parts.append(svg_chart.text(frame.right + _GAP - 4.0, middle + 3.8, bar.words, "tick"))
+    parts.append(svg_chart.draw_text(frame.right + _GAP - 4.0, middle + 3.8, bar.words, "tick"))
     return "".join(parts)
 
 
@@ -239,9 +249,11 @@ def _legend(y: float) -> str:
     for css, label in reversed(_LEGEND):
         x -= 6.6 * len(label) + 22.0  # a wide font, as DejaVu Sans
         parts.append(
-            svg_chart.rect(x, y - 9.0, 14.0, _BAR, f"{css} frame" if css == "band" else css)
+            svg_chart.draw_rectangle(
+                x, y - 9.0, 14.0, _BAR, f"{css} frame" if css == "band" else css
+            )
         )
-        parts.append(svg_chart.text(x + 18.0, y, label, "caption"))
+        parts.append(svg_chart.draw_text(x + 18.0, y, label, "caption"))
     return "".join(parts)
 
 
@@ -275,7 +287,7 @@ NOTE = (
 )
 
 
-def context(
+def tuning_context(
     tunings: Mapping[str, Mapping[str, Any]], results: Sequence[PomResult]
 ) -> list[dict[str, Any]]:
     """Return per tuned model its outcome in a sentence, what moved, the rows, and further words."""
@@ -285,7 +297,7 @@ def context(
 def _of(run: str, log: Mapping[str, Any], results: Sequence[PomResult]) -> dict[str, Any]:
     moves, rest = moves_of(log)
     flown = {result.case.name: _flown(result, run) for result in results if run in result.runs}
-    rows = tuple((*cells, flown.get(cells[1], MISSING)) for cells in rows_of(log))
+    rows = tuple((*cells, flown.get(cells[1], MISSING)) for cells in log_rows(log))
     grids = [SectionTable("What moved", MOVES, tuple(moves))] if moves else []
     grids.append(SectionTable("What it did to every case", (*ROWS, FLOWN), rows))
     files = ", ".join(
@@ -296,7 +308,7 @@ def _of(run: str, log: Mapping[str, Any], results: Sequence[PomResult]) -> dict[
     remarks = [*([rest] if rest else []), f"files, SHA-256: {files}"]
     return {
         "run": run,
-        "headline": headline(log),
+        "headline": outcome_sentence(log),
         "grids": grids,
         "remarks": remarks,
         "numbers": {*NUMBERS, FLOWN},
@@ -336,7 +348,7 @@ def cause_section(result: PomResult, table: pd.DataFrame | None) -> dict[str, An
     """Return everything the template needs to show the cause, or nothing without a diagnosis."""
     if table is None or table.empty:
         return None
-    criteria = [{"name": name, "words": words(name)} for name in criteria_of(table)]
+    criteria = [{"name": name, "words": criterion_words(name)} for name in criteria_of(table)]
     by_stage = {stage: _rows(table, stage) for stage in _TITLES}
     stages = []
     for stage, title in _TITLES.items():

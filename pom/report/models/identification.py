@@ -15,18 +15,24 @@ from flightmech.errors import IdentificationError
 from flightmech.support.figures import (
     WIDTH,
     Frame,
-    axes,
+    choose_ticks,
     clip_to_frame,
-    curve,
-    dots,
-    limits,
-    line,
-    svg,
-    text,
+    draw_axes,
+    draw_curve,
+    draw_dots,
+    draw_line,
+    draw_text,
+    find_axis_limits,
+    make_svg_figure,
     text_pieces,
-    ticks,
 )
-from pom.report.presentation.quantities import MISSING, fixed_decimals, label, number, symbol
+from pom.report.presentation.quantities import (
+    MISSING,
+    fixed_decimals,
+    format_number,
+    quantity_label,
+    symbol_parts,
+)
 from pom.report.presentation.traces import Pack, step_of
 from pom.report.submodels.section import Picture
 
@@ -46,7 +52,7 @@ def fit_picture(index: int, fit: flighttest.Fit) -> Picture:
     residual.
     """
     name = fit.model.coefficient
-    base, sub = symbol(name)
+    base, sub = symbol_parts(name)
     every = max(1, -(-fit.data.sizes["sample"] // _MOST_SAMPLES))
     along, residual = fit.time_along, fit.residual
     time, rest, measured = along[::every], residual[::every], fit.data[name].values[::every]
@@ -57,9 +63,9 @@ def fit_picture(index: int, fit: flighttest.Fit) -> Picture:
         wide,
         _HIGH,
         (0.0, float(along[-1])),
-        limits(np.concatenate([measured, measured - rest]), 0.06),
+        find_axis_limits(np.concatenate([measured, measured - rest]), 0.06),
     )
-    lower = Frame(_LEFT, upper.bottom + 6.0, wide, _LOW, upper.x, limits(rest, 0.06))
+    lower = Frame(_LEFT, upper.bottom + 6.0, wide, _LOW, upper.x, find_axis_limits(rest, 0.06))
     starts = along[1:][np.diff(fit.data["manoeuvre"].values) != 0]
     parts = [
         text_pieces(
@@ -75,21 +81,21 @@ def fit_picture(index: int, fit: flighttest.Fit) -> Picture:
                 ),
             ],
         ),
-        axes(upper, x_labels=False, x_most=8),
+        draw_axes(upper, x_labels=False, x_most=8),
         *(
-            line(float(frame.px(at)), frame.top, float(frame.px(at)), frame.bottom, "window")
+            draw_line(float(frame.px(at)), frame.top, float(frame.px(at)), frame.bottom, "window")
             for frame in (upper, lower)
             for at in starts
         ),
         clip_to_frame(
             upper,
             f"fit-{index}",
-            curve(upper, time, measured, "trace run-0")
-            + curve(upper, time, measured - rest, "trace run-3"),
+            draw_curve(upper, time, measured, "trace run-0")
+            + draw_curve(upper, time, measured - rest, "trace run-3"),
         ),
-        axes(lower, x_labels=True, x_most=8, y_ticks=ticks(*lower.y, 3)),
-        clip_to_frame(lower, f"fit-{index}-e", curve(lower, time, rest, "trace run-0")),
-        text(
+        draw_axes(lower, x_labels=True, x_most=8, y_ticks=choose_ticks(*lower.y, 3)),
+        clip_to_frame(lower, f"fit-{index}-e", draw_curve(lower, time, rest, "trace run-0")),
+        draw_text(
             _LEFT + wide / 2,
             lower.bottom + 24.0,
             "residual over the time of the samples, s",
@@ -107,22 +113,24 @@ def fit_picture(index: int, fit: flighttest.Fit) -> Picture:
         (-0.5, 1.05),
     )
     parts += [
-        text(frame.left, _TOP - 5.0, "autocorrelation of the residual", "caption"),
-        axes(frame, x_labels=True, x_most=5),
+        draw_text(frame.left, _TOP - 5.0, "autocorrelation of the residual", "caption"),
+        draw_axes(frame, x_labels=True, x_most=5),
     ]
     parts += [
-        line(frame.left, float(frame.py(at)), frame.right, float(frame.py(at)), "event")
+        draw_line(frame.left, float(frame.py(at)), frame.right, float(frame.py(at)), "event")
         for at in (0.0,)
     ]
     parts += [
-        line(frame.left, float(frame.py(at)), frame.right, float(frame.py(at)), "window")
+        draw_line(frame.left, float(frame.py(at)), frame.right, float(frame.py(at)), "window")
         for at in (-bound, bound)
     ]
-    parts += [clip_to_frame(frame, f"fit-{index}-r", curve(frame, lag, correlation, "trace run-0"))]
     parts += [
-        text(frame.left + frame.width / 2, frame.bottom + 24.0, "lag, s", "caption", "middle")
+        clip_to_frame(frame, f"fit-{index}-r", draw_curve(frame, lag, correlation, "trace run-0"))
     ]
-    rms = number(float(np.sqrt(np.mean(residual**2))), 3)
+    parts += [
+        draw_text(frame.left + frame.width / 2, frame.bottom + 24.0, "lag, s", "caption", "middle")
+    ]
+    rms = format_number(float(np.sqrt(np.mean(residual**2))), 3)
     words = (
         f"{name} of {fit.name}: measured, fitted, residual with an rms of {rms}, its "
         f"autocorrelation"
@@ -161,7 +169,7 @@ _LINES = 4  # line codes of the 1 g lines
 _CELLS = 160  # of the map of test points, in each direction
 
 
-def chapter(
+def identification_chapter(
     fits: Sequence[flighttest.Fit], level_lines: Mapping[str, xr.Dataset], on_paper: bool
 ) -> dict[str, Any]:
     """Return what page and paper show of the identification.
@@ -194,14 +202,14 @@ def chapter(
     }
 
 
-def page(found: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any], bytes]:
+def identification_page(found: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any], bytes]:
     """Return of a `chapter` what the template ``identification.html`` needs, what the script draws,
     and the traces it points into.
     """
     where = found["map"]
     context = {
         "fits": found["fits"],
-        "map": svg(where.height, where.body, where.words) if where else "",
+        "map": make_svg_figure(where.height, where.body, where.words) if where else "",
     }
     return context, {"fits": found["heads"]}, found["body"]
 
@@ -225,13 +233,13 @@ def _fit(index: int, fit: flighttest.Fit) -> dict[str, Any]:
         "index": index,
         "name": fit.name,
         "coefficient": fit.model.coefficient,
-        "symbol": symbol(fit.model.coefficient),
+        "symbol": symbol_parts(fit.model.coefficient),
         "model": str(fit.model),
         "domain": str(found.attrs.get("domain", "time")),
         "samples": found.attrs.get("samples", fit.data.sizes["sample"]),
         "manoeuvres": found.attrs.get("manoeuvres", 1),
         "R2": fixed_decimals(found.attrs.get("R2"), 4),
-        "rms": number(found.attrs.get("residual_rms"), 3),
+        "rms": format_number(found.attrs.get("residual_rms"), 3),
         **_agreement(fit),
         "vif": fixed_decimals(largest_vif, 1),
         "remarks": [str(remark) for remark in fit.remarks],
@@ -265,9 +273,9 @@ def _term(fit: flighttest.Fit, index: int, name: str) -> dict[str, Any]:
     estimate, stderr = of("estimate"), of("stderr")
     return {
         "name": name,
-        "estimate": number(estimate, 4),
-        "stderr": number(stderr, 2),
-        "systematic": number(of("stderr_systematic"), 2),
+        "estimate": format_number(estimate, 4),
+        "stderr": format_number(stderr, 2),
+        "systematic": format_number(of("stderr_systematic"), 2),
         "ratio": fixed_decimals(abs(estimate) / stderr if stderr > 0.0 else math.nan, 1),
         "vif": fixed_decimals(of("vif"), 1),
         "contribution": f"{fixed_decimals(100.0 * of('contribution'), 0)} %"
@@ -318,7 +326,7 @@ def _traces(fit: flighttest.Fit, pack: Pack) -> dict[str, Any]:
         if "manoeuvre" in fit.data
         else np.zeros(len(measured))
     )
-    base, sub = symbol(fit.model.coefficient)
+    base, sub = symbol_parts(fit.model.coefficient)
     return {
         "base": base,
         "sub": sub,
@@ -343,7 +351,7 @@ def sample_map(
         np.concatenate([data[name].values for data in held]) for name in ("alpha", "mach")
     )
     good = np.isfinite(alpha) & np.isfinite(mach)
-    x, y = mach[good], label("alpha").shown(alpha[good])
+    x, y = mach[good], quantity_label("alpha").shown(alpha[good])
     if not len(x):
         return None
     frame = Frame(54.0, 12.0, WIDTH - 66.0, 240.0, _reach(x), _reach(y))
@@ -360,7 +368,7 @@ def sample_map(
         low + (cell + 0.5) / _CELLS * (high - low)
         for cell, (low, high) in zip(cells, (frame.x, frame.y), strict=True)
     ]
-    body = axes(frame, x_labels=True) + dots(frame, centres[0], centres[1], "test-point")
+    body = draw_axes(frame, x_labels=True) + draw_dots(frame, centres[0], centres[1], "test-point")
     body += text_pieces(
         frame.left + frame.width / 2, frame.bottom + 28, [("M", "symbol")], "middle"
     ) + text_pieces(8, 20, [("α", "symbol"), (", deg", "caption")])
@@ -370,12 +378,15 @@ def sample_map(
         body += clip_to_frame(
             frame,
             f"level-{i}",
-            curve(
-                frame, one["mach"].values, label("alpha").shown(one["alpha"].values), f"trace {css}"
+            draw_curve(
+                frame,
+                one["mach"].values,
+                quantity_label("alpha").shown(one["alpha"].values),
+                f"trace {css}",
             ),
         )
         left = frame.left + column * frame.width / 2
-        body += line(left, down, left + 30, down, f"trace {css}") + text(
+        body += draw_line(left, down, left + 30, down, f"trace {css}") + draw_text(
             left + 36, down + 3.5, f"{i + 1}: 1 g, {name}", "caption"
         )
         body += _numbered(frame, i + 1, one)
@@ -389,13 +400,13 @@ def sample_map(
 
 def _numbered(frame: Frame, number: int, one: xr.Dataset) -> str:
     """Return the number of a 1 g line, where it leaves the frame."""
-    x, y = one["mach"].values, label("alpha").shown(one["alpha"].values)
+    x, y = one["mach"].values, quantity_label("alpha").shown(one["alpha"].values)
     inside = np.flatnonzero(
         (x >= frame.x[0]) & (x <= frame.x[1]) & (y >= frame.y[0]) & (y <= frame.y[1])
     )
     if not len(inside):
         return ""
-    return text(
+    return draw_text(
         float(frame.px(x[inside[-1]])) - 3,
         float(frame.py(y[inside[-1]])) - 4,
         str(number),

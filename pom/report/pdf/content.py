@@ -18,8 +18,8 @@ from pom.report.case import remarks
 from pom.report.case import remarks as modal
 from pom.report.case import remarks as probability
 from pom.report.case import start_and_inputs as initial_conditions
-from pom.report.case.page import digests, line_styles, outcomes
-from pom.report.case.panels import CasePanel, crosses, panels
+from pom.report.case.page import digest_rows, outcome_rows, run_line_classes
+from pom.report.case.panels import CasePanel, make_case_panels, make_cross_plots
 from pom.report.case.start_and_inputs import describe_driving
 from pom.report.models.diagnosis import cause_sentences
 from pom.report.pdf.drawings import (
@@ -28,15 +28,15 @@ from pom.report.pdf.drawings import (
     Drawing,
     arrange_panels,
     cross_drawing,
-    drawing,
-    legend,
-    waterfall,
+    draw_case_panel,
+    draw_legend,
+    draw_waterfall,
 )
 from pom.report.presentation.quantities import QuantityLabel
-from pom.report.presentation.verdict_text import Verdict, verdict_table, words
+from pom.report.presentation.verdict_text import Verdict, criterion_words, verdict_blocks
 from pom.report.submodels.section import Section, SectionTable
 from pom.result import PomResult, results_name
-from pom.tolerances.rows import rows as tolerance_rows
+from pom.tolerances.rows import tolerance_rows
 
 _REFERENCES = {
     "flight": "model against flight",
@@ -45,7 +45,7 @@ _REFERENCES = {
 }
 
 
-def front(
+def front_content(
     results: Sequence[PomResult],
     keys: Sequence[str],
     title: str,
@@ -54,9 +54,9 @@ def front(
     databases: Mapping[str, xr.DataTree],
 ) -> dict[str, Any]:
     """Return what cover, index, coverage, references and glossary show."""
-    cells = [outcomes(result, line_styles(result.runs)) for result in results]
+    cells = [outcome_rows(result, run_line_classes(result.runs)) for result in results]
     matrix = _matrix(keys, results, cells)
-    source = origin.page(provenance, results, databases)
+    source = origin.provenance_page(provenance, results, databases)
     return {
         "title": title,
         "revision": revision,
@@ -80,7 +80,7 @@ def front(
         ),
         "index": matrix,
         "record_errors": source["record_errors"],
-        "coverage": overview.coverage(results, tolerance_rows()),
+        "coverage": overview.table_coverage(results, tolerance_rows()),
         "references": {
             "versions": source["versions"],
             "inputs": source["inputs"],
@@ -100,13 +100,13 @@ def front(
             "notices": source["notices"],
         },
         "glossary": [
-            {**quantity(q), "name": q.name, "meaning": q.meaning, "sign": q.sign}
+            {**quantity_content(q), "name": q.name, "meaning": q.meaning, "sign": q.sign}
             for q in source["glossary"]
         ],
     }
 
 
-def case(
+def case_content(
     position: int,
     key: str,
     result: PomResult,
@@ -115,10 +115,10 @@ def case(
     modes: pd.DataFrame,
 ) -> dict[str, Any]:
     """Return what the pages of one case show in addition to the drawings."""
-    case, styles = result.case, line_styles(result.runs)
+    case, styles = result.case, run_line_classes(result.runs)
     shown_rows, table = (
         initial_conditions.condition_rows(result.conditions, result.trim.index),
-        verdict_table(result),
+        verdict_blocks(result),
     )
     return {
         "position": position,
@@ -128,22 +128,23 @@ def case(
         "name": case.name,
         "standard": f"{case.standard}, edition {case.edition}",
         "kind": f"{_REFERENCES.get(case.reference, case.reference)}, tolerances applied to "
-        f"{remarks.share(case.fraction)}",
-        "objective": remarks.objective(case),
+        f"{remarks.fraction_text(case.fraction)}",
+        "objective": remarks.case_objective(case),
         "manoeuvre": case.description,
         "texts": [(head, text) for head, text in _texts(case) if text],
-        "outcomes": [_outcome(item) for item in outcomes(result, styles)],
+        "outcomes": [_outcome(item) for item in outcome_rows(result, styles)],
         "failure": result.failure,
-        "digests": [list(row) for row in digests(result, provenance)],
+        "digests": [list(row) for row in digest_rows(result, provenance)],
         "source": remarks.data_source(result),
-        "calibration": initial_conditions.calibration(result),
+        "calibration": initial_conditions.calibration_rows(result),
         "window": [case.window[0], case.window[1]],
         "events": [
-            (words(name), f"{at:.2f} s")
+            (criterion_words(name), f"{at:.2f} s")
             for name, at in sorted(case.events.items(), key=lambda item: item[1])
         ],
         "conditions": [
-            (part, [(quantity(shown), value) for shown, value in rows]) for part, rows in shown_rows
+            (part, [(quantity_content(shown), value) for shown, value in rows])
+            for part, rows in shown_rows
         ],
         "glance": ";  ".join(
             f"{_name(shown)} {value}"
@@ -159,12 +160,12 @@ def case(
             (block["criterion"], block["printed"], block["left_out"]) for block in table["left_out"]
         ],
         "values": table["values"],
-        "modes": [_mode(block) for block in modal.mode_table(result, modes, styles)],
+        "modes": [_mode(block) for block in modal.mode_blocks(result, modes, styles)],
         "probability": probability.probability_table(result),
         "story": cause_sentences(diagnosis) if diagnosis is not None and len(diagnosis) else "",
-        "notes": remarks.notes(result),
-        "rationales": remarks.rationales(result),
-        "ticks": remarks.ticks(result),
+        "notes": remarks.reader_notes(result),
+        "rationales": remarks.rationale_rows(result),
+        "ticks": remarks.tick_rows(result),
         "results": (name := results_name([result])),
         "signatures": signature_rows(case.signatures, provenance.get("date", ""), name),
         "runs": result.runs,
@@ -189,7 +190,7 @@ _GLANCE = (
 )
 
 
-def quantity(shown: QuantityLabel) -> dict[str, Any]:
+def quantity_content(shown: QuantityLabel) -> dict[str, Any]:
     """Return a quantity as the templates write it: symbol with subscript, words, unit."""
     word = shown.is_word
     return {
@@ -239,7 +240,7 @@ def _verdict(verdict: Verdict) -> dict[str, str]:
     }
 
 
-def submodel(section: Section) -> dict[str, Any]:
+def submodel_content(section: Section) -> dict[str, Any]:
     """Return what the chapter on submodels shows of one next to its figures."""
     grids = [table_of(grid) for grid in section.grids]
     return {
@@ -250,7 +251,7 @@ def submodel(section: Section) -> dict[str, Any]:
     }
 
 
-def tuning(one: Mapping[str, Any]) -> dict[str, Any]:
+def tuning_content(one: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the chapter on tuning shows of one model."""
     grids = [
         {
@@ -298,7 +299,7 @@ def _matrix(
         "rows": rows,
         "counts": counts,
         "heads": heads,
-        "styles": line_styles(runs),
+        "styles": run_line_classes(runs),
     }
 
 
@@ -313,9 +314,9 @@ def _joined(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
 def _drift(result: PomResult) -> list[dict[str, Any]]:
     """Return the drift of every channel, a cell per model."""
     rows: dict[str, dict[str, Any]] = {}
-    for shown, run, rate, spread in initial_conditions.drift(result):
+    for shown, run, rate, spread in initial_conditions.drift_rows(result):
         row = rows.setdefault(
-            shown.name, {"label": quantity(shown), "cells": dict.fromkeys(result.runs, "")}
+            shown.name, {"label": quantity_content(shown), "cells": dict.fromkeys(result.runs, "")}
         )
         row["cells"][run] = f"{rate} ± {spread}"
     return [{"label": row["label"], "cells": list(row["cells"].values())} for row in rows.values()]
@@ -334,19 +335,25 @@ def _drive(result: PomResult) -> dict[str, Any]:
     found = describe_driving(result)
     return {
         "how": found["how"],
-        "inputs": [(quantity(shown), *rest) for shown, *rest in found["inputs"]],
+        "inputs": [(quantity_content(shown), *rest) for shown, *rest in found["inputs"]],
         "loops": [
-            {**loop, "control": quantity(loop["control"]), "channel": quantity(loop["channel"])}
+            {
+                **loop,
+                "control": quantity_content(loop["control"]),
+                "channel": quantity_content(loop["channel"]),
+            }
             for loop in found["loops"]
         ],
-        "activity": [{**row, "control": quantity(row["control"])} for row in found["activity"]],
+        "activity": [
+            {**row, "control": quantity_content(row["control"])} for row in found["activity"]
+        ],
     }
 
 
 def _trim(result: PomResult) -> dict[str, Any]:
-    found = initial_conditions.trim(result)
+    found = initial_conditions.trim_tables(result)
     parts = [
-        (title, [{**row, "label": quantity(row["label"])} for row in rows])
+        (title, [{**row, "label": quantity_content(row["label"])} for row in rows])
         for title, rows in found["parts"]
     ]
     return {"columns": found["columns"], "parts": parts}
@@ -363,14 +370,14 @@ def _block(block: Mapping[str, Any]) -> dict[str, Any]:
     )  # the number alone where the printed tolerance stands next to it
     return {
         **block,
-        "label": quantity(block["label"]) if block["label"] else None,
+        "label": quantity_content(block["label"]) if block["label"] else None,
         "rows": rows,
         "applied": applied,
     }
 
 
 def _mode(block: Mapping[str, Any]) -> dict[str, Any]:
-    return {**block, "label": quantity(block["label"])}
+    return {**block, "label": quantity_content(block["label"])}
 
 
 # height of the column in units of the drawings, less head and foot of the page
@@ -395,7 +402,7 @@ def case_on_paper(
     """Return the data of the case at `position`, counted from one, and write its drawings into
     `folder`.
     """
-    page = case(position, key, result, provenance, diagnosis, modes)
+    page = case_content(position, key, result, provenance, diagnosis, modes)
     return page | _drawings(folder, position, result, diagnosis, _room(page, paper), _COLUMN[paper])
 
 
@@ -443,14 +450,14 @@ def _drawings(
     """Write the drawings of a case: those of the first page, below its head, then those of further
     pages.
     """
-    shown, time = panels(result), result.signals["time"].values
-    styles = {**line_styles(result.runs), "applied": "run-0"}
+    shown, time = make_case_panels(result), result.signals["time"].values
+    styles = {**run_line_classes(result.runs), "applied": "run-0"}
     pages: list[list[Any]] = []
 
     def draw(part: Sequence[CasePanel], height: float) -> None:
         place = f"c{position}-{len(pages)}"
         drawn = [
-            drawing(
+            draw_case_panel(
                 f"{place}-{i}",
                 time,
                 panel,
@@ -479,10 +486,10 @@ def _drawings(
     rows = result.rows
     curves = [
         cross_drawing(f"c{position}-x{i}", cross, styles, rows)
-        for i, cross in enumerate(crosses(result))
+        for i, cross in enumerate(make_cross_plots(result))
     ]
-    fall = waterfall(diagnosis) if diagnosis is not None and len(diagnosis) else None
-    code = legend({run: style for run, style in styles.items() if run != "applied"})
+    fall = draw_waterfall(diagnosis) if diagnosis is not None and len(diagnosis) else None
+    code = draw_legend({run: style for run, style in styles.items() if run != "applied"})
     return {
         "pages": pages,
         "crosses": [

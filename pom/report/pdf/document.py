@@ -20,7 +20,7 @@ from pom.report.chapters import Chapters
 from pom.report.models.diagnosis import NOTE
 from pom.report.pdf import content
 from pom.report.pdf.content import save_drawing
-from pom.report.pdf.drawings import Drawing, svg
+from pom.report.pdf.drawings import Drawing, svg_drawing
 from pom.report.submodels.section import Picture, Section
 from pom.result import PomResult
 
@@ -70,17 +70,17 @@ def pdf_pages(
     SchemaError
         Typst cannot set the document, with its words.
     """
-    front = content.front(results, names, title, revision, provenance, chapters.roots)
+    front = content.front_content(results, names, title, revision, provenance, chapters.roots)
     front["attached"] = _attach(folder, attached)
     chapter = [
-        content.submodel(one) | {"pictures": _pictures(folder, i, one)}
+        content.submodel_content(one) | {"pictures": _pictures(folder, i, one)}
         for i, one in enumerate(chapters.submodels)
     ]
     data = {
         **front,
         "cases": cases,
         "submodels": chapter,
-        "tunings": [content.tuning(one) for one in tunings],
+        "tunings": [content.tuning_content(one) for one in tunings],
         "tuning_note": NOTE,
         "identification": _identification(
             folder, chapters.identification if "identification" in chapters.on_paper else None
@@ -179,7 +179,9 @@ def _pictures(folder: Path, position: int, section: Section) -> list[dict[str, A
 
 def _on_paper(folder: Path, name: str, picture: Picture) -> dict[str, Any]:
     return save_drawing(
-        folder, name, Drawing(svg(picture.height, picture.body), picture.height, picture.words)
+        folder,
+        name,
+        Drawing(svg_drawing(picture.height, picture.body), picture.height, picture.words),
     )
 
 

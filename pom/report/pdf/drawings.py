@@ -19,20 +19,20 @@ import pandas as pd
 from flightmech.support.figures import (
     WIDTH,
     Frame,
-    area,
-    axes,
+    choose_ticks,
     clip_to_frame,
-    curve,
-    line,
-    rect,
-    text,
+    draw_area,
+    draw_axes,
+    draw_curve,
+    draw_line,
+    draw_rectangle,
+    draw_text,
     text_pieces,
     tick_text,
-    ticks,
 )
 from pom.diagnosis.swap_runs import OTHERS
 from pom.diagnosis.swap_runs import waterfall as steps_of
-from pom.report.case.panels import CasePanel, Cross, description, limits
+from pom.report.case.panels import CasePanel, Cross, panel_description, scale_limits
 from pom.report.presentation.quantities import (
     QuantityLabel,
     fixed_decimals,
@@ -40,7 +40,7 @@ from pom.report.presentation.quantities import (
     term_words,
 )
 from pom.report.presentation.traces import LANE, beyond_scale_mark, exit_ticks, quantile_areas
-from pom.report.presentation.verdict_text import WORDS, words
+from pom.report.presentation.verdict_text import WORDS, criterion_words
 
 FAMILY = "Source Sans Pro"
 BAND, EDGE, EXIT, GRID, QUIET = "#dbe9f6", "#7ea6cc", "#d55e00", "#dedede", "#444444"
@@ -92,7 +92,7 @@ _HATCHING = (
 )
 
 
-def defs() -> str:
+def style_definitions() -> str:
     """Return styles and patterns, to stand at the head of every drawing."""
     lines = ""
     for name, (colour, dash, width) in LINES.items():
@@ -139,7 +139,7 @@ def arrange_panels(panels: Sequence[CasePanel], room: float) -> tuple[int, float
     return 0, 0.0
 
 
-def drawing(
+def draw_case_panel(
     name: str,
     time: np.ndarray,
     panel: CasePanel,
@@ -170,7 +170,7 @@ def drawing(
     whole, panel = panel, _scaled(panel)
     main = height * (JUDGED if panel.kind == "judged" else 1.0)
     frame = Frame(LEFT, HEAD, WIDTH - LEFT - RIGHT, main, x, panel.limits)
-    parts = [_head(panel), axes(frame, x_labels=last and panel.half is None, x_most=10)]
+    parts = [_head(panel), draw_axes(frame, x_labels=last and panel.half is None, x_most=10)]
     parts += [
         clip_to_frame(frame, name, _inside(frame, time, panel, styles)),
         _marks(frame, time, events, first),
@@ -198,7 +198,7 @@ def drawing(
         bottom = low.bottom
     if last:
         parts.append(
-            text(
+            draw_text(
                 LEFT + frame.width / 2,
                 bottom + 23.5,
                 "time, s (clock of the record)",
@@ -207,7 +207,7 @@ def drawing(
             )
         )
     full = bottom + (FOOT if last else GAP)
-    return Drawing(svg(full, "".join(parts)), full, description(panel))
+    return Drawing(svg_drawing(full, "".join(parts)), full, panel_description(panel))
 
 
 def _scaled(panel: CasePanel) -> CasePanel:
@@ -217,7 +217,7 @@ def _scaled(panel: CasePanel) -> CasePanel:
     if panel.half is None:
         return panel
     inside = np.isfinite(panel.half)
-    own = limits(
+    own = scale_limits(
         {run: values[inside] for run, values in panel.traces.items()},
         panel.half[inside],
         panel.label.least_span,
@@ -236,11 +236,11 @@ def _scaled(panel: CasePanel) -> CasePanel:
     )
 
 
-def svg(height: float, body: str) -> str:
+def svg_drawing(height: float, body: str) -> str:
     """Return a whole drawing with the styles of the paper."""
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:.0f} '
-        f'{height:.1f}">{defs()}{body}</svg>'
+        f'{height:.1f}">{style_definitions()}{body}</svg>'
     )
 
 
@@ -280,7 +280,7 @@ def _inside(frame: Frame, time: np.ndarray, panel: CasePanel, styles: Mapping[st
     parts, flight = [], panel.traces.get("flight")
     if panel.half is not None and flight is not None:
         low, high = flight - panel.half, flight + panel.half
-        parts.append(area(frame, time, low, high, "band"))
+        parts.append(draw_area(frame, time, low, high, "band"))
         parts += [
             _exceedance(frame, time, values, low, high)
             for run, values in panel.traces.items()
@@ -292,11 +292,11 @@ def _inside(frame: Frame, time: np.ndarray, panel: CasePanel, styles: Mapping[st
     parts.append(_scalars(frame, time, panel))
     if panel.window:
         parts += [
-            line(float(frame.px(t)), frame.top, float(frame.px(t)), frame.bottom, "window")
+            draw_line(float(frame.px(t)), frame.top, float(frame.px(t)), frame.bottom, "window")
             for t in panel.window
         ]
     curves = {
-        run: curve(frame, time, values, f"trace {styles[run]}")
+        run: draw_curve(frame, time, values, f"trace {styles[run]}")
         for run, values in panel.traces.items()
     }
     parts += curves.values()
@@ -315,7 +315,9 @@ def _exceedance(
     shapes = ""
     for a, b, out in sides:
         wide = out | np.roll(out, 1) | np.roll(out, -1)
-        shapes += area(frame, time, np.where(wide, a, np.nan), np.where(wide, b, np.nan), "exit")
+        shapes += draw_area(
+            frame, time, np.where(wide, a, np.nan), np.where(wide, b, np.nan), "exit"
+        )
     return shapes
 
 
@@ -325,10 +327,10 @@ def _marks(frame: Frame, time: np.ndarray, events: Mapping[str, float], named: b
         if time[0] < at < time[-1]:
             x = float(frame.px(at))
             anchor, shift = ("end", -3) if x > frame.left + 0.85 * frame.width else ("start", 3)
-            parts.append(line(x, frame.top, x, frame.bottom, "event"))
+            parts.append(draw_line(x, frame.top, x, frame.bottom, "event"))
             if named:
                 parts.append(
-                    text(
+                    draw_text(
                         x + shift,
                         frame.top + 9 + 10 * (i % 2),
                         name.replace("_", " "),
@@ -350,7 +352,7 @@ def _scalars(frame: Frame, time: np.ndarray, panel: CasePanel) -> str:
         if "flight" in panel.traces and np.isfinite(at) and np.isfinite(half):
             x, middle = float(frame.px(at)), float(np.interp(at, time, panel.traces["flight"]))
             low, high = (float(frame.py(middle + side * half)) for side in (-1.0, 1.0))
-            parts.append(rect(x - 3.0, high, 6.0, low - high, "band"))
+            parts.append(draw_rectangle(x - 3.0, high, 6.0, low - high, "band"))
     return "".join(sorted(parts))
 
 
@@ -365,36 +367,38 @@ def _residual(
 ) -> str:
     """Return the strip of differences over tolerance."""
     flight, unit_band = panel.traces["flight"], np.where(np.isfinite(half), 1.0, np.nan)
-    parts = [axes(frame, x_labels=last, x_most=10, y_ticks=(-1.0, 1.0))]
-    parts.append(text(4, frame.top + frame.height / 2 + 3.5, "e/t", "caption"))
-    body = area(frame, time, -unit_band, unit_band, "band")
+    parts = [draw_axes(frame, x_labels=last, x_most=10, y_ticks=(-1.0, 1.0))]
+    parts.append(draw_text(4, frame.top + frame.height / 2 + 3.5, "e/t", "caption"))
+    body = draw_area(frame, time, -unit_band, unit_band, "band")
     for run, values in panel.traces.items():
         if run != "flight":
             with np.errstate(invalid="ignore", divide="ignore"):
                 ratio = np.where(half > 0, (values - flight) / half, np.nan)
-            body += curve(frame, time, ratio, f"trace {styles[run]}")
+            body += draw_curve(frame, time, ratio, f"trace {styles[run]}")
     return "".join(parts) + clip_to_frame(frame, name, body)
 
 
-def legend(styles: Mapping[str, str]) -> Drawing:
+def draw_legend(styles: Mapping[str, str]) -> Drawing:
     """Return the line code of a case with the samples of band, exit and window."""
-    samples = [(run, 30.0, line(0, 8, 30, 8, f"trace {style}")) for run, style in styles.items()]
-    samples += [
-        ("tolerance", 30.0, rect(0, 2.5, 30, 11, "band")),
-        ("out of tolerance", 30.0, rect(0, 2.5, 30, 11, "exit")),
+    samples = [
+        (run, 30.0, draw_line(0, 8, 30, 8, f"trace {style}")) for run, style in styles.items()
     ]
-    samples.append(("window", 4.0, line(2, 1, 2, 15, "window")))
+    samples += [
+        ("tolerance", 30.0, draw_rectangle(0, 2.5, 30, 11, "band")),
+        ("out of tolerance", 30.0, draw_rectangle(0, 2.5, 30, 11, "exit")),
+    ]
+    samples.append(("window", 4.0, draw_line(2, 1, 2, 15, "window")))
     parts, x, y = [], 0.0, 0.0
     for name, wide, sample in samples:
         needed = wide + 20.0 + 5.0 * len(name)
         if x + needed > WIDTH and x > 0.0:
             x, y = 0.0, y + 15.0
         parts.append(
-            f'<g transform="translate({x:.1f},{y:.1f})">{sample}{text(wide + 4, 11.5, name, "caption")}</g>'
+            f'<g transform="translate({x:.1f},{y:.1f})">{sample}{draw_text(wide + 4, 11.5, name, "caption")}</g>'
         )
         x += needed
     return Drawing(
-        svg(y + 16.0, "".join(parts)),
+        svg_drawing(y + 16.0, "".join(parts)),
         y + 16.0,
         "Line code: " + ", ".join(name for name, _, _ in samples),
     )
@@ -439,19 +443,19 @@ def cross_drawing(
     body += _path(frame, flight_x, flight_y, "hair")
     parts = [
         text_pieces(LEFT, HEAD - 4.0, _title(cross.ordinate)),
-        axes(frame, x_labels=True, x_most=10),
+        draw_axes(frame, x_labels=True, x_most=10),
         clip_to_frame(frame, name, body),
     ]
     parts.append(
-        text(
+        draw_text(
             LEFT + frame.width / 2, frame.bottom + 24.0, _words(cross.abscissa), "caption", "middle"
         )
     )
-    judged = [f"{row['run']}: {words(row['criterion'])} {row['verdict'].replace('_', ' ')}, "
+    judged = [f"{row['run']}: {criterion_words(row['criterion'])} {row['verdict'].replace('_', ' ')}, "
         f"{fixed_decimals(row['worst_ratio'], 2)} of the tolerance"
             for row in rows if row["criterion"] in cross.criteria]  # fmt: skip
     return Drawing(
-        svg(frame.bottom + CROSS_PLOT_FOOT, "".join(parts)),
+        svg_drawing(frame.bottom + CROSS_PLOT_FOOT, "".join(parts)),
         frame.bottom + CROSS_PLOT_FOOT,
         ". ".join([cross.words, *judged]),
     )
@@ -501,7 +505,7 @@ def _words(shown: QuantityLabel) -> str:
 WATERFALL_LEFT, WATERFALL_RIGHT, ROW, WATERFALL_HEAD = 350.0, 96.0, 16.0, 16.0
 
 
-def waterfall(table: pd.DataFrame) -> Drawing | None:
+def draw_waterfall(table: pd.DataFrame) -> Drawing | None:
     """Draw the Shapley shares of a diagnosis as steps of the total mismatch.
 
     Parameters
@@ -538,14 +542,14 @@ def waterfall(table: pd.DataFrame) -> Drawing | None:
     def at(mismatch: float) -> float:
         return WATERFALL_LEFT + (mismatch - low) * scale
 
-    bottom, marks = WATERFALL_HEAD + ROW * len(bars), ticks(low, high, 5)
-    parts = [line(at(x), WATERFALL_HEAD - 3, at(x), bottom, "grid") for x in marks]
+    bottom, marks = WATERFALL_HEAD + ROW * len(bars), choose_ticks(low, high, 5)
+    parts = [draw_line(at(x), WATERFALL_HEAD - 3, at(x), bottom, "grid") for x in marks]
     parts += [
-        text(at(x), WATERFALL_HEAD - 5, word, "tick", "middle")
+        draw_text(at(x), WATERFALL_HEAD - 5, word, "tick", "middle")
         for x, word in zip(marks, tick_text(marks), strict=True)
     ]
     parts.append(
-        text(
+        draw_text(
             WATERFALL_LEFT - 20,
             WATERFALL_HEAD - 5,
             "total mismatch, in half widths",
@@ -557,17 +561,17 @@ def waterfall(table: pd.DataFrame) -> Drawing | None:
         y = WATERFALL_HEAD + ROW * i
         a, b = sorted((at(start), at(stop)))
         parts += [
-            text(WATERFALL_LEFT - 8, y + 11.5, _fit(name), "", "end"),
-            rect(a, y + 2.5, max(b - a, 1.0), ROW - 5.0, css),
+            draw_text(WATERFALL_LEFT - 8, y + 11.5, _fit(name), "", "end"),
+            draw_rectangle(a, y + 2.5, max(b - a, 1.0), ROW - 5.0, css),
         ]
-        parts.append(text(b + 5, y + 11.5, share or fixed_decimals(stop, 2), "tick"))
+        parts.append(draw_text(b + 5, y + 11.5, share or fixed_decimals(stop, 2), "tick"))
         if i + 1 < len(bars):
-            parts.append(line(at(stop), y + ROW - 2.5, at(stop), y + ROW + 2.5, "joint"))
+            parts.append(draw_line(at(stop), y + ROW - 2.5, at(stop), y + ROW + 2.5, "joint"))
     steps_in_words = "; ".join(
         f"{name}: {share or fixed_decimals(stop, 2)}" for name, _, stop, _, share in bars
     )
     alternative = f"Shares of the terms in the total mismatch, in half widths. {steps_in_words}."
-    return Drawing(svg(bottom + 3.0, "".join(parts)), bottom + 3.0, alternative)
+    return Drawing(svg_drawing(bottom + 3.0, "".join(parts)), bottom + 3.0, alternative)
 
 
 def _called(term: str) -> str:

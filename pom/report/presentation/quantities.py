@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from flightmech import units
 from flightmech.errors import UnknownName
-from flightmech.names import SIGNS, lookup
+from flightmech.names import SIGNS, lookup_quantity
 from flightmech.support.figures import MINUS
 
 MISSING = "\N{EN DASH}"
@@ -229,7 +229,7 @@ def pretty_unit(unit: str) -> str:
     return _POWER.sub(lambda m: m.group(1) + m.group(2).translate(_SUPER), text)
 
 
-def symbol(name: str) -> tuple[str, str]:
+def symbol_parts(name: str) -> tuple[str, str]:
     """Return base and subscript of the symbol of a canonical name."""
     if name in _SYMBOLS:
         return _SYMBOLS[name]
@@ -242,7 +242,7 @@ def symbol(name: str) -> tuple[str, str]:
 
 
 @cache
-def label(name: str) -> QuantityLabel:
+def quantity_label(name: str) -> QuantityLabel:
     """Return how the quantity `name` is shown; a name outside the vocabulary keeps its own text and
     SI value.
 
@@ -259,7 +259,7 @@ def label(name: str) -> QuantityLabel:
         if p not in _SILENT
     ]
     try:
-        row = lookup(stem)
+        row = lookup_quantity(stem)
     except UnknownName:
         if stem not in _EXTRA:
             return QuantityLabel(name, name, "", "", "", "", 1.0, 0.0)
@@ -267,7 +267,7 @@ def label(name: str) -> QuantityLabel:
         sign = ""
     else:
         words, si_unit, display, sign = row.long_name, row.units, row.display_units, row.sign
-    base, sub = symbol(stem)
+    base, sub = symbol_parts(stem)
     sub = " ".join(
         [sub, *(p.removeprefix("engine") for p in prefixes if p.startswith("engine"))]
     ).strip()
@@ -291,11 +291,11 @@ def _spelt(sign: str) -> str:
 
 
 def _conversion(display: str) -> tuple[float, float]:
-    _, factor, offset = units.parse(display)
+    _, factor, offset = units.parse_unit(display)
     return 1.0 / factor, -offset / factor
 
 
-def number(value, digits: int = 3) -> str:
+def format_number(value, digits: int = 3) -> str:
     """Return a number with `digits` significant digits, never in powers of ten between 1e-4 and
     1e6; NaN becomes a dash.
 
@@ -326,7 +326,7 @@ def fixed_decimals(value, decimals: int) -> str:
     return (text.lstrip("-") if float(text) == 0.0 else text).replace("-", MINUS)
 
 
-def percent(share) -> str:
+def percent_text(share) -> str:
     """Return a share as percent, never rounded up to 100 while a sample is outside.
 
     Examples
@@ -349,7 +349,7 @@ def short_number(value: float, digits: int = 4) -> str:
     >>> short(40.0), short(0.1900)
     ('40', '0.19')
     """
-    text = number(value, digits)
+    text = format_number(value, digits)
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
 
 
@@ -357,7 +357,7 @@ def measured_text(si: float, name: str) -> str:
     """Return a value with its display unit, e.g. for a table of conditions; an undercarriage is up,
     down or on its way.
     """
-    shown = label(name)
+    shown = quantity_label(name)
     stem = name.rpartition(".")[2]
     if stem in _ENDS and (end := round(si)) in (0, 1) and abs(si - end) < AT_END:
         return _ENDS[stem][end]
@@ -377,7 +377,7 @@ def plain_measured_text(value: float, unit: str) -> str:
     """Return a measured value with the decimals that its display unit deserves, trailing zeros
     kept.
     """
-    return fixed_decimals(value, _DECIMALS[unit]) if unit in _DECIMALS else number(value)
+    return fixed_decimals(value, _DECIMALS[unit]) if unit in _DECIMALS else format_number(value)
 
 
 _COEFFICIENTS = {

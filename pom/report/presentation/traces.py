@@ -22,8 +22,15 @@ import numpy as np
 from jinja2 import Environment, FunctionLoader
 
 from flightmech.support.console import to_json_types
-from flightmech.support.figures import Frame, area, arrow, environment, line, text
-from pom.report.presentation.quantities import number
+from flightmech.support.figures import (
+    Frame,
+    draw_area,
+    draw_arrow,
+    draw_line,
+    draw_text,
+    make_template_environment,
+)
+from pom.report.presentation.quantities import format_number
 
 _FOLDER = Path(__file__).parents[1] / "templates"
 
@@ -31,7 +38,7 @@ _FOLDER = Path(__file__).parents[1] / "templates"
 @cache
 def page_templates() -> Environment:
     """Return the environment of the page; ``parts`` holds the macros that its templates share."""
-    found = environment(FunctionLoader(_template))
+    found = make_template_environment(FunctionLoader(_template))
     found.globals["parts"] = found.get_template("parts.html").module
     return found
 
@@ -58,9 +65,9 @@ def exit_ticks(
         y = frame.bottom - 2.5 - LANE * lane
         for start, stop in found:
             a, b = (float(frame.px(t)) for t in (start, stop))
-            parts.append(line(a, y, max(b, a + 1.0), y, f"lane {styles[run]}"))
+            parts.append(draw_line(a, y, max(b, a + 1.0), y, f"lane {styles[run]}"))
         x = float(frame.px(found[0][0]))
-        parts.append(line(x, frame.bottom - 9 - LANE * lane, x, frame.bottom + 4, "tickmark"))
+        parts.append(draw_line(x, frame.bottom - 9 - LANE * lane, x, frame.bottom + 4, "tickmark"))
         lane += 1
     return "".join(parts)
 
@@ -70,7 +77,7 @@ def quantile_areas(frame: Frame, time: np.ndarray, quantiles: np.ndarray, css: s
     outermost pair, the next pair inside it.
     """
     pairs = zip(quantiles[: len(quantiles) // 2], quantiles[::-1], strict=False)
-    return "".join(area(frame, time, low, high, f"fan {css}-area") for low, high in pairs)
+    return "".join(draw_area(frame, time, low, high, f"fan {css}-area") for low, high in pairs)
 
 
 def beyond_scale_mark(
@@ -84,12 +91,12 @@ def beyond_scale_mark(
         k = int(np.nanargmax(values) if upward else np.nanargmin(values))
         if (values[k] > frame.y[1]) if upward else (values[k] < frame.y[0]):
             x = float(np.clip(frame.px(time[k]), frame.left + 6, frame.right - 6))
-            parts.append(arrow(x, frame, upward, css))
+            parts.append(draw_arrow(x, frame, upward, css))
             if not with_value:
                 continue
             y = frame.top + 9 if upward else frame.bottom - 3
             side = ("end", -7) if x > frame.left + frame.width / 2 else ("start", 7)
-            parts.append(text(x + side[1], y, number(values[k]), "tick halo", side[0]))
+            parts.append(draw_text(x + side[1], y, format_number(values[k]), "tick halo", side[0]))
     return "".join(parts)
 
 
@@ -114,7 +121,7 @@ class Pack:
         """Append an array (NaN allowed) quantised to `step` and return its entry: type, order of
         difference, place, count, first, step.
         """
-        first, order, differences = quantise(values, step)
+        first, order, differences = quantise_trace(values, step)
         kind, count = str(differences.dtype), len(differences)
         entry = {
             "type": kind,
@@ -162,7 +169,7 @@ def step_of(half_width: np.ndarray | None, scale: tuple[float, float]) -> float:
     return max((scale[1] - scale[0]) / STEPS_PER_HEIGHT, max(map(abs, scale)) * 1e-9) or 1.0
 
 
-def quantise(values: np.ndarray, step: float) -> tuple[int, int, np.ndarray]:
+def quantise_trace(values: np.ndarray, step: float) -> tuple[int, int, np.ndarray]:
     """Return the first level, the order of difference (1 or 2) and the differences; NaN becomes the
     type's least number.
     """
@@ -198,7 +205,7 @@ def quantise(values: np.ndarray, step: float) -> tuple[int, int, np.ndarray]:
     )
 
 
-def restore(entry: Mapping[str, Any], body: bytes) -> np.ndarray:
+def restore_trace(entry: Mapping[str, Any], body: bytes) -> np.ndarray:
     """Return an array of a pack, as the page's script reads it."""
     kind = np.dtype(entry["type"]).newbyteorder("<")
     differences = np.frombuffer(body, kind, entry["count"], entry["at"]).astype(np.int64)

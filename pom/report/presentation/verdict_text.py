@@ -14,10 +14,10 @@ from pom.report.presentation.quantities import (
     MISSING,
     SYMBOLS,
     fixed_decimals,
-    label,
-    number,
-    percent,
+    format_number,
+    percent_text,
     pretty_unit,
+    quantity_label,
 )
 from pom.result import PomResult
 from pom.tolerances.bands import ALLOWED, RowRemark
@@ -62,7 +62,7 @@ class Verdict:
         return cls(WORDS[verdict], SYMBOLS[verdict], f"is-{verdict}")
 
 
-def words(name: str) -> str:
+def criterion_words(name: str) -> str:
     """Return a criterion's name as words."""
     return name.replace("_", " ")
 
@@ -79,9 +79,9 @@ def remark_text(remark: RowRemark) -> str:
         return remark.text
     name, unit = remark.quantity, "" if remark.unit == "1" else f" {remark.unit}"
     what = (
-        label(f"trim.{name}").words
+        quantity_label(f"trim.{name}").words
         if name.endswith("_dot")
-        else f"{label(name).words or name} biased by the trim"
+        else f"{quantity_label(name).words or name} biased by the trim"
     )
     found, limit = remark.values["found"], remark.values["limit"]
     allowed = "".join(remark.text.partition(ALLOWED)[1:])
@@ -94,10 +94,10 @@ def remark_text(remark: RowRemark) -> str:
 def _three_digits(value: float) -> str:
     """Return a number to three digits, without powers of ten."""
     text = f"{value:.3g}"
-    return number(float(text)) if "e" in text else text
+    return format_number(float(text)) if "e" in text else text
 
 
-def reason(remarks: Sequence[RowRemark]) -> str:
+def reason_text(remarks: Sequence[RowRemark]) -> str:
     """Return why a row is not judged, or fails without a number: its first remark that is not of
     the values alone.
 
@@ -106,10 +106,12 @@ def reason(remarks: Sequence[RowRemark]) -> str:
     >>> reason([RowRemark("values", "flight 2.84 s"), RowRemark("no_mode", "the model: no oscillation stands out")])
     'the model: no oscillation stands out'
     """
-    return next((words(remark_text(remark)) for remark in remarks if remark.kind != "values"), "")
+    return next(
+        (criterion_words(remark_text(remark)) for remark in remarks if remark.kind != "values"), ""
+    )
 
 
-def verdict_table(result: PomResult) -> dict[str, Any]:
+def verdict_blocks(result: PomResult) -> dict[str, Any]:
     """Return one block per criterion with one row per model; alternatives of one group follow each
     other.
     """
@@ -128,18 +130,18 @@ def verdict_table(result: PomResult) -> dict[str, Any]:
         again = joint and any(block["group"] == group and block["joint"] for block in blocks)
         blocks.append(
             {
-                "criterion": words(name),
+                "criterion": criterion_words(name),
                 "group": group,
                 "joint": "" if not joint else "or" if again else "either",
-                "label": label(first["channel"]) if first["channel"] else None,
-                "measure": _MEASURES.get(first["measure"], words(first["measure"])),
+                "label": quantity_label(first["channel"]) if first["channel"] else None,
+                "measure": _MEASURES.get(first["measure"], criterion_words(first["measure"])),
                 "printed": first["tolerance_text"],
                 "applied": first["applied_text"] or _applied(result, first),
                 "window": f"{fixed_decimals(first['window_start'], 2)} … "
                 f"{fixed_decimals(first['window_stop'], 2)}",
                 "mark": MARKS.get(first["provenance"], ""),
                 "rows": [_verdict_row(row) for row in rows],
-                "left_out": "" if name in applying else reason(rows[0]["remarks"]),
+                "left_out": "" if name in applying else reason_text(rows[0]["remarks"]),
             }
         )
     judged = [block for block in blocks if not block["left_out"]]
@@ -165,7 +167,7 @@ def _verdict_row(row: Mapping[Hashable, Any]) -> dict[str, Any]:
         "at": at,
         "at_text": fixed_decimals(at, 2),
         "ratio": fixed_decimals(row["worst_ratio"], 2),
-        "inside": percent(row["inside"]),
+        "inside": percent_text(row["inside"]),
         "exit": float(row["first_exit"]),
         "exit_text": fixed_decimals(row["first_exit"], 2),
         "verdict": Verdict.of(row["verdict"]),
@@ -180,7 +182,7 @@ def _sized(value: float, row: Mapping[Hashable, Any], with_unit: bool = False) -
     text = (
         fixed_decimals(value, max(0, math.ceil(2.0 - math.log10(row["width"]))))
         if resolved
-        else number(value)
+        else format_number(value)
     )
     return f"{text} {pretty_unit(row['unit'])}".strip() if with_unit else text
 
@@ -190,10 +192,10 @@ def _applied(result: PomResult, row: Mapping[Hashable, Any]) -> str:
     if not math.isfinite(row["width"]):
         return MISSING
     unit = pretty_unit(row["unit"])
-    text = number(row["width"])
+    text = format_number(row["width"])
     if row["channel"] in result.tolerance and row["measure"] == "trace":
         half = result.tolerance[row["channel"]].values
         half = half[np.isfinite(half) & (half > 0)]
         if len(half) and half.max() > 1.005 * half.min():
-            text += f" … {number(row['width'] * half.max() / half.min())}"
+            text += f" … {format_number(row['width'] * half.max() / half.min())}"
     return f"± {text} {unit}".strip()

@@ -12,16 +12,16 @@ import numpy as np
 from flightmech.support.figures import (
     WIDTH,
     Frame,
-    area,
-    axes,
     clip_to_frame,
-    curve,
-    dots,
-    limits,
-    line,
-    text,
+    draw_area,
+    draw_axes,
+    draw_curve,
+    draw_dots,
+    draw_line,
+    draw_text,
+    find_axis_limits,
 )
-from pom.report.presentation.quantities import MISSING, number
+from pom.report.presentation.quantities import MISSING, format_number
 
 LEFT, GAP, TOP, HEIGHT, FOOT = 54.0, 62.0, 34.0, 150.0, 34.0
 COLUMNS = 2
@@ -102,12 +102,12 @@ class PanelOf:
     curves: tuple[SectionLine, ...]
 
 
-def estimate(value: float, stderr: float) -> tuple[str, str]:
+def estimate_cells(value: float, stderr: float) -> tuple[str, str]:
     """Return a value and its standard error as cells; the error is missing where it is not finite."""
-    return number(value, 4), number(stderr, 2) if np.isfinite(stderr) else MISSING
+    return format_number(value, 4), format_number(stderr, 2) if np.isfinite(stderr) else MISSING
 
 
-def picture(
+def make_picture(
     name: str, panels: Sequence[PanelOf], key: Sequence[tuple[str, str]], words: str
 ) -> Picture:
     """Return panels side by side with a key of line codes above them.
@@ -125,7 +125,10 @@ def picture(
     width = (WIDTH - LEFT - GAP * (COLUMNS - 1) - 8.0) / COLUMNS
     parts, x = [], LEFT
     for css, meaning in key:
-        parts += [line(x, 10, x + 30, 10, f"trace {css}"), text(x + 35, 13.5, meaning, "caption")]
+        parts += [
+            draw_line(x, 10, x + 30, 10, f"trace {css}"),
+            draw_text(x + 35, 13.5, meaning, "caption"),
+        ]
         x += 56 + 5.6 * len(meaning)
     rows = -(-len(panels) // COLUMNS)
     for i, panel in enumerate(panels):
@@ -135,27 +138,32 @@ def picture(
             top,
             width,
             HEIGHT,
-            limits(np.concatenate([c.x for c in panel.curves])),
-            limits(np.concatenate([y for c in panel.curves for y in _edges(c)]), 0.06),
+            find_axis_limits(np.concatenate([c.x for c in panel.curves])),
+            find_axis_limits(np.concatenate([y for c in panel.curves for y in _edges(c)]), 0.06),
         )
-        parts += [text(left, top - 6, panel.title, "title"), axes(frame, x_labels=True, x_most=5)]
+        parts += [
+            draw_text(left, top - 6, panel.title, "title"),
+            draw_axes(frame, x_labels=True, x_most=5),
+        ]
         parts += [
             clip_to_frame(frame, f"{name}-{i}", "".join(_drawn(frame, c) for c in panel.curves))
         ]
-        parts += [text(left + width / 2, frame.bottom + 26, panel.abscissa, "caption", "middle")]
+        parts += [
+            draw_text(left + width / 2, frame.bottom + 26, panel.abscissa, "caption", "middle")
+        ]
     return Picture("".join(parts), TOP + rows * (HEIGHT + FOOT + 16.0) - 12.0, words)
 
 
 def _drawn(frame: Frame, c: SectionLine) -> str:
     body = (
-        area(frame, c.x, c.y - c.stderr, c.y + c.stderr, f"error {c.css}-area")
+        draw_area(frame, c.x, c.y - c.stderr, c.y + c.stderr, f"error {c.css}-area")
         if c.stderr is not None
         else ""
     )
     return body + (
-        dots(frame, c.x, c.y, f"node {c.css}")
+        draw_dots(frame, c.x, c.y, f"node {c.css}")
         if c.marks
-        else curve(frame, c.x, c.y, f"trace {c.css}")
+        else draw_curve(frame, c.x, c.y, f"trace {c.css}")
     )
 
 

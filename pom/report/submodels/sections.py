@@ -12,7 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import SchemaError
-from flightmech.support.figures import svg
+from flightmech.support.figures import make_svg_figure
 from flighttest.submodels.control_loading.motion import (
     CUTOFF,
     control_signals,
@@ -24,8 +24,8 @@ from flighttest.submodels.control_loading.simulation import SimulatedWindow
 from flighttest.submodels.engine.result import EngineFit
 from flighttest.submodels.ground_effect.result import GroundEffect
 from flighttest.submodels.landing_gear.identification import IdentifiedGear
-from pom.diagnosis.term_swaps import by_submodel, corrected_terms, reasons
-from pom.report.presentation.quantities import MISSING, fixed_decimals, number
+from pom.diagnosis.term_swaps import by_submodel, corrected_terms, correction_reasons
+from pom.report.presentation.quantities import MISSING, fixed_decimals, format_number
 from pom.report.submodels.section import (
     EQUATION_ERROR,
     OUTPUT_ERROR,
@@ -34,8 +34,8 @@ from pom.report.submodels.section import (
     Section,
     SectionLine,
     SectionTable,
-    estimate,
-    picture,
+    estimate_cells,
+    make_picture,
 )
 
 TOTALS = ("friction", "damping", "mass")
@@ -64,7 +64,7 @@ def control_loading(
         (
             "force at the hand",
             EQUATION_ERROR,
-            f"rms {number(sliding['residual_rms'], 3)} {unit}, R² "
+            f"rms {format_number(sliding['residual_rms'], 3)} {unit}, R² "
             f"{fixed_decimals(sliding['R2'], 4)}",
         )
     ]
@@ -73,7 +73,7 @@ def control_loading(
             (
                 "stretch of the cable",
                 EQUATION_ERROR,
-                f"rms {number(found.cable.attrs['rms'], 2)} {'rad' if unit == 'N m' else 'm'}",
+                f"rms {format_number(found.cable.attrs['rms'], 2)} {'rad' if unit == 'N m' else 'm'}",
             )
         )
     if flown:
@@ -88,14 +88,14 @@ def control_loading(
         )
     names = [str(term) for term in found.estimates["term"].values]
     constants = tuple(
-        (n.replace("_", " "), *estimate(*found.value(n))) for n in names if ":" not in n
+        (n.replace("_", " "), *estimate_cells(*found.value(n))) for n in names if ":" not in n
     )
     totals = tuple(
-        (f"{n}, both ends", *estimate(*found.total(n)))
+        (f"{n}, both ends", *estimate_cells(*found.total(n)))
         for n in TOTALS
         if n in loading.constants and found.cable is not None
     )
-    hinge = tuple((n, *estimate(*found.value(n))) for n in names if ":" in n)
+    hinge = tuple((n, *estimate_cells(*found.value(n))) for n in names if ":" in n)
     head = ("", "estimate", "standard error")
     grids = (
         SectionTable(
@@ -157,7 +157,11 @@ def _force_loops(
         f"identified constants, at {len(panels)} speeds"
     )
     return (
-        (picture(f"force-{name}", panels, (("run-0", "recorded"), ("run-3", "identified")), words),)
+        (
+            make_picture(
+                f"force-{name}", panels, (("run-0", "recorded"), ("run-3", "identified")), words
+            ),
+        )
         if panels
         else ()
     )
@@ -198,7 +202,9 @@ def _free_motion(name: str, item: str, flown: Sequence[SimulatedWindow]) -> tupl
         f"{len(panels)} of {len(flown)} windows"
     )
     return (
-        picture(f"free-{name}", panels, (("run-0", "recorded"), ("run-3", "simulated")), words),
+        make_picture(
+            f"free-{name}", panels, (("run-0", "recorded"), ("run-3", "simulated")), words
+        ),
     )
 
 
@@ -214,7 +220,7 @@ ENGINE_SHOWN = {
 }
 
 
-def engine(name: str, found: EngineFit) -> Section:
+def engine_section(name: str, found: EngineFit) -> Section:
     """Return the section of an identified engine."""
     measures: list[tuple[str, str, str]] = []
     grids: list[SectionTable] = []
@@ -243,7 +249,7 @@ def engine(name: str, found: EngineFit) -> Section:
         measures.append(("static thrust", EQUATION_ERROR, "; ".join(rms)))
         factors = zip(static.speeds, static.factor, static.stderr, static.determined, strict=True)
         cells = tuple(
-            (number(x, 4), *estimate(f, e), "flight" if known else "as a priori")
+            (format_number(x, 4), *estimate_cells(f, e), "flight" if known else "as a priori")
             for x, f, e, known in factors
         )
         grids.append(
@@ -256,14 +262,16 @@ def engine(name: str, found: EngineFit) -> Section:
         pictures += _deck(name, static.prior, static.leaf)
         remarks += static.remarks
     for title, table in found.steady.items():
-        residual = f"rms {number(table.rms, 3)} {UNITS.get(title, '')}".strip()
+        residual = f"rms {format_number(table.rms, 3)} {UNITS.get(title, '')}".strip()
         measures.append(
             (title.replace("_", " "), EQUATION_ERROR, f"{residual}, {table.samples} samples")
         )
         if title == "corrected_thrust" and title in found.prior:
             pictures += _deck(name, found.prior[title], table.leaf)
     if constants:
-        rows = tuple((key.replace("_", " "), *estimate(*pair)) for key, pair in constants.items())
+        rows = tuple(
+            (key.replace("_", " "), *estimate_cells(*pair)) for key, pair in constants.items()
+        )
         grids.insert(
             0, SectionTable("Constants, SI", ("constant", "estimate", "standard error"), rows)
         )
@@ -288,7 +296,7 @@ def _noise(part: Any) -> str:
             strict=True,
         )
     ]
-    return "; ".join(f"{n.removeprefix('engine1.')} rms {number(v, 2)}" for n, v in rows)
+    return "; ".join(f"{n.removeprefix('engine1.')} rms {format_number(v, 2)}" for n, v in rows)
 
 
 def _responses(name: str, responses: Sequence[xr.Dataset]) -> list[Picture]:
@@ -313,7 +321,7 @@ def _responses(name: str, responses: Sequence[xr.Dataset]) -> list[Picture]:
         f"Response of the spools to the lever, recorded and simulated, {len(chosen)} of "
         f"{len(responses)} power changes"
     )
-    return [picture(f"response-{name}", panels, key, words)] if panels else []
+    return [make_picture(f"response-{name}", panels, key, words)] if panels else []
 
 
 def _deck(name: str, prior: xr.Dataset, leaf: xr.Dataset) -> list[Picture]:
@@ -332,7 +340,7 @@ def _deck(name: str, prior: xr.Dataset, leaf: xr.Dataset) -> list[Picture]:
         panels.append(PanelOf(f"Corrected net thrust {title}, kN", axis.replace("_", " "), curves))
     key = [(css, f"M {mach:.2f}") for mach, css in zip(chosen, CODES, strict=False)]
     return [
-        picture(
+        make_picture(
             f"deck-{name}",
             panels,
             key,
@@ -375,11 +383,11 @@ def _tables(name: str, tables: Mapping[str, Any]) -> list[Picture]:
         panels.append(PanelOf(ENGINE_SHOWN.get(title, title.replace("_", " ")), axis, curves))
         if others and not key:
             key = [
-                (css, f"{others[0]} {number(float(one[others[0]]), 3)}")
+                (css, f"{others[0]} {format_number(float(one[others[0]]), 3)}")
                 for one, css in zip(lines, codes, strict=False)
             ]
     words = f"{', '.join(panel.title for panel in panels)}, with one standard error"
-    return [picture(f"tables-{name}", panels, key, words)] if panels else []
+    return [make_picture(f"tables-{name}", panels, key, words)] if panels else []
 
 
 SAMPLES = 600  # drawn of one wheel
@@ -399,7 +407,8 @@ def landing_gear(name: str, found: IdentifiedGear) -> Section:
             ("tyres and steering", OUTPUT_ERROR, f"rms {_scatter(found.flown.noise)} [SI]")
         )
     rows = tuple(
-        (key, *estimate(one.value, one.stderr), one.source) for key, one in found.constants.items()
+        (key, *estimate_cells(one.value, one.stderr), one.source)
+        for key, one in found.constants.items()
     )
     grid = SectionTable(
         "Constants, SI; mirror images share theirs",
@@ -414,7 +423,7 @@ def _scatter(noise: xr.Dataset) -> str:
     """Return the rms over all records, by output."""
     rms = np.sqrt(np.mean(noise["stderr"].values ** 2, axis=0))
     return ", ".join(
-        f"{output} {number(float(v), 3)}"
+        f"{output} {format_number(float(v), 3)}"
         for output, v in zip(noise["output"].values, rms, strict=True)
     )
 
@@ -442,7 +451,7 @@ def _loads(name: str, found: IdentifiedGear) -> tuple[Picture, ...]:
         f"Reconstructed load over compression of "
         f"{', '.join(panel.title.partition(',')[0] for panel in panels)}"
     )
-    return (picture(name.replace(" ", "-"), panels, (), words),) if panels else ()
+    return (make_picture(name.replace(" ", "-"), panels, (), words),) if panels else ()
 
 
 HEIGHTS = (1.0, 2.0, 5.0)  # in multiples of the lowest height flown
@@ -450,14 +459,14 @@ POINTS = 60  # of a curve over the height
 SHOWN = 10.0  # of a curve: up to so many times the lowest height flown, beyond which K is small
 
 
-def ground_effect(name: str, found: GroundEffect) -> Section:
+def ground_effect_section(name: str, found: GroundEffect) -> Section:
     """Return the section of an identified ground effect."""
     held = "held at the database" if found.held else "estimated along"
     measures = tuple(
         (
             f"{coefficient}, {one.form}",
             EQUATION_ERROR,
-            f"rms {number(one.evidence['rms'][one.form], 3)}",
+            f"rms {format_number(one.evidence['rms'][one.form], 3)}",
         )
         for coefficient, one in found.coefficients.items()
     )
@@ -476,17 +485,17 @@ def _table_2(found: GroundEffect, held: str) -> SectionTable:
         for row in one.rows():
             K = one.factor(row.term, at)
             cells = [
-                f"{number(k, 3)} ± {number(e, 1)} at {number(h, 2)} m"
+                f"{format_number(k, 3)} ± {format_number(e, 1)} at {format_number(h, 2)} m"
                 for h, k, e in zip(at, K["K"].values, K["stderr"].values, strict=True)
             ]
-            y_inf = MISSING if np.isnan(row.y_inf) else number(row.y_inf, 4)
+            y_inf = MISSING if np.isnan(row.y_inf) else format_number(row.y_inf, 4)
             rows.append(
                 (
                     f"{coefficient}: {row.term}",
                     y_inf,
-                    *estimate(row.k, row.k_stderr),
-                    *estimate(row.s, row.s_stderr),
-                    number(row.correlation, 2),
+                    *estimate_cells(row.k, row.k_stderr),
+                    *estimate_cells(row.s, row.s_stderr),
+                    format_number(row.correlation, 2),
                     *cells,
                 )
             )
@@ -512,8 +521,8 @@ def _evidence(found: GroundEffect) -> tuple[SectionTable, ...]:
         (
             f"{coefficient}: {form}{', taken' if form == one.form else ''}",
             str(int(row["parameters"])),
-            number(row["rms"], 4),
-            number(row["BIC"], 3),
+            format_number(row["rms"], 4),
+            format_number(row["BIC"], 3),
         )
         for coefficient, one in found.coefficients.items()
         for form, row in one.evidence.iterrows()
@@ -551,13 +560,17 @@ def _factors(name: str, found: GroundEffect):
         f"error"
     )
     return (
-        (picture(name.replace(" ", "-"), panels, (("run-3", "k h^s"), ("run-2", "table")), words),)
+        (
+            make_picture(
+                name.replace(" ", "-"), panels, (("run-3", "k h^s"), ("run-2", "table")), words
+            ),
+        )
         if panels
         else ()
     )
 
 
-def sections(
+def make_sections(
     submodels: Mapping[str, Any],
     free_motion: Mapping[str, Sequence[Any]],
     driven_motion: Mapping[str, Sequence[xr.Dataset]] | None = None,
@@ -603,11 +616,11 @@ def _section(
     from flighttest.submodels.landing_gear.identification import IdentifiedGear
 
     if isinstance(result, EngineFit):
-        return engine(name, result)
+        return engine_section(name, result)
     if isinstance(result, IdentifiedLoading):
         return control_loading(name, result, free, driven)
     if isinstance(result, GroundEffect):
-        return ground_effect(name, result)
+        return ground_effect_section(name, result)
     return landing_gear(name, result) if isinstance(result, IdentifiedGear) else None
 
 
@@ -619,7 +632,7 @@ def needed_submodels(
     """
     if not diagnoses:
         return None
-    why = reasons(diagnoses)
+    why = correction_reasons(diagnoses)
     taken = by_submodel(corrected_terms(diagnoses.values()), *databases.values())
     rows = tuple(
         (submodel if k == 0 else "", name, why[name])
@@ -633,7 +646,7 @@ def needed_submodels(
     )
 
 
-def context(found: Sequence[Section]) -> list[dict[str, Any]]:
+def submodels_context(found: Sequence[Section]) -> list[dict[str, Any]]:
     """Return what the template ``submodels.html`` shows of every section."""
     return [
         {
@@ -641,7 +654,7 @@ def context(found: Sequence[Section]) -> list[dict[str, Any]]:
             "name": one.name,
             "techniques": one.techniques,
             "grids": one.grids,
-            "figures": [svg(p.height, p.body, p.words) for p in one.pictures],
+            "figures": [make_svg_figure(p.height, p.body, p.words) for p in one.pictures],
             "remarks": one.remarks,
         }
         for one in found

@@ -61,7 +61,7 @@ def test_a_formula_over_the_height_is_exported_as_a_table(small, tmp_path):
     back = aerodb.terms(aerodb.exchange.import_daveml(tmp_path / "x.dml"))["CL/ground"]
     at = {"alpha": 0.1, "h_agl": np.array([1.0, 2.0, 3.7, 11.0, 50.0])}
     np.testing.assert_allclose(
-        terms.evaluate(back, at, outside="clamp"), terms.evaluate(closed, at), rtol=1e-3
+        terms.evaluate_term(back, at, outside="clamp"), terms.evaluate_term(closed, at), rtol=1e-3
     )
     done = run(
         "export",

@@ -13,7 +13,7 @@ def changed(small, name, **leaf):
     arguments = {
         "value": old["value"].values,
         "axes": axes,
-        "regressors": terms.regressors(old),
+        "regressors": terms.list_regressors(old),
         "stderr": old["stderr"].values,
         **leaf,
     }

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import aerodb
-from aerodb.store.grids import axes_of
+from aerodb.store.grids import value_breakpoints
 from aerodb.store.schema import FORCE_AXES
 from flightmech import axes, terms
 from flightmech.errors import AeromatchWarning
@@ -95,12 +95,12 @@ def conditions(rng, count=40):
 
 
 def value(db, name, at):
-    return terms.evaluate(aerodb.terms(db)[name], at)
+    return terms.evaluate_term(aerodb.terms(db)[name], at)
 
 
 def table(rng, leaf, axes=None):
     """Return a random table over some axes of a leaf: numbers and breakpoints."""
-    own = axes_of(leaf)
+    own = value_breakpoints(leaf)
     chosen = [axis for axis in own if rng.random() < 0.6] if axes is None else axes
     points = {axis: np.unique(np.round(rng.uniform(*AXES[axis], 3), 6)) for axis in chosen}
     return rng.normal(size=tuple(len(p) for p in points.values())), points
@@ -126,7 +126,7 @@ def sound(before, after, copy):
 def any_edit(rng, db, name):
     """Return a random edit of a term."""
     leaf = aerodb.terms(db)[name]
-    own = axes_of(leaf)
+    own = value_breakpoints(leaf)
     edits = {
         "scale": lambda: aerodb.edit.scale(db, name, *table(rng, leaf), stderr=0.1),
         "shift": lambda: aerodb.edit.shift(db, name, *table(rng, leaf), stderr=0.1, note="a\nnote"),
@@ -200,17 +200,22 @@ def test_a_factor_table_multiplies_the_nodes(seed):
     new = aerodb.edit.scale(db, name, numbers, points)
     leaf, factor = aerodb.terms(new)[name], terms.make_term(numbers, points)
     nodes = (
-        dict(zip(axes_of(leaf), np.meshgrid(*axes_of(leaf).values(), indexing="ij")))
-        if axes_of(leaf)
+        dict(
+            zip(
+                value_breakpoints(leaf),
+                np.meshgrid(*value_breakpoints(leaf).values(), indexing="ij"),
+            )
+        )
+        if value_breakpoints(leaf)
         else {}
     )
     bare = [part[["value"]].assign_attrs(regressors="") for part in (old, leaf)]
-    before, after = (terms.evaluate(part, nodes) for part in bare)
+    before, after = (terms.evaluate_term(part, nodes) for part in bare)
     np.testing.assert_allclose(
-        after, before * terms.evaluate(factor, nodes, "clamp"), rtol=1e-9, atol=1e-12
+        after, before * terms.evaluate_term(factor, nodes, "clamp"), rtol=1e-9, atol=1e-12
     )
-    for axis, own in axes_of(old).items():
-        assert {*own} <= {*axes_of(leaf)[axis]}
+    for axis, own in value_breakpoints(old).items():
+        assert {*own} <= {*value_breakpoints(leaf)[axis]}
 
 
 @thorough
@@ -241,8 +246,8 @@ def test_an_amount_adds_everywhere(seed):
     old = aerodb.terms(db)[name]
     numbers, points = table(rng, old)
     new = aerodb.edit.shift(db, name, numbers, points, stderr=0.2)
-    more = terms.evaluate(
-        terms.make_term(numbers, points, terms.regressors(old), K1=old.get("K1")), at, "clamp"
+    more = terms.evaluate_term(
+        terms.make_term(numbers, points, terms.list_regressors(old), K1=old.get("K1")), at, "clamp"
     )
     np.testing.assert_allclose(
         value(new, name, at), value(db, name, at) + more, rtol=1e-9, atol=1e-12
@@ -256,12 +261,12 @@ def test_an_amount_adds_everywhere(seed):
 def test_the_error_of_a_regrid_is_the_largest_difference_there_is(seed):
     rng = np.random.default_rng(seed)
     db = drawn(rng)
-    names = [name for name, leaf in aerodb.terms(db).items() if axes_of(leaf)]
+    names = [name for name, leaf in aerodb.terms(db).items() if value_breakpoints(leaf)]
     if not names:
         return
     name = str(rng.choice(names))
     old = aerodb.terms(db)[name]
-    axis = str(rng.choice(list(axes_of(old))))
+    axis = str(rng.choice(list(value_breakpoints(old))))
     own = old[axis].values
     points = np.unique([own[0], own[-1], *rng.choice(own, 1), *rng.uniform(own[0], own[-1], 2)])
     error = aerodb.edit.regrid_error(db, name, {axis: points})
@@ -271,7 +276,9 @@ def test_the_error_of_a_regrid_is_the_largest_difference_there_is(seed):
         key: aerodb.terms(tree)[name].assign_attrs(regressors="")
         for key, tree in (("old", db), ("new", new))
     }
-    differences = np.abs(terms.evaluate(bare["new"], at) - terms.evaluate(bare["old"], at))
+    differences = np.abs(
+        terms.evaluate_term(bare["new"], at) - terms.evaluate_term(bare["old"], at)
+    )
     assert differences.max() <= error * (1 + 1e-9) + 1e-12
     np.testing.assert_allclose(aerodb.terms(new)[name][axis], points)
     finer = aerodb.edit.regrid(db, name, {axis: np.union1d(own, points)})
@@ -284,12 +291,12 @@ def test_the_error_of_a_regrid_is_the_largest_difference_there_is(seed):
 def test_an_extended_table_is_the_old_one_inside_and_follows_the_rule_outside(seed, how):
     rng = np.random.default_rng(seed)
     db = drawn(rng)
-    names = [name for name, leaf in aerodb.terms(db).items() if axes_of(leaf)]
+    names = [name for name, leaf in aerodb.terms(db).items() if value_breakpoints(leaf)]
     if not names:
         return
     name = str(rng.choice(names))
     old = aerodb.terms(db)[name]
-    axis = str(rng.choice(list(axes_of(old))))
+    axis = str(rng.choice(list(value_breakpoints(old))))
     low, high = AXES[axis]
     new = aerodb.edit.extend(db, name, axis, [low - 0.3, high + 0.1, high + 0.5], how)
     at = conditions(rng)
@@ -299,7 +306,7 @@ def test_an_extended_table_is_the_old_one_inside_and_follows_the_rule_outside(se
         leaf.drop_vars("K1", errors="ignore")
         for leaf in (old.assign_attrs(outside=how), aerodb.terms(new)[name])
     ]
-    expected, found = (terms.evaluate(leaf, at, "clamp") for leaf in without_factor)
+    expected, found = (terms.evaluate_term(leaf, at, "clamp") for leaf in without_factor)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
     leaf = aerodb.terms(new)[name]
     assert (leaf["source"].sel({axis: [low - 0.3, high + 0.1, high + 0.5]}) == 2).all()
@@ -331,7 +338,7 @@ def body_forces(db, at):
             [along[:, 0] * k - along[:, 1] * s, along[:, 0] * s + along[:, 1] * k, along[:, 2]],
             axis=-1,
         )
-    return axes.to_body(along, at["alpha"])
+    return axes.stability_to_body(along, at["alpha"])
 
 
 def moments(db, at):
@@ -353,11 +360,15 @@ def bound(db, at, d, tolerance):
     leaves = {
         n: leaf for n, leaf in aerodb.terms(db).items() if n.split("/")[0] not in ("Cl", "Cm", "Cn")
     }
-    kinds = {n: (n.split("/")[0], *sorted(terms.regressors(leaf))) for n, leaf in leaves.items()}
+    kinds = {
+        n: (n.split("/")[0], *sorted(terms.list_regressors(leaf))) for n, leaf in leaves.items()
+    }
     total = np.zeros(at["alpha"].shape)
     for name, leaf in leaves.items():
         largest = max(size(leaves[other]) for other in leaves if kinds[other] == kinds[name])
-        total += largest * np.abs(np.prod([at[word] for word in terms.regressors(leaf)], axis=0))
+        total += largest * np.abs(
+            np.prod([at[word] for word in terms.list_regressors(leaf)], axis=0)
+        )
     return tolerance * total * np.linalg.norm(d)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import aerodb
-from aerodb.store.schema import coefficients
+from aerodb.store.schema import database_coefficients
 from flightmech.units import DEGREE, FOOT, INCH, POUND_FORCE
 
 FORCES = tuple(f"forces/fb{axis}-aero-lbs" for axis in "xyz")
@@ -152,7 +152,10 @@ def loads(db, at, aircraft):
     conditions.
     """
     zero = np.zeros_like(at["alpha"])
-    C = {name: zero + aerodb.evaluate(db, name, outside="clamp", **at) for name in coefficients(db)}
+    C = {
+        name: zero + aerodb.evaluate(db, name, outside="clamp", **at)
+        for name in database_coefficients(db)
+    }
     ca, sa, cb, sb = (f(at[angle]) for angle in ("alpha", "beta") for f in (np.cos, np.sin))
     if db.attrs["force_axes"] == "body":
         X, Y, Z = C["CX"], C["CY"], C["CZ"]

@@ -8,7 +8,7 @@ import xarray as xr
 
 import aerodb
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.terms import evaluate
+from flightmech.terms import evaluate_term
 from flightmech.units import FOOT, POUND_FORCE, SLUG
 
 INERTIA = """
@@ -94,7 +94,7 @@ def test_thrust_over_lever_and_height(db, file):
     assert engine.thrust["throttle"].values.tolist() == [0.0, 1.0]
     np.testing.assert_allclose(engine.thrust["h"], np.array([0.0, 10e3, 20e3, 40e3]) * FOOT)
     # a quarter of the lever at 15 000 ft: idle 62.5, full 700 lbf
-    thrust = evaluate(engine.thrust, {"throttle": 0.25, "h": 15000.0 * FOOT})
+    thrust = evaluate_term(engine.thrust, {"throttle": 0.25, "h": 15000.0 * FOOT})
     assert float(thrust) == pytest.approx((62.5 + 0.25 * (700.0 - 62.5)) * POUND_FORCE, rel=1e-12)
 
 

@@ -18,10 +18,10 @@ from aerodb.exchange.daveml.vocabulary import (
     source_runs,
     unpack_attributes,
 )
-from aerodb.exchange.xml_reader import parse
+from aerodb.exchange.xml_reader import read_xml
 from flightmech import terms
 from flightmech.errors import SchemaError
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 
 # Content models of the elements we write, from DAVEfunc.dtd 2.0.2 of 12 July 2011, as regular
 # expressions over the children
@@ -80,7 +80,7 @@ class Craft:
 def factor(values, **axes):
     array = xr.DataArray(np.asarray(values, float), axes, tuple(axes))
     for name in axes:
-        array[name].attrs.update(attrs(name))
+        array[name].attrs.update(quantity_attributes(name))
     return array
 
 
@@ -190,7 +190,7 @@ def test_the_file_gives_the_coefficients_of_the_database(rich, tmp_path):
 
 def test_the_file_follows_the_dtd(rich, tmp_path):
     aerodb.exchange.export_daveml(rich, tmp_path / "db.dml")
-    root, seen, used = parse(tmp_path / "db.dml", doctype=True), set(), set()
+    root, seen, used = read_xml(tmp_path / "db.dml", doctype=True), set(), set()
     for element in elements(root):
         if element.tag in CONTENT:
             assert re.fullmatch(
@@ -214,7 +214,7 @@ def test_the_file_follows_the_dtd(rich, tmp_path):
 
 def test_equal_tables_and_breakpoints_are_written_once(rich, tmp_path):
     aerodb.exchange.export_daveml(rich, tmp_path / "db.dml")
-    root = parse(tmp_path / "db.dml", doctype=True)
+    root = read_xml(tmp_path / "db.dml", doctype=True)
     tables = {e.attributes["name"]: e for e in root.all("griddedTableDef")}
     assert (
         "CL/ground value" in tables

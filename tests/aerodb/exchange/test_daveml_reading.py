@@ -21,7 +21,7 @@ from flightmech.errors import (
     UnknownName,
 )
 from flightmech.names import VOCABULARY
-from flightmech.units import parse
+from flightmech.units import parse_unit
 
 FLIGHT = Path(__file__).parents[3] / ".." / "shared" / "data" / "flight"
 EXAMPLES = FLIGHT / "aero_databases" / "daveml_examples"
@@ -500,7 +500,7 @@ def test_units_are_read_as_s119_encodes_them():
 
 def test_every_unit_of_the_vocabulary_can_be_written_and_read():
     for row in VOCABULARY.values():
-        assert parse(unit_of_code(code_of(row.units))) == parse(row.units), row.name
+        assert parse_unit(unit_of_code(code_of(row.units))) == parse_unit(row.units), row.name
 
 
 # ---- what is refused

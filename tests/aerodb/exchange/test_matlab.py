@@ -108,7 +108,7 @@ def test_octave_interpolates_the_same_contributions(build_up, tmp_path):
         for leaf in leaves.values()
         for axis in leaf.dims
     }
-    names = {name for leaf in leaves.values() for name in terms.variables(leaf)}
+    names = {name for leaf in leaves.values() for name in terms.list_model_variables(leaf)}
     points = {name: rng.uniform(*ends.get(name, (-0.1, 0.1)), size=300) for name in sorted(names)}
     aerodb.exchange.export_matlab(build_up, tmp_path / "db.mat")
     columns = {name: x[:, None] for name, x in points.items()}
@@ -125,7 +125,7 @@ def test_octave_interpolates_the_same_contributions(build_up, tmp_path):
     assert found.shape == (300, len(leaves))
     for column, (name, leaf) in zip(found.T, leaves.items()):
         np.testing.assert_allclose(
-            column, terms.evaluate(leaf, points), rtol=1e-12, atol=1e-13, err_msg=name
+            column, terms.evaluate_term(leaf, points), rtol=1e-12, atol=1e-13, err_msg=name
         )
 
 

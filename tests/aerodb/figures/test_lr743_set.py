@@ -17,8 +17,8 @@ from aerodb.figures.lr743_set import build_up
 from aerodb.figures.lr743_set import envelope as trimmed
 from aerodb.figures.lr743_set.chart import Chart, ChartLine, ChartPanel, FlightPoints, NotDrawn
 from aerodb.figures.lr743_set.combinations import combine_coefficients
-from aerodb.figures.lr743_set.flown import configuration, heights
-from aerodb.figures.lr743_set.sheet import draw
+from aerodb.figures.lr743_set.flown import configuration_text, group_heights
+from aerodb.figures.lr743_set.sheet import draw_chart
 from aerodb.update.correlation import covariance_between
 from flightmech import terms
 from flightmech.air import atmosphere
@@ -247,11 +247,11 @@ def test_figures_1_and_2_set_databases_over_each_other(rich, flown):
         {"CL/basic": aerodb.terms(rich)["CL/basic"].assign(value=lambda leaf: 1.1 * leaf["value"])},
     )
     both = {"datcom": rich, "final": steeper}
-    chart = build_up.intercept(both, flown)
+    chart = build_up.lift_intercept_chart(both, flown)
     np.testing.assert_allclose(lines(chart)["datcom"].y, 0.2)
     np.testing.assert_allclose(lines(chart)["final"].y, 0.22)
     np.testing.assert_allclose(lines(chart)["datcom"].stderr[[0, -1]], 0.05)
-    chart = build_up.slope(both, flown)
+    chart = build_up.lift_slope_chart(both, flown)
     np.testing.assert_allclose(
         np.interp([0.2, 0.3, 0.4], lines(chart)["datcom"].x, lines(chart)["datcom"].y),
         [5.0, 5.2, 5.4],
@@ -266,7 +266,7 @@ def test_figures_3_and_4_follow_flaps_and_angle_of_attack(rich, flown):
     assert list(by) == [r"$\delta_{f}$ = 20 deg", r"$\delta_{f}$ = 40 deg"]
     np.testing.assert_allclose(by[r"$\delta_{f}$ = 40 deg"].y, 0.36)
     np.testing.assert_allclose(by[r"$\delta_{f}$ = 20 deg"].stderr, 0.04)
-    chart = build_up.elevator({"final": rich}, flown, "figure-14", "Fig. 14")
+    chart = build_up.elevator_chart({"final": rich}, flown, "figure-14", "Fig. 14")
     line = lines(chart)[r"$\delta_{f}$ = 20 deg"]
     np.testing.assert_allclose(line.y, 0.5 + 0.1 * FLAP[1] + 0.2 * np.radians(line.x))
     np.testing.assert_allclose(line.stderr[[0, -1]], 0.03)
@@ -336,7 +336,7 @@ def test_low_passes_are_drawn_at_their_height(published, flown):
 def test_what_is_missing_is_named(small, flown):
     for make, words in (
         (
-            lambda: build_up.elevator({"a": small}, None, "x", "Fig. 4"),
+            lambda: build_up.elevator_chart({"a": small}, None, "x", "Fig. 4"),
             "no term of CL depends on delta_e",
         ),
         (
@@ -351,7 +351,7 @@ def test_what_is_missing_is_named(small, flown):
             lambda: trimmed.polars_clean({"a": small}, {}, None),
             "it needs the aircraft of a: give --aircraft",
         ),
-        (lambda: trimmed.sweeps({"a": small}, None), "no sweeps of flown manoeuvres"),
+        (lambda: trimmed.elevator_sweep_chart({"a": small}, None), "no sweeps of flown manoeuvres"),
     ):
         with pytest.raises(NotDrawn, match=words):
             make()
@@ -359,7 +359,7 @@ def test_what_is_missing_is_named(small, flown):
 
 def test_figure_9_has_stall_one_g_lines_test_points_and_excursions(rich, aircraft, flown):
     buffet = pd.DataFrame({"mach": [0.3, 0.4], "CL": [0.9, 0.7]})
-    chart = trimmed.envelope({"final": rich}, {"final": aircraft}, flown, buffet)
+    chart = trimmed.flight_envelope_chart({"final": rich}, {"final": aircraft}, flown, buffet)
     by = lines(chart)
     stall = by["stall, trimmed, power off (final)"]
     curve = flightmech.performance.polar(trimmed._flight(aircraft, rich, {}), 0.4)
@@ -478,7 +478,7 @@ def test_partial_residuals_find_the_term_that_made_the_samples():
 
 
 def test_figure_10_draws_each_sweep_with_the_database_at_its_condition(rich, flown):
-    chart = trimmed.sweeps({"final": rich}, flown)
+    chart = trimmed.elevator_sweep_chart({"final": rich}, flown)
     assert [panel.title for panel in chart.panels] == ["clean, 5100 ft", "flaps 20 deg, 5100 ft"]
     (line,) = chart.panels[0].lines
     assert line.label == "$M$ = 0.3"
@@ -512,12 +512,12 @@ def test_polars_are_trimmed_and_carry_the_errors_of_lift_and_drag(rich, aircraft
 
 
 def test_names_of_configurations_and_heights(flown):
-    assert [configuration(row) for _, row in flown.manoeuvres.iterrows()] == [
+    assert [configuration_text(row) for _, row in flown.manoeuvres.iterrows()] == [
         "clean",
         "flaps 20 deg",
         "flaps 40 deg, gear",
     ]
-    np.testing.assert_allclose(heights(flown.manoeuvres), [1550.0, 1550.0, 50.0])
+    np.testing.assert_allclose(group_heights(flown.manoeuvres), [1550.0, 1550.0, 50.0])
 
 
 def test_a_sheet_draws_the_chart():
@@ -532,7 +532,7 @@ def test_a_sheet_draws_the_chart():
     )
     panel = ChartPanel("a", [line, other], points=[estimate, trace, sample], by="$M$")
     chart = Chart("x", "Fig. 99", "title", "line", "x [1]", "y [1]", [panel])
-    figure = draw(chart, "T-37", ["Data: here."])
+    figure = draw_chart(chart, "T-37", ["Data: here."])
     (axes,) = figure.axes
     drawn = {item.get_label(): item for item in axes.lines}
     np.testing.assert_allclose(drawn["$M$ = 0.3"].get_ydata(), x**2)
@@ -583,7 +583,8 @@ def test_the_verb_writes_the_set_and_states_what_is_missing(
     small, flown_file, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(
-        "aerodb.figures.lr743_set.report_set.draw", lambda chart, name, notes: (chart.title, notes)
+        "aerodb.figures.lr743_set.report_set.draw_chart",
+        lambda chart, name, notes: (chart.title, notes),
     )
     monkeypatch.setattr(
         "aerodb.figures.lr743_set.report_set.save_figure",

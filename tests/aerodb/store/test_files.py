@@ -12,7 +12,7 @@ import aerodb
 from aerodb.store import overview
 from aerodb.store.files import read_overview
 from aerodb.store.overview import SHOWN, STATED
-from aerodb.store.seal import read_sealed
+from aerodb.store.seal import read_database_seal
 from flightmech import terms
 from flightmech.errors import SchemaError
 
@@ -129,8 +129,11 @@ def test_a_look_at_a_file_shows_what_the_whole_tree_holds(tmp_path, db):
         for key, variable in leaf.variables.items():
             assert leaves[name][str(key)].dims == variable.dims
             np.testing.assert_array_equal(leaves[name][str(key)].values, variable.values)
-    assert overview.text_of(*read_overview(path, SHOWN, STATED)) == aerodb.summary(whole)
-    assert read_sealed(path).overview(overview.OVERVIEW) == [whole.attrs, overview.describe(whole)]
+    assert overview.overview_text(*read_overview(path, SHOWN, STATED)) == aerodb.summary(whole)
+    assert read_database_seal(path).overview(overview.OVERVIEW) == [
+        whole.attrs,
+        overview.describe_database(whole),
+    ]
 
 
 @pytest.mark.slow

@@ -6,8 +6,8 @@ import xarray as xr
 
 from aerodb.store.effects import (
     Effect,
+    change_reference_quantities,
     rates_to_body,
-    rereference,
     rotate_rolling_to_body,
     transfer_moments,
 )
@@ -88,18 +88,18 @@ def test_other_reference_quantities_give_the_same_forces_and_moments():
     old, new = {"S": 16.0, "cbar": 1.6, "b": 10.0}, {"S": 18.0, "cbar": 1.7, "b": 10.5}
     V, qbar, q = 60.0, 2205.0, 0.2
     effect = Effect("qhat", {"CL": table(8.0), "Cm": table(-17.0)}, "qhat")
-    there = rereference(effect, old, new)
+    there = change_reference_quantities(effect, old, new)
     for c, length in (("CL", ""), ("Cm", "cbar")):
         force = [
             qbar * r["S"] * r.get(length, 1.0) * e.tables[c].values * q * r["cbar"] / (2 * V)
             for e, r in ((effect, old), (there, new))
         ]
         np.testing.assert_allclose(force[1], force[0], rtol=1e-14)
-    rolling = rereference(Effect("phat", {"Cl": table(-0.46)}, "phat"), old, new)
+    rolling = change_reference_quantities(Effect("phat", {"Cl": table(-0.46)}, "phat"), old, new)
     np.testing.assert_allclose(
         rolling.tables["Cl"], -0.46 * (16 / 18) * (10 / 10.5) ** 2, rtol=1e-14
     )
-    steady = rereference(Effect("beta", {"Cn": table(0.05)}, "beta"), old, new)
+    steady = change_reference_quantities(Effect("beta", {"Cn": table(0.05)}, "beta"), old, new)
     np.testing.assert_allclose(steady.tables["Cn"], 0.05 * (16 / 18) * (10 / 10.5), rtol=1e-14)
 
 

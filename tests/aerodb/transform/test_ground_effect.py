@@ -124,13 +124,13 @@ def test_the_simulation_computes_the_same():
         at = {"alpha": y["alpha"], "h_agl": y["h_agl"], "phi": y["phi"]}
         changed = {**leaves(), "CL/ground": leaves()["CL/ground"].assign_attrs(exponent=s)}
         lift = sum(
-            float(terms.evaluate(leaf, at))
+            float(terms.evaluate_term(leaf, at))
             for name, leaf in changed.items()
             if name.startswith("CL")
         )
         assert y["CL"] == pytest.approx(lift, rel=1e-12)
         assert y["Cl"] == pytest.approx(
-            float(terms.evaluate(changed["Cl/ground"], {**at, "CL": lift})), rel=1e-12
+            float(terms.evaluate_term(changed["Cl/ground"], {**at, "CL": lift})), rel=1e-12
         )
 
 
@@ -139,17 +139,17 @@ def test_height_table_is_the_formula():
         terms.make_term([0.1, 0.8], {"delta_f": [0.0, 0.7]}, stderr=0.01), 0.6, -1.45, 2.0
     )
     table = with_height_table(closed, top=60.0, tolerance=1e-3)
-    assert terms.power(table) is None
+    assert terms.power_factor(table) is None
     assert table["K1"].attrs["formula"] == "max(h_agl, 2)^-1.45"
     h = np.geomspace(2.0, 60.0, 2000)
-    exact = terms.evaluate(closed, {"delta_f": 0.7, "h_agl": h})
-    off = terms.evaluate(table, {"delta_f": 0.7, "h_agl": h}) / exact - 1.0
+    exact = terms.evaluate_term(closed, {"delta_f": 0.7, "h_agl": h})
+    off = terms.evaluate_term(table, {"delta_f": 0.7, "h_agl": h}) / exact - 1.0
     assert (
         0.5e-3 < off.max() < 1e-3
     )  # a line lies above a power with negative exponent; fewer breakpoints would be off by more
     assert off.min() > -1e-12
     np.testing.assert_allclose(
-        terms.evaluate(table, {"delta_f": 0.7, "h_agl": 0.0}, outside="clamp"),
+        terms.evaluate_term(table, {"delta_f": 0.7, "h_agl": 0.0}, outside="clamp"),
         0.6 * 0.8 * 2.0**-1.45,
     )
     assert len(table["h_agl"]) == 73
@@ -190,7 +190,7 @@ def test_what_makes_no_ground_effect_is_refused(make, text):
 
 def test_scheme_takes_a_power_for_the_height():
     leaf = templates.make("CL/ground", value=0.5, power=PowerFactor("h_agl", -1.45, 2.0))
-    assert terms.power(leaf) == PowerFactor("h_agl", -1.45, 2.0)
+    assert terms.power_factor(leaf) == PowerFactor("h_agl", -1.45, 2.0)
     with pytest.raises(SchemaError, match="or a power of it"):
         templates.make("CL/ground", value=0.5)
 
@@ -200,8 +200,8 @@ def test_scheme_takes_a_power_for_the_height():
 
 
 def same_power(db: xr.DataTree) -> None:
-    assert terms.power(aerodb.terms(db)["CL/ground"]) == PowerFactor("h_agl", -1.45, FLOOR)
-    assert terms.regressors(aerodb.terms(db)["Cl/ground"]) == ("CL", "phi")
+    assert terms.power_factor(aerodb.terms(db)["CL/ground"]) == PowerFactor("h_agl", -1.45, FLOOR)
+    assert terms.list_regressors(aerodb.terms(db)["Cl/ground"]) == ("CL", "phi")
 
 
 @pytest.mark.slow
@@ -300,7 +300,9 @@ def test_edits_keep_the_power(ground):
 def test_moving_the_reference_along_keeps_the_power_and_down_refuses_it(ground):
     moved = aerodb.transform.move_reference(ground, (0.3, 0.0, 0.0))
     same_power(moved)
-    assert terms.power(aerodb.terms(moved)["Cm/ground"]) == PowerFactor("h_agl", -1.45, FLOOR)
+    assert terms.power_factor(aerodb.terms(moved)["Cm/ground"]) == PowerFactor(
+        "h_agl", -1.45, FLOOR
+    )
     with pytest.raises(
         SchemaError,
         match=r"CL/ground: the factor max\(h_agl, 1.7\)\^-1.45 cannot be counted from a point",

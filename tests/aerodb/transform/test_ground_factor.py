@@ -22,15 +22,15 @@ def test_a_product_is_found_again():
     assert worst == pytest.approx(0.0, abs=1e-15)
     np.testing.assert_allclose(split["K1"], K, atol=1e-14)
     np.testing.assert_allclose(split["value"], increment, atol=1e-14)
-    assert terms.check(split) == []
-    assert terms.regressors(split) == ("delta_e",)
+    assert terms.check_term(split) == []
+    assert terms.list_regressors(split) == ("delta_e",)
     np.testing.assert_allclose(split["stderr"], 0.02)
     assert split.attrs["history"].splitlines() == [
         "built",
         f"factored: K1 over h_agl, largest difference {worst:.4g}",
     ]
     given = {"h_agl": 2.2, "alpha": 0.17, "delta_e": 0.1}
-    assert terms.evaluate(split, given) == pytest.approx(terms.evaluate(leaf, given))
+    assert terms.evaluate_term(split, given) == pytest.approx(terms.evaluate_term(leaf, given))
 
 
 def test_what_is_no_product_states_how_far_it_is_off():

@@ -313,7 +313,7 @@ def test_the_whole_database_of_the_t37(t37_db):
             for c in ("CL", "CD", "CY", "Cl", "Cm", "Cn")
         ]
         CL, CD, CY, *moments = (np.broadcast_to(c, count) for c in found)
-        return axes.to_body(np.stack([-CD, CY, -CL], axis=-1), at["alpha"]), np.stack(
+        return axes.stability_to_body(np.stack([-CD, CY, -CL], axis=-1), at["alpha"]), np.stack(
             moments, axis=-1
         )
 
@@ -373,7 +373,7 @@ def test_an_angle_that_no_table_has_gets_its_full_range():
         )
     )["Cm/qhat"]
     alpha = np.linspace(-1.5, 1.5, 301)
-    found = terms.evaluate(made, {"alpha": alpha, "qhat": 1.0})
+    found = terms.evaluate_term(made, {"alpha": alpha, "qhat": 1.0})
     assert np.abs(found - 8.0 * -0.3 * np.cos(alpha) / CBAR).max() < 1e-3 * 8.0 * 0.3 / CBAR
 
 

@@ -78,7 +78,7 @@ def fits(leaves, points):
             "delta_e": 0.05 * np.cos(3.1 * t),
         }
         d["CL"] = sum(
-            terms.evaluate(leaf, d, "clamp") for leaf in leaves.values()
+            terms.evaluate_term(leaf, d, "clamp") for leaf in leaves.values()
         ) + 0.002 * rng.normal(size=len(t))
         data = xr.Dataset({name: ("time", x) for name, x in d.items()}, coords={"time": t})
         found.append(regress(LOCAL, data, f"point {number}"))

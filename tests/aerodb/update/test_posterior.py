@@ -49,7 +49,7 @@ def basis(db, conditions, coefficient="CL"):
     leaves = [leaf for name, leaf in aerodb.terms(db).items() if name.startswith(f"{coefficient}/")]
     size = np.broadcast(*conditions.values()).size
     whole = {name: np.broadcast_to(x, size) for name, x in conditions.items()}
-    return np.hstack([terms.basis(leaf, whole, "clamp").toarray() for leaf in leaves])
+    return np.hstack([terms.node_basis(leaf, whole, "clamp").toarray() for leaf in leaves])
 
 
 def test_stored_covariance_is_that_of_the_linear_gaussian_model(flown):
@@ -234,7 +234,7 @@ def test_factors_and_shifts_are_followed(flown):
     ground = in_ground_effect(leaf, 0.5, -1.0, floor=1.0)
     assert joint_mark(ground) == joint_mark(leaf)
     np.testing.assert_allclose(
-        standard_errors(terms.basis(terms.without_multipliers(ground), {"mach": 0.3}), ground),
+        standard_errors(terms.node_basis(terms.without_multipliers(ground), {"mach": 0.3}), ground),
         0.5 * leaf["stderr"].sel(mach=0.3),
     )
 
@@ -257,16 +257,16 @@ def test_terms_of_different_origin_are_independent(flown):
 
 def test_faults_are_reported(flown):
     leaf = aerodb.terms(flown[3])["CL/qhat"]
-    assert "no posterior_sign" in terms.check(leaf.drop_vars("posterior_sign"))[0]
-    assert "stderr" in terms.check(leaf.drop_vars("stderr"))[0]
-    assert "NaN" in terms.check(leaf.assign(posterior_sign=leaf["posterior_sign"] * np.nan))[0]
+    assert "no posterior_sign" in terms.check_term(leaf.drop_vars("posterior_sign"))[0]
+    assert "stderr" in terms.check_term(leaf.drop_vars("stderr"))[0]
+    assert "NaN" in terms.check_term(leaf.assign(posterior_sign=leaf["posterior_sign"] * np.nan))[0]
     assert (
         "origin"
-        in terms.check(leaf.assign(posterior_factor=leaf["posterior_factor"].drop_attrs()))[0]
+        in terms.check_term(leaf.assign(posterior_factor=leaf["posterior_factor"].drop_attrs()))[0]
     )
     broken = leaf.assign(prior_error=leaf["prior_error"].drop_attrs())
     with pytest.raises(SchemaError, match="level"):
-        standard_errors(terms.basis(broken, {"mach": 0.3, "qhat": 0.001}), broken)
+        standard_errors(terms.node_basis(broken, {"mach": 0.3, "qhat": 0.001}), broken)
 
 
 @pytest.mark.slow
@@ -283,7 +283,7 @@ def test_two_standard_errors_cover_the_coefficient():
         truth = truth_of(leaves, rng)
         after = aerodb.replace_terms(prior, tabulate(local_fits(truth, rng), prior))
         error = sum(
-            terms.evaluate(aerodb.terms(after)[name], FLOWN) - terms.evaluate(leaf, FLOWN)
+            terms.evaluate_term(aerodb.terms(after)[name], FLOWN) - terms.evaluate_term(leaf, FLOWN)
             for name, leaf in truth.items()
         )
         z.append(error / standard_error(after, "CL", FLOWN))

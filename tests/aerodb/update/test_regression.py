@@ -56,7 +56,7 @@ def flown(truth, seed, low=0.0, high=6.0, count=800, **attrs):
     alpha = rng.uniform(low, high, count) * DEG
     data = {"alpha": alpha, "delta_e": rng.uniform(-0.1, 0.1, count)}
     data["CL"] = sum(
-        terms.evaluate(leaf, data, "clamp") for leaf in truth.values()
+        terms.evaluate_term(leaf, data, "clamp") for leaf in truth.values()
     ) + NOISE * rng.normal(size=count)
     return xr.Dataset(
         {name: ("sample", x) for name, x in data.items()},
@@ -85,7 +85,7 @@ def test_the_nodes_are_those_of_the_information_form():
         found.report.loc["CL/basic", list(PARTS)].to_numpy(float),
         prior_parts(prior["CL/basic"], np.ones(3)),
     )
-    B = terms.basis(prior["CL/basic"], {"alpha": one["alpha"].values}, "clamp").toarray()
+    B = terms.node_basis(prior["CL/basic"], {"alpha": one["alpha"].values}, "clamp").toarray()
     information = B.T @ B / (NOISE * found.compatibility.loc["CL", "inflation"]) ** 2
     posterior = np.linalg.inv(np.linalg.inv(P) + information)
     g0 = prior["CL/basic"]["value"].values

@@ -84,7 +84,7 @@ def record(truth, rng, point, duration=30.0, noise=0.004, extra=None):
     d |= {"mach": mach + 0.005 * multisine(), **(extra or {})}
     c = np.exp(-STEP / 0.3)
     e = noise * lfilter([np.sqrt(1 - c * c)], [1, -c], rng.normal(size=len(t) + 500))[500:]
-    d["CL"] = sum(terms.evaluate(leaf, d, "clamp") for leaf in truth.values()) + e
+    d["CL"] = sum(terms.evaluate_term(leaf, d, "clamp") for leaf in truth.values()) + e
     return xr.Dataset(
         {name: ("time", np.broadcast_to(v, t.shape)) for name, v in d.items()}, coords={"time": t}
     )
@@ -216,7 +216,9 @@ def test_the_posterior_is_that_of_the_information_form():
     new = found["CL/basic"]
     X, B = (
         fit.design.values,
-        terms.basis(leaves["CL/basic"], {"alpha": fit.data["alpha"].values}, "clamp").toarray(),
+        terms.node_basis(
+            leaves["CL/basic"], {"alpha": fit.data["alpha"].values}, "clamp"
+        ).toarray(),
     )
     H, C = (
         np.linalg.lstsq(X, B, rcond=None)[0],
@@ -477,7 +479,7 @@ def drawn_fits(leaves, truth, rng, bias):
         X = np.stack([np.ones(40), alpha], axis=1)
         data = xr.Dataset({"alpha": ("sample", alpha), "mach": ("sample", np.full(40, 0.3))})
         C = np.linalg.inv(X.T @ X) * 0.01**2
-        B = terms.basis(leaves["CL/basic"], {"alpha": alpha}, "clamp").toarray()
+        B = terms.node_basis(leaves["CL/basic"], {"alpha": alpha}, "clamp").toarray()
         theta = (
             np.linalg.lstsq(X, B @ truth, rcond=None)[0]
             + np.linalg.cholesky(C) @ rng.normal(size=2)

@@ -171,10 +171,10 @@ models = ["CY = 1 + beta + delta_r", "Cl = 1 + beta + phat + rhat + delta_a + de
 """
     (project / "aeromatch.toml").write_text(head + fit)
     from aeromatch.project.project import read_project
-    from aeromatch.workflow.steps import perform
-    from flightmech.support.console import progress
+    from aeromatch.workflow.steps import perform_match
+    from flightmech.support.console import show_progress
 
-    perform(read_project(project / "aeromatch.toml"), folder / "match", 1, progress)
+    perform_match(read_project(project / "aeromatch.toml"), folder / "match", 1, show_progress)
     return project / "aeromatch.toml", folder / "match"
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from aeromatch.cli.verbs import example_folder
 from aeromatch.project.project import read_project
-from aeromatch.workflow.steps import perform
+from aeromatch.workflow.steps import perform_match
 from flightmech.support.kept_stages.sharing import Cluster
 
 pytestmark = [pytest.mark.slow, pytest.mark.serial, pytest.mark.nightly]
@@ -56,7 +56,7 @@ def test_every_parallel_stage_goes_to_the_workers_and_dead_workers_change_nothin
         "distributed", reason="dask.distributed is not installed (extra `cluster`)"
     )
     options = {"jobs": 1, "step": lambda text: nullcontext(), "command": "match", "samples": 2}
-    perform(project, tmp_path / "here", **options)
+    perform_match(project, tmp_path / "here", **options)
     sent, victims = Counter(), []
     submit, unordered = Cluster._submit, Cluster.unordered
 
@@ -83,7 +83,7 @@ def test_every_parallel_stage_goes_to_the_workers_and_dead_workers_change_nothin
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
     ) as local:
-        perform(project, tmp_path / "there", scheduler=local.scheduler_address, **options)
+        perform_match(project, tmp_path / "there", scheduler=local.scheduler_address, **options)
     assert len(victims) == 3
     stages = {
         "_alone",

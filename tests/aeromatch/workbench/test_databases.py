@@ -25,7 +25,7 @@ def opened(tmp_path):
 
 
 def term(opened, name, *files):
-    return databases.term(opened, {"term": name, "files": ",".join(files)}, None)
+    return databases.show_term(opened, {"term": name, "files": ",".join(files)}, None)
 
 
 def test_files_are_databases_with_their_aircraft(opened):
@@ -35,15 +35,18 @@ def test_files_are_databases_with_their_aircraft(opened):
     for name in ("databases/edited", "databases/edited_engine1", "tuned/one/model"):
         (opened.work / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(match / "final.nc", opened.work / f"{name}.nc")
-    rows = databases.files(opened, {}, None)["files"]
+    rows = databases.list_databases(opened, {}, None)["files"]
     assert [row["file"] for row in rows] == [DATCOM, FINAL, EDITED, "{work}/tuned/one/model.nc"]
     assert {row["aircraft"] for row in rows} == {"{work}/match/final.toml"}
     (match / "final.toml").unlink()
-    assert databases.files(opened, {}, None)["files"][0]["aircraft"] == "{project}/aircraft.toml"
+    assert (
+        databases.list_databases(opened, {}, None)["files"][0]["aircraft"]
+        == "{project}/aircraft.toml"
+    )
 
 
 def test_terms_and_history_of_a_database(opened):
-    found = databases.database(opened, {"file": FINAL}, None)
+    found = databases.show_database(opened, {"file": FINAL}, None)
     basic, flap, qhat = found["terms"]
     assert [row["term"] for row in found["terms"]] == ["CL/basic", "CL/flap", "Cm/qhat"]
     assert basic["size"] == 28
@@ -61,7 +64,7 @@ def test_terms_and_history_of_a_database(opened):
         aerodb.open(opened.work / "match" / "final.nc"), "CL/flap", 1.1, note="why"
     )
     aerodb.save(edited, opened.work / "match" / "final.nc")
-    again = databases.database(
+    again = databases.show_database(
         opened, {"file": FINAL}, None
     )  # the file has changed: it is read again
     assert again["undo"] == 1
@@ -70,9 +73,9 @@ def test_terms_and_history_of_a_database(opened):
 
 def test_a_database_that_is_none_of_the_working_folder_is_refused(opened):
     with pytest.raises(UnknownName, match=r"match/other\.nc"):
-        databases.database(opened, {"file": "{work}/match/other.nc"}, None)
+        databases.show_database(opened, {"file": "{work}/match/other.nc"}, None)
     with pytest.raises(UnknownName, match="unknown database"):
-        databases.database(opened, {"file": str(opened.work / "match" / "final.nc")}, None)
+        databases.show_database(opened, {"file": str(opened.work / "match" / "final.nc")}, None)
 
 
 def test_a_term_of_two_databases_on_the_breakpoints_of_both(opened):
@@ -180,7 +183,7 @@ def test_tables_that_are_too_large_together_are_refused(opened, monkeypatch):
 
 
 def test_comparison_is_that_of_the_library_and_made_once(opened, monkeypatch):
-    found = databases.comparison(opened, {"a": DATCOM, "b": FINAL}, None)
+    found = databases.compare_databases(opened, {"a": DATCOM, "b": FINAL}, None)
     frame = aerodb.compare(
         *(aerodb.open(opened.work / "match" / f"{name}.nc") for name in ("datcom", "final"))
     )
@@ -190,7 +193,7 @@ def test_comparison_is_that_of_the_library_and_made_once(opened, monkeypatch):
     assert row["max_in_stderr_b"] == 33.0 / 0.5
     assert row["location"] == "alpha 4 deg"
     monkeypatch.setattr(aerodb, "compare", None)
-    assert databases.comparison(opened, {"a": DATCOM, "b": FINAL}, None) == found
+    assert databases.compare_databases(opened, {"a": DATCOM, "b": FINAL}, None) == found
 
 
 @pytest.mark.slow

@@ -50,7 +50,10 @@ def opened(tmp_path_factory):
 
 
 def windows(opened, *records, names=PITCH):
-    rows = {record: page.windows(opened, {"name": record}, None)["rows"] for record in records}
+    rows = {
+        record: page.list_record_manoeuvres(opened, {"name": record}, None)["rows"]
+        for record in records
+    }
     return [
         {"record": record, "start": row["start"], "end": row["end"]}
         for record in records
@@ -70,13 +73,13 @@ def wanted(opened, *records, **more):
 
 @pytest.mark.slow
 def test_what_can_be_chosen(opened):
-    found = page.identification(opened, {}, None)
+    found = page.list_fit_choices(opened, {}, None)
     assert found["records"] == [FIRST, SECOND]
     assert [fit["name"] for fit in found["fits"]] == [fit.name for fit in opened.project.fits]
     assert found["priors"] == [PRIOR]
     assert found["cutoff"] == 4.0
     assert found["file"] == "{project}/aeromatch.toml"
-    rows = page.windows(opened, {"name": FIRST}, None)["rows"]
+    rows = page.list_record_manoeuvres(opened, {"name": FIRST}, None)["rows"]
     assert [row["label"] for row in rows][:4] == [
         "trim",
         "3211 elevator",
@@ -109,7 +112,7 @@ def test_the_fit_is_that_of_the_command_line(opened, tmp_path, more):
     """
     body = wanted(opened, FIRST, SECOND, **more)
     body["windows"] = body["windows"][1:]
-    shown = page.fit(opened, {}, body)
+    shown = page.show_fit(opened, {}, body)
     words = [*shown["command"], "-o", "{work}/fits/pitch.nc"]
     demand_allowed(words)
     make_folders(words, opened.places)
@@ -127,12 +130,12 @@ def test_the_fit_is_that_of_the_command_line(opened, tmp_path, more):
     np.testing.assert_array_equal(shown["correlation"], saved.estimates["correlation"].values)
     for name in ("R2", "residual_rms", "samples", "manoeuvres"):
         assert shown["attributes"][name] == saved.estimates.attrs[name]
-    assert "{work}/fits/pitch.nc" in page.identification(opened, {}, None)["saved"]
+    assert "{work}/fits/pitch.nc" in page.list_fit_choices(opened, {}, None)["saved"]
 
 
 @pytest.mark.slow
 def test_the_prior_is_what_the_tables_say(opened):
-    shown = page.fit(opened, {}, wanted(opened, prior=PRIOR))
+    shown = page.show_fit(opened, {}, wanted(opened, prior=PRIOR))
     paths = page._parts(opened, page.FitRequest(**wanted(opened)))
     prior = prior_of(
         flighttest.regress(flighttest.RegressionModel.parse(MODEL), paths),
@@ -146,11 +149,11 @@ def test_the_prior_is_what_the_tables_say(opened):
         for term in prior["term"].values
     }
     assert -30.0 < given["qhat"][0] < -20.0  # DATCOM's Cm_q -17.6 and Cm_alphadot -10.0
-    none = page.fit(opened, {}, wanted(opened, model="CX = 1 + alpha", prior=PRIOR))
+    none = page.show_fit(opened, {}, wanted(opened, model="CX = 1 + alpha", prior=PRIOR))
     assert "CX" in none["without_prior"]
     assert not any("prior" in row for row in none["terms"])
     with pytest.raises(UnknownName):
-        page.fit(opened, {}, wanted(opened, prior="{project}/engine.nc"))
+        page.show_fit(opened, {}, wanted(opened, prior="{project}/engine.nc"))
 
 
 @pytest.mark.slow
@@ -161,26 +164,26 @@ def test_partial_regression_has_the_estimate_as_its_slope(opened):
         for term, estimate in zip(
             found.estimates["term"].values, found.estimates["estimate"].values, strict=True
         ):
-            x, y = page.partial_residuals(found, str(term))
+            x, y = page.added_variable_residuals(found, str(term))
             assert x @ y / (x @ x) == pytest.approx(estimate, rel=1e-9)
     in_band = wanted(opened, band=[0.1, 2.0])
     found = page._fit(opened, page.FitRequest(**in_band))
     assert found.estimates.attrs["domain"] == "frequency"
     for term in ("alpha", "qhat", "delta_e"):
-        slope = page.partial(opened, {}, {"fit": in_band, "term": term})["slope"]
+        slope = page.show_partial_regression(opened, {}, {"fit": in_band, "term": term})["slope"]
         assert slope == pytest.approx(float(found.estimates["estimate"].sel(term=term)), rel=1e-9)
     with pytest.raises(UnknownName):  # the constant is found in time
-        page.partial(opened, {}, {"fit": in_band, "term": "1"})
-    shown = page.partial(opened, {}, {"fit": wanted(opened), "term": "qhat"})
+        page.show_partial_regression(opened, {}, {"fit": in_band, "term": "1"})
+    shown = page.show_partial_regression(opened, {}, {"fit": wanted(opened), "term": "qhat"})
     estimates = {
-        row["term"]: row["estimate"] for row in page.fit(opened, {}, wanted(opened))["terms"]
+        row["term"]: row["estimate"] for row in page.show_fit(opened, {}, wanted(opened))["terms"]
     }
     assert shown["slope"] == pytest.approx(estimates["qhat"], rel=1e-9)
     found = page._fit(opened, page.FitRequest(**wanted(opened)))
-    x, y = page.partial_residuals(found, "qhat")
+    x, y = page.added_variable_residuals(found, "qhat")
     np.testing.assert_allclose(y - estimates["qhat"] * x, found.residual, atol=1e-12)
     with pytest.raises(UnknownName):
-        page.partial(opened, {}, {"fit": wanted(opened), "term": "beta"})
+        page.show_partial_regression(opened, {}, {"fit": wanted(opened), "term": "beta"})
 
 
 def test_the_spectrum_holds_the_variance(opened):
@@ -188,7 +191,7 @@ def test_the_spectrum_holds_the_variance(opened):
     of the noise.
     """
     found = page._fit(opened, page.FitRequest(**wanted(opened)))
-    shown = page.spectrum(found)
+    shown = page.power_spectral_densities(found)
     assert (shown["segments"], shown["left_out"]) == (2, 0)
     assert shown["frequency"][0] == pytest.approx(1.0 / 9.9)  # of the shorter window
     assert shown["frequency"][-1] == pytest.approx(25.0, abs=0.06)
@@ -203,7 +206,7 @@ def test_the_spectrum_holds_the_variance(opened):
             )
         }
     )
-    made = page.spectrum(
+    made = page.power_spectral_densities(
         type(found)(found.name, found.model, found.estimates, data, found.design, found.regressors)
     )
     frequency, power = np.asarray(made["frequency"]), np.asarray(made["residual"])
@@ -216,7 +219,7 @@ def test_the_spectrum_holds_the_variance(opened):
 def test_samples_of_the_windows_one_after_another(opened):
     body = wanted(opened)
     found = page._fit(opened, page.FitRequest(**body))
-    shown = page.samples(opened, {}, {"fit": body, "points": 4000})
+    shown = page.show_fit_samples(opened, {}, {"fit": body, "points": 4000})
     fitted = np.asarray(shown["fitted"])
     there = np.isfinite(fitted)
     assert there.sum() == found.data.sizes["sample"]
@@ -227,28 +230,30 @@ def test_samples_of_the_windows_one_after_another(opened):
     assert np.all(np.diff(shown["time"]) > 0.0)
     assert [one["label"] for one in shown["windows"]] == list(PITCH)
     assert shown["windows"][1]["from"] == pytest.approx(12.7)
-    part = page.samples(opened, {}, {"fit": body, "start": 3.0, "stop": 5.0})
+    part = page.show_fit_samples(opened, {}, {"fit": body, "start": 3.0, "stop": 5.0})
     assert 2.9 < part["time"][0] <= 3.0
     assert 5.0 <= part["time"][-1] < 5.1
     with pytest.raises(SchemaError):
-        page.samples(opened, {}, {"fit": body, "start": "x"})
+        page.show_fit_samples(opened, {}, {"fit": body, "start": "x"})
 
 
 def test_left_out_in_turn(opened):
     """Each row is the fit without that window or term; what cannot be fitted is stated."""
     body = wanted(opened)
-    rows = page.without(opened, {}, body)["rows"]
+    rows = page.leave_one_out(opened, {}, body)["rows"]
     assert [(row["left_out"], row["name"]) for row in rows] == [
         *(("window", f"{FIRST}: {name}") for name in PITCH),
         *(("term", name) for name in ("alpha", "qhat", "delta_e")),
     ]
-    alone = page.fit(opened, {}, {**body, "windows": body["windows"][1:]})
+    alone = page.show_fit(opened, {}, {**body, "windows": body["windows"][1:]})
     assert rows[0]["estimates"] == {row["term"]: row["estimate"] for row in alone["terms"]}
-    less = page.fit(opened, {}, {**body, "model": "Cm = 1 + alpha + delta_e"})
+    less = page.show_fit(opened, {}, {**body, "model": "Cm = 1 + alpha + delta_e"})
     assert (
-        rows[3]["R2"] == less["attributes"]["R2"] < page.fit(opened, {}, body)["attributes"]["R2"]
+        rows[3]["R2"]
+        == less["attributes"]["R2"]
+        < page.show_fit(opened, {}, body)["attributes"]["R2"]
     )
-    refused = page.without(opened, {}, {**body, "model": "Cm = 1 + gear + alpha"})["rows"]
+    refused = page.leave_one_out(opened, {}, {**body, "model": "Cm = 1 + gear + alpha"})["rows"]
     assert "gear does not move" in refused[-1]["refused"]
 
 
@@ -260,10 +265,10 @@ def test_entries_mean_the_same_windows(opened):
         body = page.FitRequest(
             **{**wanted(opened), "windows": windows(opened, FIRST, SECOND, names=names)}
         )
-        assert len(page.entries(opened, body, "tried")) == count
+        assert len(page.make_fit_entries(opened, body, "tried")) == count
     own = {"record": SECOND, "start": 10.0, "end": 20.0}
     body = page.FitRequest(**{**wanted(opened), "windows": [*windows(opened, FIRST), own]})
-    texts = page.entries(opened, body, "tried")
+    texts = page.make_fit_entries(opened, body, "tried")
     before = file.read_text()
     known = len(opened.project.fits)
     for text in texts:
@@ -284,9 +289,9 @@ def test_entries_mean_the_same_windows(opened):
 
 
 def test_coefficients_are_made_once(opened, monkeypatch):
-    page.fit(opened, {}, wanted(opened))
+    page.show_fit(opened, {}, wanted(opened))
     monkeypatch.setattr(flighttest, "coefficients", lambda *a, **b: pytest.fail("made again"))
-    shown = page.fit(opened, {}, wanted(opened, model="Cm = 1 + alpha + delta_e"))
+    shown = page.show_fit(opened, {}, wanted(opened, model="Cm = 1 + alpha + delta_e"))
     assert len(shown["terms"]) == 3
 
 
@@ -374,7 +379,7 @@ def test_a_server_forms_coefficients_in_a_process_that_can_be_cancelled(opened, 
                 kept.load(),
                 flighttest.coefficients(path, opened.aircraft, dict(opened.project.errors), 2.7),
             )
-    here = page.fit(OpenProject(opened.file, opened.work), {}, body)
+    here = page.show_fit(OpenProject(opened.file, opened.work), {}, body)
     assert [row["estimate"] for row in shown["terms"]] == [row["estimate"] for row in here["terms"]]
 
 
@@ -431,8 +436,8 @@ def test_faults_are_stated(opened):
         ),
     ):
         with pytest.raises(error):
-            page.fit(opened, {}, {**wanted(opened), **change})
+            page.show_fit(opened, {}, {**wanted(opened), **change})
     with pytest.raises(SchemaError):
-        page.fit(opened, {}, None)
+        page.show_fit(opened, {}, None)
     with pytest.raises(SchemaError, match="name"):
-        page.entry(opened, {}, {"fit": wanted(opened), "name": " "})
+        page.show_fit_entries(opened, {}, {"fit": wanted(opened), "name": " "})

@@ -59,17 +59,17 @@ def opened(tmp_path_factory):
 
 def test_a_project_that_has_not_been_matched(tmp_path):
     opened = OpenProject(one_case_project(tmp_path / "t37"), tmp_path / "work")
-    found = matching.match(opened, {}, None)
+    found = matching.show_match(opened, {}, None)
     assert found["project"] == "{project}/aeromatch.toml"
     assert [found[key] for key in ("reports", "models", "databases", "runs", "cases")] == [[]] * 5
     assert found["tuned"] is None
     with pytest.raises(FileNotFoundError, match="no results here"):
-        matching.case(opened, {"name": NAME}, None)
+        matching.show_case(opened, {"name": NAME}, None)
 
 
 @pytest.mark.nightly
 def test_verdicts_are_those_of_the_report(opened):
-    found = matching.match(opened, {}, None)
+    found = matching.show_match(opened, {}, None)
     assert found["reports"] == ["match", TRIAL]
     assert found["runs"] == ["datcom", "final"]
     assert found["place"] == "match/report/report.html"
@@ -85,19 +85,19 @@ def test_verdicts_are_those_of_the_report(opened):
 
 
 def test_a_trial_stands_apart_from_the_proof(opened):
-    found = matching.match(opened, {"report": TRIAL}, None)
+    found = matching.show_match(opened, {"report": TRIAL}, None)
     assert found["place"] == f"{TRIAL}/report.html"
     assert [row["name"] for row in found["cases"]] == [NAME]
-    assert matching.case(opened, {"report": TRIAL, "name": NAME}, None)["trial"] is True
-    assert matching.case(opened, {"name": NAME}, None)["trial"] is False
+    assert matching.show_case(opened, {"report": TRIAL, "name": NAME}, None)["trial"] is True
+    assert matching.show_case(opened, {"name": NAME}, None)["trial"] is False
     for report in ("runs/none", "../match", "runs/../match/report", ""):
-        assert matching.match(opened, {"report": report}, None)["cases"] == []
+        assert matching.show_match(opened, {"report": report}, None)["cases"] == []
         with pytest.raises(UnknownName, match="unknown report"):
-            matching.case(opened, {"report": report, "name": NAME}, None)
+            matching.show_case(opened, {"report": report, "name": NAME}, None)
 
 
 def test_criteria_and_causes_of_a_case(opened):
-    found = matching.case(opened, {"name": NAME}, None)
+    found = matching.show_case(opened, {"name": NAME}, None)
     assert {(row["run"], row["criterion"], row["verdict"]) for row in found["rows"]} >= {
         ("datcom", "roll_rate", "fail"),
         ("final", "roll_rate", "fail"),
@@ -106,14 +106,14 @@ def test_criteria_and_causes_of_a_case(opened):
     assert ("single", "Cn/beta") in {(cause["stage"], cause["term"]) for cause in found["causes"]}
     assert "Cn/beta" in found["story"]
     assert (
-        matching.case(opened, {"report": TRIAL, "name": NAME}, None)["causes"] == []
+        matching.show_case(opened, {"report": TRIAL, "name": NAME}, None)["causes"] == []
     )  # a trial is not diagnosed
     with pytest.raises(UnknownName, match=NAME):
-        matching.case(opened, {"name": "roll_respons"}, None)
+        matching.show_case(opened, {"name": "roll_respons"}, None)
 
 
 def test_models_and_databases_that_can_be_flown(opened):
-    found = matching.match(opened, {}, None)
+    found = matching.show_match(opened, {}, None)
     work = ("match/datcom", "match/final", "databases/edited")
     assert [model["file"] for model in found["models"]] == [f"{{work}}/{name}.fmu" for name in work]
     assert [one["file"] for one in found["databases"]] == [
@@ -123,9 +123,11 @@ def test_models_and_databases_that_can_be_flown(opened):
 
 
 def test_a_report_is_read_again_when_it_has_changed(opened):
-    first = matching.match(opened, {"report": TRIAL}, None)["cases"]
+    first = matching.show_match(opened, {"report": TRIAL}, None)["cases"]
     (result,) = pom.read_archive(opened.work / TRIAL).results
     other = replace(result, case=replace(result.case, title="another title"))
     pom.write_report([other], opened.work / TRIAL, title="trial", paper=None)
     assert first[0]["title"] == "Roll response, clean"
-    assert matching.match(opened, {"report": TRIAL}, None)["cases"][0]["title"] == "another title"
+    assert (
+        matching.show_match(opened, {"report": TRIAL}, None)["cases"][0]["title"] == "another title"
+    )

@@ -15,7 +15,7 @@ from bench import RECORD, small_project
 import aerodb
 import flighttest
 from aeromatch.workbench import records
-from aeromatch.workbench.opened import FACTOR, Levels, OpenProject, traces
+from aeromatch.workbench.opened import FACTOR, Levels, OpenProject, decimate_channels
 from aeromatch.workflow.steps import a_priori
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import AeromatchWarning, SchemaError
@@ -49,13 +49,13 @@ def test_levels_keep_every_extreme():
     values[777_777], values[123_456], values[500_000:500_100] = 50.0, -60.0, np.nan
     channel = {"x": Levels(values)}
     for start, stop in ((-np.inf, np.inf), (1000.0, 9000.0), (7777.0, 7778.5)):
-        at, found = traces(time, channel, start, stop, 900)
+        at, found = decimate_channels(time, channel, start, stop, 900)
         inside = values[(time >= start) & (time <= stop)]
         assert np.nanmax(found["x"]) == np.nanmax(inside)
         assert np.nanmin(found["x"]) == np.nanmin(inside)
         assert np.all(np.diff(at) >= 0.0)
         assert len(at) <= max(2 * 900 * FACTOR + 4, len(inside) + 2)
-    at, found = traces(time, channel, 10.0, 11.0, 900)
+    at, found = decimate_channels(time, channel, 10.0, 11.0, 900)
     assert at[0] <= 10.0 <= 11.0 <= at[-1]
     np.testing.assert_array_equal(found["x"], values[np.searchsorted(time, at[0]) :][: len(at)])
 
@@ -63,7 +63,7 @@ def test_levels_keep_every_extreme():
 @pytest.mark.parametrize("samples", [0, 1, 7, 8, 9, 64])
 def test_levels_of_short_channels(samples):
     time = np.arange(float(samples))
-    at, found = traces(time, {"x": Levels(time)}, 0.0, 100.0, 3)
+    at, found = decimate_channels(time, {"x": Levels(time)}, 0.0, 100.0, 3)
     assert len(at) == len(found["x"])
     if samples:
         assert (found["x"].min(), found["x"].max()) == (0.0, samples - 1.0)
@@ -77,10 +77,10 @@ def test_channels_come_in_the_units_of_the_field(opened):
         "stop": "6",
         "points": "4000",
     }
-    about = records.record(opened, {"name": RECORD}, None)
+    about = records.show_record(opened, {"name": RECORD}, None)
     leaf = next(one["leaf"] for one in about["channels"] if one["channel"] == "V_cas")
     groups = unpack(
-        records.channels(
+        records.pack_channels(
             opened, {**query, "channels": query["channels"].replace("air", leaf)}, None
         )
     )
@@ -96,12 +96,12 @@ def test_channels_come_in_the_units_of_the_field(opened):
 
 @pytest.mark.slow
 def test_marks_faults_and_coverage(opened):
-    about = records.record(opened, {"name": RECORD}, None)
+    about = records.show_record(opened, {"name": RECORD}, None)
     assert about["manoeuvres"]["source"] == "record"
     own = flighttest.manoeuvres(opened.record(RECORD))
     assert [row["start"] for row in about["manoeuvres"]["rows"]] == own["start"].tolist()
-    assert records.check(opened, {"name": RECORD}, None)["verdict"]
-    found = records.coverage(opened, {"names": RECORD}, None)
+    assert records.list_check_findings(opened, {"name": RECORD}, None)["verdict"]
+    found = records.list_test_points(opened, {"names": RECORD}, None)
     assert len(found["points"]) == len(own)
     assert found["units"]["alpha"] == "deg"
     alpha = opened.record(RECORD)
@@ -129,7 +129,11 @@ def test_one_g_lines_are_level_flight_of_the_database_in_the_units_of_the_field(
     the vane, with its upwash, is near it.
     """
     query = {"names": RECORD}
-    assert records.one_g(opened, query, None) == {"lines": [], "model": None, "remarks": []}
+    assert records.list_one_g_lines(opened, query, None) == {
+        "lines": [],
+        "model": None,
+        "remarks": [],
+    }
     match = opened.work / "match"
     match.mkdir(parents=True)
     with warnings.catch_warnings():
@@ -138,10 +142,10 @@ def test_one_g_lines_are_level_flight_of_the_database_in_the_units_of_the_field(
         )  # of the listing of the flaps; tests/aerodb has them
         aerodb.save(a_priori(opened.project, opened.aircraft), match / "datcom.nc")
     write_aircraft(opened.aircraft, match / "datcom.toml")
-    found = records.one_g(opened, query, None)
+    found = records.list_one_g_lines(opened, query, None)
     (line,) = found["lines"]
     assert (found["model"], found["remarks"], line["configuration"]) == ("datcom", [], "clean")
-    point = records.coverage(opened, query, None)["points"][0]
+    point = records.list_test_points(opened, query, None)["points"][0]
     alpha = float(np.interp(point["mach"], line["mach"], line["alpha"]))
     level = {
         "mach": point["mach"],
@@ -174,13 +178,14 @@ def test_what_a_mark_covers_is_not_proposed(opened):
             )
             == left
         )
-    rows = records.record(opened, {"name": RECORD, "find": "1"}, None)["manoeuvres"]["rows"]
+    rows = records.show_record(opened, {"name": RECORD, "find": "1"}, None)["manoeuvres"]["rows"]
     assert [row["manoeuvre"] for row in rows if not row["found"]] == [
         "trim",
         "doublet",
     ]  # as the record marks them
     assert not any(
-        row["found"] for row in records.record(opened, {"name": RECORD}, None)["manoeuvres"]["rows"]
+        row["found"]
+        for row in records.show_record(opened, {"name": RECORD}, None)["manoeuvres"]["rows"]
     )
 
 
@@ -204,7 +209,7 @@ def test_what_a_mark_covers_is_not_proposed(opened):
     ],
 )
 def test_a_remedy_that_is_lines_of_the_name_map(remedy, found):
-    assert [(one["key"], one["value"]) for one in records.entries(remedy)] == found
+    assert [(one["key"], one["value"]) for one in records.parse_remedy(remedy)] == found
 
 
 def test_files_are_read_once_until_they_change(opened, tmp_path):
@@ -219,7 +224,7 @@ def test_files_are_read_once_until_they_change(opened, tmp_path):
 
 def test_a_source_that_is_none(opened):
     with pytest.raises(SchemaError, match="record or path"):
-        records.channels(
+        records.pack_channels(
             opened,
             {"name": RECORD, "channels": "x/imu/p", "start": "0", "stop": "1", "points": "9"},
             None,

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from bench import RECORD, drawn_anew, served, small_project
 
 from aeromatch.project.project import read_project
-from aeromatch.workbench.actions import read_log
+from aeromatch.workbench.actions import read_action_log
 from flighttest.records.manoeuvre_table import read_manoeuvres
 
 expect = pytest.importorskip("playwright.sync_api").expect
@@ -148,7 +148,7 @@ def test_edges_of_adjoining_and_of_narrow_marks_are_dragged(page, tmp_path):
         drag(17.75, 0, 10, "auto")  # the middle of the narrow one
         spans[2][1] += 7 * per_pixel
         drag(18.0, 10, 7, "ew-resize")
-        log = read_log(client.bench.opened.log)
+        log = read_action_log(client.bench.opened.log)
         assert [entry.words[:2] for entry in log] == [("flight", "mark")] * 8
         assert [entry.words[entry.words.index("--row") + 1] for entry in log] == [
             "1",
@@ -267,7 +267,7 @@ def test_found_manoeuvres_are_accepted_one_by_one_and_together(page, tmp_path):
         table = read_manoeuvres(project.parent / "manoeuvres.csv")[record]
         expect(rows).to_have_count(len(table))
         assert [left[0]["start"], left[0]["end"]] in table[["start", "end"]].to_numpy().tolist()
-        log = read_log(client.bench.opened.log)
+        log = read_action_log(client.bench.opened.log)
         assert [entry.words[0] for entry in log].count("set") == 1
         assert len(log) == 1 + len(table)
 
@@ -293,7 +293,7 @@ def test_the_remedy_of_a_fault_is_written_by_its_button(page, tmp_path):
         expect(page.get_by_role("button", name="into the name map")).to_have_count(0)
         expect(page.get_by_text("delta_r has the wrong sign")).to_have_count(0)
         assert tomllib.loads(names.read_text(encoding="utf-8")) == tomllib.loads(text)
-        (entry,) = read_log(client.bench.opened.log)
+        (entry,) = read_action_log(client.bench.opened.log)
         assert entry.words == ("set", "{project}/names.toml", "controls.delta_r", '"delta_r"')
         assert list(entry.files) == ["{project}/names.toml"]
 

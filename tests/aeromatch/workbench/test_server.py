@@ -166,7 +166,7 @@ def test_actions_change_files_are_logged_and_replayed(client, tmp_path):
     assert client.data("/api/record", {"name": RECORD})["manoeuvres"]["source"] == "table"
     assert len(marks) == len(client.data("/api/record", {"name": RECORD})["manoeuvres"]["rows"])
     log = client.bench.opened.log
-    entries = actions.read_log(log)
+    entries = actions.read_action_log(log)
     assert [entry.words[0] for entry in entries] == [
         "flight",
         "set",
@@ -190,12 +190,12 @@ def test_a_log_of_another_kind_is_refused(tmp_path):
     log = tmp_path / "actions.jsonl"
     log.write_text('{"words": ["set"]}\n')
     with pytest.raises(ParseError, match="JSON with the keys"):
-        actions.read_log(log)
+        actions.read_action_log(log)
     log.write_text(
         json.dumps({"number": 1, "words": ["datcom", "run", "rm"], "code": 0, "files": {}}) + "\n"
     )
     with pytest.raises(ActionError, match="no action 'datcom run'"):
-        actions.read_log(log)
+        actions.read_action_log(log)
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ import aerodb
 import pom
 from aeromatch.project.editing import TRIAL
 from aeromatch.project.project import read_project
-from aeromatch.workbench.actions import read_log
+from aeromatch.workbench.actions import read_action_log
 from flighttest.records.manoeuvre_table import read_manoeuvres
 from flighttest.regression.equation_error.fit import open_fit
 from pom.result import results_name
@@ -329,7 +329,7 @@ def replays(page, client, tmp_path):
     databases and verdicts.
     """
     work, project = client.bench.opened.work, client.bench.opened.file
-    entries = read_log(client.bench.opened.log)
+    entries = read_action_log(client.bench.opened.log)
     assert [
         " ".join(entry.words[: 1 if entry.words[0] in ("set", "match") else 2]) for entry in entries
     ] == VERBS

@@ -9,7 +9,7 @@ import datcom_io
 from datcom_io.decks.cards import Card, Namelist, NamelistAssignment
 from datcom_io.decks.deck import make_deck
 from datcom_io.decks.deck_file import deck_text
-from datcom_io.decks.namelists import VARIABLES, value_text
+from datcom_io.decks.namelists import VARIABLES, format_namelist_value
 from flightmech.errors import ParseError, SchemaError
 
 SHIPPED = Path(__file__).parents[3] / "data" / "t37" / "datcom"
@@ -175,7 +175,7 @@ def test_what_no_card_can_hold_is_refused(tmp_path):
 
 # any number that single precision distinguishes and any card
 _NUMBERS = st.floats(min_value=-1e12, max_value=1e12, allow_nan=False).map(
-    lambda x: float(value_text(x))
+    lambda x: float(format_namelist_value(x))
 )
 _TEXTS = (
     st.text(st.characters(min_codepoint=32, max_codepoint=126), min_size=1, max_size=74)
@@ -253,7 +253,7 @@ def untidy(draw):
     words = []
     for assignment in item.assignments:
         index = f"({assignment.start})" if assignment.start > 1 or draw(st.booleans()) else ""
-        values = list(map(value_text, assignment.values))
+        values = list(map(format_namelist_value, assignment.values))
         if len(set(values)) == 1 and len(values) > 1:
             values = [f"{len(values)}*{values[0]}"]
         around = draw(st.sampled_from(["", " "]))

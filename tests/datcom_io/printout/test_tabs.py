@@ -7,7 +7,7 @@ import pytest
 
 import datcom_io
 from datcom_io.arrays.conditions import order_conditions
-from datcom_io.arrays.families.tabs import tabs
+from datcom_io.arrays.families.tabs import stack_tabs
 from datcom_io.arrays.stacking import Stacker
 from datcom_io.cells import OK
 from flightmech.errors import ParseError
@@ -221,4 +221,4 @@ def test_stream_that_cards_without_a_count_do_not_fit(corpus_lines):
         ParseError,
         match="found 90 values in the tab_force table; expected 81 values, alphas x deflections",
     ):
-        tabs(Stacker(case, *order_conditions(case), False))
+        stack_tabs(Stacker(case, *order_conditions(case), False))

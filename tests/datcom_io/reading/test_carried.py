@@ -75,9 +75,9 @@ def test_other_pages_carry_nothing_that_is_flagged(t37, name):
 
 
 def test_summary_counts_suspects_apart_from_missing_cells(t37):
-    from datcom_io.cli.summary import summary
+    from datcom_io.cli.summary import case_summary_rows
 
-    (row,) = summary(t37("t37_ground_flap.out"))
+    (row,) = case_summary_rows(t37("t37_ground_flap.out"))
     assert row["suspect"] == 16 * 10 * len(LONGITUDINAL) + 2
     assert "suspect" not in row["missing"]
 

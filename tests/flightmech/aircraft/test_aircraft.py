@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flightmech.aircraft.aircraft import inertia, read_aircraft
+from flightmech.aircraft.aircraft import inertia_tensor, read_aircraft
 from flightmech.errors import ParseError, SchemaError
-from flightmech.terms import evaluate, make_term
+from flightmech.terms import evaluate_term, make_term
 
 GOOD = """
 name = "trainer"
@@ -64,15 +64,15 @@ def test_a_good_file(write, tmp_path):
     assert left.position == (0.0, pytest.approx(-0.762), 0.0)
     assert left.direction == (1.0, 0.0, 0.0)
     assert left.time_constant == pytest.approx(0.8)
-    assert evaluate(left.thrust, {"throttle": 1.0, "mach": 0.3}) == pytest.approx(
+    assert evaluate_term(left.thrust, {"throttle": 1.0, "mach": 0.3}) == pytest.approx(
         0.5 * (4559.0 + 4100.0)
     )
-    assert evaluate(right.thrust, {"throttle": 0.5}) == pytest.approx(1050.0)
+    assert evaluate_term(right.thrust, {"throttle": 0.5}) == pytest.approx(1050.0)
 
 
 def test_inertia_tensor(write):
     text = GOOD.replace('thrust_file = "engine.nc"', "")
-    J = inertia(read_aircraft(write(text)))
+    J = inertia_tensor(read_aircraft(write(text)))
     assert J.tolist() == [[10826.0, 0.0, -120.0], [0.0, 8135.0, 0.0], [-120.0, 0.0, 15162.0]]
 
 

@@ -12,12 +12,18 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.aircraft.engine import TARGETS, EngineDeck, leaf_of, open_tables, write_tables
+from flightmech.aircraft.engine import (
+    TARGETS,
+    EngineDeck,
+    leaf_from_toml,
+    open_tables,
+    write_tables,
+)
 from flightmech.aircraft.fuel import Fuel, Tank, tank_tables
 from flightmech.errors import SchemaError
 from flightmech.simulation import catalogue
 from flightmech.simulation.kernel import INPUT, PARAMETER, TARGET, computable_names
-from flightmech.terms import evaluate, make_term
+from flightmech.terms import evaluate_term, make_term
 
 FILE = """
 name = "deck"
@@ -64,7 +70,9 @@ def file(tmp_path: Path):
 
 
 def rows(kind: int, aircraft: flightmech.Aircraft) -> dict:
-    found = {INPUT: catalogue.inputs(aircraft)}.get(kind) or catalogue.parameters(aircraft, [], {})
+    found = {INPUT: catalogue.input_rows(aircraft)}.get(kind) or catalogue.parameter_rows(
+        aircraft, [], {}
+    )
     return {row.name: row for row in found}
 
 
@@ -77,15 +85,16 @@ def test_reading(file):
         (1.0, 0.0, 0.2),
     )
     assert deck.n2_rated == pytest.approx(20000.0 * 2.0 * np.pi / 60.0)
-    assert float(evaluate(deck.tables["n2_command"], {"throttle": 0.5})) == pytest.approx(0.8)
+    assert float(evaluate_term(deck.tables["n2_command"], {"throttle": 0.5})) == pytest.approx(0.8)
     assert float(deck.tables["n2_up_time"]["value"]) == 0.4
-    assert float(evaluate(deck.tables["n2_up_limit"], {"n2": 0.75, "h": 3048.0})) == pytest.approx(
-        0.0675
-    )
+    assert float(
+        evaluate_term(deck.tables["n2_up_limit"], {"n2": 0.75, "h": 3048.0})
+    ) == pytest.approx(0.0675)
     assert (
-        float(evaluate(deck.tables["corrected_thrust"], {"corrected_n2": 0.5, "mach": 0.0})) == 1.0
+        float(evaluate_term(deck.tables["corrected_thrust"], {"corrected_n2": 0.5, "mach": 0.0}))
+        == 1.0
     )
-    assert float(evaluate(deck.tables["windmill_thrust"], {"qbar": 1000.0})) == -20.0
+    assert float(evaluate_term(deck.tables["windmill_thrust"], {"qbar": 1000.0})) == -20.0
     assert (aircraft.fuel.mass, aircraft.fuel.position) == (380.0, (0.0, 0.0, 0.2))
 
 
@@ -248,7 +257,7 @@ def test_tables_of_tanks_are_exact_between_the_levels():
     tables = tank_tables(
         [Tank((1.0, 2.0, 3.0), 40.0, order=2), Tank((-1.0, 0.5, 0.0), 60.0, order=1)]
     )
-    at = {name: float(evaluate(leaf, {"fuel": 70.0})) for name, leaf in tables.items()}
+    at = {name: float(evaluate_term(leaf, {"fuel": 70.0})) for name, leaf in tables.items()}
     assert (at["moment_x"], at["moment_y"], at["moment_z"]) == pytest.approx(
         (40.0 - 30.0, 80.0 + 15.0, 120.0)
     )
@@ -264,4 +273,4 @@ def test_unknown_table_of_the_fuel_is_refused():
 
 
 def test_a_number_is_a_table_without_axes():
-    assert float(leaf_of("250 ms", "s")["value"]) == 0.25
+    assert float(leaf_from_toml("250 ms", "s")["value"]) == 0.25

@@ -547,8 +547,8 @@ def test_every_variable_of_the_simulation_may_be_in_a_term(plain_aircraft, plain
     craft = plain_aircraft()
     names = [
         entry.name
-        for entry in catalogue.variables(
-            list(catalogue.stages(VARIABLE, submodels.items(craft))), craft
+        for entry in catalogue.variable_rows(
+            list(catalogue.stages_by_name(VARIABLE, submodels.submodel_items(craft))), craft
         )
     ]
     assert {"CT", "h_agl", "delta_s", "engine1.thrust", "CL"} <= set(names)

@@ -7,7 +7,7 @@ import struct
 import pytest
 
 from flightmech.errors import SchemaError
-from flightmech.fmu_export.fmu_file import binaries, find_libraries
+from flightmech.fmu_export.fmu_file import find_libraries, place_libraries
 
 ALL = {
     "x86_64-linux": b"A",
@@ -19,7 +19,7 @@ ALL = {
 
 
 def test_fmi3_has_a_folder_per_architecture():
-    assert binaries(ALL, "t37", "3.0") == {
+    assert place_libraries(ALL, "t37", "3.0") == {
         "binaries/x86_64-linux/t37.so": b"A",
         "binaries/aarch64-linux/t37.so": b"B",
         "binaries/x86_64-windows/t37.dll": b"C",
@@ -29,7 +29,7 @@ def test_fmi3_has_a_folder_per_architecture():
 
 
 def test_fmi2_joins_the_macos_libraries_and_leaves_linux_on_arm_out():
-    files = binaries(ALL, "t37", "2.0")
+    files = place_libraries(ALL, "t37", "2.0")
     assert sorted(files) == [
         "binaries/darwin64/t37.dylib",
         "binaries/linux64/t37.so",
@@ -48,12 +48,14 @@ def test_fmi2_joins_the_macos_libraries_and_leaves_linux_on_arm_out():
 
 
 def test_one_macos_library_stays_as_it_is():
-    assert binaries({"aarch64-darwin": b"E"}, "t37", "2.0") == {"binaries/darwin64/t37.dylib": b"E"}
+    assert place_libraries({"aarch64-darwin": b"E"}, "t37", "2.0") == {
+        "binaries/darwin64/t37.dylib": b"E"
+    }
 
 
 def test_linux_on_arm_alone_needs_fmi3():
     with pytest.raises(SchemaError, match=r"no folder for aarch64-linux; write FMI 3\.0"):
-        binaries({"aarch64-linux": b"B"}, "t37", "2.0")
+        place_libraries({"aarch64-linux": b"B"}, "t37", "2.0")
 
 
 def test_no_library_states_how_to_get_one(tmp_path):

@@ -10,8 +10,8 @@ import pytest
 from fmpy import read_model_description
 
 from flightmech.errors import SchemaError
-from flightmech.fmu_export.description import Description, FmuVariable, identifier
-from flightmech.fmu_export.model_description import base_units, xml
+from flightmech.fmu_export.description import Description, FmuVariable, to_c_identifier
+from flightmech.fmu_export.model_description import base_units, render_model_description
 
 VARIABLES = (
     FmuVariable("delta_e", "input", 1000, "rad", "deg", "elevator deflection", 0.0, -0.3, 0.2),
@@ -32,7 +32,7 @@ def described(version: str):
     """Read the XML back through FMPy, which checks it against the schema of the standard."""
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w") as zf:
-        zf.writestr("modelDescription.xml", xml(DESCRIPTION, version))
+        zf.writestr("modelDescription.xml", render_model_description(DESCRIPTION, version))
     return read_model_description(
         archive, validate=True, validate_variable_names=True, validate_model_structure=True
     )
@@ -107,7 +107,7 @@ def test_base_units_refuse_what_is_not_si():
     [("T-37B (final)", "T_37B_final"), ("747", "model_747"), ("", "model"), ("été", "t")],
 )
 def test_identifier(title, expected):
-    assert identifier(title) == expected
+    assert to_c_identifier(title) == expected
 
 
 def test_a_name_that_no_importer_takes_is_refused():

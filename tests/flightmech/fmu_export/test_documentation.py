@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from xml.etree import ElementTree as ET
 
-from flightmech.fmu_export.description import Description, FmuVariable, describe
-from flightmech.fmu_export.documentation import PageAxis, html
+from flightmech.fmu_export.description import Description, FmuVariable, describe_model
+from flightmech.fmu_export.documentation import PageAxis, render_documentation
 from flightmech.fmu_export.fmu_file import _documentation
 from flightmech.simulation.kernel import STATE
 
@@ -46,7 +46,7 @@ META = {
 
 def tables() -> dict[str, list[list[str]]]:
     """Return the rows of every table under its heading."""
-    page = html(
+    page = render_documentation(
         DESCRIPTION, ["CL/basic", "Cm/qhat"], [PageAxis("alpha", "rad", -0.1, 0.25, "held")], META
     )
     body = page[page.index("<body>") : page.index("</html>")].replace(" class=n", "")
@@ -99,7 +99,7 @@ def test_variables_show_si_and_display_units():
 
 
 def test_submodels_are_reported_with_their_items(trainer):
-    page = _documentation(trainer, describe(trainer, "ab12", "aeromatch"))
+    page = _documentation(trainer, describe_model(trainer, "ab12", "aeromatch"))
     row = next(line for line in page.split("\n") if line.startswith("<tr><td>engine</td>"))
     assert row.startswith(
         "<tr><td>engine</td><td>1</td><td>thrust and its lever arm, first-order lag</td>"
@@ -120,14 +120,14 @@ def kinds(sim):
 
 
 def test_the_page_holds_no_link_to_the_outside(trainer):
-    page = _documentation(trainer, describe(trainer, "ab12", "aeromatch"))
+    page = _documentation(trainer, describe_model(trainer, "ab12", "aeromatch"))
     assert not re.search(r"(src|href)=[\"'](?!#)", page)
     anchors = set(re.findall(r'href="#([^"]+)"', page))
     assert anchors == set(re.findall(r'<h2 id="([^"]+)"', page))
 
 
 def test_long_texts_are_folded():
-    page = html(
+    page = render_documentation(
         DESCRIPTION, ["CL/basic"], [], {"terms": {"CL/basic": {"comment": "<" + "x" * 300}}}
     )
     assert f"<details><summary>&lt;{'x' * 99} ...</summary>&lt;{'x' * 300}</details>" in page

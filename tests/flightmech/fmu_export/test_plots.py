@@ -19,8 +19,8 @@ from flightmech.fmu_export.documentation import (
     TOP,
     WIDTH,
     AxisSpan,
-    axes_of,
-    figures,
+    make_term_figures,
+    parse_axis_spans,
 )
 from flightmech.simulation.kernel import VARIABLE
 
@@ -29,7 +29,7 @@ DEG = np.pi / 180.0
 
 @pytest.fixture(scope="module")
 def drawn(trainer):
-    return {figure.term: figure for figure in figures(trainer)}
+    return {figure.term: figure for figure in make_term_figures(trainer)}
 
 
 def curves(svg: str) -> list[np.ndarray]:
@@ -89,7 +89,7 @@ def test_a_model_without_variables_has_its_values():
         aircraft, xr.DataTree.from_dict({"/CL/basic": flightmech.terms.make_term(0.3)})
     )
     assert list(sim.entries(VARIABLE)) == []
-    assert [(figure.term, figure.svg, figure.value) for figure in figures(sim)] == [
+    assert [(figure.term, figure.svg, figure.value) for figure in make_term_figures(sim)] == [
         ("CL/basic", "", 0.3)
     ]
 
@@ -98,7 +98,7 @@ def test_an_axis_is_also_its_own_regressor(plain):
     from flightmech.terms import make_term
 
     sim = plain(CD={"extra": make_term([1.0, 3.0], {"alpha": [0.0, 0.2]}, ["alpha"])})
-    figure = next(figure for figure in figures(sim) if figure.term == "CD/extra")
+    figure = next(figure for figure in make_term_figures(sim) if figure.term == "CD/extra")
     (curve,) = curves(figure.svg)
     # (1 + 10 alpha) alpha, 0 ... 0.6
     np.testing.assert_allclose(
@@ -112,7 +112,7 @@ def test_axes_are_read_back_as_the_compiler_wrote_them():
         "alpha -11.46 ... 17.19 deg (4), mach 0.1 ... 0.6 (2), gear.nose.compression 0 m (1), "
         "V 10 ... 20 m s-1 (3)"
     )
-    assert axes_of(text) == [
+    assert parse_axis_spans(text) == [
         AxisSpan("alpha", pytest.approx(-11.46 * DEG), pytest.approx(17.19 * DEG), 4),
         AxisSpan("mach", 0.1, 0.6, 2),
         AxisSpan("gear.nose.compression", 0.0, 0.0, 1),
@@ -131,7 +131,7 @@ def test_the_axis_with_the_most_nodes_runs_as_far_as_anything_changes(plain):
             )
         }
     )
-    figure = next(figure for figure in figures(sim) if figure.term == "CL/ground")
+    figure = next(figure for figure in make_term_figures(sim) if figure.term == "CL/ground")
     # 30 km halved down to the last length that still holds the last change at 20 m
     assert figure.caption == "constant beyond 96.1 ft; shades: delta_f"
     low, high = curves(figure.svg)

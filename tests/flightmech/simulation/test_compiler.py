@@ -10,7 +10,7 @@ import xarray as xr
 
 import flightmech
 from flightmech.errors import SchemaError
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.simulation.kernel import (
     FIXED,
     INPUT,
@@ -22,7 +22,7 @@ from flightmech.simulation.kernel import (
     computable_names,
 )
 from flightmech.terms import make_term
-from flightmech.units import parse
+from flightmech.units import parse_unit
 
 
 def aircraft(**changes) -> flightmech.Aircraft:
@@ -129,14 +129,16 @@ def test_names_follow_the_vocabulary_and_units_parse():
         names = [row.name for row in sim.entries(kind)]
         assert len(set(names)) == len(names)
         for row in sim.entries(kind):
-            assert parse(row.units)[1:] == (1.0, 0.0), row
-            assert parse(row.units)[0] == parse(row.display_units)[0], row
+            assert parse_unit(row.units)[1:] == (1.0, 0.0), row
+            assert parse_unit(row.units)[0] == parse_unit(row.display_units)[0], row
             assert math.isfinite(row.value)
             if kind != TERM:
                 assert row.description, row
     for name in sim.outputs:
         if "." not in name and name != "out_of_range":
-            assert {row.name: row.units for row in sim.entries(OUTPUT)}[name] == lookup(name).units
+            assert {row.name: row.units for row in sim.entries(OUTPUT)}[name] == lookup_quantity(
+                name
+            ).units
 
 
 def test_flags_and_ranges():
@@ -163,7 +165,7 @@ def test_engine_leaf_may_not_depend_on_what_it_makes():
 
 def test_every_vocabulary_variable_of_the_kernel_is_known():
     for name in computable_names(VARIABLE):
-        assert name.group or lookup(name.pattern)
+        assert name.group or lookup_quantity(name.pattern)
 
 
 def test_provenance_travels_in_the_block():

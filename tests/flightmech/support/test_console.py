@@ -14,14 +14,16 @@ from flightmech.support.console import (
     _plain_lines,
     _rich_lines,
     print_remark,
-    progress,
-    table,
+    print_table,
+    show_progress,
     to_json_types,
 )
 
 
 def test_a_heading_keeps_its_unit_and_lines_end_without_blanks(capsys):
-    table(["name", "start [s]"], [("a", 1), ("longer", None)], title="A title", right=["start [s]"])
+    print_table(
+        ["name", "start [s]"], [("a", 1), ("longer", None)], title="A title", right=["start [s]"]
+    )
     assert capsys.readouterr().out.splitlines() == [
         "A title",
         "name    start [s]",
@@ -31,7 +33,7 @@ def test_a_heading_keeps_its_unit_and_lines_end_without_blanks(capsys):
 
 
 def test_a_long_line_is_not_broken_for_a_program(capsys):
-    table(["a", "b"], [("x", "word " * 100 + "end")])
+    print_table(["a", "b"], [("x", "word " * 100 + "end")])
     assert len(capsys.readouterr().out.splitlines()) == 2
 
 
@@ -60,14 +62,14 @@ def test_the_folder_of_an_output_is_checked_first(name, code, message, tmp_path,
 
 
 def test_progress_is_printed_on_a_terminal_alone(capsys, monkeypatch):
-    with progress("read"):
+    with show_progress("read"):
         pass
     assert capsys.readouterr() == ("", "")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setattr(
         warnings, "showwarning", lambda message, *_: print(f"warning: {message}", file=sys.stderr)
     )
-    with progress("read"):
+    with show_progress("read"):
         warnings.warn("late", UserWarning, stacklevel=1)
     out, err = capsys.readouterr()
     assert out == ""
@@ -79,13 +81,13 @@ def test_progress_is_printed_on_a_terminal_alone(capsys, monkeypatch):
 
 def test_progress_of_work_that_prints_has_a_line_of_its_own(capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with progress("replay", lines=True):
+    with show_progress("replay", lines=True):
         assert capsys.readouterr().err == "  replay ...\n"
     assert capsys.readouterr().err == ""
 
 
 def test_control_characters_of_a_name_are_printed_as_codes(capsys):
-    table(["name"], [["q\x1b[31m\u202ex"]], title="a\x9bb\x07")
+    print_table(["name"], [["q\x1b[31m\u202ex"]], title="a\x9bb\x07")
     print_remark("r\x08")
     printed = capsys.readouterr()
     assert printed.out == "a\\x9bb\\x07\nname\nq\\x1b[31m\\u202ex\n"
@@ -118,12 +120,12 @@ def test_a_table_set_without_the_package_rich_is_the_one_that_it_sets(content, n
 def test_only_a_table_wider_than_the_terminal_is_left_to_the_package_rich(capsys, monkeypatch):
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     monkeypatch.setenv("COLUMNS", "20")
-    table(["a", "b"], [("x", "one two three")])
+    print_table(["a", "b"], [("x", "one two three")])
     assert [click.unstyle(line) for line in capsys.readouterr().out.splitlines()] == [
         "a  b",
         "x  one two three",
     ]
-    table(["a", "b"], [("x", "one two three four five")])
+    print_table(["a", "b"], [("x", "one two three four five")])
     assert len(capsys.readouterr().out.splitlines()) == 3  # the line is broken
 
 

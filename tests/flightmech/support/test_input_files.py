@@ -16,7 +16,7 @@ from flightmech.errors import ParseError, SchemaError
 from flightmech.support import input_files as texts
 from flightmech.support import input_files as toml_text
 from flightmech.support import mat_files as mat_file
-from flightmech.support.input_files import csv_rows, file_kind, json_content, load, read_text
+from flightmech.support.input_files import csv_rows, file_kind, json_content, read_text, read_toml
 from flighttest.flight_programme.input_design.design import open_timetable
 from flighttest.records.manoeuvre_table import read_manoeuvres
 
@@ -58,7 +58,7 @@ def test_hostile_toml(tmp_path, kind):
     file = tmp_path / "a.toml"
     file.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(ParseError, match=word):
-        load(file)
+        read_toml(file)
     assert file_kind(file)  # and what it is can be found out
 
 
@@ -66,7 +66,7 @@ def test_toml_of_too_many_characters(tmp_path, monkeypatch):
     monkeypatch.setattr(toml_text, "MOST_CHARACTERS", 100)
     (tmp_path / "a.toml").write_text("".join(f"k{i} = 1\n" for i in range(100)))
     with pytest.raises(ParseError, match="found 790 characters, at most 100 are read"):
-        load(tmp_path / "a.toml")
+        read_toml(tmp_path / "a.toml")
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-32"])
@@ -76,16 +76,16 @@ def test_toml_of_other_programs(tmp_path, encoding, end):
     file.write_bytes(
         "# Flügel\nS = 1.5\nv = [0.1, 0.2]\nt = '1.2.3'\n".replace("\n", end).encode(encoding)
     )
-    assert load(file) == {"S": 1.5, "v": [0.1, 0.2], "t": "1.2.3"}
+    assert read_toml(file) == {"S": 1.5, "v": [0.1, 0.2], "t": "1.2.3"}
 
 
 def test_many_points_are_no_long_key(tmp_path):
     (tmp_path / "a.toml").write_text(f"v = [{', '.join(['0.5'] * 300)}]\nt = '{'.' * 300}'\n")
-    assert len(load(tmp_path / "a.toml")["v"]) == 300
+    assert len(read_toml(tmp_path / "a.toml")["v"]) == 300
 
 
 READERS = [
-    load,
+    read_toml,
     file_kind,
     datcom_io.read,
     datcom_io.read_deck,

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from flightmech.errors import SchemaError
-from flightmech.support.plain_tables import Plain, read_table, value
+from flightmech.support.plain_tables import Plain, define_field, read_plain_table
 from flightmech.support.toml_models import model_of, part_schema
 from flightmech.support.toml_quantities import Above, InUnits
 
@@ -22,17 +22,17 @@ from flightmech.support.toml_quantities import Above, InUnits
 class Example(Plain):
     """A table of every kind of value."""
 
-    name: str | tuple[str, ...] = value(description="Name.")
-    sign: Literal[1, -1] = value(default=1, description="Sign.")
-    scale: float | str = value(default=1.0, description="Factor.")
-    count: int = value(default=3, description="How many.")
-    on: bool = value(default=False, description="Whether.")
-    rows: tuple[tuple[float, float], ...] | None = value(
+    name: str | tuple[str, ...] = define_field(description="Name.")
+    sign: Literal[1, -1] = define_field(default=1, description="Sign.")
+    scale: float | str = define_field(default=1.0, description="Factor.")
+    count: int = define_field(default=3, description="How many.")
+    on: bool = define_field(default=False, description="Whether.")
+    rows: tuple[tuple[float, float], ...] | None = define_field(
         default=None, examples=[[[1, 2]]], description="Rows."
     )
-    stops: tuple[float | str, float | str] | None = value(default=None, description="Ends.")
-    delay: Annotated[float, InUnits("s")] = value(default=0.0, description="Delay.")
-    heat: Annotated[float, InUnits("K"), Above(100.0)] | None = value(
+    stops: tuple[float | str, float | str] | None = define_field(default=None, description="Ends.")
+    delay: Annotated[float, InUnits("s")] = define_field(default=0.0, description="Delay.")
+    heat: Annotated[float, InUnits("K"), Above(100.0)] | None = define_field(
         default=None, description="Temperature."
     )
 
@@ -65,9 +65,9 @@ def test_a_table_holds_what_the_model_of_pydantic_holds(content, name):
         expected = dict(model_of(Example).model_validate(content))
     except ValidationError:
         with pytest.raises(SchemaError):
-            read_table(Example, content, "example")
+            read_plain_table(Example, content, "example")
         return
-    found = vars(read_table(Example, content, "example"))
+    found = vars(read_plain_table(Example, content, "example"))
     assert found == expected
     assert {key: type(item) for key, item in found.items()} == {
         key: type(item) for key, item in expected.items()
@@ -76,7 +76,7 @@ def test_a_table_holds_what_the_model_of_pydantic_holds(content, name):
 
 def test_errors_name_the_place_and_what_is_allowed():
     with pytest.raises(SchemaError) as raised:
-        read_table(Example, {"nmae": "x", "sign": 2, "heat": 50, "delay": "5 m"}, "example")
+        read_plain_table(Example, {"nmae": "x", "sign": 2, "heat": 50, "delay": "5 m"}, "example")
     assert [text.split(";")[0].split(":")[0] for text in raised.value.problems] == [
         "name",
         "sign",
@@ -86,7 +86,7 @@ def test_errors_name_the_place_and_what_is_allowed():
     ]
     assert "unknown key; near it: name" in raised.value.problems[-1]
     with pytest.raises(SchemaError, match="count is above 5 where on is true"):
-        read_table(Example, {"name": "x", "on": True, "count": 6}, "example")
+        read_plain_table(Example, {"name": "x", "on": True, "count": 6}, "example")
 
 
 def test_an_object_is_made_checked_compared_copied_and_never_changed():

@@ -54,14 +54,16 @@ def test_several_points_at_one_place_end_the_search():
 def test_path_data_lead_back_to_the_points():
     frame = svg_chart.Frame(0.0, 0.0, 100.0, 100.0, (0.0, 100.0), (100.0, 0.0))
     x, y = np.array([0.0, 10.04, 20.0, 33.3, 34.0]), np.array([5.0, 90.0, 4.96, np.nan, 7.0])
-    found = re.findall(r"[Mlh]|-?\d*\.?\d+", svg_chart.curve(frame, x, y, "").partition(' d="')[2])
+    found = re.findall(
+        r"[Mlh]|-?\d*\.?\d+", svg_chart.draw_curve(frame, x, y, "").partition(' d="')[2]
+    )
     assert found == ["M", "0", "5", "l", "10", "85", "10", "-85", "M", "34", "7", "h", "0"]
 
 
 def test_ticks_are_round_and_inside():
-    assert svg_chart.tick_text(svg_chart.ticks(-0.31, 1.02, 5)) == ["0.0", "0.5", "1.0"]
-    assert svg_chart.tick_text(svg_chart.ticks(-21.0, 19.0, 5)) == ["−20", "−10", "0", "10"]
-    assert svg_chart.tick_text(svg_chart.ticks(1.1, 1.9, 1)) == [
+    assert svg_chart.tick_text(svg_chart.choose_ticks(-0.31, 1.02, 5)) == ["0.0", "0.5", "1.0"]
+    assert svg_chart.tick_text(svg_chart.choose_ticks(-21.0, 19.0, 5)) == ["−20", "−10", "0", "10"]
+    assert svg_chart.tick_text(svg_chart.choose_ticks(1.1, 1.9, 1)) == [
         "1.2",
         "1.4",
         "1.6",
@@ -71,10 +73,13 @@ def test_ticks_are_round_and_inside():
 
 
 def test_limits_hold_all_finite_values_and_are_never_equal():
-    assert svg_chart.limits(np.array([1.0, np.nan, 3.0]), 0.5) == (0.0, 4.0)
-    assert svg_chart.limits(np.array([-4.0, -4.0])) == (-6.0, -2.0)
-    assert svg_chart.limits(np.array([1e-9, 2e-9])) == (1e-9, 2e-9)  # small is not constant
-    assert svg_chart.limits(np.array([np.nan])) == (-0.5, 0.5)
+    assert svg_chart.find_axis_limits(np.array([1.0, np.nan, 3.0]), 0.5) == (0.0, 4.0)
+    assert svg_chart.find_axis_limits(np.array([-4.0, -4.0])) == (-6.0, -2.0)
+    assert svg_chart.find_axis_limits(np.array([1e-9, 2e-9])) == (
+        1e-9,
+        2e-9,
+    )  # small is not constant
+    assert svg_chart.find_axis_limits(np.array([np.nan])) == (-0.5, 0.5)
 
 
 def test_thinning_keeps_the_ends_of_every_part_and_the_gaps():
@@ -88,5 +93,5 @@ def test_thinning_keeps_the_ends_of_every_part_and_the_gaps():
 
 
 def test_texts_are_escaped():
-    assert svg_chart.text(1.0, 2.0, "a < b & c") == '<text x="1" y="2">a &lt; b &amp; c</text>'
-    assert 'aria-label="&quot;x&quot;"' in svg_chart.svg(10.0, "", '"x"', 20.0)
+    assert svg_chart.draw_text(1.0, 2.0, "a < b & c") == '<text x="1" y="2">a &lt; b &amp; c</text>'
+    assert 'aria-label="&quot;x&quot;"' in svg_chart.make_svg_figure(10.0, "", '"x"', 20.0)

@@ -5,7 +5,7 @@ from scipy.signal import lfilter
 
 import flighttest
 from flightmech.errors import IdentificationError, UnknownName
-from flightmech.terms import evaluate, make_term
+from flightmech.terms import evaluate_term, make_term
 
 AXES = {"throttle": [0.0, 0.5, 1.0], "mach": [0.0, 0.4]}
 TABLE = make_term([[300.0, 150.0], [1500.0, 1000.0], [4500.0, 3800.0]], AXES)
@@ -17,7 +17,7 @@ def run(seed, noise=10.0):
     t = np.arange(0, 120, 0.1)
     throttle = np.repeat(rng.choice([0.0, 0.3, 0.6, 1.0], 8), 150)
     mach = 0.2 + 0.15 * np.sin(0.05 * t + seed)
-    static = evaluate(TABLE, {"throttle": throttle, "mach": mach})
+    static = evaluate_term(TABLE, {"throttle": throttle, "mach": mach})
     keep = np.exp(-0.1 / TAU)
     thrust = lfilter([1 - keep], [1, -keep], static, zi=[static[0] * keep])[0] + rng.normal(
         0, noise, len(t)
@@ -31,7 +31,9 @@ def test_table_and_lag_are_recovered():
     inside = {"throttle": np.array([0.0, 0.3, 0.6, 1.0]), "mach": np.full(4, 0.25)}
     # 10 N of noise over some hundred settled samples per node, and what the lag leaves after six
     # seconds (e^-4 of a step)
-    np.testing.assert_allclose(evaluate(fit.leaf, inside), evaluate(TABLE, inside), atol=60.0)
+    np.testing.assert_allclose(
+        evaluate_term(fit.leaf, inside), evaluate_term(TABLE, inside), atol=60.0
+    )
     assert fit.time_constant == pytest.approx(TAU, rel=0.1)
     assert fit.rms_settled < 60.0
     assert set(np.unique(fit.leaf["source"])) == {1}

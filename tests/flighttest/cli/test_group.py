@@ -7,13 +7,13 @@ from click.testing import CliRunner
 
 from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import OutOfRange, ParseError, SchemaError
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flighttest.cli.group import flight
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients
 from flighttest.reconstruction.dynamics.saved_paths import open_path
 from flighttest.reconstruction.flight_programme import open_biases
 from flighttest.reconstruction.smoother import reconstruct
-from flighttest.records.files import save
+from flighttest.records.files import save_dataset
 from flighttest.records.record import read
 
 AIRCRAFT = """
@@ -35,7 +35,7 @@ def files(tmp_path_factory, flown, aircraft):
         record, _, _ = flown(seed, duration=15.0)
         for node in record.children.values():
             for name in node.data_vars:
-                node[name].attrs.update(attrs(str(name)))
+                node[name].attrs.update(quantity_attributes(str(name)))
         record.to_netcdf(folder / f"run_{seed}.nc", engine="h5netcdf")
     tables = "".join(
         f"[instruments.{name}]\n"
@@ -84,7 +84,7 @@ def test_a_cut_file_is_a_record_again(files, tmp_path):
         .assign(mass=((), 2900.0, {"units": "kg"}))
         .assign_attrs(runway_elevation=120.0)
     )
-    save(cut, tmp_path / "m.nc")
+    save_dataset(cut, tmp_path / "m.nc")
     again = flighttest.read(tmp_path / "m.nc")
     assert again.attrs["title"] == record.attrs["title"]
     assert again.attrs["runway_elevation"] == 120.0
@@ -288,5 +288,5 @@ def test_a_file_is_written_atomically(tmp_path):
             raise OSError("disk full")
 
     with pytest.raises(OSError, match="disk full"):
-        save(Broken({"q": ("time", np.zeros(3))}), tmp_path / "m.nc")
+        save_dataset(Broken({"q": ("time", np.zeros(3))}), tmp_path / "m.nc")
     assert list(tmp_path.iterdir()) == []

@@ -110,7 +110,7 @@ def points_of(truth, rng, wrong):
     places = [(alpha, mach) for alpha in np.linspace(-2, 10, 9) for mach in (0.2, 0.3, 0.4, 0.5)]
     for k, (alpha, mach) in enumerate(places):
         x = (alpha + np.linspace(-1, 1, 41)) * DEG
-        y = terms.evaluate(truth, {"alpha": x, "mach": np.full(41, mach)})
+        y = terms.evaluate_term(truth, {"alpha": x, "mach": np.full(41, mach)})
         slope, value = np.polyfit(x - alpha * DEG, y, 1)
         sd = (0.012, 0.25)
         value += sd[0] * (rng.normal() + 6.0 * (k == wrong))

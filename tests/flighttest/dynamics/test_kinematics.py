@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 
 from flighttest.reconstruction.dynamics.kinematics import (
-    earth,
+    body_rates_from_angles,
+    body_to_ned_rotation,
+    cross_product_matrix,
+    earth_rotation,
     gravity,
     incidence_rates,
+    ned_to_body,
     rate_matrix,
-    rates,
-    rotation,
-    skew,
-    to_body,
 )
 from flighttest.records.sensors.position_corrections import force_at_cg, vane_angles, vane_at_cg
 
@@ -28,10 +28,10 @@ def numerical(function, x, h=1e-6):
 
 
 def test_rotation_is_orthogonal_and_points_the_nose():
-    R = rotation(ATTITUDE)
+    R = body_to_ned_rotation(ATTITUDE)
     np.testing.assert_allclose(R @ np.swapaxes(R, 1, 2), np.tile(np.eye(3), (7, 1, 1)), atol=1e-15)
     np.testing.assert_allclose(
-        rotation(np.array([[0.0, np.pi / 6, np.pi / 2]]))[0, :, 0],
+        body_to_ned_rotation(np.array([[0.0, np.pi / 6, np.pi / 2]]))[0, :, 0],
         [0.0, np.sqrt(0.75), -0.5],
         atol=1e-15,
     )
@@ -40,20 +40,26 @@ def test_rotation_is_orthogonal_and_points_the_nose():
 def test_rate_matrix_agrees_with_the_turning_rotation():
     rate = RNG.uniform(-1, 1, (7, 3))
     h = 1e-6
-    turned = (rotation(ATTITUDE + h * rate) - rotation(ATTITUDE - h * rate)) / (2 * h)
+    turned = (
+        body_to_ned_rotation(ATTITUDE + h * rate) - body_to_ned_rotation(ATTITUDE - h * rate)
+    ) / (2 * h)
     omega = (rate_matrix(ATTITUDE) @ rate[..., None])[..., 0]
     np.testing.assert_allclose(
-        np.swapaxes(rotation(ATTITUDE), 1, 2) @ turned, skew(omega), atol=1e-9
+        np.swapaxes(body_to_ned_rotation(ATTITUDE), 1, 2) @ turned,
+        cross_product_matrix(omega),
+        atol=1e-9,
     )  # R' dR/dt = [omega x]
 
 
 def test_derivatives_of_rates_and_body_vectors():
     rate, m = RNG.uniform(-1, 1, (7, 3)), RNG.uniform(-5, 5, (7, 3))
     np.testing.assert_allclose(
-        rates(ATTITUDE, rate)[1], numerical(lambda a: rates(a, rate)[0], ATTITUDE), atol=1e-8
+        body_rates_from_angles(ATTITUDE, rate)[1],
+        numerical(lambda a: body_rates_from_angles(a, rate)[0], ATTITUDE),
+        atol=1e-8,
     )
     np.testing.assert_allclose(
-        to_body(ATTITUDE, m)[1], numerical(lambda a: to_body(a, m)[0], ATTITUDE), atol=1e-8
+        ned_to_body(ATTITUDE, m)[1], numerical(lambda a: ned_to_body(a, m)[0], ATTITUDE), atol=1e-8
     )
 
 
@@ -72,12 +78,12 @@ def test_gravity():
 
 
 def test_earth_deflects_to_the_right_in_the_north_and_lifts_what_flies_east():
-    spin, transport = earth(np.radians(45.0))
+    spin, transport = earth_rotation(np.radians(45.0))
     v = np.array([0.0, 100.0, 0.0])
     needed = -np.cross(2 * spin + transport @ v, v)
     assert needed[0] < 0.0  # east turns to the south
     assert needed[2] < 0.0  # Eoetvoes
-    np.testing.assert_array_equal(earth(None)[0], 0.0)
+    np.testing.assert_array_equal(earth_rotation(None)[0], 0.0)
 
 
 def test_incidence_rates_against_differences():

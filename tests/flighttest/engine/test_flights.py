@@ -12,14 +12,19 @@ import flightmech
 from flightmech.air import atmosphere
 from flightmech.aircraft.engine import EngineDeck, open_tables, write_tables
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flightmech.terms import evaluate, make_term
-from flighttest.submodels.engine.bench import compile_engine, condition, fly_deck, simulation_inputs
+from flightmech.terms import evaluate_term, make_term
+from flighttest.submodels.engine.bench import (
+    compile_engine,
+    fly_deck,
+    record_condition,
+    simulation_inputs,
+)
 from flighttest.submodels.engine.records import engine_channels, power_changes
 from flighttest.submodels.engine.result import comparison_text, identify_engine
 from flighttest.submodels.engine.schedule import EDGE, cover_settled_range
 from flighttest.submodels.engine.spools import identify_spools
 from flighttest.submodels.engine.starting import identify_start
-from flighttest.submodels.engine.steady_points import ratios
+from flighttest.submodels.engine.steady_points import temperature_pressure_ratios
 from flighttest.submodels.engine.steady_tables import steady_table
 from flighttest.submodels.engine.tables import read_structure
 
@@ -74,7 +79,7 @@ def flown(
     record = xr.Dataset(
         {name: ("time", x) for name, x in columns.items()}, {"time": t}, {"record": f"r{seed}"}
     )
-    held, wind = condition(record)
+    held, wind = record_condition(record)
     names = ("n1", "n2", "thrust")
     found = flightmech.simulate(
         compile_engine(deck),
@@ -142,7 +147,7 @@ def test_condition_of_a_record_is_flown():
         "time",
         np.asarray(atmosphere(record["h"].values, delta_T=7.0).temperature),
     )
-    held, wind = condition(record)
+    held, wind = record_condition(record)
     found = flightmech.simulate(
         compile_engine(limited()),
         simulation_inputs(record, wind),
@@ -257,7 +262,7 @@ def test_residual_shows_that_limits_are_missing(flights):
 def test_flown_deck_is_the_simulation(flights):
     """Sample by sample as the record, against one simulation in a steady condition."""
     record = flights[1]
-    held, wind = condition(record)
+    held, wind = record_condition(record)
     deck = limited()
     found = flightmech.simulate(
         compile_engine(deck),
@@ -285,7 +290,7 @@ def points(seed: int, heights: tuple[float, ...], count: int = 3000) -> list[xr.
         t = 0.1 * np.arange(count)
         mach = 0.25 + 0.2 * np.sin(t / 40.0 + rng.uniform(0, 6))
         n2 = 0.8 + 0.2 * np.sin(t / 9.0 + rng.uniform(0, 6))
-        theta, delta = ratios({"mach": mach, "h": np.full(count, h)})
+        theta, delta = temperature_pressure_ratios({"mach": mach, "h": np.full(count, h)})
         thrust = delta * surface(n2 / np.sqrt(theta), mach, h) + 15.0 * rng.normal(size=count)
         columns = {"n2": n2, "mach": mach, "h": np.full(count, h), "thrust": thrust}
         found.append(
@@ -312,7 +317,7 @@ def test_steady_table_continues_what_was_not_flown():
     found = steady_table(points(1, (0.0, 1500.0, 6000.0)), "corrected_thrust", GRID, PRIOR)
     at = {"corrected_n2": np.array([0.75, 0.9, 1.0]), "mach": np.full(3, 0.25)}
     for h, error in ((1500.0, 30.0), (3800.0, 40.0)):  # noise 15 N; 3800 m was not flown
-        value = evaluate(found.leaf, at | {"h": np.full(3, h)}, outside="clamp")
+        value = evaluate_term(found.leaf, at | {"h": np.full(3, h)}, outside="clamp")
         np.testing.assert_allclose(value, surface(at["corrected_n2"], at["mach"], h), atol=error)
     flown_, between = (
         float(found.leaf["stderr"].sel(h=h, mach=0.25).isel(corrected_n2=4))
@@ -409,7 +414,7 @@ def windmilling() -> xr.Dataset:
         "thrust": make_term(0.0),
     }
     tables["corrected_n2_windmill"] = make_term(0.12)
-    held, wind = condition(record)
+    held, wind = record_condition(record)
     deck = EngineDeck(tables, starter_speed=0.24, starter_time=2.5, n2_rundown=5.0, flame_time=0.3)
     found = flightmech.simulate(
         compile_engine(deck),

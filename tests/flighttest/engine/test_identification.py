@@ -18,14 +18,19 @@ from flightmech.aircraft.engine import EngineDeck, open_tables, write_tables
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.terms import make_term
 from flighttest.cli.submodels import engine
-from flighttest.submodels.engine.bench import as_nodes, compile_engine, condition, simulation_inputs
+from flighttest.submodels.engine.bench import (
+    as_nodes,
+    compile_engine,
+    record_condition,
+    simulation_inputs,
+)
 from flighttest.submodels.engine.records import engine_channels
 from flighttest.submodels.engine.result import identify_engine
-from flighttest.submodels.engine.schedule import nodes, positions, remove_lever_noise
+from flighttest.submodels.engine.schedule import remove_lever_noise, rest_positions, schedule_nodes
 from flighttest.submodels.engine.spools import identify_spools
 from flighttest.submodels.engine.starting import identify_start
 from flighttest.submodels.engine.static_thrust import Polar, correct_deck
-from flighttest.submodels.engine.steady_points import ratios
+from flighttest.submodels.engine.steady_points import temperature_pressure_ratios
 
 DELAY, RATIO, LAG, NOISE = 0.2, 1.3, 0.15, 5e-4
 SCHEDULE = PchipInterpolator([0.0, 0.3, 0.7, 1.0], [0.5, 0.68, 0.88, 0.98])
@@ -132,8 +137,8 @@ def test_same_estimates_from_perturbed_records(changes, spools):
 
 
 def test_positions_of_rest_ignore_the_ramps(changes):
-    np.testing.assert_allclose(positions(changes), [0.0, 0.35, 0.4, 0.6, 0.9, 0.95], atol=2e-3)
-    assert np.diff(nodes(changes)).max() < 0.21
+    np.testing.assert_allclose(rest_positions(changes), [0.0, 0.35, 0.4, 0.6, 0.9, 0.95], atol=2e-3)
+    assert np.diff(schedule_nodes(changes)).max() < 0.21
 
 
 def test_lever_without_its_noise_keeps_the_ramp(changes):
@@ -159,7 +164,7 @@ def points(count: int, seed: int, noise: float = 0.003) -> xr.Dataset:
         0.2 + 0.25 * rng.random(count),
         rng.choice([1500.0, 4500.0], count),
     )
-    theta, delta = ratios({"mach": mach, "h": h})
+    theta, delta = temperature_pressure_ratios({"mach": mach, "h": h})
     nominal = PRIOR.assign(value=PRIOR["value"] * xr.DataArray(FACTORS, dims="corrected_n1"))
     at = {"corrected_n1": xr.DataArray(n1 / np.sqrt(theta)), "mach": xr.DataArray(mach)}
     thrust = delta * nominal["value"].interp(at).values * (1.0 + noise * rng.normal(size=count))
@@ -262,7 +267,7 @@ def start_record() -> xr.Dataset:
         "flame_time": 0.3,
         "itt_time": 0.8,
     }
-    held, wind = condition(record)
+    held, wind = record_condition(record)
     outputs = [f"engine1.{name}" for name in ("n2", "fuel_flow", "itt")]
     flown = flightmech.simulate(
         compile_engine(EngineDeck(tables, **constants)),
@@ -341,7 +346,7 @@ def test_deck_file_flies(spools, started, changes, tmp_path, monkeypatch):
     ).all()  # below idle: from the start
     deck = found.deck()
     chop = changes[0]
-    held, wind = condition(chop)
+    held, wind = record_condition(chop)
     flown = flightmech.simulate(
         compile_engine(deck),
         simulation_inputs(chop, wind),

@@ -43,7 +43,7 @@ def test_the_design_holds_the_whole_linear_map():
     """
     parts = [record(np.random.default_rng(2), 12.0), record(np.random.default_rng(3), 17.0)]
     fit = regress_frequency(LIFT, parts, BAND)
-    A = least_squares.estimator(fit.design.values)
+    A = least_squares.estimator_matrix(fit.design.values)
     np.testing.assert_allclose(A @ fit.data["CL"].values, fit.estimates["estimate"], rtol=1e-9)
     np.testing.assert_allclose(
         A @ fit.regressors.values, np.eye(4), atol=1e-9
@@ -72,7 +72,7 @@ def test_white_disturbance_has_the_standard_errors_of_time():
     clean = record(rng, noise=0.0)
     data = clean.assign(CL=clean["CL"] + 0.01 * rng.normal(size=clean.sizes["time"]))
     fit = regress_frequency(LIFT, data, (1 / 30, 8.0))
-    A = least_squares.estimator(fit.design.values)
+    A = least_squares.estimator_matrix(fit.design.values)
     scatter = 0.01 * np.sqrt((A**2).sum(axis=1))[1:]
     np.testing.assert_allclose(fit.estimates["stderr_white"].values[1:], scatter, rtol=0.1)
     np.testing.assert_allclose(
@@ -203,7 +203,7 @@ def test_weights_by_the_spectrum_serve_noise_that_grows_with_frequency():
 def test_weights_keep_the_linear_map_and_exact_data_their_parameters():
     model = RegressionModel("CL", ["1", "qhat", "alpha"])
     fit = regress_frequency(model, accelerations(0), (0.7, 25.0), weights="spectrum")
-    A = least_squares.estimator(fit.design.values)
+    A = least_squares.estimator_matrix(fit.design.values)
     np.testing.assert_allclose(A @ fit.data["CL"].values, fit.estimates["estimate"], rtol=1e-9)
     exact = (
         regress_frequency(model, accelerations(0, 0.0), (0.7, 25.0), weights="spectrum")

@@ -3,7 +3,7 @@ import pytest
 import xarray as xr
 
 from flightmech.errors import ParseError, UnitError, UnknownName
-from flighttest.regression.equation_error.model import RegressionModel, knot_of, powers
+from flighttest.regression.equation_error.model import RegressionModel, knot_of, term_powers
 
 
 def test_a_text_becomes_a_model_with_one_spelling_of_each_term():
@@ -11,7 +11,7 @@ def test_a_text_becomes_a_model_with_one_spelling_of_each_term():
     assert model.terms == ("1", "alpha**2", "delta_f*alpha**2", "engine1.n1")
     assert model.variables == ("alpha", "delta_f", "engine1.n1")
     assert str(model) == "CL = 1 + alpha**2 + delta_f*alpha**2 + engine1.n1"
-    assert powers("alpha*alpha") == {"alpha": 2}
+    assert term_powers("alpha*alpha") == {"alpha": 2}
 
 
 def test_the_design_holds_the_products():

@@ -23,7 +23,7 @@ def test_a_noisy_manoeuvre_weighs_by_its_inverse_variance():
         weighted.estimates["estimate"], alone["estimate"], atol=4 * alone["stderr"].values.max()
     )
     np.testing.assert_allclose(
-        least_squares.estimator(weighted.design.values) @ weighted.data["CL"].values,
+        least_squares.estimator_matrix(weighted.design.values) @ weighted.data["CL"].values,
         weighted.estimates["estimate"],
         rtol=1e-9,
     )
@@ -104,7 +104,7 @@ def test_a_ridge_in_frequency_is_the_same_rule():
         rtol=1e-8,
     )
     np.testing.assert_allclose(
-        least_squares.estimator(fit.design.values) @ fit.data["CL"].values,
+        least_squares.estimator_matrix(fit.design.values) @ fit.data["CL"].values,
         fit.estimates["estimate"],
         rtol=1e-8,
     )

@@ -16,7 +16,7 @@ from flighttest.cli.group import flight
 from flighttest.flight_programme.evaluation.figures_of_merit import line_through
 from flighttest.flight_programme.evaluation.flight_evaluation import (
     deck_thrust,
-    evaluate,
+    evaluate_flight,
     mass_after_burn,
 )
 from flighttest.flight_programme.evaluation.plan import (
@@ -219,20 +219,20 @@ def test_all_mistakes_of_a_plan_come_at_once(folder):
     with pytest.raises(
         SchemaError, match=r"bound 1: unknown figure 'dutch_roll.perod'; near it: dutch_roll.period"
     ):
-        evaluate(change(folder, "dutch_roll.period", "dutch_roll.perod"))
+        evaluate_flight(change(folder, "dutch_roll.period", "dutch_roll.perod"))
     (folder / "plan.toml").write_text(PLAN)
     with pytest.raises(SchemaError, match=r"mode.0.name: string should match pattern"):
         read_plan(change(folder, 'name = "dutch_roll"', 'name = "../roll"'))
     (folder / "plan.toml").write_text(PLAN)
     with pytest.raises(SchemaError, match="cannot be converted"):
-        evaluate(change(folder, "3.1416 s", "3.1416 m"))
+        evaluate_flight(change(folder, "3.1416 s", "3.1416 m"))
     (folder / "plan.toml").write_text(PLAN)
     with pytest.raises(SchemaError, match=r"no file .*absent.csv; names are relative to the plan"):
-        evaluate(change(folder, "flight.csv", "absent.csv"))
+        evaluate_flight(change(folder, "flight.csv", "absent.csv"))
 
 
 def test_an_unknown_manoeuvre_is_reported_with_near_names(folder):
-    found = evaluate(change(folder, 'on = "dutch_roll"', 'on = "dutch_rol"'))
+    found = evaluate_flight(change(folder, 'on = "dutch_roll"', 'on = "dutch_rol"'))
     assert found.refused["dutch_roll"].startswith(
         "unknown manoeuvre 'dutch_rol'; near it: dutch_roll"
     )

@@ -21,7 +21,7 @@ from flighttest.cli.submodels import ground_effect
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
 from flighttest.submodels.ground_effect.result import replace_ground_effect
-from flighttest.submodels.ground_effect.structure import breakpoints, rank_forms, select_form
+from flighttest.submodels.ground_effect.structure import height_breakpoints, rank_forms, select_form
 
 SHARED = Path(__file__).parents[3] / ".." / "shared" / "data" / "identification"
 LIFT = RegressionModel.parse("CL = 1 + alpha + qhat")
@@ -235,7 +235,7 @@ def test_of_near_equals_the_simplest_form_is_taken():
 
 def test_breakpoints_leave_out_what_was_not_flown():
     h = np.concatenate([np.linspace(1.0, 2.0, 300), np.linspace(6.0, 9.0, 300)])
-    points = breakpoints(h)
+    points = height_breakpoints(h)
     assert points[0] == 1.0
     assert all(np.count_nonzero((h >= a) & (h < b)) >= 25 for a, b in pairwise(points))
 

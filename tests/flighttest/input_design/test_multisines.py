@@ -15,12 +15,12 @@ from flighttest.flight_programme.input_design.input_signals import (
     CHANNEL_SETS,
     active_part,
     axes_of,
-    correlations,
+    axis_correlations,
     measures,
     optimise_phases,
     relative_peak_factor,
     schroeder_phases,
-    synthesise,
+    synthesise_period,
 )
 
 FOUR_DEGREES = np.radians(4.0)
@@ -51,7 +51,7 @@ def lines_of(u, count):
 @pytest.mark.slow
 def test_axes_are_orthogonal_over_a_period(designed):
     """The rule requires 1e-12."""
-    assert np.abs(correlations(designed) - np.eye(len(axes_of(designed)))).max() < 1e-14
+    assert np.abs(axis_correlations(designed) - np.eye(len(axes_of(designed)))).max() < 1e-14
 
 
 def test_every_axis_has_power_on_its_own_lines_only(designed):
@@ -96,9 +96,12 @@ def test_twenty_lines_of_three_axes_stay_below_the_acceptance_of_one_point_two(f
     k = first + 3 * np.arange(20)
     power = np.full(20, 0.05)
     fine = 1 << 14
-    found = relative_peak_factor(synthesise(k, power, optimise_phases(k, power), fine))
+    found = relative_peak_factor(synthesise_period(k, power, optimise_phases(k, power), fine))
     assert found < 1.2
-    assert found < relative_peak_factor(synthesise(k, power, schroeder_phases(power), fine)) - 0.1
+    assert (
+        found
+        < relative_peak_factor(synthesise_period(k, power, schroeder_phases(power), fine)) - 0.1
+    )
 
 
 def test_schroeders_phases_of_a_flat_spectrum():

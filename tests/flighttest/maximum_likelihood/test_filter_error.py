@@ -16,10 +16,10 @@ from flighttest.maximum_likelihood.search import Unknown
 from flighttest.maximum_likelihood.state_space import (
     Matrices,
     Predictor,
+    filter_innovations,
     innovation_slopes,
-    innovations,
-    predictor,
-    recursion,
+    make_predictor,
+    solve_recursion,
     steady_filter,
 )
 
@@ -220,7 +220,7 @@ def test_the_banded_system_is_the_recursion(states):
         rng.standard_normal((3, 9, states)),
         rng.standard_normal((3, states)),
     )
-    found = recursion(M, drive, x)
+    found = solve_recursion(M, drive, x)
     for k in range(9):
         np.testing.assert_allclose(found[:, k], x, atol=1e-13)
         x = x @ M.T + drive[:, k]
@@ -240,7 +240,7 @@ def test_slopes_of_innovations_are_their_differences():
         NOISE,
         0.04,
     )
-    base = predictor(made, np.array([0.1, -0.2]), np.array([0.01, 0.0, 0.2]))
+    base = make_predictor(made, np.array([0.1, -0.2]), np.array([0.01, 0.0, 0.2]))
     up, down = [], []
     for size in width:
         moves = [0.5 * size * rng.standard_normal(part.shape) for part in base]
@@ -248,7 +248,7 @@ def test_slopes_of_innovations_are_their_differences():
         down.append(Predictor(*(part - move for part, move in zip(base, moves))))
     found = innovation_slopes(base, up, down, width, u, z)
     for k in range(2):
-        expected = (innovations(up[k], u, z) - innovations(down[k], u, z)) / width[k]
+        expected = (filter_innovations(up[k], u, z) - filter_innovations(down[k], u, z)) / width[k]
         np.testing.assert_allclose(
             found[k], expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max()
         )
@@ -269,7 +269,7 @@ def test_innovations_are_those_of_the_filter_step_by_step():
         NOISE,
         0.04,
     )
-    found = innovations(predictor(made, x, offset), u, z)
+    found = filter_innovations(make_predictor(made, x, offset), u, z)
     for k in range(9):
         e = z[k] - made.C @ x - made.D @ u[k] - offset
         np.testing.assert_allclose(found[k], e, atol=1e-13)

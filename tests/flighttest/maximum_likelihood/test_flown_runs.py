@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flighttest.maximum_likelihood.time_domain import Runs, differences
+from flighttest.maximum_likelihood.time_domain import Runs, output_slopes
 
 BASE = np.array([[1.0, 2.0], [3.0, 4.0]])
 SLOPES = np.array([[[1.0, 0.0], [2.0, 5.0]], [[0.5, 1.0], [-3.0, 0.0]]])  # (unknown, time, output)
@@ -21,23 +21,23 @@ def lost(runs: np.ndarray, which: int) -> np.ndarray:
 @pytest.mark.parametrize("down", [None, DOWN])
 def test_of_what_was_flown(down):
     flown = np.ones(2 if down is None else 4, bool)
-    np.testing.assert_array_equal(differences(BASE, UP.copy(), down, STEPS, flown), SLOPES)
+    np.testing.assert_array_equal(output_slopes(BASE, UP.copy(), down, STEPS, flown), SLOPES)
 
 
 def test_one_side_stands_for_both():
-    found = differences(
+    found = output_slopes(
         BASE, lost(UP, 0), lost(DOWN, 1), STEPS, np.array([False, True, True, False])
     )
     np.testing.assert_array_equal(found, SLOPES)
 
 
 def test_what_no_side_can_fly_has_no_slope():
-    found = differences(
+    found = output_slopes(
         BASE, lost(UP, 1), lost(DOWN, 1), STEPS, np.array([True, False, True, False])
     )
     np.testing.assert_array_equal(found, SLOPES * np.array([1.0, 0.0])[:, None, None])
     np.testing.assert_array_equal(
-        differences(BASE, lost(UP, 1), None, STEPS, np.array([True, False])), found
+        output_slopes(BASE, lost(UP, 1), None, STEPS, np.array([True, False])), found
     )
 
 

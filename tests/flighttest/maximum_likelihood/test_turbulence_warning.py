@@ -21,9 +21,9 @@ from flightmech.errors import AeromatchWarning
 from flighttest.maximum_likelihood.linear_models import linear_output_error
 from flighttest.maximum_likelihood.residual_covariance import (
     CHANCE,
-    coupling,
     effect_on_motion,
-    turbulence,
+    innovation_coupling,
+    turbulence_warnings,
 )
 
 
@@ -40,9 +40,9 @@ def coloured(seed, time, size, duration=20.0):
 
 def test_independent_innovations_are_not_coupled_and_a_delayed_copy_is():
     e = np.random.default_rng(1).standard_normal((250, 3))
-    assert coupling(e, 0.08).max() < 0.8  # 0.4 in the median
+    assert innovation_coupling(e, 0.08).max() < 0.8  # 0.4 in the median
     e[2:, 1] += 0.5 * e[:-2, 0]
-    found = coupling(e, 0.08)
+    found = innovation_coupling(e, 0.08)
     assert found[0, 1] > 1.5
     assert max(found[0, 2], found[1, 2]) < 1.0
     np.testing.assert_allclose(found, found.T)
@@ -59,16 +59,16 @@ def test_the_statistic_is_that_of_the_formula():
         / (20 - abs(k))
         for k in range(-2, 3)
     )
-    assert coupling(np.column_stack([x, y]), 0.15)[0, 1] == pytest.approx(
+    assert innovation_coupling(np.column_stack([x, y]), 0.15)[0, 1] == pytest.approx(
         total / chi2.isf(CHANCE, 5)
     )
 
 
 def test_no_residual_and_few_blocks_are_no_coupling():
     e = np.random.default_rng(3).standard_normal((40, 1))
-    assert not coupling(np.column_stack([e, 0.0 * e]), 0.08).any()
-    assert not coupling(np.column_stack([e, e])[:15], 0.08).any()
-    assert not coupling(e, 0.08).any()
+    assert not innovation_coupling(np.column_stack([e, 0.0 * e]), 0.08).any()
+    assert not innovation_coupling(np.column_stack([e, e])[:15], 0.08).any()
+    assert not innovation_coupling(e, 0.08).any()
 
 
 def test_the_effect_of_one_scale_is_its_relative_standard_error():
@@ -116,4 +116,4 @@ def test_the_decision_does_not_move_with_the_last_bits(model):
         one, other = (linear_output_error(model, each, STARTS).noise for each in (record, nearly))
     np.testing.assert_allclose(one["coupling"], other["coupling"], rtol=1e-6)
     assert one.attrs["effect"] == pytest.approx(other.attrs["effect"], rel=1e-6)
-    assert turbulence(one) == turbulence(other) != ()
+    assert turbulence_warnings(one) == turbulence_warnings(other) != ()

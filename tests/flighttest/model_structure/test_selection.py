@@ -13,7 +13,7 @@ from model_selection import CANDIDATES, VARIABLES, record  # the benchmark
 from flightmech.errors import IdentificationError, ParseError, UnknownName
 from flighttest.regression.model_structure.candidates import (
     OrthogonalBasis,
-    equations,
+    candidate_equations,
     monomials,
     spline_terms,
 )
@@ -87,7 +87,7 @@ def test_the_orthogonal_functions_are_orthogonal_and_expand_into_the_terms():
     data = record()
     found = select_orthogonal("CL", CANDIDATES, data, gain=1e-3)
     terms = [str(name) for name in found.functions["term"].values]
-    X = equations("CL", terms, data, None).X.T
+    X = candidate_equations("CL", terms, data, None).X.T
     P = X @ found.functions["expansion"].values.T
     inner = P.T @ P
     size = np.sqrt(np.diag(inner))

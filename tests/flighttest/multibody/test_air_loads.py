@@ -109,7 +109,9 @@ def test_the_motion_has_its_errors(found):
     true, motion, _ = found
     p, v, v_dot = motion.states
     stderr = motion.stderr(
-        lambda *y: np.concatenate(flighttest.special_tests.multibody.motion_fit.states(*y), axis=1)
+        lambda *y: np.concatenate(
+            flighttest.special_tests.multibody.motion_fit.tree_states(*y), axis=1
+        )
     )
     q = (p[:, 3:7] * true["p"][:, 3:7]).sum(axis=1)
     np.testing.assert_allclose(np.abs(q), 1.0, atol=1e-5)

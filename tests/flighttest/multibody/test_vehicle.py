@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flightmech.errors import SchemaError
-from flightmech.support.toml_models import validate
-from flighttest.special_tests.multibody.mechanics import joint_angles, posture
+from flightmech.support.toml_models import validate_content
+from flighttest.special_tests.multibody.mechanics import joint_angles, tree_posture
 from flighttest.special_tests.multibody.vehicle import Vehicle, read_vehicle
 
 WING = {
@@ -46,7 +46,7 @@ def vehicle(**changes):
         for key in path:
             part = part.setdefault(key, {})
         part[last] = value
-    return validate(Vehicle, content, "vehicle.toml")
+    return validate_content(Vehicle, content, "vehicle.toml")
 
 
 def test_the_independent_joint_of_a_four_bar_is_its_crank():
@@ -60,7 +60,7 @@ def test_the_independent_joint_of_a_four_bar_is_its_crank():
 def test_the_four_bar_meets_its_pin_and_derivatives_are_those_of_the_angles(branch):
     found = vehicle(linkage__stroke__branch=branch)
     theta = np.linspace(0.0, 2.0 * np.pi, 50)[:, None]
-    tree = posture(found, theta)
+    tree = tree_posture(found, theta)
     np.testing.assert_allclose(
         tree.point("rod", (0, 0.025, -0.057)), tree.point("right", (0, 0.025, 0)), atol=1e-15
     )
@@ -72,7 +72,7 @@ def test_the_four_bar_meets_its_pin_and_derivatives_are_those_of_the_angles(bran
     )  # rounding of the differences
     np.testing.assert_allclose(now.bend, (over.slope - under.slope) / (2.0 * h), atol=1e-9)
     place = tree.point("rod", (0, 0.01, -0.02))
-    moved = [posture(found, theta + d).point("rod", (0, 0.01, -0.02)) for d in (h, -h)]
+    moved = [tree_posture(found, theta + d).point("rod", (0, 0.01, -0.02)) for d in (h, -h)]
     np.testing.assert_allclose(
         tree.jacobian("rod", place)[..., 0], (moved[0] - moved[1]) / (2.0 * h), atol=1e-10
     )
@@ -124,7 +124,7 @@ def test_a_linkage_that_cannot_close_states_where():
     with pytest.raises(
         SchemaError, match=r"(?s)linkage.stroke.*cannot close at a crank angle of \d+ deg"
     ):
-        posture(
+        tree_posture(
             vehicle(linkage__stroke__pin_on_coupler=[0, 0, -0.03]),
             np.linspace(0.0, 6.0, 50)[:, None],
         )

@@ -13,7 +13,7 @@ from flightmech.errors import SchemaError
 from flighttest.flight_programme.planning.plan import (
     Goal,
     bounds_of,
-    plan_of,
+    plan_predicted_flights,
     select_manoeuvres,
     time_of,
 )
@@ -101,7 +101,7 @@ def test_the_choice_is_the_shortest_of_all(prior, ratio):
 
 def test_what_no_manoeuvre_reaches_is_stated_and_does_not_count(prior):
     flights = predicted([want(0.2, 0.0, 16.0)])
-    plan = plan_of(flights, prior)
+    plan = plan_predicted_flights(flights, prior)
     states = plan.nodes.set_index("alpha")["state"]
     assert states[16 * DEG] == "unreachable"
     assert (states[[0.0, 4 * DEG, 8 * DEG]] == "reached").all()
@@ -111,8 +111,8 @@ def test_what_no_manoeuvre_reaches_is_stated_and_does_not_count(prior):
 
 def test_what_is_flown_already_counts(prior):
     flights = predicted([want(0.2)])
-    rest = plan_of(flights, prior, flown=[flights.known["fast", "long"]])
-    assert rest.time < plan_of(flights, prior).time
+    rest = plan_predicted_flights(flights, prior, flown=[flights.known["fast", "long"]])
+    assert rest.time < plan_predicted_flights(flights, prior).time
     assert all(condition == "slow" for condition, _ in rest.items)
 
 

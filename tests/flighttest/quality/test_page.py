@@ -13,7 +13,7 @@ import flightmech
 import flighttest
 from flightmech.errors import SchemaError
 from flighttest.cli.group import flight
-from flighttest.reconstruction.quality.page import chart, write_page
+from flighttest.reconstruction.quality.page import draw_time_chart, write_page
 
 T37 = Path(__file__).parents[3] / "data" / "t37"
 RECORD = T37 / "flight" / "t37_22_val_roll_response_clean.nc"
@@ -99,9 +99,11 @@ def test_page_is_whole_and_needs_nothing_else(quality, tmp_path):
 def test_page_escapes_text_of_files(quality):
     from dataclasses import replace
 
-    from flighttest.reconstruction.quality.page import page
+    from flighttest.reconstruction.quality.page import render_quality_page
 
-    text = page(replace(quality, facts={**quality.facts, "title": "<script>alert(1)</script>"}))
+    text = render_quality_page(
+        replace(quality, facts={**quality.facts, "title": "<script>alert(1)</script>"})
+    )
     assert "<script>" not in text
 
 
@@ -139,7 +141,7 @@ def test_chart_keeps_every_peak():
     time = np.arange(0.0, 5000.0, 0.02)
     line = np.zeros_like(time)
     line[123_457] = 5.0
-    svg = chart(time, [line], "deg")
+    svg = draw_time_chart(time, [line], "deg")
     (data,) = re.findall(r'<path class="one" d="([^"]+)"', svg)
     numbers = [float(x) for x in re.findall(r"-?\d*\.?\d+", data.replace("l", " "))]
     heights = np.cumsum(numbers[1::2])

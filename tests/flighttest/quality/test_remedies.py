@@ -12,7 +12,7 @@ import pytest
 import flighttest
 from flightmech.errors import SchemaError
 from flighttest.reconstruction.quality.finding import add_delay_line, exchange_channels, map_entry
-from flighttest.records.readers.name_map import Channel, correct_channel, line_of, units_of
+from flighttest.records.readers.name_map import Channel, correct_channel, line_of, recorder_units
 from flighttest.records.sensors.instruments import IMU as GYROS
 from flighttest.records.sensors.instruments import instruments_of
 
@@ -127,8 +127,8 @@ def test_exchanged_channels_are_two_lines(recording):
 def test_every_pair_of_units_is_corrected_by_a_unit(name):
     """A channel that was taken for one unit and stands in another: the corrected line states it."""
     x = np.array([0.3, 1.7, -2.0])
-    for wrong in units_of(name):
-        for right in units_of(name):
+    for wrong in recorder_units(name):
+        for right in recorder_units(name):
             taken, true = (
                 Channel(column="c", unit=unit).convert(x, None, name) for unit in (wrong, right)
             )

@@ -11,7 +11,7 @@ import scipy.io
 
 import flighttest
 from flightmech.errors import ParseError, UnknownName
-from flighttest.records.readers.opening import recognise
+from flighttest.records.readers.opening import recognise_recording
 
 pytestmark = pytest.mark.usefixtures("mat_files_in_this_process")
 
@@ -67,7 +67,7 @@ def test_v5_plain_arrays(tmp_path):
             "map": np.eye(7),
         },
     )
-    assert recognise(tmp_path / "f.mat") == "matlab5"
+    assert recognise_recording(tmp_path / "f.mat") == "matlab5"
     record = flighttest.read(tmp_path / "f.mat", named(tmp_path, NAMES))
     np.testing.assert_array_equal(record["imu/q"].values, np.sin(T))
     np.testing.assert_array_equal(record["imu/time"].values, T)
@@ -146,7 +146,7 @@ def test_v73_arrays_structures_texts_and_cells(tmp_path):
             text(part, "units", unit)
 
     file = v73(tmp_path / "f.mat", fill)
-    assert recognise(file) == "matlab73"
+    assert recognise_recording(file) == "matlab73"
     record = flighttest.read(file, named(tmp_path, NAMES + '[ahrs]\ntheta = "flightdata/Pitch"\n'))
     np.testing.assert_array_equal(record["imu/q"].values, np.sin(T))
     np.testing.assert_allclose(record["ahrs/theta"].values, np.radians(3 * T))
@@ -187,7 +187,7 @@ def test_netcdf_classic(tmp_path):
             variable = file.createVariable(name, "d", ("time",))
             variable[:] = values
             variable.units = unit
-    assert recognise(tmp_path / "f.nc") == "netcdf3"
+    assert recognise_recording(tmp_path / "f.nc") == "netcdf3"
     record = flighttest.read(tmp_path / "f.nc")
     np.testing.assert_allclose(record["data/q"].values, np.radians(T))
 

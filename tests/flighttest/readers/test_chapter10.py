@@ -10,7 +10,7 @@ from recorders import chapter10 as ch10
 
 import flighttest
 from flightmech.errors import ParseError, SchemaError, UnknownName
-from flighttest.records.readers.opening import recognise
+from flighttest.records.readers.opening import recognise_recording
 
 SECOND = 10_000_000  # ticks
 START = 7 * SECOND
@@ -92,7 +92,7 @@ def recorded(tmp_path, packets, names):
 
 def test_buses_in_engineering_units(tmp_path):
     file, names = recorded(tmp_path, bus_packets(), NAMES)
-    assert recognise(file) == "chapter10"
+    assert recognise_recording(file) == "chapter10"
     record = flighttest.read(file, names)
     k = np.arange(20)
     np.testing.assert_allclose(record["air/V"].values, (250.0 + k) * 1852 / 3600)

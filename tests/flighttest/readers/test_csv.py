@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import flighttest
 from flightmech.errors import ParseError, SchemaError, UnitError
 from flighttest.records.readers.formats import csv_text
-from flighttest.records.readers.opening import recognise
+from flighttest.records.readers.opening import recognise_recording
 
 NAMES = '[air]\nalpha = { column = "alpha", unit = "deg" }\n'
 
@@ -36,7 +36,7 @@ def written(tmp_path, text, names=NAMES):
 )
 def test_ways_to_write_a_table(tmp_path, text):
     file, names = written(tmp_path, text)
-    assert recognise(file) == "csv"
+    assert recognise_recording(file) == "csv"
     record = flighttest.read(file, names)
     np.testing.assert_allclose(np.degrees(record["air/alpha"].values), [1, 2, 3])
     np.testing.assert_allclose(record["air/time"].values, [0, 0.1, 0.2])

@@ -18,8 +18,8 @@ from flightmech.errors import SchemaError
 from flighttest.cli.group import flight
 from flighttest.records.files import save_record
 from flighttest.records.manoeuvre_table import read_manoeuvres
-from flighttest.records.readers.recording import ARDUPLANE, PX4, changes
-from flighttest.records.record import modes
+from flighttest.records.readers.recording import ARDUPLANE, PX4, flight_mode_changes
+from flighttest.records.record import flight_modes
 
 STAMPS = [5_000_000 + 20_000 * i for i in range(500)]  # 5.00 to 14.98 s
 SPANS = [
@@ -71,7 +71,7 @@ def ardupilot(path, vehicle=b"ArduPlane V4.5.1", form="QMBB", columns="TimeUS,Mo
 
 
 def spans(record):
-    return [(row.manoeuvre, row.start, row.end) for row in modes(record).itertuples()]
+    return [(row.manoeuvre, row.start, row.end) for row in flight_modes(record).itertuples()]
 
 
 def test_modes_of_px4(tmp_path):
@@ -82,7 +82,7 @@ def test_modes_of_px4(tmp_path):
         len(flighttest.manoeuvres(record)) == 0
     )  # modes are no marks: the movements of the controls are still searched
     assert "vehicle_status" not in record.attrs["unmapped"]
-    assert set(modes(record)["note"]) == {"flight mode of the log"}
+    assert set(flight_modes(record)["note"]) == {"flight mode of the log"}
 
 
 def test_modes_follow_the_clock_of_the_record(tmp_path):
@@ -108,11 +108,11 @@ def test_modes_of_ardupilot_by_the_vehicle_that_the_log_states(tmp_path):
 def test_a_log_without_changes_of_mode(tmp_path):
     record = flighttest.read(px4(tmp_path / "a.ulg", ()), "px4")
     assert "modes" not in record.attrs
-    assert len(modes(record)) == 0
+    assert len(flight_modes(record)) == 0
 
 
 def test_numbers_without_a_name_keep_their_number():
-    assert changes(np.array([2.0, 1.0, 3.0]), np.array([0, 0, 7]), PX4) == (
+    assert flight_mode_changes(np.array([2.0, 1.0, 3.0]), np.array([0, 0, 7]), PX4) == (
         (1.0, "manual"),
         (3.0, "mode_7"),
     )

@@ -16,7 +16,7 @@ from flightmech.errors import ParseError
 from flighttest.cli.group import flight
 from flighttest.records.files import contents
 from flighttest.records.readers.formats.csv_words import numbers_of
-from flighttest.records.readers.opening import recognise
+from flighttest.records.readers.opening import recognise_recording
 from flighttest.records.readers.recording import (
     WIDEST,
     RecordedTable,
@@ -162,7 +162,7 @@ def test_an_archive_is_named_with_what_to_do(tmp_path, member):
     with zipfile.ZipFile(tmp_path / "flight.csv", "w") as archive:
         archive.writestr(member.replace("a.csv", "x.csv"), "time,q\n0,1\n")
     with pytest.raises(ParseError, match=ARCHIVES[member]):
-        recognise(tmp_path / "flight.csv")
+        recognise_recording(tmp_path / "flight.csv")
 
 
 def test_the_other_spelling_of_a_verb():

@@ -9,7 +9,7 @@ from recorders import ulog
 
 import flighttest
 from flightmech.errors import ParseError, UnknownName
-from flighttest.records.readers.formats.ulog import euler
+from flighttest.records.readers.formats.ulog import quaternion_to_euler
 
 STEPS = np.arange(500)
 STAMPS = (5_000_000 + 20_000 * STEPS).tolist()
@@ -155,10 +155,14 @@ def test_header_alone(log):
 def test_euler_angles_of_known_turns():
     half = np.sqrt(0.5)
     np.testing.assert_allclose(
-        np.array(euler([half], [half], [0.0], [0.0])).ravel(), [np.pi / 2, 0, 0], atol=1e-15
+        np.array(quaternion_to_euler([half], [half], [0.0], [0.0])).ravel(),
+        [np.pi / 2, 0, 0],
+        atol=1e-15,
     )
     np.testing.assert_allclose(
-        np.array(euler([half], [0.0], [0.0], [-half])).ravel(), [0, 0, 1.5 * np.pi], atol=1e-15
+        np.array(quaternion_to_euler([half], [0.0], [0.0], [-half])).ravel(),
+        [0, 0, 1.5 * np.pi],
+        atol=1e-15,
     )
 
 
@@ -178,7 +182,7 @@ def test_topics_of_one_sample_are_left_out_and_named(tmp_path):
         OWN + '[wind]\nax_imu = { column = "vehicle_acceleration/xyz[0]", unit = "m/s2" }\n'
     )
     record = flighttest.read(tmp_path / "flight.ulg", tmp_path / "mine.toml")
-    assert flighttest.records.record.locate(record, "p")
+    assert flighttest.records.record.find_channel_leaf(record, "p")
     assert (
         "vehicle_acceleration (1 sample; a clock needs two samples): left out, and with it ay_imu"
         in record.attrs["notes"]

@@ -13,9 +13,9 @@ import pytest
 from path_steps import path_steps
 
 from flighttest.reconstruction.problem import trajectory
-from flighttest.reconstruction.problem.assembly import assemble
+from flighttest.reconstruction.problem.assembly import assemble_problem
 from flighttest.reconstruction.problem.normal_equations import NormalEquations
-from flighttest.records.sensors.instruments import instruments
+from flighttest.records.sensors.instruments import parse_instruments
 
 
 class TakenDown(NormalEquations):
@@ -62,7 +62,9 @@ def linearised(flown, aircraft, monkeypatch):
     for table in ("air_data", "gps"):
         del craft.instruments[table]["delay"]
     record = flown(0, duration=4.0)[0]
-    setup = assemble(record, craft, instruments(craft.instruments), [(0.0, 4.0)], 50.0, None)
+    setup = assemble_problem(
+        record, craft, parse_instruments(craft.instruments), [(0.0, 4.0)], 50.0, None
+    )
     monkeypatch.setattr(trajectory, "NormalEquations", TakenDown)
     return trajectory.linearise(setup.problem, setup.x, setup.c)
 

@@ -18,11 +18,11 @@ from flightmech.simulation.driven_path import (
     Vanes,
 )
 from flightmech.simulation.normal_sums import NormalSums
-from flighttest.reconstruction.dynamics.kinematics import earth
-from flighttest.reconstruction.problem.assembly import assemble
+from flighttest.reconstruction.dynamics.kinematics import earth_rotation
+from flighttest.reconstruction.problem.assembly import assemble_problem
 from flighttest.reconstruction.problem.normal_equations import NormalEquations
-from flighttest.reconstruction.problem.trajectory import estimate, linearise, with_gusts
-from flighttest.records.sensors.instruments import instruments
+from flighttest.reconstruction.problem.trajectory import estimate_trajectory, linearise, with_gusts
+from flighttest.records.sensors.instruments import parse_instruments
 
 
 def test_solution_of_a_small_system():
@@ -75,7 +75,9 @@ def test_undetermined_state_is_an_error():
 @pytest.fixture(scope="module")
 def setup(flown, aircraft):
     record, _, _ = flown(0, duration=3.0)
-    return assemble(record, aircraft, instruments(aircraft.instruments), [(0.0, 3.0)], 50.0, None)
+    return assemble_problem(
+        record, aircraft, parse_instruments(aircraft.instruments), [(0.0, 3.0)], 50.0, None
+    )
 
 
 @pytest.mark.parametrize("air", ["calm", "gusts", "shown"])
@@ -84,7 +86,7 @@ def test_gradient_of_the_whole_cost(setup, air):
     problem, x = setup.problem, setup.x
     if air != "calm":
         problem, x = with_gusts(problem, x, np.array([0.3, 0.4, 0.5]), 100.0, shown=air == "shown")
-    solution = estimate(
+    solution = estimate_trajectory(
         problem,
         x,
         setup.c,
@@ -124,7 +126,10 @@ def test_gradient_of_the_whole_cost(setup, air):
 def test_held_constants_keep_their_prior_and_pass_it_on(setup):
     problem = setup.problem
     held = ("factor.alpha_vane",)
-    free, kept = estimate(problem, setup.x, setup.c), estimate(problem, setup.x, setup.c, held=held)
+    free, kept = (
+        estimate_trajectory(problem, setup.x, setup.c),
+        estimate_trajectory(problem, setup.x, setup.c, held=held),
+    )
     names = problem.constants.names
     at, offset = names.index("factor.alpha_vane"), names.index("bias.alpha_vane")
     assert kept.c[at] == setup.c[at]
@@ -157,7 +162,7 @@ def test_equations_written_over_are_those_of_new_memory(setup):
 @pytest.mark.parametrize("vanes", [0, 2])
 def test_steps_of_a_path_are_those_written_out(vanes, gusts):
     rng = np.random.default_rng(8)
-    around = Surroundings(9.81, 3e-6, 700.0, *earth(0.9), np.array([5e-5, 0.0, -4e-5]))
+    around = Surroundings(9.81, 3e-6, 700.0, *earth_rotation(0.9), np.array([5e-5, 0.0, -4e-5]))
     n, inputs = 10 + vanes, [SCALE + 1, BIAS, WIND + 2, SCALE + 5, LAG, BIAS + 4, WIND, BIAS + 2]
     x = rng.normal(
         [0.2, 0.1, 2.0, 60.0, -30.0, 2.0, 800.0], [0.5, 0.5, 2.0, 5.0, 5.0, 5.0, 90.0], (40, 7)

@@ -7,10 +7,10 @@ import copy
 import numpy as np
 import pytest
 
-from flighttest.reconstruction.batch.unknowns import path_of, path_sensitivities, segments
-from flighttest.reconstruction.problem.assembly import assemble
+from flighttest.reconstruction.batch.unknowns import path_of, path_sensitivities, window_slices
+from flighttest.reconstruction.problem.assembly import assemble_problem
 from flighttest.reconstruction.problem.trajectory import SCALES
-from flighttest.records.sensors.instruments import instruments
+from flighttest.records.sensors.instruments import parse_instruments
 
 
 @pytest.fixture(scope="module")
@@ -18,8 +18,8 @@ def setup(flown, aircraft):
     craft = copy.deepcopy(aircraft)
     craft.instruments["imu"]["scale_sigma"] = {name.split(".")[1]: 1e-3 for name in SCALES}
     record = flown(0, duration=20.0)[0]
-    return assemble(
-        record, craft, instruments(craft.instruments), [(0.0, 9.0), (10.0, 20.0)], 50.0, None
+    return assemble_problem(
+        record, craft, parse_instruments(craft.instruments), [(0.0, 9.0), (10.0, 20.0)], 50.0, None
     )
 
 
@@ -29,7 +29,9 @@ def starts_of(setup):
 
 def test_error_free_inputs_lead_to_the_true_path(flown, aircraft):
     record, error, truth = flown(0, noise=0.0)
-    setup = assemble(record, aircraft, instruments(aircraft.instruments), [(0.0, 40.0)], 50.0, None)
+    setup = assemble_problem(
+        record, aircraft, parse_instruments(aircraft.instruments), [(0.0, 40.0)], 50.0, None
+    )
     c = np.array(
         [
             error.get(name, value)
@@ -77,7 +79,7 @@ def test_sensitivities_are_those_of_the_path(setup):
 
 
 def test_segments_begin_where_the_windows_do(setup):
-    parts = segments(setup.problem)
+    parts = window_slices(setup.problem)
     assert [setup.problem.time[part][[0, -1]].tolist() for part in parts] == [
         [0.0, 9.0],
         [10.0, 20.0],

@@ -10,10 +10,10 @@ from scipy.signal import lfilter
 import flighttest
 from flightmech.errors import IdentificationError, OutOfRange, SchemaError
 from flighttest.reconstruction import smoother
-from flighttest.reconstruction.path_quantities import motion, state_errors
-from flighttest.reconstruction.problem.problem import PER_RUN, identifiability
-from flighttest.reconstruction.problem.trajectory import estimate, step_trajectory
-from flighttest.reconstruction.smoother import has_gusts, solve
+from flighttest.reconstruction.path_quantities import motion_quantities, state_errors
+from flighttest.reconstruction.problem.problem import PER_RUN, identifiability_remarks
+from flighttest.reconstruction.problem.trajectory import estimate_trajectory, step_trajectory
+from flighttest.reconstruction.smoother import has_gusts, solve_record
 from flighttest.records.signals.delays import lag_weights
 
 ERROR_FREE = {"V": 0.05, "alpha": 0.0012, "beta": 0.0012, "theta": 0.0008, "h": 0.6}  # m/s, rad, m
@@ -57,19 +57,19 @@ def test_errors_of_the_states_are_what_the_path_does_when_a_constant_is_wrong(fl
     error away.
     """
     record = flown(0, duration=12.0)[0]
-    setup, solution = solve(record, aircraft)
+    setup, solution = solve_record(record, aircraft)
     errors = state_errors(record, aircraft, setup, solution)
     names = setup.problem.constants.names
     labels = [str(label) for label in errors["error"].values]
-    nominal = motion(record, aircraft, setup, solution.x, solution.c)
+    nominal = motion_quantities(record, aircraft, setup, solution.x, solution.c)
     order = [names.index(label.split(" of ")[0]) for label in labels]
     assert [" of " in label for label in labels] == [names[i] in PER_RUN for i in order]
     L = np.linalg.cholesky(solution.covariance[np.ix_(order, order)])
     for label in ("bias.ax_imu", "factor.alpha_vane", labels[-1]):
         dc = np.zeros(len(names))
         dc[order] = L[:, labels.index(label)]
-        other = estimate(setup.problem, solution.x, solution.c + dc, held=names)
-        changed = motion(record, aircraft, setup, other.x, other.c)
+        other = estimate_trajectory(setup.problem, solution.x, solution.c + dc, held=names)
+        changed = motion_quantities(record, aircraft, setup, other.x, other.c)
         for name in ("alpha", "qbar", "ax"):
             wanted = changed[name] - nominal[name]
             # to first order, and in single precision: 2 % of the largest change of the state by any
@@ -104,7 +104,7 @@ def test_residuals_are_the_noise_of_the_sensors(calm):
 
 
 def test_confused_constants_are_reported(calm):
-    words = identifiability(calm[0].biases)
+    words = identifiability_remarks(calm[0].biases)
     assert any("bias.ax_imu and bias.theta cannot be distinguished" in text for text in words)
     assert "bias.ax_imu and bias.theta" in calm[0].report()
 
@@ -376,10 +376,10 @@ def test_gusts_are_distinguished_from_noise_by_what_lasts():
 def test_what_has_not_settled_is_named(flown, aircraft, monkeypatch):
     """A single iteration and no more: the constants that still move are reported with how far."""
     monkeypatch.setattr(smoother, "CALM_STEPS", 1)
-    whole = smoother.estimate
+    whole = smoother.estimate_trajectory
     monkeypatch.setattr(
         smoother,
-        "estimate",
+        "estimate_trajectory",
         lambda problem, x, c, iterations=1, held=(), known=None: whole(problem, x, c, 1, held),
     )
     with pytest.raises(

@@ -9,7 +9,13 @@ import xarray as xr
 
 import flighttest
 from flightmech.errors import ParseError, SchemaError, UnknownName
-from flighttest.records.record import channels, faults, locate, manoeuvres, overview
+from flighttest.records.record import (
+    channel_leaves,
+    faults,
+    find_channel_leaf,
+    manoeuvres,
+    overview,
+)
 
 CSV = "time,alpha,flap\ns,deg,-\n0.0,1.0,0\n0.1,2.0,0.5\n0.2,3.0,1\n0.3,4.0,1\n"
 NAMES = '[air]\nalpha = "alpha"\n[controls]\ndelta_f = { column = "flap", scale = "40 deg" }\n'
@@ -45,7 +51,7 @@ def leaf(time, **columns):
 @pytest.mark.parametrize("name", ["flight.csv", "flight.csv.gz"])
 def test_csv_with_units_in_the_second_line(tmp_path, names, name):
     record = flighttest.read(csv(tmp_path, CSV, name), names)
-    assert channels(record) == {"alpha": "air", "delta_f": "controls"}
+    assert channel_leaves(record) == {"alpha": "air", "delta_f": "controls"}
     np.testing.assert_allclose(np.degrees(record["air/alpha"].values), [1, 2, 3, 4])
     np.testing.assert_allclose(np.degrees(record["controls/delta_f"].values), [0, 20, 40, 40])
     assert record["controls/delta_f"].attrs["calibration"] == "40 deg * flap"
@@ -95,8 +101,8 @@ def test_netcdf_leaves_keep_their_clocks(tmp_path):
         title="two clocks",
     )
     record = flighttest.read(file)
-    assert locate(record, "V") == "b"
-    assert locate(record, "theta") is None
+    assert find_channel_leaf(record, "V") == "b"
+    assert find_channel_leaf(record, "theta") is None
     np.testing.assert_allclose(record["b/V"].values, np.array([10, 20]) * 1852 / 3600)
     assert record["a"].attrs["rate"] == 1.0
     assert record.attrs["title"] == "two clocks"

@@ -19,7 +19,7 @@ import flighttest
 from aerodb.cli.group import db
 from flightmech.errors import ParseError, SchemaError
 from flighttest.cli.group import flight
-from flighttest.records.files import save, save_record
+from flighttest.records.files import save_dataset, save_record
 from flighttest.records.record import as_tree
 from flighttest.records.stored_overview import OVERVIEW, stored_overview
 
@@ -390,7 +390,7 @@ def test_a_file_with_bytes_of_another_program_behind_its_content_is_read(file):
 @pytest.mark.slow
 def test_a_manoeuvre_that_was_cut_carries_one(tmp_path):
     record = flighttest.read(*(ROOT / part for part in REAL["multisine"]))
-    save(flighttest.cut(record, 10.0, 12.0, 50.0), tmp_path / "cut.nc")
+    save_dataset(flighttest.cut(record, 10.0, 12.0, 50.0), tmp_path / "cut.nc")
     channels = [
         row["channel"] for row in stored_overview(tmp_path / "cut.nc", "listing")["channels"]
     ]
@@ -433,7 +433,7 @@ def test_an_unfinished_record_never_takes_the_name(file, monkeypatch):
     def broken(*_):
         raise OSError("no space left on device")
 
-    monkeypatch.setattr("flighttest.records.files.seal", broken)
+    monkeypatch.setattr("flighttest.records.files.write_seal", broken)
     with pytest.raises(OSError, match="no space left"):
         save_record(as_tree(flighttest.records.reading.read_arrays(file)), file)
     assert file.read_bytes() == before

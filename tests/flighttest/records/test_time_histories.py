@@ -11,7 +11,7 @@ import xarray as xr
 from click.testing import CliRunner
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
-from flightmech.names import attrs
+from flightmech.names import quantity_attributes
 from flightmech.units import DEGREE
 from flighttest.cli.group import flight
 from flighttest.records.files import save_record
@@ -40,10 +40,10 @@ MARKS = pd.DataFrame(
 
 
 def leaf(time: np.ndarray, **columns: np.ndarray) -> xr.Dataset:
-    data = {name: ("time", values, attrs(name)) for name, values in columns.items()}
+    data = {name: ("time", values, quantity_attributes(name)) for name, values in columns.items()}
     return xr.Dataset(
         data,
-        {"time": ("time", time, attrs("time"))},
+        {"time": ("time", time, quantity_attributes("time"))},
         {"rate": 1.0 / (time[1] - time[0]), "flags": "[]"},
     )
 

@@ -19,9 +19,9 @@ from flightmech.errors import (
     UnknownName,
 )
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.regression.expressions import Pieces, Scope, parse, parse_terms
+from flighttest.regression.expressions import Pieces, Scope, parse_expression, parse_terms
 from flighttest.regression.separable.fit import regress_separable
-from flighttest.regression.separable.projection import LinearBlock, project
+from flighttest.regression.separable.projection import LinearBlock, project_blocks
 from flighttest.regression.separable_model import SeparableModel, ShapeParameter
 
 T = np.arange(400) * 0.05
@@ -49,8 +49,8 @@ QUANTITIES = {
     ],
 )
 def test_each_expression_has_one_spelling_that_reads_back(text, spelling):
-    assert str(parse(text)) == spelling
-    assert parse(spelling) == parse(str(parse(text)))
+    assert str(parse_expression(text)) == spelling
+    assert parse_expression(spelling) == parse_expression(str(parse_expression(text)))
 
 
 @pytest.mark.parametrize(
@@ -69,7 +69,7 @@ def test_each_expression_has_one_spelling_that_reads_back(text, spelling):
 )
 def test_what_is_no_expression_is_refused(text, error, words):
     with pytest.raises(error, match=words):
-        parse(text)
+        parse_expression(text)
 
 
 def test_a_term_that_is_subtracted_is_refused():
@@ -92,11 +92,11 @@ def test_a_term_that_is_subtracted_is_refused():
 def test_derivatives_are_exact(text):
     """Against central differences, whose own error is about 1e-9 here."""
     at = {"s": -1.3, "g": 0.7}
-    found = parse(text).at(Scope(QUANTITIES, at, WHOLE))
+    found = parse_expression(text).at(Scope(QUANTITIES, at, WHOLE))
     for name in found.by:
         step = 1e-5
         up, down = (
-            parse(text).at(Scope(QUANTITIES, {**at, name: at[name] + d}, WHOLE)).value
+            parse_expression(text).at(Scope(QUANTITIES, {**at, name: at[name] + d}, WHOLE)).value
             for d in (step, -step)
         )
         np.testing.assert_allclose(
@@ -113,7 +113,7 @@ def test_a_lag_answers_a_ramp_exactly_and_starts_anew_after_a_gap():
     """
     tau, t = 0.4, T[:150]
     x = np.concatenate([2.0 + 0.3 * T[:250], -1.0 + 0.5 * t])
-    y = parse("lag(x, tau)").at(Scope({"x": x}, {"tau": tau}, WHOLE)).value
+    y = parse_expression("lag(x, tau)").at(Scope({"x": x}, {"tau": tau}, WHOLE)).value
     np.testing.assert_allclose(
         y[:250], 2.0 + 0.3 * (T[:250] - tau + tau * np.exp(-T[:250] / tau)), rtol=1e-12
     )
@@ -133,7 +133,7 @@ def test_a_lag_answers_a_ramp_exactly_and_starts_anew_after_a_gap():
 )
 def test_values_without_a_result_are_reported(text, words):
     with pytest.raises(OutOfRange, match=words):
-        parse(text).at(Scope(QUANTITIES, {"s": -1.0}, WHOLE))
+        parse_expression(text).at(Scope(QUANTITIES, {"s": -1.0}, WHOLE))
 
 
 def test_the_projection_has_its_exact_derivative():
@@ -148,7 +148,7 @@ def test_the_projection_has_its_exact_derivative():
 
     def at(s):
         A, slopes = model.design(data, dict(zip(("s", "g"), s)))
-        return project(
+        return project_blocks(
             [LinearBlock(z, A, [(("s", "g").index(name), j, v) for name, j, v in slopes])], 2
         )
 
@@ -229,7 +229,7 @@ def spool(tau: float, n: int = 1200) -> xr.Dataset:
     rng = np.random.default_rng(4)
     throttle = np.repeat(rng.uniform(0.3, 1.0, 12), n // 12)
     lagged = (
-        parse("lag(u, tau)")
+        parse_expression("lag(u, tau)")
         .at(Scope({"u": throttle}, {"tau": tau}, Pieces([slice(0, n)], [0.02])))
         .value
     )

@@ -4,7 +4,7 @@ import xarray as xr
 
 import flighttest
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
-from flighttest.records.signals.conditioning import is_control, lowpass, resample, to_grid
+from flighttest.records.signals.conditioning import is_control, lowpass, resample, resample_to_grid
 
 
 def record(rate=50.0, stop=10.0, gap=None):
@@ -72,7 +72,7 @@ def test_rate_reduction_does_not_fold_down():
         2 * np.pi * 9.0 * t
     )  # 9 Hz would show as 1 Hz at 10 samples per second
     grid = np.arange(0, 40, 0.1)
-    y = to_grid(t, x, grid, "q")
+    y = resample_to_grid(t, x, grid, "q")
     assert np.abs(y - np.sin(2 * np.pi * 0.3 * grid))[20:-20].max() < 0.01
 
 

@@ -2,7 +2,12 @@ import numpy as np
 import pytest
 
 from flightmech.errors import IdentificationError
-from flighttest.records.signals.fourier import adjoint, detrended, finite_fourier, harmonics
+from flighttest.records.signals.fourier import (
+    adjoint_fourier,
+    finite_fourier,
+    harmonics,
+    remove_straight_line,
+)
 
 STEP, T = 0.02, 10.0
 TIME = np.arange(0.0, T + STEP / 2, STEP)
@@ -55,15 +60,17 @@ def test_the_adjoint_is_that_of_the_matrix():
     f = np.linspace(0.1, 3.0, 7)
     F = finite_fourier(np.eye(60), STEP, f)
     values = np.random.default_rng(0).normal(size=(7, 2, 2)) @ np.array([1.0, 1j])
-    np.testing.assert_allclose(adjoint(values, STEP, f, 60), (F.conj().T @ values).real, atol=1e-14)
+    np.testing.assert_allclose(
+        adjoint_fourier(values, STEP, f, 60), (F.conj().T @ values).real, atol=1e-14
+    )
 
 
 def test_detrending_takes_out_the_line_and_nothing_else():
     line = 3.0 - 0.2 * TIME
-    assert abs(detrended(line)).max() < 1e-13
-    once = detrended(decaying(TIME) + line)
-    np.testing.assert_allclose(detrended(once), once, atol=1e-13)
-    np.testing.assert_allclose(once, detrended(decaying(TIME)), atol=1e-13)
+    assert abs(remove_straight_line(line)).max() < 1e-13
+    once = remove_straight_line(decaying(TIME) + line)
+    np.testing.assert_allclose(remove_straight_line(once), once, atol=1e-13)
+    np.testing.assert_allclose(once, remove_straight_line(decaying(TIME)), atol=1e-13)
 
 
 def test_bands_that_cannot_be_worked_in_are_refused():

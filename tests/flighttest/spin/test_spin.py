@@ -347,7 +347,7 @@ def test_a_product_in_a_database_is_the_polynomial(cz150):
     db = polynomial_database({**others, "Cm": (model, values)}, cz150)
     conditions = {"alpha": 0.2, "beta": -0.1, "phat": 0.3, "delta_e": 0.25, "delta_a": -0.2}
     total = sum(
-        float(flightmech.terms.evaluate(leaf.to_dataset(), conditions))
+        float(flightmech.terms.evaluate_term(leaf.to_dataset(), conditions))
         for leaf in db["Cm"].children.values()
     )
     assert total == pytest.approx(

@@ -15,7 +15,7 @@ from flighttest.regression.equation_error.frequency_domain import regress_freque
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.search import select_orthogonal
-from flighttest.regression.uncertainty.significance import degrees_of_freedom, whiteness
+from flighttest.regression.uncertainty.significance import degrees_of_freedom, residual_whiteness
 from flighttest.remarks import Remark, is_forbidden
 
 
@@ -243,7 +243,7 @@ def test_only_a_constant_has_no_f_test():
 def test_whiteness_against_the_definition():
     rng = np.random.default_rng(9)
     v = coloured_noise(rng, 1000)
-    found = whiteness(v, [slice(0, 600), slice(600, 1000)], [STEP, STEP])
+    found = residual_whiteness(v, [slice(0, 600), slice(600, 1000)], [STEP, STEP])
     parts = [v[:600] - v[:600].mean(), v[600:] - v[600:].mean()]
     power = sum(x @ x for x in parts)
     rho = [sum(x[: len(x) - k] @ x[k:] for x in parts) / power for k in range(21)]
@@ -253,7 +253,7 @@ def test_whiteness_against_the_definition():
     assert found["correlation_time"] == pytest.approx(0.3, abs=0.15)
     assert found["portmanteau_probability"] < 1e-10
     levels = [
-        whiteness(rng.normal(size=500), [slice(0, 500)], [STEP])["portmanteau_probability"]
+        residual_whiteness(rng.normal(size=500), [slice(0, 500)], [STEP])["portmanteau_probability"]
         for _ in range(200)
     ]
     assert np.mean(np.array(levels) < 0.05) < 0.1

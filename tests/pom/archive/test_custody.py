@@ -9,13 +9,13 @@ import pytest
 
 from flightmech.errors import SchemaError
 from pom.archive.archive import Custody
-from pom.archive.origins import sha256
+from pom.archive.origins import file_sha256
 from pom.cases.case import read_case
 from pom.fmu import process
 from pom.fmu.run_cache import RunCache
 from pom.fmu.simulate import Models
 from pom.replaying import batch
-from pom.replaying.replay_case import perform, plan_of
+from pom.replaying.replay_case import perform_plan, plan_of
 
 
 def swapped(file, other):
@@ -34,7 +34,7 @@ def test_the_first_hash_counts_and_a_swap_is_found_even_when_it_is_taken_back(tm
     custody = Custody()
     custody.take([file])
     custody.check()
-    first = sha256(file)
+    first = file_sha256(file)
     swapped(file, b"forged")
     assert custody.sha256(file) == first
     swapped(file, b"flight")
@@ -61,7 +61,9 @@ def test_an_fmu_that_changed_after_it_was_read_flies_for_nothing(
 
     monkeypatch.setattr(process.Child, "run", swap_first)
     case = read_case(write_case(more="trim = false"))
-    result = perform(plan_of(case, lag_states), Models({"toy": own}).of(case), 60.0, RunCache(kept))
+    result = perform_plan(
+        plan_of(case, lag_states), Models({"toy": own}).of(case), 60.0, RunCache(kept)
+    )
     assert result.status("toy") == "invalid"
     assert result.failure == "toy: own.fmu changed after it was read; run the batch again"
     assert not list(kept.rglob("*.npy"))  # what flew is kept under no hash
@@ -73,13 +75,13 @@ def test_a_record_that_changed_while_the_batch_ran_is_refused_before_anything_is
 ):
     case = write_case(more="trim = false")
     lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
-    perform = batch.perform
+    perform = batch.perform_plan
 
     def later(*arguments):
         (tmp_path / "record.nc").touch()
         return perform(*arguments)
 
-    monkeypatch.setattr(batch, "perform", later)
+    monkeypatch.setattr(batch, "perform_plan", later)
     done = aeromatch(
         "pom", "run", case, "--model", f"toy={toy()}", "-o", tmp_path / "report", "--no-pdf"
     )

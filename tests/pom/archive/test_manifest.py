@@ -118,8 +118,8 @@ def rehash(folder, name):
     statement = json.loads(path.read_text(encoding="utf-8"))
     for item in statement["subject"]:
         if item["name"] == name:
-            item["digest"]["sha256"] = pom.archive.origins.sha256(folder / "report" / name)
-    path.write_text(manifest.text_of(statement), encoding="utf-8")
+            item["digest"]["sha256"] = pom.archive.origins.file_sha256(folder / "report" / name)
+    path.write_text(manifest.statement_text(statement), encoding="utf-8")
 
 
 def test_changed_samples_are_judged_again(made):
@@ -190,7 +190,7 @@ def test_what_the_manifest_states_is_compared_with_the_results(made, place, name
     for key in place[:-1]:
         item = item[key]
     item[place[-1]] = "Other" if isinstance(item[place[-1]], str) else 7.5
-    path.write_text(manifest.text_of(statement), encoding="utf-8")
+    path.write_text(manifest.statement_text(statement), encoding="utf-8")
     assert detail in changed(made)["statement", name].detail
 
 
@@ -198,7 +198,7 @@ def test_versions_and_hashes_of_the_manifest_are_compared(made):
     path = made / "report" / manifest.NAME
     statement = json.loads(path.read_text(encoding="utf-8"))
     statement["predicate"]["runDetails"]["builder"]["version"]["numpy"] = "0.1"
-    path.write_text(manifest.text_of(statement), encoding="utf-8")
+    path.write_text(manifest.statement_text(statement), encoding="utf-8")
     assert 'manifest "0.1"' in changed(made)["statement", "manifest: versions"].detail
 
 
@@ -284,7 +284,7 @@ def test_verify_on_the_command_line(aeromatch, made):
     )
     assert (
         sign == f"SHA-256 of manifest.json, to be signed: "
-        f"{pom.archive.origins.sha256(made / 'report' / manifest.NAME)}"
+        f"{pom.archive.origins.file_sha256(made / 'report' / manifest.NAME)}"
     )
     assert not_covered == "not covered: who wrote the report, and page and PDF but for their hashes"
     (made / "case.toml").write_text("else")

@@ -8,7 +8,7 @@ import pytest
 
 import pom
 from pom.archive import origins as manifest
-from pom.archive.origins import sha256
+from pom.archive.origins import file_sha256
 from pom.cases.case import read_case
 from pom.replaying.replay_case import replay
 
@@ -115,9 +115,9 @@ def edited(folder, name, place):
         path = folder / "report" / manifest.NAME
         statement = json.loads(path.read_text(encoding="utf-8"))
         next(item for item in statement["subject"] if item["name"] == name)["digest"]["sha256"] = (
-            sha256(folder / "report" / name)
+            file_sha256(folder / "report" / name)
         )
-        path.write_text(manifest.text_of(statement), encoding="utf-8")
+        path.write_text(manifest.statement_text(statement), encoding="utf-8")
 
 
 @pytest.mark.slow

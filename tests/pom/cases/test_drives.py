@@ -14,7 +14,7 @@ from flightmech import terms
 from pom.cases.case import driven_quantities, read_case
 from pom.cases.pilot import PilotLoop
 from pom.cases.reference_states import flight_states, recorded_states
-from pom.replaying.kernel_replay import fly
+from pom.replaying.kernel_replay import replay_choices
 from pom.replaying.replay_case import plan_of, replay
 from pom.replaying.run_remarks import pilot_activity
 
@@ -54,7 +54,7 @@ def short_period(trainer, tmp_path_factory):
     place = tmp_path_factory.mktemp("drives") / "model.fmu"
     flightmech.write_fmu(sim, place)
     states = flight_states(case, recorded_states(case))
-    outputs, failures = fly(sim, plan_of(case, states).job)
+    outputs, failures = replay_choices(sim, plan_of(case, states).job)
     assert failures == [""]
     return (
         case,
@@ -156,7 +156,7 @@ def test_a_math_pilot_holds_the_wings_and_leaves_the_pitch_alone(write_case, tra
     assert float(np.abs(difference).max()) == pytest.approx(
         abs(row["largest"] + bias), rel=0.02
     )  # what the aileron did, trim and all
-    direct, _ = fly(
+    direct, _ = replay_choices(
         sim, plan_of(held, truth).job, channels=["phi"]
     )  # the same loops around the kernel itself
     assert (

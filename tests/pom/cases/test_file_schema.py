@@ -7,7 +7,7 @@ import jsonschema
 import pytest
 
 from flightmech.errors import SchemaError
-from flightmech.support.input_files import load
+from flightmech.support.input_files import read_toml
 from pom.cases.case import read_case
 from pom.cases.case_file import CaseFile, CaseTable, DriveTable, LoopTable, case_schema
 
@@ -45,7 +45,7 @@ def test_an_editor_knows_the_words_of_the_tolerance_table():
 
 @pytest.mark.parametrize("file", sorted(T37.rglob("*.toml")), ids=lambda file: file.stem)
 def test_shipped_cases_fit(file):
-    jsonschema.validate(json.loads(json.dumps(load(file))), case_schema())
+    jsonschema.validate(json.loads(json.dumps(read_toml(file))), case_schema())
 
 
 @pytest.mark.parametrize(
@@ -67,4 +67,4 @@ def test_schema_and_reader_refuse_the_same_mistakes(write_case, case, more):
     with pytest.raises(SchemaError):
         read_case(path)
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(load(path), case_schema())
+        jsonschema.validate(read_toml(path), case_schema())

@@ -6,7 +6,7 @@ import pytest
 from flightmech.errors import SchemaError
 from pom.cases.case import PomCase, driven_quantities, read_case
 from pom.cases.pilot import Pilot, PilotLoop, shortest_error
-from pom.replaying.run_remarks import activity
+from pom.replaying.run_remarks import pilot_activity_rows
 
 STEP = 0.01
 TIME = np.arange(0.0, 10.0 + STEP / 2, STEP)
@@ -101,7 +101,9 @@ def test_activity_holds_size_share_at_the_limit_and_what_was_held():
     flown = {"phi": np.where(TIME < 2.0, -0.3, 0.1), "p": np.zeros(TIME.size)}
     moved = {"delta_a": np.where(TIME < 2.0, -0.1, 0.05)}
     moved["delta_a"][-1] = np.nan  # the run ended there
-    (row,) = activity("final", loops, TIME, moved, dict.fromkeys(flown, np.zeros(TIME.size)), flown)
+    (row,) = pilot_activity_rows(
+        "final", loops, TIME, moved, dict.fromkeys(flown, np.zeros(TIME.size)), flown
+    )
     assert (row["run"], row["control"], row["largest"], row["at"]) == (
         "final",
         "delta_a",

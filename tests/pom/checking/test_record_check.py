@@ -25,7 +25,7 @@ from pom.checking.case_check import (
 )
 from pom.report import exports
 from pom.report.writer import write_report
-from pom.result import notices, status_text
+from pom.result import run_notices, status_text
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture
@@ -56,7 +56,9 @@ def test_a_pass_on_a_faulty_record_has_a_status_of_its_own(passed):
     assert made.status("final") == "record_error"
     assert not made.passed("final")
     assert status_text("record_error") == "RECORD"
-    assert notices(made, "final")[0] == f"error of the flight record: sign:delta_a+p: {SIGN.text}"
+    assert (
+        run_notices(made, "final")[0] == f"error of the flight record: sign:delta_a+p: {SIGN.text}"
+    )
     assert made.status("datcom") == passed.status("datcom") == "fail"  # a failure stays one
 
 
@@ -105,7 +107,9 @@ def test_a_report_of_sound_records_has_no_column_for_it(passed, tmp_path):
 
 
 def test_junit_has_a_failed_test(passed):
-    suite = ElementTree.fromstring(exports.junit([on_record(passed, SIGN)], "x").split("\n", 1)[1])
+    suite = ElementTree.fromstring(
+        exports.junit_xml([on_record(passed, SIGN)], "x").split("\n", 1)[1]
+    )
     tests = suite.findall("testsuite/testcase[@name='flight record without errors']")
     assert {test.get("classname").rpartition(".")[2] for test in tests} == set(passed.runs)
     assert all("wrong sign" in test.find("failure").get("message") for test in tests)

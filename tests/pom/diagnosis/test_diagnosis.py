@@ -19,7 +19,7 @@ from pom.cases.reference_states import flight_states
 from pom.diagnosis import joint_correction
 from pom.diagnosis.swap_runs import SwapBench
 from pom.diagnosis.term_swaps import differing_terms, swap_terms
-from pom.replaying.kernel_replay import fly
+from pom.replaying.kernel_replay import replay_choices
 from pom.report.models.diagnosis import cause_sentences
 
 PULSE = {"delta_e": [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)]}
@@ -80,7 +80,7 @@ def test_a_swap_by_scales_is_the_swap_of_the_database(case, truth, trainer):
     prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.9)
     table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth).set_index(["stage", "term"])
     job = job_of(case, flight_states(case, truth))
-    outputs, _ = fly(
+    outputs, _ = replay_choices(
         flightmech.compile(trainer.AIRCRAFT, swap_terms(prior, final, ["CL/basic"])), job
     )
     error = outputs["q"][0] - flight_states(case, truth)["q"].values
@@ -339,7 +339,7 @@ def test_groups_are_swapped_as_a_whole(write_case, trainer):
     assert set(rows.index) == {"CL/*", "Cm/*", "*(gear)", "pitch damping and gear"}
     assert rows.loc["pitch damping and gear", "explained"] == pytest.approx(1.0)
     job = job_of(read_case(write_case()), flight_states(read_case(write_case()), truth))
-    outputs, _ = fly(
+    outputs, _ = replay_choices(
         flightmech.compile(trainer.AIRCRAFT, swap_terms(prior, final, ["CL/gear", "Cm/gear"])), job
     )
     flown = flight_states(read_case(write_case()), truth)["q"].values

@@ -12,12 +12,12 @@ import pom.cli.group
 import pom.cli.report
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from pom.cases.case import read_case
-from pom.cases.drafting.draft import case_text, draft_case, init_case, recorded_channels
+from pom.cases.drafting.draft import draft_case, draft_text, init_case, recorded_channels
 from pom.cases.drafting.event_detection import (
     Recorded,
     RecordedManoeuvre,
     find_events,
-    movement,
+    find_movement,
     on_ground,
     quiet_instant,
 )
@@ -50,23 +50,25 @@ PULSE = [(10.0, 0.0), (10.1, -0.05), (12.0, -0.05), (12.1, 0.0)]
 
 
 def test_a_movement_starts_and_ends_where_the_control_does():
-    found = movement(recorded(delta_e=PULSE), ["delta_a", "delta_e"], (0.0, 40.0))
+    found = find_movement(recorded(delta_e=PULSE), ["delta_a", "delta_e"], (0.0, 40.0))
     assert found.channel == "delta_e"  # noise of the aileron is no movement
     assert found.start == pytest.approx(10.0, abs=0.04)
     assert found.end == pytest.approx(12.1, abs=0.04)
-    assert movement(recorded(), ["delta_e"], (0.0, 40.0)) is None
+    assert find_movement(recorded(), ["delta_e"], (0.0, 40.0)) is None
 
 
 def test_a_control_that_floats_after_its_release_is_at_rest():
     float_of_12_percent = [(18.0, 0.006), (24.0, -0.006), (30.0, 0.006), (36.0, 0.0)]
-    found = movement(recorded(delta_e=[*PULSE, *float_of_12_percent]), ["delta_e"], (0.0, 40.0))
+    found = find_movement(
+        recorded(delta_e=[*PULSE, *float_of_12_percent]), ["delta_e"], (0.0, 40.0)
+    )
     assert found.end == pytest.approx(12.1, abs=0.05)
 
 
 def test_of_two_kinds_of_control_the_one_that_moves_most():
     small = [(5.0, 0.0), (5.1, 0.002), (6.0, 0.0)]
     assert (
-        movement(
+        find_movement(
             recorded(delta_r=small, delta_a=PULSE), ["delta_r", "delta_a"], (0.0, 40.0)
         ).channel
         == "delta_a"
@@ -88,7 +90,7 @@ def test_events_of_a_takeoff_and_a_landing():
         "wow_right": [(21.0, 1.0), (21.02, 0.0)],
     }
     channels |= {"h_agl": [(20.0, 0.0), (40.0, 100.0)], "delta_e": [(15.0, 0.0), (16.0, -0.1)]}
-    up = find_events(rows.events(), "1.b.4", recorded(**channels), (0.0, 40.0), (0.0, 40.0))
+    up = find_events(rows.window_events(), "1.b.4", recorded(**channels), (0.0, 40.0), (0.0, 40.0))
     assert up["brake_release"] == pytest.approx(5.2, abs=0.05)
     assert up["main_gear_liftoff"] == pytest.approx(21.02, abs=0.03)  # the last wheel
     assert up["200ft_agl"] == pytest.approx(20.0 + 60.96 / 5.0, abs=0.05)
@@ -99,7 +101,7 @@ def test_events_of_a_takeoff_and_a_landing():
         "h_agl": [(0.0, 100.0), (20.0, 0.0)],
     }
     down |= {"vn": [(20.0, 50.0), (30.0, 0.0)], "ve": [0.0]}
-    found = find_events(rows.events(), "2.e.3", recorded(**down), (0.0, 40.0), (0.0, 40.0))
+    found = find_events(rows.window_events(), "2.e.3", recorded(**down), (0.0, 40.0), (0.0, 40.0))
     assert found["touchdown"] == pytest.approx(20.02, abs=0.03)
     assert found["nosewheel_touchdown"] == pytest.approx(23.02, abs=0.03)
     assert found["200ft_agl"] == pytest.approx((100.0 - 60.96) / 5.0, abs=0.05)
@@ -139,19 +141,19 @@ def test_of_several_manoeuvres_the_first_is_taken_and_the_others_are_reported():
         RecordedManoeuvre(9.5, 20.0, "elevator", "pulse"),
         RecordedManoeuvre(25.0, 35.0, "elevator", "pulse"),
     ]
-    draft = draft_case(rows.rows_of("2.c.9"), recorded(manoeuvres, delta_e=PULSE))
+    draft = draft_case(rows.rows_of_test("2.c.9"), recorded(manoeuvres, delta_e=PULSE))
     assert draft.events["input_end"] == (pytest.approx(12.1, abs=0.04), True)
     assert draft.case["window"] == [pytest.approx(9.0, abs=0.11), 20.0]
     assert "--window chooses another: 25 ... 35 s" in draft.remarks[0]
 
 
 def test_what_the_record_does_not_show_is_reported(tmp_path):
-    draft = draft_case(rows.rows_of("1.b.8"), recorded())
+    draft = draft_case(rows.rows_of_test("1.b.8"), recorded())
     assert any(
         text.startswith("engine_failure was not found in the record") for text in draft.remarks
     )
     (tmp_path / "record.nc").touch()
-    (tmp_path / "case.toml").write_text(case_text(draft_with(draft), ()))
+    (tmp_path / "case.toml").write_text(draft_text(draft_with(draft), ()))
     assert "engine_failure = " in (tmp_path / "case.toml").read_text()
     assert "# NOT FOUND in the record: set it" in (tmp_path / "case.toml").read_text()
     assert read_case(tmp_path / "case.toml").id == "1.b.8"
@@ -167,13 +169,15 @@ def test_every_test_of_every_standard_becomes_a_sound_case(tmp_path):
     record = recorded_channels(FLIGHT / "t37_31_val_landing.nc", NAMES)
     (tmp_path / "record.nc").touch()
     path = tmp_path / "case.toml"
-    tests = {(row["standard"], row["edition"], row["test_id"]) for row in rows.rows()}
+    tests = {(row["standard"], row["edition"], row["test_id"]) for row in rows.tolerance_rows()}
     assert len(tests) == 111
     for standard, edition, test in sorted(tests):
         path.write_text(
-            case_text(
+            draft_text(
                 draft_with(
-                    draft_case(rows.rows_of(test, standard, edition), record), standard, edition
+                    draft_case(rows.rows_of_test(test, standard, edition), record),
+                    standard,
+                    edition,
                 ),
                 (),
             )
@@ -185,15 +189,15 @@ def test_a_window_outside_the_record_and_a_record_without_controls_are_refused()
     with pytest.raises(
         OutOfRange, match=r"window 50 ... 60 s lies outside the record, 0 ... 39\.98 s"
     ):
-        draft_case(rows.rows_of("2.c.10"), recorded(), (50.0, 60.0))
+        draft_case(rows.rows_of_test("2.c.10"), recorded(), (50.0, 60.0))
     bare = recorded()
     del bare.channels["delta_r"]
     with pytest.raises(SchemaError, match="no complete set of controls"):
-        draft_case(rows.rows_of("2.c.10"), bare)
+        draft_case(rows.rows_of_test("2.c.10"), bare)
     still = recorded()
     del still.channels["engine1.thrust"]
     with pytest.raises(SchemaError, match=r"no engine1\.thrust, engine1\.n1, engine1\.throttle"):
-        draft_case(rows.rows_of("2.c.10"), still)
+        draft_case(rows.rows_of_test("2.c.10"), still)
 
 
 @pytest.mark.slow
@@ -291,15 +295,15 @@ def test_the_manoeuvre_of_the_right_kind_is_taken():
     move the elevator.
     """
     record = recorded_channels(FLIGHT / "t37_01_clean_low_speed_5kft.nc", NAMES)
-    sideslip = draft_case(rows.rows_of("2.d.8"), record)
+    sideslip = draft_case(rows.rows_of_test("2.d.8"), record)
     assert 271.7 <= sideslip.case["window"][0] < sideslip.case["window"][1] <= 280.8
     assert sideslip.events["capture"][1]
     assert "--window chooses another: 280.76 ... 289.76 s" in sideslip.remarks[0]
-    assert draft_case(rows.rows_of("2.c.10"), record).case["window"] == [
+    assert draft_case(rows.rows_of_test("2.c.10"), record).case["window"] == [
         8.4,
         21.7,
     ]  # the 3-2-1-1, not the pull-up
-    assert draft_case(rows.rows_of("1.d.1"), record).case["window"][0] == pytest.approx(
+    assert draft_case(rows.rows_of_test("1.d.1"), record).case["window"][0] == pytest.approx(
         210.5, abs=0.2
     )
 

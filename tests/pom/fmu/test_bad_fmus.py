@@ -16,9 +16,9 @@ import pytest
 from flightmech.errors import ParseError, SchemaError
 from pom.cases.case import read_case
 from pom.fmu import process
-from pom.fmu.description import read_fmu
-from pom.fmu.process import Child, Limits, limits
-from pom.fmu.worker.messages import columns_of, read_reply, reply_bytes
+from pom.fmu.description import read_fmu_interface
+from pom.fmu.process import Child, Limits, read_worker_limits
+from pom.fmu.worker.messages import read_reply, reply_bytes, reply_columns
 from pom.replaying.replay_case import replay
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
@@ -217,7 +217,7 @@ def test_a_reply_is_text_and_numbers_there_and_back():
 
 
 def test_the_columns_of_a_pilot_that_never_came_to_act_are_empty():
-    columns = columns_of(
+    columns = reply_columns(
         {"time": [0.0, 1.0], "pilot": {"move": {"delta_e": (0, 1.0)}}},
         {"outputs": np.zeros((2, 1)), "moved": {}},
     )
@@ -241,15 +241,15 @@ def test_what_is_no_reply_to_the_job_is_refused(content, number, error):
 
 
 def test_limits_of_the_environment():
-    assert limits({}) == Limits()
+    assert read_worker_limits({}) == Limits()
     given = {
         "AEROMATCH_FMU_MEMORY": "8GB",
         "AEROMATCH_FMU_WRITTEN": "500 kB",
         "AEROMATCH_FMU_UNPACKED": "none",
     }
-    assert limits(given) == Limits(8_000_000_000, 500_000, 0)
+    assert read_worker_limits(given) == Limits(8_000_000_000, 500_000, 0)
     with pytest.raises(SchemaError) as caught:
-        limits(
+        read_worker_limits(
             {
                 "AEROMATCH_FMU_MEMORY": "much",
                 "AEROMATCH_FMU_UNPACKED": "0",
@@ -269,7 +269,7 @@ def test_a_sandbox_without_bubblewrap_is_refused(monkeypatch):
         SchemaError,
         match="there is no program bwrap; install bubblewrap, or leave the variable out",
     ):
-        limits({"AEROMATCH_FMU_SANDBOX": "bwrap"})
+        read_worker_limits({"AEROMATCH_FMU_SANDBOX": "bwrap"})
 
 
 def test_a_description_that_would_fill_the_memory_is_not_unpacked(tmp_path):
@@ -280,7 +280,7 @@ def test_a_description_that_would_fill_the_memory_is_not_unpacked(tmp_path):
         for _ in range(65):
             xml.write(bytes(1_000_000))
     with pytest.raises(ParseError, match=r"modelDescription\.xml has 65 MB"):
-        read_fmu(tmp_path / "bomb.fmu")
+        read_fmu_interface(tmp_path / "bomb.fmu")
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pom.cases.case import read_case
-from pom.fmu.description import read_fmu
+from pom.fmu.description import read_fmu_interface
 from pom.replaying.replay_case import replay
 
 spec = importlib.util.spec_from_file_location(
@@ -163,5 +163,5 @@ def test_the_words_of_the_fmu_come_with_their_numbers(flown, fmu):
 
 
 def test_the_capabilities_that_fmpy_leaves_out_are_read(fmu):
-    assert not read_fmu(fmu()).even
-    assert not read_fmu(fmu()).once
+    assert not read_fmu_interface(fmu()).even
+    assert not read_fmu_interface(fmu()).once

@@ -17,11 +17,11 @@ from fmpy import fmi2, fmi3
 
 from flightmech.errors import SchemaError
 from pom.cases.case import read_case
-from pom.fmu.description import read_fmu
+from pom.fmu.description import read_fmu_interface
 from pom.fmu.variable_map import links_of
 from pom.replaying.batch import replay_all
 from pom.replaying.replay_case import replay
-from pom.result import notices
+from pom.result import run_notices
 
 SOURCES = Path(__file__).parents[1] / "foreign"
 HEADERS = Path(fmpy.__file__).parent / "c-code"
@@ -143,7 +143,7 @@ def test_a_simulator_with_names_of_its_own_replays(foreign, table, write_case, l
         np.abs(result.signals["theta"][1] - result.signals["theta"][0]).max()
         < 2.0 * 0.02 * 0.02**2 / (12.0 * 0.5) * 1.01
     )
-    assert notices(result, "sim") == [
+    assert run_notices(result, "sim") == [
         f"flown without {', '.join(LACKING)}, waived by the table of names"
     ]
 
@@ -175,7 +175,7 @@ def test_what_a_simulator_lacks_is_listed_once_for_all_cases(
 def test_what_is_waived_must_be_needed_and_absent(toy, tmp_path):
     (tmp_path / "names.toml").write_text('waived = ["delta_e", "mode.engine", "delta_x"]\n')
     with pytest.raises(SchemaError) as caught:
-        links_of(read_fmu(toy()), tmp_path / "names.toml")
+        links_of(read_fmu_interface(toy()), tmp_path / "names.toml")
     assert caught.value.problems == [
         "waived: the FMU has 'delta_e' as 'delta_e'; delete it from the list",
         "waived: the FMU has 'mode.engine' as 'mode.engine'; delete it from the list",

@@ -17,9 +17,9 @@ from pom.cases.pilot import PilotLoop
 from pom.cases.reference_states import flight_states
 from pom.fmu import worker
 from pom.fmu.simulate import Models
-from pom.replaying.kernel_replay import fly
+from pom.replaying.kernel_replay import replay_choices
 from pom.replaying.replay_case import replay
-from pom.tolerances.bands import text_of
+from pom.tolerances.bands import remarks_text
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def test_the_truth_is_matched_by_every_way_of_replay(write_case, truth, models, 
     result = replay(case, runs, truth)
     assert result.failure == ""
     job = job_of(case, flight_states(case, truth))
-    runs_direct, failures = fly(sim, job)
+    runs_direct, failures = replay_choices(sim, job)
     assert failures == [""]
     direct = {name: values[0] for name, values in runs_direct.items()}
     scale = {"theta": np.radians(1.5), "q": np.radians(2.0), "nz": 0.1}
@@ -83,10 +83,10 @@ def test_the_levels_of_replay_agree_within_their_holds(write_case, truth, models
             "outputs": ["theta", "q"],
         }
         assert whole.takes_records
-        record = worker.replay(whole, task)
+        record = worker.replay_job(whole, task)
         whole.takes_records = False
-        middle = worker.replay(whole, task)
-        sloped = worker.replay(worker.UnpackedFmu(str(runs["2.0"]), f"{folder}/2"), task)
+        middle = worker.replay_job(whole, task)
+        sloped = worker.replay_job(worker.UnpackedFmu(str(runs["2.0"]), f"{folder}/2"), task)
     assert (record["error"], middle["error"], sloped["error"]) == ("", "", "")
     assert np.ptp(record["outputs"][:, 0]) > 0.02
     np.testing.assert_allclose(sloped["outputs"], record["outputs"], rtol=0.0, atol=1e-11)
@@ -107,7 +107,7 @@ def test_a_record_that_diverges_keeps_what_was_flown(models):
             "parameters": {"mass.Iyy": 1.0, "init.V": 80.0, "init.alpha": 0.1},
             "outputs": ["theta"],
         }
-        found = worker.replay(model, task)
+        found = worker.replay_job(model, task)
     assert found["error"].startswith("the replay failed: ")
     assert "replay failed after" in found["error"]
     count = np.isfinite(found["outputs"][:, 0]).sum()
@@ -142,7 +142,7 @@ def test_a_trim_beyond_its_limit_is_remarked(write_case, truth, tmp_path, traine
     result = replay(read_case(write_case()), {"m": tmp_path / "wrong.fmu"}, truth)
     assert all(
         "trim.delta_e" in note and "is beyond 1 deg" in note
-        for note in result.verdict["remarks"].map(text_of)
+        for note in result.verdict["remarks"].map(remarks_text)
     )
     elevator = 0.05 / (1.1 - 0.4 * 0.7 / 5.0)  # its own lift is carried back by the angle of attack
     assert result.trim.loc["trim.delta_e", "m"] == pytest.approx(elevator, rel=0.01)
@@ -160,7 +160,7 @@ def test_the_math_pilot_of_the_child_is_that_of_the_kernel(write_case, truth, mo
     )
     job = job_of(case, flight_states(case, truth))
     sim = flightmech.compile(trainer.AIRCRAFT, weak)
-    direct, failures = fly(sim, job)
+    direct, failures = replay_choices(sim, job)
     assert failures == [""]
     with tempfile.TemporaryDirectory() as folder:
         runs = {

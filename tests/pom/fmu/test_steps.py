@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pom.cases.case import read_case
-from pom.fmu.description import read_fmu
+from pom.fmu.description import read_fmu_interface
 from pom.fmu.process import Child
 from pom.replaying.replay_case import replay
 
@@ -38,7 +38,7 @@ def case(write_case):
 
 
 def test_it_is_stepped_by_its_own_length_and_read_between(case, fixed, lag_states):
-    fmu = read_fmu(fixed())
+    fmu = read_fmu_interface(fixed())
     assert (fmu.even, fmu.step) == (True, 1.0 / 60.0)
     result = replay(case, {"fixed": fixed()}, lag_states)
     assert result.failure == ""
@@ -70,7 +70,7 @@ def test_a_step_that_divides_the_samples_is_exact_at_them(case, fixed, lag_state
 @pytest.mark.slow
 def test_an_fmu_that_lives_once_per_process_gets_a_new_process_every_time(fixed):
     path = fixed(**{"<CoSimulation ": '<CoSimulation canBeInstantiatedOnlyOncePerProcess="true" '})
-    assert read_fmu(path).once
+    assert read_fmu_interface(path).once
     child = Child(path)
     time = np.arange(0.0, 0.1, 1.0 / 60.0)
     job = {"time": time, "inputs": {}, "parameters": {}, "outputs": ["theta"]}

@@ -6,7 +6,7 @@ import pytest
 
 from flightmech.errors import SchemaError
 from pom.cases.case import read_case
-from pom.fmu.description import read_fmu
+from pom.fmu.description import read_fmu_interface
 from pom.fmu.variable_map import Link, links_of
 from pom.replaying.replay_case import replay
 
@@ -37,7 +37,7 @@ def table(tmp_path):
 
 
 def test_names_that_are_canonical_need_no_entry(foreign, table):
-    links = links_of(read_fmu(foreign), table(NAMES))
+    links = links_of(read_fmu_interface(foreign), table(NAMES))
     assert links.inputs["delta_e"] == Link("Elev", -1.0)
     assert links.outputs["theta"].factor == pytest.approx(
         0.017453292519943295, rel=1e-15
@@ -68,7 +68,7 @@ h = "q"
 "Pitch1" = 2.0
 """
     with pytest.raises(SchemaError) as caught:
-        links_of(read_fmu(foreign), table(faults))
+        links_of(read_fmu_interface(foreign), table(faults))
     text = str(caught.value)
     assert "inputs.delta_e: unknown input of the FMU 'Elevv'; near it: Elev" in text
     assert "inputs.delta_x: unknown quantity 'delta_x'" in text
@@ -88,12 +88,12 @@ def test_a_scale_is_for_a_variable_without_a_unit(foreign, table):
     with pytest.raises(
         SchemaError, match="a scale is for a variable without a unit; this one is in 'rad'"
     ):
-        links_of(read_fmu(foreign), table(text))
+        links_of(read_fmu_interface(foreign), table(text))
 
 
 def test_misspelt_keys_are_reported(foreign, table):
     with pytest.raises(SchemaError, match=r"inputs\.delta_e.units: unknown key; near it: unit"):
-        links_of(read_fmu(foreign), table(NAMES.replace("sign = -1", 'units = "deg"')))
+        links_of(read_fmu_interface(foreign), table(NAMES.replace("sign = -1", 'units = "deg"')))
 
 
 def test_a_table_for_a_model_that_is_not_there(write_case, toy, table, lag_states):

@@ -13,7 +13,7 @@ import aerodb
 import flightmech
 import pom
 from flightmech import terms
-from pom.tolerances.bands import text_of
+from pom.tolerances.bands import remarks_text
 
 CASES = Path(__file__).parents[3] / "data" / "t37" / "cases"
 TIME = np.round(np.arange(0.0, 8.001, 0.01), 9)
@@ -112,13 +112,13 @@ def test_the_column_oscillates_as_in_flight_or_does_not(release, write_case):
     assert result.failure == ""
     table = result.verdict.set_index(["run", "criterion"])
     for name in ("p0", "an", "overshoot_count"):
-        assert table.loc[("same", name), "verdict"] == "pass", text_of(
+        assert table.loc[("same", name), "verdict"] == "pass", remarks_text(
             table.loc[("same", name), "remarks"]
         )
     assert table.loc[("same", "p0"), "worst_ratio"] < 0.1  # the release lies between two samples
     # after two overshoots the column creeps with the pitch of the aeroplane; that row, an
     # overdamped one and sweeps do not block
-    assert "not what the row measures" in text_of(table.loc[("same", "pn"), "remarks"])
+    assert "not what the row measures" in remarks_text(table.loc[("same", "pn"), "remarks"])
     assert result.status("same") == "pass"
     heavy = table.loc[("heavy", "p0")]
     assert (heavy["verdict"], heavy["unit"]) == ("fail", "s")

@@ -7,8 +7,8 @@ import pytest
 
 from flightmech.units import POUND_FORCE
 from pom.cases.case import CaseInputs
-from pom.judging.measures.control_forces import directions
-from pom.tolerances.bands import text_of
+from pom.judging.measures.control_forces import motion_directions
+from pom.tolerances.bands import remarks_text
 
 TIME = np.arange(0.0, 100.001, 0.02)
 COCKPIT = CaseInputs("cockpit", "throttle")
@@ -34,8 +34,8 @@ def column(x, F, gearing=-1.5):
 
 def test_a_turn_is_a_move_back_by_more_than_noise():
     x = np.array([0.0, 1.0, 2.0, 1.95, 3.0, 2.0, 1.0, 1.04, 0.0])
-    assert list(directions(x, 0.2)) == [1, 1, 1, 1, 1, -1, -1, -1, -1]
-    assert list(directions(-x, 0.2)) == [-1, -1, -1, -1, -1, 1, 1, 1, 1]
+    assert list(motion_directions(x, 0.2)) == [1, 1, 1, 1, 1, -1, -1, -1, -1]
+    assert list(motion_directions(-x, 0.2)) == [-1, -1, -1, -1, -1, 1, 1, 1, 1]
 
 
 def test_branches_are_compared_apart(judged):
@@ -48,7 +48,7 @@ def test_branches_are_compared_apart(judged):
     )["column_force"]
     assert got["verdict"] == "fail"
     assert abs(got["worst"]) == pytest.approx(40.0 / POUND_FORCE)
-    assert text_of(got["remarks"]).startswith("3 branches at equal column")
+    assert remarks_text(got["remarks"]).startswith("3 branches at equal column")
 
 
 def test_the_percentage_is_of_the_flight_force_at_that_place(judged):
@@ -96,8 +96,9 @@ def test_a_model_that_does_not_come_there_is_invalid(judged):
         "column_force"
     ]
     assert got["verdict"] == "invalid"
-    assert "the model comes through 79 % of the flight's increasing travel of column" in text_of(
-        got["remarks"]
+    assert (
+        "the model comes through 79 % of the flight's increasing travel of column"
+        in remarks_text(got["remarks"])
     )
 
 
@@ -110,7 +111,7 @@ def test_breakout_is_the_force_at_the_first_movement_both_ways(judged):
         "2.a.1.a", TIME, column(x, force(x)), column(x, force(x, friction=28.0)), drive=COCKPIT
     )["breakout_force"]
     assert got["worst_ratio"] == pytest.approx(8.0 / (2.0 * POUND_FORCE), rel=1e-6)
-    assert text_of(got["remarks"]).startswith(
+    assert remarks_text(got["remarks"]).startswith(
         "increasing: 23.0 N in flight, 31.0 N in the model; decreasing: -23.0 N in flight, "
         "-31.0 N in the model"
     )
@@ -122,7 +123,7 @@ def test_breakout_is_the_force_at_the_first_movement_both_ways(judged):
         column(one_way, force(one_way)),
         drive=COCKPIT,
     )["breakout_force"]
-    assert (got["verdict"], "decreasing" in text_of(got["remarks"])) == ("pass", False)
+    assert (got["verdict"], "decreasing" in remarks_text(got["remarks"])) == ("pass", False)
 
 
 def test_a_wheel_force_is_torque_over_radius(judged):
@@ -135,7 +136,7 @@ def test_a_wheel_force_is_torque_over_radius(judged):
     ]
     assert got["worst_ratio"] == pytest.approx(2.0 / 0.2 / (3.0 * POUND_FORCE))
     without = judged("2.a.2.a", TIME, flight, model, drive=COCKPIT)["wheel_force"]
-    assert (without["verdict"], text_of(without["remarks"])) == (
+    assert (without["verdict"], remarks_text(without["remarks"])) == (
         "not_tested",
         "the flight record has no F_rim",
     )
@@ -152,10 +153,10 @@ def test_forces_mean_nothing_when_the_surfaces_are_driven(judged):
         drive=CaseInputs("recorded", "throttle"),
     )
     assert (
-        text_of(got["column_force"]["remarks"])
+        remarks_text(got["column_force"]["remarks"])
         == "the surfaces are driven, so pilot forces have no meaning"
     )
-    assert text_of(got["elevator"]["remarks"]).startswith("delta_e is driven by the record")
+    assert remarks_text(got["elevator"]["remarks"]).startswith("delta_e is driven by the record")
 
 
 def test_force_increments_are_above_the_slow_sweep(judged):
@@ -193,7 +194,9 @@ def test_force_increments_are_above_the_slow_sweep(judged):
     assert (
         static["dynamic_force_increment"]["worst_ratio"] < 1e-6
     )  # another spring is the business of the static test
-    assert text_of(got["p0"]["remarks"]).startswith("applies only with a release instead of sweeps")
+    assert remarks_text(got["p0"]["remarks"]).startswith(
+        "applies only with a release instead of sweeps"
+    )
 
 
 def test_dead_band_of_the_steering(judged):

@@ -8,7 +8,7 @@ import pytest
 from flightmech.units import FOOT, KNOT
 from pom.cases.case import CaseInputs
 from pom.cases.pilot import PilotLoop
-from pom.tolerances.bands import text_of
+from pom.tolerances.bands import remarks_text
 
 TIME = np.arange(0.0, 60.001, 0.02)
 DEG = np.pi / 180.0
@@ -37,7 +37,7 @@ def test_a_snapshot_compares_means_of_steady_records(judged):
     assert got["worst_ratio"] == pytest.approx(0.6, abs=2e-3)  # of 1 deg
     # 0.2 deg of sine over five periods: standard deviation 0.141 deg, the fitted line falls by 6/(5
     # pi) 0.2 deg
-    assert text_of(got["remarks"]).startswith(
+    assert remarks_text(got["remarks"]).startswith(
         "steady: flight drift 0.08, spread 0.14; the model drift 0.00, spread 0.00 of the tolerance"
     )
     assert got["applied_text"] == "1 deg"
@@ -50,19 +50,20 @@ def test_a_drifting_record_is_invalid_on_either_side(judged):
     for pair in ((drifting, TRIM), (TRIM, drifting)):
         got = judged("2.c.5", TIME, *pair, drive=RECORDED, events={"capture": 30.0})["pitch_angle"]
         assert got["verdict"] == "invalid"
-        assert "is not steady: drift 0.50, spread 0.00 of the tolerance (1/3 allowed)" in text_of(
-            got["remarks"]
+        assert (
+            "is not steady: drift 0.50, spread 0.00 of the tolerance (1/3 allowed)"
+            in remarks_text(got["remarks"])
         )
 
 
 def test_a_snapshot_needs_4_s_before_and_1_s_after(judged):
     got = judged("2.c.5", TIME, TRIM, TRIM, drive=RECORDED, events={"capture": 3.0})["pitch_angle"]
-    assert (got["verdict"], "the window is -1.00 ... 4.00 s" in text_of(got["remarks"])) == (
+    assert (got["verdict"], "the window is -1.00 ... 4.00 s" in remarks_text(got["remarks"])) == (
         "invalid",
         True,
     )
     got = judged("2.c.5", TIME, TRIM, TRIM, drive=RECORDED)["pitch_angle"]
-    assert (got["verdict"], text_of(got["remarks"])[:40]) == (
+    assert (got["verdict"], remarks_text(got["remarks"])[:40]) == (
         "not_tested",
         "give the event capture in [events]; the ",
     )
@@ -85,7 +86,9 @@ def test_a_snapshot_judges_the_elevator_that_the_trim_found(judged):
         drive=CaseInputs("recorded", "thrust", trim=False),
         events={"capture": 30.0},
     )
-    assert text_of(untrimmed["elevator"]["remarks"]).startswith("delta_e is driven by the record")
+    assert remarks_text(untrimmed["elevator"]["remarks"]).startswith(
+        "delta_e is driven by the record"
+    )
     assert got["trim_surface"]["verdict"] == "not_tested"  # nothing trims the tab
 
 
@@ -95,7 +98,7 @@ def test_a_lone_percentage_is_of_the_largest_value_in_service(judged):
     kwargs = {"drive": RECORDED, "events": {"capture": 30.0}}
     got = judged("2.c.5", TIME, TRIM, model, **kwargs)["net_thrust"]
     assert got["verdict"] == "not_tested"  # 8.75 % of the flight value: only the range can decide
-    assert "give that of engine1.thrust in [ranges]" in text_of(got["remarks"])
+    assert "give that of engine1.thrust in [ranges]" in remarks_text(got["remarks"])
     got = judged("2.c.5", TIME, TRIM, model, ranges={"engine1.thrust": 20e3}, **kwargs)[
         "net_thrust"
     ]
@@ -107,7 +110,7 @@ def test_a_lone_percentage_is_of_the_largest_value_in_service(judged):
     assert (
         close["verdict"] == "pass"
     )  # 3.75 % of the flight value is less than 5 % of anything larger
-    assert "passes on the flight value" in text_of(close["remarks"])
+    assert "passes on the flight value" in remarks_text(close["remarks"])
 
 
 def test_two_snapshots_give_a_change(judged):
@@ -129,7 +132,7 @@ def test_two_snapshots_give_a_change(judged):
     assert (got["flight_value"], got["model_value"]) == pytest.approx((4.0, 4.9))
     assert got["worst_ratio"] == pytest.approx(0.9)  # 1 deg governs over 0.4 deg
     silent = judged("2.c.7", TIME, flight, model, events=events, drive=RECORDED)["elevator_change"]
-    assert text_of(silent["remarks"]).startswith("applies only with alternative_method")
+    assert remarks_text(silent["remarks"]).startswith("applies only with alternative_method")
 
 
 def test_climb_rate_is_height_over_time(judged):
@@ -146,7 +149,7 @@ def test_climb_rate_is_height_over_time(judged):
     assert rate["verdict"] == "fail"  # 118 ft/min; 5 % are 79, 100 governs
     assert rate["worst_ratio"] == pytest.approx(0.6 * 60.0 / FOOT / 100.0)
     assert got["airspeed"]["worst_ratio"] == pytest.approx(1.0 / (3.0 * KNOT))
-    assert text_of(rate["remarks"]).startswith("segment of 1575 ft")
+    assert remarks_text(rate["remarks"]).startswith("segment of 1575 ft")
 
 
 def test_descent_rate_counts_downwards_and_a_short_segment_is_invalid(judged):
@@ -155,13 +158,13 @@ def test_descent_rate_counts_downwards_and_a_short_segment_is_invalid(judged):
     assert got["flight_value"] == pytest.approx(10.0 * 60.0 / FOOT)
     got = judged("1.d.5", TIME, flight, flight)["descent_rate"]  # 1969 of 3000 ft
     assert got["verdict"] == "invalid"
-    assert "segment of 1969 ft; the table requires 3000 ft or more" in text_of(got["remarks"])
+    assert "segment of 1969 ft; the table requires 3000 ft or more" in remarks_text(got["remarks"])
     got = judged("1.d.5", TIME, flight, flight, shortened="the flight was broken off")[
         "descent_rate"
     ]
     assert (
         got["verdict"],
-        text_of(got["remarks"]).startswith("segment of 1969 ft of 3000 ft required"),
+        remarks_text(got["remarks"]).startswith("segment of 1969 ft of 3000 ft required"),
     ) == ("pass", True)
 
 
@@ -183,7 +186,7 @@ def test_a_gradient_below_the_certified_one_fails_inside_its_band(judged):
     assert got["climb_gradient"]["tolerance_text"] == "not below the certified value"
     assert judged("1.c.2", TIME, flight, flight, **kwargs)["climb_gradient"]["verdict"] == "pass"
     silent = judged("1.c.2", TIME, flight, flight, shortened="60 s")["climb_gradient"]
-    assert (silent["verdict"], text_of(silent["remarks"])[:37]) == (
+    assert (silent["verdict"], remarks_text(silent["remarks"])[:37]) == (
         "not_tested",
         "give the certified climb_gradient in ",
     )
@@ -198,7 +201,7 @@ def test_only_the_low_speed_end_of_a_deceleration_counts(judged):
     late = flight | {"psi": np.where(TIME > 55.0, 3.5, 0.0) * DEG}
     got = judged("2.e.9", TIME, flight, late)["heading"]
     assert got["verdict"] == "fail"
-    assert text_of(got["remarks"]).startswith("low-speed end, from 54.0 s on")
+    assert remarks_text(got["remarks"]).startswith("low-speed end, from 54.0 s on")
     assert got["inside"] == pytest.approx(1.0 / 6.0, abs=5e-3)
 
 
@@ -214,7 +217,7 @@ def test_a_precondition_that_does_not_hold_makes_the_test_invalid_not_failed(jud
         "1.b.2", TIME, flight, flight | {"V_cas": 50.0 + TIME + 1.1 * KNOT}, events=events
     )["engine_failure_speed"]
     assert far["verdict"] == "invalid"
-    assert text_of(far["remarks"]).startswith(
+    assert remarks_text(far["remarks"]).startswith(
         "a precondition of the test does not hold: the test is not valid"
     )
     assert far["flight_value"] == pytest.approx(70.0 / KNOT)
@@ -257,7 +260,10 @@ def test_radius_of_a_turn_and_rate_of_a_trim_surface(judged):
     assert got["flight_value"] == pytest.approx(20.0 / FOOT, rel=1e-5)
     assert got["worst_ratio"] == pytest.approx((5.0 / 0.22 - 20.0) / 4.0, rel=1e-4)
     straight = judged("1.a.1", TIME, turn(0.25), turn(0.02))["turn_radius"]
-    assert (straight["verdict"], "the model turns by 69 deg" in text_of(straight["remarks"])) == (
+    assert (
+        straight["verdict"],
+        "the model turns by 69 deg" in remarks_text(straight["remarks"]),
+    ) == (
         "invalid",
         True,
     )
@@ -268,7 +274,10 @@ def test_radius_of_a_turn_and_rate_of_a_trim_surface(judged):
     driven = judged("2.a.7", TIME, trim(0.4), trim(0.43))[
         "trim_rate"
     ]  # by the record, which the model would only repeat
-    assert (driven["verdict"], "delta_t is driven by the record" in text_of(driven["remarks"])) == (
+    assert (
+        driven["verdict"],
+        "delta_t is driven by the record" in remarks_text(driven["remarks"]),
+    ) == (
         "not_tested",
         True,
     )

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pom.cases.case import CaseInputs
-from pom.judging.measures.control_forces import free_motion
-from pom.tolerances.bands import Invalid, text_of
+from pom.judging.measures.control_forces import measure_free_motion
+from pom.tolerances.bands import Invalid, remarks_text
 from pom.tolerances.criteria import Band, Criterion
 
 TIME = np.round(np.arange(0.0, 12.0001, 0.01), 9)
@@ -36,7 +36,7 @@ def extreme(n, T=1.0, a=1.0):
 
 
 def measure(x):
-    return free_motion(
+    return measure_free_motion(
         Criterion("c", "", "column", "period_n", "g", Band(), (1.0, 12.0)), TIME, x["column"]
     )
 
@@ -69,7 +69,7 @@ def test_p0_has_10_percent_and_pn_10_times_n_plus_1(judged):
     assert got["pn"]["worst_ratio"] == pytest.approx(
         0.15 / 0.20, rel=2e-3
     )  # the first decides, 0.15 / 0.30 the second
-    assert text_of(got["pn"]["remarks"]).startswith(
+    assert remarks_text(got["pn"]["remarks"]).startswith(
         "P1: 1.000 s in flight, 1.150 s in the model; P2: 1.000 s in flight, 1.150 s in the model"
     )
     assert got["pn"]["tolerance_text"] == "10(n+1) % of the flight value"
@@ -104,7 +104,7 @@ def test_overshoots_are_judged_against_the_first_one_of_the_flight(judged):
     assert ours["a1"]["worst_ratio"] == pytest.approx(
         (1.0 - extreme(1, a=1.1) / extreme(1)) / 0.10, rel=0.02
     )
-    assert text_of(ours["a1"]["remarks"]).startswith(
+    assert remarks_text(ours["a1"]["remarks"]).startswith(
         "A1: 0.614 of Ad in flight, 0.586 in the model"
     )
 
@@ -136,7 +136,7 @@ def test_the_number_of_overshoots_may_differ_by_one_and_the_first_must_be_there(
     assert (
         none["overshoot_count"]["verdict"] == "fail"
     )  # 0 of 1 is within one, but the first is missing
-    assert text_of(none["overshoot_count"]["remarks"]).startswith(
+    assert remarks_text(none["overshoot_count"]["remarks"]).startswith(
         "the model lacks the first overshoot"
     )
     assert none["an"]["verdict"] == "fail"
@@ -146,12 +146,12 @@ def test_the_number_of_overshoots_may_differ_by_one_and_the_first_must_be_there(
 def test_rows_are_picked_by_the_kind_of_the_flight(judged):
     under = judged("2.b.1", TIME, oscillation(), oscillation(), events=RELEASED, drive=FORCE)
     over = judged("2.b.1", TIME, creep(0.5), creep(0.5), events=RELEASED, drive=FORCE)
-    assert text_of(under["p0 time_90_to_10"]["remarks"]).startswith(
+    assert remarks_text(under["p0 time_90_to_10"]["remarks"]).startswith(
         "applies only overdamped; the flight is underdamped"
     )
     assert over["p0 time_90_to_10"]["verdict"] == "pass"
     for name in ("p0", "pn", "an", "overshoot_count"):
-        assert text_of(over[name]["remarks"]).startswith(
+        assert remarks_text(over[name]["remarks"]).startswith(
             "applies only underdamped; the flight is overdamped"
         )
     claimed = judged(
@@ -163,7 +163,7 @@ def test_rows_are_picked_by_the_kind_of_the_flight(judged):
         drive=FORCE,
         features=("underdamped",),
     )
-    assert text_of(claimed["p0 time_90_to_10"]["remarks"]).startswith(
+    assert remarks_text(claimed["p0 time_90_to_10"]["remarks"]).startswith(
         "applies only with overdamped"
     )
 
@@ -172,7 +172,7 @@ def test_one_overshoot_has_no_period(judged):
     got = judged(
         "2.b.1", TIME, oscillation(a=4.5), oscillation(a=4.5), events=RELEASED, drive=FORCE
     )
-    assert text_of(got["pn"]["remarks"]).startswith(
+    assert remarks_text(got["pn"]["remarks"]).startswith(
         "the flight has 1 overshoot beyond 5 % of the first displacement and not what the "
         "row measures"
     )
@@ -223,4 +223,4 @@ def test_what_drives_is_not_judged(judged):
         events=RELEASED,
         drive=CaseInputs("cockpit", "throttle"),
     )
-    assert text_of(got["p0"]["remarks"]).startswith("column is driven by the record")
+    assert remarks_text(got["p0"]["remarks"]).startswith("column is driven by the record")

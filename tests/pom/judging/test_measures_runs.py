@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flightmech.units import FOOT, KNOT
-from pom.judging.signals import crossing
-from pom.tolerances.bands import text_of
+from pom.judging.signals import crossing_time
+from pom.tolerances.bands import remarks_text
 
 TIME = np.arange(0.0, 60.001, 0.02)
 FLAT = np.ones_like(TIME)
@@ -25,11 +25,11 @@ def rolling(a, start=5.0, level=1000.0):
 def test_crossing_is_linear_and_demands_a_passage():
     y = np.array([0.0, 1.0, 2.0, 1.0])
     t = np.array([0.0, 1.0, 2.0, 3.0])
-    assert crossing(t, y, 0.5, 1) == 0.5
-    assert crossing(t, y, 1.5, -1) == 2.5
-    assert crossing(t, y, 0.5, -1) is None
-    assert crossing(t, y, -1.0, 1) is None  # beyond it from the start
-    assert crossing(t, np.array([0.0, 2.0, 0.0, 2.0]), 1.0, 1, 2.0) == 2.5
+    assert crossing_time(t, y, 0.5, 1) == 0.5
+    assert crossing_time(t, y, 1.5, -1) == 2.5
+    assert crossing_time(t, y, 0.5, -1) is None
+    assert crossing_time(t, y, -1.0, 1) is None  # beyond it from the start
+    assert crossing_time(t, np.array([0.0, 2.0, 0.0, 2.0]), 1.0, 1, 2.0) == 2.5
 
 
 def test_a_take_off_run_ends_at_the_speed_that_the_flight_rotates_at(judged):
@@ -48,7 +48,7 @@ def test_a_take_off_run_ends_at_the_speed_that_the_flight_rotates_at(judged):
         (3600.0 / 3.8 - 900.0) / (200.0 * FOOT), rel=1e-5
     )  # 61 m over 45 m
     assert got["distance"]["verdict"] == "pass"
-    assert text_of(got["time"]["remarks"]).startswith("to V_cas 116.6 kt")
+    assert remarks_text(got["time"]["remarks"]).startswith("to V_cas 116.6 kt")
 
 
 def test_80_percent_of_the_run_is_enough_and_only_the_common_part_is_compared(judged):
@@ -65,13 +65,13 @@ def test_80_percent_of_the_run_is_enough_and_only_the_common_part_is_compared(ju
     ]
     assert (got["flight_value"], got["model_value"]) == pytest.approx((25.65, 27.0))
     assert got["worst_ratio"] == pytest.approx(1.35 / (0.05 * 25.65))
-    assert "both are compared up to there, 95 % of the run" in text_of(got["remarks"])
+    assert "both are compared up to there, 95 % of the run" in remarks_text(got["remarks"])
 
     short = TIME <= 28.0  # 23 of 30 s, 77 %
     got = judged("1.b.1", TIME[short], part(rolling(2.0)), part(rolling(2.0)), events=EVENTS)[
         "time"
     ]
-    assert (got["verdict"], text_of(got["remarks"])[:53]) == (
+    assert (got["verdict"], remarks_text(got["remarks"])[:53]) == (
         "invalid",
         "77 % of the run is recorded, 80 % have to be; record a"[:53],
     )
@@ -82,7 +82,7 @@ def test_a_model_that_never_comes_there_fails_when_it_is_too_late_already(judged
     got = judged("1.b.1", TIME, rolling(2.0), rolling(0.7), events=EVENTS)["time"]
     assert got["verdict"] == "fail"
     assert got["worst"] == pytest.approx(25.0)
-    assert text_of(got["remarks"]).startswith(
+    assert remarks_text(got["remarks"]).startswith(
         "the model does not come to V_cas 116.6 kt in the record"
     )
 
@@ -113,7 +113,7 @@ def test_the_smaller_of_200_ft_and_10_percent_on_short_runs(judged):
         (stop(2.75) - stop(2.9)) / (200.0 * FOOT), rel=1e-3
     )  # 46.1 m of 61 m
     assert (got["distance"]["verdict"], got["time"]["verdict"]) == ("pass", "fail")  # 5.5 % longer
-    assert text_of(got["distance elapsed"]["remarks"]).startswith(
+    assert remarks_text(got["distance elapsed"]["remarks"]).startswith(
         "applies only with distance>4000ft; the flight has distance 277"
     )
 
@@ -130,7 +130,7 @@ def test_5_percent_beyond_4000_ft_and_continuous_at_it(judged):
     """a = 1.5, V = 70: 1633 m = 5359 ft; at 4000 ft 200 ft are 5 %."""
     events = {"touchdown": 3.0, "full_stop": 3.0 + 70.0 / 1.5}
     got = judged("1.e.1", TIME, landing(1.5), landing(1.45), events=events)
-    assert text_of(got["distance"]["remarks"]).startswith("applies only with distance<=4000ft")
+    assert remarks_text(got["distance"]["remarks"]).startswith("applies only with distance<=4000ft")
     assert got["distance elapsed"]["worst_ratio"] == pytest.approx(
         (1.5 / 1.45 - 1.0) / 0.05, rel=1e-3
     )
@@ -167,7 +167,7 @@ def test_touchdown_is_found_in_each_record(judged):
     assert measured["model_value"] == pytest.approx(
         2.99, abs=1e-9
     )  # the first wheel, half-way up its jump
-    assert "touchdown by wow_left or wow_right" in text_of(measured["remarks"])
+    assert "touchdown by wow_left or wow_right" in remarks_text(measured["remarks"])
 
 
 def stalling(rate, warning=None):
@@ -188,7 +188,7 @@ def test_stall_warning_is_the_speed_at_each_record_s_own_signal(judged):
     )
     assert got["stall_warning_speed"]["worst"] == pytest.approx(-2.0 / KNOT, rel=5e-3)
     assert got["stall_warning_speed"]["verdict"] == "fail"
-    assert "stall_warning by stall_warning; flight at 30.00 s, model at 33.99 s" in text_of(
+    assert "stall_warning by stall_warning; flight at 30.00 s, model at 33.99 s" in remarks_text(
         got["stall_warning_speed"]["remarks"]
     )
 
@@ -199,16 +199,16 @@ def test_without_a_discrete_the_angle_of_attack_decides(judged):
         "2.c.8", TIME, stalling(0.5), stalling(0.42), events={"stall_warning": 30.0, "stall": 50.0}
     )
     assert got["stall_warning_speed"]["worst"] == pytest.approx(0.0, abs=1e-3)
-    assert "model at 35.71 s" in text_of(got["stall_warning_speed"]["remarks"])
+    assert "model at 35.71 s" in remarks_text(got["stall_warning_speed"]["remarks"])
     never = judged(
         "2.c.8", TIME, stalling(0.5), stalling(0.1), events={"stall_warning": 30.0, "stall": 50.0}
     )["stall_speed"]
-    assert (never["verdict"], text_of(never["remarks"])[:41]) == (
+    assert (never["verdict"], remarks_text(never["remarks"])[:41]) == (
         "invalid",
         "the model does not come to stall (alpha 8",
     )
     unmarked = judged("2.c.8", TIME, stalling(0.5), stalling(0.5))["initial_buffet_speed"]
-    assert text_of(unmarked["remarks"]).startswith("give the event initial_buffet in [events]")
+    assert remarks_text(unmarked["remarks"]).startswith("give the event initial_buffet in [events]")
 
 
 def test_a_mark_outside_the_replay_is_invalid(judged):
@@ -216,14 +216,14 @@ def test_a_mark_outside_the_replay_is_invalid(judged):
         got = judged("2.c.8", TIME, stalling(0.5), stalling(0.5), events={"stall": mark})[
             "stall_speed"
         ]
-        assert (got["verdict"], text_of(got["remarks"])) == (
+        assert (got["verdict"], remarks_text(got["remarks"])) == (
             "invalid",
             f"stall is at {mark:g} s, outside the replay, 0 ... 60 s",
         )
     got = judged(
         "1.b.1", TIME, rolling(2.0), rolling(2.0), events={"brake_release": -1.0, "vr": 35.0}
     )["time"]
-    assert text_of(got["remarks"]).startswith("brake_release is at -1 s, outside the replay")
+    assert remarks_text(got["remarks"]).startswith("brake_release is at -1 s, outside the replay")
 
 
 def test_a_replay_that_starts_at_touchdown_starts_both_runs(judged):
@@ -253,7 +253,7 @@ def test_the_event_may_not_come_from_what_is_compared(judged):
         "buffet_onset_angle_of_attack"
     ]
     assert got["verdict"] == "not_tested"
-    assert text_of(got["remarks"]).startswith("initial_buffet is detected by buffet")
+    assert remarks_text(got["remarks"]).startswith("initial_buffet is detected by buffet")
     felt = stalling(0.5) | {"buffet": (TIME >= 32.0) * 1.0}
     got = judged("2.c.8.a", TIME, stalling(0.5), felt, events=events, **standard)[
         "buffet_onset_angle_of_attack"
@@ -295,7 +295,7 @@ def test_climb_to_a_height_and_acceleration_to_a_speed(judged):
     level = judged("1.d.1", TIME, rolling(0.2), rolling(0.2))["time"]
     assert (
         level["verdict"],
-        "covers V_cas 21.38 kt; the table requires V_cas 50 kt" in text_of(level["remarks"]),
+        "covers V_cas 21.38 kt; the table requires V_cas 50 kt" in remarks_text(level["remarks"]),
     ) == ("invalid", True)
     assert judged("1.d.1", TIME, rolling(1.0, 0.0), rolling(1.02, 0.0))["time"][
         "worst_ratio"
@@ -317,7 +317,9 @@ def test_engine_response_times(judged):
     assert got["ti"]["verdict"] == "pass"  # 0.105 s of 0.25 s
     assert got["tt"]["flight_value"] == pytest.approx(math.log(0.6 / 0.09), abs=2e-3)
     assert got["tt"]["worst_ratio"] == pytest.approx(10.0, rel=2e-3)  # twice as long, 10 % allowed
-    assert text_of(got["tt"]["remarks"]).endswith("no absolute alternative for Tt in this edition")
+    assert remarks_text(got["tt"]["remarks"]).endswith(
+        "no absolute alternative for Tt in this edition"
+    )
 
 
 def test_a_deceleration_counts_to_a_90_percent_decay(judged):
@@ -334,7 +336,7 @@ def test_a_deceleration_counts_to_a_90_percent_decay(judged):
     weak = judged(
         "1.f.1", TIME, slam(1.0), slam(1.0, high=0.7), events={"throttle_movement": 10.0}
     )["tt"]
-    assert (weak["verdict"], text_of(weak["remarks"])[:40]) == (
+    assert (weak["verdict"], remarks_text(weak["remarks"])[:40]) == (
         "invalid",
         "the model does not reach the level in th",
     )

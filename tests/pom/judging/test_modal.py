@@ -10,7 +10,7 @@ from pom.judging.measures.modal import _project, fit_mode, judge_mode
 from pom.judging.measures.modal import peak_lag as judge_lag
 from pom.judging.signals import Comparison
 from pom.tolerances import rows
-from pom.tolerances.bands import Invalid, text_of
+from pom.tolerances.bands import Invalid, remarks_text
 from pom.tolerances.criteria import Band, Criterion, Limit
 
 TIME = np.arange(0.0, 120.001, 0.1)
@@ -114,7 +114,7 @@ def test_an_unstable_model_of_a_stable_flight_fails_inside_the_width():
     flight, model = {"V_cas": sine(38.0, 0.008)}, {"V_cas": sine(38.0, -0.008)}
     got = modal(criterion("damping_ratio", ZETA), TIME, flight, model)
     assert got.worst_ratio < 1.0
-    assert (got.verdict, text_of(got.remarks).endswith("stability differs")) == ("fail", True)
+    assert (got.verdict, remarks_text(got.remarks).endswith("stability differs")) == ("fail", True)
 
 
 @pytest.mark.parametrize(("bank", "reported"), [(9.9, False), (10.1, True), (-39.0, True)])
@@ -125,9 +125,11 @@ def test_a_phugoid_in_a_turn_is_reported(bank, reported):
         "V_cas": sine(38.0, 0.05),
         "phi": math.radians(2.0) + math.radians(bank) * TIME / TIME[-1],
     }
-    note = text_of(modal(criterion("damping_ratio", ZETA), TIME, flight, model, "2.c.9").remarks)
+    note = remarks_text(
+        modal(criterion("damping_ratio", ZETA), TIME, flight, model, "2.c.9").remarks
+    )
     assert (f"bank of the model up to {abs(bank):.0f} deg off the flight's" in note) == reported
-    assert "bank" not in text_of(
+    assert "bank" not in remarks_text(
         modal(criterion("damping_ratio", ZETA), TIME, flight, model, "2.d.7").remarks
     )
 
@@ -153,7 +155,7 @@ def test_a_model_that_does_not_oscillate_fails_and_a_flight_that_does_not_is_inv
     got = modal(criterion("period"), TIME, flight, still)
     assert (
         got.verdict,
-        text_of(got.remarks).startswith("flight 38.00 s; the model: no oscillation"),
+        remarks_text(got.remarks).startswith("flight 38.00 s; the model: no oscillation"),
     ) == ("fail", True)
     with pytest.raises(Invalid, match="flight: no oscillation"):
         modal(criterion("period"), TIME, still, flight)
@@ -162,7 +164,7 @@ def test_a_model_that_does_not_oscillate_fails_and_a_flight_that_does_not_is_inv
 def test_the_right_mode_without_excitation_is_no_match():
     flight, model = {"V_cas": sine(38.0, 0.05)}, {"V_cas": sine(38.0, 0.05, amplitude=0.4)}
     got = modal(criterion("period"), TIME, flight, model)
-    assert (got.verdict, text_of(got.remarks)) == (
+    assert (got.verdict, remarks_text(got.remarks)) == (
         "fail",
         "flight 38.00 s; the model hardly oscillates: 0.08 of the amplitude of the flight",
     )
@@ -206,7 +208,7 @@ def test_peak_lag_from_fitted_phases():
         return {"beta": beta, "phi": sine(2.5, 0.1, time, 0.03, wd * lag, 0.1, 0.002)}
 
     got = peak_lag(criterion("peak_lag", band, "phi", (0.0, 19.9)), time, run(0.6), run(0.65))
-    assert text_of(got.remarks) == "flight 0.60 s, model 0.65 s"
+    assert remarks_text(got.remarks) == "flight 0.60 s, model 0.65 s"
     assert got.worst == pytest.approx(0.05, abs=1e-4)
     assert got.width == pytest.approx(0.12, rel=1e-3)  # 20 % of 0.6 s
     late = peak_lag(criterion("peak_lag", band, "phi", (0.0, 19.9)), time, run(1.2), run(-1.2))
@@ -242,7 +244,7 @@ def test_three_cycles_are_required_by_whatever_name_the_standard_has_for_the_tes
     slow = {"V_cas": sine(38.0, 0.03)[short]}
     with pytest.raises(Invalid, match="the table requires 3 cycles"):
         modal(criterion("period", window=(0.0, 80.0)), TIME[short], slow, slow, id)
-    assert rows.rows_of(id, edition, {"2.c(9)": "2018-05-03"}.get(id, rows.EDITION))
+    assert rows.rows_of_test(id, edition, {"2.c(9)": "2018-05-03"}.get(id, rows.EDITION))
 
 
 def test_a_legal_period_is_far_off_as_a_trace():
@@ -300,7 +302,9 @@ def test_a_figure_of_the_flight_that_depends_on_the_window_is_remarked_and_the_v
         "damping ratio 0.07454 in the window of the case, 0.1204 in 0.0 ... 63.2 s" in remark.text
     )  # a third of the period less
     wide = Band((Limit("absolute", 0.05, "-"),))
-    assert "depends on the window" not in text_of(
+    assert "depends on the window" not in remarks_text(
         judged(both, wide).remarks
     )  # 0.046 is inside this tolerance
-    assert "depends on the window" not in text_of(judged(clean, ZETA).remarks)  # the mode is alone
+    assert "depends on the window" not in remarks_text(
+        judged(clean, ZETA).remarks
+    )  # the mode is alone

@@ -12,12 +12,24 @@ from flightmech.units import KNOT
 from pom.cases.case import CaseInputs, PomCase
 from pom.cases.pilot import PilotLoop
 from pom.judging.measures import values as trends
-from pom.judging.verdict import bands, judge, judge_all, reason_not_judged, row, settle_case
+from pom.judging.verdict import (
+    band_widths,
+    judge_all,
+    judge_criterion,
+    reason_not_judged,
+    settle_case,
+    verdict_row,
+)
 from pom.result import group_verdicts, status_of
 from pom.tolerances import rows as table
-from pom.tolerances.bands import text_of
+from pom.tolerances.bands import remarks_text
 from pom.tolerances.criteria import Band, Limit
-from pom.tolerances.rows import helpful_signals, override, required_quantities, required_signals
+from pom.tolerances.rows import (
+    apply_override,
+    helpful_signals,
+    required_quantities,
+    required_signals,
+)
 
 TIME = np.arange(0.0, 40.0, 0.02)
 FLAT = np.ones_like(TIME)
@@ -27,9 +39,9 @@ OF_2016 = {"edition": "2016-05-31 (Amdt 60-4)"}
 
 def case(id, drive=None, **more):
     window = (0.0, 39.9)
-    rows = table.rows_of(id)
+    rows = table.rows_of_test(id)
     criteria = [
-        table.criterion(
+        table.make_criterion(
             r, name, window, tuple(more.get("features", ())), engine_parameter="engine1.thrust"
         )
         for r, name in zip(rows, table.names_of(rows), strict=True)
@@ -92,22 +104,22 @@ def test_what_a_math_pilot_holds_is_not_judged_and_what_he_moves_is():
 def test_a_footprint_has_no_band_and_no_verdict():
     c = replace(case("2.d.6"), reference="footprint")
     flight = {"r": 0.1 * np.sin(TIME)}
-    got = judge(c, c.criteria[0], TIME, flight, flight)
-    assert (got.verdict, text_of(got.remarks)) == (
+    got = judge_criterion(c, c.criteria[0], TIME, flight, flight)
+    assert (got.verdict, remarks_text(got.remarks)) == (
         "not_tested",
         "a footprint: a recording without a reference has no band and no verdict",
     )
-    assert not bands(c, TIME, flight).data_vars
+    assert not band_widths(c, TIME, flight).data_vars
 
 
 def test_demonstrations_are_explained():
-    icing = table.criterion(
-        table.rows_of("2.i", table.STANDARD, "2016-05-31 (Amdt 60-4)")[0],
+    icing = table.make_criterion(
+        table.rows_of_test("2.i", table.STANDARD, "2016-05-31 (Amdt 60-4)")[0],
         "demonstration",
         (0.0, 10.0),
     )
-    got = judge(case("2.g"), icing, TIME, {}, {})
-    assert (got.verdict, text_of(got.remarks)) == ("not_tested", table.DEMONSTRATION)
+    got = judge_criterion(case("2.g"), icing, TIME, {}, {})
+    assert (got.verdict, remarks_text(got.remarks)) == ("not_tested", table.DEMONSTRATION)
     assert "four recordings" in case("2.g").criteria[0].note  # the row states what to fly
 
 
@@ -115,9 +127,12 @@ def test_windshear_is_judged_by_the_trend_of_the_airspeed():
     shear = {"V_cas": 60.0 - 8.0 * np.clip(TIME - 3.0, 0.0, 1.0)}
     c = case("2.g")
     assert (
-        judge(c, c.criteria[0], TIME, shear, shear).verdict == "advisory"
+        judge_criterion(c, c.criteria[0], TIME, shear, shear).verdict == "advisory"
     )  # a tick makes it a pass
-    assert judge(c, c.criteria[0], TIME, shear, {"V_cas": 60.0 + 0.0 * TIME}).verdict == "fail"
+    assert (
+        judge_criterion(c, c.criteria[0], TIME, shear, {"V_cas": 60.0 + 0.0 * TIME}).verdict
+        == "fail"
+    )
 
 
 def test_a_nose_wheel_that_the_record_commands_is_not_judged():
@@ -128,11 +143,11 @@ def test_a_nose_wheel_that_the_record_commands_is_not_judged():
         "delta_nw": 0.1 * np.sin(TIME),
     }
     c = replace(c, drive=replace(c.drive, surfaces="cockpit"))
-    assert "gear.steering follows delta_nw" in text_of(
-        judge(c, c.criteria[0], TIME, sweep, sweep).remarks
+    assert "gear.steering follows delta_nw" in remarks_text(
+        judge_criterion(c, c.criteria[0], TIME, sweep, sweep).remarks
     )
     held = replace(c, conditions={"delta_nw": 0.0})
-    assert judge(held, c.criteria[0], TIME, sweep, sweep).verdict == "pass"
+    assert judge_criterion(held, c.criteria[0], TIME, sweep, sweep).verdict == "pass"
 
 
 def test_a_trim_surface_is_judged_where_the_trim_solves_for_it():
@@ -140,36 +155,44 @@ def test_a_trim_surface_is_judged_where_the_trim_solves_for_it():
     tab = next(x for x in c.criteria if x.name == "trim_surface")
     level = {"delta_t": 0.02 + 0.0 * TIME}
     forced = replace(c, drive=replace(c.drive, surfaces="force"))
-    assert "driven by the record" in text_of(judge(forced, tab, TIME, level, level).remarks)
+    assert "driven by the record" in remarks_text(
+        judge_criterion(forced, tab, TIME, level, level).remarks
+    )
     solved = replace(c, drive=replace(c.drive, surfaces="force", trim_surfaces=("delta_t",)))
-    assert judge(solved, tab, TIME, level, level).verdict == "pass"
+    assert judge_criterion(solved, tab, TIME, level, level).verdict == "pass"
     assert (
-        judge(solved, tab, TIME, level, {"delta_t": 0.03 + 0.0 * TIME}).verdict == "fail"
+        judge_criterion(solved, tab, TIME, level, {"delta_t": 0.03 + 0.0 * TIME}).verdict == "fail"
     )  # 0.57 of 0.5 deg
 
 
 def test_a_channel_that_one_side_lacks_is_not_tested():
     c = case("2.d.6")
-    got = judge(c, c.criteria[0], TIME, {"r": TIME}, {"p": TIME})
-    assert (got.verdict, text_of(got.remarks)) == ("not_tested", "the model has no r")
+    got = judge_criterion(c, c.criteria[0], TIME, {"r": TIME}, {"p": TIME})
+    assert (got.verdict, remarks_text(got.remarks)) == ("not_tested", "the model has no r")
 
 
 def test_an_input_of_a_model_is_taken_from_what_it_applies():
     pilot = CaseInputs("pilot", "throttle", pilot=(PilotLoop("delta_e", "theta", 0.5, 0.1),))
     c = case("2.f", pilot, events={"capture": 20.0})
     flight = {"delta_e": -0.05 * FLAT}
-    got = judge(c, named(c, "elevator"), TIME, flight, {"applied.delta_e": -0.06 * FLAT})
+    got = judge_criterion(c, named(c, "elevator"), TIME, flight, {"applied.delta_e": -0.06 * FLAT})
     assert got.model == pytest.approx(-0.06)
 
 
 def test_short_data_and_missing_samples_are_invalid_not_an_exception():
     c = case("2.d.6")
     short = TIME[TIME < 16.0]  # 60 % short
-    got = judge(c, c.criteria[0], short, {"r": short}, {"r": short})
-    assert (got.verdict, text_of(got.remarks)[:28]) == ("invalid", "samples cover 0.00 ... 15.98")
+    got = judge_criterion(c, c.criteria[0], short, {"r": short}, {"r": short})
+    assert (got.verdict, remarks_text(got.remarks)[:28]) == (
+        "invalid",
+        "samples cover 0.00 ... 15.98",
+    )
     tail = np.where(TIME > 36.0, np.nan, 0.1)
-    got = judge(c, c.criteria[0], TIME, {"r": 0.1 * FLAT}, {"r": tail})
-    assert (got.verdict, text_of(got.remarks)[:28]) == ("invalid", "the model has no value in 19")
+    got = judge_criterion(c, c.criteria[0], TIME, {"r": 0.1 * FLAT}, {"r": tail})
+    assert (got.verdict, remarks_text(got.remarks)[:28]) == (
+        "invalid",
+        "the model has no value in 19",
+    )
 
 
 # ---- which rows count, and where
@@ -234,7 +257,7 @@ def test_parts_of_a_stall_lie_between_its_events(judged):
     after = next(item for name, item in got.items() if name.startswith("pitch_angle trace"))
     assert (after["window_start"], after["window_stop"], after["verdict"]) == (20.0, 30.0, "fail")
     unmarked = judged("2.c.8.a", TIME, flight, model, **OF_2016)["pitch_angle"]
-    assert text_of(unmarked["remarks"]).startswith(
+    assert remarks_text(unmarked["remarks"]).startswith(
         "give the event stall_warning in [events]: the row counts only in approach_to_stall"
     )
 
@@ -274,7 +297,9 @@ def test_a_row_that_the_flight_rules_out_does_not_block(judged):
     c = replace(c, criteria=tuple(replace(x, window=(1.0, 13.5)) for x in c.criteria))
     done = settle_case(c, TIME, flight)
     assert [x.applies for x in done.criteria] == [True, True, False]
-    verdicts = {x.name: judge(done, x, TIME, flight, flight).verdict for x in done.criteria}
+    verdicts = {
+        x.name: judge_criterion(done, x, TIME, flight, flight).verdict for x in done.criteria
+    }
     assert group_verdicts(done, verdicts) == {"g1": "pass", "g2": "pass"}
     assert settle_case(done, TIME, flight) == done
 
@@ -283,8 +308,12 @@ def test_spiral_is_judged_at_the_end_and_its_trend_is_advice():
     c = case("2.d.4")
     flight = {"phi": 20.0 * DEG * np.exp(-TIME / 60.0)}
     model = {"phi": flight["phi"] + np.where(TIME < 30.0, 10.0 * DEG, 1.0 * DEG)}
-    assert judge(c, named(c, "bank_angle"), TIME, flight, model).worst_ratio == pytest.approx(0.5)
-    assert judge(c, named(c, "bank_angle trend"), TIME, flight, model).verdict == "advisory"
+    assert judge_criterion(
+        c, named(c, "bank_angle"), TIME, flight, model
+    ).worst_ratio == pytest.approx(0.5)
+    assert (
+        judge_criterion(c, named(c, "bank_angle trend"), TIME, flight, model).verdict == "advisory"
+    )
     assert not named(c, "aileron").applies
 
 
@@ -297,18 +326,18 @@ def test_a_trend_states_its_criteria(judged):
         "bank_angle trend"
     ]
     assert half["verdict"] == "advisory"
-    assert text_of(half["remarks"]).startswith(
+    assert remarks_text(half["remarks"]).startswith(
         "largest change of flight -5.67 deg, of model -2.83 deg, amplitude ratio 0.50, "
         "correlation 1.00; "
         "all criteria of trend are met; to be ticked by an engineer"
     )
     away = judged("2.d.4", TIME, flight, {"phi": 40.0 * DEG - flight["phi"]})["bank_angle trend"]
     assert away["verdict"] == "fail"
-    assert "not met: sign, correlation; an engineer may tick it" in text_of(away["remarks"])
+    assert "not met: sign, correlation; an engineer may tick it" in remarks_text(away["remarks"])
     small = judged("2.d.4", TIME, flight, {"phi": 0.4 * flight["phi"] + 12.0 * DEG})[
         "bank_angle trend"
     ]
-    assert "not met: amplitude;" in text_of(small["remarks"])
+    assert "not met: amplitude;" in remarks_text(small["remarks"])
     assert small["verdict"] == "fail"
 
 
@@ -321,7 +350,7 @@ def test_a_change_within_the_scatter_of_the_flight_is_no_trend(judged):
     assert still["verdict"] == "advisory"
     assert (
         "within the dead band of +0.1 deg: no trend; of model -0.015 deg, allowed +2 deg"
-        in text_of(still["remarks"])
+        in remarks_text(still["remarks"])
     )
     moving = judged(
         "2.d.4",
@@ -331,11 +360,11 @@ def test_a_change_within_the_scatter_of_the_flight_is_no_trend(judged):
         ticks={"bank_angle trend": "A. Engineer"},
     )
     assert moving["bank_angle trend"]["verdict"] == "fail"
-    assert "the tick (A. Engineer) does not hold: the flight has no trend" in text_of(
+    assert "the tick (A. Engineer) does not hold: the flight has no trend" in remarks_text(
         moving["bank_angle trend"]["remarks"]
     )
     rough = 0.5 * DEG * np.sin(9.0 * TIME)
-    assert trends.dead_band("phi", TIME, rough) == pytest.approx(
+    assert trends.trend_dead_band("phi", TIME, rough) == pytest.approx(
         3.0 * 0.5 * DEG / np.sqrt(2.0), rel=0.1
     )
 
@@ -353,7 +382,7 @@ def test_a_sample_without_a_number_leaves_no_alternative(judged):
         "pitch_rate": "invalid",
         "normal_acceleration": "pass",
     }
-    assert text_of(outcomes["pitch_angle"].remarks).startswith(
+    assert remarks_text(outcomes["pitch_angle"].remarks).startswith(
         "its alternative pitch_rate: the model has no value in "
     )
 
@@ -363,7 +392,7 @@ def test_the_order_of_peaks_is_part_of_the_trend(judged):
     flight = {"phi": np.sin(TIME / 3.0) * np.where(TIME < 9.5, 1.1, 1.0)}
     swapped = {"phi": -np.sin(TIME / 3.0) * np.where(TIME < 9.5, 1.0, 1.2)}
     got = judged("2.d.4", TIME, flight, swapped)["bank_angle trend"]
-    assert "not met: order of peaks, correlation; an engineer may tick it" in text_of(
+    assert "not met: order of peaks, correlation; an engineer may tick it" in remarks_text(
         got["remarks"]
     )
 
@@ -375,14 +404,14 @@ def test_a_tick_makes_a_trend_a_pass_that_names_who_but_not_a_wrong_sign(judged)
         "bank_angle trend"
     ]
     assert got["verdict"] == "pass"
-    assert "not met: amplitude; ticked by A. Engineer, 2026-11-21, both converge" in text_of(
+    assert "not met: amplitude; ticked by A. Engineer, 2026-11-21, both converge" in remarks_text(
         got["remarks"]
     )
     away = judged("2.d.4", TIME, flight, {"phi": 40.0 * DEG - flight["phi"]}, ticks=ticks)[
         "bank_angle trend"
     ]
     assert away["verdict"] == "fail"
-    assert "does not hold: the model moves the other way" in text_of(away["remarks"])
+    assert "does not hold: the model moves the other way" in remarks_text(away["remarks"])
 
 
 # ---- rows of the verdict table
@@ -391,10 +420,10 @@ def test_a_tick_makes_a_trend_a_pass_that_names_who_but_not_a_wrong_sign(judged)
 def test_rows_are_in_the_unit_of_the_table():
     c = case("2.c.10")
     flight = {"q": 0.0 * TIME}
-    found = row(
+    found = verdict_row(
         "m",
         named(c, "pitch_rate"),
-        judge(c, named(c, "pitch_rate"), TIME, flight, {"q": flight["q"] + 3.0 * DEG}),
+        judge_criterion(c, named(c, "pitch_rate"), TIME, flight, {"q": flight["q"] + 3.0 * DEG}),
     )
     assert (found["unit"], found["tolerance_text"], found["applied_text"], found["provenance"]) == (
         "deg/s",
@@ -412,7 +441,7 @@ def test_the_share_of_the_tolerance_comes_from_the_case():
     """Trap 10."""
     c = replace(case("2.c.10"), reference="engineering", fraction=0.2)
     flight = {"q": 0.0 * TIME}
-    got = judge(c, named(c, "pitch_rate"), TIME, flight, {"q": flight["q"] + 0.5 * DEG})
+    got = judge_criterion(c, named(c, "pitch_rate"), TIME, flight, {"q": flight["q"] + 0.5 * DEG})
     assert (got.verdict, got.worst_ratio) == ("fail", pytest.approx(0.5 / 0.4))
     assert got.applied == "20 % of: 2 deg/s: 0.4 deg/s"
 
@@ -430,11 +459,11 @@ def test_memory_stays_in_every_row(judged):
 def test_bands_are_drawn_where_they_count():
     c = case("2.d.2")
     inside = replace(c.criteria[0], window=(10.0, 20.0))
-    width = bands(replace(c, criteria=(inside,)), TIME, {"p": 30.0 * DEG * FLAT})["p"].values
+    width = band_widths(replace(c, criteria=(inside,)), TIME, {"p": 30.0 * DEG * FLAT})["p"].values
     assert np.isnan(width[TIME < 9.9]).all()
     np.testing.assert_allclose(width[(TIME > 10.1) & (TIME < 19.9)], 3.0 * DEG)  # 10 % of 30 deg/s
     fast = replace(inside, condition="groundspeed>=40kt")
-    width = bands(
+    width = band_widths(
         replace(c, criteria=(fast,)),
         TIME,
         {"p": 30.0 * DEG * FLAT, "vn": 1.4 * TIME, "ve": 0.0 * TIME},
@@ -509,7 +538,9 @@ def test_a_case_of_every_standard_is_read_and_judged(
         "V_cas": 60.0 - time
     }
     criterion = named(read, name)
-    got = judge(read, criterion, time, flight, {k: v + off * DEG for k, v in flight.items()})
+    got = judge_criterion(
+        read, criterion, time, flight, {k: v + off * DEG for k, v in flight.items()}
+    )
     assert (got.verdict, criterion.provenance) == (
         verdict,
         "verified" if standard.startswith(("CAAC", "FAA 14 CFR Part 60 App B")) else "memory",
@@ -523,9 +554,9 @@ def test_a_case_may_take_a_percentage_of_the_range_in_service():
         drive=CaseInputs(engine="throttle"),
         events={"capture": 20.0},
     )
-    changed = override(c.criteria, "n1", {"percent": 2.0, "base": "range_max"}, c.window)
+    changed = apply_override(c.criteria, "n1", {"percent": 2.0, "base": "range_max"}, c.window)
     n1 = next(x for x in changed if x.name == "n1")
-    got = judge(c, n1, TIME, {"engine1.n1": 0.5 * FLAT}, {"engine1.n1": 0.52 * FLAT})
+    got = judge_criterion(c, n1, TIME, {"engine1.n1": 0.5 * FLAT}, {"engine1.n1": 0.52 * FLAT})
     assert (got.verdict, got.worst_ratio, n1.provenance) == (
         "pass",
         pytest.approx(0.02 / 0.0208),
@@ -537,4 +568,4 @@ def test_a_case_may_take_a_percentage_of_the_range_in_service():
 def test_a_row_without_a_width_is_not_tested():
     c = case("2.d.6")
     odd = replace(c.criteria[0], band=Band((Limit("ratio", 5.0, "%"),)))
-    assert judge(c, odd, TIME, {"r": TIME}, {"r": TIME}).verdict == "not_tested"
+    assert judge_criterion(c, odd, TIME, {"r": TIME}, {"r": TIME}).verdict == "not_tested"

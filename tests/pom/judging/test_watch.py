@@ -13,9 +13,9 @@ DEG = np.pi / 180.0
 
 def case(id, reference="flight"):
     window = (0.0, float(TIME[-1]))
-    rows = table.rows_of(id)
+    rows = table.rows_of_test(id)
     criteria = [
-        table.criterion(r, name, window, ())
+        table.make_criterion(r, name, window, ())
         for r, name in zip(rows, table.names_of(rows), strict=True)
     ]
     return PomCase(

@@ -144,14 +144,14 @@ def test_a_record_is_read_once_and_its_error_is_that_of_one_process(
 def test_a_process_that_ends_is_one_line(shared):
     with (
         pytest.raises(SimulationError, match="a process that shares the work of the batch ended"),
-        processes.processes(4, 2) as pool,
+        processes.start_processes(4, 2) as pool,
     ):
         list(pool.map(os._exit, [(1,)]))
 
 
 @pytest.mark.parametrize(("cases", "jobs"), [(79, 2), (1000, 1)])
 def test_few_cases_and_one_job_take_no_processes(cases, jobs):
-    with processes.processes(cases, jobs) as pool:
+    with processes.start_processes(cases, jobs) as pool:
         assert pool is None
 
 
@@ -242,9 +242,9 @@ def test_all_that_does_not_fit_is_reported_before_anything_flies(cases, paths, t
 
 def test_a_record_that_cases_share_is_read_once(cases, toy, lag_states, tmp_path, monkeypatch):
     lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
-    read, real = [], pom.replaying.batch.path_states
+    read, real = [], pom.replaying.batch.read_path_states
     monkeypatch.setattr(
-        pom.replaying.batch, "path_states", lambda record: read.append(record) or real(record)
+        pom.replaying.batch, "read_path_states", lambda record: read.append(record) or real(record)
     )
     found = replay_all(cases[:3], {"toy": toy()}, jobs=1)
     assert len(read) == 1
@@ -360,10 +360,10 @@ def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(
         the_same(replay_all(cases, runs, paths, scheduler=local.scheduler_address), expected)
         with monkeypatch.context() as patch:
             patch.setattr("flightmech.support.kept_stages.program.machine", lambda: "another")
-            pom.replaying.batch.installation.cache_clear()
+            pom.replaying.batch.hash_installation.cache_clear()
             with pytest.raises(SimulationError, match="another version of aeromatch"):
                 replay_all(cases, runs, paths, scheduler=local.scheduler_address)
-        pom.replaying.batch.installation.cache_clear()
+        pom.replaying.batch.hash_installation.cache_clear()
         with distributed.Client(local) as client:
             victim = sorted(client.run(os.getpid).values())[0]
 

@@ -13,7 +13,7 @@ from flightmech.errors import OutOfRange, SchemaError
 from pom.archive.origins import case_found_from, case_seen_from
 from pom.cases.case import PomCase, driven_quantities, read_case
 from pom.cases.job import job_of
-from pom.replaying.kernel_replay import fly
+from pom.replaying.kernel_replay import replay_choices
 from pom.replaying.replay_case import plan_of, replay
 from pom.report.case.start_and_inputs import describe_driving
 
@@ -115,7 +115,7 @@ def test_what_does_not_fit_is_refused(law, write_case, toy, flight, tmp_path):
             flight.assign(column=flight["column"].where(flight["time"] != 3.0)),
         )
     with pytest.raises(SchemaError, match="its FMU is not flown by the kernel alone"):
-        fly(None, job_of(case, plan_of(case, flight).states))
+        replay_choices(None, job_of(case, plan_of(case, flight).states))
     with pytest.raises(
         SchemaError,
         match=r'it drives surfaces, and drive\.surfaces is "cockpit"; make it "recorded"',

@@ -24,13 +24,13 @@ def case(write_case):
 @pytest.fixture
 def judged(monkeypatch):
     """Names of the cases that are flown and judged."""
-    made, perform = [], batch.perform
+    made, perform = [], batch.perform_plan
 
     def counted(plan, *rest):
         made.append(plan.case.name)
         return perform(plan, *rest)
 
-    monkeypatch.setattr(batch, "perform", counted)
+    monkeypatch.setattr(batch, "perform_plan", counted)
     return made
 
 

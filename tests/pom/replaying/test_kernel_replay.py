@@ -11,7 +11,7 @@ from pom.cases.case import read_case
 from pom.cases.job import job_of
 from pom.cases.pilot import PilotLoop
 from pom.cases.reference_states import flight_states
-from pom.replaying.kernel_replay import fly, fly_once
+from pom.replaying.kernel_replay import fly_once, replay_choices
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def job(write_case, trainer):
 
 def test_each_run_is_the_simulation_with_its_parameters(sim, job):
     scales = [1.0, 0.5, 0.0] * 25  # more runs than are kept in memory at once
-    outputs, failures = fly(
+    outputs, failures = replay_choices(
         sim,
         job,
         [{"term.Cm.qhat": scale, "term.CY.no_such": 1.0} for scale in scales],
@@ -50,7 +50,9 @@ def test_each_run_is_the_simulation_with_its_parameters(sim, job):
 
 
 def test_a_run_that_fails_has_no_values(sim, job):
-    outputs, failures = fly(sim, job, [{"term.CL.basic": 1.0}, {"term.CL.basic": np.inf}], ["q"])
+    outputs, failures = replay_choices(
+        sim, job, [{"term.CL.basic": 1.0}, {"term.CL.basic": np.inf}], ["q"]
+    )
     assert failures[0] == ""
     assert failures[1]
     assert np.isfinite(outputs["q"][0]).all()
@@ -65,7 +67,7 @@ def test_one_run_is_the_same_to_the_last_bit(sim, job):
         inputs={**job.inputs, "delta_e": np.where(job.time > 3.0, np.inf, job.inputs["delta_e"])},
     )
     for one in (job, piloted, failing):
-        many, (why,) = fly(sim, one, channels=["q", "phi", "no_such"])
+        many, (why,) = replay_choices(sim, one, channels=["q", "phi", "no_such"])
         found, failure = fly_once(sim, one, ["q", "phi", "no_such"])
         assert list(found) == ["q", "phi"]
         assert bool(failure) == bool(why) == (one is failing)
@@ -80,15 +82,15 @@ def test_the_math_pilot_flies_in_the_kernel(sim, job):
         PilotLoop("delta_a", "p", gain=-0.5, limit=0.2),
     )
     targets = {"phi": bank, "p": 0.05 * np.cos(job.time)}
-    free, _ = fly(sim, job, channels=["phi", "q"])
-    idle, failures = fly(
+    free, _ = replay_choices(sim, job, channels=["phi", "q"])
+    idle, failures = replay_choices(
         sim,
         replace(job, pilot=(replace(loops[0], gain=0.0),), targets=targets),
         channels=["phi", "q"],
     )
     assert failures == [""]
     assert np.abs(idle["q"] - free["q"]).max() < 1e-12
-    flown, failures = fly(
+    flown, failures = replay_choices(
         sim,
         replace(job, pilot=loops, targets=targets),
         [{"term.CL.basic": 1.0}, {"term.CL.basic": np.inf}],
@@ -118,7 +120,7 @@ def test_piloted_runs_side_by_side_are_those_one_by_one(sim, job):
     )
     piloted = replace(job, pilot=loops, targets=targets)
     scales = [1.0, 0.8, np.inf, 0.5, 1.2, 0.0, 2.0, 1.1, 0.9, 0.7, 0.6]
-    outputs, failures = fly(
+    outputs, failures = replay_choices(
         sim,
         piloted,
         [{"term.Cl.phat": scale} for scale in scales],

@@ -6,10 +6,10 @@ import pytest
 import pom
 from flightmech.errors import OutOfRange, ParseError, SchemaError, UnknownName
 from pom.cases.case import read_case
-from pom.fmu.description import read_fmu
+from pom.fmu.description import read_fmu_interface
 from pom.fmu.process import Child
 from pom.replaying.replay_case import files_by_name, replay
-from pom.tolerances.bands import text_of
+from pom.tolerances.bands import remarks_text
 
 NO_TRIM = "trim = false"
 
@@ -87,7 +87,7 @@ def test_a_bad_fmu_is_a_result_and_the_good_one_still_runs(
     result = replay(case, {"bad": toy(kind), "good": toy()}, lag_states, timeout=600.0)
     assert stated in result.failure
     assert result.status("bad") == "invalid"
-    assert stated in text_of(result.verdict.iloc[0]["remarks"])
+    assert stated in remarks_text(result.verdict.iloc[0]["remarks"])
     assert result.passed("good")
 
 
@@ -109,7 +109,7 @@ def test_nan_outputs_are_invalid(case, toy, lag_states):
     result = replay(case, {"bad": toy("nan")}, lag_states)
     rows = result.verdict.set_index("criterion")
     assert rows.loc["pitch_angle", "verdict"] == "invalid"
-    assert "the model has no value in" in text_of(rows.loc["pitch_angle", "remarks"])
+    assert "the model has no value in" in remarks_text(rows.loc["pitch_angle", "remarks"])
 
 
 def test_a_nan_in_an_input_is_refused_before_the_run(case, toy, lag_states):
@@ -145,7 +145,7 @@ def test_an_fmu_in_degrees_is_refused(case, toy, lag_states):
 
 
 def test_an_input_that_stays_zero_may_be_missing(case, toy, lag_states):
-    assert "delta_a" not in read_fmu(toy()).inputs
+    assert "delta_a" not in read_fmu_interface(toy()).inputs
     with pytest.raises(SchemaError, match="unknown input 'delta_a'"):
         replay(case, {"toy": toy()}, lag_states.assign(delta_a=lag_states["delta_a"] + 0.01))
 

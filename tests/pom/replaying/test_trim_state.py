@@ -11,12 +11,12 @@ import xarray as xr
 from pom.cases.case import read_case
 from pom.cases.job import job_of
 from pom.cases.reference_states import calibration_text
-from pom.replaying.replay_case import assemble
+from pom.replaying.replay_case import assemble_result
 from pom.replaying.run_remarks import calibration, drift
 from pom.replaying.trim import beyond_limits, trim_limits, trim_table
 from pom.report.case.remarks import run_notes
 from pom.result import trim_remarks
-from pom.tolerances.bands import text_of
+from pom.tolerances.bands import remarks_text
 
 DEGREE = np.radians(1.0)
 
@@ -41,14 +41,14 @@ def flown(write_case, lag_states):
         outputs |= {name: np.asarray(value) for name, value in changed.items() if np.ndim(value)}
         states = lag_states.isel(time=(lag_states["time"] >= 1.0) & (lag_states["time"] <= 9.0))
         cut = {name: values[50:451] for name, values in outputs.items()}
-        return assemble(case, states, job_of(case, states), {"model": cut}, {"model": ""})
+        return assemble_result(case, states, job_of(case, states), {"model": cut}, {"model": ""})
 
     return fly
 
 
 def test_a_bias_within_its_limit_gives_no_remark(flown):
     result = flown(trim_delta_e=0.9 * DEGREE)
-    assert not result.verdict["remarks"].map(text_of).str.contains("trim").any()
+    assert not result.verdict["remarks"].map(remarks_text).str.contains("trim").any()
     assert result.passed("model")
 
 
@@ -63,7 +63,7 @@ def test_a_bias_beyond_the_default_limit_is_judged_and_no_plain_pass(flown):
     assert (result.verdict["verdict"] == "pass").all()
     assert (
         result.verdict["remarks"]
-        .map(text_of)
+        .map(remarks_text)
         .str.contains("trim.delta_e -1.5 deg is beyond 1 deg", regex=False)
         .all()
     )
@@ -74,7 +74,7 @@ def test_a_bias_beyond_the_limit_of_the_case_file_makes_the_run_invalid(flown):
     assert result.status("model") == "invalid"
     assert (
         result.verdict["remarks"]
-        .map(text_of)
+        .map(remarks_text)
         .str.startswith("trim.delta_e +0.9 deg is beyond 0.5 deg")
         .all()
     )
@@ -88,7 +88,7 @@ def test_a_bias_beyond_the_limit_of_the_case_file_makes_the_run_invalid(flown):
     text = (
         "trim.delta_e +2 deg is beyond 1 deg; allowed: pick-up of the elevator, calibrated to 2 deg"
     )
-    assert stated.verdict["remarks"].map(text_of).str.contains(text, regex=False).all()
+    assert stated.verdict["remarks"].map(remarks_text).str.contains(text, regex=False).all()
     assert flown(wide + reason, trim_delta_e=4.0 * DEGREE).status("model") == "invalid"
 
 
@@ -96,9 +96,9 @@ def test_thrust_is_limited_by_a_share_of_what_was_recorded(flown):
     """5 % of 3000 N, as the longitudinal trim of 2.c.5 allows."""
     assert (
         "trim.thrust +33.9 lbf is beyond 33.7 lbf"
-        in flown(trim_thrust=151.0).verdict["remarks"].map(text_of)[0]
+        in flown(trim_thrust=151.0).verdict["remarks"].map(remarks_text)[0]
     )
-    assert "trim" not in flown(trim_thrust=149.0).verdict["remarks"].map(text_of)[0]
+    assert "trim" not in flown(trim_thrust=149.0).verdict["remarks"].map(remarks_text)[0]
 
 
 def test_what_the_trim_leaves_is_limited_and_a_roll_on_the_wheels_only_where_it_is_steady(
@@ -106,7 +106,7 @@ def test_what_the_trim_leaves_is_limited_and_a_roll_on_the_wheels_only_where_it_
 ):
     assert (
         "trim.q_dot -0.172 deg/s2 is beyond 0.115 deg/s2"
-        in flown(trim_q_dot=-3e-3).verdict["remarks"].map(text_of)[0]
+        in flown(trim_q_dot=-3e-3).verdict["remarks"].map(remarks_text)[0]
     )
     path = write_case()
     path.write_text(

@@ -8,7 +8,7 @@ import report_fixture as fixture
 
 import pom
 from pom.judging.measures.modal import mode_table
-from pom.report.case.page import CommonHeading, keys, packed_page
+from pom.report.case.page import CommonHeading, case_keys, packed_page
 from pom.report.chapters import Chapters, draw_chapters
 from pom.report.page import html_files
 from pom.report.pdf.content import case_on_paper
@@ -57,7 +57,7 @@ def page(results, fits=(), databases=None, support=None):
 def html(results, fits=(), databases=None, support=None):
     """The page and what it loads."""
     heading = CommonHeading("T-37", "A", len(results), {}, bool(databases))
-    named = zip(keys(results), results, strict=True)
+    named = zip(case_keys(results), results, strict=True)
     cases = [
         packed_page(i, key, result, heading, None, mode_table(result))
         for i, (key, result) in enumerate(named, 1)
@@ -82,7 +82,7 @@ def paper(results, form="a4", **more):
         "chapters": Chapters({}),
         **more,
     }
-    names, diagnoses = keys(results), common.pop("diagnoses", {})
+    names, diagnoses = case_keys(results), common.pop("diagnoses", {})
     with TemporaryDirectory() as folder:
         cases = [
             case_on_paper(

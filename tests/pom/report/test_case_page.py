@@ -20,22 +20,26 @@ from pom.tolerances.bands import RowRemark
 
 def test_a_sweep_is_drawn_force_over_position():
     result = fixture.column_sweep_result()
-    (cross,) = cross_plots.crosses(result)
-    data, body = case_data.data(
-        result, panels.panels(result), [cross], case.line_styles(result.runs)
+    (cross,) = cross_plots.make_cross_plots(result)
+    data, body = case_data.plot_data(
+        result, panels.make_case_panels(result), [cross], case.run_line_classes(result.runs)
     )
     (drawn,) = data["crosses"]
     assert (drawn["abscissa"]["channel"], drawn["ordinate"]["unit"]) == ("column", "lbf")
     assert [row["run"] for row in drawn["verdicts"]] == list(fixture.RUNS)
     inside = slice(50, 951)  # the window of the row, 1 to 19 s
     force = result.signals["F_column"].sel(run="flight").values[inside] / 4.4482216152605
-    np.testing.assert_allclose(traces.restore(drawn["y"]["flight"], body), force, atol=5.0 / 1000)
     np.testing.assert_allclose(
-        traces.restore(drawn["half"], body), np.maximum(5.0, 0.1 * np.abs(force)), atol=5.0 / 1000
+        traces.restore_trace(drawn["y"]["flight"], body), force, atol=5.0 / 1000
     )
-    reach = np.ptp(traces.restore(drawn["x"]["flight"], body))
-    assert reach == pytest.approx(quantities.label("column").width(0.3), rel=2e-3)
-    assert cross_plots.crosses(fixture.roll_result()) == []
+    np.testing.assert_allclose(
+        traces.restore_trace(drawn["half"], body),
+        np.maximum(5.0, 0.1 * np.abs(force)),
+        atol=5.0 / 1000,
+    )
+    reach = np.ptp(traces.restore_trace(drawn["x"]["flight"], body))
+    assert reach == pytest.approx(quantities.quantity_label("column").width(0.3), rel=2e-3)
+    assert cross_plots.make_cross_plots(fixture.roll_result()) == []
 
 
 def test_what_fails_without_a_number_is_named():
@@ -52,7 +56,9 @@ def test_what_fails_without_a_number_is_named():
         at=np.nan,
         remarks=(RowRemark("values", "flight 2.84 s"), remark),
     )
-    (row, *_) = case.outcomes(replace(result, verdict=verdict), case.line_styles(result.runs))
+    (row, *_) = case.outcome_rows(
+        replace(result, verdict=verdict), case.run_line_classes(result.runs)
+    )
     assert (row["status"], row["criterion"], row["ratio_text"], row["why"]) == (
         "fail",
         "roll rate",
@@ -86,7 +92,7 @@ def test_an_invalid_run_states_why():
         verdict, "run", "datcom", worst_ratio=np.nan, at=np.nan, verdict="invalid", remarks=beyond
     )
     result = replace(result, verdict=verdict)
-    (row, *_) = case.outcomes(result, case.line_styles(result.runs))
+    (row, *_) = case.outcome_rows(result, case.run_line_classes(result.runs))
     assert (row["status"], row["why"]) == (
         "invalid",
         "elevator deflection biased by the trim: −3.44 deg, beyond 2 deg",
@@ -95,12 +101,12 @@ def test_an_invalid_run_states_why():
         "elevator deflection biased by the trim: −3.44 deg, beyond 2 deg; net thrust biased "
         "by the trim: −852 N, beyond 107 N"
     )
-    assert f"datcom: {both}" in remarks.notes(result)
+    assert f"datcom: {both}" in remarks.reader_notes(result)
 
 
 def test_outcomes_are_those_of_the_result():
     for result in fixture.results():
-        for row in case.outcomes(result, case.line_styles(result.runs)):
+        for row in case.outcome_rows(result, case.run_line_classes(result.runs)):
             assert row["status"] == result.status(row["run"])
 
 
@@ -166,7 +172,7 @@ def test_a_case_without_an_objective_states_what_its_entry_compares():
 
     result = fixture.roll_result()
     case_of = replace(result.case, objective="", description="Wheel left, then released.")
-    text = remarks.objective(case_of)
+    text = remarks.case_objective(case_of)
     assert text.startswith("Roll response (rate): roll rate")
     assert text.endswith(
         f"of the models against flight, within the tolerances of {result.case.id}."
@@ -177,7 +183,7 @@ def test_a_case_without_an_objective_states_what_its_entry_compares():
     assert html.index('class="plots"') < html.index(
         'class="facts"'
     )  # in print the figure follows the head of the case
-    assert remarks.objective(replace(case_of, reference="footprint")).endswith(
+    assert remarks.case_objective(replace(case_of, reference="footprint")).endswith(
         "of the device, kept for later comparison."
     )
 
@@ -188,13 +194,15 @@ def test_an_aeroplane_at_rest_has_no_flow_angles():
     result = fixture.roll_result()
     table = result.trim.copy()
     names = {
-        row["label"].name for _, rows in initial_conditions.trim(result)["parts"] for row in rows
+        row["label"].name
+        for _, rows in initial_conditions.trim_tables(result)["parts"]
+        for row in rows
     }
     assert "alpha" in names
     table.loc["V"] = 0.5
     still = {
         row["label"].name
-        for _, rows in initial_conditions.trim(replace(result, trim=table))["parts"]
+        for _, rows in initial_conditions.trim_tables(replace(result, trim=table))["parts"]
         for row in rows
     }
     assert names - still == {"alpha"}
@@ -213,7 +221,7 @@ def test_longest_runs_outside_are_one_note_per_model():
             RowRemark("outside", "longest run outside 1.50 s", values={"longest": 1.5}, unit="s"),
         ),
     )
-    notes = remarks.notes(replace(result, verdict=verdict))
+    notes = remarks.reader_notes(replace(result, verdict=verdict))
     (note,) = [
         text for text in notes if text.startswith("datcom") and "longest run outside" in text
     ]
@@ -255,12 +263,12 @@ def dutch_roll():
     case_ = replace(
         base.case, id="2.d.7", window=(0.0, 19.98), events={"input_end": 1.0}, criteria=criteria
     )
-    from pom.judging.verdict import judge, row
-    from pom.result import verdict_table
+    from pom.judging.verdict import judge_criterion, verdict_row
+    from pom.result import make_verdict_table
 
     flights = {run: {"r": values} for run, values in runs.items()}
     rows = [
-        row(run, c, judge(case_, c, time, flights["flight"], flights[run]))
+        verdict_row(run, c, judge_criterion(case_, c, time, flights["flight"], flights[run]))
         for run in ("datcom", "corrected", "final")
         for c in criteria
     ]
@@ -272,7 +280,7 @@ def dutch_roll():
         signals=signals,
         tolerance=tolerance,
         inputs=inputs,
-        verdict=verdict_table(rows),
+        verdict=make_verdict_table(rows),
     )
 
 
@@ -288,7 +296,7 @@ def test_table_of_modes(tmp_path):
     )
     assert found.loc["corrected", "damping_ratio"] == pytest.approx(0.06, rel=1e-4)
     assert "hardly oscillates" in found.loc["datcom", "note"]
-    (block,) = modal.mode_table(result, table, case.line_styles(result.runs))
+    (block,) = modal.mode_blocks(result, table, case.run_line_classes(result.runs))
     assert [row["period"] for row in block["rows"]] == ["3.00", "–", "3.00", "3.00"]
     html = texts(write(tmp_path, results=[result], diagnoses={}).read_text(encoding="utf-8"))
     document = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
@@ -309,7 +317,7 @@ def test_biases_of_the_trim_are_marked_beyond_their_limit():
     table.loc["trim.delta_e", "datcom"] = np.radians(-1.2)
     table.loc["trim.throttle"] = [np.nan, 0.0]
     parts = dict(
-        initial_conditions.trim(replace(fixture.short_period_result(), trim=table))["parts"]
+        initial_conditions.trim_tables(replace(fixture.short_period_result(), trim=table))["parts"]
     )
     found = [
         (row["label"].name, row["cells"], row["limit"]) for row in parts["Biases found by the trim"]
@@ -328,7 +336,7 @@ def test_thrust_that_drives_is_shown_once():
     result = fixture.short_period_result()
     thrust = result.inputs["engine1.thrust_drive"].values
     result.signals["engine1.thrust"] = ("run", "time"), np.stack([thrust] * 4)
-    shown = [(panel.channel, panel.kind) for panel in panels.panels(result)]
+    shown = [(panel.channel, panel.kind) for panel in panels.make_case_panels(result)]
     assert ("engine1.thrust", "input") in shown
     assert "engine1.thrust_drive" not in dict(shown)
 
@@ -340,6 +348,6 @@ def test_a_control_that_a_pilot_moves_is_shown_with_the_models():
         ("run", "time"),
         np.stack([aileron, 1.1 * aileron, aileron, aileron]),
     )
-    panel = next(panel for panel in panels.panels(result) if panel.channel == "delta_a")
+    panel = next(panel for panel in panels.make_case_panels(result) if panel.channel == "delta_a")
     assert panel.kind == "input"
     assert list(panel.traces) == ["flight", *fixture.RUNS]

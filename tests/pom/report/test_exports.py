@@ -18,7 +18,7 @@ from flightmech.errors import SchemaError
 from pom.archive import archive
 from pom.report import exports
 from pom.report import exports as csv_lines
-from pom.report.case.page import keys
+from pom.report.case.page import case_keys
 from pom.tolerances.bands import RowRemark
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -136,7 +136,7 @@ def test_a_failed_alternative_is_no_failure(folder):
         (result.verdict["run"] == "final") & (result.verdict["criterion"] == "pitch_angle"),
         "verdict",
     ] = "fail"
-    suite = ElementTree.fromstring(exports.junit([result], "x").split("\n", 1)[1])
+    suite = ElementTree.fromstring(exports.junit_xml([result], "x").split("\n", 1)[1])
     tests = suite.findall("testsuite/testcase[@classname='short_period_full_flaps.final']")
     assert all(test.find("failure") is None for test in tests)
 
@@ -153,7 +153,7 @@ def test_a_trim_beyond_its_limits_is_a_failed_test_of_its_own():
     for index in result.verdict.index[result.verdict["run"] == "final"]:
         result.verdict.at[index, "remarks"] = (remark,)
     assert result.status("final") == "limits_exceeded"
-    suite = ElementTree.fromstring(exports.junit([result], "x").split("\n", 1)[1])
+    suite = ElementTree.fromstring(exports.junit_xml([result], "x").split("\n", 1)[1])
     (test,) = suite.findall("testsuite/testcase[@name='trim within its limits']")
     assert test.get("classname") == "short_period_full_flaps.final"
     assert test.find("failure").get("message") == remark.text
@@ -161,7 +161,7 @@ def test_a_trim_beyond_its_limits_is_a_failed_test_of_its_own():
 
 def test_control_characters_do_not_break_the_xml():
     result = fixture.short_period_result(title="a\x00b \ud800 <&>")
-    root = ElementTree.fromstring(exports.junit([result], "\x1b").split("\n", 1)[1].encode())
+    root = ElementTree.fromstring(exports.junit_xml([result], "\x1b").split("\n", 1)[1].encode())
     assert root.find("testsuite").get("name") == "2.c.10 a?b ? <&>"
 
 
@@ -192,7 +192,7 @@ def test_names_with_commas_stay_one_column():
 
 def test_groups_of_the_archive_are_named_as_the_pages(folder):
     with h5py.File(folder / "results.nc") as file:
-        assert set(file) - {"document"} == set(keys(fixture.results()))
+        assert set(file) - {"document"} == set(case_keys(fixture.results()))
 
 
 def test_samples_in_parts_are_those_in_one(monkeypatch):

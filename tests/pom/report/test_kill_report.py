@@ -11,7 +11,7 @@ import write_calls
 
 import pom
 from flightmech.support.atomic_write import folder_written_atomically
-from pom.archive.origins import sha256
+from pom.archive.origins import file_sha256
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork and SIGKILL of POSIX")
 
@@ -56,9 +56,11 @@ def title_of_job(out):
     statement = json.loads((report / "manifest.json").read_text())
     files = [file for file in report.rglob("*") if file.is_file() and file.name != "manifest.json"]
     subjects = {item["name"]: item["digest"]["sha256"] for item in statement["subject"]}
-    assert subjects == {file.relative_to(report).as_posix(): sha256(file) for file in files}
+    assert subjects == {file.relative_to(report).as_posix(): file_sha256(file) for file in files}
     definition = statement["predicate"]["buildDefinition"]
-    assert definition["resolvedDependencies"][0]["digest"]["sha256"] == sha256(out / "final.fmu")
+    assert definition["resolvedDependencies"][0]["digest"]["sha256"] == file_sha256(
+        out / "final.fmu"
+    )
     title = definition["externalParameters"]["title"]
     assert f"model {title.split()[1]}" == (out / "final.fmu").read_text()
     return title

@@ -77,7 +77,9 @@ def test_identification_shows_every_local_model():
     html = head["page"]
     assert html.count('<details class="fit"') == len(head["fits"]) == 2
     for fit, drawn in zip(fits, head["fits"], strict=True):
-        measured, fitted = (traces.restore(drawn[name], body) for name in ("measured", "fitted"))
+        measured, fitted = (
+            traces.restore_trace(drawn[name], body) for name in ("measured", "fitted")
+        )
         lift = fit.data["CL"].values
         assert np.abs(measured - lift).max() <= np.ptp(lift) / 1000 * (1 + 1e-9)
         assert np.std(measured - fitted) == pytest.approx(np.std(fit.residual), rel=0.02)
@@ -87,7 +89,7 @@ def test_identification_shows_every_local_model():
         ):
             assert re.search(
                 rf'scope="row">{name}</th><td '
-                rf'class="num">{re.escape(quantities.number(float(estimate), 4))}</td>',
+                rf'class="num">{re.escape(quantities.format_number(float(estimate), 4))}</td>',
                 html,
             )
     assert 'class="test-point"' in html
@@ -128,7 +130,7 @@ def test_tables_of_unlike_axes_share_a_figure():
         for c in database_comparison._curves(tables, holders, "value", "alpha", {"mach": 0.3})
     }
     np.testing.assert_allclose(middle["wide"]["y"], [1.25, 3.25])
-    shared, styles = database_comparison._shared(holders), case.line_styles(holders)
+    shared, styles = database_comparison._shared(holders), case.run_line_classes(holders)
     assert database_comparison._figure(
         "CL/basic", "value", holders, shared, None, styles
     ).words.startswith("CL/basic value against alpha in")

@@ -17,16 +17,16 @@ import flighttest
 import pom
 from flightmech.errors import SchemaError, UnknownName
 from pom.judging.measures.modal import mode_table
-from pom.report.case.page import line_styles
-from pom.report.case.panels import Cross, panels
+from pom.report.case.page import run_line_classes
+from pom.report.case.panels import Cross, make_case_panels
 from pom.report.models.database_comparison import compare_for_report
-from pom.report.models.identification import chapter
+from pom.report.models.identification import identification_chapter
 from pom.report.pdf import content, document
 from pom.report.pdf import content as case_pages
 from pom.report.pdf import drawings as figure
 from pom.report.pdf import drawings as style
-from pom.report.pdf.drawings import cross_drawing, waterfall
-from pom.report.presentation.quantities import label
+from pom.report.pdf.drawings import cross_drawing, draw_waterfall
+from pom.report.presentation.quantities import quantity_label
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture
@@ -144,7 +144,9 @@ def alternatives(pdf):
 
 def test_every_panel_has_its_alternative_text(folder):
     texts = alternatives((folder / "report.pdf").read_bytes())
-    wanted = [panel.label.words for result in fixture.results() for panel in panels(result)]
+    wanted = [
+        panel.label.words for result in fixture.results() for panel in make_case_panels(result)
+    ]
     assert wanted
     assert all(words in texts for words in wanted)
     assert "within tolerance throughout" in texts
@@ -171,7 +173,9 @@ def test_chapters_of_the_data_report_are_there_when_wanted(tmp_path):
         "CL of short period, 4 terms: measured",
         "CL of short period, 2 terms: measured",
     ]
-    terms = compare_for_report(fixture.databases(), {}, line_styles(fixture.databases()))["terms"]
+    terms = compare_for_report(fixture.databases(), {}, run_line_classes(fixture.databases()))[
+        "terms"
+    ]
     tables = [figure.words for term in terms for figure in term["figures"]]
     assert tables
     for wanted, there in ((flown, (False, True, True)), (tables, (False, False, True))):
@@ -186,7 +190,7 @@ def test_the_figure_of_a_fit_and_a_published_one_without_samples(tmp_path):
         "model,coefficient,term,value,stderr,mach,alpha [deg]\nreport,CL,alpha,4.9,0.1,0.3,4\n"
     )
     (published,) = flighttest.combining.read_published(tmp_path / "values.csv")
-    first, _, bare = chapter([*fixture.fits(), published], {}, on_paper=True)["fits"]
+    first, _, bare = identification_chapter([*fixture.fits(), published], {}, on_paper=True)["fits"]
     assert first["drawing"].words.startswith(
         "CL of short period, 4 terms: measured, fitted, residual with an rms of 0.00"
     )
@@ -219,7 +223,7 @@ def test_more_than_seven_panels_go_on(tmp_path):
     again = {f"engine{n}.thrust": result.signals["theta"] for n in range(1, 9)}
     many = replace(result, signals=result.signals.assign(again))
     drawn = case_pages._drawings(tmp_path, 1, many, None, 800.0, 1000.0)["pages"]
-    assert sum(map(len, drawn)) == len(panels(many))
+    assert sum(map(len, drawn)) == len(make_case_panels(many))
     assert max(map(len, drawn)) == 7
     assert len(drawn) > 2
 
@@ -230,7 +234,7 @@ def test_where_tables_fill_the_page_panels_take_the_next(tmp_path):
         "pages"
     ]
     assert drawn[0] == []
-    assert sum(map(len, drawn)) == len(panels(fixture.short_period_result()))
+    assert sum(map(len, drawn)) == len(make_case_panels(fixture.short_period_result()))
     result = fixture.short_period_result()
     again = [
         result.verdict.assign(criterion=result.verdict["criterion"] + f" {n}", group=f"g{n}")
@@ -270,7 +274,7 @@ def test_without_a_pdf_an_old_one_goes(folder, tmp_path):
 
 def test_the_words_of_the_document_are_those_of_the_results():
     result = fixture.short_period_result()
-    page = content.case(1, "key", result, fixture.PROVENANCE, None, mode_table(result))
+    page = content.case_content(1, "key", result, fixture.PROVENANCE, None, mode_table(result))
     rows = {
         (block["criterion"].replace(" ", "_"), row["run"]): row
         for block in page["verdicts"]
@@ -295,9 +299,9 @@ def test_the_words_of_the_document_are_those_of_the_results():
 
 
 def drawn(result, index=0, height=60.0):
-    styles = {**line_styles(result.runs), "applied": "run-0"}
-    shown = panels(result)
-    return figure.drawing(
+    styles = {**run_line_classes(result.runs), "applied": "run-0"}
+    shown = make_case_panels(result)
+    return figure.draw_case_panel(
         "x",
         result.signals["time"].values,
         shown[index],
@@ -373,7 +377,10 @@ def test_lines_stand_out_from_paper_and_band(colour, ground):
 
 def test_no_text_is_below_seven_points():
     column = (PAPER_WIDTH["a4"] - 28.0) / 25.4 * 72 / 720  # points per unit of a drawing
-    sizes = [float(size) * column for size in re.findall(r"font-size:([\d.]+)px", style.defs())]
+    sizes = [
+        float(size) * column
+        for size in re.findall(r"font-size:([\d.]+)px", style.style_definitions())
+    ]
     assert min(sizes) >= 7.0
     layout = (Path(document.__file__).parent / "report.typ").read_text(encoding="utf-8")
     assert min(float(size) for size in re.findall(r"size: ([\d.]+)pt", layout)) >= 7.0
@@ -396,7 +403,7 @@ def test_the_rest_of_a_record_does_not_squeeze_the_window():
 
 @pytest.mark.parametrize("room", [500.0, 800.0, 1000.0])
 def test_panels_fill_the_room_and_never_more(room):
-    shown = panels(fixture.short_period_result())
+    shown = make_case_panels(fixture.short_period_result())
     count, height = figure.arrange_panels(shown, room)
     assert 1 <= count <= 7
     total = sum(drawn(fixture.short_period_result(), i, height)[0].height for i in range(count))
@@ -414,7 +421,7 @@ def shares():
 
 
 def test_the_waterfall_falls_from_the_prior_to_the_final_model():
-    item = waterfall(shares())
+    item = draw_waterfall(shares())
     bars = [
         e
         for e in ElementTree.fromstring(item.svg).iter(f"{SVG}rect")
@@ -431,7 +438,7 @@ def test_the_waterfall_falls_from_the_prior_to_the_final_model():
         ends[4][1], abs=0.2
     )  # and the last ends at that of the final model
     assert "Cm/qhat  (pitching-moment increment due to pitch rate): explains 80 ± 5 %" in item.words
-    assert waterfall(shares().iloc[:2]) is None
+    assert draw_waterfall(shares().iloc[:2]) is None
     assert paper(
         [fixture.short_period_result()], diagnoses={"short_period_full_flaps": fixture.diagnosis()}
     ).startswith(b"%PDF")
@@ -439,8 +446,8 @@ def test_the_waterfall_falls_from_the_prior_to_the_final_model():
 
 def test_legend_samples_do_not_overlap():
     tree = ElementTree.fromstring(
-        figure.legend(
-            line_styles(["datcom", "corrected", "final", "a model with a rather long name"])
+        figure.draw_legend(
+            run_line_classes(["datcom", "corrected", "final", "a model with a rather long name"])
         ).svg
     )
     places = [
@@ -458,7 +465,9 @@ def test_a_cross_plot_turns_back_with_its_band():
         "flight": 100.0 * np.sin(turn) + 20.0 * np.cos(turn),
         "final": 104.0 * np.sin(turn) + 18.0 * np.cos(turn),
     }
-    plot = Cross(("force",), label("column"), label("F_column"), x, y, np.full(200, 12.0))
+    plot = Cross(
+        ("force",), quantity_label("column"), quantity_label("F_column"), x, y, np.full(200, 12.0)
+    )
     rows = [{"run": "final", "criterion": "force", "verdict": "pass", "worst_ratio": 0.42}]
     item = cross_drawing("x", plot, {"flight": "run-0", "final": "run-3"}, rows)
     paths = {

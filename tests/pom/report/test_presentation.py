@@ -17,19 +17,19 @@ from pom.report.presentation import quantities as term_names
 @pytest.mark.parametrize("index", [0, 1, 2])
 def test_quantised_traces_stay_below_a_500th_of_the_tolerance(index):
     result = fixture.results()[index]
-    shown = panels.panels(result)
-    data, body = case_data.data(result, shown, [], case.line_styles(result.runs))
+    shown = panels.make_case_panels(result)
+    data, body = case_data.plot_data(result, shown, [], case.run_line_classes(result.runs))
     np.testing.assert_allclose(
-        traces.restore(data["time"], body), result.signals["time"].values, atol=1e-6
+        traces.restore_trace(data["time"], body), result.signals["time"].values, atol=1e-6
     )
     judged = 0
     for panel, head in zip(shown, data["panels"], strict=True):
         for run, values in panel.traces.items():
-            error = np.abs(traces.restore(head["traces"][run], body) - values)
+            error = np.abs(traces.restore_trace(head["traces"][run], body) - values)
             if panel.half is not None:
                 assert np.nanmax(error) < np.nanmin(panel.half) / 500
                 assert (
-                    np.nanmax(np.abs(traces.restore(head["half"], body) - panel.half))
+                    np.nanmax(np.abs(traces.restore_trace(head["half"], body) - panel.half))
                     < np.nanmin(panel.half) / 500
                 )
                 judged += 1
@@ -43,9 +43,9 @@ def test_gaps_and_large_jumps_survive_the_quantisation():
     pack = traces.Pack.empty()
     entry = pack.add(values, 0.01)
     assert entry["type"] == "int32"  # 1e8 steps do not fit 16 bits
-    np.testing.assert_allclose(traces.restore(entry, bytes(pack.body)), values, atol=0.005)
+    np.testing.assert_allclose(traces.restore_trace(entry, bytes(pack.body)), values, atol=0.005)
     empty = pack.add(np.full(3, np.nan), 1.0)
-    assert np.isnan(traces.restore(empty, bytes(pack.body))).all()
+    assert np.isnan(traces.restore_trace(empty, bytes(pack.body))).all()
 
 
 def test_smooth_traces_are_differenced_twice_and_gaps_once():
@@ -57,16 +57,16 @@ def test_smooth_traces_are_differenced_twice_and_gaps_once():
     ]
     assert [(entry["order"], entry["type"]) for entry in entries] == [(2, "int16"), (1, "int16")]
     for entry, holes in zip(entries, (0, 1), strict=True):
-        back = traces.restore(entry, bytes(pack.body))
+        back = traces.restore_trace(entry, bytes(pack.body))
         assert np.isnan(back).sum() == holes
         assert np.nanmax(np.abs(back - smooth)) <= 0.005 + 1e-9
 
 
 def test_line_code_of_the_figures_and_of_other_models():
-    assert case.line_styles(["flight", "datcom", "corrected", "final"]) == dict(
+    assert case.run_line_classes(["flight", "datcom", "corrected", "final"]) == dict(
         flight="run-0", datcom="run-1", corrected="run-2", final="run-3"
     )
-    styles = case.line_styles(["final", "rival", "other"])
+    styles = case.run_line_classes(["final", "rival", "other"])
     assert styles["final"] == "run-3"
     assert len(set(styles.values())) == 4
 
@@ -74,7 +74,7 @@ def test_line_code_of_the_figures_and_of_other_models():
 def test_an_outlier_is_clipped_before_it_squeezes_the_band():
     time = np.linspace(0, 10, 201)
     flight, half = 3.0 * np.sin(time), np.full(201, 1.5)
-    low, high = panels.limits(
+    low, high = panels.scale_limits(
         {"flight": flight, "poor": flight + np.where(time > 5, 300.0, 0.0)}, half, 0.0
     )
     assert low < -4.49
@@ -85,8 +85,8 @@ def test_an_outlier_is_clipped_before_it_squeezes_the_band():
 def test_a_missing_response_counts_as_outside():
     time = np.arange(5.0)
     half = np.array([np.nan, 1.0, 1.0, 1.0, np.nan])
-    mask = panels.outside(np.array([9.0, 0.5, np.nan, 2.0, 9.0]), np.zeros(5), half)
-    assert panels.spans(time, mask) == [(2.0, 3.0)]
+    mask = panels.is_outside_band(np.array([9.0, 0.5, np.nan, 2.0, 9.0]), np.zeros(5), half)
+    assert panels.spans_of_mask(time, mask) == [(2.0, 3.0)]
 
 
 @pytest.mark.parametrize(
@@ -106,15 +106,21 @@ def test_values_in_display_units(name, si, text):
 
 
 def test_a_difference_of_temperatures_has_no_offset():
-    assert quantities.label("temperature").width(2.0) == pytest.approx(2.0)
+    assert quantities.quantity_label("temperature").width(2.0) == pytest.approx(2.0)
 
 
 def test_symbols():
-    assert str(quantities.label("delta_e").html) == "<i>δ</i><sub>e</sub>"
-    assert quantities.label("engine2.thrust").words == "net thrust, engine 2"
-    assert quantities.label("trim.u_dot").words == "body acceleration along x, left after the trim"
-    assert quantities.label("trim.delta_e").words == "elevator deflection, bias found by the trim"
-    assert quantities.label("alien").words == ""
+    assert str(quantities.quantity_label("delta_e").html) == "<i>δ</i><sub>e</sub>"
+    assert quantities.quantity_label("engine2.thrust").words == "net thrust, engine 2"
+    assert (
+        quantities.quantity_label("trim.u_dot").words
+        == "body acceleration along x, left after the trim"
+    )
+    assert (
+        quantities.quantity_label("trim.delta_e").words
+        == "elevator deflection, bias found by the trim"
+    )
+    assert quantities.quantity_label("alien").words == ""
 
 
 @pytest.mark.parametrize(
@@ -133,10 +139,10 @@ def test_terms_in_words(term, stated):
 
 
 def test_winds_are_named_from_where_they_blow():
-    assert initial_conditions.wind(0.0, -5.0) == "from 090° true at 9.7 kt"
-    assert initial_conditions.wind(-5.0, 0.0) == "from 360° true at 9.7 kt"
-    assert initial_conditions.wind(0.0, 0.0) == "calm"
-    assert initial_conditions.wind(5.0, 0.0, -1.0).endswith(
+    assert initial_conditions.wind_text(0.0, -5.0) == "from 090° true at 9.7 kt"
+    assert initial_conditions.wind_text(-5.0, 0.0) == "from 360° true at 9.7 kt"
+    assert initial_conditions.wind_text(0.0, 0.0) == "calm"
+    assert initial_conditions.wind_text(5.0, 0.0, -1.0).endswith(
         "from 180° true at 9.7 kt, up 1.0\N{NO-BREAK SPACE}m/s"
     )
 
@@ -146,9 +152,9 @@ def test_the_rest_of_a_record_does_not_squeeze_the_window():
     result.signals["theta"].loc[{"run": "flight", "time": result.signals["time"][:5]}] = (
         3.0  # before the window, as vanes at a standstill
     )
-    panel = panels.panels(result)[0]
+    panel = panels.make_case_panels(result)[0]
     assert panel.limits[1] > np.degrees(3.0)
     assert (
-        panel.scale == panels.panels(fixture.short_period_result())[0].scale
+        panel.scale == panels.make_case_panels(fixture.short_period_result())[0].scale
     )  # as if it were not there
-    assert panels.panels(result)[1].scale == panels.panels(result)[1].limits
+    assert panels.make_case_panels(result)[1].scale == panels.make_case_panels(result)[1].limits

@@ -14,7 +14,7 @@ from flightmech.errors import SchemaError, UnknownName
 from pom.report import page as overview
 from pom.report.case import page as case
 from pom.report.presentation import verdict_text
-from pom.tolerances.bands import RowRemark, reasons
+from pom.tolerances.bands import RowRemark, reason_remarks
 
 
 class Table(HTMLParser):
@@ -171,14 +171,14 @@ def test_bad_arguments_are_reported(tmp_path):
 
 def test_cases_of_one_name_get_addresses_of_their_own():
     result = fixture.roll_result()
-    assert case.keys([result, result]) == ["roll_response_clean", "roll_response_clean-2"]
+    assert case.case_keys([result, result]) == ["roll_response_clean", "roll_response_clean-2"]
 
 
 def test_names_that_differ_in_case_alone_are_different_files():
     result = fixture.roll_result()
     names = ["Climb", "climb", "climb-2", "CLIMB", "Ramp", "climb 2"]
     cases = [replace(result, case=replace(result.case, name=name)) for name in names]
-    found = case.keys(cases)
+    found = case.case_keys(cases)
     assert found == ["Climb", "climb-2", "climb-2-2", "CLIMB-3", "Ramp", "climb-2-3"]
 
 
@@ -207,14 +207,14 @@ def test_coverage_states_what_of_an_entry_was_not_judged_and_why():
         "criterion",
         "normal_acceleration",
         verdict="not_tested",
-        remarks=reasons("no accelerometer"),
+        remarks=reason_remarks("no accelerometer"),
     )
     rows = [
         {"standard": r.case.standard, "edition": r.case.edition, "test_id": i, "title": i}
         for r in results[:1]
         for i in ("2.c.10", "9.z.9")
     ]
-    (part,) = overview.coverage(results[:1], rows)
+    (part,) = overview.table_coverage(results[:1], rows)
     assert [
         (entry["id"], entry["judged"], entry["criteria"], entry["left"]) for entry in part["run"]
     ] == [("2.c.10", 2, 3, [("normal acceleration", "no accelerometer")])]

@@ -62,7 +62,7 @@ def test_a_signature_for_other_results_is_marked():
     verdict.loc[verdict.index[0], "worst_ratio"] *= 1.00001
     other = replace(again, verdict=verdict)
     assert results_name([other]) != name
-    on_paper = content.case(
+    on_paper = content.case_content(
         1, "roll", other, fixture.PROVENANCE, None, pom.judging.mode_table(other)
     )
     assert on_paper["results"] == results_name([other])
@@ -115,9 +115,11 @@ def test_page_numbers_and_paper_have_the_names(tmp_path):
     numbers = json.loads((tmp_path / "signed" / "results.json").read_text(encoding="utf-8"))
     assert numbers["results"][0]["case"]["signatures"] == SIGNED
     assert numbers["provenance"]["signatures"]["approved"]["name"] == "B. Chief"
-    front = content.front([signed], ["roll"], "T-37", "", provenance, {})
+    front = content.front_content([signed], ["roll"], "T-37", "", provenance, {})
     assert [row["name"] for row in front["signatures"]] == ["", "", "B. Chief", ""]
-    on_paper = content.case(1, "roll", signed, provenance, None, pom.judging.mode_table(signed))
+    on_paper = content.case_content(
+        1, "roll", signed, provenance, None, pom.judging.mode_table(signed)
+    )
     assert on_paper["signatures"][0]["name"] == "A. Engineer, flight test"
     archive = pom.read_archive(tmp_path / "signed")
     assert archive.results[0].case.signatures == SIGNED

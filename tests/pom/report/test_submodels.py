@@ -30,10 +30,10 @@ from pom.report.pdf import drawings as style
 from pom.report.submodels.sections import (
     _responses,
     _tables,
-    context,
     landing_gear,
+    make_sections,
     needed_submodels,
-    sections,
+    submodels_context,
 )
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -104,7 +104,7 @@ def flown():
 
 
 def test_every_estimate_stands_with_its_standard_error(results):
-    engine, column, ground = sections(results, {"column": [flown()]})
+    engine, column, ground = make_sections(results, {"column": [flown()]})
     assert [row[0] for row in engine.grids[0].rows] == ["0.6000", "0.8000", "1.000"]
     assert {row[0] for row in column.grids[0].rows} == {"offset", "friction"}
     assert {row[0] for row in column.grids[1].rows} == {"Ch_e: 1", "Ch_e: delta_e"}
@@ -143,7 +143,7 @@ def test_the_force_is_drawn_over_the_travel_at_every_speed(results):
     """As [LR743] Fig. 10: both branches of the friction loop, recorded and by the constants, near
     speeds in one panel.
     """
-    (section,) = sections(
+    (section,) = make_sections(
         {"column": results["column"]}, {}, {"column": [swept(1500.0), swept(6000.0), swept(1510.0)]}
     )
     (force,) = section.pictures
@@ -157,7 +157,7 @@ def test_the_force_is_drawn_over_the_travel_at_every_speed(results):
     ] == [True, True]
     assert force.body.count('class="node run-0"') == force.body.count('class="node run-3"') > 0
     with pytest.raises(SchemaError, match="driven_motion: 'wheel' is no submodel"):
-        sections({}, {}, {"wheel": []})
+        make_sections({}, {}, {"wheel": []})
 
 
 def test_the_response_of_the_spools_is_drawn(results):
@@ -244,16 +244,17 @@ def test_every_wheel_has_its_loads():
         for css in group.split()
     }
     assert all(
-        f".{css}{{" in style.defs() or f".{css}," in style.defs() for css in classes
+        f".{css}{{" in style.style_definitions() or f".{css}," in style.style_definitions()
+        for css in classes
     )  # drawn on paper too
 
 
 def test_what_is_no_submodel_is_refused(results):
     with pytest.raises(SchemaError) as caught:
-        sections({"gear": 3.0}, {"wheel": []})
+        make_sections({"gear": 3.0}, {"wheel": []})
     assert caught.value.problems[0] == "free_motion: 'wheel' is no submodel; there are: gear"
     assert caught.value.problems[1].startswith("submodels.gear: float; give ")
-    assert sections({}, {}) == []
+    assert make_sections({}, {}) == []
 
 
 def test_terms_and_parts_belong_to_submodels():
@@ -293,11 +294,11 @@ def test_what_the_corrected_model_takes():
 
 
 def test_page_and_paper_hold_the_same(results, tmp_path):
-    chapter = sections(results, {})
-    page = context(chapter)
+    chapter = make_sections(results, {})
+    page = submodels_context(chapter)
     assert [item["key"] for item in page] == ["engine", "column", "ground-effect"]
     assert [item["grids"] for item in page] == [section.grids for section in chapter]
-    paper = [content.submodel(section) for section in chapter]
+    paper = [content.submodel_content(section) for section in chapter]
     assert [[grid["rows"] for grid in item["grids"]] for item in paper] == [
         [grid.rows for grid in item["grids"]] for item in page
     ]

@@ -12,7 +12,7 @@ import pom
 from flightmech.errors import UnknownName
 from pom.archive.results_document import join_reports
 from pom.archive.verification import differences_from_log
-from pom.report.models.diagnosis import context
+from pom.report.models.diagnosis import tuning_context
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # for report_fixture
 sys.path.insert(0, str(Path(__file__).parent))  # for report_pages
@@ -58,7 +58,7 @@ def test_the_log_is_a_chapter_and_kept(tmp_path):
 
 def test_the_chapter_on_paper():
     results = [fixture.roll_result()]
-    chapter = context({"final": fixture.tuning(results)}, results)
+    chapter = tuning_context({"final": fixture.tuning(results)}, results)
     pdf = paper(results, tunings=chapter)
     assert b"Tuning inside the standard errors" in everything(pdf)
 

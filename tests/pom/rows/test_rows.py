@@ -20,7 +20,7 @@ TABLE = judge_rows.read_table()
 ENTRIES = list(
     dict.fromkeys(
         row["test_id"]
-        for row in rows.rows()
+        for row in rows.tolerance_rows()
         if row["standard"] == rows.STANDARD and row["edition"] == rows.EDITION
     )
 )

@@ -18,7 +18,7 @@ from pom.archive.archive import Archive, read_archive, write_archive
 from pom.cases.case import read_case
 from pom.diagnosis.sampling.draws import DrawnModels, InstrumentErrors
 from pom.diagnosis.sampling.sampled_replay import SampledBench, replay_draws, with_inertia
-from pom.diagnosis.sampling.shares import regressors, shares
+from pom.diagnosis.sampling.shares import regressors_of_draws, variance_shares
 from pom.judging.signals import traces_of
 from pom.judging.verdict import judge_all
 from pom.replaying.replay_case import plan_of
@@ -262,7 +262,7 @@ def test_shares_of_errors_that_take_each_other_back_add_up():
         400
     )  # estimated together: their sum is known better than each
     changes = {"CL/basic": np.outer(a, [1.0, 1.0]), "CL/elevator": np.outer(b, [1.0, 1.0])}
-    found = shares({"row": a + b}, regressors(changes, {}))
+    found = variance_shares({"row": a + b}, regressors_of_draws(changes, {}))
     assert found["share"].sum() == pytest.approx(1.0, abs=0.01)
     var = np.cov(a, b)
     wanted = (var[0, 0] + var[0, 1]) / (var.sum())

@@ -12,11 +12,11 @@ from pom.tolerances import bands, rows
 from pom.tolerances.bands import (
     Invalid,
     NotJudged,
-    difference,
     half_width,
     inside_window,
     judge_number,
-    text_of,
+    remarks_text,
+    unwrapped_difference,
 )
 from pom.tolerances.criteria import Band, Criterion, Limit
 
@@ -60,7 +60,7 @@ def test_exit_is_given_by_time_share_and_longest_run():
     model[(TIME >= 3.999) & (TIME <= 4.481)] = -2.0 * DEG  # 25 samples
     model[TIME[400] == TIME] = -3.0 * DEG
     got = trace(criterion(), TIME, np.zeros_like(TIME), model)
-    assert (got.verdict, text_of(got.remarks)) == ("fail", "longest run outside 0.50 s")
+    assert (got.verdict, remarks_text(got.remarks)) == ("fail", "longest run outside 0.50 s")
     assert got.first_exit == pytest.approx(4.0)
     assert got.at == pytest.approx(8.0)
     assert got.worst == pytest.approx(-3.0 * DEG)
@@ -123,14 +123,14 @@ def test_time_that_does_not_rise_is_invalid():
 def test_headings_on_both_sides_of_north_are_near():
     flight = np.mod(np.linspace(355.0, 365.0, TIME.size), 360.0) * DEG
     model = np.mod(np.linspace(357.0, 366.0, TIME.size), 360.0) * DEG
-    error = difference("psi", flight, model) / DEG
+    error = unwrapped_difference("psi", flight, model) / DEG
     np.testing.assert_allclose(error, np.linspace(2.0, 1.0, TIME.size), atol=1e-10)
     got = trace(criterion("psi", Band((Limit("absolute", 3.0, "deg"),))), TIME, flight, model)
     assert (got.verdict, round(got.worst_ratio, 6)) == ("pass", round(2.0 / 3.0, 6))
 
 
 def test_pitch_attitude_is_not_unwrapped():
-    assert difference("theta", np.array([0.0]), np.array([6.0]))[0] == 6.0
+    assert unwrapped_difference("theta", np.array([0.0]), np.array([6.0]))[0] == 6.0
 
 
 def test_a_lag_of_0p15_s_breaks_a_rate_band():

@@ -14,9 +14,9 @@ import pytest
 from flightmech.units import FOOT
 from pom.cases.case import CaseInputs, PomCase
 from pom.cases.pilot import PilotLoop
-from pom.judging.verdict import MEASURES, judge
+from pom.judging.verdict import MEASURES, judge_criterion
 from pom.tolerances import rows
-from pom.tolerances.bands import text_of
+from pom.tolerances.bands import remarks_text
 from pom.tolerances.criteria import PARTS, Criterion
 from pom.tolerances.rows import required_signals
 
@@ -148,8 +148,10 @@ def wrong(criterion: Criterion, flight: dict[str, np.ndarray]) -> dict[str, np.n
 
 def case_of(row) -> tuple[PomCase, Criterion]:
     """Return a case that claims and marks what a row requires."""
-    features = tuple(word for word in row["condition"].split(";") if word in rows.features())
-    times = {event: MIDDLE for event in rows.events()} | {
+    features = tuple(
+        word for word in row["condition"].split(";") if word in rows.claimable_features()
+    )
+    times = {event: MIDDLE for event in rows.window_events()} | {
         "trim": 10.0,
         "capture": 60.0,
         "flare": 30.0,
@@ -172,7 +174,7 @@ def case_of(row) -> tuple[PomCase, Criterion]:
         rows.bound_time(row[key], times, default)
         for key, default in (("applies_from", 0.0), ("applies_to", 120.0))
     )
-    found = rows.criterion(row, "row", window, features, engine_parameter="engine1.n1")
+    found = rows.make_criterion(row, "row", window, features, engine_parameter="engine1.n1")
     tabs = {"delta_t", "delta_tr"} & {found.channel, found.abscissa}
     level = (
         "pilot" if tabs else "force" if found.channel in ("column", "wheel", "pedal") else "cockpit"
@@ -203,12 +205,12 @@ def key(row):
     return row["standard"], row["edition"], row["test_id"], row["parameter"]
 
 
-ROWS = [row for row in rows.rows() if key(row) not in SHOWN]
+ROWS = [row for row in rows.tolerance_rows() if key(row) not in SHOWN]
 
 
 def test_only_demonstrations_can_never_be_judged():
     never = {}
-    for row in rows.rows():
+    for row in rows.tolerance_rows():
         _, found = case_of(row)
         assert found.applies, key(row)
         assert found.measure in MEASURES
@@ -216,7 +218,7 @@ def test_only_demonstrations_can_never_be_judged():
             never[key(row)] = found.reason
     assert set(never) == SHOWN
     assert set(never.values()) == {rows.DEMONSTRATION}
-    assert len(rows.rows()) == 320
+    assert len(rows.tolerance_rows()) == 320
 
 
 def test_a_right_model_passes_every_row():
@@ -224,12 +226,17 @@ def test_a_right_model_passes_every_row():
     for row in ROWS:
         case, found = case_of(row)
         flight = signals(found)
-        got = judge(case, found, TIME, flight, dict(flight))
+        got = judge_criterion(case, found, TIME, flight, dict(flight))
         expected = "advisory" if found.measure == "trend" else "pass"
         # a long run is not judged by the row for short ones
-        if text_of(got.remarks).startswith("applies only with distance"):
+        if remarks_text(got.remarks).startswith("applies only with distance"):
             expected = "not_tested"
-        assert got.verdict == expected, (key(row), found.measure, got.verdict, text_of(got.remarks))
+        assert got.verdict == expected, (
+            key(row),
+            found.measure,
+            got.verdict,
+            remarks_text(got.remarks),
+        )
         count[got.verdict] += 1
     assert count == {"pass": 310, "advisory": 7, "not_tested": 2}
 
@@ -238,8 +245,8 @@ def test_a_wrong_model_passes_none():
     for row in ROWS:
         case, found = case_of(row)
         flight = signals(found)
-        got = judge(case, found, TIME, flight, wrong(found, flight))
-        assert got.verdict != "pass", (key(row), found.measure, text_of(got.remarks))
+        got = judge_criterion(case, found, TIME, flight, wrong(found, flight))
+        assert got.verdict != "pass", (key(row), found.measure, remarks_text(got.remarks))
 
 
 @pytest.mark.parametrize("missing", ["channel", "event"])
@@ -248,31 +255,33 @@ def test_a_row_without_what_it_needs_states_what(missing):
         case, found = case_of(row)
         flight = signals(found)
         if missing == "channel":
-            got = judge(case, found, TIME, {"nothing": TIME}, flight)
+            got = judge_criterion(case, found, TIME, {"nothing": TIME}, flight)
             assert got.verdict == "not_tested" or found.channel == "time", key(row)
-            assert text_of(got.remarks)
+            assert remarks_text(got.remarks)
         elif found.measure in ("event_value", "setup", "steady", "change") or set(
             found.condition.split(";")
         ) & set(PARTS):
-            got = judge(PomCase(**{**case.__dict__, "events": {}}), found, TIME, flight, flight)
-            reported = (
-                "buffet" in text_of(got.remarks)
-                or "stall_warning" in text_of(got.remarks)
-                or "wow" in text_of(got.remarks)
+            got = judge_criterion(
+                PomCase(**{**case.__dict__, "events": {}}), found, TIME, flight, flight
             )
-            assert "[events]" in text_of(got.remarks) or got.verdict == "pass" or reported, (
+            reported = (
+                "buffet" in remarks_text(got.remarks)
+                or "stall_warning" in remarks_text(got.remarks)
+                or "wow" in remarks_text(got.remarks)
+            )
+            assert "[events]" in remarks_text(got.remarks) or got.verdict == "pass" or reported, (
                 key(row),
-                text_of(got.remarks),
+                remarks_text(got.remarks),
             )
 
 
 def test_memory_rows_carry_their_mark():
-    marks = Counter(case_of(row)[1].provenance for row in rows.rows())
+    marks = Counter(case_of(row)[1].provenance for row in rows.tolerance_rows())
     assert marks == {"verified": 268, "partial": 1, "memory": 51}
 
 
 def test_all_tolerances_of_the_table_are_symmetric():
-    for item in rows.rows():
+    for item in rows.tolerance_rows():
         for low, high in (("lower", "upper"), ("alt_lower", "alt_upper")):
             if item[high]:
                 assert float(item[low]) == -float(item[high])

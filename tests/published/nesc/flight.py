@@ -17,7 +17,7 @@ import xarray as xr
 import flightmech
 from aerodb.exchange import daveml
 from flightmech.simulation.kernel import OUTPUT, Simulation
-from flightmech.simulation.run import attributes
+from flightmech.simulation.run import output_attributes
 
 from .f16 import DEG, FT, KT, MODELS, compiled
 from .law import function_of
@@ -295,7 +295,7 @@ def _sensed(y: Mapping[str, float]) -> dict[str, float]:
 def _dataset(flight: Flight, rows: np.ndarray) -> xr.Dataset:
     outputs = flight.model.entries(OUTPUT)
     columns: dict[str, tuple] = {
-        row.name: ("time", rows[:, 1 + i], attributes(row)) for i, row in enumerate(outputs)
+        row.name: ("time", rows[:, 1 + i], output_attributes(row)) for i, row in enumerate(outputs)
     }
     controls = rows[:, 1 + len(outputs) :]
     for name in ("delta_e", "delta_a", "delta_r", "engine1.throttle"):

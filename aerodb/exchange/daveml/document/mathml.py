@@ -14,7 +14,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from aerodb.exchange.daveml.document.units import number
+from aerodb.exchange.daveml.document.units import parse_number
 from aerodb.exchange.xml_reader import Element
 
 
@@ -144,7 +144,7 @@ CONSTANTS = {
 _QUALIFIERS = {"root": "degree", "log": "logbase"}
 
 
-def read(math: Element) -> Expression:
+def read_mathml(math: Element) -> Expression:
     """Return the expression of a ``math`` element.
 
     Raises
@@ -234,9 +234,9 @@ def _constant(element: Element) -> float:
     if element.attributes.get("base", "10").strip() != "10":
         raise element.error(f"a number to the base {element.attributes['base']}", "decimal numbers")
     parts = (
-        [number(text, element) for text in element.text.split()]
+        [parse_number(text, element) for text in element.text.split()]
         if element.children
-        else [number(element.text, element)]
+        else [parse_number(element.text, element)]
     )
     if len(parts) == 1:
         return parts[0]
@@ -251,7 +251,7 @@ def _constant(element: Element) -> float:
     )
 
 
-def evaluate(expression: Expression, values: Mapping[str, np.ndarray]) -> np.ndarray:
+def evaluate_mathml(expression: Expression, values: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return the value of an expression; `values` holds the variables by varID."""
     if isinstance(expression, MathNumber):
         return np.asarray(expression.value)
@@ -259,31 +259,33 @@ def evaluate(expression: Expression, values: Mapping[str, np.ndarray]) -> np.nda
         return values[expression.varID]
     if isinstance(expression, Apply):
         return OPERATORS[expression.operator][0](
-            *(evaluate(argument, values) for argument in expression.arguments)
+            *(evaluate_mathml(argument, values) for argument in expression.arguments)
         )
     result = (
         np.asarray(np.nan)
         if expression.otherwise is None
-        else evaluate(expression.otherwise, values)
+        else evaluate_mathml(expression.otherwise, values)
     )
     for value, condition in reversed(expression.pieces):
-        result = np.where(evaluate(condition, values) != 0.0, evaluate(value, values), result)
+        result = np.where(
+            evaluate_mathml(condition, values) != 0.0, evaluate_mathml(value, values), result
+        )
     return result
 
 
-def names(expression: Expression) -> Iterator[str]:
+def expression_variables(expression: Expression) -> Iterator[str]:
     """Yield the varIDs an expression uses."""
     if isinstance(expression, Name):
         yield expression.varID
     elif isinstance(expression, Apply):
         for argument in expression.arguments:
-            yield from names(argument)
+            yield from expression_variables(argument)
     elif isinstance(expression, Choice):
         for pair in expression.pieces:
             for part in pair:
-                yield from names(part)
+                yield from expression_variables(part)
         if expression.otherwise is not None:
-            yield from names(expression.otherwise)
+            yield from expression_variables(expression.otherwise)
 
 
 def write_mathml(expression: Expression, indent: str) -> list[str]:

@@ -198,7 +198,7 @@ class DaveModel:
             name
             for v in self.variables.values()
             if v.calculation is not None
-            for name in mathml.names(v.calculation)
+            for name in mathml.expression_variables(v.calculation)
         }
         final = {varID for varID in (*self.functions, *self._calculated) if varID not in used}
         return tuple(
@@ -324,7 +324,9 @@ class DaveModel:
             if varID not in found:
                 found.add(varID)
                 calculation = self.variables[varID].calculation
-                waiting += mathml.names(calculation) if calculation is not None else ()
+                waiting += (
+                    mathml.expression_variables(calculation) if calculation is not None else ()
+                )
                 waiting += self.functions[varID].inputs if varID in self.functions else ()
         return found
 
@@ -405,7 +407,7 @@ class DaveModel:
                     f"inputs of {self.file}", [f"{varID} is computed by the model; leave it out"]
                 )
             if variable.calculation is not None:
-                return mathml.evaluate(variable.calculation, values)
+                return mathml.evaluate_mathml(variable.calculation, values)
             function = self.functions[varID]
             flat = [values[name].ravel() for name in function.inputs]
             return function.table.look_up(function.axes, flat).reshape(shape)

@@ -30,8 +30,8 @@ from aerodb.exchange.daveml.document.tables import (
     Gridded,
     Scattered,
 )
-from aerodb.exchange.daveml.document.units import number, numbers, optional_number
-from aerodb.exchange.xml_reader import Element, parse
+from aerodb.exchange.daveml.document.units import optional_number, parse_number, parse_numbers
+from aerodb.exchange.xml_reader import Element, read_xml
 from flightmech.errors import AeromatchWarning, ParseError, SchemaError
 
 _DEPRECATED = (
@@ -70,7 +70,7 @@ def read(path: str | os.PathLike, checks: str = "raise") -> DaveModel:
     """
     if checks not in ("raise", "ignore"):
         raise ValueError(f"checks is {checks!r}; allowed: raise, ignore")
-    model = _DaveReader(parse(path, doctype=True)).model()
+    model = _DaveReader(read_xml(path, doctype=True)).model()
     if checks == "raise":
         require_checks(model)
     return model
@@ -204,10 +204,12 @@ class _DaveReader:
             description=_text(element, "description"),
             sign=element.attributes.get("sign", "").strip(),
             axis_system=element.attributes.get("axisSystem", "").strip(),
-            initial=number(initial, element) if initial else None,
+            initial=parse_number(initial, element) if initial else None,
             low=low,
             high=high,
-            calculation=None if calculation is None else mathml.read(calculation.need("math")),
+            calculation=None
+            if calculation is None
+            else mathml.read_mathml(calculation.need("math")),
             is_input=is_input,
             is_output=element.first("isOutput") is not None,
             is_standard=element.first("isStdAIAA") is not None,
@@ -228,9 +230,9 @@ class _DaveReader:
         if inputs[0].tag == "independentVarPts":
             simple, axes = (
                 element.need("dependentVarPts"),
-                tuple(self._axis(e, numbers(e.text, e)) for e in inputs),
+                tuple(self._axis(e, parse_numbers(e.text, e)) for e in inputs),
             )
-            table: Gridded | Scattered = _gridded(numbers(simple.text, simple), axes, simple)
+            table: Gridded | Scattered = _gridded(parse_numbers(simple.text, simple), axes, simple)
             output, uncertainty, provenance = (
                 simple.attribute("varID"),
                 None,
@@ -293,7 +295,7 @@ class _DaveReader:
             for e, reference in zip(inputs, references, strict=True)
         )
         data = source.need("dataTable")
-        return _gridded(numbers(data.text, data), axes, data), axes
+        return _gridded(parse_numbers(data.text, data), axes, data), axes
 
     def _points(self, reference: Element) -> np.ndarray:
         name = reference.attribute("bpID")
@@ -387,12 +389,12 @@ def _signal(element: Element) -> Signal:
         element.need("signalValue"),
         element.first("tol"),
     )
-    allowed = np.nan if tolerance is None else number(tolerance.text, tolerance)
+    allowed = np.nan if tolerance is None else parse_number(tolerance.text, tolerance)
     return Signal(
         key.text,
         key.tag != "signalName",
         _text(element, "signalUnits"),
-        number(value.text, value),
+        parse_number(value.text, value),
         allowed,
     )
 
@@ -409,7 +411,7 @@ def _by_id(elements: Iterable[Element], key: str) -> dict[str, Element]:
 
 def _breakpoints(element: Element) -> np.ndarray:
     values = element.need("bpVals")
-    return numbers(values.text, values)
+    return parse_numbers(values.text, values)
 
 
 def _demand_rising(points: np.ndarray, element: Element) -> None:
@@ -434,7 +436,7 @@ def _gridded(values: np.ndarray, axes: tuple[FunctionAxis, ...], element: Elemen
 
 
 def _scattered(element: Element, axes: int) -> Scattered:
-    rows = [numbers(point.text, point) for point in element.all("dataPoint")]
+    rows = [parse_numbers(point.text, point) for point in element.all("dataPoint")]
     for row, point in zip(rows, element.all("dataPoint"), strict=True):
         if row.size != axes + 1:
             raise point.error(
@@ -458,7 +460,7 @@ def _uncertainty(parent: Element) -> Uncertainty | None:
     if element is None:
         return None
     pdf = element.need("normalPDF", "uniformPDF")
-    sigmas = number(pdf.attribute("numSigmas"), pdf) if pdf.tag == "normalPDF" else 0.0
+    sigmas = parse_number(pdf.attribute("numSigmas"), pdf) if pdf.tag == "normalPDF" else 0.0
     if pdf.tag == "normalPDF" and sigmas <= 0.0:
         raise pdf.error(f"numSigmas {sigmas:g}", "a positive number")
     bounds = tuple(_bounds(bound) for bound in pdf.all("bounds"))
@@ -472,7 +474,7 @@ def _bounds(element: Element) -> np.ndarray | str:
     if inner is not None:
         return inner.attribute("varID")
     table = element.first("dataTable") or element
-    return numbers(table.text, table)
+    return parse_numbers(table.text, table)
 
 
 def _authors(element: Element) -> tuple[str, ...]:
@@ -502,7 +504,7 @@ def _order(
     needs: dict[str, set[str]] = {varID: set() for varID in variables}
     for varID, variable in variables.items():
         if variable.calculation is not None:
-            needs[varID] = set(mathml.names(variable.calculation))
+            needs[varID] = set(mathml.expression_variables(variable.calculation))
             if varID in functions:
                 raise ParseError(
                     file,

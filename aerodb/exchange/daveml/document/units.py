@@ -15,15 +15,15 @@ from flightmech.errors import UnitError
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d)")  # 1.5D+03
 
 
-def number(text: str, element: Element) -> float:
+def parse_number(text: str, element: Element) -> float:
     """Return the finite number a text stands for; anything else raises `ParseError` at the element."""
-    found = numbers(text, element)
+    found = parse_numbers(text, element)
     if found.size != 1:
         raise element.error(f"{text!r}", "one number")
     return float(found[0])
 
 
-def numbers(text: str, element: Element) -> np.ndarray:
+def parse_numbers(text: str, element: Element) -> np.ndarray:
     """Return the finite numbers of a list separated by commas, semicolons or blanks; anything else
     raises `ParseError`.
     """
@@ -40,7 +40,7 @@ def numbers(text: str, element: Element) -> np.ndarray:
 def optional_number(element: Element, attribute: str, default: float) -> float:
     """Return the number of an attribute, or the default when it is not there."""
     return (
-        number(element.attributes[attribute], element)
+        parse_number(element.attributes[attribute], element)
         if attribute in element.attributes
         else default
     )
@@ -120,7 +120,7 @@ def same_units(one: str, other: str) -> bool:
     if not one.strip() or not other.strip() or one.strip() == other.strip():
         return True
     try:
-        return units.parse(unit_of_code(one)) == units.parse(unit_of_code(other))
+        return units.parse_unit(unit_of_code(one)) == units.parse_unit(unit_of_code(other))
     except UnitError:
         return False
 
@@ -141,7 +141,7 @@ def convert_between(one: str, other: str) -> tuple[float, float] | None:
         return 1.0, 0.0
     try:
         units_of = [unit_of_code(code) for code in (one, other)]
-        (dimension, size, origin), (wanted, step, start) = map(units.parse, units_of)
+        (dimension, size, origin), (wanted, step, start) = map(units.parse_unit, units_of)
     except UnitError:
         return None
     if dimension != wanted or _is_angular(units_of[0]) != _is_angular(units_of[1]):

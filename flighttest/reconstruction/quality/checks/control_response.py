@@ -17,14 +17,23 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.units import DEGREE
-from flighttest.reconstruction.quality.checks.signals import BAND, ResampledChannels, smooth
+from flighttest.reconstruction.quality.checks.signals import (
+    BAND,
+    ResampledChannels,
+    lowpass_if_possible,
+)
 from flighttest.reconstruction.quality.checks.surface_timing import (
     LONGEST,
     SurfaceTiming,
-    regressed,
+    regress_last_column,
     surface_timing,
 )
-from flighttest.reconstruction.quality.finding import Finding, add_delay_line, map_entry, rows
+from flighttest.reconstruction.quality.finding import (
+    Finding,
+    add_delay_line,
+    iterate_rows,
+    map_entry,
+)
 from flighttest.records.signals.differentiation import derivative
 
 SIGNIFICANT = 6.0  # standard errors a coefficient must have before its sign counts
@@ -174,7 +183,7 @@ def _answer(equation: Equation, signals: ResampledChannels) -> tuple[tuple, floa
     complete = not (set(equation.others) & _FLOW) - set(others)
     displaced = complete and _is_displaced(timing, movement)
     acting = np.interp(signals.time - timing.lead, signals.time, surface) if displaced else surface
-    fit = regressed(
+    fit = regress_last_column(
         y[mask], [*(column[mask] for column in columns), acting[mask]], mask, signals.step
     )
     if fit is None:
@@ -270,7 +279,7 @@ def answer_findings(
     equation without its flow angle.
     """
     found = []
-    for row in rows(table):
+    for row in iterate_rows(table):
         others = next(equation.others for equation in EQUATIONS if equation.surface == row.surface)
         complete, untimely = (
             not (set(others) & _FLOW) - set(signals.values),
@@ -282,7 +291,7 @@ def answer_findings(
         found += wrong
         if timed and all(finding.kind == "sign" for finding in wrong):
             found += _timing(row, record, -1.0 if wrong else 1.0)
-    for row in rows(followed):
+    for row in iterate_rows(followed):
         found += _hand(row, record)
     return found + _side_force(signals)
 
@@ -435,7 +444,7 @@ def _side_force(signals: ResampledChannels) -> list[Finding]:
     names = [name for name in ("p", "r", "delta_r") if name in signals]
     others = [_fast(_slow(signals, name), signals)[mask] for name in names]
     y, slip = _fast(signals["ay_imu"] / scale, signals)[mask], _fast(signals["beta_vane"], signals)
-    fit = regressed(y, [*others, slip[mask]], mask, signals.step)
+    fit = regress_last_column(y, [*others, slip[mask]], mask, signals.step)
     if fit is None or fit[2] < _LOWEST_R2 or fit[0] / fit[1] < SIGNIFICANT:
         return []
     if surface_timing(y, others, slip, signals.time, mask).sign <= 0:  # a late vane looks reversed
@@ -457,11 +466,11 @@ def _side_force(signals: ResampledChannels) -> list[Finding]:
 
 
 def _slow(signals: ResampledChannels, name: str) -> np.ndarray:
-    return smooth(signals[name], signals.step, BAND)
+    return lowpass_if_possible(signals[name], signals.step, BAND)
 
 
 def _fast(x: np.ndarray, signals: ResampledChannels) -> np.ndarray:
-    return x - smooth(x, signals.step, _TRIM)
+    return x - lowpass_if_possible(x, signals.step, _TRIM)
 
 
 def _pressure(signals: ResampledChannels, mask: np.ndarray) -> np.ndarray:
@@ -486,7 +495,7 @@ _CONTROLS = {"elevator": "delta_e", "aileron": "delta_a", "rudder": "delta_r"}
 _INPUTS = ("delta_e", "delta_a", "delta_r", "delta_s", "delta_d", "throttle")
 
 
-def excitation(signals: ResampledChannels) -> pd.DataFrame:
+def axis_excitation(signals: ResampledChannels) -> pd.DataFrame:
     """Return what moved about each axis.
 
     Returns
@@ -522,7 +531,7 @@ def excitation(signals: ResampledChannels) -> pd.DataFrame:
     )
 
 
-def correlations(signals: ResampledChannels) -> pd.DataFrame:
+def input_correlations(signals: ResampledChannels) -> pd.DataFrame:
     """Return the correlation of the inputs that move, without trim; the throttles count as one."""
     columns, mask = _inputs(signals)
     if len(columns) < 2:
@@ -553,13 +562,13 @@ def excitation_findings(
         ``validation`` records need no excitation.
     """
     found = _unexcited(table, purpose)
-    for row in rows(flown):
+    for row in iterate_rows(flown):
         found += _unflown(row, signals)
     return found + _collinear(matrix)
 
 
 def _unexcited(table: pd.DataFrame, purpose: str) -> list[Finding]:
-    still = [row for row in rows(table) if row.share == 0.0]
+    still = [row for row in iterate_rows(table) if row.share == 0.0]
     if not still:
         return []
     needed = len(still) == len(table) and purpose != "validation"
@@ -667,8 +676,8 @@ def _inputs(signals: ResampledChannels) -> tuple[dict[str, np.ndarray], np.ndarr
 
 
 def _quick(signals: ResampledChannels, name: str) -> np.ndarray:
-    x = smooth(signals[name], signals.step, BAND)
-    slow = smooth(x, signals.step, _TRIM_BAND)
+    x = lowpass_if_possible(signals[name], signals.step, BAND)
+    slow = lowpass_if_possible(x, signals.step, _TRIM_BAND)
     return x - (slow if slow is not x else x.mean())
 
 

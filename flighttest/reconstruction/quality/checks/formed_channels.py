@@ -81,7 +81,7 @@ _IN_WORDS = {
 }
 
 
-def sources(name: str, recorded: Collection[str]) -> tuple[str, ...]:
+def source_channels(name: str, recorded: Collection[str]) -> tuple[str, ...]:
     """Return the recorded channels on which a channel rests: itself where it is recorded, none
     where it cannot be formed.
     """
@@ -90,26 +90,28 @@ def sources(name: str, recorded: Collection[str]) -> tuple[str, ...]:
     way = _way(name, recorded)
     if way is None:
         return ()
-    found = [source for need in way.needs for source in sources(need, recorded)]
+    found = [source for need in way.needs for source in source_channels(need, recorded)]
     return tuple(dict.fromkeys(found))
 
 
-def formed(name: str, recorded: Arrays) -> np.ndarray | None:
+def form_channel(name: str, recorded: Arrays) -> np.ndarray | None:
     """Return a channel as recorded or formed from others [SI]; None where it cannot be formed."""
     if name in recorded:
         return recorded[name]
     way = _way(name, recorded)
     if way is None:
         return None
-    parts = [formed(need, recorded) for need in way.needs]
+    parts = [form_channel(need, recorded) for need in way.needs]
     return way.form(*parts)
 
 
-def in_words(name: str, formable: bool) -> str:
+def describe_channel(name: str, formable: bool) -> str:
     """Return what must be recorded for a channel, in words."""
     return _IN_WORDS.get(name, name) if formable else name
 
 
 def _way(name: str, recorded: Collection[str]) -> _Way | None:
     ways = _WAYS.get(name, ())
-    return next((way for way in ways if all(sources(need, recorded) for need in way.needs)), None)
+    return next(
+        (way for way in ways if all(source_channels(need, recorded) for need in way.needs)), None
+    )

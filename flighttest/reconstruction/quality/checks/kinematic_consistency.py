@@ -22,8 +22,8 @@ from flighttest.reconstruction.quality.finding import (
     Finding,
     add_delay_line,
     exchange_channels,
+    iterate_rows,
     map_entry,
-    rows,
 )
 from flighttest.records.sensors.instruments import Instruments
 from flighttest.records.signals.delays import Delay, time_delay
@@ -48,7 +48,7 @@ _VANES = ("alpha_vane", "beta_vane")
 _SLOW_CHANNELS = ("vn", "V", "h_gps", "h_baro", "q_c")
 
 
-def lags(signals: ResampledChannels, placed: Iterable[str] = ()) -> pd.DataFrame:
+def find_lags(signals: ResampledChannels, placed: Iterable[str] = ()) -> pd.DataFrame:
     """Return the delays that the record can determine.
 
     Parameters
@@ -94,7 +94,7 @@ def lag_findings(
 ) -> list[Finding]:
     """Return delays that are longer than the aircraft file, or habit, allows."""
     found = []
-    for row in rows(table):
+    for row in iterate_rows(table):
         low, high, origin = _allowed(row.channel, specification)
         margin = 0.0 if row.bound else 3.0 * row.stderr
         if low - margin <= row.delay <= high + margin:
@@ -264,7 +264,7 @@ def kinematic_findings(
 def accuracy_findings(table: pd.DataFrame) -> list[Finding]:
     """Return scale errors among channels that agree otherwise, and the upwash of the vane."""
     found = []
-    for row in rows(table):
+    for row in iterate_rows(table):
         if row.relation not in _SCALED or not row.consistent:
             continue
         off = abs(row.slope - 1.0)

@@ -18,8 +18,11 @@ import pandas as pd
 from flightmech.air import GAMMA, R_AIR, calibrated_airspeed, mach_number
 from flightmech.support.arrays import rms
 from flightmech.units import G0
-from flighttest.reconstruction.quality.checks.formed_channels import in_words, sources
-from flighttest.reconstruction.quality.checks.signals import ResampledChannels, smooth
+from flighttest.reconstruction.quality.checks.formed_channels import (
+    describe_channel,
+    source_channels,
+)
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels, lowpass_if_possible
 from flighttest.records.sensors.measurements import pressure
 from flighttest.records.signals.differentiation import derivative
 
@@ -89,7 +92,9 @@ class Relation:
         if mask.sum() * signals.step < self.shortest:
             return None
         first, second = (_finite(side) for side in self.sides(signals.completed(self.formed)))
-        first, second = (smooth(side, signals.step, self.cutoff) for side in (first, second))
+        first, second = (
+            lowpass_if_possible(side, signals.step, self.cutoff) for side in (first, second)
+        )
         y, x = (side[mask] - (0.0 if self.level else side[mask].mean()) for side in (first, second))
         size = rms(y) + rms(x)
         late = _LATE * min(rms(np.gradient(side, signals.step)[mask]) for side in (first, second))
@@ -119,7 +124,7 @@ class Relation:
     def _sources(self, need: str, signals: ResampledChannels) -> tuple[str, ...]:
         if need in signals:
             return (need,)
-        return sources(need, signals.values) if need in self.formed else ()
+        return source_channels(need, signals.values) if need in self.formed else ()
 
 
 @dataclass(frozen=True)
@@ -199,7 +204,7 @@ def not_checked(signals: ResampledChannels) -> pd.DataFrame:
         missing = relation.missing(signals)
         if missing:
             reason = "not recorded: " + "; ".join(
-                in_words(name, name in relation.formed) for name in missing
+                describe_channel(name, name in relation.formed) for name in missing
             )
         elif (seconds := float(relation.mask(signals).sum() * signals.step)) < relation.shortest:
             together = ", ".join(relation.channels(signals))

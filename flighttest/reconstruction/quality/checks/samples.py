@@ -10,19 +10,19 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from flightmech.names import lookup
+from flightmech.names import lookup_quantity
 from flightmech.units import DEGREE, KNOT
 from flighttest.reconstruction.quality.checks.relations import RelationCheck
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
-from flighttest.reconstruction.quality.finding import Finding, rows
+from flighttest.reconstruction.quality.finding import Finding, iterate_rows
 from flighttest.records.sensors.instruments import Instruments
 from flighttest.records.signals.conditioning import GAP, is_control
 from flighttest.records.signals.sample_flags import (
     HELD_SAMPLES,
     HELD_TIME,
     Flag,
+    flag_sentences,
     flags,
-    in_words,
     sample_faults,
 )
 
@@ -46,7 +46,7 @@ _CLOSE = 4.0 * DEGREE  # rms within which a vane means something
 _BIN = 5.0  # m/s
 
 
-def remarks(
+def quality_remarks(
     signals: ResampledChannels,
     table: pd.DataFrame,
     comparisons: dict[str, RelationCheck],
@@ -91,7 +91,7 @@ def _absent(signals: ResampledChannels) -> list[Finding]:
 
 def _coarse(table: pd.DataFrame) -> list[Finding]:
     found = []
-    for row in rows(table):
+    for row in iterate_rows(table):
         if np.isfinite(row.noise) and COARSE < row.repeated < 1.0:
             text = (
                 f"{row.channel} repeats {row.repeated:.0%} of its samples: it is recorded at "
@@ -285,7 +285,7 @@ def flag_findings(faults: pd.DataFrame) -> list[Finding]:
     found = []
     for (leaf, channel, kind), group in faults.groupby(["leaf", "channel", "kind"], sort=False):
         listed = [Flag(*row) for row in group.drop(columns="leaf").itertuples(index=False)]
-        text = f"{leaf}: {' '.join(in_words(listed))}"
+        text = f"{leaf}: {' '.join(flag_sentences(listed))}"
         severity = "note" if kind == "duplicate" else "warning"
         span = float(group["start"].min()), float(group["stop"].max())
         evidence = {"samples": int(group["samples"].sum()), "places": len(group)}
@@ -328,7 +328,7 @@ def channel_table(record: xr.DataTree) -> pd.DataFrame:
                     "resolution": float(moving.min()) if len(moving) else np.nan,
                     "repeated": float(np.mean(size == 0.0)) if len(size) else np.nan,
                     "missing": int(np.isnan(x).sum()),
-                    "units": lookup(name).units,
+                    "units": lookup_quantity(name).units,
                 }
             )  # fmt: skip
     return pd.DataFrame(table)
@@ -339,7 +339,7 @@ def channel_findings(
 ) -> list[Finding]:
     """Return what is wrong with single channels beyond their flags."""
     found: list[Finding] = []
-    for row in rows(table):
+    for row in iterate_rows(table):
         data = record[row.leaf].to_dataset()
         time, x = data["time"].values, data[row.channel].values.astype(float)
         whole = np.isfinite(x)

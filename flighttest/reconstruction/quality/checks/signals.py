@@ -16,7 +16,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import SchemaError
-from flighttest.reconstruction.quality.checks.formed_channels import formed, sources
+from flighttest.reconstruction.quality.checks.formed_channels import form_channel, source_channels
 from flighttest.records.sensors.position_corrections import force_at_cg
 from flighttest.records.signals.conditioning import is_control, lowpass
 from flighttest.records.signals.differentiation import derivative
@@ -74,7 +74,7 @@ class ResampledChannels:
         kept = {
             name: x
             for name, x in self.formed.items()
-            if not set(changed) & set(sources(name, self.values))
+            if not set(changed) & set(source_channels(name, self.values))
         }
         return replace(self, values={**self.values, **changed}, formed=kept)
 
@@ -87,21 +87,25 @@ class ResampledChannels:
         """Return the signals with those of `names` that are not recorded formed from channels that
         are, where that is possible.
         """
-        wanted = [name for name in names if name not in self.values and sources(name, self.values)]
+        wanted = [
+            name for name in names if name not in self.values and source_channels(name, self.values)
+        ]
         if not wanted:
             return self
         for name in wanted:
-            if name not in self.formed and (x := formed(name, self.values)) is not None:
+            if name not in self.formed and (x := form_channel(name, self.values)) is not None:
                 self.formed[name] = x
         values = {name: self.formed[name] for name in wanted}
         whole = {
-            name: np.logical_and.reduce([self.good[one] for one in sources(name, self.values)])
+            name: np.logical_and.reduce(
+                [self.good[one] for one in source_channels(name, self.values)]
+            )
             for name in wanted
         }
         return replace(self, values={**self.values, **values}, good={**self.good, **whole})
 
 
-def signals_of(record: xr.DataTree, flags: pd.DataFrame) -> ResampledChannels:
+def resample_channels(record: xr.DataTree, flags: pd.DataFrame) -> ResampledChannels:
     """Return the channels of a record on one clock.
 
     Parameters
@@ -180,14 +184,14 @@ def at_cg(signals: ResampledChannels, positions: Mapping[str, np.ndarray]) -> Re
     return signals.with_values(changed)
 
 
-def unwrapped(name: str, x: np.ndarray) -> np.ndarray:
+def unwrap_heading(name: str, x: np.ndarray) -> np.ndarray:
     """Return a heading without its jumps, whether it is in radians or, by mistake, in degrees."""
     if name not in ("psi", "lon"):
         return x
     return np.unwrap(x, period=360.0 if np.nanmax(np.abs(x), initial=0.0) > 6.6 else 2.0 * np.pi)
 
 
-def smooth(x: np.ndarray, step: float, cutoff: float) -> np.ndarray:
+def lowpass_if_possible(x: np.ndarray, step: float, cutoff: float) -> np.ndarray:
     """Return `x` low-passed, or as it is when the clock is too slow or too short for that."""
     if cutoff > 0.4 / step or len(x) * step < 2.0 / cutoff:
         return x
@@ -204,9 +208,9 @@ def _on_clock(own, x, name, rate, time, spans) -> tuple[np.ndarray, np.ndarray]:
     x = np.interp(own, own[whole], x[whole])
     if name.rpartition(".")[2].startswith(_DISCRETE):
         return np.interp(time, own, x), good
-    x = unwrapped(name, x)
+    x = unwrap_heading(name, x)
     if not is_control(name):
-        x = smooth(
+        x = lowpass_if_possible(
             np.interp(uniform := np.arange(own[0], own[-1] + 0.5 / rate, 1.0 / rate), own, x),
             1.0 / rate,
             BAND,

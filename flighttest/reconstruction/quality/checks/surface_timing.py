@@ -149,14 +149,16 @@ def _stderr(
     mask: np.ndarray,
 ) -> float:
     step = float(time[1] - time[0])
-    effect = regressed(y, [*columns, delayed[mask]], mask, step)
-    slope = regressed(y, [*columns, delayed[mask], np.gradient(delayed, step)[mask]], mask, step)
+    effect = regress_last_column(y, [*columns, delayed[mask]], mask, step)
+    slope = regress_last_column(
+        y, [*columns, delayed[mask], np.gradient(delayed, step)[mask]], mask, step
+    )
     return (
         np.inf if effect is None or slope is None or effect[0] == 0.0 else slope[1] / abs(effect[0])
     )
 
 
-def regressed(
+def regress_last_column(
     y: np.ndarray, columns: Sequence[np.ndarray], mask: np.ndarray, step: float
 ) -> tuple[float, float, float] | None:
     """Return the coefficient of the last column, its standard error with coloured residuals, and

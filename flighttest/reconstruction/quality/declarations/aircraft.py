@@ -18,13 +18,13 @@ import numpy as np
 import xarray as xr
 
 from flightmech.air import GAMMA, R_AIR
-from flightmech.aircraft.aircraft import inertia
+from flightmech.aircraft.aircraft import inertia_tensor
 from flightmech.axes import lift_drag
 from flightmech.build_up import used_coefficients
 from flightmech.errors import AeromatchError
 from flightmech.units import DEGREE, FOOT, G0, POUND, SLUG
 from flighttest.reconstruction.quality.checks.control_response import SIGNIFICANT
-from flighttest.reconstruction.quality.checks.signals import ResampledChannels, smooth
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels, lowpass_if_possible
 from flighttest.reconstruction.quality.finding import Finding, map_entry
 from flighttest.records.signals.differentiation import derivative
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
@@ -112,7 +112,7 @@ def inertia_findings(aircraft: Aircraft) -> list[Finding]:
     """Return moments of inertia that no body of this mass and span has."""
     found: list[Finding] = []
     moments = {name: float(getattr(aircraft, name)) for name in _MAIN}
-    principal = np.sort(np.linalg.eigvalsh(inertia(aircraft)))
+    principal = np.sort(np.linalg.eigvalsh(inertia_tensor(aircraft)))
     excess = float(principal[2] / (principal[0] + principal[1]) - 1.0)
     shown = ", ".join(f"{name} = {moment:.4g}" for name, moment in moments.items())
     remedy = "correct the moments of inertia in the aircraft file; a number without a unit is kg m2"
@@ -337,7 +337,7 @@ def _quick(x: np.ndarray, step: float) -> np.ndarray:
     """Return what lies between trim and the band of the signals, of both sides of the equation
     alike.
     """
-    return smooth(x, step, _BAND) - smooth(x, step, _TRIM)
+    return lowpass_if_possible(x, step, _BAND) - lowpass_if_possible(x, step, _TRIM)
 
 
 def _last_two(

@@ -19,13 +19,13 @@ import xarray as xr
 
 from flightmech.air import pressure_altitude
 from flightmech.errors import UnitError
-from flightmech.names import lookup
-from flightmech.units import known_unit, parse, to_si
+from flightmech.names import lookup_quantity
+from flightmech.units import known_unit, parse_unit, to_si
 from flighttest.reconstruction.quality.checks.mistake_search import (
     GAIN,
     Repair,
-    burden,
     find_mistakes,
+    total_disagreement,
 )
 from flighttest.reconstruction.quality.checks.relations import compare_all
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
@@ -228,7 +228,9 @@ def _shared(record: xr.DataTree, signals: ResampledChannels) -> Iterator[tuple[s
                 yield one, other, f"are read from one column, {column.rpartition('/')[2]!r}"
     column_of = {name: column for column, names in users.items() for name in names}
     for one, other in combinations(sorted(set(column_of) & set(signals.values)), 2):
-        same_kind = lookup(one).units == lookup(other).units and not _one_quantity(one, other)
+        same_kind = lookup_quantity(one).units == lookup_quantity(
+            other
+        ).units and not _one_quantity(one, other)
         if (
             same_kind
             and column_of[one] != column_of[other]
@@ -287,10 +289,12 @@ def _at_fault(signals: ResampledChannels, one: str, other: str) -> tuple[str, ..
     explanations, _, _ = find_mistakes(signals.without((one, other)))
     for explanation in explanations:  # mistakes of other channels must not count
         signals = explanation.repair.apply(signals)
-    rest = burden(signals.without((one, other)))
-    if burden(signals) - rest < GAIN:
+    rest = total_disagreement(signals.without((one, other)))
+    if total_disagreement(signals) - rest < GAIN:
         return ()
-    with_one, with_other = (burden(signals.without((absent,))) - rest for absent in (other, one))
+    with_one, with_other = (
+        total_disagreement(signals.without((absent,))) - rest for absent in (other, one)
+    )
     found = _worse(one, with_one, other, with_other)
     if found or with_one > GAIN or with_other > GAIN:
         return found or (one, other)
@@ -384,7 +388,8 @@ def _weighed(signals: ResampledChannels, repair: Repair, kind: str, remedy: str)
     right.
     """
     confirmed = (
-        repair.channels[0] in signals and burden(repair.apply(signals)) - burden(signals) > GAIN
+        repair.channels[0] in signals
+        and total_disagreement(repair.apply(signals)) - total_disagreement(signals) > GAIN
     )
     severity, more = (
         ("note", "; kinematics agree with the name map") if confirmed else ("warning", "")
@@ -404,7 +409,7 @@ def _comparable(one: str, other: str) -> tuple[str, str]:
 
 def _parsed(unit: str) -> tuple[tuple | None, float]:
     try:
-        return parse(unit)[:2]
+        return parse_unit(unit)[:2]
     except UnitError:
         return None, 1.0
 
@@ -443,7 +448,7 @@ def _column_name(name: str, column: str) -> list[Finding]:
     if name not in _WORDS or _called_after(column, name) != "other":
         return []
     text = (
-        f"{name} ({lookup(name).long_name}) is read from the column {column!r}, which is "
+        f"{name} ({lookup_quantity(name).long_name}) is read from the column {column!r}, which is "
         f"called after another quantity"
     )
     return [

@@ -33,8 +33,8 @@ from flightmech.support.input_files import (
 )
 from flighttest.records.readers.columns import split_headings
 from flighttest.records.readers.formats.csv_words import (
+    is_csv_number,
     is_missing,
-    is_number,
     is_stamp,
     numbers_of,
     seconds_of,
@@ -194,7 +194,7 @@ def _heading(raw: bytes, path: Path) -> tuple[list[str], dict[str, str], int, st
     if not top[3].count(separator):
         separator = " " if " " in top[3] else ","
     cells = _cells(top[3], separator, path, top[0])
-    if all(is_number(cell) for cell in cells):
+    if all(is_csv_number(cell) for cell in cells):
         raise ParseError(
             str(path),
             top[0],

@@ -35,7 +35,7 @@ def is_missing(cell: str) -> bool:
     return cell.lower() in ("", "nan", "na", "n/a", "null", "none", "<na>", "-nan", "#n/a", "#na")
 
 
-def is_number(cell: str, decimal: str = ".") -> bool:
+def is_csv_number(cell: str, decimal: str = ".") -> bool:
     """Return whether a cell is a number."""
     if (decimal == "," and "." in cell) or "_" in cell:
         return False
@@ -77,7 +77,7 @@ def numbers_of(
     """
     distinct = Counter(cells)
     filled = {cell: count for cell, count in distinct.items() if not is_missing(cell)}
-    words = {cell: count for cell, count in filled.items() if not is_number(cell, decimal)}
+    words = {cell: count for cell, count in filled.items() if not is_csv_number(cell, decimal)}
     total, count = sum(filled.values()), sum(words.values())
     common = sorted(words, key=lambda word: -words[word])
     shown = ", ".join(f"{word[:40]!r} {words[word]}" for word in common[:_NAMED])

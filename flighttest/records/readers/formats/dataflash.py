@@ -25,8 +25,8 @@ from flighttest.records.readers.recording import (
     LeftOut,
     RecordedTable,
     Recording,
-    changes,
     first_present,
+    flight_mode_changes,
 )
 
 _HEAD = 3  # bytes: 0xa3 0x95 and the number of the message
@@ -120,7 +120,7 @@ def _modes(tables: dict[str, RecordedTable], vehicle: str) -> tuple[tuple[float,
     column = None if mode is None else first_present(("ModeNum", "Mode"), mode.columns)
     if mode is None or mode.time is None or column is None:
         return ()
-    return changes(
+    return flight_mode_changes(
         mode.time, mode.columns[column], ARDUPLANE if vehicle in ("", "ArduPlane") else {}
     )
 

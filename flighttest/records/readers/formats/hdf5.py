@@ -15,7 +15,7 @@ from h5py import AttributeManager, Dataset, h5a, h5d, h5g, h5o, h5s
 
 from flightmech.errors import ParseError
 from flightmech.support.hdf5_seal import demand_self_contained
-from flighttest.records.readers.formats.nested import Array, Group, as_one_array, tables
+from flighttest.records.readers.formats.nested import Array, Group, as_one_array, nested_tables
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.recording import Recording, decoding_errors
 
@@ -38,7 +38,7 @@ def read(path: Path, names: NameMap) -> Recording:
             str(key): _plain(value) for key, value in file.attrs.items() if not key.startswith("_")
         }
         root = _group(file.id, str(path), facts, 0)
-        found, left_out = tables(root, names)
+        found, left_out = nested_tables(root, names)
     if not found:
         raise ParseError(
             str(path), 0, "no array of numbers", "a recording: arrays next to their stamps"

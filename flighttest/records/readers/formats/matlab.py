@@ -14,7 +14,7 @@ import numpy as np
 
 from flightmech.errors import ParseError
 from flightmech.support.mat_files import load_mat
-from flighttest.records.readers.formats.nested import Array, Group, as_one_array, tables
+from flighttest.records.readers.formats.nested import Array, Group, as_one_array, nested_tables
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.recording import Recording, decoding_errors, not_spread
 
@@ -40,7 +40,7 @@ def read(path: Path, names: NameMap) -> Recording:
         )
         content = {key: value for key, value in content.items() if not key.startswith("__")}
         root = _group(content)
-        found, left_out = tables(root, names)
+        found, left_out = nested_tables(root, names)
     if not found:
         objects = [
             key

@@ -18,7 +18,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 
-def decode(path: str, wanted: set[str]) -> tuple[dict[str, Any], list[np.ndarray]]:
+def decode_mdf(path: str, wanted: set[str]) -> tuple[dict[str, Any], list[np.ndarray]]:
     """Return the head and the arrays that follow it."""
     from asammdf import MDF
 
@@ -108,7 +108,7 @@ def _name(group, index: int, taken: set[str]) -> str:
     return f"{name}.{index}" if name in taken else name
 
 
-def send(head: dict[str, Any], arrays: list[np.ndarray], stream: BinaryIO) -> None:
+def send_arrays(head: dict[str, Any], arrays: list[np.ndarray], stream: BinaryIO) -> None:
     """Write the head and the arrays."""
     stream.write(json.dumps(head).encode() + b"\n")
     for array in arrays:
@@ -116,13 +116,13 @@ def send(head: dict[str, Any], arrays: list[np.ndarray], stream: BinaryIO) -> No
     stream.flush()
 
 
-def main() -> None:
+def run_mdf_decoder() -> None:
     """Decode the file of the command line; whatever asammdf raises becomes the fault of the head."""
     path, wanted = sys.argv[1], set(json.loads(sys.argv[2]))
     stream = sys.stdout.buffer
     sys.stdout = sys.stderr
     try:
-        head, arrays = decode(path, wanted)
+        head, arrays = decode_mdf(path, wanted)
     except Exception as error:  # a foreign decoder on damaged bytes may raise anything
         text = " ".join(str(error).split())[:300]
         head, arrays = (
@@ -134,8 +134,8 @@ def main() -> None:
             },
             [],
         )
-    send(head, arrays, stream)
+    send_arrays(head, arrays, stream)
 
 
 if __name__ == "__main__":
-    main()
+    run_mdf_decoder()

@@ -63,7 +63,7 @@ class Group:
     left_out: dict[str, str] = field(default_factory=dict)
 
 
-def tables(root: Group, names: NameMap) -> tuple[dict[str, RecordedTable], list[LeftOut]]:
+def nested_tables(root: Group, names: NameMap) -> tuple[dict[str, RecordedTable], list[LeftOut]]:
     """Return the tables of nested arrays, those of the root called ``data``, and the arrays that
     are left out.
     """

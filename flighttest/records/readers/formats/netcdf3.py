@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from flightmech.errors import ParseError
-from flighttest.records.readers.formats.nested import Array, Group, tables
+from flighttest.records.readers.formats.nested import Array, Group, nested_tables
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.recording import Recording, decoding_errors
 
@@ -39,7 +39,7 @@ def read(path: Path, names: NameMap) -> Recording:
             unit = getattr(variable, "units", b"")
             unit = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
             root.arrays[name] = Array.of(values, unit.split(" since ")[0] or None)
-        found, left_out = tables(root, names)
+        found, left_out = nested_tables(root, names)
         title = getattr(file, "title", b"")
     if not found:
         raise ParseError(

@@ -24,8 +24,8 @@ from flighttest.records.readers.recording import (
     PX4,
     RecordedTable,
     Recording,
-    changes,
     decoding_errors,
+    flight_mode_changes,
 )
 
 _MICRO = 1e-6
@@ -57,7 +57,7 @@ def read(path: Path, names: NameMap) -> Recording:
     status = tables.get(_STATUS)
     modes: tuple[tuple[float, str], ...] = ()
     if status is not None and status.time is not None and "nav_state" in status.columns:
-        modes = changes(status.time, status.columns["nav_state"], PX4)
+        modes = flight_mode_changes(status.time, status.columns["nav_state"], PX4)
     if wanted is not None and _STATUS not in wanted:
         tables = {
             name: table for name, table in tables.items() if name.partition(".")[0] != _STATUS
@@ -124,7 +124,7 @@ def _table(data: Mapping[str, np.ndarray]) -> RecordedTable:
         columns.update(
             zip(
                 ("roll", "pitch", "yaw"),
-                euler(*(columns[f"q[{i}]"] for i in range(4))),
+                quaternion_to_euler(*(columns[f"q[{i}]"] for i in range(4))),
                 strict=True,
             )
         )
@@ -134,7 +134,7 @@ def _table(data: Mapping[str, np.ndarray]) -> RecordedTable:
     return RecordedTable(columns, units, data["timestamp"].astype(float) * _MICRO)
 
 
-def euler(w, x, y, z) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def quaternion_to_euler(w, x, y, z) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return bank, pitch and heading of a quaternion body to north-east-down, scalar first; heading
     0 ... 2 pi. [rad]
     """

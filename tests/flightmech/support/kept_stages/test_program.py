@@ -8,8 +8,8 @@ from flightmech.support.kept_stages import program
 @pytest.fixture
 def forgotten():
     yield
-    program.installation.cache_clear()
-    program.arithmetic.cache_clear()
+    program.hash_installation.cache_clear()
+    program.hash_arithmetic.cache_clear()
 
 
 def test_every_file_of_every_package_counts(tmp_path, monkeypatch, forgotten):
@@ -31,8 +31,8 @@ def test_every_file_of_every_package_counts(tmp_path, monkeypatch, forgotten):
         ("deep/b.pyc", "compiled"),
     ):
         (tmp_path / "some_package" / name).write_text(text)
-        program.installation.cache_clear()
-        found.append(program.installation())
+        program.hash_installation.cache_clear()
+        found.append(program.hash_installation())
     assert len(set(found)) == 5
     assert set(found[5:]) == {found[4]}  # words and what Python compiles decide nothing
 
@@ -41,6 +41,6 @@ def test_another_kernel_of_linear_algebra_is_another_arithmetic(monkeypatch, for
     found = []
     for core in ("Haswell", "Zen"):
         monkeypatch.setenv("OPENBLAS_CORETYPE", core)
-        program.arithmetic.cache_clear()
-        found.append(program.arithmetic())
+        program.hash_arithmetic.cache_clear()
+        found.append(program.hash_arithmetic())
     assert found[0] != found[1]

@@ -56,7 +56,7 @@ def test_a_stage_runs_once_for_equal_inputs(store):
 def test_another_program_keeps_nothing_of_the_earlier(store, monkeypatch):
     make = Counted()
     for program in ("1", "2", "1"):
-        monkeypatch.setattr(module, "installation", lambda program=program: program)
+        monkeypatch.setattr(module, "hash_installation", lambda program=program: program)
         Stages(store).one("cubes", {}, make)
     assert make.calls == 2
 

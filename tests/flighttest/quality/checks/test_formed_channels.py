@@ -10,10 +10,10 @@ import pytest
 
 import flighttest
 from flightmech.air import atmosphere, true_airspeed
-from flighttest.reconstruction.quality.checks.formed_channels import formed, sources
+from flighttest.reconstruction.quality.checks.formed_channels import form_channel, source_channels
 from flighttest.reconstruction.quality.checks.relations import RELATIONS, not_checked
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
-from flighttest.reconstruction.quality.page import page
+from flighttest.reconstruction.quality.page import render_quality_page
 
 C182 = Path(__file__).parents[4] / "data" / "c182"
 
@@ -45,7 +45,7 @@ def test_sound_record_states_what_is_not_checked(tmp_path):
     assert set(unseen.index) | set(quality.comparisons) == {relation.name for relation in RELATIONS}
     assert "not checked:" in quality.report()
     assert {row["relation"] for row in quality.as_dict()["not_checked"]} == set(unseen.index)
-    assert "Not checked" in page(quality)
+    assert "Not checked" in render_quality_page(quality)
 
 
 MISTAKES = {
@@ -103,17 +103,17 @@ def test_speed_is_that_of_the_air_data_computer():
     recorded = {"V_cas": V_cas, "h_baro": h_baro, "temperature": temperature}
     p_static = np.array([89874.6, 35599.8])  # standard atmosphere, geopotential height
     np.testing.assert_allclose(
-        formed("V", recorded), true_airspeed(V_cas, p_static, temperature), rtol=1e-5
+        form_channel("V", recorded), true_airspeed(V_cas, p_static, temperature), rtol=1e-5
     )
-    assert sources("V", recorded) == ("V_cas", "h_baro", "temperature")
+    assert source_channels("V", recorded) == ("V_cas", "h_baro", "temperature")
     without = {name: x for name, x in recorded.items() if name != "temperature"}
     np.testing.assert_allclose(
-        formed("V", without),
+        form_channel("V", without),
         true_airspeed(V_cas, p_static, atmosphere(h_baro).temperature),
         rtol=1e-3,
     )
-    assert sources("V", {"V_cas": V_cas}) == ()
-    assert formed("V", {"V_cas": V_cas}) is None
+    assert source_channels("V", {"V_cas": V_cas}) == ()
+    assert form_channel("V", {"V_cas": V_cas}) is None
 
 
 def test_formed_speed_follows_its_sources():

@@ -7,7 +7,7 @@ import pytest
 
 import flighttest
 from flightmech.air import pressure_altitude
-from flighttest.reconstruction.quality.checks.signals import signals_of
+from flighttest.reconstruction.quality.checks.signals import resample_channels
 from flighttest.reconstruction.quality.declarations.columns import (
     column_findings,
     heading_findings,
@@ -38,7 +38,7 @@ def read(tmp_path):
         (tmp_path / "flight.csv").write_text(",".join(["time", *columns]) + "\n" + text + "\n")
         (tmp_path / "names.toml").write_text("[all]\n" + entries + "\n")
         record = flighttest.read(tmp_path / "flight.csv", tmp_path / "names.toml")
-        return record, signals_of(record, flags(record))
+        return record, resample_channels(record, flags(record))
 
     return of
 

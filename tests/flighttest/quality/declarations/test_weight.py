@@ -12,7 +12,7 @@ import flightmech
 import flighttest
 from flightmech import terms
 from flightmech.units import POUND
-from flighttest.reconstruction.quality.checks.signals import ResampledChannels, signals_of
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels, resample_channels
 from flighttest.reconstruction.quality.declarations.aircraft import weight_findings
 
 C182 = Path(__file__).parents[4] / "data" / "c182"
@@ -31,7 +31,7 @@ def record():
 
 @pytest.fixture(scope="module")
 def signals(record):
-    return signals_of(record, NOTHING)
+    return resample_channels(record, NOTHING)
 
 
 def scaled(signals, factor) -> ResampledChannels:

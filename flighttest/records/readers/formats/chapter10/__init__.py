@@ -16,6 +16,8 @@ def read(path: Path, names: NameMap) -> Recording:
     """Return the parameters that ``[decode]`` of the name map takes out of a Chapter 10 file, see
     `tables.read`.
     """
-    from flighttest.records.readers.formats.chapter10.tables import read as read_tables
+    from flighttest.records.readers.formats.chapter10.tables import (
+        read_chapter10_tables as read_tables,
+    )
 
     return read_tables(path, names)

@@ -86,7 +86,7 @@ class Index:
         return found
 
 
-def index(path: Path) -> Index:
+def index_packets(path: Path) -> Index:
     """Return the index of a file.
 
     Raises

@@ -19,7 +19,7 @@ from flighttest.records.readers.formats.chapter10.packets import (
     SETUP,
     TIME_F1,
     Index,
-    index,
+    index_packets,
 )
 from flighttest.records.readers.formats.chapter10.samples import analog_tables, pcm_tables
 from flighttest.records.readers.formats.chapter10.time_packets import start_of_record
@@ -27,7 +27,7 @@ from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.recording import RecordedTable, Recording
 
 
-def read(path: Path, names: NameMap) -> Recording:
+def read_chapter10_tables(path: Path, names: NameMap) -> Recording:
     """Return the parameters that the name map decodes, as tables.
 
     Raises
@@ -39,11 +39,11 @@ def read(path: Path, names: NameMap) -> Recording:
     UnknownName
         A channel, label, message or subchannel that is not there.
     """
-    file = index(path)
+    file = index_packets(path)
     if not names.decode:
         listed = "; ".join(
             f"channel {c['channel']}: {c['content']}, {c['packets']} packets"
-            for c in channels(file)
+            for c in chapter10_channels(file)
         )
         raise SchemaError(
             f"name map for {path.name}",
@@ -72,7 +72,7 @@ def read(path: Path, names: NameMap) -> Recording:
     return Recording("chapter10", tables, facts, tuple(notes))
 
 
-def channels(file: Index) -> list[dict[str, object]]:
+def chapter10_channels(file: Index) -> list[dict[str, object]]:
     """Return the channels of a file: number, content, packets; of ARINC 429 the buses with their
     labels as stored.
     """
