@@ -7,7 +7,7 @@ A term's contribution to its coefficient is
 with `value` a table (of 0 to 4 axes), `K1` and `K2` optional tables over axes that `value` does not
 have, and `v1`, `v2` the optional regressors, model variables such as ``qhat`` or ``delta_e``.
 Tables are multilinear between breakpoints, so a contribution is *linear in the node values*:
-`basis` returns that linear map, and simulation, regression and comparison all rest on it.  A term
+`node_basis` returns that linear map, and simulation, regression and comparison all rest on it.  A term
 may carry a power of one more variable as a factor,
 
     max(v, floor) ** exponent                                       [LR743] eq. (13) and (14): h^s
@@ -456,7 +456,7 @@ def node_basis(
     Parameters
     ----------
     leaf, conditions, outside
-        As in `evaluate`.
+        As in `evaluate_term`.
 
     Returns
     -------

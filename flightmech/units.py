@@ -121,7 +121,7 @@ _FACTOR = re.compile(r"^(%|[A-Za-z]+|1)\^?(-?\d+)?$")
 
 @cache
 def known_unit(text: str) -> str:
-    """Return a unit as `parse` spells it; a text that means no unit is returned without its blanks.
+    """Return a unit as `parse_unit` spells it; a text that means no unit is returned without its blanks.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def known_unit(text: str) -> str:
 
 
 def _known_word(word: str) -> str | None:
-    """Return one factor of a unit as `parse` spells it, None for a word that is no unit."""
+    """Return one factor of a unit as `parse_unit` spells it, None for a word that is no unit."""
     match = _FACTOR.match(word)
     if match is None:
         return None

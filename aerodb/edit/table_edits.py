@@ -49,7 +49,7 @@ def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = ""
         The database; it is left as it is.
     new : mapping of str to Dataset
         Terms by name, ``"CL/gear"``; a name the database does not have is added and leaves its list
-        `absent`.  The ``notices`` of a `Tabulation` become lines of the history and the root
+        `update_absent`.  The ``notices`` of a `Tabulation` become lines of the history and the root
         attribute ``notices``.
     note : str, optional
         Why, for the history.
@@ -86,7 +86,7 @@ def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = ""
 
 
 def delete_terms(db: xr.DataTree, names: str | Iterable[str], note: str = "") -> xr.DataTree:
-    """Return a database without some terms; their names go to its list `absent`.
+    """Return a database without some terms; their names go to its list `update_absent`.
 
     Parameters
     ----------

@@ -136,7 +136,7 @@ def list_terms(
     path: str | os.PathLike, whole: Unbroken
 ) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
     """Return the root attributes of a database and a row per term, as
-    `aerodb.store.overview.describe` gives them; errors as `open`.
+    `aerodb.store.overview.describe_database` gives them; errors as `open`.
     """
     attributes, leaves = read_overview(path, SHOWN, STATED, whole)
     return attributes, describe_terms(leaves)
@@ -193,7 +193,7 @@ def _demand_database(path: Path) -> None:
         with h5py.File(path) as file:
             groups, about = set(file), set(file.attrs)
     except OSError:
-        return  # damaged: `read` states how
+        return  # damaged: `read_netcdf_tree` states how
     if about & {"force_axes", "cbar"} or groups & set(COEFFICIENTS):
         return
     kind = file_kind(path)

@@ -2,7 +2,7 @@
 
 The objects of HDF5 itself are read, and only those that are wanted: the classes of h5py above them
 take three times as long, which was a third of ``aeromatch db show``.  Whatever is laid out
-otherwise than `flightmech.support.netcdf_trees.image` does is left to `read` there, which states
+otherwise than `flightmech.support.netcdf_trees.encode_tree` does is left to `read` there, which states
 what is wrong with it.
 """
 

@@ -37,7 +37,7 @@ def plain_number(value: float) -> str:
 
 
 OVERVIEW = "1"
-"""Name of the rules that `facts` follows, a number; files carry what it gave, so that it is raised whenever these rules change."""
+"""Name of the rules that `describe_terms` follows, a number; files carry what it gave, so that it is raised whenever these rules change."""
 _FEW = 12  # absent terms that are listed one by one
 SHOWN = ("value", "K1", "K2", "stderr", "source")  # variables of a term that an overview needs
 STATED = ("regressors", "power", "exponent", "floor")  # attributes of a term that it needs
@@ -60,7 +60,7 @@ def describe_database(db: xr.DataTree) -> list[dict[str, Any]]:
 
 
 def describe_terms(leaves: Mapping[str, xr.Dataset | StoredGroup]) -> list[dict[str, Any]]:
-    """Return the rows of `describe` of terms by name, also as they stand in a file; who changes
+    """Return the rows of `describe_database` of terms by name, also as they stand in a file; who changes
     what they hold raises `OVERVIEW`.
     """
     return [_facts(name, leaf) for name, leaf in leaves.items()]
@@ -83,7 +83,7 @@ def overview_text(attributes: Mapping, leaves: Mapping[str, xr.Dataset | StoredG
 
 
 def summary_text(attributes: Mapping, terms: Iterable[Mapping[str, Any]]) -> str:
-    """Return the text of `summary` from root attributes and the rows of `describe`."""
+    """Return the text of `summary` from root attributes and the rows of `describe_database`."""
     rows = [_texts(row) for row in terms]
     widths = [max(len(line[i]) for line in [HEAD, *rows]) for i in range(len(HEAD))]
     lines = [
@@ -166,7 +166,7 @@ def _shares(leaf: xr.Dataset | StoredGroup) -> dict[str, float]:
 
 
 def _texts(row: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return a row of `describe` as a person reads it, in display units."""
+    """Return a row of `describe_database` as a person reads it, in display units."""
     shares = row["source"]
     return (
         row["term"],

@@ -287,7 +287,7 @@ def make(
         Power factor, ground effect in closed form; a power of ``h_agl`` is the height that ground
         effect needs.
     stderr, source, **text
-        As in `flightmech.terms.make`: standard error of the nodes, where they come from, further
+        As in `flightmech.terms.make_term`: standard error of the nodes, where they come from, further
         attributes.
 
     Raises

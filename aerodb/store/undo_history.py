@@ -112,7 +112,7 @@ def history(db: xr.DataTree) -> pd.DataFrame:
     Returns
     -------
     DataFrame, index ``line``
-        ``edit`` (number, for `previous`; None where no undo entry is kept), ``verb``, ``terms``
+        ``edit`` (number, for `undo_edits`; None where no undo entry is kept), ``verb``, ``terms``
         (replaced, added or deleted by a kept edit, names separated by blanks), ``note``, ``text``
         (the line).
     """

@@ -16,7 +16,7 @@ from flighttest.records.readers.columns import split_heading, units_at_the_end, 
 from flighttest.records.readers.name_map import recorder_units
 
 # what recorders call a channel, in lower case without separators, in addition to the other names of
-# the field (`flightmech.errors.synonym`)
+# the field (`flightmech.errors.find_symbol`)
 _WORDS = {
     "p": "p ratep rollrate bodyrollrate gyrox gyrp wx",
     "q": "q rateq pitchrate bodypitchrate gyroy gyrq wy",

@@ -19,7 +19,7 @@ from pom.result import PomResult
 
 @dataclass(frozen=True)
 class MatchOutcome:
-    """What `aeromatch.workflow.perform` made.
+    """What `aeromatch.workflow.perform_match` made.
 
     Attributes
     ----------

@@ -167,7 +167,7 @@ class LoggedAction:
 
 
 def changed_files(before: dict[str, str], after: dict[str, str]) -> dict[str, tuple[str, str]]:
-    """Return what a command changed, from `digests` before and after it."""
+    """Return what a command changed, from `hash_named_files` before and after it."""
     return {
         name: (before.get(name, ""), found)
         for name, found in after.items()

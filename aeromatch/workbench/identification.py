@@ -313,7 +313,7 @@ def show_fit_entries(opened: OpenProject, query: Mapping[str, str], body: Any) -
 
 
 def make_fit_entries(opened: OpenProject, wanted: FitRequest, name: str) -> list[str]:
-    """Return the entries of `entry`; windows that are not all manoeuvres of some kinds are written
+    """Return the entries of `show_fit_entries`; windows that are not all manoeuvres of some kinds are written
     in seconds.
     """
     import tomlkit

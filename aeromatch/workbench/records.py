@@ -162,7 +162,7 @@ def _about(name: str) -> dict[str, str]:
 
 
 def pack_channels(opened: OpenProject, query: Mapping[str, str], body: Any) -> bytes:
-    """Return channels of a record inside a span of time, as `packed`.
+    """Return channels of a record inside a span of time, as `pack_traces`.
 
     The query has ``name``, ``channels`` (``source/leaf/channel`` with commas), ``start``, ``stop``
     [s] and ``points``.

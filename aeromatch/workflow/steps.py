@@ -355,7 +355,7 @@ def samples_of(
     windows: IdentificationWindows,
 ) -> list[xr.Dataset]:
     """Return the samples behind every fit of the project, for tables estimated directly from them;
-    names as those of `identify`.
+    names as those of `fit_records`.
     """
     found = []
     for fit, places in zip(project.fits, windows.fits, strict=True):
@@ -388,7 +388,7 @@ WAYS: dict[str, Callable[[Project, xr.DataTree, Sequence[Any], Sequence[xr.Datas
         fits, start, held=project.held, unplaced=project.unplaced
     ),
 }
-"""How flights enter the tables, by the key ``tabulation`` of a project; from fits (`identify`) and samples (`samples_of`)."""
+"""How flights enter the tables, by the key ``tabulation`` of a project; from fits (`fit_records`) and samples (`samples_of`)."""
 
 
 def _without_samples(fits: Sequence[Any], samples: Sequence[xr.Dataset]) -> list[Any]:
@@ -416,9 +416,9 @@ def final_database(
     project : Project
         Its `tabulation` is one of `WAYS`.
     start : DataTree
-        From `opened`.
+        From `add_missing_terms`.
     fits : sequence of Fit
-        From `identify`.
+        From `fit_records`.
     samples : sequence of Dataset
         From `samples_of`; used by the way ``direct`` only.
     """
@@ -525,7 +525,7 @@ def perform_match(
         The folder cannot be exchanged
         (`flightmech.support.atomic_write.folder_written_atomically`).
     SimulationError
-        As `flightmech.support.kept_stages.sharing.cluster`.
+        As `flightmech.support.kept_stages.sharing.open_cluster`.
     """
     folder = Path(folder)
     if folder.parent.is_dir():
@@ -684,7 +684,7 @@ class Identified:
 def run_identification(
     project: Project, jobs: int, step: Step, stages: Stages, compare: bool = False
 ) -> Identified:
-    """Return everything up to the diagnosis of the cases, stage by stage; parameters as `perform`."""
+    """Return everything up to the diagnosis of the cases, stage by stage; parameters as `perform_match`."""
     custody = pom.archive.Custody()
     custody.take([*inputs_of(project, []), *project.models.values()])
     aircraft = flightmech.read_aircraft(project.aircraft)
@@ -1233,5 +1233,5 @@ def _outcome(found: Identified, results: list[Any], report: Path) -> MatchOutcom
 
 
 def _is_ours(name: str) -> bool:
-    """Whether a file of the folder that `perform` writes is one that an earlier job wrote."""
+    """Whether a file of the folder that `perform_match` writes is one that an earlier job wrote."""
     return name == REPORT or bool(_OURS.fullmatch(name))

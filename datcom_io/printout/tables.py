@@ -177,7 +177,7 @@ class TableLayout(NamedTuple):
     """One kind of table with one row per line.
 
     ``heading`` holds the words of the line that opens it, with single blanks and without dashes; it
-    is empty for a table that a `Block` finds.  The first ``keys`` columns are the row's axes.
+    is empty for a table that a `PrintedBlock` finds.  The first ``keys`` columns are the row's axes.
     ``rows`` names the namelist variable that states how many rows there must be, None where the
     print decides; ``stops`` are the words of a note that lets the table end earlier.  ``stream``
     names the variables whose product is the number of values of a table printed as one stream of
@@ -198,7 +198,7 @@ class TableLayout(NamedTuple):
 class PrintedBlock(NamedTuple):
     """Lines of a page that no heading with one row per line below it describes.
 
-    ``opens`` is searched in the line that opens the block, as `heading_words` gives it, on pages of
+    ``opens`` is searched in the line that opens the block, as `normalise_heading` gives it, on pages of
     the kinds ``pages``. ``read(lines, at)`` gets the lines of the page and the index of the opening
     line; it returns what it found and the index of the line after it, or None when the lines are
     not what they seemed.  ``names`` are the kinds of table it may return.
@@ -215,7 +215,7 @@ _LONGEST_LINE = 160  # of the program; longer ones are not worth remembering
 
 
 def normalise_heading(line: str) -> str:
-    """Return a heading line as `Layout.heading` holds it."""
+    """Return a heading line as `TableLayout.heading` holds it."""
     return _known_words(line) if len(line) <= _LONGEST_LINE else _words(line)
 
 

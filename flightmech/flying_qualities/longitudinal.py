@@ -50,7 +50,7 @@ def missing_for_force(point: Point, control: str) -> str:
 
 
 def force_factor(point: Point, control: str) -> float:
-    """Return the pilot force of a hinge-moment coefficient of one; `missing` has returned "". [N,
+    """Return the pilot force of a hinge-moment coefficient of one; `missing_for_force` has returned "". [N,
     or N m of the wheel]
     """
     geometry = point.aircraft.controls[control]

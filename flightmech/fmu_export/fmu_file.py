@@ -76,7 +76,7 @@ def place_libraries(
     Parameters
     ----------
     libraries : mapping of str to bytes
-        Libraries by platform, from `compiled`.
+        Libraries by platform, from `find_libraries`.
     identifier : str
         Model identifier: the file name that importers look for.
     version : {"2.0", "3.0"}

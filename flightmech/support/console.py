@@ -339,7 +339,7 @@ def timed_step(text: str) -> Iterator[None]:
 
 
 def show_progress(text: str, lines: bool = False) -> AbstractContextManager[None]:
-    """Return `step` on a terminal; where nobody watches, nothing is printed and warnings are left
+    """Return `timed_step` on a terminal; where nobody watches, nothing is printed and warnings are left
     alone.
 
     With `lines` the work prints lines of its own: the text has a line to itself, and no time

@@ -123,7 +123,7 @@ def decode_text(
 
 
 def read_text(path: str | os.PathLike[str], expected: str, otherwise: str = "") -> str:
-    """Return a text file with line feeds as line ends; parameters and errors as in `decoded` and
+    """Return a text file with line feeds as line ends; parameters and errors as in `decode_text` and
     `read_bytes`.
     """
     return with_line_feeds(decode_text(read_bytes(path, expected), path, expected, otherwise))

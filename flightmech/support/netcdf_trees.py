@@ -94,7 +94,7 @@ def _writable(text: str) -> bool:
 
 
 def encode_tree(db: xr.DataTree) -> bytes:
-    """Return the content of the file of a tree without `faults`; the same tree gives the same bytes
+    """Return the content of the file of a tree without `find_unstorable`; the same tree gives the same bytes
     with one version of HDF5.
     """
     content = io.BytesIO()

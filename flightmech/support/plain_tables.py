@@ -56,7 +56,7 @@ class Plain:
     values: ClassVar[Mapping[str, FieldDefinition]]
 
     def __init_subclass__(cls) -> None:
-        """Take the definitions of the fields, each a `value`."""
+        """Take the definitions of the fields, each a `define_field`."""
         cls.values = {
             name: item for name, item in vars(cls).items() if isinstance(item, FieldDefinition)
         }

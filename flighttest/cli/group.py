@@ -151,7 +151,7 @@ def _listing(file: str, names: str | None) -> dict[str, Any]:
 
 
 def _numbered(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return rows as `document` prints a table: with their number."""
+    """Return rows as `print_json` prints a table: with their number."""
     return [{"index": number, **row} for number, row in enumerate(rows)]
 
 

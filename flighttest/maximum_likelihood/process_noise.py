@@ -194,7 +194,7 @@ def _squared(plain: UnknownVector) -> tuple[UnknownVector, np.ndarray]:
 
 
 class _Step(NamedTuple):
-    """Innovations and their variances, per record; `search` carries them as its residuals."""
+    """Innovations and their variances, per record; `maximise_likelihood` carries them as its residuals."""
 
     parts: list[np.ndarray]
     variances: list[np.ndarray]
@@ -210,7 +210,7 @@ class _Slope(NamedTuple):
 
 
 class _Innovated:
-    """J of the innovations, as `search` requires it."""
+    """J of the innovations, as `maximise_likelihood` requires it."""
 
     def __init__(self, pieces: Sequence[_Predicted], layout: UnknownVector):
         self.pieces, self.layout = pieces, layout

@@ -113,7 +113,7 @@ def turbulence_warnings(noise: xr.Dataset) -> tuple[str, ...]:
 
 
 def warn_of_turbulence(noise: xr.Dataset) -> tuple[str, ...]:
-    """Return what `turbulence` finds, after a warning to the caller of the fit."""
+    """Return what `turbulence_warnings` finds, after a warning to the caller of the fit."""
     found = turbulence_warnings(noise)
     for text in found:
         warnings.warn(text, AeromatchWarning, stacklevel=3)

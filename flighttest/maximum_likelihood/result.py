@@ -105,7 +105,7 @@ def estimates_dataset(
     covariance: np.ndarray,
     about: dict[str, str | float | int],
 ) -> xr.Dataset:
-    """Return the estimates Dataset of a `Found`.
+    """Return the estimates Dataset of a `LikelihoodMaximum`.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def noise_dataset(
     measured: Sequence[np.ndarray] = (),
     effect: float = 0.0,
 ) -> xr.Dataset:
-    """Return the noise Dataset of a `Found`; `colours` of residuals in time go with the outputs
+    """Return the noise Dataset of a `LikelihoodMaximum`; `colours` of residuals in time go with the outputs
     `measured` and their `effect`.
     """
     v = np.concatenate(found.residuals)

@@ -186,7 +186,7 @@ def solution_states(
 def path_columns(
     record: xr.DataTree, aircraft: Any, setup: Setup, x: np.ndarray, c: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Return `motion` of a trajectory (N, n) and constants (nc,), with recorded channels and mass
+    """Return `motion_quantities` of a trajectory (N, n) and constants (nc,), with recorded channels and mass
     properties. [SI]
     """
     problem = setup.problem

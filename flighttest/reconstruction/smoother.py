@@ -162,7 +162,7 @@ def reconstruct(
         mean vertical wind, 0.2) [m s-1], ``latitude`` [rad], ``runway_elevation`` (for h_radio)
         [m].
     aircraft : Aircraft
-        For cbar, b, c.g. and the instruments (see `flighttest.records.sensors.instruments`).
+        For cbar, b, c.g. and the instruments (see `flighttest.records.sensors.parse_instruments`).
     windows : sequence of (start, stop), optional
         Parts to reconstruct, with common constants; the whole record without it. [s]
     prior : Dataset, optional

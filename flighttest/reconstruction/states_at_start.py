@@ -38,7 +38,7 @@ def start_states(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) ->
     Returns
     -------
     Dataset (time,)
-        Variables as `Path.states`. [SI]
+        Variables as `FlightPath.states`. [SI]
 
     Raises
     ------

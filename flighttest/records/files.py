@@ -224,7 +224,7 @@ def read_listed_rows(attrs: Mapping[Any, Any], key: str) -> list[dict[str, Any]]
 
 
 def flown_rows(attrs: Mapping[Any, Any]) -> list[dict[str, Any]]:
-    """Return the list of manoeuvres as the table of `flighttest.records.record.manoeuvres` holds
+    """Return the list of manoeuvres as the table of `flighttest.records.show_record.manoeuvres` holds
     it: times of one kind in a column.
     """
     found = read_listed_rows(attrs, "manoeuvres")

@@ -1,7 +1,7 @@
 """Recordings as flight records in plain arrays: every channel found, converted, and what is wrong
 with it flagged.
 
-`flighttest.records.record` makes a tree of xarray of them, for whatever works on a record.  A look
+`flighttest.records.show_record` makes a tree of xarray of them, for whatever works on a record.  A look
 at one needs neither xarray nor pandas, whose import takes longer than the reading.
 """
 
@@ -60,7 +60,7 @@ class RecordGroup(NamedTuple):
 
 class Arrays(NamedTuple):
     """A flight record: root attributes, and leaves by name; attributes as
-    `flighttest.records.record` describes them.
+    `flighttest.records.show_record` describes them.
     """
 
     attrs: dict[str, Any]
@@ -69,7 +69,7 @@ class Arrays(NamedTuple):
 
 def read_arrays(path: str | Path, names: str | Path | NameMap | None = None) -> Arrays:
     """Return a flight record in plain arrays; parameters and errors as in
-    `flighttest.records.record.read`.
+    `flighttest.records.show_record.read`.
     """
     path = Path(path)
     mapping = names if isinstance(names, NameMap) or names is None else read_names(names)

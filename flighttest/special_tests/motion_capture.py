@@ -133,7 +133,7 @@ def motion_record(bodies: dict[str, xr.Dataset], title: str) -> xr.DataTree:
     Parameters
     ----------
     bodies : mapping of str to Dataset
-        As from `motion`.
+        As from `smooth_motion`.
     title : str
     """
     leaves = {f"/{name}": data.assign_attrs(body=name) for name, data in bodies.items()}

@@ -57,7 +57,7 @@ class Archive:
     paper : str or None
         Of ``report.pdf``, empty without one; None: not stated.
     tunings : dict of str to dict
-        Name of a model to the log of its tuning (`pom.tuning.Tuning.document`).
+        Name of a model to the log of its tuning (`pom.tuning_content.Tuning.document`).
     chapters : bytes
         What the report shows in addition to its cases, as it draws it (`pom.report.chapters`);
         empty where it shows nothing.

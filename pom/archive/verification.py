@@ -59,7 +59,7 @@ def compare_statements(
     folder : Path
         Of the report.
     statement : mapping
-        Its manifest (`read_manifest`).
+        Its manifest (`read_report_manifest`).
     """
     try:
         archive = read_archive(folder)

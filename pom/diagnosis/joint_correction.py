@@ -181,7 +181,7 @@ def rank_all(
     jobs: int = -1,
     **options: Any,
 ) -> dict[str, tuple[SwapBench, pd.DataFrame]]:
-    """Return the bench of every case and its table of `ranked`, by name of the case.
+    """Return the bench of every case and its table of `diagnose_bench`, by name of the case.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def rank_all(
     models : mapping of str to SwapModels
         By name of the case.
     **options
-        Of `ranked`.
+        Of `diagnose_bench`.
     """
     from joblib import Parallel, delayed, effective_n_jobs
 

@@ -27,7 +27,7 @@ class Diagnosed:
     names : tuple of str
         Everything that can be swapped.
     idle : dict of str to float
-        As `Bench.idle`.
+        As `SwapBench.idle`.
     known : dict of frozenset of str to Judged
     """
 
@@ -74,7 +74,7 @@ class LateBench:
         return self._made[0]
 
     def judged(self, choices: Iterable[Collection[str]], exact: bool = False) -> list[Judged]:
-        """Return the judgement of every choice, as `Bench.judged`."""
+        """Return the judgement of every choice, as `SwapBench.judged`."""
         keys = [frozenset(c) if exact else nearest_choice(c, self.idle) for c in choices]
         if not all(key in self.known for key in keys):
             self.whole.judged(keys, exact=True)

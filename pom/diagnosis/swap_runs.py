@@ -279,7 +279,7 @@ class SwapBench:
         The same as `job` with the longest steps that judge both models alike
         (`long_steps.thinned`).
     idle : dict of str to float
-        Terms that are not flown alone (`screening.screen`), with the bound of what each may move,
+        Terms that are not flown alone (`screening.screen_idle_terms`), with the bound of what each may move,
         as `Judged.moved`: a choice takes all of them or none, whichever is nearer.
     known : dict of frozenset of str to Judged
         What was flown, by choice.

@@ -268,7 +268,7 @@ def _lacking(who: str, needed: tuple[str, ...], signals: RunSignals) -> str:
 
 
 def judge_all(case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> dict[str, Judgement]:
-    """Judge every criterion of a case on one model; parameters as `judge`, result as of
+    """Judge every criterion of a case on one model; parameters as `judge_criterion`, result as of
     `judge_match`.
     """
     return judge_match(Comparison.of(case, time, flight, model))

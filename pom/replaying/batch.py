@@ -39,7 +39,7 @@ _ONE_THREAD = dict.fromkeys(
 
 
 class Processes:
-    """Processes at work; made by `processes`."""
+    """Processes at work; made by `start_processes`."""
 
     def __init__(self, executor: Any, count: int):
         self._executor = executor

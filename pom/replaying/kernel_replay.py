@@ -81,7 +81,7 @@ def replay_choices(
 def fly_once(
     sim: Any, job: ReplayJob, channels: Sequence[str]
 ) -> tuple[dict[str, np.ndarray], str]:
-    """Replay a job once, as `fly` does, without its tables of runs: for many models with one run
+    """Replay a job once, as `replay_choices` does, without its tables of runs: for many models with one run
     each.
 
     Returns

@@ -108,7 +108,7 @@ def replay(
 
 
 def plan_of(case: PomCase, path: Any = None) -> ReplayPlan:
-    """Return what `perform` flies; parameters and errors as `replay`."""
+    """Return what `perform_plan` flies; parameters and errors as `replay`."""
     states = flight_states(case, path)
     job = job_of(case, states)
     return ReplayPlan(settle_case(case, job.time, _samples(states)), states, job)
@@ -164,7 +164,7 @@ def perform_plan(
     store: RunCache | None = None,
     evidence: xr.DataTree | None = None,
 ) -> PomResult:
-    """Fly a checked plan by every model and judge it; parameters as `replay` and `fly`."""
+    """Fly a checked plan by every model and judge it; parameters as `replay` and `fly_job`."""
     shown = shown_channels(plan.case, plan.states)
     found, failures, ranges, trims = {}, {}, {}, {}
     for name, model in models.items():

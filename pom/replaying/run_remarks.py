@@ -124,7 +124,7 @@ def pilot_activity_rows(
 
 
 def pilot_activity(result: PomResult) -> pd.DataFrame:
-    """Return the rows of `activity` of all models of a result; empty when no math pilot flew."""
+    """Return the rows of `pilot_activity_rows` of all models of a result; empty when no math pilot flew."""
     return pd.DataFrame(
         json.loads(result.signals.attrs.get(PILOT, "[]")), columns=list(_PILOT_COLUMNS)
     )

@@ -239,7 +239,7 @@ def solve_trim_surfaces(
         Trim surfaces: ``delta_t``, ``delta_ta``, ``delta_tr``.
     model : Model
     timeout, store
-        As `pom.fmu.simulate.fly`.
+        As `pom.fmu.simulate.fly_job`.
 
     Returns
     -------

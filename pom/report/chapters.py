@@ -44,9 +44,9 @@ class Chapters:
     databases : dict of str to dict
         Title, aircraft, source and absent terms of the databases, by name.
     compared : dict or None
-        Of `database_comparison.compared`.
+        Of `database_comparison.compare_for_report`.
     identification : dict or None
-        Of `identification.chapter`.
+        Of `identification.identification_chapter`.
     submodels : tuple of Section
     needed : Grid or None
         What the corrected model takes from the final one.

@@ -244,7 +244,7 @@ def junit_xml(results: Sequence[PomResult], title: str) -> str:
 
 
 def write_junit(path: str | os.PathLike, results: Sequence[PomResult], title: str) -> None:
-    """Write `junit` to a file, atomically."""
+    """Write `junit_xml` to a file, atomically."""
     write_text(path, junit_xml(results, title))
 
 

@@ -39,7 +39,7 @@ def verdict_matrix(
     Parameters
     ----------
     found : sequence of sequence of mapping
-        `case.outcomes` of every result.
+        `case.outcome_rows` of every result.
     """
     runs = list(dict.fromkeys(run for result in results for run in result.runs))
     rows = []

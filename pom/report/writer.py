@@ -212,7 +212,7 @@ def parts_of_cases(
     Parameters
     ----------
     names : sequence of str
-        `case.keys` of the results.
+        `case.case_keys` of the results.
     jobs : int
         Processes at the same time; -1 for one per core.  A process has `LEAST_SHARE` cases at
         least.
@@ -293,7 +293,7 @@ def write_report(
     driven_motion : mapping of str to sequence of Dataset (time,), optional
         By submodel: records of the slow motion of a control, whose force is drawn over the travel.
     tunings : mapping of str to mapping, optional
-        Name of a model to the log of its tuning (`pom.tuning.read_log`): a chapter of page and PDF.
+        Name of a model to the log of its tuning (`pom.tuning_content.read_log`): a chapter of page and PDF.
     revision : str
         Revision of the report, as the user counts them.
     paper : {"a4", "letter"}, optional

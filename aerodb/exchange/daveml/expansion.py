@@ -73,7 +73,7 @@ def approximate_variable(
     sampler : Sampler
         Holds the exact sums, and keeps what is made here.
     reasons, lengths
-        As in `expand`.
+        As in `expand_variables`.
     weight : float
         Size of what multiplies the variable on the way to a coefficient.
 
@@ -98,7 +98,7 @@ def approximate_variable(
 
 @dataclass(frozen=True)
 class _Approximation:
-    """What `approximated` needs on its way through the calculation of a variable."""
+    """What `approximate_variable` needs on its way through the calculation of a variable."""
 
     sampler: Sampler
     varID: str

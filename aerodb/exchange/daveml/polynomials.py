@@ -33,7 +33,7 @@ _serial = itertools.count(10**6)  # tables that are made; those of a file count 
 
 @dataclass(frozen=True, eq=False)
 class GridAxis:
-    """An axis of a `Grid`: model variable, rising points [SI], and whether the table goes on with
+    """An axis of a `MultilinearTable`: model variable, rising points [SI], and whether the table goes on with
     its end slope below and above.
     """
 

@@ -57,7 +57,7 @@ def pack_attributes(attributes: Mapping[str, str | float]) -> str:
 
 
 def unpack_attributes(text: str) -> dict[str, str | float]:
-    """Return the attributes that `packed` wrote."""
+    """Return the attributes that `pack_attributes` wrote."""
     found: dict[str, str | float] = {}
     for line in text.replace(f"\n{_MORE}", "\0").replace("\n|", "\0").split("\n"):
         match = _KEY.fullmatch(line)
@@ -85,7 +85,7 @@ def source_runs(source: np.ndarray) -> str:
 
 
 def source_codes(text: str, shape: tuple[int, ...]) -> np.ndarray | None:
-    """Return the source codes that `runs` wrote, or None when they do not fit the shape."""
+    """Return the source codes that `source_runs` wrote, or None when they do not fit the shape."""
     pairs = [part.split() for part in text.split(", ")]
     if not all(len(pair) == 2 and pair[0].isdigit() and pair[1] in SOURCES for pair in pairs):
         return None

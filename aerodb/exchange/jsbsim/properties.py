@@ -45,7 +45,7 @@ RATES = {
     "betadothat": ("beta_dot", "b"),
 }
 
-# variable: the property an export looks up, in the unit of `unit`
+# variable: the property an export looks up, in the unit of `jsbsim_unit`
 AXIS = {
     "alpha": "aero/alpha-rad",
     "beta": "aero/beta-rad",
@@ -211,7 +211,7 @@ def factor_elements(leaf: xr.Dataset, native: bool) -> list[ET.Element]:
 
 
 def property_of(variable: str) -> str:
-    """Return the property that holds a variable, in the unit of `unit`."""
+    """Return the property that holds a variable, in the unit of `jsbsim_unit`."""
     engine = ENGINE.match(variable)
     if engine:
         return (

@@ -183,7 +183,7 @@ def term_of_product(
         ``S``, ``cbar``, ``b`` in square feet and feet.
     sampler : callable
         Makes one table of what is none and of the tables that share axes with it, or with each
-        other; or raises `Unfit`.
+        other; or raises `NotAProduct`.
     **text : str
         Attributes of the leaf.
 

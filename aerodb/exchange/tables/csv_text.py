@@ -45,7 +45,7 @@ def flatten_attributes(leaf: xr.Dataset) -> dict[str, str | int | float]:
 
 
 def restore_attributes(leaf: xr.Dataset, facts: Facts) -> xr.Dataset:
-    """Return a leaf with the attributes that `flat` gave."""
+    """Return a leaf with the attributes that `flatten_attributes` gave."""
     found = leaf.copy()
     missing = str(facts.get(_WITHOUT, "")).split()
     found.attrs = {key: item for key, item in facts.items() if "." not in key and key != _WITHOUT}

@@ -128,7 +128,7 @@ _NUMBERS = (
 )
 _UNITS = {"LB": "lbf", "N": "N", "ANALYSIS TERMINATED AT ALPHA": "deg"}
 NAMES = ("weight", "note")
-"""Kinds of group that `numbers` returns."""
+"""Kinds of group that `read_footnote_number` returns."""
 
 
 def strip_control_column(line: str) -> str:

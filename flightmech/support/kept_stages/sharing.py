@@ -59,7 +59,7 @@ class Cores:
 
 
 class Cluster:
-    """The workers of a dask.distributed cluster; made by `cluster`."""
+    """The workers of a dask.distributed cluster; made by `open_cluster`."""
 
     def __init__(self, client: Any) -> None:
         self._client = client

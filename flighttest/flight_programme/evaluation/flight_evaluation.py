@@ -166,7 +166,7 @@ def add_computed_mass(
     UnknownName
         A channel that is needed is not in the record.
     SchemaError, IdentificationError
-        As `weigh` and `deck_thrust`.
+        As `mass_after_burn` and `deck_thrust`.
     """
     if loading is None and deck is None:
         return record

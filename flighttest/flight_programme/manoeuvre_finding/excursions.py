@@ -86,7 +86,7 @@ def find_movements(time: np.ndarray, x: np.ndarray, least: float) -> list[Excurs
     """Return the excursions of a control without the plateaus in them: a step and a drift that
     follows it are two movements.
 
-    Parameters as in `excursions`; a control moves where half of `least` is covered in 0.5 s.
+    Parameters as in `find_excursions`; a control moves where half of `least` is covered in 0.5 s.
     """
     half = max(round(0.25 * (len(time) - 1) / (time[-1] - time[0])), 1)
     ahead, behind = (

@@ -3,7 +3,7 @@
 Attitudes follow second-order laws whose gains are divided by the control powers of the model in the
 trimmed flight, so that one set of frequencies serves every aircraft.  Between manoeuvres height,
 speed and heading are held.  During a test input the other controls stay where they are, but for a
-share of the attitude gains where the manoeuvre keeps one (`Manoeuvre.feedback`).
+share of the attitude gains where the manoeuvre keeps one (`PlannedManoeuvre.feedback`).
 """
 
 from __future__ import annotations

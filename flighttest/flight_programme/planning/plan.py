@@ -353,7 +353,7 @@ def plan_predicted_flights(
 
 def nodes_of(goal: Goal, items: Sequence[Item], database: xr.DataTree) -> pd.DataFrame:
     """Return the wanted nodes with standard errors before and after a choice of manoeuvres, as in
-    `Plan.nodes`.
+    `ProgrammePlan.nodes`.
     """
     leaves, after, rows = terms(database), goal.stderr(items), []
     for name, bound in goal.bounds.items():
@@ -389,7 +389,7 @@ def nodes_of(goal: Goal, items: Sequence[Item], database: xr.DataTree) -> pd.Dat
 
 
 def order_of(prediction: Prediction, items: Sequence[Item]) -> pd.DataFrame:
-    """Return the cards of a choice of manoeuvres, as in `Plan.order`."""
+    """Return the cards of a choice of manoeuvres, as in `ProgrammePlan.order`."""
     setups = {c.name: float(c.setup) for c in prediction.catalogue.condition}
     rows, clock, fuel, seen = [], 0.0, 0.0, set()
     for condition, manoeuvre in items:

@@ -223,7 +223,7 @@ def residual_noise(equations: BatchEquations) -> tuple[np.ndarray, np.ndarray]:
 
 def correlated_variance(S: np.ndarray, r: np.ndarray) -> np.ndarray:
     """Return sum_ij S_i Rvv(i - j) S_j' of series S (u, N), Rvv the autocorrelation of r (N,), see
-    `tapered`.
+    `tapered_autocorrelation`.
 
     Notes
     -----

@@ -136,7 +136,7 @@ class PathSensitivities:
     Attributes
     ----------
     x : array (N, n)
-        States, as in `Problem`.
+        States, as in `PathProblem`.
     X : array (N, n, n + driving)
         Derivative by the start of the segment that the sample belongs to, then by the driving
         constants.

@@ -92,7 +92,7 @@ def coefficients(
         skew of a scan).  A Path brings the errors of its dynamic pressure along with those of its
         other states; `qbar` then counts only when it is given.
     cutoff : float, optional
-        Low-pass all states alike first, controls included (`smoothed`): 2 to 3 times the frequency
+        Low-pass all states alike first, controls included (`smooth_states`): 2 to 3 times the frequency
         of the fastest mode of motion. [Hz]
 
     Returns

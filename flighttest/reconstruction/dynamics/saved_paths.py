@@ -20,12 +20,12 @@ class SavedPath:
     Attributes
     ----------
     states : Dataset (time,)
-        As of `flighttest.reconstruction.Path`. [SI]
+        As of `flighttest.reconstruction.FlightPath`. [SI]
     errors : Dataset (error, time) or None
         Change of the states for one standard error of each independent error of the instruments;
         None when the file has none.
     biases : Dataset (parameter,) or None
-        Constants of the instruments, as of `flighttest.reconstruction.Path`; None when the file has
+        Constants of the instruments, as of `flighttest.reconstruction.FlightPath`; None when the file has
         none.
     """
 

@@ -58,7 +58,7 @@ class Constants:
         return invert_covariance(self.covariance)
 
     def with_prior(self, prior: xr.Dataset) -> Constants:
-        """Return these constants with the mean and covariance that another `biases` Dataset gives
+        """Return these constants with the mean and covariance that another `bias_estimates` Dataset gives
         to the shared ones.
         """
         shared = [
@@ -213,7 +213,7 @@ class PathProblem:
     g : float
         Gravity at the height `g_height`. [m s-2]
     earth : (array (3,), array (3, 3))
-        Rate of the Earth and transport matrix, see `kinematics.earth`.
+        Rate of the Earth and transport matrix, see `kinematics.earth_rotation`.
     gyro_spin : array (3,)
         Rate of the Earth as far as the gyros show it, north-east-down. [rad s-1]
     airborne : array (N,) of bool

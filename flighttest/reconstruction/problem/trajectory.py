@@ -396,7 +396,7 @@ def linearise_sensor(problem: PathProblem, sensor: Sensor, values: np.ndarray, c
     r : array (M, m)
         Model minus reading.
     k, f : array (M,)
-        Places of the readings, see `place`.
+        Places of the readings, see `reading_positions`.
     J : array (M, m, n) or (1, m, n)
         Derivative by the state at k + f, of each reading or of all.
     columns : array of int

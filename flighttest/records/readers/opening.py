@@ -133,7 +133,7 @@ def open_recording(path: str | Path, names: NameMap, form: str | None = None) ->
     path : str or Path
     names : NameMap
     form : str, optional
-        What `recognise` found, where it has been called already.
+        What `recognise_recording` found, where it has been called already.
 
     Raises
     ------

@@ -387,7 +387,7 @@ def columns_of_array(
 
 
 def not_spread(shape: tuple[int, ...], length: int) -> str:
-    """Return why `spread` gives no column of an array."""
+    """Return why `columns_of_array` gives no column of an array."""
     sizes = " x ".join(map(str, shape))
     if 0 in shape:
         return "an empty array"

@@ -42,7 +42,7 @@ def published_fit(
     Parameters
     ----------
     model : Model or str
-        Such as ``"Cm = 1 + alpha + qhat + delta_e"``; with `Model.reference` the values are those
+        Such as ``"Cm = 1 + alpha + qhat + delta_e"``; with `RegressionModel.reference` the values are those
         of an expansion about a point.
     values, stderr : mapping of str to float
         Value and standard error of every term of the model, reduced as here: rates by b/2V and

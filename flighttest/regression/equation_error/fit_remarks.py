@@ -45,9 +45,9 @@ class FitData:
         term).  Attributes: ``coefficient``, ``name``, ``domain`` (time, frequency or published),
         ``R2``, ``residual_rms``, ``samples``, ``manoeuvres``, ``offset`` (standard deviation of a
         constant between manoeuvres); of a frequency fit ``R2`` is that inside ``band``.  Tests and
-        intervals are those of `significance.added` (``t``, ``p_value``, ``dof``, ``low``, ``high``;
+        intervals are those of `significance.add_tests` (``t``, ``p_value``, ``dof``, ``low``, ``high``;
         ``F``, ``F_terms``, ``F_dof``, ``F_probability``), the colour of the residual that of
-        `significance.whiteness` (``portmanteau``, ``portmanteau_lags``,
+        `significance.residual_whiteness` (``portmanteau``, ``portmanteau_lags``,
         ``portmanteau_probability``, ``correlation_time`` [s]).
     data : Dataset (sample,)
         The samples used: coefficient, model variables, what tables may depend on, ``time`` and

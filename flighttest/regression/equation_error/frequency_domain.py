@@ -471,7 +471,7 @@ def residual_power(v: np.ndarray, E: np.ndarray, parts: Sequence[TransformedStre
     v : complex array (rows,)
         Residuals.
     E : array (2 rows, unknowns)
-        Regressors as real rows, see `stacked`.
+        Regressors as real rows, see `stack_complex`.
     parts : sequence of Stretch
 
     Notes

@@ -286,7 +286,7 @@ def _powers(term: str) -> tuple[tuple[str, int], ...]:
 
 
 def variable_of(factor: str) -> str:
-    """Return the variable of a factor as `powers` gives it: ``"alpha"`` of ``"alpha"`` and of
+    """Return the variable of a factor as `term_powers` gives it: ``"alpha"`` of ``"alpha"`` and of
     ``"ramp(alpha,0.2)"``.
     """
     match = _RAMP.match(factor)
@@ -294,7 +294,7 @@ def variable_of(factor: str) -> str:
 
 
 def knot_of(factor: str) -> float:
-    """Return the knot of a ramp as `powers` gives it. [SI]"""
+    """Return the knot of a ramp as `term_powers` gives it. [SI]"""
     match = _RAMP.match(factor)
     if not match:
         raise ParseError("<model>", 0, f"the factor {factor!r}", "a ramp such as 'ramp(alpha,0.2)'")
@@ -315,7 +315,7 @@ def _factor(word: str, term: str) -> str:
 
 
 def term_text(factors: Mapping[str, int]) -> str:
-    """Return the term made of factors and their powers, the inverse of `powers`."""
+    """Return the term made of factors and their powers, the inverse of `term_powers`."""
     return (
         "*".join(name if power == 1 else f"{name}**{power}" for name, power in factors.items())
         or "1"

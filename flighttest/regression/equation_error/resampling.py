@@ -195,7 +195,7 @@ def bootstrap(fit: Fit, replicates: int = 200, seed: int = 0, jobs: int = 1) -> 
 
     Notes
     -----
-    A parametric bootstrap: each stretch without a gap gets a disturbance of the colour that `colours` finds, with the size
+    A parametric bootstrap: each stretch without a gap gets a disturbance of the colour that `estimate_disturbances` finds, with the size
     of its own residual; a constant that differs between stretches is drawn too.
 
     References

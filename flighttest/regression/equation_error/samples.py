@@ -140,7 +140,7 @@ def slopes_of(
     model: RegressionModel, theta: np.ndarray
 ) -> Callable[[Mapping[str, np.ndarray]], np.ndarray]:
     """Return what a model makes of values of its variables without its constant, for
-    `Samples.errors`.
+    `RegressionSamples.errors`.
 
     Parameters
     ----------

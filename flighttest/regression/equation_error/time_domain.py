@@ -55,7 +55,7 @@ def regress(
         ``1[0]``, ``1[1]`` ...
     lag : float, optional
         Take the residual's own autocorrelation over this window, in place of the autoregression;
-        see `coloured`. [s]
+        see `coloured_covariance_of`. [s]
     weights : str
         ``equal``; ``manoeuvre``, by the inverse variance of each manoeuvre's residual; ``robust``,
         Huber's weights against spikes; or a variable of the data with the standard error of the

@@ -205,7 +205,7 @@ class SeparableProblem:
     def fitted(
         self, j: int, s: np.ndarray, coefficients: np.ndarray
     ) -> Callable[[Mapping[str, np.ndarray]], np.ndarray]:
-        """Return what model `j` makes of values of its variables, for `Samples.errors`."""
+        """Return what model `j` makes of values of its variables, for `RegressionSamples.errors`."""
         model, values = self.models[j], dict(zip(self.names, s))
         parameters = {name: values[name] for name in model.parameters}
         return lambda data: model.design(data, parameters, self.pieces[j])[0] @ coefficients

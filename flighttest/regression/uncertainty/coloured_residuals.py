@@ -204,7 +204,7 @@ def estimate_disturbances(
     Parameters
     ----------
     X, v, pieces, steps
-        As in `coloured`.
+        As in `coloured_covariance_of`.
     """
     lengths = _lengths(X, v, pieces, steps)
     clocks = [_clock(length * step) for length, step in zip(lengths, steps)]

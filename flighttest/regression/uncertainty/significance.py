@@ -249,7 +249,7 @@ def of_slopes(
     Parameters
     ----------
     A, v, pieces
-        As in `degrees`.
+        As in `degrees_of_freedom`.
     fixed : array of bool (terms,)
         Intercepts.
     """

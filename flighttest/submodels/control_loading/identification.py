@@ -55,7 +55,7 @@ def identify_control_loading(
     driven : sequence of Dataset (time,)
         Manoeuvres in which the hand moves the control slowly, at several speeds and tab settings
         *together*: at one speed, spring, unbalance and hinge moment at zero merge.  Channels of
-        `motion.signals`.
+        `motion.control_signals`.
     free : sequence of Dataset (time,)
         Pulses and releases: what moves fast enough to show masses and cable.
     order : {2, 4}

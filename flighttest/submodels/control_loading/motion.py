@@ -149,7 +149,7 @@ def free_motion_windows(loading: ControlLoading, data: xr.Dataset) -> list[xr.Da
     ----------
     loading : ControlLoading
     data : Dataset (time,)
-        Pulses and releases, the hand off the control or its force recorded: see `signals`.
+        Pulses and releases, the hand off the control or its force recorded: see `control_signals`.
 
     Notes
     -----
@@ -284,7 +284,7 @@ def _weights(count: int, step: float, cutoff: float) -> tuple[np.ndarray, np.nda
 
 
 def smoothed_derivative_noise(x: np.ndarray, step: float, cutoff: float) -> tuple[float, float]:
-    """Return the standard deviations of the noise in `smoothed` first and second derivatives of a
+    """Return the standard deviations of the noise in `smooth_derivatives` first and second derivatives of a
     slow signal with white noise.
     """
     omega, weights = _weights(len(x) - 1, step, cutoff)

@@ -75,7 +75,7 @@ def find_slide_windows(
     data : Dataset (time,)
         The record.
     moved : Dataset (time,)
-        Its `signals` without low-pass.
+        Its `control_signals` without low-pass.
     """
     step = float(np.median(np.diff(moved["time"].values)))
     s = data[loading.item].values
@@ -161,7 +161,7 @@ class PreparedRecord:
     Attributes
     ----------
     moved : Dataset (time,)
-        Its `signals`.
+        Its `control_signals`.
     used : array of bool (time,) or list of Window
         Samples of a driven manoeuvre, behind a low-pass; windows of free motion, without.
     white : array (2,)

@@ -129,10 +129,10 @@ def fit_engine(
     deck : Deck
         Holds what is not estimated, and the breakpoints of what is.
     records : sequence of Dataset (time,)
-        As for `condition`, with the ``throttle``, any switches and the measured outputs.
+        As for `record_condition`, with the ``throttle``, any switches and the measured outputs.
     unknowns : mapping of str to Unknown
     expand : callable
-        Parameters of the engine, by the names of `parameter`, from the unknowns (unknown,).
+        Parameters of the engine, by the names of `kernel_parameter`, from the unknowns (unknown,).
     outputs : sequence of str
         ``n1``, ``n2``, ``itt`` ...
     step : float

@@ -144,7 +144,7 @@ def reading_error(records: Sequence[xr.Dataset], at: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     records : sequence of Dataset
-        As they were recorded, before `quiet`.
+        As they were recorded, before `remove_lever_noise`.
     at : array (knot,)
     """
     parts = [

@@ -239,7 +239,7 @@ def times_height_power(term: str, name: str | None = None) -> str:
 
 
 def separable_spelling(term: str) -> str:
-    """Return a term of a `Model` in the spelling of a separable model."""
+    """Return a term of a `RegressionModel` in the spelling of a separable model."""
     return str(parse_expression(term))
 
 

@@ -212,7 +212,7 @@ def find_events(
     Parameters
     ----------
     wanted : iterable of str
-        Events of the tolerance table (`pom.tolerances.rows.events`).
+        Events of the tolerance table (`pom.tolerances.rows.window_events`).
     test : str
         Its number; determines which control is the input, and whether 200 ft are passed upward
         (take-off) or downward (landing).

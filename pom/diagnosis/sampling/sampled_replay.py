@@ -61,7 +61,7 @@ def replay_draws(
         Of `pom.replaying.plan_of`; its trim surfaces stay as they are.
     models : DrawnModels
     aircraft, errors
-        Of `Instruments.of`.
+        Of `InstrumentErrors.of`.
     jobs : int
         Threads; -1 for one per core.  The samples do not depend on it.
 
@@ -431,7 +431,7 @@ def replay_sampled(
         Number of draws.
     seed : int
     errors : mapping, optional
-        Relative standard errors of ``mass`` and ``thrust`` (`Instruments.of`).
+        Relative standard errors of ``mass`` and ``thrust`` (`InstrumentErrors.of`).
     **options
         Others of `replay_all`.
 

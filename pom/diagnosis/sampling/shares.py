@@ -101,7 +101,7 @@ def regressors_of_draws(
     Parameters
     ----------
     changes : mapping of str to array (draw, samples)
-        Of `contributions`.
+        Of `contribution_changes`.
     errors : mapping of str to array (draw,)
         Errors of the instruments by name.
     """
@@ -138,7 +138,7 @@ def variance_shares(
     signed : mapping of str to array (draw,)
         Signed ratio by criterion; draws that are not finite are left out.
     found : list of (str, array (draw,))
-        Of `regressors`.
+        Of `regressors_of_draws`.
     """
     rows = []
     for criterion, values in signed.items():

@@ -1,3 +1,3 @@
 """What is extracted from the records and compared, one module per kind; every measure takes a
-criterion and a `Match`.
+criterion and a `Comparison`.
 """

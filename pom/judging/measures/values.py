@@ -268,7 +268,7 @@ def judge_trend(criterion: Criterion, match: Comparison) -> Judgement:
     (``[ticks]`` of the case) makes it a pass that names him, and he may decide against shape and
     size, not against the sign.
 
-    A flight that changes by less than the dead band (`dead_band`) shows no trend, and no direction
+    A flight that changes by less than the dead band (`trend_dead_band`) shows no trend, and no direction
     is the wrong one; then the departure of the model stays within the tolerance that the row has on
     the channel, or within twice the dead band where it has none.
     """

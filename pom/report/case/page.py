@@ -345,7 +345,7 @@ class PackedPage:
     brief : str
         HTML for readers without a script.
     parcel : str
-        Page and traces, of `presentation.traces.parcel`.
+        Page and traces, of `presentation.traces.pack_page`.
     """
 
     key: str

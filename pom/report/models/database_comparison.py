@@ -52,7 +52,7 @@ _FLIGHT = terms.SOURCES.index("flight")
 
 
 def models_page(found: Mapping[str, Any]) -> dict[str, Any]:
-    """Return everything the template ``models.html`` needs: of `compared`, its figures ready to
+    """Return everything the template ``models.html`` needs: of `compare_for_report`, its figures ready to
     stand in the page.
     """
     drawn = [

@@ -185,7 +185,7 @@ def identification_chapter(
     Returns
     -------
     dict
-        ``fits`` (`described`, with ``drawing``), ``map`` (Picture or None), ``heads`` and ``body``:
+        ``fits`` (`describe_fits`, with ``drawing``), ``map`` (Picture or None), ``heads`` and ``body``:
         what the script of the page draws, and the traces it points into.
     """
     pack = Pack.empty()
@@ -203,7 +203,7 @@ def identification_chapter(
 
 
 def identification_page(found: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any], bytes]:
-    """Return of a `chapter` what the template ``identification.html`` needs, what the script draws,
+    """Return of a `identification_chapter` what the template ``identification.html`` needs, what the script draws,
     and the traces it points into.
     """
     where = found["map"]

@@ -56,7 +56,7 @@ def pdf_pages(
     folder : Path
         Holds the drawings of the cases; the document is laid out there.
     names : sequence of str
-        `case.keys` of the results.
+        `case.case_keys` of the results.
     cases : sequence of mapping
         `case_pages.case_on_paper` of every result.
     attached : mapping of str to bytes

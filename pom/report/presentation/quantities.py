@@ -45,7 +45,7 @@ _HAT, _BAR, _DOT = (
     "\N{COMBINING MACRON}",
     "\N{COMBINING DOT ABOVE}",
 )
-# symbols that the rules of `symbol` would not find: base, subscript
+# symbols that the rules of `symbol_parts` would not find: base, subscript
 _SYMBOLS = {
     "qbar": ("q" + _BAR, ""),
     "cbar": ("c" + _BAR, ""),

@@ -153,7 +153,7 @@ def pack_page(head: Mapping[str, Any], body: bytes = b"") -> str:
 
 
 def unpack_page(text: str) -> tuple[dict[str, Any], bytes]:
-    """Return head and body of a `parcel`."""
+    """Return head and body of a `pack_page`."""
     head, _, body = zlib.decompress(base64.b64decode(text), 31).partition(b"\0")
     return json.loads(head), body
 

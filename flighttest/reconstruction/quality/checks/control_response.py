@@ -150,7 +150,7 @@ def control_responses(signals: ResampledChannels) -> pd.DataFrame:
 
 
 def _answer(equation: Equation, signals: ResampledChannels) -> tuple[tuple, float] | None:
-    """Return a row of `answers`, and how clearly the surface is displaced in time; None where a
+    """Return a row of `control_responses`, and how clearly the surface is displaced in time; None where a
     channel or its movement is missing.
     """
     if not {equation.rate, equation.surface} <= set(signals.values):
@@ -554,7 +554,7 @@ def excitation_findings(
     Parameters
     ----------
     table, matrix : DataFrame
-        Of `excitation` and `correlations`.
+        Of `excitation` and `input_correlations`.
     signals : Signals
     flown : DataFrame
         Of `flighttest.manoeuvres`.

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def read(path: Path, names: NameMap) -> Recording:
     """Return the parameters that ``[decode]`` of the name map takes out of a Chapter 10 file, see
-    `tables.read`.
+    `tables.read_chapter10_tables`.
     """
     from flighttest.records.readers.formats.chapter10.tables import (
         read_chapter10_tables as read_tables,
