@@ -109,9 +109,7 @@ def main() -> None:
     rows = []
     for one in samples:
         conditions = {name: one[name].values for name in ("alpha", "mach", "delta_f", "qhat")}
-        rows.append(
-            hstack([terms.node_basis(leaf, conditions, "clamp") for leaf in leaves.values()])
-        )
+        rows.append(hstack([terms.basis(leaf, conditions, "clamp") for leaf in leaves.values()]))
     lsqr(vstack(rows), np.concatenate([one["CL"].values for one in samples]))
     theirs = time.perf_counter() - start
     nodes = sum(leaf["value"].size for leaf in leaves.values())

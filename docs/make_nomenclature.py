@@ -87,7 +87,7 @@ HEAD = """# Nomenclature
 Every quantity of the product has one name, one unit and one positive sense: in files, tables, Python, FMUs and reports.
 Names are the symbols of the field in ASCII; angles are in radians. Quantities that exist once per engine or landing-gear
 leg take a prefix: `engine1.thrust`, `gear.nose.compression`; so do controls that only the tables of a database know:
-`device.body_flap.deflection` [rad], `device.spike.setting` [1]. In Python, `flightmech.names.lookup_quantity("delta_e")` returns a row.
+`device.body_flap.deflection` [rad], `device.spike.setting` [1]. In Python, `flightmech.names.lookup("delta_e")` returns a row.
 Other terms are in the [glossary](glossary.md). `docs/make_nomenclature.py` writes this page from `flightmech.names`.
 
 The right-hand columns give the equivalents elsewhere. LR-743 reduces the pitch rate by `c/V`, this product by `c/(2V)`: a

@@ -295,7 +295,7 @@ def _read(path: str) -> xr.Dataset:
     import xarray as xr
 
     from flightmech.errors import ParseError, UnknownName
-    from flightmech.names import lookup_quantity
+    from flightmech.names import lookup
     from flightmech.support.hdf5_seal import demand_self_contained
     from flightmech.units import to_si
 
@@ -323,7 +323,7 @@ def _read(path: str) -> xr.Dataset:
             raise ParseError(path, 1, heading, "a heading such as 'delta_e [deg]' over numbers")
         name, unit = match.groups()
         try:
-            units = lookup_quantity(name).units
+            units = lookup(name).units
         except UnknownName as error:
             raise ParseError(
                 path,

@@ -242,7 +242,7 @@ ITEM = re.compile(
 )  # what quantities of a submodel begin with
 
 
-def lookup_quantity(name: str) -> Quantity:
+def lookup(name: str) -> Quantity:
     """Return the vocabulary row of `name`; ``engine2.thrust`` gives the row of ``thrust``,
     ``gear.nose.compression`` that of ``compression``, ``joint.wing.angle`` that of ``angle``.
 
@@ -259,6 +259,6 @@ def lookup_quantity(name: str) -> Quantity:
 
 def quantity_attributes(name: str) -> dict[str, str]:
     """Return the attributes that a variable called `name` carries: units, sign and long_name."""
-    row = lookup_quantity(name)
+    row = lookup(name)
     found = {"units": row.units, "long_name": row.long_name}
     return {**found, "sign": row.sign} if row.sign else found

@@ -7,7 +7,7 @@ A term's contribution to its coefficient is
 with `value` a table (of 0 to 4 axes), `K1` and `K2` optional tables over axes that `value` does not
 have, and `v1`, `v2` the optional regressors, model variables such as ``qhat`` or ``delta_e``.
 Tables are multilinear between breakpoints, so a contribution is *linear in the node values*:
-`node_basis` returns that linear map, and simulation, regression and comparison all rest on it.  A term
+`basis` returns that linear map, and simulation, regression and comparison all rest on it.  A term
 may carry a power of one more variable as a factor,
 
     max(v, floor) ** exponent                                       [LR743] eq. (13) and (14): h^s
@@ -40,7 +40,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
-from flightmech.names import lookup_quantity, quantity_attributes
+from flightmech.names import lookup, quantity_attributes
 from flightmech.support.arrays import (
     Place,
     demand_inside,
@@ -167,6 +167,9 @@ def make_term(
     if problems:
         raise SchemaError("term", problems)
     return leaf
+
+
+make = make_term  # the public name until 0.1
 
 
 def list_regressors(leaf: _Marked) -> tuple[str, ...]:
@@ -369,7 +372,7 @@ def _check_units(axis: str, given: Any) -> list[str]:
     """Return the fault of a units attribute that contradicts the vocabulary; without one the
     breakpoints count as SI.
     """
-    needed = lookup_quantity(axis).units
+    needed = lookup(axis).units
     try:
         if given is None or parse_unit(str(given)) == parse_unit(needed):
             return []
@@ -383,7 +386,7 @@ def _check_units(axis: str, given: Any) -> list[str]:
 
 def _unknown(name: str, what: str) -> list[str]:
     try:
-        lookup_quantity(name)
+        lookup(name)
     except UnknownName as error:
         return [f"{what}: {error}"]
     return []
@@ -448,9 +451,7 @@ def evaluate_term(
     return np.asarray(found)
 
 
-def node_basis(
-    leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "raise"
-) -> csr_array:
+def basis(leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "raise") -> csr_array:
     """Return the linear map from the nodes of ``value`` to the contribution of the term.
 
     Parameters

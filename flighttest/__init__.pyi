@@ -13,6 +13,7 @@ from .flight_programme import evaluation as evaluation
 from .flight_programme import input_design as input_design
 from .flight_programme import manoeuvre_finding as manoeuvre_finding
 from .flight_programme import planning as planning
+from .flight_programme.evaluation.flight_evaluation import evaluate_flight as evaluate
 from .flight_programme.evaluation.flight_evaluation import evaluate_flight as evaluate_flight
 from .flight_programme.input_design.design import design_input as design_input
 from .maximum_likelihood.result import OutputError as OutputError

@@ -176,7 +176,7 @@ def _labels(*paths: str) -> dict[str, str]:
 
 def _held(text: str) -> tuple[str, float]:
     from flightmech.errors import SchemaError
-    from flightmech.names import lookup_quantity
+    from flightmech.names import lookup
     from flightmech.units import parse_quantity
 
     name, sign, value = (part.strip() for part in text.partition("="))
@@ -186,7 +186,7 @@ def _held(text: str) -> tuple[str, float]:
         number: float | str = float(value)
     except ValueError:
         number = value
-    return name, parse_quantity(number, lookup_quantity(name).units)
+    return name, parse_quantity(number, lookup(name).units)
 
 
 def _print(frame: pd.DataFrame) -> None:

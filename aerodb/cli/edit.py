@@ -46,14 +46,14 @@ class AxisOption(click.ParamType):
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[str, list[float]]:
         """Return the axis and its breakpoints in SI."""
-        from flightmech.names import lookup_quantity
+        from flightmech.names import lookup
 
         axis, sign, text = str(value).partition("=")
         if not sign:
             self.fail(
                 f"{value!r} is not AXIS='NUMBERS UNIT', such as alpha='-4 0 4 8 deg'", param, ctx
             )
-        return axis.strip(), _numbers(text, lookup_quantity(axis.strip()).units)
+        return axis.strip(), _numbers(text, lookup(axis.strip()).units)
 
 
 class Numbers(click.ParamType):

@@ -202,7 +202,7 @@ def _with_height_tables(db: xr.DataTree, height: str) -> xr.DataTree:
     from aerodb.edit.ground_effect import with_height_table
     from aerodb.edit.table_edits import replace_terms
     from aerodb.store.schema import terms
-    from flightmech.names import lookup_quantity
+    from flightmech.names import lookup
     from flightmech.terms import power_factor
     from flightmech.units import parse_quantity
 
@@ -210,7 +210,7 @@ def _with_height_tables(db: xr.DataTree, height: str) -> xr.DataTree:
     closed = [
         name
         for name, factor in factors.items()
-        if factor is not None and lookup_quantity(factor.variable).units == "m"
+        if factor is not None and lookup(factor.variable).units == "m"
     ]
     if not closed:
         return db

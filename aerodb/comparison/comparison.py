@@ -236,7 +236,7 @@ def term_contribution(
     """Return what a term gives at the samples; nothing for a term that is missing."""
     if leaf is None:
         return Side(np.zeros(count), np.zeros(count))
-    B = _terms.node_basis(leaf, samples, "clamp")
+    B = _terms.basis(leaf, samples, "clamp")
     return Side(
         *(
             np.broadcast_to(x, (count,))

@@ -14,7 +14,7 @@ from aerodb.store.overview import FREE_AIR, display_text, plain_number
 from flightmech import terms as _terms
 from flightmech.build_up import COEFFICIENTS
 from flightmech.errors import OutOfRange, ParseError, UnknownName
-from flightmech.names import VOCABULARY, lookup_quantity, quantity_attributes
+from flightmech.names import VOCABULARY, lookup, quantity_attributes
 from flightmech.units import DEGREE, from_si
 
 TABLES = ("value", "K1", "K2")
@@ -171,7 +171,7 @@ def _place_in_vocabulary(name: str) -> tuple[int, int]:
 
 
 def _range(name: str, points: np.ndarray) -> str:
-    unit = lookup_quantity(name).display_units
+    unit = lookup(name).display_units
     low, high = (plain_number(from_si(float(x), unit)) for x in (points[0], points[-1]))
     span = low if len(points) == 1 else f"{low} ... {high}"
     return f"{name} {span}{'' if unit == '1' else f' {unit}'} ({len(points)})"

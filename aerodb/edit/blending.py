@@ -250,7 +250,7 @@ def _observed(table: xr.Dataset, pair: _Pair) -> _Observed:
         else {}
     )
     flat = {axis: grid.ravel() for axis, grid in mesh.items()}
-    B = _terms.node_basis(_terms.without_multipliers(table[["value"]]), flat, "clamp").toarray()
+    B = _terms.basis(_terms.without_multipliers(table[["value"]]), flat, "clamp").toarray()
     H = np.broadcast_to(B, (count * nodes, size)).reshape(count, nodes, size).mean(axis=1)
     there = pair.theirs.sel(points)
     return _Observed(points, H, there["value"].values.ravel(), there["stderr"].values.ravel())

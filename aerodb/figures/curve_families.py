@@ -394,7 +394,7 @@ class _CoefficientSource:
 def _values(
     leaf: xr.Dataset, conditions: Mapping[str, Any], count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    B = _terms.node_basis(leaf, conditions, "clamp")
+    B = _terms.basis(leaf, conditions, "clamp")
     y, stderr = (
         np.broadcast_to(part, (count,))
         for part in (B @ leaf["value"].values.ravel(), standard_errors(B, leaf))

@@ -53,7 +53,7 @@ from aerodb.figures.symbols import (
     value_with_symbol,
 )
 from aerodb.store.templates import lr743
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 
 _HEAD, _KEY, _FAMILY, _PANEL, _STRIP = 0.5, 0.28, 1.95, 1.3, 0.46
 _TITLE, _TICKS, _AXIS = (
@@ -197,7 +197,7 @@ def _sheet(databases: Mapping[str, xr.DataTree], f: Family, support: Conditions 
 def term_title(name: str) -> str:
     """Return a term or coefficient in words."""
     coefficient, _, contribution = name.partition("/")
-    words = lookup_quantity(coefficient).long_name.split(",")[0]
+    words = lookup(coefficient).long_name.split(",")[0]
     slot = lr743().get(name)
     meaning = f": {slot.meaning}" if slot is not None else ""
     return f"{name}, {words}{meaning}" if contribution else f"{name}, {words}"
@@ -241,7 +241,7 @@ def held_text(f: Family) -> str:
 def _notes(databases: Mapping[str, xr.DataTree], f: Family, code: Mapping[str, Pen]) -> list[str]:
     sense = positive_sense(f.name.partition("/")[0])
     notes = reference_notes({name: databases[name] for name in code})
-    multiplied = "".join(f" {name}: {lookup_quantity(name).long_name}." for name in f.regressors)
+    multiplied = "".join(f" {name}: {lookup(name).long_name}." for name in f.regressors)
     notes.append(
         (f"{f.name.partition('/')[0]} positive {sense}." if sense else "")
         + multiplied

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from aerodb.store.overview import FREE_AIR, plain_number
-from flightmech.names import SIGNS, lookup_quantity
+from flightmech.names import SIGNS, lookup
 from flightmech.units import from_si
 
 MINUS = "\N{MINUS SIGN}"
@@ -112,7 +112,7 @@ def derivative_unit(regressors: Sequence[str]) -> str:
     >>> derivative_unit(["beta", "gear"]), derivative_unit([])
     ('1/rad', '1')
     """
-    power = sum(lookup_quantity(name).units == "rad" for name in regressors)
+    power = sum(lookup(name).units == "rad" for name in regressors)
     return {0: "1", 1: "1/rad"}.get(power, f"1/rad$^{power}$")
 
 
@@ -124,13 +124,13 @@ def axis_label(name: str) -> str:
 
 def printed_unit(name: str) -> str:
     """Return the display unit of a quantity as printed; nothing for a pure number."""
-    unit = lookup_quantity(name).display_units
+    unit = lookup(name).display_units
     return _PRINTED.get(unit, unit)
 
 
 def to_printed_unit(name: str, si):
     """Return values of a quantity in its display unit."""
-    return from_si(np.asarray(si, float), lookup_quantity(name).display_units) + 0.0
+    return from_si(np.asarray(si, float), lookup(name).display_units) + 0.0
 
 
 def value_with_symbol(name: str, si: float) -> str:
@@ -151,7 +151,7 @@ def number_text(value: float) -> str:
 
 def positive_sense(name: str) -> str:
     """Return the positive sense of a quantity in words, empty where there is none."""
-    sign = lookup_quantity(name).sign
+    sign = lookup(name).sign
     return SIGNS.get(sign, sign).removeprefix("aircraft ")
 
 

@@ -13,7 +13,7 @@ from flightmech import terms as _terms
 from flightmech.axes import lift_drag
 from flightmech.build_up import evaluation_levels, used_coefficients
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
-from flightmech.names import lookup_quantity, quantity_attributes
+from flightmech.names import lookup, quantity_attributes
 from flightmech.support.netcdf_trees import CHECKS
 
 
@@ -331,7 +331,7 @@ def random_states(db: xr.DataTree, count: int, seed: int) -> dict[str, np.ndarra
 
 
 def _span(name: str) -> np.ndarray:
-    half = _RATES.get(name, _ANGLE if lookup_quantity(name).units == "rad" else 0.0)
+    half = _RATES.get(name, _ANGLE if lookup(name).units == "rad" else 0.0)
     return np.array([-half, half]) if half else np.array([0.0, 1.0])
 
 

@@ -115,7 +115,7 @@ def regrid_leaf(leaf: xr.Dataset, points: Mapping[str, np.ndarray]) -> xr.Datase
     mesh = dict(zip(points, np.meshgrid(*points.values(), indexing="ij"))) if points else {}
     shape = tuple(len(p) for p in points.values())
     own = np.broadcast_shapes(*(mesh[axis].shape for axis in value_breakpoints(leaf)), ())
-    B = _terms.node_basis(alone, mesh, "clamp")
+    B = _terms.basis(alone, mesh, "clamp")
 
     def there(nodes: np.ndarray, weights) -> np.ndarray:
         return np.broadcast_to((weights @ nodes.ravel()).reshape(own), shape)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.units import from_si
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ def display_text(name: str, value: float) -> str:
     """Return a value in the display unit of a quantity, ``12 deg``."""
     if name == "h_agl" and value >= FREE_AIR:
         return "in free air"
-    unit = lookup_quantity(name).display_units
+    unit = lookup(name).display_units
     return f"{plain_number(from_si(float(value), unit))}{'' if unit == '1' else f' {unit}'}"
 
 
@@ -136,7 +136,7 @@ def _facts(name: str, leaf: xr.Dataset | StoredGroup) -> dict[str, Any]:
             {
                 "name": axis,
                 "points": points.astype(float).tolist(),
-                "units": lookup_quantity(axis).units,
+                "units": lookup(axis).units,
             }
             for axis, points in axes
         ],
@@ -183,7 +183,7 @@ def _texts(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _axis(name: str, points: list[float], units: str) -> str:
-    shown = lookup_quantity(name).display_units
+    shown = lookup(name).display_units
     low, high = (from_si(x, shown) for x in (points[0], points[-1]))
     return f"{name}[{len(points)}] {low:.6g} ... {high:.6g}{'' if shown == '1' else f' {shown}'}"
 
@@ -214,9 +214,9 @@ def leaf_rows(leaf: xr.Dataset | StoredGroup) -> tuple[list[str], list[tuple[str
 
 
 def _label(axis: str) -> str:
-    unit = lookup_quantity(axis).display_units
+    unit = lookup(axis).display_units
     return axis if unit == "1" else f"{axis} [{unit}]"
 
 
 def _show(axis: str, value: float) -> str:
-    return f"{from_si(float(value), lookup_quantity(axis).display_units):.6g}"
+    return f"{from_si(float(value), lookup(axis).display_units):.6g}"

@@ -215,7 +215,7 @@ def basis_at(leaf: xr.Dataset, data: xr.Dataset):
     UnknownName
         A variable of the term that the samples do not hold.
     """
-    B = _terms.node_basis(leaf, _conditions(leaf, data), outside="clamp")
+    B = _terms.basis(leaf, _conditions(leaf, data), outside="clamp")
     # a single number without axes or regressors has no samples of its own
     return (
         B

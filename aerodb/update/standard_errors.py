@@ -1,7 +1,7 @@
 """Standard errors of coefficients, of their derivatives and of terms at conditions, from the joint
 covariance of the nodes.
 
-A contribution is linear in the nodes, c = B g (`flightmech.terms.node_basis`), so its variance is B V
+A contribution is linear in the nodes, c = B g (`flightmech.terms.basis`), so its variance is B V
 B'.  V is the covariance that the tables hold (`aerodb.update.posterior`): after a flight the joint
 one of all terms of a coefficient.  A table without it has the correlation that
 `aerodb.update.correlation` gives an a-priori table, and is independent of the others.  Factor
@@ -184,7 +184,7 @@ def spread_of_sum(parts: Sequence[tuple[csr_array, xr.Dataset]]) -> np.ndarray:
     Parameters
     ----------
     parts : sequence of (sparse array (samples, nodes), Dataset)
-        From `flightmech.terms.node_basis`, or a linear combination of several of them, and the term; one
+        From `flightmech.terms.basis`, or a linear combination of several of them, and the term; one
         without ``stderr`` counts as exact.
 
     Returns
@@ -211,11 +211,11 @@ def _map(
     the derivative of it.
     """
     if derivative is None:
-        return repeat_rows(_terms.node_basis(leaf, conditions, "clamp"), count)
+        return repeat_rows(_terms.basis(leaf, conditions, "clamp"), count)
     steps = [
         {**conditions, derivative: conditions[derivative] + side * _STEP} for side in (1.0, -1.0)
     ]
-    after, before = (repeat_rows(_terms.node_basis(leaf, at, "clamp"), count) for at in steps)
+    after, before = (repeat_rows(_terms.basis(leaf, at, "clamp"), count) for at in steps)
     return (after - before) / (2.0 * _STEP)
 
 
@@ -232,7 +232,7 @@ def standard_errors(B: csr_array, leaf: xr.Dataset) -> np.ndarray:
     Parameters
     ----------
     B : sparse array (samples, nodes)
-        From `flightmech.terms.node_basis`.
+        From `flightmech.terms.basis`.
     leaf : Dataset
         The term; without ``stderr`` the errors are zero.
 

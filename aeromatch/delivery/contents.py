@@ -33,7 +33,7 @@ from aeromatch.project.project import Project
 from aeromatch.workflow.steps import REPORT
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.atomic_write import folder_written_atomically, written_atomically
 from flightmech.support.figures import make_template_environment
 from flightmech.terms import power_factor
@@ -211,8 +211,7 @@ def _with_height_tables(database: xr.DataTree) -> xr.DataTree:
     closed = [
         name
         for name, leaf in leaves.items()
-        if (factor := power_factor(leaf)) is not None
-        and lookup_quantity(factor.variable).units == "m"
+        if (factor := power_factor(leaf)) is not None and lookup(factor.variable).units == "m"
     ]
     return aerodb.replace_terms(
         database,

@@ -22,7 +22,7 @@ from aerodb.exchange.tables.csv_text import column_numbers, read_csv, written_cs
 from flightmech.air import P_SEA
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import ParseError, SchemaError, SimulationError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.atomic_write import write_text
 from pom.result import PomResult
 
@@ -220,7 +220,7 @@ def _write(file: Path, title: str, case: xr.Dataset, sim: Any, facts: Mapping[st
         tolerance[name] = max(
             _MARGIN * effect,
             _LEAST * excursion,
-            _PLACE if name in ("lat", "lon") else _FLOOR[lookup_quantity(name).units],
+            _PLACE if name in ("lat", "lon") else _FLOOR[lookup(name).units],
         )
     head: dict[str, str | float] = {
         "case": title,
@@ -247,7 +247,7 @@ def _write(file: Path, title: str, case: xr.Dataset, sim: Any, facts: Mapping[st
 
 
 def _units(name: str) -> str:
-    return "N" if name.endswith("thrust_drive") else lookup_quantity(name).units
+    return "N" if name.endswith("thrust_drive") else lookup(name).units
 
 
 def compare_outputs(

@@ -20,7 +20,7 @@ from datcom_io.decks.deck import Deck
 from datcom_io.decks.deck_file import read_deck
 from datcom_io.reading.reader import read
 from flightmech.aircraft.controls import CONTROLS
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.toml_quantities import UNFILLED
 from flightmech.units import DEGREE, to_si
 from flighttest.reconstruction.quality.checks.samples import channel_table
@@ -346,7 +346,7 @@ def aircraft_text(
         given = known.values.get(key)
         lines.append(
             f"{key} = {_value(given or UNFILLED)}   # "
-            f"{lookup_quantity(key).long_name}{'' if given else f', such as {json.dumps(example)}'}"
+            f"{lookup(key).long_name}{'' if given else f', such as {json.dumps(example)}'}"
         )
         if not given:
             remarks.append(f"{key} is not known: replace the {UNFILLED!r} in aircraft.toml")
@@ -441,7 +441,7 @@ def _limits(records: Sequence[xr.DataTree]) -> list[str]:
     for record in records:
         for node in record.children.values():
             for name in map(str, node.data_vars):
-                if name in CONTROLS and lookup_quantity(name).units == "rad":
+                if name in CONTROLS and lookup(name).units == "rad":
                     x = np.asarray(node.to_dataset()[name].values, float)
                     low, high = seen.get(name, (np.inf, -np.inf))
                     seen[name] = min(low, float(np.nanmin(x))), max(high, float(np.nanmax(x)))
@@ -546,7 +546,7 @@ def _spec(
 ) -> list[str]:
     shown = ", ".join(f"{name} = {noise[name]:.2g}" for name in names)
     bias = ", ".join(
-        f"{name} = {_BIAS[lookup_quantity(name).units]:.2g}"
+        f"{name} = {_BIAS[lookup(name).units]:.2g}"
         for name in (names if biased is None else biased)
     )
     return [f"noise = {{ {shown} }}", *([f"bias_sigma = {{ {bias} }}"] if bias else [])]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flightmech.errors import UnitError, UnknownName, find_symbol
-from flightmech.names import COEFFICIENTS, lookup_quantity
+from flightmech.names import COEFFICIENTS, lookup
 from flightmech.units import fitted_unit, parse_unit
 from flighttest.reconstruction.quality.checks.mistake_search import plausible_range
 from flighttest.records.readers.columns import split_heading, units_at_the_end, words_of
@@ -204,7 +204,7 @@ def guess_quantity(column: str) -> Guess | None:
     found = _guess(own, heading) or (_guess(head, heading) if head and tail else None)
     if found is None or not stated:
         return found
-    unit = fitted_unit(stated, lookup_quantity(found.name).units)
+    unit = fitted_unit(stated, lookup(found.name).units)
     return replace(found, unit=unit) if _same_kind(unit, found.name) else None
 
 
@@ -247,7 +247,7 @@ def _of_parts(words: list[str], own: str, column: str) -> Guess | None:
 
 def _canonical(own: str) -> str:
     try:
-        lookup_quantity(own)
+        lookup(own)
     except UnknownName:
         return ""
     return (
@@ -324,7 +324,7 @@ def _own_unit(own: str, name: str) -> str | None:
 
 def _same_kind(unit: str, name: str) -> bool:
     try:
-        wanted = parse_unit("m s-2" if unit == "g" else lookup_quantity(name).units)[0]
+        wanted = parse_unit("m s-2" if unit == "g" else lookup(name).units)[0]
         return (
             parse_unit("lbf" if unit == "lb" and wanted == parse_unit("N")[0] else unit)[0]
             == wanted
@@ -353,9 +353,9 @@ def stated_unit(unit: str | None, name: str) -> str | None:
     """Return a unit as the package spells it when it is one of the quantity, else None."""
     if not unit:
         return None
-    unit = fitted_unit(unit, lookup_quantity(name).units)
+    unit = fitted_unit(unit, lookup(name).units)
     try:
-        same = parse_unit(unit)[0] == parse_unit(lookup_quantity(name).units)[0]
+        same = parse_unit(unit)[0] == parse_unit(lookup(name).units)[0]
     except UnitError:
         return None
     plain = parse_unit(unit)[0] == (0, 0, 0, 0)  # an angle and a fraction are both pure numbers
@@ -379,16 +379,14 @@ def unit_from_size(columns: Mapping[str, np.ndarray]) -> dict[str, tuple[str, st
     turning = any(
         size > (2.0 * np.pi + 0.1 if name == _TURNED else _LARGEST_ANGLE)
         for name, size in largest.items()
-        if lookup_quantity(name).units == "rad"
+        if lookup(name).units == "rad"
     )
     rotating = any(
-        size > _LARGEST_RATE
-        for name, size in largest.items()
-        if lookup_quantity(name).units == "rad s-1"
+        size > _LARGEST_RATE for name, size in largest.items() if lookup(name).units == "rad s-1"
     )
     found = {}
     for name, values in columns.items():
-        units = lookup_quantity(name).units
+        units = lookup(name).units
         if units == "rad":
             found[name] = (
                 ("deg", "angles exceed 1.6 rad") if turning else ("rad", "no angle exceeds 1.6 rad")
@@ -425,7 +423,7 @@ def _level(name: str, values: np.ndarray) -> tuple[str, str]:
     for unit, (low, high) in _LEVELS.get(name, {}).items():
         if low <= size <= high:
             return unit, f"median {middle:.4g}"
-    candidates = recorder_units(name) or (lookup_quantity(name).units,)
+    candidates = recorder_units(name) or (lookup(name).units,)
     limits = plausible_range(name)
     if limits is not None and len(finite):
         fitting = [

@@ -17,7 +17,7 @@ import flighttest
 from aeromatch.drafting.columns import Guess, guess_quantity, stated_unit, unit_from_size
 from aeromatch.project.editing import schema_lines
 from flightmech.errors import SchemaError, UnitError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.units import G0, fitted_unit, known_unit, parse_unit
 from flighttest.records.readers.columns import unit_of_column
 from flighttest.records.readers.name_map import Channel, Clock, Facts, NameMap, line_of, read_names
@@ -295,7 +295,7 @@ def _assigned(
     for name in ("p", "q", "r", "phi", "theta", "ax_imu", "ay_imu", "az_imu"):
         if name not in found:
             remarks.append(
-                f"no column was recognised as {name} ({lookup_quantity(name).long_name}); the "
+                f"no column was recognised as {name} ({lookup(name).long_name}); the "
                 f"reconstruction needs it: add it to names.toml"
             )
     constants = {}
@@ -320,13 +320,13 @@ def _is_fraction(table: RecordedTable, column: str, one: Guess) -> bool:
         if unit
         else one.unit is None and one.name.startswith("delta_f")
     )
-    return lookup_quantity(one.name).units == "rad" and fraction and between
+    return lookup(one.name).units == "rad" and fraction and between
 
 
 def _of_another_kind(unit: str | None, name: str) -> bool:
     """Return whether the file states a unit, and it is none of the quantity."""
     try:
-        units = lookup_quantity(name).units
+        units = lookup(name).units
         return bool(unit) and parse_unit(fitted_unit(str(unit), units))[0] != parse_unit(units)[0]
     except UnitError:
         return False
@@ -397,7 +397,7 @@ def _rows(
 
 def _force(unit: str | None, name: str) -> str | None:
     """A pound of force where the quantity is one."""
-    return "lbf" if unit == "lb" and lookup_quantity(name).units == "N" else unit
+    return "lbf" if unit == "lb" and lookup(name).units == "N" else unit
 
 
 def _normal_force(x: np.ndarray, unit: str) -> dict[str, Any]:
@@ -556,7 +556,7 @@ def names_text(draft: NamesDraft, files: Sequence[Path]) -> str:
             "[constants]   # channels that no column shows and that did not change; CONFIRM",
         ]
         lines += [
-            f"{name} = {item:.6g}   # {lookup_quantity(name).long_name} [{lookup_quantity(name).units}]"
+            f"{name} = {item:.6g}   # {lookup(name).long_name} [{lookup(name).units}]"
             for name, item in draft.constants.items()
         ]
     if draft.extends:
@@ -584,7 +584,7 @@ def names_text(draft: NamesDraft, files: Sequence[Path]) -> str:
         if row.leaf != leaf:
             leaf = row.leaf
             lines += ["", f"[{leaf}]"]
-        about = f"{lookup_quantity(row.name).long_name}{'; ' + row.reason if row.reason else ''}"
+        about = f"{lookup(row.name).long_name}{'; ' + row.reason if row.reason else ''}"
         lines.append(f"{line_of(row.name, row.channel)}   # {about}")
     if draft.left_out:
         lines += ["", "# Columns without a quantity:"] + [

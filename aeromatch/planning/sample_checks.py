@@ -15,7 +15,7 @@ from aeromatch.project.project import FitSection
 from aeromatch.workflow.submodels import select_spans, thin_samples
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.model import RegressionModel, term_powers, variable_of
 from flighttest.regression.equation_error.time_domain import LEAST_MOVEMENT, SAMPLES_PER_TERM
@@ -110,7 +110,7 @@ def _resting(model: RegressionModel, states: xr.Dataset, chosen: np.ndarray) -> 
             continue
         alone = RegressionModel(model.coefficient, [term])
         column = alone.design({name: states.variables[name].values[chosen]})[:, 0]
-        least = _CERTAIN * LEAST_MOVEMENT.get(lookup_quantity(name).units, 0.0)
+        least = _CERTAIN * LEAST_MOVEMENT.get(lookup(name).units, 0.0)
         if np.ptp(column) == 0.0 or np.std(column) < least:
             found.append(term)
     return found

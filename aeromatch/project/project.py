@@ -27,7 +27,7 @@ from aeromatch.project.sections import (
 from datcom_io.reading.reader import ListingCase, place_of
 from flightmech import terms
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import Strict, file_schema, make_si_type, validate_content
 from flightmech.support.toml_quantities import UNFILLED
@@ -68,7 +68,7 @@ class NewTerm(Strict):
     def leaf(self) -> xr.Dataset:
         """Return the term, zero at every node."""
         axes = {
-            name: [parse_quantity(point, lookup_quantity(name).units) for point in points]
+            name: [parse_quantity(point, lookup(name).units) for point in points]
             for name, points in self.axes.items()
         }
         value = np.zeros(tuple(len(points) for points in axes.values()))

@@ -27,7 +27,7 @@ from aerodb.store.overview import describe_database, heading_lines
 from aeromatch.workbench.opened import MATCH, OpenProject
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.figures import to_display_quantity
 
 DATABASES, TUNED = "databases", "tuned"
@@ -114,7 +114,7 @@ def _axis(name: str, points: Any) -> dict[str, Any]:
         "name": name,
         "unit": "" if unit == "1" else unit,
         "points": shown,
-        "meaning": lookup_quantity(name).long_name,
+        "meaning": lookup(name).long_name,
     }
 
 

@@ -17,7 +17,7 @@ from aeromatch.workbench.opened import MATCH, OpenProject, decimate_channels, pa
 from flightmech.air import atmosphere, impact_pressure_at, mach_number
 from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.figures import to_display_quantity
 from flighttest.reconstruction.quality.assessment import assess
 from flighttest.records.record import faults
@@ -155,7 +155,7 @@ def _path_channels(opened: OpenProject, name: str) -> list[dict[str, Any]]:
 
 def _about(name: str) -> dict[str, str]:
     try:
-        known = lookup_quantity(name)
+        known = lookup(name)
     except UnknownName:
         return {"unit": "", "meaning": ""}
     return {"unit": to_display_quantity(name, np.zeros(1))[1], "meaning": known.long_name}

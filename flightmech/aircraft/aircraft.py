@@ -393,7 +393,7 @@ def _with_gearing(item: Any, units: str) -> Any:
 
 
 def _range(name: str, item: Any) -> tuple[float, float]:
-    from flightmech.names import lookup_quantity
+    from flightmech.names import lookup
 
     if name not in CONTROLS and not re.match(_DEVICES, name):
         raise ValueError(
@@ -403,7 +403,7 @@ def _range(name: str, item: Any) -> tuple[float, float]:
     if not isinstance(item, list | tuple) or len(item) != 2:
         raise ValueError(f"{name}: expected [low, high]")
     try:
-        low, high = (parse_quantity(part, lookup_quantity(name).units) for part in item)
+        low, high = (parse_quantity(part, lookup(name).units) for part in item)
     except UnitError as error:
         raise ValueError(f"{name}: {error}") from error
     if not low < high:

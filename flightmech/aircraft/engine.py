@@ -285,7 +285,7 @@ def leaf_from_toml(item: Any, units: str) -> xr.Dataset:
         SI unit of the value; with regressors it is a bare number in units over those of the
         regressors.
     """
-    from flightmech.names import lookup_quantity
+    from flightmech.names import lookup
     from flightmech.terms import make_term
 
     if not isinstance(item, Mapping):
@@ -295,7 +295,7 @@ def leaf_from_toml(item: Any, units: str) -> xr.Dataset:
     words = [str(word) for word in item.get("regressors", ())]
     reserved = ("value", "regressors", "outside")
     axes = {
-        name: [parse_quantity(point, lookup_quantity(name).units) for point in points]
+        name: [parse_quantity(point, lookup(name).units) for point in points]
         for name, points in item.items()
         if name not in reserved
     }

@@ -143,9 +143,9 @@ class TankTable(Strict):
         examples=[[0.1, -2.0, 0.1]],
         description="Of the tank as a mass point, body axes, from the moment reference point.",
     )
-    capacity: make_si_type("kg") = Field(
+    capacity: make_si_type("kg") = Field(  # type: ignore[valid-type]
         examples=["120 kg"], description="Fuel that the tank holds."
-    )  # type: ignore[valid-type]
+    )
     order: int = Field(
         default=1,
         examples=[1],
@@ -166,9 +166,9 @@ class FuelSection(Strict):
 
     model_config = ConfigDict(protected_namespaces=())
 
-    mass: make_si_type("kg") = Field(
+    mass: make_si_type("kg") = Field(  # type: ignore[valid-type]
         description="Fuel on board at the start, part of the aircraft's mass."
-    )  # type: ignore[valid-type]
+    )
     position: tuple[_Length, _Length, _Length] | None = Field(  # type: ignore[valid-type]
         None,
         description="Where it lies as a mass point, body axes, from the moment reference point.",

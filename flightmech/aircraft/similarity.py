@@ -32,7 +32,7 @@ from flightmech.aircraft.engine import TARGETS, Engine, EngineDeck
 from flightmech.aircraft.fuel import INERTIAS, MOMENTS, Fuel
 from flightmech.aircraft.landing_gear import Contact, LandingGear
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.terms import SOURCES, list_regressors
 
 _DERIVED = {"N": "kg m s-2", "Pa": "kg m-1 s-2", "rad": "", "1": "", "K": ""}
@@ -177,7 +177,7 @@ def _table(
     """
     by = scale.thrust if units == "N" else scale.of(units)
     for word in list_regressors(leaf):
-        by /= scale.of(lookup_quantity(word).units)
+        by /= scale.of(lookup(word).units)
     scaled = leaf.assign(
         {
             name: leaf[name].copy(data=leaf[name].values * by)

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.simulation import submodels
 from flightmech.simulation.kernel import (
     FIXED,
@@ -193,7 +193,7 @@ def _row(
     high: float = MOST,
     flags: int = 0,
 ) -> CatalogueEntry:
-    row = lookup_quantity(like)
+    row = lookup(like)
     sign = f", positive {row.sign}" if row.sign else ""
     return CatalogueEntry(
         name,
@@ -219,7 +219,7 @@ def _state(name: str) -> CatalogueEntry:
     return CatalogueEntry(
         name,
         units,
-        lookup_quantity(quantity).display_units if quantity in "pqr" else units,
+        lookup(quantity).display_units if quantity in "pqr" else units,
         text,
         0.0,
         -MOST,
@@ -242,14 +242,12 @@ def _output(name: str) -> CatalogueEntry:
             0,
         )
     if group == "applied":
-        return _row(
-            name, quantity, f"{lookup_quantity(quantity).long_name} as applied: input and biases"
-        )
+        return _row(name, quantity, f"{lookup(quantity).long_name} as applied: input and biases")
     if group == "trim" and quantity.endswith("_dot"):
         return _rate(name, quantity, "left by the trim")
     if group == "trim":
         found = "found by the trim" if quantity in ("alpha", "beta") else "bias found by the trim"
-        return _row(name, quantity, f"{lookup_quantity(quantity).long_name}, {found}")
+        return _row(name, quantity, f"{lookup(quantity).long_name}, {found}")
     return _row(name, name)
 
 
@@ -269,7 +267,7 @@ def _rate(name: str, quantity: str, remark: str) -> CatalogueEntry:
     return _row(
         name,
         quantity,
-        f"{lookup_quantity(quantity).long_name}, {remark}",
+        f"{lookup(quantity).long_name}, {remark}",
         flags=FIXED if name.startswith("init.") else 0,
     )
 
@@ -288,7 +286,7 @@ def _parameter(name: str, aircraft: Aircraft) -> CatalogueEntry:
         return CatalogueEntry(name, units, display, text, value, -MOST, MOST, 0)
     if group == "bias":
         whose = " of each engine" if quantity in ("thrust", "throttle") else ""
-        return _row(name, quantity, f"added to the {lookup_quantity(quantity).long_name}{whose}")
+        return _row(name, quantity, f"added to the {lookup(quantity).long_name}{whose}")
     return _mode(name, quantity, aircraft)
 
 
@@ -306,7 +304,7 @@ def _initial(name: str, quantity: str) -> CatalogueEntry:
             0.5,
             FIXED,
         )
-    text = f"{lookup_quantity(quantity).long_name} at the start{_START_NOTES.get(quantity, '')}"
+    text = f"{lookup(quantity).long_name} at the start{_START_NOTES.get(quantity, '')}"
     return _row(name, quantity, text, value=_START.get(quantity, 0.0), flags=FIXED)
 
 

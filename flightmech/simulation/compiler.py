@@ -17,7 +17,7 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.build_up import COEFFICIENTS, evaluation_levels, term_level, used_coefficients
 from flightmech.errors import ParseError, SchemaError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.simulation import catalogue, submodels
 from flightmech.simulation.kernel import (
     AXIS,
@@ -385,7 +385,7 @@ def _texts(leaf: xr.Dataset) -> dict[str, str]:
 
 def _extent(leaf: xr.Dataset, axis: str) -> str:
     """Return range, display unit and number of the breakpoints: ``alpha -8 ... 20 deg (19)``."""
-    points, unit = leaf.variables[axis].values, lookup_quantity(axis).display_units
+    points, unit = leaf.variables[axis].values, lookup(axis).display_units
     ends = " ... ".join(
         f"{from_si(float(x), unit):.4g}" for x in dict.fromkeys((points[0], points[-1]))
     )

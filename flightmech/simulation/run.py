@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.simulation.kernel import AXIS, INPUT, OUTPUT, PARAMETER, CatalogueEntry, Simulation
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def simulate(
         rows[i].name: ("time", y[:, k], output_attributes(rows[i])) for k, i in enumerate(chosen)
     }
     coords: dict[str, Any] = {
-        "time": ("time", time, {"units": "s", "long_name": lookup_quantity("time").long_name})
+        "time": ("time", time, {"units": "s", "long_name": lookup("time").long_name})
     }
     if parts is not None:
         columns["contribution"] = (
@@ -210,7 +210,7 @@ def _column(item: xr.DataArray, runs: int = 0) -> Any:
 
 def _in_vocabulary(name: str) -> bool:
     try:
-        lookup_quantity(name)
+        lookup(name)
     except UnknownName:
         return False
     return True

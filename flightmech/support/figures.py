@@ -21,7 +21,7 @@ import numpy as np
 from jinja2 import BaseLoader, Environment, StrictUndefined
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.atomic_write import written_atomically
 from flightmech.units import from_si
 
@@ -108,7 +108,7 @@ def to_display_quantity(name: str, values: np.ndarray) -> tuple[np.ndarray, str]
     they are.
     """
     try:
-        unit = lookup_quantity(name).display_units
+        unit = lookup(name).display_units
     except UnknownName:
         return values, ""
     return from_si(values, unit), unit

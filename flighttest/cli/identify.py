@@ -624,10 +624,10 @@ def _ridge(text: str) -> float | str:
 def _edges(name: str, text: str) -> list[float]:
     """Numbers with one unit at the end, or in SI."""
     from flightmech.errors import SchemaError
-    from flightmech.names import lookup_quantity
+    from flightmech.names import lookup
     from flightmech.units import to_si
 
-    words, units = text.split(), lookup_quantity(name).units
+    words, units = text.split(), lookup(name).units
     try:
         float(words[-1])
     except ValueError:

@@ -90,11 +90,11 @@ def design(
 
 
 def _print(made: Designed) -> None:
-    from flightmech.names import lookup_quantity
+    from flightmech.names import lookup
     from flightmech.units import from_si
 
     def shown(name: str, value: float) -> str:
-        return f"{float(from_si(value, lookup_quantity(name).display_units)):.4g}"
+        return f"{float(from_si(value, lookup(name).display_units)):.4g}"
 
     limited = made.amplitude is not None
     rows: list[tuple[Any, ...]] = []
@@ -104,7 +104,7 @@ def _print(made: Designed) -> None:
         numbers = (
             peak,
             rms,
-            lookup_quantity(str(name)).display_units,
+            lookup(str(name)).display_units,
             rate,
             f"{m['peak_factor']:.3f}",
             f"{m['low']:.2f} ... {m['high']:.2f}",

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import UnknownName
-from flightmech.names import COEFFICIENTS, lookup_quantity
+from flightmech.names import COEFFICIENTS, lookup
 from flightmech.simulation.compiler import compile_files
 from flightmech.support.console import command_line, to_json_types
 from flightmech.units import from_si
@@ -321,13 +321,13 @@ def _chart(record: xr.Dataset, rest: xr.Dataset, name: str, share: float) -> dic
     measured = record[name].values
     svg = _drawn(record["time"].values, [measured, measured - rest[name].values], name)
     return {
-        "title": f"{name}: {lookup_quantity(name).long_name}, {share:.1%} explained",
+        "title": f"{name}: {lookup(name).long_name}, {share:.1%} explained",
         "svg": svg,
     }
 
 
 def _drawn(time: np.ndarray, lines: list[np.ndarray], name: str):
-    units = lookup_quantity(name).display_units
+    units = lookup(name).display_units
     return draw_time_chart(time, [from_si(line, units) for line in lines], units, label=name)
 
 

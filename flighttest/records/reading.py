@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flightmech.errors import AeromatchError, ParseError, SchemaError, UnitError, UnknownName
-from flightmech.names import VOCABULARY, lookup_quantity, quantity_attributes
+from flightmech.names import VOCABULARY, lookup, quantity_attributes
 from flightmech.support.arrays import median
 from flighttest.records.readers.clocks import Clocks, Settled, utc_facts
 from flighttest.records.readers.columns import column_called, unit_of_column
@@ -216,7 +216,7 @@ def _own_names(recording: Recording, path: Path) -> NameMap:
 
 def _known(name: str) -> bool:
     try:
-        return bool(lookup_quantity(name))
+        return bool(lookup(name))
     except UnknownName:
         return False
 

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError, SchemaError, UnknownName
-from flightmech.names import VOCABULARY, lookup_quantity
+from flightmech.names import VOCABULARY, lookup
 from flightmech.support.arrays import columns_with_count
 from flightmech.units import parse_unit
 from flighttest.regression.expressions import FUNCTIONS, Expression, Pieces, Scope, parse_terms
@@ -188,7 +188,7 @@ class SeparableModel:
             parse_unit(self.units[name])
             return self.units[name]
         try:
-            return lookup_quantity(name).units
+            return lookup(name).units
         except UnknownName:
             known = [*VOCABULARY, *self.units, *self.parameters]
             raise UnknownName(

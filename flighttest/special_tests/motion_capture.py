@@ -20,7 +20,7 @@ from pydantic import Field, model_validator
 
 from flightmech.axes import euler_from_matrix, matrix_from_quaternion, quaternion_from_matrix
 from flightmech.errors import IdentificationError, SchemaError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import Strict, make_si_type, validate_content
 from flightmech.units import to_si
@@ -116,7 +116,7 @@ def smooth_motion(pose: xr.Dataset, cutoff: float) -> xr.Dataset:
             name: (
                 "time",
                 np.where(lost, np.nan, y),
-                {"units": lookup_quantity(name).units, "stderr": errors[name]},
+                {"units": lookup(name).units, "stderr": errors[name]},
             )
             for name, y in columns.items()
         },
@@ -237,9 +237,9 @@ class MarkerSetup(Strict):
     body: dict[str, dict[str, tuple[Metres, Metres, Metres]]] = Field(  # type: ignore[valid-type]
         min_length=1, description="Markers of each body in body axes, x forward, y right, z down."
     )
-    flapping_frequency: make_si_type("Hz") = Field(
+    flapping_frequency: make_si_type("Hz") = Field(  # type: ignore[valid-type]
         gt=0.0, description="Frequency of the periodic motion."
-    )  # type: ignore[valid-type]
+    )
     multiples: float = Field(
         default=8.0, gt=0.0, description="Cut-off of the smoothing over the flapping frequency."
     )

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import validate_content
 from pom.cases import resolve as parts
@@ -269,7 +269,7 @@ def _resolved(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
     case = file.case
     parts.check_events(file.events, problems)
     for name in case.show:
-        parts.collect_case_problems(problems, "case.show", lookup_quantity, name)
+        parts.collect_case_problems(problems, "case.show", lookup, name)
     for word in case.features:
         if word not in rows.claimable_features():
             problems.append(

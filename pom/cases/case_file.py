@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 
 from pydantic import Field, StrictBool, field_validator
 
-from flightmech.names import VOCABULARY, lookup_quantity
+from flightmech.names import VOCABULARY, lookup
 from flightmech.support.toml_models import Strict, file_schema, part_schema
 from flightmech.support.toml_quantities import quantity_schema
 from pom.tolerances import rows
@@ -436,7 +436,7 @@ def case_schema() -> dict[str, Any]:
 
 
 def _quantity(name: str) -> dict[str, Any]:
-    row = lookup_quantity(name)
+    row = lookup(name)
     example = 1.0 if row.units == "1" else f"1 {row.display_units}"
     return {
         **quantity_schema(row.units),

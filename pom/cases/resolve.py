@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.units import parse_quantity
 from pom.cases.case_file import BRAKES, CONDITIONS, FORCES, SURFACES, TRAVEL, CaseFile, LoopTable
 from pom.cases.pilot import PilotLoop
@@ -30,7 +30,7 @@ MOVABLE = (*SURFACES, *TRAVEL, *FORCES, "throttle", "speedbrake", "delta_nw", *B
 BIASES = ("delta_e", "delta_a", "delta_r", "thrust", "throttle", *FORCES)
 REMAINDERS = ("u_dot", "v_dot", "w_dot", "p_dot", "q_dot", "r_dot")
 LIMIT_UNITS = (
-    {name: lookup_quantity(name).units for name in BIASES}
+    {name: lookup(name).units for name in BIASES}
     | {name: "m s-2" for name in REMAINDERS[:3]}
     | dict.fromkeys(REMAINDERS[3:], "rad s-2")
 )
@@ -137,7 +137,7 @@ def resolve_conditions(found: Mapping[str, Any], problems: list[str]) -> dict[st
     return resolve_quantities(
         "conditions",
         found,
-        {name: lookup_quantity(name).units for name in CONDITIONS},
+        {name: lookup(name).units for name in CONDITIONS},
         "condition",
         problems,
     )
@@ -158,7 +158,7 @@ def resolve_ranges(found: Mapping[str, Any], problems: list[str]) -> dict[str, f
     """Return ``[ranges]`` in SI."""
     units = {}
     for name in found:
-        row = collect_case_problems(problems, "ranges", lookup_quantity, name)
+        row = collect_case_problems(problems, "ranges", lookup, name)
         if row is not None:
             units[name] = row.units
     return resolve_quantities(
@@ -317,10 +317,10 @@ def _loop(item: LoopTable, where: str, problems: list[str]) -> PilotLoop | None:
     if item.control not in MOVABLE:
         problems.append(f"{where}.control: {UnknownName(item.control, MOVABLE, 'control')}")
         return None
-    channel = collect_case_problems(problems, f"{where}.channel", lookup_quantity, item.channel)
+    channel = collect_case_problems(problems, f"{where}.channel", lookup, item.channel)
     if channel is None:
         return None
-    moved, held = lookup_quantity(item.control).units, channel.units
+    moved, held = lookup(item.control).units, channel.units
     units = {"gain": f"{moved}/{held}", "integral": f"{moved}/{held} s", "limit": moved}
     given = {key: getattr(item, key) for key in units}
     before = len(problems)

@@ -245,7 +245,6 @@ class Judged:
         )
 
 
-@dataclass
 def nearest_choice(choice: Collection[str], idle: Collection[str]) -> frozenset[str]:
     """Return the choice with all idle terms, or with none of them.
 
@@ -256,6 +255,7 @@ def nearest_choice(choice: Collection[str], idle: Collection[str]) -> frozenset[
     return others | frozenset(idle) if 2 * len(swapped) > len(idle) else others
 
 
+@dataclass
 class SwapBench:
     """A case, the two models, and every choice of what differs between them, flown and judged once.
 

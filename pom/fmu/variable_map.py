@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.units import parse_quantity, parse_unit
@@ -289,7 +289,7 @@ def canonical_unit(name: str) -> str:
         There is no such name.
     """
     loose = _LOOSE.get(name) or _LOOSE.get(name.partition(".")[0])
-    return loose or lookup_quantity(_bare(name)).units
+    return loose or lookup(_bare(name)).units
 
 
 def _known(name: str) -> bool:

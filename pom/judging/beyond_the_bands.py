@@ -21,7 +21,7 @@ from aerodb.store.schema import HINGE, terms
 from aerodb.update.standard_errors import standard_errors
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import Simulation
 from flightmech.support.arrays import rms
@@ -78,7 +78,7 @@ class Evidence:
         self.found: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         count = len(next(iter(self.samples.values()), ()))
         for name, leaf in leaves.items():
-            B = _terms.node_basis(leaf, self.samples, "clamp")
+            B = _terms.basis(leaf, self.samples, "clamp")
             value = np.broadcast_to(_terms.evaluate_term(leaf, self.samples, "clamp"), count)
             sigma, weights = standard_errors(B, leaf), abs(B)
             flown = (
@@ -248,9 +248,9 @@ def _judged(case: PomCase, criterion: Criterion) -> bool:
 
 
 def _remark(name: str, error: float, band: float, at: float) -> RowRemark:
-    unit = lookup_quantity(name).display_units
+    unit = lookup(name).display_units
     values = {"off": float(from_si(error, unit)), "band": float(from_si(band, unit))}
     shown = "" if unit == "1" else f" {unit}"
-    off = f"{lookup_quantity(name).long_name} off by {values['off']:.3g}{shown} at {at:.1f} s"
+    off = f"{lookup(name).long_name} off by {values['off']:.3g}{shown} at {at:.1f} s"
     text = f"{off}, without a tolerance, watched within {values['band']:.3g}{shown}"
     return RowRemark("watch", text, name, values, unit)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.units import KNOT
 from pom.tolerances.bands import Invalid, NotJudged, RowRemark, demand_finite, inside_window
 from pom.tolerances.channels import SOURCES, channel_value_text, output_of
@@ -299,7 +299,7 @@ def find_event(match: Comparison, event: str, excluded: str = "") -> Instant:
         f"{event} at {channel_value_text(channel, level)}",
         channel,
         {"level": level},
-        lookup_quantity(channel).units,
+        lookup(channel).units,
     )
     return Instant(time, reached, (remark,))
 

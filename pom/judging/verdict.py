@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from pom.cases.case import PomCase, driven_quantities
 from pom.judging.measures import control_forces as curves
 from pom.judging.measures import control_forces as release
@@ -455,7 +455,7 @@ def band_widths(case: PomCase, time: np.ndarray, flight: Raw) -> xr.Dataset:
         found[criterion.channel] = np.fmin(
             width, found.get(criterion.channel, np.full(time.size, np.nan))
         )
-    attrs = {name: {"units": lookup_quantity(name).units} for name in found}
+    attrs = {name: {"units": lookup(name).units} for name in found}
     return xr.Dataset(
         {name: ("time", width, attrs[name]) for name, width in found.items()}, coords={"time": time}
     )

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import AeromatchError, SchemaError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.console import to_json_types
 from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob, initial_configuration, job_of
@@ -390,7 +390,7 @@ def _signals(names: list[str], flight: RunSignals, found: Mapping[str, Traces]) 
         data[name] = (
             ("run", "time"),
             np.stack(traces),
-            {"units": lookup_quantity(name).units, "long_name": lookup_quantity(name).long_name},
+            {"units": lookup(name).units, "long_name": lookup(name).long_name},
         )
     return xr.Dataset(data, coords={"run": list(runs), "time": time})
 
@@ -407,7 +407,7 @@ def unwrapped_near(angle: np.ndarray, flight: np.ndarray) -> np.ndarray:
 
 def _inputs(job: ReplayJob) -> xr.Dataset:
     units = {
-        name: lookup_quantity("thrust" if name.endswith("thrust_drive") else name).units
+        name: lookup("thrust" if name.endswith("thrust_drive") else name).units
         for name in job.inputs
     }
     data = {name: ("time", values, {"units": units[name]}) for name, values in job.inputs.items()}

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from flightmech.errors import AeromatchError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.simulation.kernel import AXIS
 from flightmech.support.arrays import rms
 from flightmech.units import from_si, parse_unit
@@ -62,9 +62,7 @@ def _drift(result: PomResult) -> pd.DataFrame:
             if np.isfinite(difference).all() and time.size > 2:
                 slope, start = np.polyfit(time - time[0], difference, 1)
                 spread = float(np.std(difference - start - slope * (time - time[0])))
-                rows.append(
-                    (run, name, float(start), float(slope), spread, lookup_quantity(name).units)
-                )
+                rows.append((run, name, float(start), float(slope), spread, lookup(name).units))
     return pd.DataFrame(rows, columns=["run", "channel", "start", "rate", "spread", "unit"])
 
 
@@ -146,7 +144,7 @@ def _cut(
 
 
 def _gains(loop: PilotLoop) -> str:
-    moved, held = (lookup_quantity(name).display_units for name in (loop.control, loop.channel))
+    moved, held = (lookup(name).display_units for name in (loop.control, loop.channel))
     size = parse_unit(held)[1] / parse_unit(moved)[1]
     over = f"{moved}/{held}" if "/" not in held else f"{moved}/({held})"
     integral = f" {loop.integral * size:+.4g} {over} /s" if loop.integral else ""
@@ -158,7 +156,7 @@ def _gains(loop: PilotLoop) -> str:
 
 def _held(name: str, targets: Mapping[str, np.ndarray], outputs: Mapping[str, np.ndarray]) -> str:
     error_of = np.array([shortest_error(name, error) for error in targets[name] - outputs[name]])
-    unit = lookup_quantity(name).display_units
+    unit = lookup(name).display_units
     return f"{name} {np.sqrt(np.nanmean(error_of**2)) / parse_unit(unit)[1]:.3g} {unit} rms"
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Container
 
 from flightmech.errors import UnitError
-from flightmech.names import VOCABULARY, lookup_quantity
+from flightmech.names import VOCABULARY, lookup
 from flightmech.units import from_si, parse_unit
 from pom.tolerances.criteria import Criterion
 
@@ -186,7 +186,7 @@ def plain_id(test_id: str) -> str:
 
 def si_unit(measure: str, channel: str) -> str:
     """Return the SI unit in which `measure` on `channel` is computed."""
-    return SCALAR_UNITS.get(measure) or lookup_quantity(channel).units
+    return SCALAR_UNITS.get(measure) or lookup(channel).units
 
 
 def limit_to_si_factor(measure: str, channel: str, unit: str) -> float:
@@ -226,11 +226,11 @@ def display_unit(criterion: Criterion) -> str:
     if not criterion.channel:
         return "1"
     own = si_unit(criterion.measure, criterion.channel)
-    shown = lookup_quantity(criterion.channel).display_units
-    return shown if own == lookup_quantity(criterion.channel).units and shown in _LINEAR else own
+    shown = lookup(criterion.channel).display_units
+    return shown if own == lookup(criterion.channel).units and shown in _LINEAR else own
 
 
 def channel_value_text(channel: str, value: float) -> str:
     """Return a value in the unit that people read."""
-    unit = lookup_quantity(channel).display_units
+    unit = lookup(channel).display_units
     return f"{channel} {from_si(value, unit):.4g}{'' if unit == '1' else ' ' + unit}"

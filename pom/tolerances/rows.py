@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from flightmech.errors import OutOfRange, UnitError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.units import parse_quantity
 from pom.tolerances.bands import NotJudged
@@ -201,7 +201,7 @@ def apply_override(
     ]
     if not matching:
         try:
-            lookup_quantity(key)
+            lookup(key)
         except UnknownName:
             raise UnknownName(
                 key,

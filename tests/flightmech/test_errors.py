@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flightmech import errors
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 
 
 def test_parse_error_names_file_and_line():
@@ -79,7 +79,7 @@ def test_other_names_of_the_field_lead_to_the_symbol(name, symbol):
 def test_every_symbol_with_other_names_is_of_the_vocabulary_or_of_the_aircraft_file():
     aircraft = {"S", "cbar", "b", "mass", "Ixx", "Iyy", "Izz"}
     for symbol in set(errors._SYMBOL.values()) - aircraft:
-        assert lookup_quantity(symbol).name == symbol
+        assert lookup(symbol).name == symbol
 
 
 @pytest.mark.parametrize(

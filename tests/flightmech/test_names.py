@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from flightmech.errors import UnknownName
-from flightmech.names import _ROWS, COEFFICIENTS, VOCABULARY, lookup_quantity, quantity_attributes
+from flightmech.names import _ROWS, COEFFICIENTS, VOCABULARY, lookup, quantity_attributes
 from flightmech.units import parse_unit
 
 
@@ -22,14 +22,14 @@ def test_the_coefficients_are_in_it():
 
 
 def test_engine_prefix():
-    assert lookup_quantity("engine12.thrust") is VOCABULARY["thrust"]
+    assert lookup("engine12.thrust") is VOCABULARY["thrust"]
     with pytest.raises(UnknownName):
-        lookup_quantity("engine0.thrust")
+        lookup("engine0.thrust")
 
 
 def test_unknown_names_show_the_near_ones():
     with pytest.raises(UnknownName, match="unknown quantity 'delta_el'; near it: delta_e"):
-        lookup_quantity("delta_el")
+        lookup("delta_el")
 
 
 def test_attributes():

@@ -13,13 +13,13 @@ from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.terms import (
     SOURCES,
     PowerFactor,
+    basis,
     check_term,
     evaluate_term,
     list_model_variables,
     list_multipliers,
     list_regressors,
     make_term,
-    node_basis,
     power_factor,
     without_multipliers,
 )
@@ -96,7 +96,7 @@ def test_contribution_is_linear_in_the_nodes(table):
         "mach": np.linspace(0.8, 0.2, 30),
         "qhat": np.linspace(-1.0, 1.0, 30),
     }
-    B = node_basis(table, conditions)
+    B = basis(table, conditions)
     assert B.shape == (30, 12)
     np.testing.assert_allclose(
         B @ table["value"].values.ravel(), evaluate_term(table, conditions), rtol=1e-14
@@ -161,7 +161,7 @@ def terms_and_conditions(draw):
 def test_evaluation_is_the_linear_map_without_its_matrix(case):
     leaf, conditions = case
     shape = np.broadcast_shapes((), *(np.shape(x) for x in conditions.values()))
-    B, nodes = node_basis(leaf, conditions, "clamp"), leaf["value"].values.ravel()
+    B, nodes = basis(leaf, conditions, "clamp"), leaf["value"].values.ravel()
     found = evaluate_term(leaf, conditions, "clamp")
     assert found.shape == shape
     # a few dozen operations on the largest of the summands, of the table and of its factors, which
@@ -171,11 +171,11 @@ def test_evaluation_is_the_linear_map_without_its_matrix(case):
         [name for name in ("K1", "K2") if name in leaf],
     )
     everywhere = {name: np.broadcast_to(x, shape).ravel() for name, x in conditions.items()}
-    largest = abs(node_basis(whole, everywhere, "clamp")) @ np.abs(nodes)
+    largest = abs(basis(whole, everywhere, "clamp")) @ np.abs(nodes)
     for name in factors:
         factor = leaf[[name]].rename({name: "value"}).assign_attrs(regressors="")
         largest = largest * (
-            abs(node_basis(factor, everywhere, "clamp")) @ np.abs(factor["value"].values.ravel())
+            abs(basis(factor, everywhere, "clamp")) @ np.abs(factor["value"].values.ravel())
         )
     rounding = 1e-13 * largest
     assert (np.abs(found.ravel() - B @ nodes) <= rounding).all()
@@ -190,7 +190,7 @@ def test_evaluation_of_a_long_record_crosses_its_blocks(table):
     }
     np.testing.assert_allclose(
         evaluate_term(table, along),
-        node_basis(table, along) @ table["value"].values.ravel(),
+        basis(table, along) @ table["value"].values.ravel(),
         rtol=1e-13,
         atol=1e-15,
     )
@@ -274,9 +274,7 @@ def test_a_power_multiplies_the_table(ground):
     at_the_floor = 0.506 * 4.87 * 0.1 * 2.0**-1.75
     expected = [0.506 * 4.87 * 0.1 * 3.0**-1.75, at_the_floor, at_the_floor, at_the_floor]
     np.testing.assert_allclose(evaluate_term(ground, at), expected, rtol=1e-14)  # rounding
-    np.testing.assert_allclose(
-        node_basis(ground, at) @ ground["value"].values, expected, rtol=1e-14
-    )
+    np.testing.assert_allclose(basis(ground, at) @ ground["value"].values, expected, rtol=1e-14)
     assert list_model_variables(ground) == {"delta_f", "alpha", "h_agl"}
     assert power_factor(ground) == PowerFactor("h_agl", -1.75, 2.0)
 

@@ -13,7 +13,7 @@ from aerodb.exchange.daveml.document.units import code_of
 from aerodb.exchange.daveml.vocabulary import REDUCED, STORED, replace_illegal_characters
 from aerodb.store.evaluation import contributions
 from aerodb.store.schema import FORCE_AXES, terms
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.netcdf_trees import CHECKS
 from flightmech.terms import list_model_variables
 
@@ -85,7 +85,7 @@ def variable_ranges(leaves: Iterable[xr.Dataset], limits: Limits) -> dict[str, t
         tables = [
             leaf[name].values for leaf in leaves if name in leaf.dims and leaf.sizes[name] > 1
         ]
-        row = lookup_quantity(name)
+        row = lookup(name)
         if name in limits:
             found[name] = limits[name]
         elif tables:
@@ -106,7 +106,7 @@ def variable_ranges(leaves: Iterable[xr.Dataset], limits: Limits) -> dict[str, t
 
 def typical_size(name: str) -> float:
     """Return the usual largest size of a variable. [SI]"""
-    row = lookup_quantity(name)
+    row = lookup(name)
     return max(map(abs, _RANGES.get(row.name, _RANGES.get(row.units, (-1.0, 1.0)))))
 
 
@@ -308,14 +308,14 @@ def _as_stored(case: CheckShot, table: xr.Dataset, index: int) -> CheckShot | No
 
 def standard_name(quantity: str) -> str:
     """Return the S-119 name of a quantity, or ``""``; that of one engine among several has none."""
-    row = lookup_quantity(quantity)
+    row = lookup(quantity)
     return row.s119 if row.name == quantity else ""
 
 
 def _labels(quantity: str) -> dict[str, str]:
     return {
         "signalName": standard_name(quantity) or quantity,
-        "signalUnits": code_of(lookup_quantity(quantity).units),
+        "signalUnits": code_of(lookup(quantity).units),
     }
 
 

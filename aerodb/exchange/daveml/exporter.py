@@ -34,7 +34,7 @@ from aerodb.exchange.daveml.vocabulary import REDUCED, VALUE, WRITER, pack_attri
 from aerodb.store.schema import require_valid, terms
 from flightmech.build_up import used_coefficients
 from flightmech.errors import SchemaError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.atomic_write import write_text
 from flightmech.terms import list_regressors, power_factor
 
@@ -269,7 +269,7 @@ class _Writer:
     def _variable(
         self, varID: str, quantity: str, more: Mapping[str, str], inside: list[str]
     ) -> list[str]:
-        row, name = lookup_quantity(quantity), standard_name(quantity)
+        row, name = lookup(quantity), standard_name(quantity)
         properties = {
             "name": name or quantity,
             "varID": varID,
@@ -407,7 +407,7 @@ class _Writer:
             self.breakpoints[key] = self._id(
                 f"B{len(self.breakpoints) + 1}_{axis.replace('.', '_')}"
             )
-            row = lookup_quantity(axis)
+            row = lookup(axis)
             inside = [
                 *element_lines("description", {}, row.long_name),
                 *element_lines("bpVals", {}, number_lines(points)),

@@ -33,7 +33,7 @@ from aerodb.exchange.daveml.vocabulary import (
 from aerodb.store.evaluation import contributions
 from aerodb.store.schema import FORCE_AXES, make_database, terms
 from flightmech.errors import AeromatchWarning, SchemaError, UnitError, UnknownName
-from flightmech.names import ITEM, VOCABULARY, lookup_quantity, quantity_attributes
+from flightmech.names import ITEM, VOCABULARY, lookup, quantity_attributes
 from flightmech.support.netcdf_trees import CHECKS
 from flightmech.terms import list_model_variables
 
@@ -231,7 +231,7 @@ def _named(model: DaveModel, names: Mapping[str, str]) -> tuple[DaveModel, dict[
     for key, text in names.items():
         name, _, unit = text.partition("[")
         variable = model.find(key)
-        lookup_quantity(name.strip())  # raises for a name that there is not
+        lookup(name.strip())  # raises for a name that there is not
         quantities[variable.varID] = name.strip()
         if unit:
             variables[variable.varID] = replace(variable, units=unit.strip(" ]"))

@@ -16,7 +16,7 @@ from aerodb.exchange.daveml.document.model import DaveModel
 from aerodb.exchange.daveml.polynomials import GridAxis, Inexact, MultilinearTable, Sum
 from aerodb.exchange.daveml.vocabulary import source_codes, unpack_attributes
 from flightmech.aircraft.controls import DEVICE
-from flightmech.names import lookup_quantity, quantity_attributes
+from flightmech.names import lookup, quantity_attributes
 from flightmech.terms import MAX_AXES, MAX_REGRESSORS, SOURCES, make_term
 
 # what a regressor makes of a contribution's name; others keep their own
@@ -260,7 +260,7 @@ def _without_scalars(grids: list[MultilinearTable]) -> list[MultilinearTable]:
 
 def _identity(name: str) -> MultilinearTable:
     """Return the table that gives its variable."""
-    span = _SPAN.get(lookup_quantity(name).units, 10.0)
+    span = _SPAN.get(lookup(name).units, 10.0)
     points = np.array([-span, span])
     return MultilinearTable((GridAxis(name, points, True, True),), points.copy())
 

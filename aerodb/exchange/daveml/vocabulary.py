@@ -14,7 +14,7 @@ from aerodb.exchange.daveml.document.model import DaveVariable
 from aerodb.exchange.daveml.document.units import unit_of_code
 from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import SchemaError, UnitError, UnknownName
-from flightmech.names import VOCABULARY, lookup_quantity
+from flightmech.names import VOCABULARY, lookup
 from flightmech.terms import SOURCES
 from flightmech.units import parse_unit
 
@@ -176,7 +176,7 @@ def _is_quantity(text: str) -> bool:
     are in the vocabulary without prefix.
     """
     try:
-        lookup_quantity(text)
+        lookup(text)
     except UnknownName:
         return False
     return True
@@ -190,7 +190,7 @@ def file_unit_conversion(variable: DaveVariable, quantity: str) -> tuple[float, 
     SchemaError
         A unit of another quantity, or none where an angle needs one.
     """
-    expected = lookup_quantity(quantity).units
+    expected = lookup(quantity).units
     try:
         unit = unit_of_code(variable.units)
         dimension, to_si, offset = parse_unit(unit)
@@ -203,7 +203,7 @@ def file_unit_conversion(variable: DaveVariable, quantity: str) -> tuple[float, 
             )
     except UnitError as error:
         raise SchemaError(f"variable {variable.varID} ({variable.name})", [str(error)]) from None
-    sense = -1.0 if has_opposite_sign(variable.sign, lookup_quantity(quantity).sign) else 1.0
+    sense = -1.0 if has_opposite_sign(variable.sign, lookup(quantity).sign) else 1.0
     return sense / to_si, -offset / to_si
 
 

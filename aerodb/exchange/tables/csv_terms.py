@@ -42,7 +42,7 @@ from aerodb.store.schema import check, require_valid, terms
 from aerodb.store.undo_history import add_history_line
 from flightmech import terms as _terms
 from flightmech.errors import ParseError, SchemaError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.atomic_write import folder_written_atomically, write_text
 from flightmech.units import parse_unit
 
@@ -70,7 +70,7 @@ def export_checkcases(
     require_valid(db)
     inputs = random_states(db, count, seed)
     outputs = outputs_at(db, inputs, count)
-    header = ["case", *(f"{name} [{lookup_quantity(name).units}]" for name in inputs), *outputs]
+    header = ["case", *(f"{name} [{lookup(name).units}]" for name in inputs), *outputs]
     columns = [map(repr, values.tolist()) for values in (*inputs.values(), *outputs.values())]
     facts: dict[str, Any] = {
         key: db.attrs[key] for key in ("title", "aircraft", "force_axes", "S", "cbar", "b")
@@ -119,7 +119,7 @@ def run_checkcases(db: xr.DataTree, path: str | os.PathLike) -> pd.DataFrame:
     }
     missing = [name for name in check_case_inputs(db) if name not in inputs]
     problems += [
-        f"{Path(path).name}: no column {name} [{lookup_quantity(name).units}], which the database needs"
+        f"{Path(path).name}: no column {name} [{lookup(name).units}], which the database needs"
         for name in missing
     ]
     if problems:
@@ -201,7 +201,7 @@ def _long(leaf: xr.Dataset, name: str) -> tuple[list[str], list[list[str]]]:
     mesh = np.meshgrid(*(leaf[axis].values.astype(float) for axis in axes), indexing="ij")
     columns: dict[str, Iterable[str]]
     columns = {
-        f"{axis} [{lookup_quantity(axis).units}]": map(repr, points.ravel().tolist())
+        f"{axis} [{lookup(axis).units}]": map(repr, points.ravel().tolist())
         for axis, points in zip(axes, mesh)
     }
     columns[name] = map(repr, table.values.astype(float).ravel().tolist())
@@ -335,7 +335,7 @@ def _with_table(leaf: xr.Dataset, path: Path, kind: str, problems: list[str]) ->
     given = [
         f"{axis} in {table.units[axis]}"
         for axis in axes
-        if parse_unit(table.units[axis]) != parse_unit(lookup_quantity(axis).units)
+        if parse_unit(table.units[axis]) != parse_unit(lookup(axis).units)
     ]
     return (
         add_history_line(found, f"import_csv: {path.name} gives {', '.join(given)}")
@@ -346,7 +346,7 @@ def _with_table(leaf: xr.Dataset, path: Path, kind: str, problems: list[str]) ->
 
 def _unknown(axis: str) -> Iterator[str]:
     try:
-        lookup_quantity(axis)
+        lookup(axis)
     except UnknownName as error:
         yield str(error)
 

@@ -19,7 +19,7 @@ import xarray as xr
 
 from flightmech import terms as _terms
 from flightmech.errors import ParseError, UnitError, UnknownName
-from flightmech.names import VOCABULARY, lookup_quantity, quantity_attributes
+from flightmech.names import VOCABULARY, lookup, quantity_attributes
 from flightmech.support.input_files import csv_rows, read_text
 from flightmech.units import to_si
 
@@ -199,7 +199,7 @@ def si_column(table: CsvTable, name: str, problems: list[str]) -> np.ndarray:
     """
     found, unit = column_numbers(table, name, problems), table.units[name]
     try:
-        return to_si(found, unit, lookup_quantity(name).units) if unit else found
+        return to_si(found, unit, lookup(name).units) if unit else found
     except (UnitError, UnknownName) as error:
         problems.append(f"{table.name}: column {name} [{unit}]: {error}")
         return found

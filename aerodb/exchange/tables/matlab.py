@@ -27,7 +27,7 @@ from aerodb.exchange.tables.csv_text import flatten_attributes, restore_attribut
 from aerodb.store.schema import check, require_valid, terms
 from flightmech import terms as _terms
 from flightmech.errors import ParseError, SchemaError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.input_files import read_bytes
 from flightmech.support.mat_files import load_mat
@@ -137,7 +137,7 @@ def _table(leaf: xr.Dataset, name: str) -> dict[str, Any]:
     return {
         "axes": _structures(
             ("name", "units"),
-            [{"name": axis, "units": lookup_quantity(axis).units} for axis in axes],
+            [{"name": axis, "units": lookup(axis).units} for axis in axes],
         ),
         "breakpoints": _cell([leaf[axis].values.astype(float) for axis in axes]),
         "values": _matlab_order(leaf[name]),
@@ -282,10 +282,10 @@ def _read_table(
 ) -> tuple[tuple[str, ...], dict[str, np.ndarray], np.ndarray]:
     axes = [_text(axis, "axes") for axis in _names(element["axes"])]
     for axis, units in zip(axes, _units(element["axes"])):
-        if units != lookup_quantity(axis).units:
+        if units != lookup(axis).units:
             raise ValueError(
                 f"{what}: axis {axis} is given in {units!r}; convert its breakpoints to "
-                f"{lookup_quantity(axis).units!r}"
+                f"{lookup(axis).units!r}"
             )
     points = [np.asarray(p, float).ravel() for p in element["breakpoints"].ravel()]
     if len(points) != len(axes):

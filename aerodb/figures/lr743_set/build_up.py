@@ -29,7 +29,7 @@ from aerodb.figures.symbols import (
 )
 from aerodb.store.overview import FREE_AIR
 from flightmech import terms as _terms
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.units import DEGREE
 
 Databases = Mapping[str, xr.DataTree]
@@ -324,7 +324,7 @@ def _over_alpha(
     notes: Sequence[str] = (),
 ) -> Chart:
     panels, held = _panels(databases, curves, points, by)
-    unit = " [deg]" if lookup_quantity(by).units == "rad" else ""
+    unit = " [deg]" if lookup(by).units == "rad" else ""
     line = f"{y_label.split(' [')[0]} over ${math_symbol('alpha')}$, curves by ${math_symbol(by)}${unit}{held}"
     return Chart(stem, figure, title, line, axis_label("alpha"), y_label, panels, notes)
 

@@ -113,7 +113,7 @@ def combine_coefficients(
     for leaf in leaves:
         maps.append(
             sum(
-                weight * repeat_rows(_terms.node_basis(leaf, conditions, "clamp"), count[0])
+                weight * repeat_rows(_terms.basis(leaf, conditions, "clamp"), count[0])
                 for weight, conditions in whole
             )
         )

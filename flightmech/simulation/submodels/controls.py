@@ -15,7 +15,7 @@ from flightmech.aircraft.controls import (
     check_circuit,
 )
 from flightmech.errors import SchemaError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.simulation.kernel import FIXED, INPUT, INTEGER, PARAMETER, CatalogueEntry
 
 if TYPE_CHECKING:
@@ -81,12 +81,12 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Cata
 def _like(
     name: str, quantity: str, text: str, low: float = -MOST, high: float = MOST
 ) -> CatalogueEntry:
-    like = lookup_quantity(quantity)
+    like = lookup(quantity)
     return CatalogueEntry(name, like.units, like.display_units, text, 0.0, low, high, 0)
 
 
 def _input(name: str, item: str, circuit: Circuit) -> CatalogueEntry:
-    quantity = lookup_quantity(name)
+    quantity = lookup(name)
     mode = 1 if name == item else 2
     text = f"{quantity.long_name}, positive {quantity.sign}; drives when mode.controls is {mode}"
     return _like(name, name, text, *(circuit.stops if name == item else ()))
@@ -98,10 +98,10 @@ def _output(name: str, item: str) -> CatalogueEntry:
         return _like(
             name,
             word,
-            f"{lookup_quantity(word).long_name}, added at the start to hold the trimmed deflection",
+            f"{lookup(word).long_name}, added at the start to hold the trimmed deflection",
         )
     if group == "applied":
-        text = f"{lookup_quantity(word).long_name}, positive {lookup_quantity(word).sign}"
+        text = f"{lookup(word).long_name}, positive {lookup(word).sign}"
         return _like(
             name,
             word,
@@ -137,7 +137,7 @@ def _parameter(name: str, item: str, aircraft: Aircraft) -> CatalogueEntry:
             0,
         )
     if name.startswith("bias."):
-        return _like(name, word, f"added to the {lookup_quantity(word).long_name}")
+        return _like(name, word, f"added to the {lookup(word).long_name}")
     travel = ("m", "cm") if linear else ("rad", "deg")
     low, high = aircraft.limits.get(MOVES[item], (-RIGHT_ANGLE, RIGHT_ANGLE))
     surface = _SURFACE[item]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from flightmech.aircraft.controls import DEVICE
 from flightmech.aircraft.fuel import MOST
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.simulation.kernel import CatalogueEntry
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
 
 def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the catalogue row of a device, as input and as model variable."""
-    like, (low, high) = lookup_quantity(name), aircraft.limits[name]
+    like, (low, high) = lookup(name), aircraft.limits[name]
     text = (
         f"{like.long_name.partition(' of ')[0]} of {item.partition('.')[0]}, positive {like.sign}"
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from flightmech.aircraft.engine import MOST, OWN, Engine
 from flightmech.errors import SchemaError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.simulation.kernel import INPUT, OUTPUT, STATE, VARIABLE, CatalogueEntry
 from flightmech.terms import list_regressors
 
@@ -136,7 +136,7 @@ def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:
 
 
 def _like(name: str, quantity_: str, low: float = -MOST, high: float = MOST) -> CatalogueEntry:
-    found = lookup_quantity(quantity_)
+    found = lookup(quantity_)
     sign = f", positive {found.sign}" if found.sign else ""
     return CatalogueEntry(
         name, found.units, found.display_units, found.long_name + sign, 0.0, low, high, 0

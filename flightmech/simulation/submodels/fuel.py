@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from flightmech.aircraft.fuel import MOST
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.simulation.kernel import FIXED, PARAMETER, CatalogueEntry
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Cata
         return CatalogueEntry(
             name, "m", "m", text, fuel.position["xyz".index(word)], -MOST, MOST, 0
         )
-    found = lookup_quantity(word)
+    found = lookup(word)
     return CatalogueEntry(
         name,
         found.units,

@@ -18,7 +18,7 @@ from flightmech.errors import (
     SchemaError,
     UnknownName,
 )
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.arrays import rms
 from flightmech.units import G0, from_si, parse_quantity
 from flighttest.flight_programme.evaluation.plan import (
@@ -288,7 +288,7 @@ def _unit(name: str) -> str:
     if name == "attitude_less_climb":
         return "rad"
     try:
-        return lookup_quantity(name).units
+        return lookup(name).units
     except UnknownName:
         return "1"
 

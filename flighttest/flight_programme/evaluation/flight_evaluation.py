@@ -392,8 +392,8 @@ class _Work:
                     if data is None
                     else [
                         select_time(data, *w)
-                        for w in series_windows(self.plan.points, table.series)
-                    ]  # type: ignore[arg-type]
+                        for w in series_windows(self.plan.points, table.series)  # type: ignore[arg-type]
+                    ]
                 )
             else:
                 key = name, table.window or (0.0, 0.0)

@@ -15,7 +15,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.console import command_line, to_json_types
 from flightmech.units import from_si
 from flighttest.flight_programme.evaluation.figures_of_merit import (
@@ -235,7 +235,7 @@ def render_evaluation_page(evaluation: Evaluation) -> str:
 def _units(name: str) -> str:
     """Return the unit in which people read a quantity."""
     try:
-        return lookup_quantity(name).display_units
+        return lookup(name).display_units
     except UnknownName:
         return "deg" if name == "attitude_less_climb" else "1"
 

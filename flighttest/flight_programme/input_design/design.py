@@ -38,7 +38,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError, SchemaError
-from flightmech.names import lookup_quantity, quantity_attributes
+from flightmech.names import lookup, quantity_attributes
 from flightmech.support.atomic_write import write_text
 from flightmech.support.input_files import read_text
 from flighttest.flight_programme.input_design.input_accuracy import (
@@ -77,7 +77,7 @@ def save_csv(signal: xr.Dataset, path: str | os.PathLike) -> None:
         An older file is replaced.
     """
     names = axes_of(signal)
-    head = ",".join(["time [s]", *(f"{name} [{lookup_quantity(name).units}]" for name in names)])
+    head = ",".join(["time [s]", *(f"{name} [{lookup(name).units}]" for name in names)])
     columns = np.column_stack([signal["time"].values, *(signal[name].values for name in names)])
     lines = [head, *(",".join(f"{x:.10g}" for x in row) for row in columns)]
     _write(path, "\n".join(lines) + "\n")
@@ -124,7 +124,7 @@ def save_timetable(signal: xr.Dataset, path: str | os.PathLike, title: str = "")
         "step_ms": str(round(step)),
         "rows": str(len(counts)),
         "channels": " ".join(names),
-        "units": " ".join(lookup_quantity(name).units for name in names),
+        "units": " ".join(lookup(name).units for name in names),
         "scale": " ".join(repr(s) for s in scale),
         "crc32": f"{zlib.crc32(body.encode()):08x}",
     }

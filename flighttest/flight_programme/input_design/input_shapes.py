@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flighttest.flight_programme.input_design.input_signals import (
     LEAD_IN,
     RATE,
@@ -97,7 +97,7 @@ def multisine(
         An axis that is not in the vocabulary.
     """
     for name in axes:
-        lookup_quantity(name)
+        lookup(name)
     lines = deal_harmonics(axes, period)
     count = round(period * rate)
     problems = (
@@ -293,7 +293,7 @@ def multistep(
     SchemaError
         Steps shorter than two samples or than the ramp.
     """
-    lookup_quantity(axis)
+    lookup(axis)
     edges = np.cumsum([0.0, *(np.asarray(widths, float) * step)])
     shortest, ramp = float(np.diff(edges).min()), max(rise, 1.0 / rate)
     if not shortest >= max(2.0 / rate, ramp):
@@ -351,7 +351,7 @@ def sweep(
     SchemaError
         A band upside down, too few samples per cycle, too short a duration.
     """
-    lookup_quantity(axis)
+    lookup(axis)
     if law not in ("logarithmic", "linear"):
         raise ValueError(f"law is {law!r}; allowed: logarithmic, linear")
     low, high = band

@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, OutOfRange, SimulationError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.units import from_si
 from flighttest.flight_programme.input_design.input_signals import axes_of
 
@@ -306,7 +306,7 @@ def first_exceeded_limit(response: xr.Dataset, limits: Mapping[str, tuple[float,
 
 
 def _words(name: str, value: float, low: float, high: float) -> str:
-    row = lookup_quantity(name.removeprefix("applied."))
+    row = lookup(name.removeprefix("applied."))
     value, low, high = (float(from_si(x, row.display_units)) for x in (value, low, high))
     return (
         f"{name} {value:.4g} outside {low:.4g} ... "

@@ -40,7 +40,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import Strict, make_si_type, validate_content
 from flightmech.units import parse_quantity
@@ -301,7 +301,7 @@ def _si(name: str, item: Any, per: str = "") -> float:
     known as well.
     """
     try:
-        units = lookup_quantity(name.removeprefix("applied.")).units
+        units = lookup(name.removeprefix("applied.")).units
     except UnknownName:
         units = "1"
     try:

@@ -59,7 +59,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import Strict, make_si_type, validate_content
 from flightmech.units import parse_quantity
@@ -298,6 +298,6 @@ def _twice(what: str, items: Any) -> list[str]:
 def _si(name: str, item: Any) -> float:
     """Return a quantity by name in SI; a name without unit is a plain number."""
     try:
-        return parse_quantity(item, lookup_quantity(name).units if name else "1")
+        return parse_quantity(item, lookup(name).units if name else "1")
     except (UnknownName, UnitError) as error:
         raise ValueError(f"{name}: {error}") from error

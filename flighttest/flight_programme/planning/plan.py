@@ -17,7 +17,7 @@ from aerodb.update.expectation import Expectation
 from aerodb.update.observations import coefficient_of
 from aerodb.update.tabulation import Tabulation
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.units import from_si
 from flighttest.flight_programme.planning.catalogue import Catalogue
 from flighttest.flight_programme.planning.prediction import Item, Prediction, predict
@@ -433,7 +433,7 @@ def _undetermined(prediction: Prediction, items: Sequence[Item]) -> list[tuple[s
 
 def format_quantity(name: str, value: float) -> str:
     """Return a quantity by name in the units of display, with its unit."""
-    units = lookup_quantity(name.removeprefix("applied.")).display_units
+    units = lookup(name.removeprefix("applied.")).display_units
     text = f"{float(from_si(value, units)):.4g}"
     return text if units == "1" else f"{text} {units}"
 

@@ -13,7 +13,7 @@ import xarray as xr
 
 from flightmech.air import R_AIR, pressure_altitude
 from flightmech.errors import OutOfRange, SchemaError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flighttest.reconstruction.dynamics.kinematics import (
     body_to_ned_rotation,
     earth_rotation,
@@ -287,7 +287,7 @@ class _Assembly:
         for name in known:
             if name in self.specification.of(name).bias_sigma:
                 rows[f"bias.{name}"] = (
-                    lookup_quantity(name).units,
+                    lookup(name).units,
                     0.0,
                     self.specification.of(name).bias_sigma[name],
                 )

@@ -11,7 +11,7 @@ import numpy as np
 from jinja2 import ChoiceLoader, PackageLoader, Template
 from markupsafe import Markup
 
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.atomic_write import write_text
 from flightmech.support.figures import (
     Frame,
@@ -190,7 +190,7 @@ def render_quality_page(quality: Quality) -> str:
 
 
 def _history(quality: Quality, name: str) -> dict[str, Any]:
-    signals, row = quality.signals, lookup_quantity(name)
+    signals, row = quality.signals, lookup(name)
     spans = [
         (f.start, f.stop)
         for f in quality.findings
@@ -281,7 +281,7 @@ def _matrix(quality: Quality) -> dict[str, Any] | None:
 
 
 def _channel(row) -> dict[str, Any]:
-    display = lookup_quantity(row["channel"]).display_units
+    display = lookup(row["channel"]).display_units
     spread = {"degC": "K"}.get(display, display)
 
     def text(value: float, units: str) -> str:

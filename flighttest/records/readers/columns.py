@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.units import fitted_unit, known_unit, parse_unit, to_si
 from flighttest.records.readers.name_map import recorder_units
 from flighttest.records.readers.recording import (
@@ -119,7 +119,7 @@ def unit_of_column(table: RecordedTable, column: str, name: str) -> str | None:
     """
     if stated := table.units.get(column):
         return stated
-    wanted = lookup_quantity(name).units
+    wanted = lookup(name).units
     words = column_words(column)
     for length in (3, 2, 1):
         for unit in units_at_the_end(words[-length:]) if length < len(words) else []:
@@ -235,7 +235,7 @@ def _is_unit(text: str) -> bool:
 
 def _is_canonical(name: str) -> bool:
     try:
-        return bool(lookup_quantity(name))
+        return bool(lookup(name))
     except UnknownName:
         return False
 

@@ -44,7 +44,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 import numpy as np
 
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.input_files import WESTERN, foreign_kind, read_text, read_toml
 from flightmech.support.plain_tables import Plain, define_field, read_plain_table
 from flightmech.support.toml_quantities import Above, InUnits
@@ -145,7 +145,7 @@ class Channel(Plain):
         """
         if self.rate_limit is None and self.stops is None:
             return None
-        units = lookup_quantity(name).units
+        units = lookup(name).units
         rate = (
             math.inf if self.rate_limit is None else parse_quantity(self.rate_limit, f"{units} s-1")
         )
@@ -168,7 +168,7 @@ class Channel(Plain):
         """Return the column's `values` in the SI unit of the canonical name `name`; beyond a
         calibration table NaN.
         """
-        units = lookup_quantity(name).units
+        units = lookup(name).units
         offset = parse_quantity(self.offset, units)
         values = self._calibrated(values)
         if isinstance(self.scale, str):
@@ -522,7 +522,7 @@ def _constants(table: Any, problems: list[str]) -> dict[str, float]:
     found = {}
     for name, item in _flatten(table).items():
         try:
-            found[name] = parse_quantity(item, lookup_quantity(name).units)
+            found[name] = parse_quantity(item, lookup(name).units)
         except (UnknownName, UnitError) as error:
             problems.append(f"constants.{name}: {error}")
     return found
@@ -569,7 +569,7 @@ def _channels(
     for name, entry in _flatten(table).items():
         place = f"{leaf}.{name}"
         try:
-            row = lookup_quantity(name)
+            row = lookup(name)
         except UnknownName as error:
             problems.append(f"{place}: {error}")
             continue
@@ -750,10 +750,10 @@ _EQUAL = 1e-9
 
 def recorder_units(name: str) -> tuple[str, ...]:
     """Return the units of recorders in which a quantity may stand, the SI unit first."""
-    dimension = parse_unit(lookup_quantity(name).units)[0]
+    dimension = parse_unit(lookup(name).units)[0]
     found = [unit for unit in UNITS if parse_unit(unit)[0] == dimension]
     if dimension == (0, 0, 0, 0):  # angles and fractions
-        wanted = ("rad", "deg") if lookup_quantity(name).units == "rad" else ("1", "%")
+        wanted = ("rad", "deg") if lookup(name).units == "rad" else ("1", "%")
         found = [unit for unit in found if unit in wanted]
     if dimension == (0, 0, -1, 0):
         found = [unit for unit in found if unit in ("rad/s", "deg/s")]
@@ -790,7 +790,7 @@ def correct_channel(
     slope, shift : float
         Corrected value = slope * value + shift. [1, SI]
     """
-    units = lookup_quantity(name).units
+    units = lookup(name).units
     offset = slope * parse_quantity(channel.offset, units) + shift
     sign = channel.sign if slope > 0.0 else -channel.sign
     if isinstance(channel.scale, str):

@@ -40,7 +40,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 from pydantic import BeforeValidator, Field, WithJsonSchema, field_validator
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.input_files import json_content
 from flightmech.support.toml_models import Strict, fixed_array, make_si_type, validate_content
 from flightmech.support.toml_quantities import quantity_schema
@@ -99,9 +99,7 @@ def _per_channel(table: Any) -> dict[str, float]:
     if not isinstance(table, dict):
         raise ValueError("expected a table channel = value")
     try:
-        values = {
-            name: parse_quantity(item, lookup_quantity(name).units) for name, item in table.items()
-        }
+        values = {name: parse_quantity(item, lookup(name).units) for name, item in table.items()}
     except (UnknownName, UnitError) as error:
         raise ValueError(str(error)) from error
     if any(value <= 0.0 for value in values.values()):

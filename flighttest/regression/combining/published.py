@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import AeromatchError, IdentificationError, ParseError, SchemaError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.input_files import WESTERN, csv_rows, read_text
 from flightmech.units import parse_unit, to_si
 from flighttest.regression.equation_error import least_squares
@@ -155,7 +155,7 @@ def _grid(
     columns = {name: np.zeros(size) for name in _RATES if name not in conditions} | columns
     columns |= {name: columns[other].copy() for name, other in tied.items()}
     return xr.Dataset(
-        {name: ("sample", x, {"units": lookup_quantity(name).units}) for name, x in columns.items()}
+        {name: ("sample", x, {"units": lookup(name).units}) for name, x in columns.items()}
     )
 
 
@@ -214,7 +214,7 @@ def _demand(model: RegressionModel, values, stderr, conditions, correlation) -> 
 
 
 def _faults(name: str, item: float | Sequence[float] | str, conditions: Mapping) -> list[str]:
-    lookup_quantity(name)
+    lookup(name)
     if isinstance(item, str):
         known = item in conditions and not isinstance(conditions[item], str)
         return (
@@ -350,7 +350,7 @@ def _columns(path: Path, heads: list[str]) -> dict[str, str]:
         if name in (*NEEDED, _UNIT):
             continue
         try:
-            variable = lookup_quantity(name.removesuffix(_REFERENCE).strip())
+            variable = lookup(name.removesuffix(_REFERENCE).strip())
             to_si(0.0, unit or variable.units, variable.units)
         except AeromatchError as error:
             problems.append(f"column {name!r}: {error}")
@@ -372,7 +372,7 @@ def _row(
         if name in (*NEEDED, _UNIT) or not cell:
             continue
         variable = name.removesuffix(_REFERENCE).strip()
-        unit = columns[name] or lookup_quantity(variable).units
+        unit = columns[name] or lookup(variable).units
         if variable != name:
             reference[variable] = to_si(_number(line, name, cell, problems), unit)
         elif re.fullmatch(r"[A-Za-z_][\w.]*", cell):
@@ -417,7 +417,7 @@ def _scale(line: int, cells: Mapping[str, str], problems: list[str]) -> float:
             for _ in range(power)
             if factor != "1"
         ]
-        expected = "/".join(["1", *(lookup_quantity(name).units for name in variables)])
+        expected = "/".join(["1", *(lookup(name).units for name in variables)])
         to_si(0.0, cells[_UNIT], expected)
         return parse_unit(cells[_UNIT])[1]
     except AeromatchError as error:

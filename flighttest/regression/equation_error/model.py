@@ -21,7 +21,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError, UnknownName
-from flightmech.names import COEFFICIENTS, lookup_quantity
+from flightmech.names import COEFFICIENTS, lookup
 from flightmech.support.arrays import columns_with_count
 from flightmech.units import parse_quantity
 
@@ -72,7 +72,7 @@ class RegressionModel:
     def __post_init__(self):
         if self.coefficient not in MEASURED:
             try:
-                lookup_quantity(self.coefficient)
+                lookup(self.coefficient)
             except UnknownName:
                 raise UnknownName(
                     self.coefficient, MEASURED, "coefficient", "or any quantity of the vocabulary"
@@ -304,12 +304,12 @@ def knot_of(factor: str) -> float:
 def _factor(word: str, term: str) -> str:
     """A variable, or a ramp with its knot in SI."""
     if "(" not in word:
-        lookup_quantity(word)
+        lookup(word)
         return word
     match = _RAMP.match(word)
     if not match:
         raise ParseError("<model>", 0, f"the term {term!r}", _EXPECTED)
-    text, units = match.group(2), lookup_quantity(match.group(1)).units
+    text, units = match.group(2), lookup(match.group(1)).units
     bare = re.fullmatch(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?", text)
     return f"ramp({match.group(1)},{parse_quantity(float(text) if bare else text, units):.10g})"
 

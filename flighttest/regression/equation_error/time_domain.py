@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.least_squares import WEIGHTS, ridge_penalty, weight_roots
@@ -161,7 +161,7 @@ def _demand_movement(z: np.ndarray, X: np.ndarray, terms: Sequence[str]) -> None
         if list(factors.values()) != [1]:
             continue
         name = variable_of(next(iter(factors)))
-        least = LEAST_MOVEMENT.get(lookup_quantity(name).units, 0.0)
+        least = LEAST_MOVEMENT.get(lookup(name).units, 0.0)
         if np.std(column) < least:
             raise IdentificationError(
                 f"{term} does not move: rms {np.std(column):.2g} about its mean, {least:.2g} "

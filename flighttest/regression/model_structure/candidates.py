@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, ParseError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.frequency_domain import (
     WEIGHTS,
@@ -51,7 +51,7 @@ def monomials(variables: Sequence[str], order: int) -> list[str]:
     if not 1 <= order <= 9:
         raise IdentificationError(f"order is {order}; allowed: 1 to 9")
     for name in variables:
-        lookup_quantity(name)
+        lookup(name)
     found = ["1"]
     for size in range(1, order + 1):
         for pick in combinations_with_replacement(variables, size):

@@ -131,9 +131,9 @@ class GearedJoint(Strict):
 
     follows: str = Field(description="The other joint, by its body.")
     ratio: float = Field(default=1.0, description="Angle over that of the other.")
-    offset: make_si_type("rad") = Field(
+    offset: make_si_type("rad") = Field(  # type: ignore[valid-type]
         default=0.0, description="Angle where that of the other is zero."
-    )  # type: ignore[valid-type]
+    )
 
 
 class Linkage(Strict):
@@ -166,13 +166,13 @@ class Linkage(Strict):
 class Spring(Strict):
     """A spring with a damper on a joint."""
 
-    stiffness: make_si_type("N m rad-1") = Field(
+    stiffness: make_si_type("N m rad-1") = Field(  # type: ignore[valid-type]
         default=0.0, ge=0.0, description="Moment over angle."
-    )  # type: ignore[valid-type]
+    )
     rest: make_si_type("rad") = Field(default=0.0, description="Angle without moment.")  # type: ignore[valid-type]
-    damping: make_si_type("N m s rad-1") = Field(
+    damping: make_si_type("N m s rad-1") = Field(  # type: ignore[valid-type]
         default=0.0, ge=0.0, description="Moment over rate."
-    )  # type: ignore[valid-type]
+    )
 
 
 class JointActuator(Strict):
@@ -233,9 +233,9 @@ class Area(Strict):
 class Cameras(Strict):
     """How the cameras see the markers."""
 
-    flapping_frequency: make_si_type("Hz") = Field(
+    flapping_frequency: make_si_type("Hz") = Field(  # type: ignore[valid-type]
         gt=0.0, description="Frequency of the periodic motion."
-    )  # type: ignore[valid-type]
+    )
     multiples: float = Field(
         default=8.0, gt=0.0, description="Cut-off of the motion over the flapping frequency."
     )

@@ -35,7 +35,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, model_validator
 
 from flightmech.errors import AeromatchError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import Strict, make_si_type, validate_content
 from flightmech.units import parse_quantity
@@ -71,7 +71,7 @@ def _constants(item: Any) -> dict[str, float]:
         )
     try:
         return {
-            str(name): parse_quantity(value, lookup_quantity(str(name)).units)
+            str(name): parse_quantity(value, lookup(str(name)).units)
             for name, value in item.items()
         }
     except AeromatchError as error:
@@ -126,9 +126,9 @@ class BalanceSetup(Strict):
         description="Terms per coefficient that are estimated and taken off: tare, or products of "
         "columns.",
     )
-    rho: make_si_type("kg m-3") = Field(
+    rho: make_si_type("kg m-3") = Field(  # type: ignore[valid-type]
         default=1.225, gt=0.0, description="Density, where no column has it."
-    )  # type: ignore[valid-type]
+    )
     wind_off: make_si_type("m s-1") = Field(  # type: ignore[valid-type]
         default=0.5, ge=0.0, description="Airspeed below which a point belongs to the tare."
     )

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar, nnls
 
 from flightmech.errors import AeromatchWarning, IdentificationError, UnknownName
-from flightmech.terms import make_term, node_basis
+from flightmech.terms import basis, make_term
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -102,7 +102,7 @@ def fit_thrust(
             "the throttle moves by less than 0.1 in all runs; add a run with a power change"
         )
     template = make_term(np.zeros([len(points) for points in axes.values()]), axes)
-    designs = [node_basis(template, run, outside="clamp").toarray() for run, _, _ in runs]
+    designs = [basis(template, run, outside="clamp").toarray() for run, _, _ in runs]
     settled = np.concatenate([_settled(run["throttle"], step) for run, _, step in runs])
     target, design = np.concatenate([thrust for _, thrust, _ in runs]), np.concatenate(designs)
     penalty = (

@@ -17,7 +17,7 @@ import xarray as xr
 from flightmech.air import atmosphere
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.support.arrays import rms
-from flightmech.terms import node_basis
+from flightmech.terms import basis
 
 T_STANDARD, P_STANDARD, GAMMA, G0 = 288.15, 101325.0, 1.4, 9.80665
 SPEEDS = ("corrected_n1", "corrected_n2")
@@ -62,7 +62,7 @@ def prior_thrust_shares(prior: xr.Dataset, at: Mapping[str, np.ndarray]) -> np.n
         ),
         prior["value"].shape,
     )
-    weights = node_basis(prior, at, outside="clamp").toarray() * prior["value"].values.ravel()
+    weights = basis(prior, at, outside="clamp").toarray() * prior["value"].values.ravel()
     return weights @ (index.ravel()[:, None] == np.arange(prior.sizes[axis]))
 
 

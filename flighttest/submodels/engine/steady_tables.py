@@ -26,7 +26,7 @@ import xarray as xr
 
 from flightmech.aircraft.engine import OWN, TARGETS
 from flightmech.errors import IdentificationError, UnknownName
-from flightmech.terms import SOURCES, make_term, node_basis
+from flightmech.terms import SOURCES, basis, make_term
 from flighttest.submodels.engine.schedule import (
     cover_settled_range,
     find_lever_rest,
@@ -231,7 +231,7 @@ def _samples(
     if not used.any():
         return np.empty((0, 0)), np.empty(0), 0.0
     leaf = make_term(np.zeros([len(points) for points in grid.values()]), grid)
-    B = node_basis(leaf, {name: at[name][used] for name in grid}, outside="clamp").toarray()
+    B = basis(leaf, {name: at[name][used] for name in grid}, outside="clamp").toarray()
     return B, value[used], float(np.median(np.diff(one["time"].values))) if timed else 0.0
 
 
@@ -249,9 +249,7 @@ def _prior(
         raise UnknownName(
             strange[0], grid, "axis", "the a-priori table has it; give its breakpoints too"
         )
-    B = node_basis(
-        prior, {str(name): mesh[str(name)] for name in prior["value"].dims}, outside="clamp"
-    )
+    B = basis(prior, {str(name): mesh[str(name)] for name in prior["value"].dims}, outside="clamp")
     weights = np.broadcast_to(B.toarray(), (count, prior["value"].size))
     first = weights @ prior["value"].values.ravel()
     sigma = (

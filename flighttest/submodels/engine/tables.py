@@ -16,11 +16,11 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 from scipy.interpolate import PchipInterpolator
 
 from flightmech.errors import AeromatchError, IdentificationError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import Strict, file_schema, validate_content
 from flightmech.support.toml_quantities import quantity_schema
-from flightmech.terms import make_term, node_basis
+from flightmech.terms import basis, make_term
 from flightmech.units import parse_quantity
 
 
@@ -32,9 +32,7 @@ def _breakpoints(item: Any) -> dict[str, tuple[float, ...]]:
         )
     try:
         found = {
-            str(axis): tuple(
-                parse_quantity(point, lookup_quantity(str(axis)).units) for point in points
-            )
+            str(axis): tuple(parse_quantity(point, lookup(str(axis)).units) for point in points)
             for axis, points in item.items()
         }
     except (AeromatchError, TypeError) as error:
@@ -313,9 +311,9 @@ class EngineCurve:
                     f"identified for {dim} from {points[0]:.4g} to {points[-1]:.4g}; "
                     f"{at[dim]:.4g} is outside"
                 )
-        w = node_basis(
-            self.leaf, {dim: np.array([at[dim]]) for dim in dims}, outside="clamp"
-        ).toarray()[0]
+        w = basis(self.leaf, {dim: np.array([at[dim]]) for dim in dims}, outside="clamp").toarray()[
+            0
+        ]
         return float(w @ self.leaf["value"].values.ravel()), float(np.sqrt(w @ self.covariance @ w))
 
 

@@ -55,7 +55,7 @@ def contribution_changes(
     found = {}
     for name, leaf in leaves.items():
         dg = (nodes[name] - leaf["value"].values).reshape(len(nodes[name]), -1)
-        found[name] = (_terms.node_basis(leaf, samples, "clamp") @ dg.T).T
+        found[name] = (_terms.basis(leaf, samples, "clamp") @ dg.T).T
     return found
 
 

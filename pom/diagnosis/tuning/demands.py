@@ -179,7 +179,7 @@ def _of(
     for states in flights:
         samples = flown_conditions(db, own, states)
         count = len(next(iter(samples.values()), (0,)))
-        weights = [_terms.node_basis(leaf, samples, "clamp").toarray() for leaf in own.values()]
+        weights = [_terms.basis(leaf, samples, "clamp").toarray() for leaf in own.values()]
         rows.append(
             np.hstack([np.broadcast_to(part, (count, part.shape[1])) for part in weights])
         )  # a constant has one row

@@ -19,7 +19,7 @@ import flightmech
 from flightmech import terms as _terms
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.simulation.node_values import with_table_values
 from flightmech.units import from_si
 from pom.diagnosis.sampling.draws import InstrumentErrors
@@ -424,7 +424,7 @@ class _Tuner:
 def _place(value: xr.DataArray, size: np.ndarray) -> str:
     """Return the breakpoints of the node that moved most: ``mach 0.2, alpha 4 deg``."""
     at = np.unravel_index(int(size.argmax()), size.shape)
-    units = {axis: lookup_quantity(str(axis)).display_units for axis in value.dims}
+    units = {axis: lookup(str(axis)).display_units for axis in value.dims}
     points = {
         axis: from_si(float(value[axis][k]), units[axis])
         for axis, k in zip(value.dims, at, strict=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.units import FOOT, KNOT
 from pom.judging.measures.control_forces import judge_dead_band
 from pom.judging.signals import WHO, Comparison, crossing_time, event_time, find_event, level_at
@@ -182,9 +182,7 @@ def _span(
 
 
 def _span_remark(gate: Gate, level: float, text: str) -> RowRemark:
-    return RowRemark(
-        "span", text, gate.channel, {"level": level}, lookup_quantity(gate.channel).units
-    )
+    return RowRemark("span", text, gate.channel, {"level": level}, lookup(gate.channel).units)
 
 
 def _never(

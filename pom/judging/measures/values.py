@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.units import DEGREE, from_si
 from pom.judging.signals import WHO, Comparison, Instant, crossing_time, event_time, find_event
 from pom.tolerances.bands import (
@@ -370,7 +370,7 @@ def trend_dead_band(channel: str, time: np.ndarray, flight: np.ndarray) -> float
         if t.size > 2
     ]
     scatter = float(np.median(scatters)) if scatters else 0.0
-    return max(SCATTER * scatter, RESOLVED.get(lookup_quantity(channel).units, 0.0))
+    return max(SCATTER * scatter, RESOLVED.get(lookup(channel).units, 0.0))
 
 
 def _order(departure: np.ndarray) -> str:
@@ -391,5 +391,5 @@ def _correlation(flight: np.ndarray, model: np.ndarray) -> float:
 
 
 def _shown(channel: str, value: float) -> str:
-    unit = lookup_quantity(channel).display_units
+    unit = lookup(channel).display_units
     return f"{from_si(value, unit):+.3g} {unit}"

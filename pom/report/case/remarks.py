@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.units import from_si
 from pom.cases.case import PomCase
 from pom.cases.resolve import LIMIT_UNITS
@@ -323,7 +323,7 @@ def _pilot(result: PomResult, run: str) -> list[str]:
     rows = pilot_activity(result)
     lines = []
     for row in rows[rows["run"] == run].to_dict("records"):
-        unit = lookup_quantity(row["control"]).display_units
+        unit = lookup(row["control"]).display_units
         mean, rms, largest = (from_si(row[key], unit) for key in ("mean", "rms", "largest"))
         lines.append(
             f"pilot  {row['control']}: mean {mean:+.3g}, rms {rms:.3g}, largest "
@@ -338,6 +338,6 @@ def _drift(result: PomResult, run: str) -> str:
     rows = drift(result)
     words = []
     for row in rows[(rows["run"] == run) & rows["channel"].isin(_RATES)].to_dict("records"):
-        unit = lookup_quantity(row["channel"]).display_units
+        unit = lookup(row["channel"]).display_units
         words.append(f"{row['channel']} {from_si(60.0 * row['rate'], unit):+.3g} {unit}/min")
     return f"drift  {', '.join(words)}" if words else ""

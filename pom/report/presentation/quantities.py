@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from flightmech import units
 from flightmech.errors import UnknownName
-from flightmech.names import SIGNS, lookup_quantity
+from flightmech.names import SIGNS, lookup
 from flightmech.support.figures import MINUS
 
 MISSING = "\N{EN DASH}"
@@ -259,7 +259,7 @@ def quantity_label(name: str) -> QuantityLabel:
         if p not in _SILENT
     ]
     try:
-        row = lookup_quantity(stem)
+        row = lookup(stem)
     except UnknownName:
         if stem not in _EXTRA:
             return QuantityLabel(name, name, "", "", "", "", 1.0, 0.0)

@@ -49,7 +49,7 @@ def basis(db, conditions, coefficient="CL"):
     leaves = [leaf for name, leaf in aerodb.terms(db).items() if name.startswith(f"{coefficient}/")]
     size = np.broadcast(*conditions.values()).size
     whole = {name: np.broadcast_to(x, size) for name, x in conditions.items()}
-    return np.hstack([terms.node_basis(leaf, whole, "clamp").toarray() for leaf in leaves])
+    return np.hstack([terms.basis(leaf, whole, "clamp").toarray() for leaf in leaves])
 
 
 def test_stored_covariance_is_that_of_the_linear_gaussian_model(flown):
@@ -234,7 +234,7 @@ def test_factors_and_shifts_are_followed(flown):
     ground = in_ground_effect(leaf, 0.5, -1.0, floor=1.0)
     assert joint_mark(ground) == joint_mark(leaf)
     np.testing.assert_allclose(
-        standard_errors(terms.node_basis(terms.without_multipliers(ground), {"mach": 0.3}), ground),
+        standard_errors(terms.basis(terms.without_multipliers(ground), {"mach": 0.3}), ground),
         0.5 * leaf["stderr"].sel(mach=0.3),
     )
 
@@ -266,7 +266,7 @@ def test_faults_are_reported(flown):
     )
     broken = leaf.assign(prior_error=leaf["prior_error"].drop_attrs())
     with pytest.raises(SchemaError, match="level"):
-        standard_errors(terms.node_basis(broken, {"mach": 0.3, "qhat": 0.001}), broken)
+        standard_errors(terms.basis(broken, {"mach": 0.3, "qhat": 0.001}), broken)
 
 
 @pytest.mark.slow

@@ -85,7 +85,7 @@ def test_the_nodes_are_those_of_the_information_form():
         found.report.loc["CL/basic", list(PARTS)].to_numpy(float),
         prior_parts(prior["CL/basic"], np.ones(3)),
     )
-    B = terms.node_basis(prior["CL/basic"], {"alpha": one["alpha"].values}, "clamp").toarray()
+    B = terms.basis(prior["CL/basic"], {"alpha": one["alpha"].values}, "clamp").toarray()
     information = B.T @ B / (NOISE * found.compatibility.loc["CL", "inflation"]) ** 2
     posterior = np.linalg.inv(np.linalg.inv(P) + information)
     g0 = prior["CL/basic"]["value"].values

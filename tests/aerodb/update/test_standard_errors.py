@@ -13,7 +13,7 @@ def test_a_node_has_its_own_standard_error():
     leaf = terms.make_term(
         [1.0, 2.0, 2.5], {"alpha": np.radians([0.0, 8.0, 12.0])}, stderr=[0.1, 0.2, 0.3]
     )
-    B = terms.node_basis(leaf, {"alpha": leaf["alpha"].values})
+    B = terms.basis(leaf, {"alpha": leaf["alpha"].values})
     np.testing.assert_allclose(standard_errors(B, leaf), [0.1, 0.2, 0.3], rtol=1e-12)
 
 
@@ -23,7 +23,7 @@ def test_between_nodes_their_correlation_counts():
     """
     leaf = terms.make_term([1.0, 1.0], {"alpha": np.radians([0.0, 8.0])}, stderr=0.1)
     correlation = 0.5 + 0.5 * np.exp(-0.5 * (8 / 5) ** 2)
-    B = terms.node_basis(leaf, {"alpha": np.radians([4.0])})
+    B = terms.basis(leaf, {"alpha": np.radians([4.0])})
     np.testing.assert_allclose(
         standard_errors(B, leaf), 0.1 * np.sqrt(0.5 + 0.5 * correlation), rtol=1e-12
     )
@@ -37,7 +37,7 @@ def test_errors_proportional_to_the_value_cancel_where_the_sign_changes():
         stderr=[0.04, 0.02, 0.02, 0.04],
     )
     assert np.allclose(
-        standard_errors(terms.node_basis(leaf, {"delta_t": np.array([0.0])}), leaf), 0.0, atol=1e-6
+        standard_errors(terms.basis(leaf, {"delta_t": np.array([0.0])}), leaf), 0.0, atol=1e-6
     )
 
 
@@ -54,7 +54,7 @@ def test_corners_give_what_the_whole_covariance_gives():
     given = {name: rng.uniform(x[0], x[-1], 40) for name, x in axes.items()} | {
         "qhat": rng.normal(size=40)
     }
-    B = terms.node_basis(leaf, given)
+    B = terms.basis(leaf, given)
     whole = np.sqrt(np.diag(B.toarray() @ prior_covariance(leaf) @ B.toarray().T))
     np.testing.assert_allclose(standard_errors(B, leaf), whole, rtol=1e-10)
 
@@ -62,7 +62,7 @@ def test_corners_give_what_the_whole_covariance_gives():
 def test_many_samples_go_through_in_parts():
     leaf = terms.make_term([1.0, 2.0], {"alpha": [0.0, 0.1]}, stderr=0.1)
     x = np.linspace(0.0, 0.1, 10_001)
-    found = standard_errors(terms.node_basis(leaf, {"alpha": x}), leaf)
+    found = standard_errors(terms.basis(leaf, {"alpha": x}), leaf)
     assert found[0] == pytest.approx(0.1)
     assert found[-1] == pytest.approx(0.1)
     assert (found > 0.08).all()
@@ -83,6 +83,6 @@ def test_a_table_without_errors_and_factors():
     factor = xr.DataArray([0.0, 1.0], {"gear": [0.0, 1.0]}, "gear")
     leaf = terms.make_term(0.3, stderr=0.1, K1=factor)
     np.testing.assert_allclose(
-        standard_errors(terms.node_basis(leaf, {"gear": np.array([0.0, 0.5, 1.0])}), leaf),
+        standard_errors(terms.basis(leaf, {"gear": np.array([0.0, 0.5, 1.0])}), leaf),
         [0.0, 0.05, 0.1],
     )

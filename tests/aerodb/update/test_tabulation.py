@@ -216,9 +216,7 @@ def test_the_posterior_is_that_of_the_information_form():
     new = found["CL/basic"]
     X, B = (
         fit.design.values,
-        terms.node_basis(
-            leaves["CL/basic"], {"alpha": fit.data["alpha"].values}, "clamp"
-        ).toarray(),
+        terms.basis(leaves["CL/basic"], {"alpha": fit.data["alpha"].values}, "clamp").toarray(),
     )
     H, C = (
         np.linalg.lstsq(X, B, rcond=None)[0],
@@ -479,7 +477,7 @@ def drawn_fits(leaves, truth, rng, bias):
         X = np.stack([np.ones(40), alpha], axis=1)
         data = xr.Dataset({"alpha": ("sample", alpha), "mach": ("sample", np.full(40, 0.3))})
         C = np.linalg.inv(X.T @ X) * 0.01**2
-        B = terms.node_basis(leaves["CL/basic"], {"alpha": alpha}, "clamp").toarray()
+        B = terms.basis(leaves["CL/basic"], {"alpha": alpha}, "clamp").toarray()
         theta = (
             np.linalg.lstsq(X, B @ truth, rcond=None)[0]
             + np.linalg.cholesky(C) @ rng.normal(size=2)

@@ -10,7 +10,7 @@ import xarray as xr
 
 import flightmech
 from flightmech.errors import SchemaError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.simulation.kernel import (
     FIXED,
     INPUT,
@@ -136,9 +136,7 @@ def test_names_follow_the_vocabulary_and_units_parse():
                 assert row.description, row
     for name in sim.outputs:
         if "." not in name and name != "out_of_range":
-            assert {row.name: row.units for row in sim.entries(OUTPUT)}[name] == lookup_quantity(
-                name
-            ).units
+            assert {row.name: row.units for row in sim.entries(OUTPUT)}[name] == lookup(name).units
 
 
 def test_flags_and_ranges():
@@ -165,7 +163,7 @@ def test_engine_leaf_may_not_depend_on_what_it_makes():
 
 def test_every_vocabulary_variable_of_the_kernel_is_known():
     for name in computable_names(VARIABLE):
-        assert name.group or lookup_quantity(name.pattern)
+        assert name.group or lookup(name.pattern)
 
 
 def test_provenance_travels_in_the_block():

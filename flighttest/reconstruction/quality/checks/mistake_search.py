@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND_FORCE
 from flighttest.reconstruction.quality.checks.relations import (
     RELATIONS,
@@ -121,7 +121,7 @@ def plausible_range(name: str) -> tuple[float, float] | None:
 
 def units_mistaken(name: str) -> tuple[tuple[str, str, float], ...]:
     """Return what a channel may be in, what it was taken as, and the factor that corrects it."""
-    return _UNITS.get(lookup_quantity(name).units, ())
+    return _UNITS.get(lookup(name).units, ())
 
 
 _RIGHT, _SURFACE = (-1.6, 1.6), (-1.4, 1.4)
@@ -270,7 +270,7 @@ def _repairs(signals: ResampledChannels, suspects: set[str]) -> Iterator[Repair]
 
 
 def _of_one(name: str) -> Iterator[Repair]:
-    one, units = (name,), lookup_quantity(name).units
+    one, units = (name,), lookup(name).units
     if units not in ("Pa", "K"):
         yield Repair("sign", one, f"{name} has the wrong sign", -1.0)
     if name == "az_imu":

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.units import DEGREE, KNOT
 from flighttest.reconstruction.quality.checks.relations import RelationCheck
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
@@ -328,7 +328,7 @@ def channel_table(record: xr.DataTree) -> pd.DataFrame:
                     "resolution": float(moving.min()) if len(moving) else np.nan,
                     "repeated": float(np.mean(size == 0.0)) if len(size) else np.nan,
                     "missing": int(np.isnan(x).sum()),
-                    "units": lookup_quantity(name).units,
+                    "units": lookup(name).units,
                 }
             )  # fmt: skip
     return pd.DataFrame(table)

@@ -19,7 +19,7 @@ import xarray as xr
 
 from flightmech.air import pressure_altitude
 from flightmech.errors import UnitError
-from flightmech.names import lookup_quantity
+from flightmech.names import lookup
 from flightmech.units import known_unit, parse_unit, to_si
 from flighttest.reconstruction.quality.checks.mistake_search import (
     GAIN,
@@ -228,9 +228,7 @@ def _shared(record: xr.DataTree, signals: ResampledChannels) -> Iterator[tuple[s
                 yield one, other, f"are read from one column, {column.rpartition('/')[2]!r}"
     column_of = {name: column for column, names in users.items() for name in names}
     for one, other in combinations(sorted(set(column_of) & set(signals.values)), 2):
-        same_kind = lookup_quantity(one).units == lookup_quantity(
-            other
-        ).units and not _one_quantity(one, other)
+        same_kind = lookup(one).units == lookup(other).units and not _one_quantity(one, other)
         if (
             same_kind
             and column_of[one] != column_of[other]
@@ -448,7 +446,7 @@ def _column_name(name: str, column: str) -> list[Finding]:
     if name not in _WORDS or _called_after(column, name) != "other":
         return []
     text = (
-        f"{name} ({lookup_quantity(name).long_name}) is read from the column {column!r}, which is "
+        f"{name} ({lookup(name).long_name}) is read from the column {column!r}, which is "
         f"called after another quantity"
     )
     return [
