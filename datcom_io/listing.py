@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from datcom_io.printout.content import ListingMessage, Page, PrintedCase
 from flightmech.errors import ParseError, SchemaError, UnknownName
+from flightmech.support.figures import html_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -238,7 +239,6 @@ class Listing:
 
     def _repr_html_(self) -> str:
         """Return the cases as a table for a notebook."""
-        from flightmech.support.figures import html_table
 
         rows = []
         for case in self.cases:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 
 class Euler(NamedTuple):
@@ -70,7 +71,6 @@ def quaternion_from_matrix(C: ArrayLike) -> np.ndarray:
     """Return the unit quaternion (..., 4), scalar first and not negative, of a rotation (..., 3,
     3).
     """
-    from scipy.spatial.transform import Rotation
 
     C = np.asarray(C, float)
     turned = Rotation.from_matrix(np.swapaxes(C.reshape(-1, 3, 3), 1, 2)).as_quat(canonical=True)
@@ -81,7 +81,6 @@ def matrix_from_quaternion(q: ArrayLike) -> np.ndarray:
     """Return the rotation (..., 3, 3) of a quaternion (..., 4), scalar first; its length does not
     matter.
     """
-    from scipy.spatial.transform import Rotation
 
     q = np.asarray(q, float)
     turned = Rotation.from_quat(np.roll(q.reshape(-1, 4), -1, axis=-1)).as_matrix()

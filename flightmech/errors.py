@@ -7,6 +7,7 @@ at its bound is a result and never an exception.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
 from typing import Any
 
 
@@ -119,7 +120,6 @@ def near_names(name: str, allowed: Iterable[str], count: int = 4, cutoff: float 
     count, cutoff
         Of `difflib.get_close_matches`.
     """
-    from difflib import get_close_matches
 
     allowed = list(allowed)
     head, dot, tail = name.rpartition(".")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from difflib import get_close_matches
 from functools import cache
 
 from flightmech.errors import UnitError
@@ -241,7 +242,6 @@ def parse_unit(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
 
 def _near(word: str) -> str:
     """Return the unit that a word stands for or resembles, or nothing."""
-    from difflib import get_close_matches
 
     if word in _UNCERTAIN:
         return _UNCERTAIN[word]

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from aerodb.store.evaluation import contributions
 from aerodb.store.overview import FREE_AIR, display_text, plain_number
+from aerodb.store.schema import terms
 from flightmech import terms as _terms
 from flightmech.build_up import COEFFICIENTS
 from flightmech.errors import OutOfRange, ParseError, UnknownName
@@ -227,7 +229,6 @@ def fill_missing_devices(
     """Return conditions with the devices that a record lacks at rest, and what was assumed; see
     `read_conditions`.
     """
-    from aerodb.store.schema import terms
 
     needed = {
         (name, v)
@@ -271,7 +272,6 @@ def _summed(
     """Return a coefficient that the record does not hold as the first database with terms of it
     gives it.
     """
-    from aerodb.store.evaluation import contributions
 
     given = {str(variable): conditions[variable] for variable in conditions}
     parts = next(

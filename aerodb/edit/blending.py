@@ -26,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 import xarray as xr
+from scipy.stats import chi2 as chi2_distribution
 
 from aerodb.edit.table_edits import match_names
 from aerodb.store.grids import (
@@ -257,7 +258,6 @@ def _observed(table: xr.Dataset, pair: _Pair) -> _Observed:
 
 
 def _row(pair: _Pair, rule: str) -> tuple[int, float, float, float, str]:
-    from scipy.stats import chi2 as chi2_distribution
 
     seen = _observed(pair.ours, pair)
     r = seen.y - seen.H @ pair.ours["value"].values.ravel()

@@ -8,7 +8,7 @@ counts as zero [LR743] 3.1.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -30,10 +30,8 @@ from aerodb.store.effects import (
     with_added,
 )
 from aerodb.store.schema import SCHEME, make_database
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
 
 _NEAR = (
     5e-4  # moment centres closer than this many chords are the same: rounding of print and drawing

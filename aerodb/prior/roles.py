@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from datcom_io.arrays.conditions import control_surface
 from datcom_io.decks.namelists import COUNTS
+from datcom_io.listing import Case
 from flightmech.errors import SchemaError
-
-if TYPE_CHECKING:
-    from datcom_io.listing import Case
 
 _SPOILERS, _AILERON, _DIFFERENTIAL_TAIL = (1, 2, 3), 4, 5
 # what the program carries from condition to condition and from deflection to deflection: short runs

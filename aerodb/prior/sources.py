@@ -8,17 +8,15 @@ import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 import datcom_io
 from aerodb.prior.prior_errors import STMACH, TSMACH
+from datcom_io.decks.deck import Deck
 from flightmech.errors import AeromatchWarning, SchemaError
-
-if TYPE_CHECKING:
-    from datcom_io.decks.deck import Deck
 
 REFERENCES = ("S", "cbar", "b", "x_cg", "z_cg")
 _WITHOUT_POWER = (

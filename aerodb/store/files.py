@@ -15,9 +15,12 @@ import h5py
 
 from aerodb.store.lean_reading import read_edits, read_leaves
 from aerodb.store.overview import OVERVIEW, SHOWN, STATED, describe_terms
+from aerodb.store.schema import check, terms
 from aerodb.store.seal import read_database_seal
+from aerodb.store.undo_history import edit_rows, history
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import COEFFICIENTS
+from flightmech.support.atomic_write import written_atomically
 from flightmech.support.hdf5_seal import Unbroken, add_seal
 from flightmech.support.input_files import file_kind
 from flightmech.support.netcdf_trees import (
@@ -51,8 +54,6 @@ def save(db: xr.DataTree, path: str | os.PathLike) -> None:
     OSError
         The disk is full, say; the older file stays as it was.
     """
-    from aerodb.store.schema import check
-    from flightmech.support.atomic_write import written_atomically
 
     problems = check(db) + find_unstorable(db)
     problems += [] if problems else _failing_checks(db)
@@ -77,7 +78,6 @@ def open(path: str | os.PathLike) -> xr.DataTree:
     SchemaError
         A netCDF file that is not a database, or one with faults; all of them.
     """
-    from aerodb.store.schema import check
 
     path = Path(path)
     digest = read_database_seal(path).digest
@@ -125,8 +125,6 @@ def read_overview(
         else None
     )
     if leaves is None:
-        from aerodb.store.schema import terms
-
         db = open(path)
         return db.attrs, terms(db)
     return leaves.pop("").attrs, leaves
@@ -146,7 +144,6 @@ def list_edits(path: str | os.PathLike) -> list[tuple]:
     """Return the rows of `aerodb.store.undo_history.history`, of a sealed file without reading its
     tables; errors as `open`.
     """
-    from aerodb.store.undo_history import edit_rows, history
 
     path = Path(path)
     found = read_edits(path) if read_database_seal(path).sealed else None

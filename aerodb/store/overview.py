@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from aerodb.store.schema import terms
+from flightmech import terms as _terms
 from flightmech.names import lookup
 from flightmech.units import from_si
 
@@ -54,7 +56,6 @@ def describe_database(db: xr.DataTree) -> list[dict[str, Any]]:
         ``power`` (factor in words, or empty), ``value`` and ``stderr`` (smallest and largest, or
         None), ``source`` (name to share of the nodes).
     """
-    from aerodb.store.schema import terms
 
     return describe_terms(terms(db))
 
@@ -70,7 +71,6 @@ def summary(db: xr.DataTree) -> str:
     """Return a table of the terms as text: axes with ranges (angles in degrees), regressors,
     values, standard errors, source.
     """
-    from aerodb.store.schema import terms
 
     return overview_text(db.attrs, terms(db))
 
@@ -122,7 +122,6 @@ def _absent(names: list[str]) -> str:
 
 
 def _facts(name: str, leaf: xr.Dataset | StoredGroup) -> dict[str, Any]:
-    from flightmech import terms as _terms
 
     axes = [
         (str(axis), leaf[str(axis)].values)
@@ -156,8 +155,6 @@ def _shares(leaf: xr.Dataset | StoredGroup) -> dict[str, float]:
     if "source" not in leaf:
         return {}
     import numpy as np
-
-    from flightmech import terms as _terms
 
     codes, counts = np.unique(leaf["source"].values, return_counts=True)
     return {

@@ -36,6 +36,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from scipy.linalg import block_diag
 
 from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_terms
 from aerodb.update.correlation import LENGTHS, PARTS, error_kinds, flown_distance, prior_parts
@@ -288,7 +289,6 @@ def _regression(
     """Least squares of the parameters of one stage; the errors of the stages before are among the
     common ones.
     """
-    from scipy.linalg import block_diag
 
     H = np.vstack([o.H for o in observed])
     y = np.concatenate([o.theta for o in observed]) - H @ value

@@ -34,6 +34,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
+from scipy.optimize import nnls
 
 from flightmech.units import DEGREE
 
@@ -236,7 +237,6 @@ def _kind(v: np.ndarray, sd: np.ndarray) -> tuple[float, float]:
     """Variances of an error proportional to the value and of a constant one, in the proportion that
     explains `sd`.
     """
-    from scipy.optimize import nnls
 
     known = sd > 0
     if not known.any():

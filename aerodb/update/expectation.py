@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from scipy.linalg import block_diag
 
 from aerodb.store.schema import terms
 from aerodb.update.correlation import LENGTHS, PARTS, SHARES, prior_parts
@@ -217,6 +218,5 @@ def _aligned(pairs: Sequence[tuple[Any, list[str]]]) -> np.ndarray:
 
 
 def _blocks(blocks: Sequence[np.ndarray]) -> np.ndarray:
-    from scipy.linalg import block_diag
 
     return block_diag(*blocks)

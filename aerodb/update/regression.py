@@ -28,6 +28,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 import xarray as xr
+from scipy.linalg import block_diag
+from scipy.sparse import hstack
 
 from aerodb.store.schema import terms
 from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_controls, unplaced_terms
@@ -193,7 +195,6 @@ def _observe(
     sources: Sequence[str],
     covariance: Covariance,
 ) -> _Seen:
-    from scipy.sparse import hstack
 
     bases = known.bases_at(samples)
     z = samples[known.coefficient].values.astype(float)
@@ -229,7 +230,6 @@ def _moved(bases: Sequence, priors: Sequence[np.ndarray]) -> tuple[np.ndarray, n
     """Return which nodes the samples move, among all, and a factor F of their a-priori covariance F
     F'.
     """
-    from scipy.linalg import block_diag
 
     places, factors, before = [], [], 0
     for B, P in zip(bases, priors):

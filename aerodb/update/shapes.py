@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from scipy.optimize import nnls
 
 from aerodb.update.posterior import joint_covariance
 from flightmech.errors import IdentificationError, UnknownName
@@ -156,7 +157,6 @@ def _rows(leaf: xr.Dataset, demands: Sequence[Shape], at: slice, count: int) -> 
 
 
 def _multipliers(A: np.ndarray, V: np.ndarray, g: np.ndarray, names: Sequence[str]) -> np.ndarray:
-    from scipy.optimize import nnls
 
     K, slack = A @ V @ A.T, A @ g
     size = np.sqrt(np.maximum(np.diag(K), 0.0))

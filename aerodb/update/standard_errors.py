@@ -12,11 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
+from scipy.sparse import csr_array
 
 from aerodb.store.schema import terms
 from aerodb.update.posterior import (
@@ -28,13 +29,9 @@ from aerodb.update.posterior import (
     with_node_values,
 )
 from flightmech import terms as _terms
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
-
-    from flightmech.aircraft.aircraft import Aircraft
-    from flightmech.flying_qualities.evaluation import Characteristics
+from flightmech.flying_qualities.evaluation import Characteristics, characteristics
 
 _LEAST = 10  # draws: a standard deviation of fewer is uncertain by more than a quarter
 _MODE = ("omega_n", "damping_ratio")
@@ -76,7 +73,6 @@ def with_standard_errors(
     """
     if count < _LEAST:
         raise SchemaError("samples", [f"{count} draws; give {_LEAST} or more"])
-    from flightmech.flying_qualities.evaluation import characteristics
 
     values = draw(db, count, seed)
     tables, modes, failures = [], [], []

@@ -46,6 +46,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from scipy.linalg import block_diag
+from scipy.stats import chi2 as chi2_distribution
 
 from aerodb.store.schema import terms
 from aerodb.update.cautions.notices import incompatible_fits
@@ -567,7 +569,6 @@ def point_rows(
 
 def compatibility_row(coefficient: str, count: int, chi2: float, inflation: float) -> pd.DataFrame:
     """Return the row of `Tabulation.compatibility` of a coefficient."""
-    from scipy.stats import chi2 as chi2_distribution
 
     row = {
         "chi2": chi2,
@@ -584,6 +585,5 @@ def _clamped(leaf: xr.Dataset, data: xr.Dataset) -> float:
 
 
 def _block_diagonal(blocks: Sequence[np.ndarray]) -> np.ndarray:
-    from scipy.linalg import block_diag
 
     return block_diag(*blocks)

@@ -5,18 +5,15 @@ numbers ([LR743] 4.5).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+import xarray as xr
 
 from aerodb.store.schema import terms
+from aerodb.update.posterior import factor_of
 from flightmech import terms as _terms
-
-if TYPE_CHECKING:
-    import pandas as pd
-    import xarray as xr
-
-    from flightmech.support.netcdf_trees import StoredGroup
+from flightmech.support.netcdf_trees import StoredGroup
 
 REPLACED, CORRECTED = (
     0.5,
@@ -59,7 +56,6 @@ def decisions(db: xr.DataTree) -> pd.DataFrame:
     Terms that no fit informs have no decision of their own: the a-priori ones are kept, empty ones
     deleted.  `aerodb.delete_terms` deletes.
     """
-    import pandas as pd
 
     return pd.DataFrame.from_dict(
         decision_rows(terms(db)), orient="index", columns=["decision", "reason"]
@@ -130,7 +126,6 @@ def _partner(
     """
     if "posterior_factor" not in after[name]:
         return []
-    from aerodb.update.posterior import factor_of
 
     rows = {}
     for term, leaf in after.items():

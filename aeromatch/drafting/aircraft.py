@@ -16,6 +16,7 @@ import xarray as xr
 
 from aerodb.prior.roles import CaseRole, assign_roles
 from aeromatch.project.editing import schema_lines
+from datcom_io.arrays.conditions import control_surface
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.deck_file import read_deck
 from datcom_io.reading.reader import read
@@ -254,7 +255,6 @@ def _flap(decks: Sequence[Deck]) -> float | None:
 
 
 def _on_tail(deck: Deck) -> bool:
-    from datcom_io.arrays.conditions import control_surface
 
     return "SYMFLP" in deck.namelists and control_surface(deck) == "tail"
 

@@ -4,6 +4,7 @@ mistakes that its check finds.
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -609,6 +610,5 @@ def _fact(key: str, item: Any) -> str:
 
 
 def _text(item: str) -> str:
-    import json
 
     return json.dumps(item, ensure_ascii=False)

@@ -11,15 +11,27 @@ from pathlib import Path
 from typing import Any
 
 import click
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
 
+from aeromatch.project.project import project_schema, read_project
+from flightmech.aircraft.aircraft import aircraft_schema as without_instruments
+from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.errors import ParseError, SchemaError, UnknownName
+from flightmech.support.atomic_write import write_text, written_atomically
 from flightmech.support.console import InputFile, NewFile, json_option, print_json
+from flightmech.support.input_files import file_kind, read_toml
+from flightmech.support.toml_models import part_schema, schema_text
+from flighttest.records.readers.name_map import read_names
+from flighttest.records.readers.name_map_file import name_map_schema
+from flighttest.records.sensors.instruments import Instrument
+from flighttest.submodels.engine.tables import structure_schema
+from pom.cases.case import read_case
+from pom.cases.case_file import case_schema
 
 
 def schema_with_instruments() -> dict[str, Any]:
     """Return the JSON schema of aircraft files, with that of their instruments."""
-    from flightmech.aircraft.aircraft import aircraft_schema as without_instruments
-    from flightmech.support.toml_models import part_schema
-    from flighttest.records.sensors.instruments import Instrument
 
     schema = without_instruments()
     schema["$defs"]["Instrument"] = part_schema(Instrument)
@@ -28,25 +40,21 @@ def schema_with_instruments() -> dict[str, Any]:
 
 
 def _names() -> dict[str, Any]:
-    from flighttest.records.readers.name_map_file import name_map_schema
 
     return name_map_schema()
 
 
 def _project() -> dict[str, Any]:
-    from aeromatch.project.project import project_schema
 
     return project_schema()
 
 
 def _engine() -> dict[str, Any]:
-    from flighttest.submodels.engine.tables import structure_schema
 
     return structure_schema()
 
 
 def _case() -> dict[str, Any]:
-    from pom.cases.case_file import case_schema
 
     return case_schema()
 
@@ -87,8 +95,6 @@ def schema(kind: str | None, output: Path | None, as_json: bool) -> None:
 
     The first line of a file names its schema: #:schema aircraft.schema.json
     """
-    from flightmech.support.atomic_write import write_text
-    from flightmech.support.toml_models import schema_text
 
     if kind:
         files = {output or Path(f"{kind}.schema.json"): kind}
@@ -108,25 +114,21 @@ _KEY = re.compile(r'"([^"]+)"|([^."]+)')
 
 
 def _demand_project(path: Path) -> None:
-    from aeromatch.project.project import read_project
 
     read_project(path)
 
 
 def _demand_aircraft(path: Path) -> None:
-    from flightmech.aircraft.aircraft import read_aircraft
 
     read_aircraft(path)
 
 
 def _demand_case(path: Path) -> None:
-    from pom.cases.case import read_case
 
     read_case(path)
 
 
 def _demand_names(path: Path) -> None:
-    from flighttest.records.readers.name_map import read_names
 
     read_names(path)
 
@@ -191,8 +193,6 @@ def write_trial(path: str | Path, output: str | Path, changes: Sequence[tuple[st
     SchemaError
         No case file, no such place, or the copy has problems; it is not written.
     """
-    from flightmech.errors import SchemaError
-    from flightmech.support.input_files import file_kind
 
     path, output = Path(path), Path(output)
     if not file_kind(path).startswith("a case file"):
@@ -228,9 +228,6 @@ def _rebase(table: Any, key: str, path: Path, output: Path) -> None:
 
 def _content(path: Path) -> Any:
     """Return the content of a file with its comments."""
-    import tomlkit
-
-    from flightmech.support.input_files import read_toml
 
     read_toml(path)  # limits and errors of a user's text
     return tomlkit.parse(path.read_text(encoding="utf-8-sig"))
@@ -238,9 +235,6 @@ def _content(path: Path) -> Any:
 
 def _changed(content: Any, path: Path, key: str, value: str | None) -> Any:
     """Put a value at its place, and return it."""
-    import tomlkit
-
-    from flightmech.errors import SchemaError
 
     places = [quoted or plain for quoted, plain in _KEY.findall(key)]
     if not places:
@@ -295,11 +289,6 @@ def _as_written(content: Any, places: list[str]) -> list[str]:
 
 def _write(content: Any, path: Path, output: Path) -> None:
     """Write the content of a changed file of the kind of `path`, when it reads well."""
-    import tomlkit
-
-    from flightmech.errors import SchemaError
-    from flightmech.support.atomic_write import written_atomically
-    from flightmech.support.input_files import file_kind
 
     kind = next((kind for kind in _READERS if file_kind(path).startswith(kind)), "")
     demand, text = _READERS.get(kind, _demand_names), tomlkit.dumps(content)
@@ -320,7 +309,6 @@ def _demand_sound(demand: Callable[[Path], None], part: Path, path: Path) -> Non
     """Read the new file where it stands, next to the old one; its problems carry the name of the
     file.
     """
-    from flightmech.errors import ParseError, SchemaError
 
     try:
         demand(part)
@@ -333,7 +321,6 @@ def _demand_sound(demand: Callable[[Path], None], part: Path, path: Path) -> Non
 
 
 def _inside(item: Any, place: str, path: Path, shown: str, create: Callable[[], Any] | None) -> Any:
-    from flightmech.errors import SchemaError, UnknownName
 
     if isinstance(item, list):
         if place.isdigit() and int(place) < len(item):
@@ -349,7 +336,6 @@ def _inside(item: Any, place: str, path: Path, shown: str, create: Callable[[], 
 
 
 def _put(item: Any, place: str, new: Any, path: Path, key: str) -> None:
-    from flightmech.errors import SchemaError
 
     if isinstance(item, list):
         if place == "+":
@@ -367,7 +353,6 @@ def _put(item: Any, place: str, new: Any, path: Path, key: str) -> None:
 
 
 def _remove(item: Any, place: str, path: Path, key: str) -> None:
-    from flightmech.errors import SchemaError, UnknownName
 
     if isinstance(item, list) and place.isdigit() and int(place) < len(item):
         del item[int(place)]
@@ -382,8 +367,6 @@ def _remove(item: Any, place: str, path: Path, key: str) -> None:
 
 def _parsed(value: str) -> Any:
     """Return a value as TOML has it, else the text itself."""
-    import tomlkit
-    from tomlkit.exceptions import TOMLKitError
 
     try:
         found = tomlkit.value(value)
@@ -394,7 +377,6 @@ def _parsed(value: str) -> Any:
 
 def _in_lines(new: Any) -> Any:
     """Return a table line by line, as one of [[fit]] or [terms.X] is written; all else as it is."""
-    import tomlkit
 
     if not isinstance(new, tomlkit.items.InlineTable):
         return new
@@ -408,7 +390,6 @@ def _filled(old: Any, new: Any) -> Any:
     """Return a table with a heading that holds what the new one does, with its comments; all else
     than two tables: the new one.
     """
-    import tomlkit
 
     if not (isinstance(old, tomlkit.items.Table) and isinstance(new, tomlkit.items.InlineTable)):
         return new
@@ -423,7 +404,6 @@ def _has_heading(item: Any, place: str) -> bool:
     """Whether what stands at a place of a table is a table with a heading of its own, such as
     [terms.X].
     """
-    import tomlkit
 
     if not isinstance(item.get(place), tomlkit.items.Table):
         return False

@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import tomlkit
 import xarray as xr
 from pydantic import Field, model_validator
+from scipy.signal import welch
 
 import aerodb
 import flighttest
@@ -316,7 +318,6 @@ def make_fit_entries(opened: OpenProject, wanted: FitRequest, name: str) -> list
     """Return the entries of `show_fit_entries`; windows that are not all manoeuvres of some kinds are written
     in seconds.
     """
-    import tomlkit
 
     model = str(flighttest.RegressionModel.parse(wanted.model))
     groups: dict[tuple[str, tuple[Any, ...]], list[str]] = {}
@@ -397,7 +398,6 @@ def power_spectral_densities(found: flighttest.Fit) -> dict[str, Any]:
     ----------
     .. [Welch1967] Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE Trans. Audio AU-15, 1967.
     """
-    from scipy.signal import welch
 
     stretches = _stretches(found)
     step = float(np.median([interval for _, interval in stretches]))

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from joblib import Parallel, delayed
 
 import flighttest
 from aeromatch.project.project import Project
@@ -226,7 +227,6 @@ def identified_controls(
     Driven manoeuvres that are whole records are taken without the free ones.  Controls are shared
     out to `jobs` threads.
     """
-    from joblib import Parallel, delayed
 
     calls, moved = [], {}
     for item, asked in project.controls.items():

@@ -55,6 +55,8 @@ from flightmech.aircraft.engine import DeckFiles, Engine, EngineTable, engine_of
 from flightmech.aircraft.fuel import Fuel, FuelSection, fuel_of
 from flightmech.aircraft.landing_gear import GearTable, LandingGear, gear_of
 from flightmech.errors import SchemaError, UnitError
+from flightmech.names import lookup
+from flightmech.support.figures import html_table
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import (
     Strict,
@@ -138,7 +140,6 @@ class Aircraft:
 
     def _repr_html_(self) -> str:
         """Return geometry, mass and what the aircraft has, as a table for a notebook."""
-        from flightmech.support.figures import html_table
 
         units = {"S": "m2", "cbar": "m", "b": "m", "mass": "kg"} | dict.fromkeys(
             ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg m2"
@@ -393,7 +394,6 @@ def _with_gearing(item: Any, units: str) -> Any:
 
 
 def _range(name: str, item: Any) -> tuple[float, float]:
-    from flightmech.names import lookup
 
     if name not in CONTROLS and not re.match(_DEVICES, name):
         raise ValueError(

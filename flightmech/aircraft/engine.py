@@ -26,8 +26,11 @@ import numpy as np
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownName
+from flightmech.names import lookup
 from flightmech.support.hdf5_seal import demand_self_contained
+from flightmech.support.netcdf_trees import read_netcdf_tree
 from flightmech.support.toml_models import Strict, make_si_type
+from flightmech.terms import check_term, make_term
 from flightmech.units import parse_quantity
 
 if TYPE_CHECKING:
@@ -250,7 +253,6 @@ def deck_of(item: DeckTable, files: DeckFiles) -> EngineDeck:
     SchemaError
         With all problems of its tables.
     """
-    from flightmech.terms import make_term
 
     tables: dict[str, xr.Dataset] = {}
     problems: list[str] = []
@@ -285,8 +287,6 @@ def leaf_from_toml(item: Any, units: str) -> xr.Dataset:
         SI unit of the value; with regressors it is a bare number in units over those of the
         regressors.
     """
-    from flightmech.names import lookup
-    from flightmech.terms import make_term
 
     if not isinstance(item, Mapping):
         return make_term(parse_quantity(item, units))
@@ -320,8 +320,6 @@ def open_tables(path: Path) -> dict[str, xr.Dataset]:
     OSError
         The file is not there or no netCDF.
     """
-    from flightmech.support.netcdf_trees import read_netcdf_tree
-    from flightmech.terms import check_term
 
     demand_self_contained(path)
     tree, problems = read_netcdf_tree(path)
@@ -522,8 +520,6 @@ def _thrust_table(table: Mapping[str, Any]) -> xr.Dataset:
 
 def _thrust_file(path: Path) -> xr.Dataset:
     import xarray as xr
-
-    from flightmech.terms import check_term
 
     demand_self_contained(path)
     with xr.open_dataset(path, engine="h5netcdf") as dataset:

@@ -33,6 +33,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from flightmech.aircraft.engine import open_tables
 from flightmech.errors import SchemaError
 from flightmech.support.toml_models import Strict, make_si_type
+from flightmech.terms import make_term
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -107,7 +108,6 @@ def tank_tables(tanks: Sequence[Tank]) -> dict[str, xr.Dataset]:
         `MOMENTS` and `INERTIAS`; exact, because the content of each tank is piecewise linear in the
         fuel on board.
     """
-    from flightmech.terms import make_term
 
     orders = sorted(
         {tank.order for tank in tanks}, reverse=True

@@ -34,6 +34,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flightmech.errors import SchemaError, UnitError
 from flightmech.support.toml_models import Strict, make_si_type
+from flightmech.terms import make_term
 from flightmech.units import KNOT, parse_quantity, to_si
 
 if TYPE_CHECKING:
@@ -512,7 +513,6 @@ def _contact(item: ContactTable, problems: list[str]) -> Contact:
 
 
 def _strut_table(table: Mapping[str, Any]) -> xr.Dataset:
-    from flightmech.terms import make_term
 
     if set(table) != {"compression", "value"}:
         raise ValueError(

@@ -7,12 +7,13 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from ctypes import POINTER, byref, c_double, c_int, c_size_t
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError, SimulationError
+from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import OUTPUT, Simulation, load_kernel
 from flightmech.simulation.run import (
     check_hold,
@@ -22,9 +23,6 @@ from flightmech.simulation.run import (
     read_inputs,
     read_time,
 )
-
-if TYPE_CHECKING:
-    from flightmech.simulation.compiler import SimModel
 
 _TEXT = 200  # AM_TEXT of kernel.h
 # samples of all runs, 2 to 10 ms of work, below which threads of their own cost more than they save

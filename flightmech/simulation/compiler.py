@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flightmech.aircraft.aircraft import Aircraft, reference_in
+from flightmech.aircraft.aircraft import Aircraft, read_aircraft, reference_in
 from flightmech.build_up import COEFFICIENTS, evaluation_levels, term_level, used_coefficients
 from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.names import lookup
@@ -35,7 +35,7 @@ from flightmech.simulation.model_block import FORCES, MOMENTS, Packer, Term, lis
 from flightmech.simulation.submodels.devices import with_devices
 from flightmech.support.hdf5_seal import demand_self_contained, read_if_sealed
 from flightmech.support.input_files import file_kind
-from flightmech.support.netcdf_trees import GROUPS
+from flightmech.support.netcdf_trees import GROUPS, read_netcdf_tree
 from flightmech.terms import (
     SOURCES,
     check_term,
@@ -405,7 +405,6 @@ def _sources(leaf: xr.Dataset) -> str:
 
 def compile_files(aircraft: str, database: str) -> SimModel:
     """Return the model of an aircraft file (TOML) and a database file (netCDF)."""
-    from flightmech.aircraft.aircraft import read_aircraft
 
     compile_model = compile
 
@@ -416,7 +415,6 @@ def _open(database: str) -> xr.DataTree:
     """Return the tree of a database file; `aerodb`, which writes it, stands to the right of this
     package.
     """
-    from flightmech.support.netcdf_trees import read_netcdf_tree
 
     demand_self_contained(database)
     read_if_sealed(Path(database), "a database; build or copy it again")

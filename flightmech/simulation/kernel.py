@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import platform
 import weakref
 from collections.abc import Iterator, Sequence
 from ctypes import POINTER, byref, c_char_p, c_double, c_int, c_longlong, c_size_t, c_void_p
@@ -146,7 +147,6 @@ def load_kernel() -> ctypes.CDLL:
 
 
 def _platform() -> str:
-    import platform
 
     machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(
         platform.machine().lower(), platform.machine().lower()

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import lookup
+from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import AXIS, INPUT, OUTPUT, PARAMETER, CatalogueEntry, Simulation
-
-if TYPE_CHECKING:
-    from flightmech.simulation.compiler import SimModel
 
 
 def simulate(

@@ -18,21 +18,19 @@ where it jumps, the mean of both sides comes out and attribute ``kinks`` states 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import quantity_attributes
+from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import OUTPUT, PARAMETER, STATE, Simulation
 from flightmech.simulation.run import constant_inputs, initialise_run
 from flightmech.steady_flight.trim_request import DRIVES, RIGID
 from flightmech.steady_flight.trim_search import default_trim_mode
 from flightmech.units import G0
-
-if TYPE_CHECKING:
-    from flightmech.simulation.compiler import SimModel
 
 LONGITUDINAL = ("V", "alpha", "q", "theta", "h")
 LATERAL = ("beta", "p", "r", "phi", "psi")

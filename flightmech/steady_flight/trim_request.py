@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from flightmech.aircraft.controls import MOVES
 from flightmech.errors import SchemaError, UnknownName
+from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import INPUT, PARAMETER, STATE, CatalogueEntry
 from flightmech.units import G0
-
-if TYPE_CHECKING:
-    from flightmech.simulation.compiler import SimModel
 
 ACCELERATIONS = ("u_dot", "v_dot", "w_dot", "p_dot", "q_dot", "r_dot")
 CLIMB = "hddot"  # acceleration upward: no output, but the kernel knows it

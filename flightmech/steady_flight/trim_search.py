@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError
+from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, STATE, Simulation
 from flightmech.simulation.run import constant_inputs, initialise_run, output_attributes
 from flightmech.steady_flight.trim_request import CLIMB, ON_GROUND, Request, make_trim_request
-
-if TYPE_CHECKING:
-    from flightmech.simulation.compiler import SimModel
 
 # remainder of a residual that counts as zero [m s-2]: 0.001 ft/s2, as the trim of JSBSim (FGTrim)
 # has it

@@ -7,13 +7,18 @@ destination removes it.
 
 from __future__ import annotations
 
+import ctypes
 import errno
+import hashlib
 import os
 import re
 import shutil
+import socket
 import stat
+import sys
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
@@ -45,7 +50,6 @@ def find_leftovers(folder: Path, prefix: str, ending: str = "part") -> Iterator[
 
 def remove_leftovers(folder: Path, prefix: str, ending: str = "part") -> None:
     """Remove files and folders that processes that have ended left; what cannot be removed stays."""
-    import shutil
 
     for path in find_leftovers(folder, prefix, ending):
         if path.is_dir() and not path.is_symlink():
@@ -77,8 +81,6 @@ def _runs(process: int) -> bool:
 
 @cache
 def _machine() -> str:
-    import hashlib
-    import socket
 
     space = ""
     with suppress(OSError):
@@ -244,7 +246,6 @@ def folder_written_atomically(
     Linux exchanges the two in one step.  Elsewhere the older one is first set aside under a name that ends in ``.old.part``; a process
     that is killed between the two steps leaves no folder at all, and the next writing puts the complete new one in its place first.
     """
-    from concurrent.futures import ThreadPoolExecutor
 
     path = resolve_folder(path)
     part = _temporary(path)
@@ -410,8 +411,6 @@ def _on_disk(path: Path) -> None:
 
 def _exchanged(one: Path, other: Path) -> bool:
     """Exchange two names in one step; False where the system or the file system cannot."""
-    import ctypes
-    import sys
 
     if sys.platform != "linux":
         return False

@@ -6,8 +6,11 @@ from __future__ import annotations
 
 import gc
 import importlib
+import json
 import math
 import os
+import shlex
+import shutil
 import sys
 import time
 import warnings
@@ -19,6 +22,7 @@ from typing import Any
 import click
 
 from flightmech.errors import near_names
+from flightmech.support.atomic_write import resolve_file, resolve_folder
 
 json_option = click.option(
     "--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else."
@@ -125,7 +129,6 @@ class NewFile(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the name when its folder is there, and no file that is read-only."""
-        from flightmech.support.atomic_write import resolve_file
 
         found = super().convert(value, param, ctx)
         folder = Path(os.fsdecode(found)).parent
@@ -148,7 +151,6 @@ class NewFolder(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the name when nothing stands in the way."""
-        from flightmech.support.atomic_write import resolve_folder
 
         found = Path(os.fsdecode(super().convert(value, param, ctx)))
         try:
@@ -163,7 +165,6 @@ def command_line(without: Collection[str] = ()) -> str:
     """Return the command as it was given, for a report to state how it was made; `without` flags
     that change nothing in it.
     """
-    import shlex
 
     return shlex.join(["aeromatch", *(word for word in sys.argv[1:] if word not in without)])
 
@@ -214,7 +215,6 @@ def to_json_types(item: Any) -> Any:
 
 def print_json(item: Any) -> None:
     """Print one JSON document."""
-    import json
 
     click.echo(json.dumps(to_json_types(item), indent=2, ensure_ascii=False))
 
@@ -272,7 +272,6 @@ def _plain_lines(
 
 def _width() -> int:
     """Return how many columns the terminal has."""
-    import shutil
 
     return shutil.get_terminal_size().columns
 

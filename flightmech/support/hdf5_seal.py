@@ -14,6 +14,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator
+from hashlib import sha256
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
@@ -78,7 +79,6 @@ def write_seal(path: Path, rules: str, overview: Any) -> None:
 
 
 def _sha256(content: bytes = b"") -> _Hash:
-    from hashlib import sha256  # OpenSSL, which most readings need not load
 
     return sha256(content)
 

@@ -8,6 +8,8 @@ import io
 import json
 import os
 import re
+import tomllib
+import zipfile
 from collections.abc import Iterable, Mapping
 from itertools import groupby
 from pathlib import Path
@@ -215,7 +217,6 @@ def toml_content(text: str) -> dict[str, Any]:
         `MOST_CHARACTERS`, `MOST_DEPTH` or the 64 bits that TOML gives an integer, and control
         characters, which reach terminals and XML.
     """
-    import tomllib
 
     if len(text) > MOST_CHARACTERS:
         raise ValueError(f"{len(text)} characters, at most {MOST_CHARACTERS} are read")
@@ -365,7 +366,6 @@ def packed_kind(path: str | os.PathLike[str], head: bytes) -> str:
 
 
 def _zip_kind(path: str | os.PathLike[str]) -> str:
-    import zipfile
 
     try:
         with zipfile.ZipFile(path) as archive:

@@ -28,6 +28,7 @@ from typing import (
 )
 from typing import get_type_hints as _hints
 
+from flightmech.support.toml_models import model_of, validate_content
 from flightmech.support.toml_quantities import Above, InUnits
 
 P = TypeVar("P", bound="Plain")
@@ -83,8 +84,6 @@ class Plain:
             kinds = _kinds(type(self))
             found |= {name: _fitted(item, kinds[name]) for name, item in given.items()}
         except _OtherKind:
-            from flightmech.support.toml_models import model_of
-
             found = dict(model_of(type(self)).model_validate(given))
         self.__dict__.update(found)
         self.check()
@@ -133,8 +132,6 @@ def read_plain_table(kind: type[P], content: Mapping[str, Any], what: str) -> P:
     try:
         return kind(**content)
     except (TypeError, ValueError):  # a key that is unknown or missing; a value
-        from flightmech.support.toml_models import model_of, validate_content
-
         return kind(**dict(validate_content(model_of(kind), dict(content), what)))
 
 

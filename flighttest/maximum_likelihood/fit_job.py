@@ -7,14 +7,16 @@ import re
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+import aerodb
+from aerodb.store.schema import terms
 from flightmech.errors import UnknownName
 from flightmech.names import COEFFICIENTS, lookup
-from flightmech.simulation.compiler import compile_files
+from flightmech.simulation.compiler import SimModel, compile_files
 from flightmech.support.console import command_line, to_json_types
 from flightmech.units import from_si
 from flighttest.maximum_likelihood.result import OutputError
@@ -25,9 +27,6 @@ from flighttest.reconstruction.dynamics.saved_paths import open_states
 from flighttest.reconstruction.quality.assessment import report_faults
 from flighttest.reconstruction.quality.page import draw_time_chart, read_style_sheet, template_of
 from flighttest.remarks import Remark, remark_lines, remarks_to_json
-
-if TYPE_CHECKING:
-    from flightmech.simulation.compiler import SimModel
 
 _PART = re.compile(r"^(term|table|offset|node)\.(\w+)\.(\w+)(?:\[([\d,\s]+)\])?$")
 _ORDER = (
@@ -67,8 +66,6 @@ def updated_database(db: xr.DataTree, fit: OutputError) -> tuple[xr.DataTree, li
     UnknownName
         A term that the database does not have.
     """
-    import aerodb
-    from aerodb.store.schema import terms
 
     known, e = terms(db), fit.estimates
     errors = {
@@ -253,7 +250,6 @@ class FitJobResult:
         """Write the database with the estimates in it; return the parameters that have no place
         there.
         """
-        import aerodb
 
         db, left = updated_database(aerodb.open(self.specification.database), self.fit)
         aerodb.save(db, path)

@@ -28,19 +28,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
+from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, Simulation
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.units import parse_quantity
 from flighttest.maximum_likelihood.search import Unknown
-
-if TYPE_CHECKING:
-    from flightmech.simulation.compiler import SimModel
 
 _Number = float | str
 _AS_RECORDED = "init"

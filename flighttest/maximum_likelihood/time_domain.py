@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.simulation.batch import fly_batch
+from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.run import read_inputs
 from flighttest.maximum_likelihood.residual_covariance import (
     coloured_likelihood_covariance,
@@ -19,9 +19,6 @@ from flighttest.maximum_likelihood.residual_covariance import (
 )
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
 from flighttest.maximum_likelihood.search import Likelihood, Wanted, lay_out, maximise_likelihood
-
-if TYPE_CHECKING:
-    from flightmech.simulation.compiler import SimModel
 
 Fly = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 

@@ -15,18 +15,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path as File
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+from scipy.stats import chi2
 
 from flightmech.support.figures import write_figure
 from flighttest.reconstruction.path_quantities import compatibility_figure
+from flighttest.reconstruction.smoother import FlightPath
 from flighttest.regression.uncertainty.significance import theil
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from flighttest.reconstruction.smoother import FlightPath
 
 LAGS = 20  # of the Ljung-Box test
 
@@ -41,7 +38,6 @@ def compatibility_table(path: FlightPath) -> pd.DataFrame:
         corrected), ``theil`` (inequality coefficient of the corrected signal), ``ljung_box`` (p
         value of 20 lags of the residual; small when it is not white), ``verdict``.
     """
-    import pandas as pd
 
     rows = []
     for name, row in path.fit.iterrows():
@@ -89,7 +85,6 @@ def ljung_box(rest: np.ndarray, lags: int = LAGS) -> float:
     ----------
     .. [LjungBox] Ljung, Box, Biometrika 65, 1978.
     """
-    from scipy.stats import chi2
 
     N = len(rest)
     spread = rest - rest.mean()

@@ -9,23 +9,27 @@ import pathlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import h5py
 import numpy as np
 import xarray as xr
 
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError, ParseError, SchemaError
 from flightmech.support.hdf5_seal import demand_self_contained
 from flightmech.support.kept_stages.stages import Kept, Stages
+from flighttest.reconstruction.problem.assembly import Setup
 from flighttest.reconstruction.problem.problem import PER_RUN, invert_covariance
+from flighttest.reconstruction.problem.trajectory import Solution
+from flighttest.reconstruction.smoother import (
+    FlightPath,
+    path_of_solution,
+    refine_path,
+    solve_record,
+)
 from flighttest.records.files import write_groups
 from flighttest.records.stored_groups import plain_group
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
-    from flighttest.reconstruction.problem.assembly import Setup
-    from flighttest.reconstruction.problem.trajectory import Solution
-    from flighttest.reconstruction.smoother import FlightPath
 
 
 def combine_biases(paths: Sequence[Any]) -> xr.Dataset:
@@ -255,7 +259,6 @@ def _alone(record: xr.DataTree, aircraft: Aircraft, rate: float) -> tuple[Setup,
     """Return what `solve` finds, without the equations: they are many times as large and stay in
     their process.
     """
-    from flighttest.reconstruction.smoother import solve_record
 
     setup, solution = solve_record(record, aircraft, None, None, rate)
     return setup, replace(solution, equations=None)
@@ -280,7 +283,6 @@ def _refined(
     """Return the path of a run with what the others state about the instruments; of the only run as
     it was solved alone.
     """
-    from flighttest.reconstruction.smoother import path_of_solution, refine_path
 
     return (
         path_of_solution(record, aircraft, setup, solution)
@@ -365,7 +367,6 @@ def open_biases(path: str | os.PathLike[str]) -> xr.Dataset:
     ParseError
         Not such a file.
     """
-    import h5py
 
     demand_self_contained(path)
     try:

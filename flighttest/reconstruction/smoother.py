@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from flightmech.air import GAMMA, R_AIR, RHO_SEA
@@ -385,7 +386,6 @@ def path_of_solution(
     record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solution
 ) -> FlightPath:
     """Return the Path of a solution."""
-    import pandas as pd
 
     found = setup.biases(solution)
     states = solution_states(record, aircraft, setup, solution)

@@ -4,19 +4,15 @@ the path will have.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import xarray as xr
 
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.names import quantity_attributes
 from flighttest.reconstruction.path_quantities import path_columns
 from flighttest.reconstruction.problem.assembly import assemble_problem
 from flighttest.records.sensors.instruments import instruments_of
 from flighttest.records.sensors.measurements import order_windows
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
 
 
 def start_states(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) -> xr.Dataset:

@@ -20,6 +20,8 @@ from flightmech.support.hdf5_seal import write_seal
 from flightmech.support.input_files import json_content
 from flighttest.records.readers.clocks import Clocks, Settled
 from flighttest.records.readers.columns import clear_unit
+from flighttest.records.readers.formats.chapter10.packets import index_packets
+from flighttest.records.readers.formats.chapter10.tables import chapter10_channels
 from flighttest.records.readers.name_map import NameMap, read_names
 from flighttest.records.readers.opening import FORMATS, open_recording, recognise_recording
 from flighttest.records.readers.recording import Recording
@@ -73,9 +75,6 @@ def contents(path: str | Path, names: str | Path | NameMap | None = None) -> dic
         "left_out": [],
     }
     if kind == "chapter10":
-        from flighttest.records.readers.formats.chapter10.packets import index_packets
-        from flighttest.records.readers.formats.chapter10.tables import chapter10_channels
-
         file = index_packets(path)
         found.update(channels=chapter10_channels(file), notes=list(file.notes))
         if not mapping.decode:

@@ -9,13 +9,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import h5py
 import numpy as np
 import xarray as xr
-
-if TYPE_CHECKING:
-    import h5py
+from h5py import (
+    Dataset,
+    check_string_dtype,
+    h5,
+    h5a,
+    h5d,
+    h5ds,
+    h5g,
+    h5o,
+    h5p,
+    h5s,
+    h5t,
+    string_dtype,
+)
 
 # of HDF5 and of netCDF-4, which say how dimensions are kept
 _KEPT = {
@@ -62,7 +74,6 @@ def plain_group(group: h5py.Group, described: bool = True) -> xr.Dataset | None:
         (packed numbers, dates, missing values other than NaN), holds other types than numbers and
         text, or names its dimensions elsewhere.
     """
-    from h5py import h5d, h5ds, h5g, h5o
 
     items = {name: h5o.open(group.id, name.encode()) for name in group}
     items = {name: item for name, item in items.items() if not isinstance(item, h5g.GroupID)}
@@ -90,7 +101,6 @@ def plain_group(group: h5py.Group, described: bool = True) -> xr.Dataset | None:
 
 def _names(item: h5py.h5d.DatasetID | h5py.h5g.GroupID) -> list[bytes]:
     """Return the names of all attributes, in the order of their creation where the file holds it."""
-    from h5py import h5, h5a, h5p
 
     found: list[bytes] = []
     ordered = item.get_create_plist().get_attr_creation_order() & h5p.CRT_ORDER_TRACKED
@@ -106,7 +116,6 @@ def _dimensions(
     name: str, item: h5py.h5d.DatasetID, scales: Mapping[int, str], scale: bool, given: list[bytes]
 ) -> tuple[str, ...] | None:
     """Return the names of the dimensions; None when a scale is missing or of another group."""
-    from h5py import h5ds, h5o
 
     if scale:
         return (name,) if item.rank == 1 else None
@@ -126,7 +135,6 @@ def _values(item: h5py.h5d.DatasetID, given: list[bytes]) -> np.ndarray | None:
     """Return numbers or texts; None of other types, and where a number that is not NaN stands for a
     missing value.
     """
-    from h5py import Dataset, check_string_dtype, h5s, h5t
 
     kind, shape = item.dtype, item.shape
     if check_string_dtype(kind) is not None:
@@ -177,7 +185,6 @@ def _attributes(
 
 def _attribute(item: h5py.h5d.DatasetID | h5py.h5g.GroupID, name: bytes) -> Any:
     """Return the value of an attribute, as h5py's mapping of attributes gives it."""
-    from h5py import check_string_dtype, h5a
 
     attribute = h5a.open(item, name)
     if (
@@ -200,7 +207,6 @@ def _attribute(item: h5py.h5d.DatasetID | h5py.h5g.GroupID, name: bytes) -> Any:
 
 def _numbers(item: h5py.h5d.DatasetID, name: bytes) -> np.ndarray:
     """Return the numbers of an attribute as doubles, behind them NaN."""
-    from h5py import h5a, h5t
 
     attribute = h5a.open(item, name)
     found = np.full(attribute.get_storage_size(), np.nan)  # a byte a number at least
@@ -211,6 +217,5 @@ def _numbers(item: h5py.h5d.DatasetID, name: bytes) -> np.ndarray:
 @cache
 def _text_type() -> h5py.h5t.TypeID:
     """Return the type of text of any length in memory."""
-    from h5py import h5t, string_dtype
 
     return h5t.py_create(string_dtype())

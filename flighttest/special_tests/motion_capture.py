@@ -17,6 +17,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 from pydantic import Field, model_validator
+from scipy.fft import dct, dst
+from scipy.interpolate import CubicSpline
 
 from flightmech.axes import euler_from_matrix, matrix_from_quaternion, quaternion_from_matrix
 from flightmech.errors import IdentificationError, SchemaError
@@ -151,7 +153,6 @@ def _bridged(time: np.ndarray, x: np.ndarray, good: np.ndarray) -> np.ndarray:
     """Return the columns with frames that are missing taken from a cubic through the others."""
     if good.all():
         return x
-    from scipy.interpolate import CubicSpline
 
     inside = np.clip(time, time[good][0], time[good][-1])
     return np.where(good[:, None], x, CubicSpline(time[good], x[good])(inside))
@@ -170,7 +171,6 @@ def _smooth(
     """Return columns (time, column) smoothed, their first and second derivatives, and the gain of
     white noise of each.
     """
-    from scipy.fft import dct, dst
 
     last = len(x) - 1
     i = np.arange(last + 1)

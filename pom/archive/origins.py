@@ -16,16 +16,14 @@ from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import Any, TypedDict
 from urllib.parse import quote, unquote
 
 from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.support.console import to_json_types
 from flightmech.support.input_files import json_content
+from pom.cases.case import PomCase
 from pom.result import PomResult
-
-if TYPE_CHECKING:
-    from pom.cases.case import PomCase
 
 
 class ModelFile(TypedDict, total=False):

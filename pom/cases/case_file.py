@@ -430,7 +430,7 @@ def case_schema() -> dict[str, Any]:
         },
     )
     top["tolerance"]["additionalProperties"] = {
-        "anyOf": [{"type": "number"}, {"type": "string"}, {"$ref": "#/$defs/Entry"}]
+        "anyOf": [{"type": "number"}, {"type": "string"}, {"$ref": "#/$defs/ToleranceOverride"}]
     }
     return schema
 

@@ -10,6 +10,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from joblib import Parallel, delayed
+
 import flighttest
 from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import AeromatchError, SchemaError
@@ -93,7 +95,6 @@ def check_batch(
         Every problem of every case of a raw record (`case_problems`). `pom.replay_all` checks those
         of reconstructed paths, which take no time, itself.
     """
-    from joblib import Parallel, delayed
 
     groups: dict[str, list[PomCase]] = {}
     for case in cases:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from joblib import Parallel, delayed
 
 import flighttest
 from flightmech.aircraft.aircraft import Aircraft
@@ -217,7 +218,6 @@ def check_records(
     jobs : int
         Processes; -1 for one per core.
     """
-    from joblib import Parallel, delayed
 
     calls = (delayed(RecordCheck.of)(name, record, aircraft) for name, record in records.items())
     return dict(zip(records, Parallel(n_jobs=jobs if len(records) > 1 else 1)(calls), strict=True))

@@ -21,6 +21,7 @@ from typing import Any, cast
 
 import pandas as pd
 import xarray as xr
+from joblib import Parallel, delayed, effective_n_jobs
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.stages import Kept, Stages
@@ -123,7 +124,6 @@ def diagnosed_cases(
     """Return the tables of `diagnose_all`, each case a stage; what cases judge for each other is
     kept with them.
     """
-    from joblib import effective_n_jobs
 
     mixed = Kept(
         make=lambda: (swap_models(prior.value, final.value, aircraft.value, apriori.value),)
@@ -193,7 +193,6 @@ def rank_all(
     **options
         Of `diagnose_bench`.
     """
-    from joblib import Parallel, delayed, effective_n_jobs
 
     order = sorted(cases, key=_length, reverse=True)
     workers = effective_n_jobs(jobs)
@@ -288,7 +287,6 @@ def _added(
     benches: Mapping[str, SwapBench | LateBench], union: Sequence[str], jobs: int
 ) -> dict[str, list[str]]:
     """Return what is added to the union, by a case that needs it; only cases that need something."""
-    from joblib import Parallel, delayed
 
     taken, added = set(union), dict[str, str]()  # term: case
     failing = True

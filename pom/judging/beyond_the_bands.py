@@ -11,7 +11,6 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -26,12 +25,10 @@ from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import Simulation
 from flightmech.support.arrays import rms
 from flightmech.units import DEGREE, FOOT, KNOT, from_si
+from pom.cases.case import PomCase
 from pom.judging.verdict import reason_not_judged
 from pom.tolerances.bands import RowRemark, unwrapped_difference
 from pom.tolerances.criteria import Criterion
-
-if TYPE_CHECKING:
-    from pom.cases.case import PomCase
 
 FAR = 3.0  # standard errors
 ROUNDING = 1e-6  # standard errors that are none

@@ -11,20 +11,19 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from scipy.integrate import cumulative_trapezoid
 
 from flightmech.names import lookup
 from flightmech.units import KNOT
+from pom.cases.case import PomCase
 from pom.tolerances.bands import Invalid, NotJudged, RowRemark, demand_finite, inside_window
 from pom.tolerances.channels import SOURCES, channel_value_text, output_of
 from pom.tolerances.criteria import ACTS, DISCRETES, LEVELS, Criterion
 from pom.tolerances.rows import sample_mask
-
-if TYPE_CHECKING:
-    from pom.cases.case import PomCase
 
 Raw = Mapping[str, np.ndarray]
 
@@ -108,9 +107,6 @@ def trace_of(signals: xr.Dataset, run: str, name: str) -> np.ndarray:
 
 
 def _integral(rate: np.ndarray, time: np.ndarray) -> np.ndarray:
-    from scipy.integrate import (
-        cumulative_trapezoid,
-    )  # takes as long to load as all else that judges
 
     return cumulative_trapezoid(rate, time, initial=0.0)
 

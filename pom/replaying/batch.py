@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import xarray as xr
+from joblib import Parallel, delayed, effective_n_jobs
+from joblib.externals.loky import ProcessPoolExecutor
 
 from flightmech.errors import SchemaError, SimulationError
 from flightmech.support.kept_stages.program import hash_installation
@@ -79,8 +81,6 @@ def start_processes(cases: int, jobs: int) -> Iterator[Processes | None]:
         Processes at the same time; -1 for one per core.  A process has `LEAST_SHARE` cases at
         least.
     """
-    from joblib import effective_n_jobs
-    from joblib.externals.loky import ProcessPoolExecutor
 
     count = min(effective_n_jobs(jobs), cases // LEAST_SHARE)
     if count < 2:
@@ -305,7 +305,6 @@ def _states(
     """Return the states of the records of cases, each read or reconstructed once; reconstructions
     share the cores.
     """
-    from joblib import Parallel, delayed
 
     first: dict[tuple[str, str, str], PomCase] = {}
     for case in cases:
@@ -352,7 +351,6 @@ def _let_go(items: list[_Item]) -> Iterator[_Item]:
 
 
 def _here(calls: Iterable[tuple[Any, ...]], jobs: int) -> Iterator[PomResult]:
-    from joblib import Parallel, delayed
 
     yield from Parallel(n_jobs=jobs, backend="threading", return_as="generator")(
         delayed(_performed)(*call) for call in calls

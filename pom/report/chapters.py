@@ -12,20 +12,18 @@ import base64
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 import xarray as xr
 
 from flightmech.errors import SchemaError
 from flightmech.support.console import to_json_types
+from flighttest.regression.equation_error.fit import Fit
 from pom.report.case.page import run_line_classes
 from pom.report.models import database_comparison, identification
 from pom.report.submodels.section import Picture, Section, SectionTable
 from pom.report.submodels.sections import make_sections, needed_submodels
-
-if TYPE_CHECKING:
-    from flighttest.regression.equation_error.fit import Fit
 
 CHAPTERS = ("identification", "database")
 """Chapters of the PDF that are printed when wanted."""

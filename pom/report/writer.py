@@ -12,13 +12,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
+import xarray as xr
+from joblib import Parallel, delayed, effective_n_jobs
 
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.support.atomic_write import folder_written_atomically
 from flightmech.support.kept_stages.stages import Stages
+from flighttest.regression.equation_error.fit import Fit
+from pom.archive.archive import Archive, write_archive
 from pom.archive.origins import (
     NAME,
     ReportProvenance,
@@ -29,19 +33,17 @@ from pom.archive.origins import (
     with_full_places,
     without_places,
 )
-from pom.archive.results_document import CaseText, case_results_text
+from pom.archive.results_document import CaseText, case_results_text, results_json
 from pom.judging.measures.modal import mode_table
 from pom.report.case.page import CommonHeading, PackedPage, case_keys, packed_page, provenance_of
 from pom.report.chapters import CHAPTERS, Chapters, draw_chapters, restore_chapters, with_kept
-from pom.report.exports import case_csv
+from pom.report.exports import case_csv, junit_xml
 from pom.report.models import diagnosis as tuning
 from pom.report.page import PAGE, PAGES, html_files
+from pom.report.pdf.content import case_on_paper
+from pom.report.pdf.document import pdf_pages
+from pom.report.submodels.sections import make_sections
 from pom.result import PomResult
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from flighttest.regression.equation_error.fit import Fit
 
 CSV = "csv"
 LEAST_SHARE = 20
@@ -105,8 +107,6 @@ def case_parts(
     page = packed_page(position, key, result, heading, diagnosis, modes)
     on_paper = {}
     if place.paper is not None:
-        from pom.report.pdf.content import case_on_paper
-
         on_paper = case_on_paper(
             place.drawings, position, key, result, heading.provenance, diagnosis, modes, place.paper
         )
@@ -191,7 +191,6 @@ def kept_parts(
             "paper": place.paper,
             "place": seen,
         }
-    from joblib import effective_n_jobs
 
     processes = max(1, min(effective_n_jobs(jobs), len(results) // LEAST_SHARE))
     made = stages.each("report page", inputs, part_files, calls.__getitem__, processes)
@@ -217,7 +216,6 @@ def parts_of_cases(
         Processes at the same time; -1 for one per core.  A process has `LEAST_SHARE` cases at
         least.
     """
-    from joblib import Parallel, delayed, effective_n_jobs
 
     processes = max(1, min(effective_n_jobs(jobs), len(results) // LEAST_SHARE))
     calls = (
@@ -328,10 +326,6 @@ def write_report(
     OSError
         The folder is read-only, a mount point, or the one that this process works in.
     """
-    from pom.archive.archive import Archive, write_archive
-    from pom.archive.results_document import results_json
-    from pom.report.exports import junit_xml
-    from pom.report.submodels.sections import make_sections
 
     results, diagnoses = list(results), dict(diagnoses or {})
     located: dict[str, Any] = {**(provenance or {})}
@@ -393,8 +387,6 @@ def write_report(
             _write(new / name, text)
         _write(new / JSON, results_json(archive, [part.text for part in parts]))
         if paper is not None:
-            from pom.report.pdf.document import pdf_pages
-
             attached = {JSON: (new / JSON).read_bytes(), NAME: manifested().encode("utf-8")}
             on_paper = [part.on_paper for part in parts]
             common = (title, revision, made_from, paper, attached, shown, tuned)

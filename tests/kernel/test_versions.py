@@ -164,7 +164,7 @@ def followed(library: ctypes.CDLL, monkeypatch) -> list[bytes]:
     instruments, by one library.
     """
     for module in ("driven_path", "normal_sums"):
-        monkeypatch.setattr(f"flightmech.simulation.{module}.library", lambda: library)
+        monkeypatch.setattr(f"flightmech.simulation.{module}.load_kernel", lambda: library)
     for name in ("am_follow", "am_add_driven", "am_add_noise"):
         getattr(library, name).restype, getattr(library, name).argtypes = _SIGNATURES[name]
     rng = np.random.default_rng(7)

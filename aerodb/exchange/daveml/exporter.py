@@ -9,7 +9,6 @@ import re
 from collections.abc import Iterable, Mapping
 from datetime import date
 from importlib.metadata import version
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -32,14 +31,12 @@ from aerodb.exchange.daveml.export_checks import (
 )
 from aerodb.exchange.daveml.vocabulary import REDUCED, VALUE, WRITER, pack_attributes, source_runs
 from aerodb.store.schema import require_valid, terms
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.build_up import used_coefficients
 from flightmech.errors import SchemaError
 from flightmech.names import lookup
 from flightmech.support.atomic_write import write_text
 from flightmech.terms import list_regressors, power_factor
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
 
 _HEAD = """<?xml version="1.0" standalone="no"?>
 <!DOCTYPE DAVEfunc PUBLIC "-//AIAA//DTD for Flight Dynamic Models - Functions 2.0//EN" "http://www.daveml.org/DTDs/2p0/DAVEfunc.dtd">"""

@@ -28,6 +28,7 @@ from aerodb.figures.symbols import (
     value_with_symbol,
 )
 from aerodb.store.overview import FREE_AIR
+from aerodb.store.schema import terms
 from flightmech import terms as _terms
 from flightmech.names import lookup
 from flightmech.units import DEGREE
@@ -429,7 +430,6 @@ def _rolls(db: xr.DataTree) -> bool:
 
 
 def _cl(db: xr.DataTree) -> dict[str, xr.Dataset]:
-    from aerodb.store.schema import terms
 
     return {name: leaf for name, leaf in terms(db).items() if name.startswith("Cl/")}
 

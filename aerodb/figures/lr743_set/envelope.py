@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -37,13 +37,11 @@ from aerodb.figures.symbols import (
     value_with_symbol,
 )
 from flightmech.air import GAMMA, atmosphere
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SimulationError
 from flightmech.flying_qualities.performance import one_g, polar, stall
 from flightmech.steady_flight.trim_point import Point, trimmed_at
 from flightmech.units import FOOT, G0
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
 
 _SETTINGS = {"delta_f": np.radians(1.0), "gear": 1.0, "speedbrake": 1.0}
 """What a line has in common, to the nearest step. [SI]"""

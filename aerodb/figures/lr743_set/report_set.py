@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import pandas as pd
 import xarray as xr
@@ -31,11 +31,9 @@ from aerodb.figures.lr743_set.envelope import (
 )
 from aerodb.figures.lr743_set.flown import FlightData
 from aerodb.figures.lr743_set.sheet import draw_chart
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import folder_written_atomically
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
 
 _NO_FLIGHTS = "it needs what was flown: flown.nc of the folder that `aeromatch match` wrote"
 

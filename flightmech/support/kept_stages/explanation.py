@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
+from flightmech.support.atomic_write import written_atomically
+
 
 class StageTrace:
     """The inputs of every stage of the last job of a folder, by hash, one line each as the stages
@@ -70,7 +72,6 @@ class StageTrace:
 
     def close(self) -> None:
         """Leave the lines of this job only."""
-        from flightmech.support.atomic_write import written_atomically
 
         with suppress(OSError):
             self._file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)

@@ -15,6 +15,8 @@ from importlib.util import find_spec
 from typing import Any
 from urllib.parse import urlsplit
 
+from joblib import Parallel, delayed
+
 from flightmech.errors import SchemaError, SimulationError
 from flightmech.support.kept_stages.program import hash_installation
 
@@ -50,7 +52,6 @@ class Cores:
             for place, call in enumerate(calls):
                 yield _placed(place, function, *call)
             return
-        from joblib import Parallel, delayed
 
         work = (delayed(_placed)(place, function, *call) for place, call in enumerate(calls))
         yield from Parallel(

@@ -23,8 +23,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from joblib import Memory
+
 from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.kept_stages.pickles import to_pickle
 
 PLACE, LIMIT = "AEROMATCH_STORE", "AEROMATCH_STORE_LIMIT"
 """Environment variables: the folder of the store (``off``: none), and its size."""
@@ -90,9 +93,6 @@ class StageStore:
     def write(self, stage: str, key: str, value: Any, remarks: Sequence[str] = ()) -> str:
         """Keep a value and remarks on it under a key, and return the hash of what is kept."""
         head = json.dumps(list(remarks)).encode() + b"\n"
-        from flightmech.support.kept_stages.pickles import (
-            to_pickle,
-        )  # NumPy is not needed to find that nothing changed
 
         try:
             body = to_pickle(value)
@@ -142,7 +142,6 @@ class StageStore:
         return found
 
     def _memory(self) -> Any:
-        from joblib import Memory
 
         return Memory(self.folder, verbose=0)
 

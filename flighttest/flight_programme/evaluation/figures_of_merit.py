@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import (
     AeromatchError,
     IdentificationError,
@@ -30,14 +31,11 @@ from flighttest.flight_programme.evaluation.plan import (
 )
 from flighttest.reconstruction.quality.checks.control_response import EQUATIONS
 from flighttest.reconstruction.quality.checks.relations import RELATIONS
+from flighttest.reconstruction.quality.result import Quality
 from flighttest.records.sensors.measurements import pressure
+from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
-    from flighttest.reconstruction.quality.result import Quality
-    from flighttest.regression.equation_error.fit import Fit
-    from flighttest.submodels.aircraft_properties.eigenmotion import Motion
+from flighttest.submodels.aircraft_properties.eigenmotion import Motion
 
 LEAST = (
     4  # points of a line: two are drawn from any error, three give no information on their scatter

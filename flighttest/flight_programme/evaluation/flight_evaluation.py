@@ -8,14 +8,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from flightmech.air import P_SEA, T_SEA, atmosphere
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft import Aircraft, read_aircraft
 from flightmech.errors import (
     AeromatchError,
     IdentificationError,
@@ -52,9 +52,6 @@ from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.submodels.aircraft_properties.eigenmotion import Motion, fit_motion
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
 
 # of the largest thrust: a deck that corrected fuel flow and Mach do not reproduce better is another
 # engine

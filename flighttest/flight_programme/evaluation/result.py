@@ -8,12 +8,13 @@ import re
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import UnknownName
 from flightmech.names import lookup
 from flightmech.support.console import command_line, to_json_types
@@ -41,9 +42,6 @@ from flighttest.records.files import save_record
 from flighttest.regression.equation_error.fit import Fit, save_fit
 from flighttest.remarks import Remark, is_forbidden, remarks_to_json
 from flighttest.submodels.aircraft_properties.eigenmotion import Motion
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
 
 _ODD = re.compile(r"[^\w.-]+")  # what no name of a file should hold
 

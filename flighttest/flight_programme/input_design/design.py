@@ -32,13 +32,15 @@ import os
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import lookup, quantity_attributes
+from flightmech.simulation.compiler import SimModel
 from flightmech.support.atomic_write import write_text
 from flightmech.support.input_files import read_text
 from flighttest.flight_programme.input_design.input_accuracy import (
@@ -56,10 +58,6 @@ from flighttest.flight_programme.input_design.predicted_response import (
 )
 from flighttest.flight_programme.input_design.specification import Design
 from flighttest.regression.equation_error.model import RegressionModel
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
-    from flightmech.simulation.compiler import SimModel
 
 FORMAT = "aeromatch playback"
 VERSION = "1"

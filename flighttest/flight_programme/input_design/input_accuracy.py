@@ -17,22 +17,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
+from scipy.signal import fftconvolve
 
+import flightmech
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError, UnknownName
+from flightmech.simulation.compiler import SimModel
+from flightmech.simulation.kernel import Simulation
+from flightmech.simulation.run import index_of_parameter
 from flighttest.flight_programme.input_design.predicted_response import STEP, model_inputs
 from flighttest.reconstruction.dynamics.force_coefficients import reduced_rates
 from flighttest.records.sensors.instruments import parse_instruments
 from flighttest.records.signals.differentiation import derivative_noise
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.uncertainty import collinearity
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
-    from flightmech.simulation.compiler import SimModel
 
 _DIFFERENCE = 1e-3  # of a parameter, or of its unit when it is zero
 _IMU = {"CL": "az_imu", "CD": "ax_imu", "CY": "ay_imu", "CX": "ax_imu", "CZ": "az_imu"}
@@ -238,7 +239,6 @@ def cramer_rao(
 
 def _sensitivities(sim, signal, start, names, values, steps, outputs, scale) -> np.ndarray:
     """Central differences of the outputs, (time, parameter, output), all runs in one batch."""
-    import flightmech
 
     table = np.vstack(
         [values + sign * np.diag(steps)[k] for k in range(len(names)) for sign in (1.0, -1.0)]
@@ -258,8 +258,6 @@ def _sensitivities(sim, signal, start, names, values, steps, outputs, scale) -> 
 
 
 def _value(sim: SimModel, start: Mapping[str, float], name: str) -> float:
-    from flightmech.simulation.kernel import Simulation
-    from flightmech.simulation.run import index_of_parameter
 
     return (
         float(start[name])
@@ -309,7 +307,6 @@ def _estimates(
 
 def _coloured_information(x: np.ndarray, step: float, memory: float) -> np.ndarray:
     """Sum over i and j of x_i exp(-|i - j| step/memory) x_j', (terms, terms)."""
-    from scipy.signal import fftconvolve
 
     reach = np.arange(-(len(x) - 1), len(x))
     kernel = np.exp(-np.abs(reach) * step / memory)

@@ -17,16 +17,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 import xarray as xr
+from scipy.optimize import brentq, minimize
 
 from flightmech.errors import SchemaError
 from flightmech.names import quantity_attributes
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _NORMS = (6, 24, 100)
 # of the highest harmonic: between samples the peak is then at most 2 % higher for that line alone
@@ -136,7 +134,6 @@ def _lowered(
     harmonics: np.ndarray, power: np.ndarray, phases: np.ndarray, samples: int
 ) -> np.ndarray:
     """The phases at a local minimum of the peak, by norms of rising order."""
-    from scipy.optimize import minimize
 
     def norm(phi: np.ndarray, p: int) -> tuple[float, np.ndarray]:
         u = synthesise_period(harmonics, power, phi, samples)
@@ -166,7 +163,6 @@ def _from_zero(
     """The phases of the same signal, started at its flattest passage through zero: it leaves the
     trim gently and returns to it.
     """
-    from scipy.optimize import brentq
 
     u = synthesise_period(harmonics, power, phases, samples)
     at = np.flatnonzero(np.signbit(u) != np.signbit(np.roll(u, -1)))
@@ -283,7 +279,6 @@ def measures(signal: xr.Dataset) -> pd.DataFrame:
         (largest, [SI per second]), ``low`` and ``high`` (band that holds 90 % of the power about
         the mean, [Hz]), ``correlation`` (largest with another axis), ``with``.
     """
-    import pandas as pd
 
     part = active_part(signal)
     names, rate = axes_of(part), float(signal.attrs["rate"])

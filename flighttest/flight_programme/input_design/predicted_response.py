@@ -9,18 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
+import flightmech
 from flightmech.errors import IdentificationError, OutOfRange, SimulationError, UnknownName
 from flightmech.names import lookup
+from flightmech.simulation.compiler import SimModel
 from flightmech.units import from_si
 from flighttest.flight_programme.input_design.input_signals import axes_of
-
-if TYPE_CHECKING:
-    from flightmech.simulation.compiler import SimModel
 
 STEP = 0.01  # of the simulation [s]
 _BISECTIONS = 10  # the amplitude is then known to a thousandth of the largest one
@@ -51,7 +51,6 @@ def trimmed_start(
     IdentificationError
         There is no such flight inside the limits; the text is the verdict of the trim.
     """
-    import flightmech
 
     steady = flightmech.trim(
         sim,
@@ -130,7 +129,6 @@ def predict_response(
     SimulationError
         The motion diverges.
     """
-    import flightmech
 
     return flightmech.simulate(
         sim,
@@ -317,7 +315,6 @@ def _words(name: str, value: float, low: float, high: float) -> str:
 def _extremes(
     response: xr.Dataset, trim: Mapping[str, float], limits: Mapping[str, tuple[float, float]]
 ):
-    import pandas as pd
 
     rows = {
         name: {

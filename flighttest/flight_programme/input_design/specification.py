@@ -35,8 +35,10 @@ sweeps of several axes follow each other, ``pause`` apart.
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Mapping
+from typing import Any, Literal
 
+import xarray as xr
 from pydantic import Field, field_validator, model_validator
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
@@ -55,11 +57,6 @@ from flighttest.flight_programme.input_design.input_shapes import (
 )
 from flighttest.flight_programme.input_design.input_signals import LEAD_IN, RATE, measures
 from flighttest.flight_programme.input_design.predicted_response import scale_signal
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    import xarray as xr
 
 _Time, _Frequency = make_si_type("s"), make_si_type("Hz")
 _Band = tuple[_Frequency, _Frequency]  # type: ignore[valid-type]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.stats import spearmanr
 
 # s from 15 to 85 % of an excursion; a pilot moves a stick between the stops of a test input in 0.2
 # to 0.5 s
@@ -232,7 +233,6 @@ def _trend(chain: Sequence[Excursion]) -> float:
     """Return the rank correlation of half periods with time; 0 when the frequency changes by less
     than a factor of 1.8.
     """
-    from scipy.stats import spearmanr
 
     half = np.diff([one.middle for one in chain])
     quarter = max(len(half) // 4, 2)

@@ -54,8 +54,9 @@ until it is as much higher), ``device`` (`device` goes to `amplitude`, in `durat
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
+import pandas as pd
 from pydantic import Field, field_validator, model_validator
 
 from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownName
@@ -66,9 +67,6 @@ from flightmech.units import parse_quantity
 from flighttest.flight_programme.input_design.specification import ConditionTable, Design, design_of
 from flighttest.reconstruction.dynamics.force_coefficients import ERRORS
 from flighttest.regression.equation_error.model import RegressionModel
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 INPUTS = ("multisine", "multistep", "sweep")
 STEADY = ("sideslip", "pull_up_push_down", "level_speed", "device")

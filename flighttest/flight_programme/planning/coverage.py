@@ -12,13 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+import flightmech
+from aerodb.edit.table_edits import replace_terms
 from aerodb.update.tabulation import Tabulation, tabulate
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE
 from flighttest.flight_programme.planning.catalogue import Catalogue, PlannedCondition
@@ -38,9 +41,7 @@ from flighttest.flight_programme.planning.prediction import (
     with_assumed,
 )
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
+from flighttest.records.record import manoeuvres
 
 # how far the mean of a record may be from a condition: a part of the value, and an absolute
 # distance [SI]
@@ -136,7 +137,6 @@ def flights_of(
     SchemaError
         No record holds a manoeuvre of the catalogue.
     """
-    from flighttest.records.record import manoeuvres
 
     fits: list[Any] = []
     done: list[Item] = []
@@ -258,7 +258,6 @@ def identify_database(
         The prior.
     catalogue : Catalogue
     """
-    from aerodb.edit.table_edits import replace_terms
 
     informed = learnt.report.index[learnt.report["corrected"] > 0]
     found = {
@@ -273,7 +272,6 @@ def _rest(
     catalogue: Catalogue, rest: Sequence[Item], aircraft: Aircraft, database: xr.DataTree, jobs: int
 ) -> Prediction:
     """Return the predicted flights of the cards that are still to be flown, of no other."""
-    import flightmech
 
     if not rest:
         return Prediction(catalogue, {}, {}, {}, {}, {})

@@ -11,24 +11,23 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+import flightmech
 from flightmech.air import impact_pressure
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError
 from flightmech.names import quantity_attributes
+from flightmech.simulation.compiler import SimModel
 from flightmech.units import DEGREE
 from flighttest.flight_programme.input_design.input_signals import axes_of
 from flighttest.flight_programme.input_design.predicted_response import STEP, model_inputs
 from flighttest.flight_programme.planning.catalogue import RATE, PlannedManoeuvre
 from flighttest.records.sensors.instruments import IMU, Instrument, Instruments, parse_instruments
 from flighttest.records.signals.delays import remove_lag
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
-    from flightmech.simulation.compiler import SimModel
 
 PERIOD = 0.02  # of the law, and of the prediction [s]
 BEFORE, BEHIND = 3.0, 12.0  # steady flight before the first manoeuvre, recovery behind each [s]
@@ -82,7 +81,6 @@ def fly_manoeuvres(
     SimulationError
         The motion diverges.
     """
-    import flightmech
 
     phases: list[tuple[float, PlannedManoeuvre | None, xr.Dataset | None]] = [(BEFORE, None, None)]
     marks: list[dict[str, Any]] = []
@@ -118,7 +116,6 @@ def manoeuvre_duration(manoeuvre: PlannedManoeuvre, signal: xr.Dataset | None = 
 
 def _control_powers(sim: SimModel, start: Mapping[str, float]) -> dict[str, float]:
     """Return angular accelerations per deflection at the start. [s-2]"""
-    import flightmech
 
     found = {}
     for name, output in _POWERS.items():

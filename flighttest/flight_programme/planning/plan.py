@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,15 +16,13 @@ from aerodb.store.schema import terms
 from aerodb.update.expectation import Expectation
 from aerodb.update.observations import coefficient_of
 from aerodb.update.tabulation import Tabulation
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
+from flightmech.simulation.compiler import SimModel
 from flightmech.units import from_si
 from flighttest.flight_programme.planning.catalogue import Catalogue
 from flighttest.flight_programme.planning.prediction import Item, Prediction, predict
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
-    from flightmech.simulation.compiler import SimModel
 
 _LEAST = 1e-5  # of F: a gain below it is none
 
@@ -114,7 +112,6 @@ def bounds_of(catalogue: Catalogue, database: xr.DataTree) -> dict[str, np.ndarr
     """Return the bound of every node that a catalogue wants, by term, NaN at the others; the least
     where several hold.
     """
-    from aerodb.store.schema import terms
 
     leaves, problems = terms(database), []
     found: dict[str, np.ndarray] = {}

@@ -11,12 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerodb.edit.table_edits import replace_terms
+from aerodb.store.schema import terms
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import (
     AeromatchError,
     IdentificationError,
@@ -24,6 +27,7 @@ from flightmech.errors import (
     SchemaError,
     UnknownName,
 )
+from flightmech.simulation.compiler import SimModel
 from flighttest.flight_programme.input_design.design import surface_limits
 from flighttest.flight_programme.input_design.predicted_response import (
     amplitude_within,
@@ -45,12 +49,9 @@ from flighttest.flight_programme.planning.pilot import (
     predicted_record,
 )
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
+from flighttest.reconstruction.flight_programme import reconstruct_programme
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
-    from flightmech.simulation.compiler import SimModel
 
 _PARTS = (
     1.0,
@@ -180,8 +181,6 @@ def with_assumed(database: xr.DataTree, catalogue: Catalogue) -> xr.DataTree:
     SchemaError
         Terms that the database does not have.
     """
-    from aerodb.edit.table_edits import replace_terms
-    from aerodb.store.schema import terms
 
     leaves = terms(database)
     if unknown := [
@@ -231,7 +230,6 @@ def predict(
         No manoeuvre can be flown, with the reason for each; instruments that a reconstruction
         cannot work with.
     """
-    from flighttest.reconstruction.flight_programme import reconstruct_programme
 
     candidates: dict[Item, Candidate] = {}
     refused: dict[Item, str] = {}

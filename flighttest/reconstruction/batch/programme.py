@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError, SchemaError
 from flighttest.reconstruction.batch.estimator import (
     BatchEquations,
@@ -29,9 +31,6 @@ from flighttest.reconstruction.problem.trajectory import Solution
 from flighttest.reconstruction.smoother import ACCEPT, FlightPath, path_of_solution
 from flighttest.records.sensors.instruments import instruments_of
 from flighttest.records.sensors.measurements import order_windows
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
 
 Windows = Sequence[tuple[float, float]]
 
@@ -200,7 +199,6 @@ def _start(records, aircraft, windows, free, prior, rate) -> BatchEquations:
 
 
 def _batch(records, aircraft, fitted: BatchSolution, seen: Observability) -> Batch:
-    import pandas as pd
 
     equations = fitted.equations
     plan = equations.layout

@@ -21,20 +21,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError, OutOfRange, UnknownName
 from flightmech.names import quantity_attributes
 from flightmech.units import G0
 from flighttest.records.sensors.instruments import SURFACES, surface_errors
 from flighttest.records.signals.conditioning import lowpass
 from flighttest.records.signals.differentiation import derivative
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
 
 ERRORS = {"qbar": 0.01, "mass": 0.005, "inertia": 0.02, "thrust": 0.02, "timing": 0.002}
 # what regressors and tables are functions of: their errors go with them

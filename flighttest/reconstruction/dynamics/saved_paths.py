@@ -6,6 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+import h5py
 import xarray as xr
 
 from flightmech.errors import ParseError
@@ -86,7 +87,6 @@ _REST = ("errors", "biases")
 
 def _plain(path: str | os.PathLike, described: bool) -> SavedPath | None:
     """Return what a file of plain numbers holds; None of any other, which xarray reads or refuses."""
-    import h5py
 
     try:
         with h5py.File(path, "r") as file:

@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from flightmech.errors import IdentificationError
 from flightmech.simulation.driven_path import DrivenPath
@@ -114,7 +115,6 @@ class NormalEquations:
         IdentificationError
             The normal matrix is singular: something is neither measured nor bounded by a prior.
         """
-        from scipy.linalg import cho_factor, cho_solve
 
         constants = len(self.C)
         rest = self._rest = self._eliminated()

@@ -7,12 +7,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, AeromatchWarning, SchemaError
 from flightmech.units import DEGREE
 from flighttest.reconstruction.problem.assembly import assemble_problem
@@ -63,9 +64,6 @@ from flighttest.records.record import manoeuvres
 from flighttest.records.sensors.instruments import SPEEDS, Instruments, instruments_of
 from flighttest.records.sensors.measurements import MeasuredChannels, demand_air_data, order_windows
 from flighttest.records.signals.conditioning import GAP
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
 
 RATE = 50.0  # Hz, of the path that is set up to see whether the reconstruction takes a record
 

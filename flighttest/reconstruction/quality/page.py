@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jinja2 import ChoiceLoader, PackageLoader, Template
@@ -29,11 +29,8 @@ from flightmech.support.figures import (
 )
 from flightmech.units import from_si
 from flighttest.reconstruction.quality.checks.control_response import SIGNIFICANT
-from flighttest.reconstruction.quality.result import format_display_value, is_meaningful
-
-if TYPE_CHECKING:
-    from flighttest.reconstruction.quality.checks.relations import RelationCheck
-    from flighttest.reconstruction.quality.result import Quality
+from flighttest.reconstruction.quality.checks.relations import RelationCheck
+from flighttest.reconstruction.quality.result import Quality, format_display_value, is_meaningful
 
 WIDTH, HEIGHT = 560, 170
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52, 12, 22, 22

@@ -16,6 +16,7 @@ import numpy as np
 
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.support.arrays import median
+from flighttest.records.readers.bus_words import Arinc429, label_tables, words_of_columns
 from flighttest.records.readers.columns import column_called, unit_of_column
 from flighttest.records.readers.name_map import Clock, NameMap, Utc
 from flighttest.records.readers.recording import LeftOut, RecordedTable, clock_name
@@ -247,7 +248,6 @@ class Clocks:
         """Return the tables, with those that ``[decode]`` takes out of columns of words."""
         if not self.names.decode:
             return self.tables
-        from flighttest.records.readers.bus_words import Arinc429, label_tables, words_of_columns
 
         for name, spec in self.names.decode.items():
             if isinstance(spec, Arinc429) and spec.column is not None:

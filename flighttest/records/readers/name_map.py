@@ -39,7 +39,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 
@@ -47,12 +47,11 @@ from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.input_files import WESTERN, foreign_kind, read_text, read_toml
 from flightmech.support.plain_tables import Plain, define_field, read_plain_table
+from flightmech.support.toml_models import validate_content
 from flightmech.support.toml_quantities import Above, InUnits
 from flightmech.units import G0, fitted_unit, known_unit, parse_quantity, parse_unit, to_si
-
-if TYPE_CHECKING:
-    from flighttest.records.readers.bus_words import Decode
-    from flighttest.records.sensors.instruments import Instrument
+from flighttest.records.readers.bus_words import KINDS, Decode
+from flighttest.records.sensors.instruments import Instrument
 
 T = TypeVar("T")
 P = TypeVar("P", bound=Plain)
@@ -502,8 +501,6 @@ def _instruments(tables: Any, problems: list[str]) -> dict[str, Instrument]:
         return {}
     if not tables:
         return {}
-    from flightmech.support.toml_models import validate_content
-    from flighttest.records.sensors.instruments import Instrument
 
     read = partial(validate_content, Instrument)
     found = {
@@ -545,8 +542,6 @@ def _decoded(content: Any, problems: list[str]) -> dict[str, Decode]:
     found: dict[str, Decode] = {}
     if not isinstance(content, dict) or not content:
         return found
-    from flightmech.support.toml_models import validate_content
-    from flighttest.records.readers.bus_words import KINDS
 
     for name, table in content.items():
         kind = table.get("kind") if isinstance(table, dict) else None

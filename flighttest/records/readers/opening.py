@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import importlib
 import struct
 from pathlib import Path
@@ -112,7 +113,6 @@ def _demand_record(path: str | Path, form: str) -> None:
 
 
 def _unpacked(path: str | Path) -> bytes:
-    import gzip
 
     with decoding_errors(path, "a whole .gz file"), gzip.open(path) as file:
         return file.read(4096)

@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
+from scipy.interpolate import CubicSpline, PchipInterpolator
+from scipy.signal import butter, sosfiltfilt
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import quantity_attributes
 from flighttest.records.signals.sample_flags import ENDLESS
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 SLOW = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "x_cg", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 GAP = 3.0  # a step of the clock longer than so many median steps is a gap
@@ -76,7 +75,6 @@ def lowpass(x, rate: float, cutoff: float = SMOOTHING) -> np.ndarray:
     Two passes give -6 dB at the design frequency; it is raised by (sqrt(2) - 1)^(-1/8) = 1.117.  Both ends are padded by
     odd reflection over three time constants of the slowest pole (at least 0.5/cutoff); treat 0.5 s at each end as lost.
     """
-    from scipy.signal import sosfiltfilt
 
     design = cutoff / (math.sqrt(2.0) - 1.0) ** 0.125
     if not 0.0 < design < 0.5 * rate:
@@ -93,7 +91,6 @@ def lowpass(x, rate: float, cutoff: float = SMOOTHING) -> np.ndarray:
 @lru_cache(maxsize=256)  # one design takes as long as filtering a manoeuvre
 def _butterworth(cutoff: float, rate: float) -> np.ndarray:
     """Return the second-order sections of the Butterworth filter of order 4; not to be written to."""
-    from scipy.signal import butter
 
     return butter(4, cutoff, fs=rate, output="sos")
 
@@ -121,7 +118,6 @@ def resample(time, x, grid, name: str) -> np.ndarray:
     ----------
     .. [Fritsch1980] Fritsch, Carlson, SIAM J. Numer. Anal. 17, 1980.
     """
-    from scipy.interpolate import CubicSpline, PchipInterpolator
 
     time, x, grid = (np.asarray(a, float) for a in (time, x, grid))
     grid = np.clip(grid, time[0], time[-1])
@@ -260,7 +256,6 @@ def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> x
         for leaf, node in record.children.items()
     }
     demand_numbers(pieces, f"{record.attrs.get('title', 'record')}, {start:g} ... {stop:g} s")
-    import xarray as xr
 
     data = xr.Dataset(coords={"time": ("time", grid, quantity_attributes("time"))})
     for piece in pieces.values():

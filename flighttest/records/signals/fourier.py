@@ -17,6 +17,7 @@ References
 from __future__ import annotations
 
 import numpy as np
+from scipy.signal import czt
 
 from flightmech.errors import IdentificationError
 
@@ -154,7 +155,6 @@ def _demand(samples: int, step: float, frequencies: np.ndarray) -> None:
 
 
 def _sums(x: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    from scipy.signal import czt
 
     steps = np.diff(angle)
     if len(angle) > 1 and np.ptp(steps) <= 1e-9 * abs(steps[0]):

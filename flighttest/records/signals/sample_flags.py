@@ -21,16 +21,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
+import xarray as xr
 
 from flightmech.errors import UnknownName
 from flightmech.support.arrays import median
-
-if TYPE_CHECKING:
-    import pandas as pd
-    import xarray as xr
 
 ENDLESS = ("psi", "phi", "lon")  # angles that go on at zero behind a full turn
 KINDS = ("gap", "wrap", "stray", "duplicate", "reset", "missing", "outside", "held", "spike")
@@ -65,7 +63,6 @@ def flags(record: xr.DataTree) -> pd.DataFrame:
         Columns ``leaf channel kind start stop samples note``; times in seconds.  ``channel`` is
         empty for flags of the clock.
     """
-    import pandas as pd
 
     rows = [
         {"leaf": leaf, **Flag(*row)._asdict()}

@@ -8,9 +8,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 import xarray as xr
+from scipy.stats import chi2 as chi2_distribution
 
+from aerodb.update.observations import basis_at
+from aerodb.update.posterior import joint_covariance
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
+from flightmech.terms import list_model_variables
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.fit_remarks import against_prior
@@ -156,7 +161,6 @@ def mix_with_prior(fit: Fit, prior: Prior) -> Mixed:
     ----------
     .. [Theil1961] Theil, Goldberger, Int. Econ. Rev. 2, 1961.
     """
-    from scipy.stats import chi2 as chi2_distribution
 
     terms = [str(term) for term in fit.estimates["term"].values]
     chosen, value, P = _prior(prior, terms)
@@ -216,9 +220,6 @@ def prior_of(fit: Fit, database: xr.DataTree) -> xr.Dataset:
     UnknownName
         The database has no such coefficient, or the samples lack a variable of its tables.
     """
-    from aerodb.update.observations import basis_at
-    from aerodb.update.posterior import joint_covariance
-    from flightmech.terms import list_model_variables
 
     coefficient = fit.model.coefficient
     if coefficient not in database.children:
@@ -426,7 +427,6 @@ def pool_fits(fits: Sequence[Fit], method: str = "inverse_variance"):
     IdentificationError
         Fits of different coefficients.
     """
-    import pandas as pd
 
     if len(found := {fit.model.coefficient for fit in fits}) != 1:
         raise IdentificationError(

@@ -27,6 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
+from scipy.stats import norm, t
 
 from flightmech.errors import IdentificationError
 from flightmech.support.arrays import rms
@@ -541,7 +542,6 @@ def student_factor(free: float | np.ndarray) -> np.ndarray:
     """Return the factor on standard errors that makes two of them hold 95.45 % when few frequencies
     determine the disturbance.
     """
-    from scipy.stats import norm, t
 
     return np.asarray(t.ppf(norm.cdf(2.0), free)) / 2.0
 

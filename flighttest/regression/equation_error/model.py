@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import product
 from math import comb
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, overload
 
 import numpy as np
 import xarray as xr
@@ -24,9 +24,7 @@ from flightmech.errors import ParseError, UnknownName
 from flightmech.names import COEFFICIENTS, lookup
 from flightmech.support.arrays import columns_with_count
 from flightmech.units import parse_quantity
-
-if TYPE_CHECKING:
-    from flighttest.regression.separable_model import SeparableModel, ShapeParameter
+from flighttest.regression.separable_model import SeparableModel, ShapeParameter
 
 MEASURED = (*COEFFICIENTS, "CX", "CZ")
 _FACTOR = re.compile(r"^([A-Za-z_][\w.]*(?:\([^()]*\))?)(?:(?:\*\*|\^)([1-9]))?$")
@@ -132,8 +130,6 @@ class RegressionModel:
         ('alpha', 'h_agl')
         """
         if parameters is not None or units is not None:
-            from flighttest.regression.separable_model import SeparableModel
-
             return SeparableModel.parse(text, parameters, units)
         left, sign, right = text.partition("=")
         if not sign or not right.strip():

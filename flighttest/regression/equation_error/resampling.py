@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from joblib import Parallel, delayed, effective_n_jobs
 
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error import least_squares
@@ -125,7 +126,6 @@ def monte_carlo(
     IdentificationError
         Too few seeds, or a term of the truth that the runs do not estimate.
     """
-    from joblib import Parallel, delayed
 
     if len(seeds) < FEWEST:
         raise IdentificationError(
@@ -202,7 +202,6 @@ def bootstrap(fit: Fit, replicates: int = 200, seed: int = 0, jobs: int = 1) -> 
     ----------
     .. [Efron1993] Efron, Tibshirani, An Introduction to the Bootstrap, 1993.
     """
-    from joblib import Parallel, delayed
 
     if replicates < FEWEST:
         raise IdentificationError(
@@ -282,7 +281,6 @@ def _identify(
 
 
 def _batches(items: list[int], jobs: int) -> list[list[int]]:
-    from joblib import effective_n_jobs
 
     count = min(len(items), _BATCHES * effective_n_jobs(jobs))
     return [part.tolist() for part in np.array_split(items, count)]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from flightmech.errors import IdentificationError
@@ -17,9 +17,6 @@ from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.candidates import CandidateEquations, OrthogonalBasis
 from flighttest.regression.uncertainty.collinearity import VIF
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 CONTRIBUTION = 0.01  # rms of the term over rms of the coefficient below which a weak term is void
 CORRELATION = 0.95
@@ -67,7 +64,6 @@ def apply_deletion_rule(
     ----------
     .. [LR743] Report LR-743, 1993, 4.5.
     """
-    import pandas as pd
 
     prior = prior or {}
     pooled = pool_fits(fits)
@@ -279,7 +275,6 @@ def count_selections(selections: Sequence[Selection]) -> pd.DataFrame:
     ----------
     .. [Gresham] Gresham, Simmons, Hopwood, Woolsey, Spin aerodynamic modeling for a fixed-wing aircraft, Fig. 6.
     """
-    import pandas as pd
 
     if len(found := {one.model.coefficient for one in selections}) != 1:
         raise IdentificationError(
@@ -324,7 +319,6 @@ def fit_selected_terms(
     IdentificationError
         Nothing was chosen.
     """
-    import pandas as pd
 
     terms = [problem.terms[j] for j in work.taken]
     if not [term for term in terms if term != "1"]:

@@ -11,16 +11,15 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 import xarray as xr
+from scipy import stats
 
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.support.arrays import rms
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 class TheilShares(NamedTuple):
@@ -147,7 +146,6 @@ def validation_table(
     IdentificationError
         As in `r_squared`.
     """
-    import pandas as pd
 
     if not predicted:
         raise IdentificationError("no prediction to compare; give at least one model")
@@ -280,7 +278,6 @@ def add_tests(
         one, squares added.  Attributes ``F`` = theta' C^-1 theta / k (Wald) of the k slopes
         together, ``F_terms`` = k, ``F_dof`` (the fewest of the slopes), ``F_probability``.
     """
-    from scipy import stats
 
     own = estimates["stderr"].values / inflated
     theta = estimates["estimate"].values
@@ -350,7 +347,6 @@ def residual_whiteness(
         ``portmanteau_probability`` that white residuals give more, and ``correlation_time`` = step
         (1/2 + sum_k rho_k) up to the first autocorrelation below zero [s].
     """
-    from scipy import stats
 
     longest = max(piece.stop - piece.start for piece in pieces)
     parts = [v[piece] - v[piece].mean() for piece in pieces]

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from scipy.interpolate import BSpline
 
 from flightmech.axes import matrix_from_quaternion
 from flightmech.errors import AeromatchWarning, IdentificationError
@@ -306,7 +307,6 @@ class _Splines:
     """Splines of fifth degree over a record and their derivatives, as matrices (time, coefficient)."""
 
     def __init__(self, time: np.ndarray, cutoff: float):
-        from scipy.interpolate import BSpline
 
         self.time = time
         pieces = max(1, int(np.ceil((time[-1] - time[0]) * 2.0 * cutoff)))

@@ -15,20 +15,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from flightmech.aircraft.aircraft import reference_in
+from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.errors import ParseError, SchemaError
 from flightmech.support.input_files import csv_rows, read_text
 from flightmech.terms import MAX_REGRESSORS, make_term
 from flighttest.regression.equation_error.model import RegressionModel, term_powers
 from flighttest.special_tests.spin.rotation_rates import WIND_RATES
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
 
 ALPHA = np.radians(np.arange(-20.0, 60.5, 1.0))
 BETA = np.radians(np.arange(-40.0, 40.5, 1.0))

@@ -27,20 +27,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import UnknownName
 from flightmech.names import quantity_attributes
 from flighttest.reconstruction.dynamics.force_coefficients import reduced_rates
 from flighttest.reconstruction.dynamics.kinematics import body_to_ned_rotation
 from flighttest.reconstruction.smoother import FlightPath, reconstruct
 from flighttest.records.sensors.instruments import stated_in
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
 
 WIND_RATES = {
     "Omegahat": ("Omega", "b"),

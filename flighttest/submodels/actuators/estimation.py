@@ -30,6 +30,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
+from scipy.optimize import minimize_scalar
 
 from flightmech.errors import AeromatchWarning, IdentificationError
 from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
@@ -132,7 +133,6 @@ def equation_error(
     grid = np.linspace(0.0, rows.longest, _DELAYS)
     cost = [rows.cost(delay) for delay in grid]
     best = int(np.argmin(cost))
-    from scipy.optimize import minimize_scalar
 
     around = float(grid[max(best - 1, 0)]), float(grid[min(best + 1, _DELAYS - 1)])
     delay = float(

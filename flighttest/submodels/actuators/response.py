@@ -19,6 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from scipy.linalg import expm
+from scipy.signal import lfilter
 
 COEFFICIENTS = ("Ma", "Ca", "Ka", "B")
 LIMITS = ("rate_limit", "stop_low", "stop_high")
@@ -217,7 +219,6 @@ def _exact_step(
     """Return x(h) = free x(0) + first f(0) + last f(h) of x = (p, v) under a linear drive f, per
     run.
     """
-    from scipy.linalg import expm
 
     runs = len(ratio["B"])
     A = np.zeros((runs, 4, 4))
@@ -232,7 +233,6 @@ def _linear(free: np.ndarray, drive: np.ndarray, start: np.ndarray) -> np.ndarra
     """Return states (run, 2, time) of x_k+1 = free x_k + drive_k, by the recursion of second order
     that each state obeys.
     """
-    from scipy.signal import lfilter
 
     out = np.empty((len(free), 2, drive.shape[2] + 1))
     out[:, :, 0] = start

@@ -29,6 +29,9 @@ from itertools import pairwise
 
 import numpy as np
 import xarray as xr
+from scipy import stats
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
 
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
@@ -403,7 +406,6 @@ class _ModeResponse:
 
     def best(self) -> np.ndarray:
         """Return the root, by search and least squares, the channels weighed by their residuals."""
-        from scipy.optimize import least_squares
 
         x = self._search()
         scale = np.full(len(x), max(abs(x[-1]), abs(x[0])))
@@ -464,7 +466,6 @@ class _ModeResponse:
         """Return F of the amplitudes, their number, degrees of freedom and probability; a drift
         next to an oscillation is a cubic.
         """
-        from scipy import stats
 
         basis, channels = self.basis(x), self.y.shape[1]
         drift = 1 + self.trend
@@ -519,7 +520,6 @@ class _ModeResponse:
 
 def _driven(pole: complex, u: np.ndarray, step: float) -> np.ndarray:
     """Return int exp(pole (t - s)) u(s) ds from the first sample, with `u` linear between samples."""
-    from scipy.signal import lfilter
 
     z = pole * step
     E = np.exp(np.clip(z.real, -60.0, 60.0) + 1j * z.imag)

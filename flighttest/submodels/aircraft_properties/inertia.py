@@ -28,11 +28,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
+from scipy.linalg import block_diag
+from scipy.stats import chi2 as chi2_distribution
 
+from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError, UnknownName
 from flighttest.reconstruction.dynamics.force_coefficients import (
     inertia_matrix,
@@ -46,9 +48,6 @@ from flighttest.regression.equation_error.samples import stack_samples
 from flighttest.regression.uncertainty.collinearity import demand_rank
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 from flighttest.remarks import Remark, remark_lines
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
 
 MOMENTS = ("Ixx", "Iyy", "Izz", "Ixz")
 _PRODUCTS = {"p_dot": ("pq", "qr"), "q_dot": ("pr", "rr-pp"), "r_dot": ("pq", "qr")}
@@ -314,7 +313,6 @@ def _ratios(
 
 
 def _moments(k, C, white, I, J, aircraft: Aircraft, scale: str) -> xr.Dataset:
-    from scipy.stats import chi2 as chi2_distribution
 
     free = [MOMENTS.index(name) for name in MOMENTS if name != scale]
     inverse = np.linalg.inv(C)
@@ -343,6 +341,5 @@ def _moments(k, C, white, I, J, aircraft: Aircraft, scale: str) -> xr.Dataset:
 
 
 def _diagonal(blocks: Sequence[np.ndarray]) -> np.ndarray:
-    from scipy.linalg import block_diag
 
     return np.asarray(block_diag(*blocks))

@@ -14,16 +14,17 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.optimize import minimize_scalar, nnls
+from scipy.signal import lfilter
 
 from flightmech.errors import AeromatchWarning, IdentificationError, UnknownName
 from flightmech.terms import basis, make_term
-
-if TYPE_CHECKING:
-    import xarray as xr
+from flighttest.reconstruction.problem.trajectory import lag_weights
 
 _RATE = 5.0  # Hz: a thrust recording carries no more
 _SMOOTH = 0.03  # weight of a second difference against one sample per node
@@ -136,7 +137,6 @@ def fit_thrust(
 
 def _settled(throttle: np.ndarray, step: float) -> np.ndarray:
     """Return where the throttle has not moved for a while; the first sample counts as settled."""
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     width = max(round(_STILL[0] / step), 1)
     padded = np.concatenate([np.full(width, throttle[0]), throttle])
@@ -175,9 +175,6 @@ def _run(
 
 def _lag(x: np.ndarray, step: float, tau: float) -> np.ndarray:
     """Return `x` behind a first-order lag, started in equilibrium, input linear between samples."""
-    from scipy.signal import lfilter
-
-    from flighttest.reconstruction.problem.trajectory import lag_weights
 
     (E, c0, c1), _ = lag_weights(tau, step)
     return lfilter([c1, c0], [1.0, -E], x, zi=x[:1] * (1.0 - c1))[0]

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import scipy
 import xarray as xr
+from scipy.fft import dct, dst
 
 from flightmech.errors import IdentificationError, UnknownName
 from flighttest.submodels.control_loading.loading import FORCES, ControlLoading
@@ -261,7 +262,6 @@ def smooth_derivatives(
     neither rings nor overshoots, so that a reversal of friction is gone 0.41 periods of the cut-off from it; a Butterworth filter of the
     same noise still has 1 to 4 % of it there, which acts as a mass.
     """
-    from scipy.fft import dct, dst
 
     count = len(x) - 1
     line = x[0] + (x[-1] - x[0]) / count * np.arange(count + 1)

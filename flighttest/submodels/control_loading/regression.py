@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from scipy.stats import chi2, t
 
 from flightmech.errors import IdentificationError, UnknownName
 from flighttest.regression.equation_error import least_squares
@@ -164,7 +165,6 @@ class TrimForces:
 
     def determined(self) -> dict[str, bool]:
         """Return whether every estimate differs from zero with 95 % confidence."""
-        from scipy.stats import t
 
         found = self.estimates
         limit = float(t.ppf(0.975, found.attrs["points"] - found.sizes["term"]))
@@ -217,7 +217,6 @@ def trim_forces(loading: ControlLoading, points: xr.Dataset) -> TrimForces:
     R / 3^0.5, and the residuals limit R.  Points at one loading and one tab setting vary angle of attack and deflection together; a
     displaced c.g. separates the two.
     """
-    from scipy.stats import chi2
 
     wanted = [f"F_{loading.item}", "qbar", *loading.model.variables]
     for name in wanted:

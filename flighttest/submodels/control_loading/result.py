@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from aerodb.edit.table_edits import delete_terms, replace_terms
+from aerodb.store.schema import terms
 from flightmech import terms as _terms
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.controls import Circuit, ControlGeometry
@@ -350,8 +352,6 @@ def replace_hinge_moments(database: xr.DataTree, found: IdentifiedLoading) -> xr
         To weigh flight against DATCOM first, give ``published_fit(model, *found.published()[:2],
         conditions, R)`` to `mixed` or to `aerodb.tabulate`, as any fit.
     """
-    from aerodb.edit.table_edits import delete_terms, replace_terms
-    from aerodb.store.schema import terms
 
     note = "control loading identified from flight"
     new = hinge_terms(found)

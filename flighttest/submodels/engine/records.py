@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from flightmech.air import atmosphere
@@ -145,7 +146,6 @@ def read_points(path: str | Path) -> xr.Dataset:
     UnknownName
         Another column.
     """
-    import pandas as pd
 
     table = pd.read_csv(path, comment="#")
     for name in table.columns:

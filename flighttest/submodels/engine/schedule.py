@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 import xarray as xr
+from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 
 from flightmech.errors import IdentificationError
 
@@ -37,7 +38,6 @@ def remove_lever_noise(record: xr.Dataset) -> xr.Dataset:
     IdentificationError
         The lever moves from the start.
     """
-    from scipy.ndimage import median_filter
 
     step = float(np.median(np.diff(record["time"].values)))
     throttle = median_filter(
@@ -65,7 +65,6 @@ def find_lever_rest(record: xr.Dataset, still: float = STILL, same: float = SAME
     same : float
         Range of the throttle within it.
     """
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     throttle, time = record["throttle"].values, record["time"].values
     width = max(round(still / float(np.median(np.diff(time)))), 1)

@@ -8,7 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from aerodb.store.evaluation import contributions
+from aerodb.store.schema import terms
 from flightmech.errors import IdentificationError, UnknownName
+from flightmech.terms import SOURCES, list_model_variables
 from flighttest.regression.equation_error.model import RegressionModel, term_regressors
 from flighttest.regression.equation_error.samples import RegressionSamples, stack_samples
 from flighttest.regression.separable.fit import SeparableFit, regress_separable
@@ -245,15 +248,15 @@ class _Coefficient:
             self.free_terms(samples),
         )
         found, least = None, schwarz_criterion(rest, X.shape[1], n)
-        for terms in (left, *((*left, term) for term in self.ground if term not in left)):
-            terms = tuple(dict.fromkeys((*(found.terms if found else ()), *terms)))
-            if not terms:
+        for chosen in (left, *((*left, term) for term in self.ground if term not in left)):
+            candidate = tuple(dict.fromkeys((*(found.terms if found else ()), *chosen)))
+            if not candidate:
                 continue
             try:
                 trial = height_table(
                     X,
-                    terms,
-                    term_regressors(terms, samples.data).T,
+                    candidate,
+                    term_regressors(candidate, samples.data).T,
                     h,
                     z,
                     samples,
@@ -322,9 +325,6 @@ class _Database(NamedTuple):
 def _database_parts(
     database: xr.DataTree, coefficient: str, records: Sequence[xr.Dataset]
 ) -> _Database:
-    from aerodb.store.evaluation import contributions
-    from aerodb.store.schema import terms
-    from flightmech.terms import SOURCES, list_model_variables
 
     leaves = {
         name: leaf

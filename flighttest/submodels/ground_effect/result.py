@@ -10,6 +10,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerodb.edit.ground_effect import in_ground_effect, with_height_table
+from aerodb.edit.table_edits import delete_terms, replace_terms
+from aerodb.store.schema import terms
+from aerodb.update.posterior import without_posterior
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import quantity_attributes
@@ -305,8 +309,6 @@ def replace_ground_effect(
     SchemaError
         A factor to which no term of the database belongs, or a term without room for it.
     """
-    from aerodb.edit.table_edits import delete_terms, replace_terms
-    from aerodb.store.schema import terms
 
     new: dict[str, xr.Dataset] = {}
     old: list[str] = []
@@ -348,8 +350,6 @@ def ground_terms_of(
         ``ground_<term in free air>``, of a part of it ``ground_<term>_alpha``; ``ground`` for the
         rolling moment of bank.
     """
-    from aerodb.store.schema import terms
-    from aerodb.update.posterior import without_posterior
 
     name = one.model.coefficient
     free = {  # a multiple of a table is not one more table that was estimated with it
@@ -426,8 +426,6 @@ def _over_ground(
         leaf = _with_factor(leaf, heights, K)
         share = _share(K, stderr)
     else:
-        from aerodb.edit.ground_effect import in_ground_effect, with_height_table
-
         common = one.form == "k h^s, one s"
         row = one.row(term, common)
         at_floor = one.factor(term, [floor], common)

@@ -16,6 +16,8 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
+import aerodb
+from aerodb.store.schema import database_coefficients
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.landing_gear import Contact
 from flightmech.axes import matrix_from_euler, stability_to_body
@@ -380,8 +382,6 @@ def air_load(
     count = data.sizes["time"]
     if database is None:
         return np.zeros((count, 3)), np.zeros((count, 3))
-    import aerodb
-    from aerodb.store.schema import database_coefficients
 
     turn = matrix_from_euler(*(state_column(data, name) for name in ("phi", "theta", "psi")))
     over = [

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from joblib import Parallel, delayed
 
 from flightmech.aircraft.aircraft import Aircraft, read_aircraft
 from flightmech.errors import SchemaError, UnknownName
@@ -70,7 +71,6 @@ def replay_draws(
     SchemaError
         The case has a control law, whose FMU the kernel does not fly.
     """
-    from joblib import Parallel, delayed
 
     if plan.job.law is not None:
         raise SchemaError(

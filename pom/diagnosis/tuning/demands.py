@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from scipy.optimize import nnls
 
 import aerodb
 from aerodb.store.schema import HINGE
@@ -214,7 +215,6 @@ def least_distance(G: np.ndarray, h: np.ndarray) -> np.ndarray | None:
     ----------
     .. [Lawson1974] Lawson, Hanson, Solving Least Squares Problems, Prentice-Hall 1974, chapter 23, algorithm LDP.
     """
-    from scipy.optimize import nnls
 
     if not len(G) or (h <= 0.0).all():
         return np.zeros(G.shape[1])

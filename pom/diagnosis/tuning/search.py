@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 import xarray as xr
+from joblib import Parallel, delayed
 
 import aerodb
 import flightmech
@@ -212,7 +213,6 @@ class _Tuner:
         """Return the shortest amounts inside all limits linearised about z; None when there are
         none.
         """
-        from joblib import Parallel, delayed
 
         now = self.limited(runs)
 

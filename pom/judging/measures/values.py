@@ -6,12 +6,12 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flightmech.names import lookup
 from flightmech.units import DEGREE, from_si
+from pom.cases.case import PomCase
 from pom.judging.signals import WHO, Comparison, Instant, crossing_time, event_time, find_event
 from pom.tolerances.bands import (
     Invalid,
@@ -26,9 +26,6 @@ from pom.tolerances.bands import (
     unwrapped_difference,
 )
 from pom.tolerances.criteria import OF_PARAMETER, Criterion
-
-if TYPE_CHECKING:
-    from pom.cases.case import PomCase
 
 LEVEL = 1.0  # [s] over which the end level is averaged; ours
 

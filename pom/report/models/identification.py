@@ -6,11 +6,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+import flighttest
 from flightmech.errors import IdentificationError
 from flightmech.support.figures import (
     WIDTH,
@@ -26,6 +27,7 @@ from flightmech.support.figures import (
     make_svg_figure,
     text_pieces,
 )
+from flighttest.regression.uncertainty.significance import theil, theil_shares
 from pom.report.presentation.quantities import (
     MISSING,
     fixed_decimals,
@@ -35,9 +37,6 @@ from pom.report.presentation.quantities import (
 )
 from pom.report.presentation.traces import Pack, step_of
 from pom.report.submodels.section import Picture
-
-if TYPE_CHECKING:
-    import flighttest
 
 _LEFT, _TOP, _GAP, _FOOT = 50.0, 18.0, 62.0, 30.0
 _HIGH, _LOW = 84.0, 40.0  # panel of the coefficient, of its residual
@@ -250,7 +249,6 @@ def _fit(index: int, fit: flighttest.Fit) -> dict[str, Any]:
 
 def _agreement(fit: flighttest.Fit) -> dict[str, str]:
     """Return Theil's coefficient and what the residual consists of."""
-    from flighttest.regression.uncertainty.significance import theil, theil_shares
 
     measured = fit.data[fit.model.coefficient].values
     predicted = measured - fit.residual

@@ -11,6 +11,7 @@ import datetime
 import json
 import re
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -155,7 +156,6 @@ def _date(text: str) -> datetime.datetime:
 
 
 def _attach(folder: Path, attached: Mapping[str, bytes]) -> list[dict[str, str]]:
-    from hashlib import sha256
 
     rows = []
     for name, body in attached.items():

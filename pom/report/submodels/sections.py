@@ -610,10 +610,6 @@ def _section(
     """Return the section of one result; None of another kind.  What identifies them takes a second
     to load: most reports have none.
     """
-    from flighttest.submodels.control_loading.result import IdentifiedLoading
-    from flighttest.submodels.engine.result import EngineFit
-    from flighttest.submodels.ground_effect.result import GroundEffect
-    from flighttest.submodels.landing_gear.identification import IdentifiedGear
 
     if isinstance(result, EngineFit):
         return engine_section(name, result)

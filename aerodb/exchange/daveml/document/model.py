@@ -8,17 +8,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from aerodb.exchange.daveml.document import mathml
 from aerodb.exchange.daveml.document.tables import FunctionAxis, Gridded, Scattered
 from aerodb.exchange.daveml.document.units import convert_between, same_units
 from flightmech.errors import OutOfRange, SchemaError, UnitError, UnknownName
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _INTERNAL_TOLERANCE = (
     1e-6  # relative; the format gives internal values no tolerance, NASA's outputs carry 1e-6
@@ -347,7 +345,6 @@ class DaveModel:
             passed note``.  Outputs are judged by the tolerance of the file, internal values, which
             have none, by 1e-6 of their size.
         """
-        import pandas as pd
 
         return pd.DataFrame(
             self._checked,

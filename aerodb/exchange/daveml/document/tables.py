@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import CubicSpline, LinearNDInterpolator
 
 from flightmech.errors import OutOfRange
 
@@ -93,7 +94,6 @@ class FunctionAxis:
         """Natural at a held end, clamped to the slope of the last two points at an open one, as the
         reference manual suggests.
         """
-        from scipy.interpolate import CubicSpline
 
         points, unit = self.points, np.eye(len(self.points))
         slopes = (
@@ -165,7 +165,6 @@ class Scattered:
 
     @cached_property
     def _surface(self):
-        from scipy.interpolate import LinearNDInterpolator
 
         return LinearNDInterpolator(self.points @ self._shear, self.values)
 

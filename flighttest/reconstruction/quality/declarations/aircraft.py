@@ -12,13 +12,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from math import atan2, degrees, log, radians, sqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from aerodb.store.evaluation import evaluate
+from aerodb.store.schema import terms
 from flightmech.air import GAMMA, R_AIR
-from flightmech.aircraft.aircraft import inertia_tensor
+from flightmech.aircraft.aircraft import Aircraft, inertia_tensor
 from flightmech.axes import lift_drag
 from flightmech.build_up import used_coefficients
 from flightmech.errors import AeromatchError
@@ -28,9 +30,6 @@ from flighttest.reconstruction.quality.checks.signals import ResampledChannels, 
 from flighttest.reconstruction.quality.finding import Finding, map_entry
 from flighttest.records.signals.differentiation import derivative
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
-
-if TYPE_CHECKING:
-    from flightmech.aircraft.aircraft import Aircraft
 
 # S/(b cbar) is 0.96 to 1.0 for straight wings, 0.75 for a delta; chords of other definitions reach
 # 0.5 (Concorde), biplanes 2
@@ -494,8 +493,6 @@ def _prior_lift(
     """
     if database is None:
         return None
-    from aerodb.store.evaluation import evaluate
-    from aerodb.store.schema import terms
 
     V = full["V"][mask]
     given: dict[str, Any] = {name: full[name][mask] for name in full.values}

@@ -11,16 +11,19 @@ stands in the notes of the record.
 
 from __future__ import annotations
 
+import gzip
 import io
 import os
 import re
 from collections import Counter
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from flightmech.errors import ParseError
 from flightmech.support.input_files import (
@@ -153,8 +156,6 @@ def _text(path: Path) -> tuple[bytes, tuple[str, ...]]:
     """Return the text as UTF-8 with line feeds, and a note where it was of another encoding."""
     raw = read_bytes(path, _EXPECTED)
     if raw[:2] == b"\x1f\x8b":
-        import gzip
-
         with decoding_errors(path, "a whole .gz file"):
             raw = gzip.decompress(raw)
     notes: tuple[str, ...] = ()
@@ -274,7 +275,6 @@ def _parsed(
     ]
     if not spans:
         return {head: np.zeros(0) for head in heads}
-    from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(len(spans)) as pool:
         frames = list(
@@ -348,7 +348,6 @@ def _frame(
     """Return the lines as a frame, None where one does not fit; with `guess` pandas chooses the
     kind of each column.
     """
-    import pandas as pd
 
     kinds: Any = None if guess else {head: str if head in texts else np.float64 for head in heads}
     blanks = separator != " " and (

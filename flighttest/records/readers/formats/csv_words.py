@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from flightmech.errors import ParseError
 from flighttest.records.readers.recording import LeftOut
@@ -158,7 +159,6 @@ def seconds_of(cells: np.ndarray, name: str, path: Path) -> tuple[np.ndarray, st
 
 
 def _seconds_of_dates(texts: list[str], name: str, path: Path) -> tuple[np.ndarray, str]:
-    import pandas as pd
 
     # seconds end at 19 letters; a comma or a colon behind them begins their fraction
     plain: list[str] = [

@@ -104,8 +104,8 @@ def _vehicle(named: dict[str, np.ndarray]) -> str:
     ...; empty when it does not.
     """
     texts = (
-        named["MSG"]["DataFlashMessage"]
-        if "DataFlashMessage" in (named.get("MSG", np.zeros(0)).dtype.names or ())
+        named["MSG"]["Message"]
+        if "Message" in (named.get("MSG", np.zeros(0)).dtype.names or ())
         else ()
     )
     words = (text.decode("ascii", "replace").partition(" ")[0] for text in texts)

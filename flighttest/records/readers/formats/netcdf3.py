@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from scipy.io import netcdf_file
 
 from flightmech.errors import ParseError
 from flighttest.records.readers.formats.nested import Array, Group, nested_tables
@@ -20,7 +21,6 @@ def read(path: Path, names: NameMap) -> Recording:
     ParseError
         The file is damaged, or holds no variable over a clock.
     """
-    from scipy.io import netcdf_file
 
     root = Group()
     with (

@@ -5,19 +5,15 @@ each kind of data.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from flighttest.records.readers.name_map import NameMap
-    from flighttest.records.readers.recording import Recording
+from flighttest.records.readers.formats.chapter10.tables import read_chapter10_tables as read_tables
+from flighttest.records.readers.name_map import NameMap
+from flighttest.records.readers.recording import Recording
 
 
 def read(path: Path, names: NameMap) -> Recording:
     """Return the parameters that ``[decode]`` of the name map takes out of a Chapter 10 file, see
     `tables.read_chapter10_tables`.
     """
-    from flighttest.records.readers.formats.chapter10.tables import (
-        read_chapter10_tables as read_tables,
-    )
 
     return read_tables(path, names)
