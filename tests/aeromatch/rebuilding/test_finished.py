@@ -94,7 +94,7 @@ def test_whatever_changes_lets_the_match_run(project, done, name):
 def test_another_setting_program_or_arithmetic_lets_the_match_run(project, done, monkeypatch):
     watched = Watched(project)
     assert done.read(watched, {**SETTINGS, "samples": 5}) is None
-    for name in ("hash_installation", "arithmetic"):
+    for name in ("hash_installation", "hash_arithmetic"):
         with monkeypatch.context() as patch:
             patch.setattr(finished, name, lambda: "another")
             assert done.read(watched, SETTINGS) is None
