@@ -53,7 +53,7 @@ class NameValue(click.ParamType):
         return name.strip(), text.strip()
 
 
-@click.command()
+@click.command("trim")
 @click.argument("aircraft", type=_FILE)
 @click.argument("database", type=_FILE)
 @click.option(
@@ -78,7 +78,7 @@ class NameValue(click.ParamType):
 )
 @json_option
 @click.pass_context
-def trim(
+def trim_command(
     ctx: click.Context,
     aircraft: str,
     database: str,
@@ -213,7 +213,7 @@ def _print(sim: SimModel, found: xr.Dataset) -> None:
 _HEADING = re.compile(r"^\s*([A-Za-z_0-9.*]+)\s*(?:\[([^\]]*)\])?\s*$")
 
 
-@click.command()
+@click.command("simulate")
 @click.argument("aircraft", type=_FILE)
 @click.argument("database", type=_FILE)
 @click.option(
@@ -244,7 +244,7 @@ _HEADING = re.compile(r"^\s*([A-Za-z_0-9.*]+)\s*(?:\[([^\]]*)\])?\s*$")
     "-o", "--output", required=True, type=NewFile(), help="The history: .nc, or .csv in SI."
 )
 @json_option
-def simulate(
+def simulate_command(
     aircraft: str,
     database: str,
     record: str,
@@ -353,7 +353,7 @@ def fmu() -> None:
     """Simulation models: write them as FMUs, trim and fly them."""
 
 
-@fmu.command()
+@fmu.command("write")
 @click.argument("aircraft", type=InputFile())
 @click.argument("database", type=InputFile())
 @click.option("-o", "--output", required=True, type=NewFile(), help="The FMU to write.")
@@ -366,7 +366,7 @@ def fmu() -> None:
     help="Version of the standard.",
 )
 @json_option
-def write(aircraft: str, database: str, output: str, version: str, as_json: bool) -> None:
+def write_command(aircraft: str, database: str, output: str, version: str, as_json: bool) -> None:
     """Compile AIRCRAFT (TOML) with DATABASE (netCDF) and write the model as an FMU."""
     from flightmech.fmu_export.fmu_file import write_fmu
     from flightmech.simulation.compiler import compile_files
@@ -392,11 +392,11 @@ def write(aircraft: str, database: str, output: str, version: str, as_json: bool
         click.echo(f"written: {path}")
 
 
-@fmu.command()
+@fmu.command("show")
 @click.argument("path", metavar="FMU", type=InputFile())
 @json_option
 @without_gc()
-def show(path: str, as_json: bool) -> None:
+def show_fmu_command(path: str, as_json: bool) -> None:
     """Show the variables of an FMU of any vendor, and what the standard's check finds."""
     from flightmech.fmu_export.fmu_file import read_fmu
     from flightmech.support.console import print_json, print_remark, print_table
@@ -425,5 +425,5 @@ def show(path: str, as_json: bool) -> None:
         print_remark(f"finding: {finding}")
 
 
-fmu.add_command(trim)
-fmu.add_command(simulate)
+fmu.add_command(trim_command)
+fmu.add_command(simulate_command)

@@ -33,7 +33,7 @@ class Pairs(click.ParamType):
         return name.strip(), text.strip()
 
 
-@click.command()
+@click.command("characteristics")
 @click.argument("database", metavar="DB", type=_FILE)
 @click.argument("aircraft", type=_FILE)
 @click.option("--speed", help="True airspeed, such as '175 kt' or 90 [m/s].")
@@ -55,7 +55,7 @@ class Pairs(click.ParamType):
 )
 @click.option("--seed", type=int, default=1, show_default=True, help="Seed of the random draws.")
 @json_option
-def characteristics(
+def characteristics_command(
     database: str,
     aircraft: str,
     speed: str | None,
@@ -109,7 +109,7 @@ def characteristics(
     )
 
 
-@click.command()
+@click.command("rescale")
 @click.argument("database", metavar="DB", type=_FILE)
 @click.argument("aircraft", type=_FILE)
 @click.option("--length-ratio", required=True, type=float, help="New length over known length.")
@@ -138,7 +138,7 @@ def characteristics(
     "--aircraft-output", required=True, type=NewFile(), help="The new aircraft file, TOML."
 )
 @json_option
-def rescale(
+def rescale_command(
     database: str,
     aircraft: str,
     length_ratio: float,
@@ -204,10 +204,10 @@ def _si(name: str, text: str) -> float:
     return parse_quantity(_number(text), units)
 
 
-@click.command()
+@click.command("scheme")
 @click.argument("coefficient", required=False)
 @json_option
-def scheme(coefficient: str | None, as_json: bool) -> None:
+def scheme_command(coefficient: str | None, as_json: bool) -> None:
     """Print the build-up of LR-743, equations (1) to (11): what each term is and where it can come
     from.
     """

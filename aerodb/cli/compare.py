@@ -24,7 +24,7 @@ _FILE = InputFile()
 _ALONG = "netCDF-4 with states over time, as `aeromatch flight reconstruct` writes it."
 
 
-@click.command()
+@click.command("compare")
 @click.argument("first", metavar="A", type=_FILE)
 @click.argument("second", metavar="B", type=_FILE)
 @click.option("--along", type=_FILE, help=f"Compare along a flight instead of a grid: {_ALONG}")
@@ -48,7 +48,7 @@ _ALONG = "netCDF-4 with states over time, as `aeromatch flight reconstruct` writ
     help="File format of the figures.",
 )
 @json_option
-def compare(
+def compare_command(
     first: str,
     second: str,
     along: str | None,
@@ -112,7 +112,7 @@ def compare(
         click.echo(f"\nwritten: {len(written)} figures in {figures}")
 
 
-@click.command()
+@click.command("plot")
 @click.argument("file", type=_FILE)
 @click.option("--term", required=True, help="Such as CL/basic; a coefficient, CL, will do as well.")
 @click.option("--family", help="Variable that distinguishes the curves, such as mach or delta_f.")
@@ -128,7 +128,7 @@ def compare(
 @click.option(
     "-o", "--output", required=True, type=NewFile(), help="The figure: .svg, .png or .pdf."
 )
-def plot(
+def plot_term_command(
     file: str,
     term: str,
     family: str | None,
@@ -238,7 +238,7 @@ _FIGURE_FILE = InputFile(path_type=Path)
 _OWN = ("datcom", "final")  # databases of the folder that `aeromatch match` writes
 
 
-@click.command()
+@click.command("figures")
 @click.argument(
     "places",
     metavar="FOLDER | DB [DB]",
@@ -282,7 +282,7 @@ _OWN = ("datcom", "final")  # databases of the folder that `aeromatch match` wri
     help="New folder for the set.",
 )
 @json_option
-def figures(
+def figures_command(
     places: tuple[Path, ...],
     set_of_it: bool,
     aircraft: Path | None,

@@ -116,9 +116,9 @@ def edit(ctx: click.Context, file: str) -> None:
     ctx.obj = file
 
 
-@edit.command()
+@edit.command("scale")
 @_by("Factor, or several with --over.")
-def scale(
+def scale_command(
     file: str, names: tuple[str, ...], by: Any, over: tuple | None, output: str, **how: Any
 ) -> None:
     """Multiply terms; TERM may be a pattern such as '*/gear'."""
@@ -127,9 +127,9 @@ def scale(
     _write(file, output, lambda db: scaled(db, names, by, dict([over]) if over else None, **how))
 
 
-@edit.command()
+@edit.command("shift")
 @_by("Amount in the unit of the table, or several with --over.")
-def shift(
+def shift_command(
     file: str, names: tuple[str, ...], by: Any, over: tuple | None, output: str, **how: Any
 ) -> None:
     """Add an amount to terms."""
@@ -155,7 +155,9 @@ def shift(
 @_note
 @_output
 @click.pass_obj
-def set_nodes(file: str, name: str, places: tuple, value: float, output: str, **how: Any) -> None:
+def set_nodes_command(
+    file: str, name: str, places: tuple, value: float, output: str, **how: Any
+) -> None:
     """Set one node of a term, or a row of nodes, to a number."""
     from aerodb.edit.table_edits import set_nodes as with_nodes
 
@@ -172,7 +174,7 @@ def set_nodes(file: str, name: str, places: tuple, value: float, output: str, **
     )
 
 
-@edit.command()
+@edit.command("regrid")
 @click.argument("name", metavar="TERM")
 @_axis
 @click.option(
@@ -181,7 +183,7 @@ def set_nodes(file: str, name: str, places: tuple, value: float, output: str, **
 @_note
 @_output
 @click.pass_obj
-def regrid(
+def regrid_command(
     file: str, name: str, axes: tuple, tolerance: float | None, note: str, output: str
 ) -> None:
     """Put a term on other breakpoints; the largest difference from the old table is printed."""
@@ -190,7 +192,7 @@ def regrid(
     _write(file, output, lambda db: regridded(db, name, dict(axes), tolerance=tolerance, note=note))
 
 
-@edit.command()
+@edit.command("extend")
 @click.argument("name", metavar="TERM")
 @click.option(
     "--axis",
@@ -211,7 +213,7 @@ def regrid(
 @_note
 @_output
 @click.pass_obj
-def extend(
+def extend_command(
     file: str, name: str, axes: tuple, how: str, values: Any, stderr: Any, note: str, output: str
 ) -> None:
     """Let a term reach further."""
@@ -251,7 +253,7 @@ def extend(
 @_note
 @_output
 @click.pass_obj
-def move_reference(
+def move_reference_command(
     file: str,
     x: str | None,
     y: str | None,
@@ -281,7 +283,7 @@ def move_reference(
     _write(file, output, work)
 
 
-@edit.command()
+@edit.command("blend")
 @click.argument("other", type=_FILE)
 @click.argument("names", metavar="[TERM]...", nargs=-1)
 @click.option(
@@ -294,7 +296,9 @@ def move_reference(
 @_note
 @_output
 @click.pass_obj
-def blend(file: str, other: str, names: tuple[str, ...], rule: str, note: str, output: str) -> None:
+def blend_command(
+    file: str, other: str, names: tuple[str, ...], rule: str, note: str, output: str
+) -> None:
     """Join terms with those of the database OTHER, each with the weight of its standard errors."""
     from aerodb.edit.blending import blend as blended
     from aerodb.edit.blending import consistency
@@ -319,25 +323,25 @@ def blend(file: str, other: str, names: tuple[str, ...], rule: str, note: str, o
     print_table(head, rows, title="how well they agree", right=head[1:5])
 
 
-@edit.command()
+@edit.command("delete")
 @click.argument("names", metavar="TERM...", nargs=-1, required=True)
 @_note
 @_output
 @click.pass_obj
-def delete(file: str, names: tuple[str, ...], note: str, output: str) -> None:
+def delete_command(file: str, names: tuple[str, ...], note: str, output: str) -> None:
     """Take terms out; they count as zero."""
     from aerodb.edit.table_edits import delete_terms
 
     _write(file, output, lambda db: delete_terms(db, names, note))
 
 
-@edit.command()
+@edit.command("replace")
 @click.argument("other", type=_FILE)
 @click.argument("names", metavar="TERM...", nargs=-1, required=True)
 @_note
 @_output
 @click.pass_obj
-def replace(file: str, other: str, names: tuple[str, ...], note: str, output: str) -> None:
+def replace_command(file: str, other: str, names: tuple[str, ...], note: str, output: str) -> None:
     """Take terms from the database OTHER, in place of those of the same name or in addition."""
     from aerodb.edit.table_edits import match_names, replace_terms
     from aerodb.store.files import open
@@ -354,11 +358,11 @@ def replace(file: str, other: str, names: tuple[str, ...], note: str, output: st
     )
 
 
-@click.command()
+@click.command("history")
 @click.argument("file", type=_FILE)
 @json_option
 @without_gc()
-def history(file: str, as_json: bool) -> None:
+def history_command(file: str, as_json: bool) -> None:
     """Show the edits of a database; numbered ones can be undone."""
     from aerodb.store.files import list_edits
     from aerodb.store.undo_history import COLUMNS
@@ -376,24 +380,24 @@ def history(file: str, as_json: bool) -> None:
     )
 
 
-@click.command()
+@click.command("previous")
 @click.argument("file", type=_FILE)
 @click.option(
     "--steps", type=click.IntRange(1), default=1, show_default=True, help="Edits to undo."
 )
 @click.option("--edit", "number", type=int, help="Undo this edit and all later ones instead.")
 @_output
-def previous(file: str, steps: int, number: int | None, output: str) -> None:
+def previous_command(file: str, steps: int, number: int | None, output: str) -> None:
     """Write the database as it was before its last edits."""
     from aerodb.store.undo_history import undo_edits as before
 
     _write(file, output, lambda db: before(db, steps, number), show_change=False)
 
 
-@click.command()
+@click.command("forget")
 @click.argument("file", type=_FILE)
 @_output
-def forget(file: str, output: str) -> None:
+def forget_command(file: str, output: str) -> None:
     """Write the database without its undo history, for a release."""
     from aerodb.store.undo_history import drop_undo_history as forgotten
 

@@ -152,7 +152,7 @@ def _function(place: tuple[str, str]) -> Any:
 @click.option("--count", type=click.IntRange(1), help="Number of check cases.")
 @click.option("--seed", type=int, help="Seed of the check cases.")
 @json_option
-def export_database(
+def export_database_command(
     file: str,
     fmt: str,
     output: str,
@@ -231,7 +231,7 @@ def _with_height_tables(db: xr.DataTree, height: str) -> xr.DataTree:
 @click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
 @reading_options
 @json_option
-def import_database(file: str, output: str, as_json: bool, **options: Any) -> None:
+def import_database_command(file: str, output: str, as_json: bool, **options: Any) -> None:
     """Read a database from FILE, a folder of CSV files or a file of another program; the format is
     recognised by content.
     """
@@ -313,7 +313,7 @@ _OF_DAVEML = ("inertia", "propulsion", "at", "names")
 @click.option("--name", default="", help="Name of the aircraft; that of the file unless given.")
 @click.option("--force", is_flag=True, help="Overwrite older files.")
 @json_option
-def import_aircraft(
+def import_aircraft_command(
     file: str,
     output: str,
     without: tuple[str, ...],

@@ -94,17 +94,17 @@ _ELSEWHERE = {
     "characteristics": "characteristics",
     "compare": "compare",
     "edit": "edit",
-    "export": "exchange:export_database",
+    "export": "exchange",
     "figures": "compare",
     "history": "edit",
     "import-aircraft": "exchange",
-    "import": "exchange:import_database",
+    "import": "exchange",
     "plot": "compare",
     "previous": "edit",
     "forget": "edit",
     "rescale": "characteristics",
     "scheme": "characteristics",
-}  # verb: module, and the function where it has another name
+}  # verb: module
 
 
 @click.group(cls=LazyGroup, package=__package__, elsewhere=_ELSEWHERE)
@@ -112,7 +112,7 @@ def db() -> None:
     """Build, show and compare aero databases."""
 
 
-@db.command()
+@db.command("build")
 @click.argument("aircraft", type=click.Path(exists=True))
 @click.argument("places", nargs=-1)
 @click.option(
@@ -172,7 +172,7 @@ def db() -> None:
 )
 @click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
 @json_option
-def build(
+def build_command(
     aircraft: str,
     places: tuple[str, ...],
     altitude: str | None,
@@ -253,12 +253,12 @@ def build(
         click.echo(f"\nwritten: {output}")
 
 
-@db.command()
+@db.command("show")
 @click.argument("file", type=_LISTING)
 @click.option("--term", help="One term with its numbers, such as CL/basic.")
 @json_option
 @without_gc()
-def show(file: str, term: str | None, as_json: bool) -> None:
+def show_database_command(file: str, term: str | None, as_json: bool) -> None:
     """Show what a database holds, or the numbers of one term."""
     if term is None:
         attributes, rows = _overview(file)
@@ -320,11 +320,11 @@ def _term_document(file: str, term: str) -> None:
     print_json({"term": term, **without_posterior(find_leaf(open(file), term)).to_dict()})
 
 
-@db.command()
+@db.command("decisions")
 @click.argument("file", type=_LISTING)
 @json_option
 @without_gc()
-def decisions(file: str, as_json: bool) -> None:
+def decisions_command(file: str, as_json: bool) -> None:
     """Show what the flights decided about each term: replace, correct, keep or delete (not
     identifiable), and why.
     """
@@ -347,10 +347,10 @@ def decisions(file: str, as_json: bool) -> None:
         click.echo(f"warning: {notice}")
 
 
-@db.command()
+@db.command("check")
 @click.argument("file", type=_LISTING)
 @json_option
-def check(file: str, as_json: bool) -> None:
+def check_database_command(file: str, as_json: bool) -> None:
     """Check a database file; every problem is listed, exit code 2 when there is any."""
     from aerodb.store.files import open
     from aerodb.store.schema import terms

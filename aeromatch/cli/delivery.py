@@ -21,7 +21,7 @@ def package() -> None:
     """
 
 
-@package.command()
+@package.command("make")
 @click.argument("project", type=InputFile(path_type=Path))
 @click.argument("match", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option(
@@ -39,7 +39,7 @@ def package() -> None:
 @click.option("--licence", type=InputFile(path_type=Path), help="Text of the licence.")
 @click.option("--revision", default="", help="Revision of the package.")
 @json_option
-def make(
+def make_package_command(
     project: Path,
     match: Path,
     output: Path,
@@ -69,11 +69,11 @@ def make(
     click.echo(f"written: {output}")
 
 
-@package.command()
+@package.command("verify")
 @click.argument("package_file", metavar="PACKAGE", type=_PACKAGE)
 @json_option
 @click.pass_context
-def verify(ctx: click.Context, package_file: Path, as_json: bool) -> None:
+def verify_package_command(ctx: click.Context, package_file: Path, as_json: bool) -> None:
     """Verify a PACKAGE (folder or zip): hashes, verdicts judged again, check cases through every
     format; exit code 1 on a difference.
     """
@@ -99,13 +99,15 @@ def verify(ctx: click.Context, package_file: Path, as_json: bool) -> None:
     ctx.exit(1 if bad else 0)
 
 
-@package.command()
+@package.command("diff")
 @click.argument("one", metavar="A", type=_PACKAGE)
 @click.argument("other", metavar="B", type=_PACKAGE)
 @click.option("--model", type=_MODEL, default="final", show_default=True, help="Model of A.")
 @click.option("--against", type=_MODEL, help="Model of B.  [default: that of A]")
 @json_option
-def diff(one: Path, other: Path, model: str, against: str | None, as_json: bool) -> None:
+def compare_packages_command(
+    one: Path, other: Path, model: str, against: str | None, as_json: bool
+) -> None:
     """State what changed from package A to B, or between two models of one: terms, parts, cases,
     verdicts.
     """
@@ -187,7 +189,7 @@ def _ratio(value: float | None) -> str:
     return "" if value is None else f"{value:.2f}"
 
 
-@click.command()
+@click.command("view")
 @click.argument("project", type=InputFile(path_type=Path))
 @click.option(
     "-o",
@@ -203,7 +205,7 @@ def _ratio(value: float | None) -> str:
     help="Port on 127.0.0.1.  [default: a free one]",
 )
 @click.option("--no-browser", is_flag=True, help="Print the address only.")
-def view(project: Path, output: Path | None, port: int, no_browser: bool) -> None:
+def open_workbench_command(project: Path, output: Path | None, port: int, no_browser: bool) -> None:
     """Open the workbench of a PROJECT in the browser: records, identification, database, match.
 
     It is served on this machine alone, to who has the printed address. What changes a file is a

@@ -25,7 +25,7 @@ _ASKED = {
 }
 
 
-@click.command()
+@click.command("init")
 @click.argument("folder", type=click.Path(file_okay=False, path_type=Path))
 @click.option(
     "--datcom",
@@ -77,7 +77,7 @@ _ASKED = {
 )
 @click.option("--force", is_flag=True, help="Overwrite older files.")
 @json_option
-def init(
+def init_project_command(
     folder: Path,
     datcom: tuple[Path, ...],
     records: tuple[Path, ...],

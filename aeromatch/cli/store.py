@@ -26,9 +26,9 @@ def store() -> None:
     """
 
 
-@store.command()
+@store.command("info")
 @json_option
-def info(as_json: bool) -> None:
+def store_info_command(as_json: bool) -> None:
     """Show where the store lies and what it holds, by stage."""
     place, limit = _place(), size_limit()
     usage = place.usage()
@@ -47,14 +47,14 @@ def info(as_json: bool) -> None:
     click.echo(f"{total / _MEGABYTE:.1f} MB of at most {limit / _MEGABYTE:.0f} MB")
 
 
-@store.command()
+@store.command("clear")
 @click.option(
     "--to",
     "size",
     metavar="SIZE",
     help="Keep what was used last, up to this size, such as 500MB; without it nothing.",
 )
-def clear(size: str | None) -> None:
+def clear_command(size: str | None) -> None:
     """Clear the store; the next match computes what is gone."""
     place = _place()
     if size is not None:

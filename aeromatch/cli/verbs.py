@@ -106,14 +106,14 @@ def copy_example(name: str, folder: Path, inputs_only: bool = False) -> list[Pat
     return sorted(file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
 
 
-@click.command(epilog="  ".join(f"{name}: {text}." for name, text in EXAMPLES.items()))
+@click.command("example", epilog="  ".join(f"{name}: {text}." for name, text in EXAMPLES.items()))
 @click.argument("name", type=click.Choice(list(EXAMPLES)))
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option(
     "--inputs-only", is_flag=True, help="Listings and recordings alone, what a project starts from."
 )
 @json_option
-def example(name: str, folder: Path, inputs_only: bool, as_json: bool) -> None:
+def example_command(name: str, folder: Path, inputs_only: bool, as_json: bool) -> None:
     """Copy an example that comes with the product into FOLDER, which is new or empty."""
     files = copy_example(name, folder, inputs_only)
     if as_json:
@@ -143,7 +143,7 @@ explain_option = click.option(
 )
 
 
-@click.command()
+@click.command("demo")
 @click.option(
     "-o",
     "--output",
@@ -156,7 +156,7 @@ explain_option = click.option(
 @fresh_option
 @explain_option
 @json_option
-def demo(output: Path, jobs: int, fresh: bool, explain: bool, as_json: bool) -> None:
+def demo_command(output: Path, jobs: int, fresh: bool, explain: bool, as_json: bool) -> None:
     """Perform the whole job on the shipped T-37 example."""
 
     _match(
@@ -164,7 +164,7 @@ def demo(output: Path, jobs: int, fresh: bool, explain: bool, as_json: bool) -> 
     )
 
 
-@click.command()
+@click.command("match")
 @click.argument("project", type=InputFile(path_type=Path))
 @click.option("-o", "--output", type=NewFolder(), required=True, help="Folder to write.")
 @jobs_option
@@ -205,7 +205,7 @@ def demo(output: Path, jobs: int, fresh: bool, explain: bool, as_json: bool) -> 
 @fresh_option
 @explain_option
 @json_option
-def match(
+def match_command(
     project: Path,
     output: Path,
     jobs: int,

@@ -34,7 +34,7 @@ class _DeckOrFolder(console.InputFile):
 )
 @click.option("--resolved", is_flag=True, help="Every case complete, without SAVE.")
 @console.json_option
-def deck_verb(deck: str, output: str | None, resolved: bool, as_json: bool) -> None:
+def show_deck_command(deck: str, output: str | None, resolved: bool, as_json: bool) -> None:
     """Show the cases of an input deck (unit 5, plain or DATCOM+); with -o write it again."""
     from datcom_io.decks.deck_file import read_deck, write_deck
 
@@ -90,11 +90,11 @@ def _case_row(number: int, case) -> dict:
     }
 
 
-@click.command()
+@click.command("check")
 @_DECK
 @console.json_option
 @click.pass_context
-def check(ctx: click.Context, deck: str, as_json: bool) -> None:
+def check_deck_command(ctx: click.Context, deck: str, as_json: bool) -> None:
     """Report what the program would reject in an input deck; exit code 1 when there are errors."""
     from datcom_io.decks.check import check_deck
     from datcom_io.decks.deck_file import read_deck
@@ -134,7 +134,7 @@ def _together(found) -> dict[tuple[str, str], list[int]]:
     return lines
 
 
-@click.command()
+@click.command("split")
 @click.argument("study", type=console.InputFile())
 @click.option(
     "-o",
@@ -145,7 +145,7 @@ def _together(found) -> dict[tuple[str, str], list[int]]:
     help="Folder for the run decks; made when missing.",
 )
 @console.json_option
-def split(study: str, folder: str, as_json: bool) -> None:
+def split_command(study: str, folder: str, as_json: bool) -> None:
     """Split a study into run decks: clean, flaps, elevator, aileron, ground.
 
     STUDY is a deck of one case with all devices of the aircraft, or a TOML file that names one and
@@ -185,7 +185,7 @@ def split(study: str, folder: str, as_json: bool) -> None:
     click.echo(f"{_count(len(rows), 'run deck')} in {folder}")
 
 
-@click.command()
+@click.command("run")
 @click.argument("deck", type=_DeckOrFolder())
 @click.option("--program", required=True, type=click.Path(), help="Your Digital DATCOM executable.")
 @click.option(
@@ -204,7 +204,7 @@ def split(study: str, folder: str, as_json: bool) -> None:
 )
 @console.json_option
 @click.pass_context
-def run(
+def run_deck_command(
     ctx: click.Context, deck: str, program: str, folder: str | None, timeout: float, as_json: bool
 ) -> None:
     """Run a deck, or all decks of a folder, with your Digital DATCOM program and collect the files.
@@ -296,4 +296,4 @@ def _count(number: int, word: str) -> str:
     return f"{number} {word}{'' if number == 1 else 's'}"
 
 
-VERBS = (deck_verb, check, split, run)
+VERBS = (show_deck_command, check_deck_command, split_command, run_deck_command)

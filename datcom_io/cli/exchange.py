@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-@click.command()
+@click.command("export")
 @click.argument("file", type=console.InputFile())
 @click.option("-o", "--output", required=True, type=console.NewFile(), help="MAT file to write.")
 @click.option(
@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 )
 @click.option("--partial", is_flag=True, help="Take what is complete in a listing that is cut.")
 @console.json_option
-def export(file: str, output: str, zero: bool, partial: bool, as_json: bool) -> None:
+def export_listing_command(
+    file: str, output: str, zero: bool, partial: bool, as_json: bool
+) -> None:
     """Write a listing as the structure of MATLAB's datcomimport; report what it has no place for."""
     from datcom_io.exchange.matlab_write import write_matlab
     from datcom_io.reading.reader import read
@@ -35,7 +37,7 @@ def export(file: str, output: str, zero: bool, partial: bool, as_json: bool) -> 
         click.echo(f"  {text}")
 
 
-@click.command()
+@click.command("plot")
 @click.argument("file", type=console.InputFile())
 @click.option(
     "--listing",
@@ -49,7 +51,7 @@ def export(file: str, output: str, zero: bool, partial: bool, as_json: bool) -> 
     help="NetCDF file to write: the listing's tree with the finer digits.",
 )
 @console.json_option
-def plot(file: str, listing: str | None, output: str | None, as_json: bool) -> None:
+def plot_file_command(file: str, listing: str | None, output: str | None, as_json: bool) -> None:
     """Show what a plot file (unit 13 or 14) holds; with --listing take its five digits into the
     listing's tree.
     """
@@ -96,7 +98,7 @@ def plot(file: str, listing: str | None, output: str | None, as_json: bool) -> N
         click.echo(f"written: {output}")
 
 
-VERBS = (export, plot)
+VERBS = (export_listing_command, plot_file_command)
 
 
 def _refined(case: xr.DataTree) -> dict[str, dict[str, str]]:

@@ -28,13 +28,13 @@ def datcom() -> None:
     """Read Digital DATCOM listings and their neighbours; read, check, split and run decks."""
 
 
-@datcom.command()
+@datcom.command("show")
 @_FILE
 @_CASE
 @_PARTIAL
 @console.json_option
 @console.without_gc()
-def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
+def show_listing_command(file: str, name: str | None, partial: bool, as_json: bool) -> None:
     """Show cases, conditions, tables, missing values and messages of a listing; with --case its
     pages too.
 
@@ -107,7 +107,7 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
         click.echo(f"{_count(len(listing.unread), 'line')} not understood: {numbers}")
 
 
-@datcom.command()
+@datcom.command("table")
 @_FILE
 @_CASE
 @click.option(
@@ -119,7 +119,9 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
 )
 @_PARTIAL
 @console.json_option
-def table(file: str, name: str | None, number: int, partial: bool, as_json: bool) -> None:
+def show_table_command(
+    file: str, name: str | None, number: int, partial: bool, as_json: bool
+) -> None:
     """Print the tables of one page as the listing has them."""
     from datcom_io.cli.summary import page_row
     from datcom_io.reading.reader import read
@@ -171,7 +173,7 @@ def _sheet(item: Printed, page: Page) -> tuple[list[str], list[list[str]]]:
     ]
 
 
-@datcom.command()
+@datcom.command("convert")
 @_FILE
 @click.option("-o", "--output", required=True, type=console.NewFile(), help="NetCDF file to write.")
 @_CASE
@@ -188,7 +190,7 @@ def _sheet(item: Printed, page: Page) -> tuple[list[str], list[list[str]]]:
     help="Card DERIV of the deck, for a CSV of DATCOM+.",
 )
 @console.json_option
-def convert(
+def convert_listing_command(
     file: str,
     output: str,
     name: str | None,
@@ -228,13 +230,15 @@ def convert(
         click.echo(f"written: {output}")
 
 
-@datcom.command()
+@datcom.command("cells")
 @_FILE
 @click.option("-o", "--output", required=True, type=console.NewFile(), help="CSV file to write.")
 @_CASE
 @_PARTIAL
 @console.json_option
-def cells(file: str, output: str, name: str | None, partial: bool, as_json: bool) -> None:
+def write_cells_command(
+    file: str, output: str, name: str | None, partial: bool, as_json: bool
+) -> None:
     """Write every printed cell of a listing, or of one case, as CSV: line, page, table, axes,
     column, text, value, flag.
     """

@@ -23,6 +23,7 @@ import click
 
 from flightmech.errors import near_names
 from flightmech.support.atomic_write import resolve_file, resolve_folder
+from flightmech.support.commands import find_command
 
 json_option = click.option(
     "--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else."
@@ -46,8 +47,7 @@ class LazyGroup(click.Group):
     package : str
         Where the modules are.
     elsewhere : mapping of str to str
-        Verb, and its module; the name of the function is that of the verb, with underscores, unless
-        it follows after a colon.
+        Verb, and the module that declares it.
     aliases : mapping of str to str, optional
         Other spellings of verbs, which the help does not list.
     """
@@ -72,11 +72,8 @@ class LazyGroup(click.Group):
         cmd_name = self._aliases.get(cmd_name, cmd_name)
         if cmd_name not in self._elsewhere:
             return super().get_command(ctx, cmd_name)
-        module, _, function = self._elsewhere[cmd_name].partition(":")
-        return getattr(
-            importlib.import_module(f"{self._package}.{module}"),
-            function or cmd_name.replace("-", "_"),
-        )
+        module = importlib.import_module(f"{self._package}.{self._elsewhere[cmd_name]}")
+        return find_command(module, cmd_name)
 
 
 class InputFile(click.Path):

@@ -92,12 +92,12 @@ def flight() -> None:
     """Read flight records, reconstruct states, identify."""
 
 
-@flight.command()
+@flight.command("show")
 @_RECORD
 @_NAMES
 @json_option
 @without_gc()
-def show(record_file: str, names: str | None, as_json: bool) -> None:
+def show_record_command(record_file: str, names: str | None, as_json: bool) -> None:
     """Show channels, clocks, faults and manoeuvres of a record."""
     found = _listing(record_file, names)
     facts, channels, flown = found["facts"], found["channels"], found["manoeuvres"]
@@ -155,7 +155,7 @@ def _numbered(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{"index": number, **row} for number, row in enumerate(rows)]
 
 
-@flight.command()
+@flight.command("cut")
 @_RECORD
 @click.argument("start", type=float)
 @click.argument("stop", type=float)
@@ -165,7 +165,7 @@ def _numbered(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 )
 @click.option("-o", "--output", required=True, type=NewFile(), help="NetCDF file to write.")
 @json_option
-def cut(
+def cut_command(
     record_file: str,
     start: float,
     stop: float,
@@ -197,7 +197,7 @@ def cut(
         click.echo(f"written: {output}")
 
 
-@flight.command()
+@flight.command("reconstruct")
 @click.argument("record_files", metavar="RECORD...", nargs=-1, required=True, type=InputFile())
 @click.option(
     "--aircraft", "aircraft_file", required=True, type=InputFile(), help="Aircraft, TOML."
@@ -248,7 +248,7 @@ def cut(
     help="NetCDF file to write; a folder when there are several records.",
 )
 @json_option
-def reconstruct(
+def reconstruct_command(
     record_files,
     aircraft_file,
     names,

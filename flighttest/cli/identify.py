@@ -20,7 +20,7 @@ from flightmech.support.console import (
 from flighttest.remarks import is_forbidden, remark_lines, remarks_to_json
 
 
-@click.command()
+@click.command("fit")
 @click.argument("fit_file", metavar="FIT", type=InputFile())
 @click.option(
     "-o",
@@ -36,7 +36,7 @@ from flighttest.remarks import is_forbidden, remark_lines, remarks_to_json
 @click.option("--database", type=NewFile(), help="Write the database with the estimates in it.")
 @json_option
 @click.pass_context
-def fit(
+def fit_command(
     ctx: click.Context,
     fit_file: str,
     output: str | None,
@@ -134,7 +134,7 @@ _TABULATED = {
 _OUTPUT = click.option("-o", "--output", type=NewFile(), help="Write the fit to this netCDF file.")
 
 
-@click.command()
+@click.command("identify")
 @_PATHS
 @_AIRCRAFT
 @_MODEL
@@ -168,7 +168,7 @@ _OUTPUT = click.option("-o", "--output", type=NewFile(), help="Write the fit to 
 @_CORRELATION
 @json_option
 @click.pass_context
-def identify(
+def identify_command(
     ctx,
     paths,
     aircraft_file,
@@ -235,7 +235,7 @@ def identify(
     ctx.exit(1 if is_forbidden([*remarks, *(joined.remarks if joined is not None else [])]) else 0)
 
 
-@click.command()
+@click.command("select")
 @_PATHS
 @_AIRCRAFT
 @click.option("--coefficient", required=True, help="CL, CD, CY, Cl, Cm, Cn, CX or CZ.")
@@ -267,7 +267,7 @@ def identify(
 @_CORRELATION
 @json_option
 @click.pass_context
-def select(
+def select_command(
     ctx,
     paths,
     aircraft_file,
@@ -322,7 +322,7 @@ def select(
     ctx.exit(1 if is_forbidden(found.fit.remarks) else 0)
 
 
-@click.command()
+@click.command("join")
 @click.argument("fits", nargs=-1, required=True, type=InputFile())
 @click.option(
     "--method",
@@ -333,7 +333,7 @@ def select(
     "reproduce papers.",
 )
 @json_option
-def join(fits, method, as_json) -> None:
+def join_command(fits, method, as_json) -> None:
     """Join fits of one coefficient from several manoeuvres; FITS are files that identify or select
     wrote.
     """
@@ -353,7 +353,7 @@ def join(fits, method, as_json) -> None:
     click.echo(found.report())
 
 
-@click.command()
+@click.command("partition")
 @_PATHS
 @_AIRCRAFT
 @_MODEL
@@ -368,7 +368,9 @@ def join(fits, method, as_json) -> None:
 @_WINDOW
 @_CUTOFF
 @json_option
-def partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_json) -> None:
+def partition_command(
+    paths, aircraft_file, model_text, conditions, windows, cutoff, as_json
+) -> None:
     """Fit a model bin by bin over conditions such as alpha or mach."""
     from flighttest.regression.combining.data_partition import fit_bins
     from flighttest.regression.equation_error.model import RegressionModel
@@ -393,7 +395,7 @@ def partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_
     click.echo(found.report())
 
 
-@click.command()
+@click.command("inertia")
 @_PATHS
 @_AIRCRAFT
 @click.option(
@@ -414,7 +416,7 @@ def partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_
 @_CUTOFF
 @json_option
 @click.pass_context
-def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) -> None:
+def inertia_command(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) -> None:
     """Estimate moments of inertia from coupled manoeuvres; exit code 1 when no body can have them."""
     from flightmech.aircraft.aircraft import read_aircraft
     from flighttest.reconstruction.dynamics.force_coefficients import select_time
@@ -444,7 +446,7 @@ def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) 
     ctx.exit(1 if is_forbidden(found.remarks) else 0)
 
 
-@click.command()
+@click.command("tabulate")
 @click.argument("fits", nargs=-1, required=True, type=InputFile())
 @click.option(
     "--database", "database_file", required=True, type=InputFile(), help="A-priori tables."
@@ -471,7 +473,7 @@ def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) 
     "-o", "--output", required=True, type=NewFile(), help="Write the database with the new tables."
 )
 @json_option
-def tabulate(fits, database_file, held, way, unplaced, output, as_json) -> None:
+def tabulate_command(fits, database_file, held, way, unplaced, output, as_json) -> None:
     """Join FITS of any coefficients (files of identify, select or join; CSV files of published
     models) with the tables of a database.
     """

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _FILE = InputFile()
 
 
-@click.command()
+@click.command("design")
 @click.argument("design_file", metavar="DESIGN", type=_FILE)
 @click.option(
     "--aircraft",
@@ -50,7 +50,7 @@ _FILE = InputFile()
     help="Folder for the CSV files and the time table.",
 )
 @json_option
-def design(
+def design_command(
     design_file: str,
     aircraft_file: str | None,
     database_file: str | None,
@@ -143,7 +143,7 @@ def _print(made: Designed) -> None:
         click.echo(f"\n{expected.report()}")
 
 
-@click.command()
+@click.command("plan")
 @click.argument("catalogue_file", metavar="CATALOGUE", type=_FILE)
 @click.option(
     "--aircraft",
@@ -168,7 +168,7 @@ def _print(made: Designed) -> None:
     help="Folder for order, expected errors, inputs and test cards.",
 )
 @json_option
-def plan(
+def plan_command(
     catalogue_file: str,
     aircraft_file: str,
     database_file: str,
@@ -207,7 +207,7 @@ def plan(
     click.echo(f"written: {output}")
 
 
-@click.command()
+@click.command("coverage")
 @click.argument("catalogue_file", metavar="CATALOGUE", type=_FILE)
 @click.argument("record_files", metavar="RECORD...", nargs=-1, required=True, type=_FILE)
 @click.option(
@@ -234,7 +234,7 @@ def plan(
 @names_option
 @jobs_option
 @json_option
-def coverage(
+def coverage_command(
     catalogue_file: str,
     record_files: tuple[str, ...],
     plan_folder: str,
@@ -279,7 +279,7 @@ def coverage(
         click.echo(found.report())
 
 
-@click.command()
+@click.command("report")
 @click.argument("plan_file", metavar="PLAN", type=InputFile())
 @click.option("-o", "--output", type=NewFile(), help="Write one self-contained HTML page.")
 @click.option(
@@ -290,7 +290,7 @@ def coverage(
 )
 @json_option
 @click.pass_context
-def report(
+def report_flight_command(
     ctx: click.Context, plan_file: str, output: str | None, folder: str | None, as_json: bool
 ) -> None:
     """Evaluate a flight as specified in PLAN (TOML); exit code 1 when a figure is outside its
@@ -314,7 +314,7 @@ def report(
     ctx.exit(0 if found.passed else 1)
 
 
-@click.command()
+@click.command("modes")
 @click.argument("record_file", metavar="RECORD", type=InputFile())
 @click.argument("start", type=float)
 @click.argument("stop", type=float)
@@ -335,7 +335,7 @@ def report(
 @click.option("--level", is_flag=True, help="A constant under each channel and no straight line.")
 @json_option
 @click.pass_context
-def modes(
+def modes_command(
     ctx, record_file, start, stop, names, channels, inputs, aperiodic, level, as_json
 ) -> None:
     """Fit one eigenmotion to a record from START to STOP [s]; exit code 1 when its figures must not

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@click.command()
+@click.command("check")
 @click.argument("record_file", metavar="RECORD", type=InputFile())
 @names_option
 @click.option(
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 @click.option("-o", "--output", type=NewFile(), help="Write one self-contained HTML page.")
 @json_option
 @click.pass_context
-def check(
+def check_record_command(
     ctx: click.Context,
     record_file: str,
     names: str | None,
@@ -87,12 +87,12 @@ _NAMED = 12  # names of one reason on the terminal; --json has all
 _OF_HISTORIES = "goes with a record or a path; a fit is drawn with all its samples"
 
 
-@click.command()
+@click.command("info")
 @click.argument("file", metavar="FILE", type=InputFile())
 @names_option
 @json_option
 @without_gc()
-def info(file: str, names: str | None, as_json: bool) -> None:
+def record_info_command(file: str, names: str | None, as_json: bool) -> None:
     """Show what a recording of any format holds, before it is mapped: tables, clocks, columns and
     units.
     """
@@ -166,7 +166,7 @@ def _contents(file: str, names: str | None) -> dict[str, Any]:
     return contents(file, names)
 
 
-@click.command()
+@click.command("convert")
 @click.argument("file", metavar="FILE", type=InputFile())
 @names_option
 @click.option(
@@ -177,7 +177,7 @@ def _contents(file: str, names: str | None) -> dict[str, Any]:
     help="NetCDF file to write; a record with canonical names.",
 )
 @json_option
-def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
+def convert_record_command(file: str, names: str | None, output: str, as_json: bool) -> None:
     """Write a recording of any format as a netCDF record: one group per clock, canonical names, SI,
     faults flagged.
     """
@@ -209,7 +209,7 @@ def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
     click.echo(f"written: {output}, {channels} channels in {len(record.children)} leaves")
 
 
-@click.command()
+@click.command("manoeuvres")
 @click.argument("file", metavar="RECORD", type=InputFile())
 @names_option
 @click.option(
@@ -239,7 +239,7 @@ def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
     help="Draw the manoeuvres over controls and motion: png, svg or pdf.",
 )
 @json_option
-def manoeuvres(
+def manoeuvres_command(
     file: str,
     names: str | None,
     table_file: str | None,
@@ -290,7 +290,7 @@ def manoeuvres(
         click.echo(f"written: {target}")
 
 
-@click.command()
+@click.command("mark")
 @click.argument("table_file", metavar="TABLE", type=NewFile())
 @click.argument("record", metavar="RECORD")
 @click.option(
@@ -310,7 +310,7 @@ def manoeuvres(
 )
 @names_option
 @json_option
-def mark(
+def mark_command(
     table_file: str,
     record: str,
     row: int | None,
@@ -388,7 +388,7 @@ def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.6g}"
 
 
-@click.command()
+@click.command("plot")
 @click.argument("file", metavar="FILE", type=InputFile())
 @names_option
 @click.option(
@@ -414,7 +414,7 @@ def _number(value: float | None) -> str:
     "-o", "--output", required=True, type=NewFile(), help="Figure to write: png, svg or pdf."
 )
 @json_option
-def plot(
+def plot_record_command(
     file: str,
     names: str | None,
     channels: tuple[str, ...],

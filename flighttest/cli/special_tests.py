@@ -220,7 +220,7 @@ def print_fits(fits: Sequence[Any], spectral: Sequence[Any], averages: Sequence[
     help="Flight record, netCDF, one leaf for each body.",
 )
 @json_option
-def markers(recording, setup_file, multiples, output, as_json) -> None:
+def markers_command(recording, setup_file, multiples, output, as_json) -> None:
     """Find pose, rates and accelerations of bodies from the marker positions in RECORDING."""
     from flighttest.records.files import save_record
     from flighttest.special_tests.motion_capture import (
@@ -296,7 +296,7 @@ def markers(recording, setup_file, multiples, output, as_json) -> None:
     help="Folder for the fits, one file per coefficient, for flight tabulate.",
 )
 @json_option
-def balance(
+def balance_command(
     points,
     setup_file,
     models,
@@ -380,7 +380,7 @@ _STATES = ("V", "u", "w", "q")
     "-o", "--output", type=NewFolder(), help="Folder for the records and the fits, one file each."
 )
 @json_option
-def multibody(
+def multibody_command(
     recordings,
     vehicle_file,
     models,

@@ -61,7 +61,7 @@ from flighttest.cli.group import names_option
     "--figure", type=NewFile(), help="Draw motion, response and residual: png, svg or pdf."
 )
 @json_option
-def actuator(
+def actuator_command(
     logs,
     command_column,
     position,
@@ -193,7 +193,7 @@ _FILE = InputFile()
 )
 @click.option("--into", type=NewFile(), help="Database to write, with the hinge moments.")
 @json_option
-def controls(
+def controls_command(
     paths,
     free_files,
     records,
@@ -382,7 +382,7 @@ def _divided(states, record: Path, free_names) -> tuple[list, list]:
     help="Write the deck; its entry in the aircraft file is printed.",
 )
 @json_option
-def engine(
+def engine_command(
     power_changes, names, whole, structure_file, compared, starts, points_file, climbs_file, prior_file, polar, polar_stderr, area, numbers,
     pla, rate, output, as_json,
 ):  # fmt: skip
@@ -493,7 +493,7 @@ def _tables(path: Path):
 )
 @click.option("-o", "--output", type=NewFile(), help="Write the aircraft with the identified gear.")
 @json_option
-def gear(paths, aircraft_file, database_file, errors, flown, output, as_json) -> None:
+def gear_command(paths, aircraft_file, database_file, errors, flown, output, as_json) -> None:
     """Identify the landing gear from PATHS: reconstructed taxi turns, coast-down, brake stops,
     landings, all together.
     """
@@ -578,7 +578,7 @@ _MODELS = (
 )
 @click.option("--tables", is_flag=True, help="Write K(h) as tables in place of k h^s.")
 @json_option
-def ground_effect(
+def ground_effect_command(
     paths,
     aircraft_file,
     models,

@@ -32,7 +32,7 @@ _IDLE = 0.005  # share of the gap
 _INTERACTING = 5  # pairs printed
 
 
-@click.command()
+@click.command("diagnose")
 @cases_argument
 @click.option("--prior", required=True, type=_FILE, help="A-priori database.")
 @click.option("--final", required=True, type=_FILE, help="Database with flight-identified terms.")
@@ -77,7 +77,7 @@ _INTERACTING = 5  # pairs printed
 @biases_option
 @jobs_option
 @json_option
-def diagnose(
+def diagnose_command(
     cases: tuple[Path, ...],
     prior: str,
     final: str,

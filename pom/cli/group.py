@@ -19,21 +19,21 @@ from flightmech.support.console import (
     print_table,
     show_progress,
 )
-from pom.cli.diagnose import diagnose
+from pom.cli.diagnose import diagnose_command
 from pom.cli.report import (
     biases_option,
     case_files,
+    case_schema_command,
     cases_argument,
-    init,
+    init_case_command,
     read_biases,
-    report,
     report_options,
     samples_options,
-    schema,
     signatures_of,
-    verify,
+    verify_report_command,
+    write_report_command,
 )
-from pom.cli.tune import tune, tuning_logs
+from pom.cli.tune import tune_command, tuning_logs
 
 
 @click.group()
@@ -41,18 +41,18 @@ def pom() -> None:
     """Replay recorded inputs and judge the match."""
 
 
-pom.add_command(init)
-pom.add_command(schema)
-pom.add_command(diagnose)
-pom.add_command(report)
-pom.add_command(verify)
-pom.add_command(tune)
+pom.add_command(init_case_command)
+pom.add_command(case_schema_command)
+pom.add_command(diagnose_command)
+pom.add_command(write_report_command)
+pom.add_command(verify_report_command)
+pom.add_command(tune_command)
 
 
-@pom.command()
+@pom.command("check")
 @cases_argument
 @json_option
-def check(cases: tuple[Path, ...], as_json: bool) -> None:
+def check_cases_command(cases: tuple[Path, ...], as_json: bool) -> None:
     """Read CASES (files, or folders of them) and print their criteria as they will be judged.
 
     All that is wrong with any of them is reported at once, windows beyond their records too.
@@ -111,7 +111,7 @@ def _print_criteria(case: Any) -> None:
     )
 
 
-@pom.command()
+@pom.command("run")
 @cases_argument
 @click.option(
     "--model",
@@ -177,7 +177,7 @@ def _print_criteria(case: Any) -> None:
 )
 @json_option
 @click.pass_context
-def run(
+def run_cases_command(
     ctx: click.Context,
     cases: tuple[Path, ...],
     models: tuple[str, ...],

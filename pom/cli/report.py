@@ -81,7 +81,7 @@ def case_files(places: Iterable[Path]) -> list[Path]:
 _FILE = InputFile(path_type=Path)
 
 
-@click.command()
+@click.command("init")
 @click.argument("record", type=_FILE)
 @click.option(
     "--test",
@@ -122,7 +122,7 @@ _FILE = InputFile(path_type=Path)
 )
 @click.option("--force", is_flag=True, help="Overwrite an older file.")
 @json_option
-def init(
+def init_case_command(
     record: Path,
     test: str | None,
     output: str,
@@ -172,7 +172,7 @@ def init(
         print_remark(f"  - {text}")
 
 
-@click.command()
+@click.command("schema")
 @click.option(
     "-o",
     "--output",
@@ -181,7 +181,7 @@ def init(
     type=NewFile(),
     help="File to write.",
 )
-def schema(output: str) -> None:
+def case_schema_command(output: str) -> None:
     """Write the JSON schema of case files, for an editor: the first line of a case file names it,
     ``#:schema case.schema.json``.
     """
@@ -268,7 +268,7 @@ def signatures_of(signed: tuple[tuple[str, str, str], ...]) -> dict[str, dict[st
     )
 
 
-@click.command()
+@click.command("report")
 @click.argument("results", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 @click.option("-o", "--output", required=True, type=NewFolder(), help="Folder of the new report.")
 @click.option(
@@ -292,7 +292,7 @@ def signatures_of(signed: tuple[tuple[str, str, str], ...]) -> dict[str, dict[st
     "RESULTS]",
 )
 @report_options
-def report(
+def write_report_command(
     results: tuple[Path, ...],
     output: Path,
     title: str | None,
@@ -352,11 +352,11 @@ def report(
     click.echo(f"written: {made}")
 
 
-@click.command()
+@click.command("verify")
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @json_option
 @click.pass_context
-def verify(ctx: click.Context, folder: Path, as_json: bool) -> None:
+def verify_report_command(ctx: click.Context, folder: Path, as_json: bool) -> None:
     """Check the report in FOLDER: hash all inputs and outputs again, judge all verdicts again from
     the stored samples.
 

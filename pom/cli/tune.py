@@ -34,7 +34,7 @@ PARTS = ("tuned.nc", "tuned.toml", "tuned.fmu", "tuning.json", "tuning.txt")
 RATIONALE = "rationale"
 
 
-@click.command()
+@click.command("tune")
 @cases_argument
 @click.option(
     "--database",
@@ -91,7 +91,7 @@ RATIONALE = "rationale"
 @biases_option
 @json_option
 @click.pass_context
-def tune(
+def tune_command(
     ctx: click.Context,
     cases: tuple[Path, ...],
     database: str,

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from aeromatch.cli.verbs import EXAMPLES, copy_example, example, example_folder
+from aeromatch.cli.verbs import EXAMPLES, copy_example, example_command, example_folder
 from flightmech.errors import SchemaError
 
 
 def test_what_a_project_starts_from_is_copied(tmp_path):
     done = CliRunner().invoke(
-        example, ["c182", str(tmp_path / "new" / "c182"), "--inputs-only", "--json"]
+        example_command, ["c182", str(tmp_path / "new" / "c182"), "--inputs-only", "--json"]
     )
     assert done.exit_code == 0, done.output
     files = json.loads(done.output)["files"]
