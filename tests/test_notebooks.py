@@ -12,7 +12,7 @@ from docs_results import NOTEBOOK, NOTEBOOK_WARNINGS
 
 import datcom_io
 import flightmech
-from aeromatch.cli.verbs import example_folder
+from aeromatch.cli.actions.verbs import example_folder
 from flightmech.errors import IdentificationError
 from flightmech.support.figures import html_table
 from flighttest.regression.equation_error.model import RegressionModel

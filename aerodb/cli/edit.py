@@ -4,22 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from flightmech.support.commands import performed_by
 from flightmech.support.console import (
     InputFile,
     NewFile,
     json_option,
-    print_json,
-    print_remark,
-    print_table,
-    without_gc,
 )
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _FILE = InputFile()
 _note = click.option("--note", default="", help="Reason for the change; stored in the history.")
@@ -118,24 +112,16 @@ def edit(ctx: click.Context, file: str) -> None:
 
 @edit.command("scale")
 @_by("Factor, or several with --over.")
-def scale_command(
-    file: str, names: tuple[str, ...], by: Any, over: tuple | None, output: str, **how: Any
-) -> None:
+@performed_by("aerodb.cli.actions.edit:run_scale")
+def scale_command() -> None:
     """Multiply terms; TERM may be a pattern such as '*/gear'."""
-    from aerodb.edit.table_edits import scale as scaled
-
-    _write(file, output, lambda db: scaled(db, names, by, dict([over]) if over else None, **how))
 
 
 @edit.command("shift")
 @_by("Amount in the unit of the table, or several with --over.")
-def shift_command(
-    file: str, names: tuple[str, ...], by: Any, over: tuple | None, output: str, **how: Any
-) -> None:
+@performed_by("aerodb.cli.actions.edit:run_shift")
+def shift_command() -> None:
     """Add an amount to terms."""
-    from aerodb.edit.table_edits import shift as shifted
-
-    _write(file, output, lambda db: shifted(db, names, by, dict([over]) if over else None, **how))
 
 
 @edit.command("set")
@@ -155,23 +141,9 @@ def shift_command(
 @_note
 @_output
 @click.pass_obj
-def set_nodes_command(
-    file: str, name: str, places: tuple, value: float, output: str, **how: Any
-) -> None:
+@performed_by("aerodb.cli.actions.edit:run_set_nodes")
+def set_nodes_command() -> None:
     """Set one node of a term, or a row of nodes, to a number."""
-    from aerodb.edit.table_edits import set_nodes as with_nodes
-
-    several = [axis for axis, points in places if len(points) != 1]
-    if several or len(dict(places)) != len(places):
-        raise click.BadParameter(
-            f"give one breakpoint for each axis, such as alpha='4 deg'; got {places}",
-            param_hint="--at",
-        )
-    _write(
-        file,
-        output,
-        lambda db: with_nodes(db, name, {axis: points[0] for axis, points in places}, value, **how),
-    )
 
 
 @edit.command("regrid")
@@ -183,13 +155,9 @@ def set_nodes_command(
 @_note
 @_output
 @click.pass_obj
-def regrid_command(
-    file: str, name: str, axes: tuple, tolerance: float | None, note: str, output: str
-) -> None:
+@performed_by("aerodb.cli.actions.edit:run_regrid")
+def regrid_command() -> None:
     """Put a term on other breakpoints; the largest difference from the old table is printed."""
-    from aerodb.edit.table_edits import regrid as regridded
-
-    _write(file, output, lambda db: regridded(db, name, dict(axes), tolerance=tolerance, note=note))
 
 
 @edit.command("extend")
@@ -213,20 +181,9 @@ def regrid_command(
 @_note
 @_output
 @click.pass_obj
-def extend_command(
-    file: str, name: str, axes: tuple, how: str, values: Any, stderr: Any, note: str, output: str
-) -> None:
+@performed_by("aerodb.cli.actions.edit:run_extend")
+def extend_command() -> None:
     """Let a term reach further."""
-    from aerodb.edit.table_edits import extend as extended
-
-    axis, points = axes
-    _write(
-        file,
-        output,
-        lambda db: extended(
-            db, name, axis, points, how if values is None else values, stderr=stderr, note=note
-        ),
-    )
 
 
 @edit.command("move-reference")
@@ -253,34 +210,9 @@ def extend_command(
 @_note
 @_output
 @click.pass_obj
-def move_reference_command(
-    file: str,
-    x: str | None,
-    y: str | None,
-    z: str | None,
-    tolerance: float,
-    flow: str,
-    note: str,
-    output: str,
-) -> None:
+@performed_by("aerodb.cli.actions.edit:run_move_reference")
+def move_reference_command() -> None:
     """Take the moments about another point; the aircraft file must name the same point then."""
-    from aerodb.edit.reference_point import move_reference as moved
-    from flightmech.units import parse_quantity
-
-    given = {
-        key: _number(text)
-        for key, text in (("x_ref", x), ("y_ref", y), ("z_ref", z))
-        if text is not None
-    }
-
-    def work(db: xr.DataTree) -> xr.DataTree:
-        point = [
-            parse_quantity(given[key], "m") if key in given else float(db.attrs[key])
-            for key in ("x_ref", "y_ref", "z_ref")
-        ]
-        return moved(db, point, tolerance=tolerance, flow=flow, note=note)
-
-    _write(file, output, work)
 
 
 @edit.command("blend")
@@ -296,31 +228,9 @@ def move_reference_command(
 @_note
 @_output
 @click.pass_obj
-def blend_command(
-    file: str, other: str, names: tuple[str, ...], rule: str, note: str, output: str
-) -> None:
+@performed_by("aerodb.cli.actions.edit:run_blend")
+def blend_command() -> None:
     """Join terms with those of the database OTHER, each with the weight of its standard errors."""
-    from aerodb.edit.blending import blend as blended
-    from aerodb.edit.blending import consistency
-    from aerodb.store.files import open
-
-    second = open(other)
-    chosen = names or None
-    frame = consistency(open(file), second, chosen, rule)
-    _write(file, output, lambda db: blended(db, second, chosen, rule, note=note))
-    rows = [
-        (
-            name,
-            row.nodes,
-            f"{row.chi2:.4g}",
-            f"{row.probability:.3g}",
-            f"{row.worst:+.3g}",
-            row.location,
-        )
-        for name, row in frame.iterrows()
-    ]
-    head = ("term", "nodes", "chi-square", "probability", "worst in std. errors", "where")
-    print_table(head, rows, title="how well they agree", right=head[1:5])
 
 
 @edit.command("delete")
@@ -328,11 +238,9 @@ def blend_command(
 @_note
 @_output
 @click.pass_obj
-def delete_command(file: str, names: tuple[str, ...], note: str, output: str) -> None:
+@performed_by("aerodb.cli.actions.edit:run_delete")
+def delete_command() -> None:
     """Take terms out; they count as zero."""
-    from aerodb.edit.table_edits import delete_terms
-
-    _write(file, output, lambda db: delete_terms(db, names, note))
 
 
 @edit.command("replace")
@@ -341,43 +249,17 @@ def delete_command(file: str, names: tuple[str, ...], note: str, output: str) ->
 @_note
 @_output
 @click.pass_obj
-def replace_command(file: str, other: str, names: tuple[str, ...], note: str, output: str) -> None:
+@performed_by("aerodb.cli.actions.edit:run_replace")
+def replace_command() -> None:
     """Take terms from the database OTHER, in place of those of the same name or in addition."""
-    from aerodb.edit.table_edits import match_names, replace_terms
-    from aerodb.store.files import open
-    from aerodb.store.schema import terms
-
-    second = open(other)
-    theirs = terms(second)
-    _write(
-        file,
-        output,
-        lambda db: replace_terms(
-            db, {name: theirs[name] for name in match_names(second, names)}, note
-        ),
-    )
 
 
 @click.command("history")
 @click.argument("file", type=_FILE)
 @json_option
-@without_gc()
-def history_command(file: str, as_json: bool) -> None:
+@performed_by("aerodb.cli.actions.edit:run_history")
+def history_command() -> None:
     """Show the edits of a database; numbered ones can be undone."""
-    from aerodb.store.files import list_edits
-    from aerodb.store.undo_history import COLUMNS
-
-    rows = list_edits(file)
-    if as_json:
-        print_json(
-            [{"line": line, **dict(zip(COLUMNS, row))} for line, row in enumerate(rows, start=1)]
-        )
-        return
-    print_table(
-        ("edit", "what was done"),
-        [("" if number is None else number, text) for number, *_, text in rows],
-        right=("edit",),
-    )
 
 
 @click.command("previous")
@@ -387,40 +269,17 @@ def history_command(file: str, as_json: bool) -> None:
 )
 @click.option("--edit", "number", type=int, help="Undo this edit and all later ones instead.")
 @_output
-def previous_command(file: str, steps: int, number: int | None, output: str) -> None:
+@performed_by("aerodb.cli.actions.edit:run_previous")
+def previous_command() -> None:
     """Write the database as it was before its last edits."""
-    from aerodb.store.undo_history import undo_edits as before
-
-    _write(file, output, lambda db: before(db, steps, number), show_change=False)
 
 
 @click.command("forget")
 @click.argument("file", type=_FILE)
 @_output
-def forget_command(file: str, output: str) -> None:
+@performed_by("aerodb.cli.actions.edit:run_forget")
+def forget_command() -> None:
     """Write the database without its undo history, for a release."""
-    from aerodb.store.undo_history import drop_undo_history as forgotten
-
-    _write(file, output, forgotten, show_change=False)
-
-
-def _write(file: str, output: str, work: Any, show_change: bool = True) -> None:
-    """Open, work, save, and print the new line of history; warnings go to stderr."""
-    import warnings
-
-    from aerodb.store.files import open, save
-    from flightmech.errors import AeromatchWarning
-
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", AeromatchWarning)
-        tree = work(open(file))
-    save(tree, output)
-    for warning in caught:
-        if issubclass(warning.category, AeromatchWarning):
-            print_remark(f"warning: {warning.message}")
-    if show_change:
-        click.echo(str(tree.attrs["history"]).rsplit("\n", 1)[-1])
-    click.echo(f"written: {output}")
 
 
 def _numbers(text: str, units: str) -> list[float]:
@@ -438,11 +297,3 @@ def _numbers(text: str, units: str) -> list[float]:
         float(to_si(float(word), match.group(2) or units, units))
         for word in re.split(r"[\s,]+", match.group(1))
     ]
-
-
-def _number(text: str) -> str | float:
-    """Return a bare number as one, which is SI; a text with a unit stays."""
-    try:
-        return float(text)
-    except ValueError:
-        return text

@@ -19,21 +19,24 @@ from flightmech.support.console import (
     print_table,
     show_progress,
 )
-from pom.cli.diagnose import diagnose_command
-from pom.cli.report import (
+from pom.cli.actions.report import (
     biases_option,
     case_files,
-    case_schema_command,
     cases_argument,
-    init_case_command,
     read_biases,
-    report_options,
-    samples_options,
     signatures_of,
+)
+from pom.cli.actions.tune import tuning_logs
+from pom.cli.diagnose import diagnose_command
+from pom.cli.report import (
+    samples_options,
+    case_schema_command,
+    init_case_command,
+    report_options,
     verify_report_command,
     write_report_command,
 )
-from pom.cli.tune import tune_command, tuning_logs
+from pom.cli.tune import tune_command
 
 
 @click.group()

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from aeromatch.cli.verbs import EXAMPLES, copy_example, example_command, example_folder
+from aeromatch.cli.actions.verbs import copy_example, example_folder
+from aeromatch.cli.verbs import EXAMPLES, example_command
 from flightmech.errors import SchemaError
 
 
