@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.commands import performed_by
 from flightmech.support.console import (
     InputFile,
     NewFile,
     json_option,
+    performed_by,
 )
 
 _FILE = InputFile()

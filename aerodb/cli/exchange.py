@@ -7,8 +7,7 @@ from typing import Any
 import click
 
 from aerodb.cli.edit import AxisOption
-from flightmech.support.commands import performed_by
-from flightmech.support.console import InputFile, NewFile, json_option
+from flightmech.support.console import InputFile, NewFile, json_option, performed_by
 
 # format: module and function
 _EXPORTS = {

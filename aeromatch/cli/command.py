@@ -16,7 +16,7 @@ from typing import NoReturn, TextIO
 
 import click
 
-from flightmech.support.commands import find_command
+from flightmech.support.console import find_command
 
 # group or verb: (module, one line for --help); nothing heavy is imported to print the
 # help
@@ -24,7 +24,7 @@ COMMANDS = {
     "datcom": ("datcom_io.cli.group", "Read Digital DATCOM listings."),
     "db": ("aerodb.cli.group", "Build, show and compare aero databases."),
     "flight": ("flighttest.cli.group", "Read flight records, reconstruct states, identify."),
-    "fmu": ("flightmech.cli", "Write simulation models as FMUs."),
+    "fmu": ("flightmech.cli.group", "Write simulation models as FMUs."),
     "pom": ("pom.cli.group", "Replay recorded inputs and judge the match."),
     "init": ("aeromatch.cli.init", "Draft a project folder from listings and recordings."),
     "schema": ("aeromatch.project.editing", "Write JSON schemas of project files, for editors."),

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.commands import performed_by
-from flightmech.support.console import InputFile, json_option
+from flightmech.support.console import InputFile, json_option, performed_by
 
 _PACKAGE = click.Path(exists=True, path_type=Path)
 _MODEL = click.Choice(["datcom", "corrected", "final"])

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.commands import performed_by
 from flightmech.support.console import (
     json_option,
+    performed_by,
 )
 from flighttest.cli.group import MapFile
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import click
 
-from flightmech.support.commands import performed_by
-from flightmech.support.console import json_option
+from flightmech.support.console import json_option, performed_by
 
 
 @click.group("store")

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.commands import performed_by
 from flightmech.support.console import (
     InputFile,
     NewFolder,
     jobs_option,
     json_option,
+    performed_by,
 )
-from pom.cli.actions.report import samples_options
+from pom.cli.report import samples_options
 
 EXAMPLES = {
     "c182": "light aircraft with a propeller, the one of the tutorial: CSV recordings in kt, ft, "

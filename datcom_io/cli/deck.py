@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from flightmech.support import console
-from flightmech.support.commands import performed_by
+from flightmech.support.console import performed_by
 
 _DECK = click.argument("deck", type=console.InputFile())
 _FOLDER = click.Path(file_okay=False)

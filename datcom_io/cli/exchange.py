@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from flightmech.support import console
-from flightmech.support.commands import performed_by
+from flightmech.support.console import performed_by
 
 
 @click.command("export")

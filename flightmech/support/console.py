@@ -4,6 +4,7 @@ stderr.
 
 from __future__ import annotations
 
+import functools
 import gc
 import importlib
 import json
@@ -14,16 +15,16 @@ import shutil
 import sys
 import time
 import warnings
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import click
 
 from flightmech.errors import near_names
 from flightmech.support.atomic_write import resolve_file, resolve_folder
-from flightmech.support.commands import find_command
 
 json_option = click.option(
     "--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else."
@@ -347,3 +348,43 @@ def show_progress(text: str, lines: bool = False) -> AbstractContextManager[None
         print_remark(f"  {text} ...")
         return nullcontext()
     return timed_step(text)
+
+
+def find_command(module: ModuleType, name: str) -> click.Command:
+    """Return the command or group of a module that has a given name on the command line.
+
+    Raises
+    ------
+    LookupError
+        The module does not define a command of that name.
+    """
+    for value in vars(module).values():
+        if isinstance(value, click.Command) and value.name == name:
+            return value
+    raise LookupError(f"{module.__name__} does not define the command {name!r}")
+
+
+def performed_by(target: str) -> Callable[[Callable[[], None]], Callable[..., Any]]:
+    """Return a decorator that has a command performed by a function of another module.
+
+    Parameters
+    ----------
+    target : str
+        ``package.module:function``.  The function takes the parameters of the command by name, and
+        the context of click first if the command passes it.
+
+    Notes
+    -----
+    The decorated function has the name and the help of the command; its body is not called.
+    """
+    module, _, function = target.partition(":")
+
+    def decorate(declaration: Callable[[], None]) -> Callable[..., Any]:
+        @functools.wraps(declaration)
+        def perform(*context: click.Context, **options: Any) -> Any:
+            return getattr(importlib.import_module(module), function)(*context, **options)
+
+        vars(perform)["performed_by"] = target
+        return perform
+
+    return decorate

@@ -6,13 +6,13 @@ from __future__ import annotations
 
 import click
 
-from flightmech.support.commands import performed_by
 from flightmech.support.console import (
     InputFile,
     NewFile,
     NewFolder,
     jobs_option,
     json_option,
+    performed_by,
 )
 from flighttest.cli.group import names_option
 

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import click
 
-from flightmech.support.commands import performed_by
 from flightmech.support.console import (
     InputFile,
     NewFile,
     json_option,
+    performed_by,
 )
 from flighttest.cli.group import names_option
 
@@ -46,7 +46,7 @@ def check_record_command() -> None:
 @click.argument("file", metavar="FILE", type=InputFile())
 @names_option
 @json_option
-@performed_by("flighttest.cli.actions.records:record_info")
+@performed_by("flighttest.cli.actions.contents:record_info")
 def record_info_command() -> None:
     """Show what a recording of any format holds, before it is mapped: tables, clocks, columns and
     units.

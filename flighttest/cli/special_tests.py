@@ -8,12 +8,12 @@ from collections.abc import Callable
 
 import click
 
-from flightmech.support.commands import performed_by
 from flightmech.support.console import (
     InputFile,
     NewFile,
     NewFolder,
     json_option,
+    performed_by,
 )
 
 

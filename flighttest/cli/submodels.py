@@ -6,8 +6,7 @@ from __future__ import annotations
 
 import click
 
-from flightmech.support.commands import performed_by
-from flightmech.support.console import InputFile, NewFile, json_option
+from flightmech.support.console import InputFile, NewFile, json_option, performed_by
 from flighttest.cli.group import names_option
 
 

@@ -6,14 +6,14 @@ from __future__ import annotations
 
 import click
 
-from flightmech.support.commands import performed_by
 from flightmech.support.console import (
     InputFile,
     NewFile,
     jobs_option,
     json_option,
+    performed_by,
 )
-from pom.cli.actions.report import biases_option, cases_argument
+from pom.cli.report import biases_option, cases_argument
 
 _FILE = InputFile()
 

@@ -10,15 +10,29 @@ from typing import Any
 
 import click
 
-from flightmech.support.commands import performed_by
 from flightmech.support.console import (
     InputFile,
     NewFile,
     NewFolder,
     json_option,
+    performed_by,
 )
 
 _FILE = InputFile(path_type=Path)
+
+
+cases_argument = click.argument(
+    "cases", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path)
+)
+
+
+biases_option = click.option(
+    "--biases",
+    "biases_file",
+    type=InputFile(),
+    help="Reconstruction of another record; its instrument constants are the prior where the "
+    "record of a case is raw.",
+)
 
 
 @click.command("init")

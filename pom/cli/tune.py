@@ -8,15 +8,15 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.commands import performed_by
 from flightmech.support.console import (
     InputFile,
     NewFile,
     NewFolder,
     jobs_option,
     json_option,
+    performed_by,
 )
-from pom.cli.actions.report import biases_option, cases_argument
+from pom.cli.report import biases_option, cases_argument
 
 _FILE = InputFile()
 

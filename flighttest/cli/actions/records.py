@@ -20,16 +20,16 @@ from flightmech.support.console import (
     show_progress,
 )
 from flightmech.support.figures import demand_drawable, write_figure
+from flighttest.cli.actions.contents import _NAMED, _number
 from flighttest.flight_programme.manoeuvre_finding.finding import draw_manoeuvres, find_manoeuvres
 from flighttest.maximum_likelihood.result import open_output_error
 from flighttest.reconstruction.dynamics.saved_paths import open_path
 from flighttest.reconstruction.quality.assessment import assess
 from flighttest.reconstruction.quality.page import write_page
 from flighttest.records import record as records
-from flighttest.records.files import contents, save_record
+from flighttest.records.files import save_record
 from flighttest.records.manoeuvre_table import edit_manoeuvres, read_manoeuvres, write_manoeuvres
 from flighttest.records.record import faults, flight_modes, manoeuvres, read
-from flighttest.records.stored_overview import stored_overview
 from flighttest.records.time_histories import record_figure, signals_figure, states_figure
 from flighttest.regression.equation_error.fit import open_fit
 
@@ -65,80 +65,7 @@ def check_record(
     ctx.exit(0 if quality.usable else 1)
 
 
-_NAMED = 12  # names of one reason on the terminal; --json has all
-
-
 _OF_HISTORIES = "goes with a record or a path; a fit is drawn with all its samples"
-
-
-def record_info(file: str, names: str | None, as_json: bool) -> None:
-    """Perform the command ``info``."""
-    found = _contents(file, names)
-    if as_json:
-        print_json(found)
-        return
-    click.echo(f"{found['file']}: {found['format']}")
-    for key, text in found["facts"].items():
-        click.echo(f"  {key}: {text}")
-    if "channels" in found:
-        rows = [
-            (c["channel"], c["content"], c["packets"], c.get("labels", ""))
-            for c in found["channels"]
-        ]
-        print_table(
-            ["channel", "content", "packets", "ARINC 429 labels as stored"],
-            rows,
-            right=["channel", "packets"],
-        )
-    for part in found["tables"]:
-        span = (
-            part["clock_fault"]
-            or f"{part['samples']} samples, {part['rate']:.6g} Hz, {part['start']:.6g} ... "
-            f"{part['stop']:.6g} s"
-        )
-        click.echo()
-        rows = [
-            (c["column"], c["unit"], _number(c["min"]), _number(c["max"])) for c in part["columns"]
-        ]
-        print_table(
-            ["column", "unit", "min", "max"], rows, f"{part['table']}: {span}", right=["min", "max"]
-        )
-        for slow in part["slower"]:
-            text = (
-                f"{slow['samples']} samples, {slow['rate']:.6g} Hz, in the rows of {part['table']}"
-            )
-            click.echo(
-                f"a slower clock, with blank cells between its samples: "
-                f"{', '.join(slow['columns'])}: {text}"
-            )
-    for text in found["notes"]:
-        click.echo(f"! {text}")
-    if found["left_out"]:
-        click.echo(f"\nleft out: {len(found['left_out'])}")
-        for text in _by_reason(found["left_out"]):
-            click.echo(f"  {text}")
-
-
-def _by_reason(left_out: list[dict[str, str]]) -> list[str]:
-    """Return a line for each reason, with the names of the tables and columns that are left out."""
-    names: dict[str, list[str]] = {}
-    for one in left_out:
-        names.setdefault(one["reason"], []).append(one["name"])
-    return [
-        f"{', '.join(places[:_NAMED])}{f' and {len(places) - _NAMED} more' * (len(places) > _NAMED)}: "
-        f"{reason}"
-        for reason, places in names.items()
-    ]
-
-
-def _contents(file: str, names: str | None) -> dict[str, Any]:
-    """Return what a file holds, from the overview that a sealed one carries where it has one."""
-
-    stored = None if names else stored_overview(file, "contents")
-    if stored is not None:
-        return stored
-
-    return contents(file, names)
 
 
 def convert_record(file: str, names: str | None, output: str, as_json: bool) -> None:
@@ -273,10 +200,6 @@ def _manoeuvres(
     if len(marks) and not find:
         return "as the record marks them", marks
     return "found in the movements of the controls; to be confirmed", find_manoeuvres(record)
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.6g}"
 
 
 def plot_record(

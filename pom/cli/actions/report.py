@@ -13,7 +13,6 @@ import click
 import aerodb
 from flightmech.support.atomic_write import write_text
 from flightmech.support.console import (
-    InputFile,
     command_line,
     print_json,
     print_remark,
@@ -32,19 +31,6 @@ from pom.replaying.replay_case import files_by_name
 from pom.report.writer import write_report
 from pom.result import results_name
 from pom.tolerances.editions import edition_of, titles_of_tests
-
-cases_argument = click.argument(
-    "cases", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path)
-)
-
-
-biases_option = click.option(
-    "--biases",
-    "biases_file",
-    type=InputFile(),
-    help="Reconstruction of another record; its instrument constants are the prior where the "
-    "record of a case is raw.",
-)
 
 
 def read_biases(file: str | None) -> Any:

@@ -19,6 +19,7 @@ from flightmech.simulation.compiler import compile as compile_model
 from flightmech.simulation.node_values import nodes_digest
 from flightmech.support.atomic_write import folder_written_atomically, write_text
 from flightmech.support.console import (
+    InputFile,
     print_json,
     print_table,
     show_progress,
@@ -27,7 +28,6 @@ from flightmech.support.input_files import read_toml
 from pom.archive.archive import Custody
 from pom.cases.case import PomCase, read_case
 from pom.cli.actions.report import case_files, read_biases
-from pom.cli.tune import _FILE
 from pom.diagnosis.tuning.demands import demand_cases, demand_evidence
 from pom.diagnosis.tuning.search import tune as search
 from pom.diagnosis.tuning.tuning_log import (
@@ -151,7 +151,7 @@ def read_rationales(words: Iterable[str]) -> tuple[dict[str, str], str | None]:
                 if file
                 else []
             )
-            file = str(_FILE.convert(word, None, None))
+            file = str(InputFile().convert(word, None, None))
             content = read_toml(word)
             given = content.get(RATIONALE, {})
             if not isinstance(given, dict) or not given or set(content) != {RATIONALE}:

@@ -1,23 +1,35 @@
-"""The verb ``aeromatch fmu trim``."""
+"""Functions that perform the commands of `flightmech.cli.group`."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
+import pandas as pd
+import xarray as xr
 
-from flightmech.support.console import InputFile, NewFile, json_option, show_progress, without_gc
+from flightmech.errors import ParseError, UnitError, UnknownName
+from flightmech.fmu_export.fmu_file import write_fmu
+from flightmech.names import lookup
+from flightmech.simulation.compiler import SimModel, compile_files
+from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
+from flightmech.simulation.run import simulate as fly
+from flightmech.steady_flight.trim_search import start_of
+from flightmech.steady_flight.trim_search import trim as search
+from flightmech.support.atomic_write import written_atomically
+from flightmech.support.console import (
+    print_json,
+    print_table,
+    show_progress,
+)
+from flightmech.support.hdf5_seal import demand_self_contained
+from flightmech.units import from_si, parse_quantity, to_si
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from flightmech.simulation.compiler import SimModel
-
-_FILE = InputFile()
 _DIGITS = 9  # behind the point: less than that is rounding
+
+
 _SHOWN = (
     "V",
     "V_cas",
@@ -38,47 +50,7 @@ _SHOWN = (
 )
 
 
-class NameValue(click.ParamType):
-    """NAME=VALUE."""
-
-    name = "NAME=VALUE"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, str]:
-        """Return name and text of the value."""
-        name, sign, text = str(value).partition("=")
-        if not (name.strip() and sign and text.strip()):
-            self.fail(f"{value!r} is not NAME=VALUE, such as V='175 kt'", param, ctx)
-        return name.strip(), text.strip()
-
-
-@click.command("trim")
-@click.argument("aircraft", type=_FILE)
-@click.argument("database", type=_FILE)
-@click.option(
-    "--kind",
-    default="level",
-    show_default=True,
-    help="Kind of the steady flight: level, climb, turn, sideslip, pull_up, engine_out or ground.",
-)
-@click.option(
-    "--fix",
-    "fixed",
-    multiple=True,
-    type=NameValue(),
-    help="Fixed quantity as NAME=VALUE, such as V='175 kt', h='5000 ft', phi='30 deg' or "
-    "engine1.failed=1; may be repeated.",
-)
-@click.option(
-    "--free",
-    "unknowns",
-    multiple=True,
-    help="Unknowns to solve for instead of those of the kind, one name each.",
-)
-@json_option
-@click.pass_context
-def trim_command(
+def run_trim(
     ctx: click.Context,
     aircraft: str,
     database: str,
@@ -87,14 +59,7 @@ def trim_command(
     unknowns: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Find a steady flight of AIRCRAFT (TOML) with DATABASE (netCDF); exit code 1 when there is
-    none inside the limits.
-    """
-    from flightmech.simulation.compiler import compile_files
-    from flightmech.steady_flight.trim_search import start_of
-    from flightmech.steady_flight.trim_search import trim as search
-    from flightmech.support.console import print_json
-
+    """Perform the command ``trim``."""
     with show_progress("compile the model, search the steady flight"):
         sim = compile_files(aircraft, database)
         units = _units(sim)
@@ -118,7 +83,6 @@ def _units(sim: SimModel) -> dict[str, str]:
     """Return the units of every name that can be held, plain start values and inputs of all engines
     among them.
     """
-    from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
 
     rows = [row for kind in (OUTPUT, INPUT, PARAMETER) for row in sim.entries(kind)]
     plain = {
@@ -143,8 +107,6 @@ def si_value(name: str, text: str, units: Mapping[str, str]) -> float:
     UnitError
         With the name.
     """
-    from flightmech.errors import UnitError, UnknownName
-    from flightmech.units import parse_quantity
 
     try:
         return float(text)
@@ -158,9 +120,6 @@ def si_value(name: str, text: str, units: Mapping[str, str]) -> float:
 
 
 def _print(sim: SimModel, found: xr.Dataset) -> None:
-    from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
-    from flightmech.support.console import print_table
-    from flightmech.units import from_si
 
     display = {
         row.name: row.display_units
@@ -213,38 +172,7 @@ def _print(sim: SimModel, found: xr.Dataset) -> None:
 _HEADING = re.compile(r"^\s*([A-Za-z_0-9.*]+)\s*(?:\[([^\]]*)\])?\s*$")
 
 
-@click.command("simulate")
-@click.argument("aircraft", type=_FILE)
-@click.argument("database", type=_FILE)
-@click.option(
-    "--inputs",
-    "record",
-    required=True,
-    type=_FILE,
-    help="CSV with headings 'time', 'delta_e [deg]' ..., or netCDF in SI.",
-)
-@click.option(
-    "--set",
-    "given",
-    multiple=True,
-    type=NameValue(),
-    help="Parameter or constant input: init.V='175 kt', mode.trim=2, gear=1 ...",
-)
-@click.option(
-    "--hold",
-    type=click.Choice(["linear", "zero"]),
-    default="linear",
-    show_default=True,
-    help="Inputs between samples.",
-)
-@click.option(
-    "--terms", is_flag=True, help="Write the contribution of every term as well (netCDF only)."
-)
-@click.option(
-    "-o", "--output", required=True, type=NewFile(), help="The history: .nc, or .csv in SI."
-)
-@json_option
-def simulate_command(
+def run_simulate(
     aircraft: str,
     database: str,
     record: str,
@@ -254,11 +182,7 @@ def simulate_command(
     output: str,
     as_json: bool,
 ) -> None:
-    """Fly AIRCRAFT (TOML) with DATABASE (netCDF) under recorded inputs and write the history."""
-    from flightmech.simulation.compiler import compile_files
-    from flightmech.simulation.run import simulate as fly
-    from flightmech.support.console import print_json
-
+    """Perform the command ``simulate``."""
     if terms and Path(output).suffix == ".csv":
         raise click.UsageError("--terms needs a netCDF file; name it .nc")
     inputs = _read(record)
@@ -284,20 +208,12 @@ def simulate_command(
 
 def _values(sim: SimModel, given: tuple) -> dict[str, float]:
     """Return the values of parameters and inputs in SI; parts of tables are taken as they stand."""
-    from flightmech.simulation.kernel import INPUT, PARAMETER
 
     units = {row.name: row.units for kind in (INPUT, PARAMETER) for row in sim.entries(kind)}
     return {name: si_value(name, text, units) for name, text in given}
 
 
 def _read(path: str) -> xr.Dataset:
-    import pandas as pd
-    import xarray as xr
-
-    from flightmech.errors import ParseError, UnknownName
-    from flightmech.names import lookup
-    from flightmech.support.hdf5_seal import demand_self_contained
-    from flightmech.units import to_si
 
     if Path(path).suffix == ".nc":
         demand_self_contained(path)
@@ -339,7 +255,6 @@ def _read(path: str) -> xr.Dataset:
 
 
 def _write(found: xr.Dataset, output: str) -> None:
-    from flightmech.support.atomic_write import written_atomically
 
     with written_atomically(output) as part:
         if Path(output).suffix == ".csv":
@@ -348,30 +263,8 @@ def _write(found: xr.Dataset, output: str) -> None:
             found.to_netcdf(part, engine="h5netcdf")
 
 
-@click.group()
-def fmu() -> None:
-    """Simulation models: write them as FMUs, trim and fly them."""
-
-
-@fmu.command("write")
-@click.argument("aircraft", type=InputFile())
-@click.argument("database", type=InputFile())
-@click.option("-o", "--output", required=True, type=NewFile(), help="The FMU to write.")
-@click.option(
-    "--fmi",
-    "version",
-    type=click.Choice(["2.0", "3.0"]),
-    default="2.0",
-    show_default=True,
-    help="Version of the standard.",
-)
-@json_option
-def write_command(aircraft: str, database: str, output: str, version: str, as_json: bool) -> None:
-    """Compile AIRCRAFT (TOML) with DATABASE (netCDF) and write the model as an FMU."""
-    from flightmech.fmu_export.fmu_file import write_fmu
-    from flightmech.simulation.compiler import compile_files
-    from flightmech.support.console import print_json
-
+def run_write(aircraft: str, database: str, output: str, version: str, as_json: bool) -> None:
+    """Perform the command ``write``."""
     with show_progress("compile the model, write the FMU"):
         sim = compile_files(aircraft, database)
         path = write_fmu(sim, output, version)
@@ -390,40 +283,3 @@ def write_command(aircraft: str, database: str, output: str, version: str, as_js
             f"{path.stat().st_size} bytes"
         )
         click.echo(f"written: {path}")
-
-
-@fmu.command("show")
-@click.argument("path", metavar="FMU", type=InputFile())
-@json_option
-@without_gc()
-def show_fmu_command(path: str, as_json: bool) -> None:
-    """Show the variables of an FMU of any vendor, and what the standard's check finds."""
-    from flightmech.fmu_export.fmu_file import read_fmu
-    from flightmech.support.console import print_json, print_remark, print_table
-
-    found = read_fmu(path)
-    if as_json:
-        print_json(found)
-        return
-    columns = ("name", "causality", "variability", "unit", "start", "description")
-    rows = [
-        ["" if row[column] is None else row[column] for column in columns]
-        for row in found["variables"]
-    ]
-    print_table(
-        columns,
-        rows,
-        title=f"{found['model']}  FMI {found['fmi']}  {' '.join(found['platforms'])}",
-        right=("start",),
-    )
-    if not found["runs_here"]:
-        print_remark(
-            f"no library for this platform, {found['platform']}; the FMU runs on "
-            f"{', '.join(found['platforms']) or 'none'}"
-        )
-    for finding in found["findings"]:
-        print_remark(f"finding: {finding}")
-
-
-fmu.add_command(trim_command)
-fmu.add_command(simulate_command)
