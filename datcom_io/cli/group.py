@@ -41,7 +41,7 @@ def show_listing_command(file: str, name: str | None, partial: bool, as_json: bo
     A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is recognised by its content; its
     groups are shown.
     """
-    from datcom_io.cli.summary import case_summary_rows, page_row
+    from datcom_io.cli.summary import case_summary_rows, count_text, page_row
     from datcom_io.exchange.file_types import read_other
     from datcom_io.reading.reader import read
 
@@ -87,8 +87,8 @@ def show_listing_command(file: str, name: str | None, partial: bool, as_json: bo
             "missing, suspect",
         ],
         [_summary_row(row) for row in found],
-        title=f"{listing.file}: {_count(listing.runs, 'run')}, {_count(len(listing), 'case')}, "
-        f"{_count(listing.line_count, 'line')}",
+        title=f"{listing.file}: {count_text(listing.runs, 'run')}, {count_text(len(listing), 'case')}, "
+        f"{count_text(listing.line_count, 'line')}",
         right=["no"],
     )
     if pages is not None:
@@ -106,7 +106,7 @@ def show_listing_command(file: str, name: str | None, partial: bool, as_json: bo
         numbers = " ".join(map(str, listing.unread[:20])) + (
             " ..." if len(listing.unread) > 20 else ""
         )
-        click.echo(f"{_count(len(listing.unread), 'line')} not understood: {numbers}")
+        click.echo(f"{count_text(len(listing.unread), 'line')} not understood: {numbers}")
 
 
 @datcom.command("table")
@@ -163,10 +163,6 @@ def write_cells_command() -> None:
     """Write every printed cell of a listing, or of one case, as CSV: line, page, table, axes,
     column, text, value, flag.
     """
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}{'' if number == 1 else 's'}"
 
 
 def _range(values: list[float], unit: str = "") -> str:

@@ -15,7 +15,7 @@
     stiction = "5 N"
 
 Travel is in m for column and pedals and in rad for the wheel, forces in N and N m.  [LR743] 3.4 and
-4.5.3; equations, signs and assumptions: docs/control-system.md and ``kernel/src/controls``.
+4.5.3; equations, signs and assumptions: docs/explanation/simulation/control-system.md and ``kernel/src/controls``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A full engine deck: governor schedule, spools, flame, and tables of thrust, air flow, fuel flow
 and temperature.
 
-``[engine.deck]`` in the aircraft file; what the kernel makes of it stands in docs/engine.md::
+``[engine.deck]`` in the aircraft file; what the kernel makes of it stands in docs/explanation/simulation/engine.md::
 
     [engine.deck]
     file = "engine.nc"                 # a leaf per target, or tables here

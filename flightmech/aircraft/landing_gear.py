@@ -20,7 +20,7 @@
     brake = "6e3 N"
 
 Equations and assumptions: ``gear.c``, ``tyre.c``, ``steering.c`` in ``kernel/src/gear`` and
-docs/landing-gear.md.
+docs/explanation/simulation/landing-gear.md.
 """
 
 from __future__ import annotations

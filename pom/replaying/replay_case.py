@@ -82,7 +82,7 @@ def replay(
         Wall time allowed per model. [s]
     names : mapping of str to path, optional
         Name of a model to the table of its names, units and signs, when they are not the SI names
-        (`docs/pom-replay.md`); it goes before that of the case file.
+        (`docs/explanation/proof-of-match/replay.md`); it goes before that of the case file.
     evidence : DataTree, optional
         An identified database with standard errors: what flight found.  Every run then states how
         far the terms of the flown model lie from it (`pom.judging.beyond_the_bands`).

@@ -47,8 +47,10 @@ def test_every_example_has_a_project():
 
 
 def test_the_light_aircraft_is_the_project_of_the_tutorial():
-    """`docs/make_tutorial.py` writes both."""
-    page = (Path(__file__).parents[2] / "docs" / "tutorial.md").read_text(encoding="utf-8")
+    """`docs/scripts/make_tutorial.py` writes both."""
+    page = (Path(__file__).parents[2] / "docs" / "tutorials" / "light-aircraft.md").read_text(
+        encoding="utf-8"
+    )
     files = dict(re.findall(r'^```toml title="([^"]+)"\n(.*?)^```$', page, re.M | re.S))
     assert set(files) == {"aircraft.toml", "names.toml", "aeromatch.toml"}
     for name, text in files.items():

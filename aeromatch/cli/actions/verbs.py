@@ -53,7 +53,7 @@ def example_folder(name: str) -> Path:
     SchemaError
         The example is in neither.
     """
-    places = (Path(__file__).parents[1] / "data" / name, Path(__file__).parents[2] / "data" / name)
+    places = (Path(__file__).parents[2] / "data" / name, Path(__file__).parents[3] / "data" / name)
     for place in places:
         if (place / "aeromatch.toml").is_file():
             return place

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from datcom_io.cli.summary import count_text
 from datcom_io.decks.check import check_deck
 from datcom_io.decks.deck_file import read_deck, write_deck
 from datcom_io.runs.running import ProgramRun, run_deck, run_folder
@@ -39,7 +40,7 @@ def show_deck(deck: str, output: str | None, resolved: bool, as_json: bool) -> N
     console.print_table(
         head,
         [tuple(row.values()) for row in rows],
-        title=f"{found.file}: {_count(len(found), 'case')}",
+        title=f"{found.file}: {count_text(len(found), 'case')}",
         right=["no", "conditions"],
     )
     if output:
@@ -90,9 +91,9 @@ def run_check_deck(ctx: click.Context, deck: str, as_json: bool) -> None:
             more = f" and {len(lines) - 1} more" if len(lines) > 1 else ""
             click.echo(f"line {lines[0]}{more}: {severity}: {text}")
         counts = ", ".join(
-            _count(number, severity) for severity, number in numbers.items() if number
+            count_text(number, severity) for severity, number in numbers.items() if number
         )
-        click.echo(f"{read.file}: {_count(len(read), 'case')}, {counts or 'nothing found'}")
+        click.echo(f"{read.file}: {count_text(len(read), 'case')}, {counts or 'nothing found'}")
     if numbers["error"]:
         ctx.exit(1)
 
@@ -135,7 +136,7 @@ def run_split(study: str, folder: str, as_json: bool) -> None:
         [tuple(row.values()) for row in rows],
         right=["conditions"],
     )
-    click.echo(f"{_count(len(rows), 'run deck')} in {folder}")
+    click.echo(f"{count_text(len(rows), 'run deck')} in {folder}")
 
 
 def run_run_deck(
@@ -157,7 +158,7 @@ def run_run_deck(
     else:
         for message in done.messages:
             click.echo(f"line {message.line}: {message.text}")
-        cases = f"{_count(len(done.listing), 'case')}, {_count(len(done.listing.pages), 'page')}"
+        cases = f"{count_text(len(done.listing), 'case')}, {count_text(len(done.listing.pages), 'page')}"
         click.echo(
             f"{cases} in {done.seconds:.1f} s; written: "
             f"{', '.join(str(path) for path in done.files.values())}"
@@ -205,9 +206,9 @@ def _run_folder(
             right=["cases", "pages", "without pages", "messages"],
         )
         click.echo(
-            f"{_count(len(rows), 'deck')} run, {failed} with a failure or a case without a page"
+            f"{count_text(len(rows), 'deck')} run, {failed} with a failure or a case without a page"
             if failed
-            else f"{_count(len(rows), 'deck')} run"
+            else f"{count_text(len(rows), 'deck')} run"
         )
     if failed:
         ctx.exit(1)
@@ -218,7 +219,3 @@ def _run_line(row: dict[str, Any]) -> tuple[str, ...]:
         return (row["deck"], "", "", "", "", f"error: {row['error']}")
     counts = (len(row["cases"]), row["pages"], len(row["without_pages"]), len(row["messages"]))
     return (row["deck"], *map(str, counts), row["files"]["out"])
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}{'' if number == 1 else 's'}"

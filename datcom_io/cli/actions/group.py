@@ -8,8 +8,7 @@ import click
 
 from datcom_io.arrays.frames import printed_units, write_cells, write_tree
 from datcom_io.arrays.grid import join
-from datcom_io.cli.group import _count
-from datcom_io.cli.summary import page_row
+from datcom_io.cli.summary import count_text, page_row
 from datcom_io.exchange.file_types import read_other
 from datcom_io.printout.content import Page
 from datcom_io.printout.tables import Printed, PrintedTable
@@ -104,4 +103,4 @@ def run_write_cells(file: str, output: str, name: str | None, partial: bool, as_
     if as_json:
         console.print_json({"file": output, "cells": count})
     else:
-        click.echo(f"written: {output}, {_count(count, 'cell')}")
+        click.echo(f"written: {output}, {count_text(count, 'cell')}")

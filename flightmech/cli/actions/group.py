@@ -245,7 +245,7 @@ def _read(path: str) -> xr.Dataset:
                 path,
                 1,
                 f"the column {heading!r} ({error})",
-                "names of the vocabulary, docs/nomenclature.md",
+                "names of the vocabulary, docs/reference/nomenclature.md",
             ) from error
         columns[name] = to_si(table[heading].to_numpy(float), unit or units, units)
     return xr.Dataset(

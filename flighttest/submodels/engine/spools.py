@@ -1,7 +1,7 @@
 """Governor and spools from power changes: transport delay, schedule, time constants, rate limits,
 fan behind core.
 
-The model is the kernel's (docs/engine.md): n2 follows its schedule over the delayed lever with a
+The model is the kernel's (docs/explanation/simulation/engine.md): n2 follows its schedule over the delayed lever with a
 time constant that is a table over n2, no faster than its rate limits where there are any; n1
 follows a table over n2 with a lag of its own, or the lever as n2 does.  The tables are monotone
 cubics through a few knots, sampled so finely that straight lines between the nodes do as well;

@@ -1,7 +1,7 @@
 """Start and shut-down: starter, light-off, acceleration to idle, fuel flow and turbine temperature,
 run-down.
 
-The model is the kernel's (docs/engine.md): the starter turns the core towards its speed, the engine
+The model is the kernel's (docs/explanation/simulation/engine.md): the starter turns the core towards its speed, the engine
 lights where fuel comes on, accelerates with time constants over n2 to its schedule, and runs down
 towards windmilling when the fuel is off.  Fuel flow and temperature are tables over n2, the
 temperature behind a lag.
