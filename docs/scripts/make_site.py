@@ -54,9 +54,11 @@ def python_pages() -> dict[str, str]:
             (ROOT / package).rglob("__init__.pyi"), key=lambda file: file.parent.parts
         ):
             name = ".".join(stub.parent.relative_to(ROOT).parts)
-            names = public_names(stub)
+            former = former_names(stub)
             own = {
-                key: defined(name, key) for key, (_, is_module) in names.items() if not is_module
+                key: defined(name, key)
+                for key, (_, is_module) in public_names(stub).items()
+                if not is_module and key not in former
             }
             page = f"reference/{name}.md"
             pages[page] = namespace_page(name, stub, own, top=name == package)
@@ -86,6 +88,17 @@ def namespace_page(name: str, stub: Path, own: dict[str, str], top: bool) -> str
                 "      heading_level: 2",
             ]
     return "\n".join(lines) + "\n"
+
+
+def former_names(stub: Path) -> set[str]:
+    """Return the names of a stub that stand for something which has another name now."""
+    imports = [
+        node for node in ast.parse(stub.read_text()).body if isinstance(node, ast.ImportFrom)
+    ]
+    names = set()
+    for node in imports:
+        names.update(item.asname for item in node.names if item.asname not in (None, item.name))
+    return names
 
 
 def documented_elsewhere(home: str) -> bool:
