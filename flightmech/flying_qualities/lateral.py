@@ -15,8 +15,9 @@ from scipy.optimize import least_squares
 
 from flightmech.flying_qualities.longitudinal import COEFFICIENT, force_factor, missing_for_force
 from flightmech.simulation.run import simulate
+from flightmech.steady_flight.engine_thrust import NO_THRUST, full_thrust, has_thrust
 from flightmech.steady_flight.flight_condition import Characteristic, absent_rows
-from flightmech.steady_flight.trim_point import NO_THRUST, Point, full_thrust, has_thrust
+from flightmech.steady_flight.trim_point import Point
 from flightmech.units import DEGREE
 
 SIDESLIP, ROLL = "steady sideslip", "roll control"
@@ -38,7 +39,7 @@ def sideslip_rows(point: Point) -> list[Characteristic]:
         "F_wheel_per_beta": "N m rad-1",
         "F_pedal_per_beta": "N rad-1",
     }
-    slopes = {name: point.slope(name) for name in ("beta", "delta_a", "delta_r")}
+    slopes = {name: point.body_slopes(name) for name in ("beta", "delta_a", "delta_r")}
     if abs(slopes["delta_r"][5]) < _SMALL:
         return absent_rows(SIDESLIP, names, NO_RUDDER)
     if abs(slopes["delta_a"][3]) < _SMALL:
@@ -93,15 +94,15 @@ def roll_rate(point: Point) -> list[Characteristic]:
     the wheel force, as rows.
     """
     names = {"roll_rate_one_degree": "rad s-1", "roll_rate_peak": "rad s-1", "F_wheel_full": "N m"}
-    if abs(point.slope("delta_a")[3]) < _SMALL:
+    if abs(point.body_slopes("delta_a")[3]) < _SMALL:
         return absent_rows(ROLL, names, NO_AILERON)
     if "delta_a" not in point.aircraft.limits:
         return absent_rows(ROLL, names, "the aircraft file gives no limits of delta_a")
-    if abs(point.slope("phat")[3]) < _SMALL:
+    if abs(point.body_slopes("phat")[3]) < _SMALL:
         return absent_rows(ROLL, names, "the database has no roll damping here")
     full = point.aircraft.limits["delta_a"][0]  # negative: right wing down
-    damping = point.slope("phat")[3]
-    rolling = point.body(delta_a=full)[3] - point.body()[3]
+    damping = point.body_slopes("phat")[3]
+    rolling = point.body_coefficients(delta_a=full)[3] - point.body_coefficients()[3]
     p = -rolling / damping * 2.0 * point["V"] / point.aircraft.b
     angle = f"delta_a {full / DEGREE:.3g} deg"
     rows = [
@@ -123,7 +124,7 @@ def roll_rate(point: Point) -> list[Characteristic]:
     reason = missing_for_force(point, "delta_a")
     if reason:
         return [*rows, *absent_rows(ROLL, {"F_wheel_full": "N m"}, reason)]
-    hinge = (point.hinge("Ch_a", delta_a=full) or 0.0) - (point.hinge("Ch_a") or 0.0)
+    hinge = (point.hinge_moment("Ch_a", delta_a=full) or 0.0) - (point.hinge_moment("Ch_a") or 0.0)
     return [
         *rows,
         Characteristic(
@@ -170,9 +171,12 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Characteristic]:
         return absent_rows(ROLL, names, "no engines off the centre line")
     if not has_thrust(point.aircraft):
         return absent_rows(ROLL, names, NO_THRUST)
-    if abs(point.slope("delta_r")[5]) < _SMALL or abs(point.slope("delta_a")[3]) < _SMALL:
+    if (
+        abs(point.body_slopes("delta_r")[5]) < _SMALL
+        or abs(point.body_slopes("delta_a")[3]) < _SMALL
+    ):
         return absent_rows(
-            ROLL, names, NO_RUDDER if abs(point.slope("delta_r")[5]) < _SMALL else NO_AILERON
+            ROLL, names, NO_RUDDER if abs(point.body_slopes("delta_r")[5]) < _SMALL else NO_AILERON
         )
     if not {"delta_a", "delta_r"} <= set(point.aircraft.limits):
         return absent_rows(ROLL, names, "the aircraft file gives no limits of delta_a and delta_r")
@@ -183,7 +187,7 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Characteristic]:
     )
 
     def holds(V: float) -> bool:
-        return _used(point.level(V), failed) <= 1.0
+        return _used(point.trim_level(V), failed) <= 1.0
 
     speeds = [V for V in np.geomspace(slowest, _FASTEST * slowest, 25).tolist() if not holds(V)]
     if not speeds:
@@ -219,7 +223,7 @@ def _used(flight: Point, failed: int) -> float:
         moment += np.cross(
             np.array(engine.position) - flight.cg, thrust * np.array(engine.direction)
         )
-    power = flight.with_thrust(live)
+    power = flight.thrust_variables(live)
     qS = flight["qbar"] * craft.S
     given = np.array(
         [
@@ -231,7 +235,12 @@ def _used(flight: Point, failed: int) -> float:
 
     def residual(z: np.ndarray) -> np.ndarray:
         beta, delta_a, delta_r = z
-        return flight.body(**power, beta=beta, delta_a=delta_a, delta_r=delta_r)[[1, 3, 5]] + given
+        return (
+            flight.body_coefficients(**power, beta=beta, delta_a=delta_a, delta_r=delta_r)[
+                [1, 3, 5]
+            ]
+            + given
+        )
 
     found = least_squares(residual, np.zeros(3), xtol=1e-12, ftol=1e-12, gtol=1e-12)
     if np.abs(found.fun).max() > _SMALL:

@@ -38,7 +38,7 @@ COEFFICIENT = {"delta_e": "Ch_e", "delta_a": "Ch_a", "delta_r": "Ch_r"}
 def missing_for_force(point: Point, control: str) -> str:
     """Return in words what a force on column, wheel or pedals lacks, "" when nothing."""
     coefficient = COEFFICIENT[control]
-    if coefficient not in point.pair.hinges:
+    if coefficient not in point.compiled.hinges:
         return f"the database has no hinge moments {coefficient}"
     if control not in point.aircraft.controls:
         return f"the aircraft file has no [control.{control}] with S_hinge, c_hinge and gearing"
@@ -89,7 +89,7 @@ def longitudinal_rows(point: Point) -> list[Characteristic]:
             "centre of gravity, chords behind the leading edge of the mean chord",
         )
     ]
-    fixed = _chords(point, lambda x: point.slope("alpha", x)[4])
+    fixed = _chords(point, lambda x: point.body_slopes("alpha", x)[4])
     rows += [
         Characteristic(
             GROUP,
@@ -106,7 +106,7 @@ def longitudinal_rows(point: Point) -> list[Characteristic]:
             "neutral point minus c.g.: positive is stable",
         ),
     ]
-    elevator = abs(point.slope("delta_e")[4]) > _SMALL
+    elevator = abs(point.body_slopes("delta_e")[4]) > _SMALL
     free = elevator and abs(hinge_moment_slope(point, "delta_e")) > _SMALL
     return [
         *rows,
@@ -158,7 +158,8 @@ def _free(point: Point, here: float, elevator: bool, free: bool) -> list[Charact
         return absent_rows(GROUP, names, NO_HINGE if elevator else NO_ELEVATOR)
     float_ = -hinge_moment_slope(point, "alpha") / hinge_moment_slope(point, "delta_e")
     neutral = _chords(
-        point, lambda x: point.slope("alpha", x)[4] + float_ * point.slope("delta_e", x)[4]
+        point,
+        lambda x: point.body_slopes("alpha", x)[4] + float_ * point.body_slopes("delta_e", x)[4],
     )
     manoeuvre = _chords(point, lambda x: pull_up(point, x, "free")[2])
     return [
@@ -225,7 +226,7 @@ def pull_up(point: Point, x_cg_b: float, elevator: str) -> tuple[float, float, f
     elevator : {"moved", "held", "free"}
         Moved so that the moment vanishes, held, or floating without a hinge moment.
     """
-    slopes = {name: point.slope(name, x_cg_b) for name in ("alpha", "qhat", "dnz", "delta_e")}
+    slopes = {name: point.body_slopes(name, x_cg_b) for name in ("alpha", "qhat", "dnz", "delta_e")}
     lift = {name: _lift(point, name, slope) for name, slope in slopes.items()}
     qhat = G0 / point["V"] * 0.5 * point.aircraft.cbar / point["V"]
     wanted = point.CW - lift["qhat"] * qhat - lift["dnz"]
@@ -253,7 +254,7 @@ def _lift(point: Point, variable: str, slope: np.ndarray) -> float:
     normal = slope[0] * s - slope[2] * c
     if variable != "alpha":
         return normal
-    CX, _, CZ, *_ = point.body()
+    CX, _, CZ, *_ = point.body_coefficients()
     CX_T, CZ_T = thrust_coefficients(point)
     return normal + (CX + CX_T) * c + (CZ + CZ_T) * s
 
@@ -305,7 +306,7 @@ def trim_curves(point: Point, speeds: Sequence[float] | np.ndarray) -> xr.Datase
         with the force trimmed out at the speed of the point [N], both absent without hinge moments;
         NaN where no steady flight is found.
     """
-    flights = [point.at(init__V=float(V)) for V in speeds]
+    flights = [point.retrim(init__V=float(V)) for V in speeds]
     columns: dict[str, list[float]] = {
         name: [flight[name] for flight in flights] for name in ("alpha", "theta", "CL", "CD")
     }
@@ -334,7 +335,7 @@ def speed_stability(point: Point) -> list[Characteristic]:
     trim curve shows, as rows.
     """
     slope = _elevator_slope(point)
-    if abs(point.slope("delta_e")[4]) < 1e-9:
+    if abs(point.body_slopes("delta_e")[4]) < 1e-9:
         rows = absent_rows(
             TRIM_CURVES, {"delta_e_per_V": "rad s m-1", "neutral_point_trim": "1"}, NO_ELEVATOR
         )
@@ -371,7 +372,7 @@ def _neutral_point(point: Point) -> list[Characteristic]:
     craft = point.aircraft
 
     def residual(x: float) -> float:
-        return _elevator_slope(point.at(mass__x_cg_b=x))
+        return _elevator_slope(point.retrim(mass__x_cg_b=x))
 
     found = root_scalar(
         residual,
@@ -381,7 +382,7 @@ def _neutral_point(point: Point) -> list[Characteristic]:
         xtol=1e-6 * craft.cbar,
         maxiter=30,
     )
-    if not (found.converged and point.at(mass__x_cg_b=float(found.root)).is_trimmed):
+    if not (found.converged and point.retrim(mass__x_cg_b=float(found.root)).is_trimmed):
         return absent_rows(
             TRIM_CURVES,
             {"neutral_point_trim": "1"},
@@ -409,11 +410,11 @@ def _elevator_slope(point: Point) -> float:
 
 def _neighbours(point: Point) -> tuple[Point, Point]:
     V = point["V"]
-    return point.at(init__V=(1.0 - _NUDGE) * V), point.at(init__V=(1.0 + _NUDGE) * V)
+    return point.retrim(init__V=(1.0 - _NUDGE) * V), point.retrim(init__V=(1.0 + _NUDGE) * V)
 
 
 def _hinge(point: Point) -> float:
-    return point.hinge("Ch_e") or 0.0
+    return point.hinge_moment("Ch_e") or 0.0
 
 
 def _force(flight: Point, trimmed_out: float) -> float:

@@ -20,15 +20,15 @@ from scipy.optimize import brentq, minimize_scalar
 from flightmech.air import atmosphere
 from flightmech.errors import SimulationError
 from flightmech.names import quantity_attributes
-from flightmech.steady_flight.flight_condition import Characteristic, absent_rows
-from flightmech.steady_flight.trim_point import (
+from flightmech.steady_flight.engine_thrust import (
     NO_THRUST,
-    Point,
     burns_fuel,
     full_thrust,
     has_thrust,
     thrust_over_height,
 )
+from flightmech.steady_flight.flight_condition import Characteristic, absent_rows
+from flightmech.steady_flight.trim_point import Point
 from flightmech.units import DEGREE, FOOT
 
 STALL, POLAR, LEVEL, RANGE = "stall", "drag polar", "level flight", "range"
@@ -102,7 +102,7 @@ def alpha_range(point: Point) -> tuple[float, float]:
     """Return the ends of the lift tables; -15 to 15 degrees when they do not depend on the angle of
     attack. [rad]
     """
-    return point.pair.lift_range.get("alpha", (-_PLAIN, _PLAIN))
+    return point.compiled.lift_range.get("alpha", (-_PLAIN, _PLAIN))
 
 
 def _balanced(point: Point, alpha: np.ndarray, at: dict[str, float]) -> np.ndarray:
@@ -113,7 +113,7 @@ def _balanced(point: Point, alpha: np.ndarray, at: dict[str, float]) -> np.ndarr
     low, high = (np.full(alpha.shape, end) for end in travel)
 
     def moment(delta_e: np.ndarray) -> np.ndarray:
-        return point.body(**at, alpha=alpha, delta_e=delta_e)[4]
+        return point.body_coefficients(**at, alpha=alpha, delta_e=delta_e)[4]
 
     first, last = moment(low), moment(high)
     if (first == last).all():
@@ -224,7 +224,9 @@ def level_speeds(point: Point, found: Stall) -> tuple[float, float]:
     a_sound = float(
         atmosphere(point["h"], point.parameter("env.delta_T"), point.parameter("env.qnh")).a_sound
     )
-    fastest = min(_FAST * found.V, point.pair.lift_range.get("mach", (0.0, np.inf))[1] * a_sound)
+    fastest = min(
+        _FAST * found.V, point.compiled.lift_range.get("mach", (0.0, np.inf))[1] * a_sound
+    )
     return _SLOW * found.V, max(fastest, 1.05 * _SLOW * found.V)
 
 
@@ -244,16 +246,16 @@ def level_rows(point: Point, speeds: tuple[float, float]) -> list[Characteristic
             *absent_rows(RANGE, ranges, NO_ENGINES),
             *consumed,
         ]
-    drag = minimum_cost_speed(lambda V: required_thrust(point.level(V)), speeds)
-    power = minimum_cost_speed(lambda V: required_thrust(point.level(V)) * V, speeds)
-    reach = minimum_cost_speed(lambda V: required_thrust(point.level(V)) / V, speeds)
+    drag = minimum_cost_speed(lambda V: required_thrust(point.trim_level(V)), speeds)
+    power = minimum_cost_speed(lambda V: required_thrust(point.trim_level(V)) * V, speeds)
+    reach = minimum_cost_speed(lambda V: required_thrust(point.trim_level(V)) / V, speeds)
     if not np.isfinite([drag, power, reach]).all():
         return [
             *absent_rows(LEVEL, drags, NO_LEVEL),
             *absent_rows(RANGE, ranges, NO_LEVEL),
             *consumed,
         ]
-    least, far = required_thrust(point.level(drag)), point.level(reach)
+    least, far = required_thrust(point.trim_level(drag)), point.trim_level(reach)
     return [
         Characteristic(LEVEL, "V_minimum_drag", drag, "m s-1", is_at_end(drag, speeds)),
         Characteristic(LEVEL, "minimum_drag", least, "N", "thrust required there"),
@@ -261,7 +263,7 @@ def level_rows(point: Point, speeds: tuple[float, float]) -> list[Characteristic
         Characteristic(
             LEVEL,
             "minimum_power",
-            required_thrust(point.level(power)) * power,
+            required_thrust(point.trim_level(power)) * power,
             "W",
             "thrust required times speed there",
         ),
@@ -289,7 +291,7 @@ def _specific_range(point: Point, speeds: tuple[float, float]) -> list[Character
         )
 
     def far(V: float) -> float:
-        flight = point.at(init__V=V, init__gamma=0.0, mode__engine=0.0)
+        flight = point.retrim(init__V=V, init__gamma=0.0, mode__engine=0.0)
         return V / flight.fuel_flow if flight.is_trimmed else float("nan")
 
     V = minimum_cost_speed(lambda V: -far(V), speeds)
@@ -318,7 +320,7 @@ def performance_curves(point: Point, speeds: tuple[float, float], count: int = 4
         found.
     """
     V = np.linspace(*speeds, count)
-    flights = [point.level(float(x)) for x in V]
+    flights = [point.trim_level(float(x)) for x in V]
     need = np.array([required_thrust(flight) for flight in flights])
     ratio = point.weight / np.where(need > 0.0, need, np.nan)
     mach = np.array([flight["mach"] for flight in flights])
@@ -355,7 +357,7 @@ def one_g(point: Point, mach: np.ndarray) -> xr.Dataset:
     a_sound = float(
         atmosphere(point["h"], point.parameter("env.delta_T"), point.parameter("env.qnh")).a_sound
     )
-    flights = [point.level(float(one) * a_sound) for one in mach]
+    flights = [point.trim_level(float(one) * a_sound) for one in mach]
     outputs = {"alpha": "alpha", "delta_e": "applied.delta_e", "V": "V", "V_cas": "V_cas"}
     data = {
         name: (
@@ -433,10 +435,10 @@ def climb_rows(point: Point, speeds: tuple[float, float]) -> list[Characteristic
         )
 
     def climb(V: float) -> float:
-        return specific_excess_thrust(point.level(V)) * V
+        return specific_excess_thrust(point.trim_level(V)) * V
 
     rate = minimum_cost_speed(lambda V: -climb(V), speeds)
-    steep = minimum_cost_speed(lambda V: -specific_excess_thrust(point.level(V)), speeds)
+    steep = minimum_cost_speed(lambda V: -specific_excess_thrust(point.trim_level(V)), speeds)
     if not np.isfinite([rate, steep]).all():
         return absent_rows(CLIMB, {**names, **ceilings}, NO_LEVEL)
     remark = "full throttle, constant true airspeed, drag of level flight"
@@ -446,7 +448,7 @@ def climb_rows(point: Point, speeds: tuple[float, float]) -> list[Characteristic
         Characteristic(
             CLIMB,
             "gamma_max",
-            float(np.arcsin(np.clip(specific_excess_thrust(point.level(steep)), -1.0, 1.0))),
+            float(np.arcsin(np.clip(specific_excess_thrust(point.trim_level(steep)), -1.0, 1.0))),
             "rad",
             remark,
         ),
@@ -517,12 +519,12 @@ def _ceilings(point: Point) -> list[Characteristic]:
     low, top = point["h"], _HIGHEST if reach.lapses else reach.end
 
     def best(h: float) -> float:
-        flight = point.level(_usual_speed(point, h), h)
+        flight = point.trim_level(_usual_speed(point, h), h)
         V = minimum_cost_speed(
-            lambda V: -specific_excess_thrust(flight.level(V)) * V,
+            lambda V: -specific_excess_thrust(flight.trim_level(V)) * V,
             level_speeds(flight, stall(flight)),
         )
-        return specific_excess_thrust(flight.level(V)) * V
+        return specific_excess_thrust(flight.trim_level(V)) * V
 
     rows = []
     ends = (best(low), best(top)) if low < top else (np.nan, np.nan)
