@@ -13,7 +13,7 @@ from flightmech.simulation.run import constant_inputs, initialise_run
 from flightmech.steady_flight.trim_point import Point
 
 NO_THRUST = "the aircraft file gives an engine neither a thrust table nor a deck"
-# Tables of a deck that decide the thrust at full throttle: the thrust and the governed spool speeds.
+# Tables of a deck that decide the thrust at full throttle: thrust and governed spool speeds.
 _FULL_THROTTLE_TABLES = (
     "thrust",
     "corrected_thrust",
