@@ -24,7 +24,8 @@ from flightmech.fmu_export.description import Description, describe_model
 from flightmech.fmu_export.documentation import PageAxis, render_documentation
 from flightmech.fmu_export.model_description import render_model_description
 from flightmech.fmu_export.term_plots import make_term_figures
-from flightmech.simulation.kernel import AXIS, FOLDER, LINEAR, SUFFIX
+from flightmech.simulation.kernel import AXIS, LINEAR
+from flightmech.simulation.kernel_library import FOLDER, SUFFIX
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.input_files import file_kind
 

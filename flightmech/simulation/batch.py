@@ -14,7 +14,8 @@ import xarray as xr
 
 from flightmech.errors import SchemaError, SimulationError
 from flightmech.simulation.compiler import SimModel
-from flightmech.simulation.kernel import OUTPUT, Simulation, load_kernel
+from flightmech.simulation.kernel import OUTPUT, Simulation
+from flightmech.simulation.kernel_library import load_kernel
 from flightmech.simulation.run import (
     check_hold,
     index_of_parameter,

@@ -11,7 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flightmech.simulation.kernel import _checked, _doubles, _pointer, load_kernel
+from flightmech.simulation.kernel_library import (
+    DOUBLES,
+    check_array,
+    double_pointer,
+    load_kernel,
+)
 
 BIAS, SCALE, WIND, LAG = 0, 6, 12, 15  # AM_BIAS and the others of kernel.h
 
@@ -21,7 +26,7 @@ class _Path(ctypes.Structure):
     path.
     """
 
-    _fields_ = [(name, _doubles) for name in ("x", "rates", "force")]
+    _fields_ = [(name, DOUBLES) for name in ("x", "rates", "force")]
     _fields_ += [(name, c_double) for name in ("dt", "gravity", "fall", "level")]
     _fields_ += [("spin", c_double * 3), ("transport", c_double * 9), ("sensed", c_double * 3)]
 
@@ -39,7 +44,7 @@ class DriveStruct(ctypes.Structure):
         + [(name, c_int) for name in ("states", "inputs", "vanes", "gusts")]
         + [("side", c_int * 2)]
     )
-    _fields_ += [("input", POINTER(c_int)), ("slow", POINTER(c_ubyte)), ("sensed", _doubles)]
+    _fields_ += [("input", POINTER(c_int)), ("slow", POINTER(c_ubyte)), ("sensed", DOUBLES)]
     _fields_ += [("gain", c_double * 6), ("arm", c_double * 3), ("wind", c_double * 3)]
     _fields_ += [("vane_arm", c_double * 6), ("lag", c_double * 3), ("lag_slope", c_double * 3)]
 
@@ -162,20 +167,20 @@ class DrivenPath:
         slow: np.ndarray | None = None,
     ):
         self.samples, self.states = x.shape
-        rates, force, sensed = (_checked(item, (self.samples, 3)) for item in inertial[:3])
+        rates, force, sensed = (check_array(item, (self.samples, 3)) for item in inertial[:3])
         self.inertial = Inertial(
-            rates, force, sensed, _checked(inertial.gain, (6,)), _checked(inertial.arm, (3,))
+            rates, force, sensed, check_array(inertial.gain, (6,)), check_array(inertial.arm, (3,))
         )
         self.x, self.dt, self.around, self.inputs, self.gusts = (
-            _checked(x, x.shape),
+            check_array(x, x.shape),
             dt,
             around,
             list(inputs),
             gusts,
         )
-        wind, lag, lag_slope = (_checked(item, (3,)) for item in vanes[2:])
+        wind, lag, lag_slope = (check_array(item, (3,)) for item in vanes[2:])
         self.vanes = Vanes(
-            list(vanes.side), _checked(vanes.arms, (len(vanes.side), 3)), wind, lag, lag_slope
+            list(vanes.side), check_array(vanes.arms, (len(vanes.side), 3)), wind, lag, lag_slope
         )
         self.slow = (
             np.zeros(self.samples - 1, np.uint8)
@@ -187,7 +192,7 @@ class DrivenPath:
                 f"array has the shape {self.slow.shape}, expected {(self.samples - 1,)}"
             )
         d = self.drive = DriveStruct(
-            _Path(_pointer(self.x), _pointer(rates), _pointer(force), dt, around)
+            _Path(double_pointer(self.x), double_pointer(rates), double_pointer(force), dt, around)
         )
         d.states, d.inputs, d.vanes, d.gusts = (
             self.states,
@@ -199,7 +204,7 @@ class DrivenPath:
             (c_int * d.inputs)(*self.inputs),
             self.slow.ctypes.data_as(POINTER(c_ubyte)),
         )
-        d.sensed = _pointer(sensed)
+        d.sensed = double_pointer(sensed)
         d.side[: d.vanes] = self.vanes.side
         d.gain[:], d.arm[:] = self.inertial.gain.tolist(), self.inertial.arm.tolist()
         d.wind[:], d.lag[:], d.lag_slope[:] = wind.tolist(), lag.tolist(), lag_slope.tolist()
@@ -225,7 +230,7 @@ class DrivenPath:
             load_kernel().am_follow(
                 byref(self.drive),
                 self.samples,
-                _pointer(_checked(start, (self.states,))),
+                double_pointer(check_array(start, (self.states,))),
                 out,
                 columns,
             )
@@ -249,12 +254,12 @@ class DrivenPath:
         """
         unknowns = pressed.shape[-1]
         given = (
-            _pointer(_checked(x, (self.samples, self.states))),
+            double_pointer(check_array(x, (self.samples, self.states))),
             unknowns,
-            _pointer(_checked(noise, (6,))),
+            double_pointer(check_array(noise, (6,))),
         )
         pointers = (
-            _pointer(_checked(pressed, (self.samples, self.states, unknowns))),
+            double_pointer(check_array(pressed, (self.samples, self.states, unknowns))),
             output_pointer(products, (unknowns, unknowns)),
         )
         self._demand(load_kernel().am_add_noise(byref(self.drive), self.samples, *given, *pointers))
@@ -274,4 +279,4 @@ def output_pointer(array: np.ndarray, shape: tuple[int, ...]) -> Any:
             f"array of {array.dtype} has the shape {array.shape}, expected contiguous "
             f"doubles {shape}"
         )
-    return _pointer(array)
+    return double_pointer(array)

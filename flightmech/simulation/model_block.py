@@ -20,7 +20,8 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.build_up import COEFFICIENTS
 from flightmech.simulation import catalogue, submodels
-from flightmech.simulation.kernel import CatalogueEntry, list_name_groups, load_kernel
+from flightmech.simulation.kernel import CatalogueEntry, list_name_groups
+from flightmech.simulation.kernel_library import load_kernel
 from flightmech.terms import list_regressors, power_factor
 
 # Force coefficients by axes, in the order of the kernel.

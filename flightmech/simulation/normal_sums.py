@@ -13,31 +13,36 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flightmech.simulation.driven_path import DrivenPath, DriveStruct, output_pointer
-from flightmech.simulation.kernel import _checked, _doubles, _pointer, load_kernel
+from flightmech.simulation.kernel_library import (
+    DOUBLES,
+    check_array,
+    double_pointer,
+    load_kernel,
+)
 
 
 class _Sums(ctypes.Structure):
     _fields_ = [("states", c_int), ("constants", c_int)] + [
-        (name, _doubles) for name in ("D", "O", "G", "C", "gx", "gc", "cost")
+        (name, DOUBLES) for name in ("D", "O", "G", "C", "gx", "gc", "cost")
     ]
 
 
 class _Driven(ctypes.Structure):
-    _fields_ = [("states", c_int), ("columns", c_int), ("unknowns", c_int), ("X", _doubles)]
+    _fields_ = [("states", c_int), ("columns", c_int), ("unknowns", c_int), ("X", DOUBLES)]
 
 
 class _Residuals(ctypes.Structure):
     _fields_ = [("rows", c_int), ("states", c_int), ("columns", c_int), ("column", POINTER(c_int))]
-    _fields_ += [(name, _doubles) for name in ("r", "weight", "J")]
+    _fields_ += [(name, DOUBLES) for name in ("r", "weight", "J")]
 
 
 class _Group(ctypes.Structure):
-    _fields_ = [("given", _Residuals), ("count", c_size_t), ("A", _doubles), ("B", _doubles)]
+    _fields_ = [("given", _Residuals), ("count", c_size_t), ("A", DOUBLES), ("B", DOUBLES)]
     _fields_ += [
         ("drive", POINTER(DriveStruct)),
         ("same", c_int),
         ("k", POINTER(c_longlong)),
-        ("f", _doubles),
+        ("f", DOUBLES),
     ]
 
 
@@ -71,7 +76,7 @@ class NormalSums:
         # ones where there are any
         self.clear()
         arrays = (self.D, self.O, self.G, self.C, self.gx, self.gc, self._cost)
-        self._sums = _Sums(states, constants, *(array.ctypes.data_as(_doubles) for array in arrays))
+        self._sums = _Sums(states, constants, *(array.ctypes.data_as(DOUBLES) for array in arrays))
         self._rest: Elimination | None = None
         self._waiting: list[tuple[_Group, Any]] | None = None
 
@@ -143,8 +148,8 @@ class NormalSums:
             Derivatives by them.
         """
         given, kept = _given(r, weight, A.shape[-1], self._among(columns), J)
-        A, B = (_checked(item, (len(self.D) - 1, r.shape[1], A.shape[-1])) for item in (A, B))
-        self._take(_Group(given, len(r), _pointer(A), _pointer(B)), kept, A, B)
+        A, B = (check_array(item, (len(self.D) - 1, r.shape[1], A.shape[-1])) for item in (A, B))
+        self._take(_Group(given, len(r), double_pointer(A), double_pointer(B)), kept, A, B)
 
     def path_steps(self, path: DrivenPath, weight, columns) -> None:
         """Add what inertial unit and vanes would have to be wrong by between the samples of a path.
@@ -172,8 +177,8 @@ class NormalSums:
                 f"path of {path.samples} samples and {path.states} states, expected "
                 f"{samples} and {self.D.shape[1]}"
             )
-        weight, column = _checked(weight, (samples - 1, rows)), self._among(columns)
-        pointers = column.ctypes.data_as(POINTER(c_int)), None, _pointer(weight), None
+        weight, column = check_array(weight, (samples - 1, rows)), self._among(columns)
+        pointers = column.ctypes.data_as(POINTER(c_int)), None, double_pointer(weight), None
         given = _Residuals(rows, rows + 3 * path.gusts, len(column), *pointers)
         self._take(_Group(given, samples - 1, drive=pointer(path.drive)), weight, column, path)
 
@@ -201,7 +206,7 @@ class NormalSums:
         failed = load_kernel().am_eliminate(
             byref(self._sums),
             samples,
-            *map(_pointer, (rest.L, rest.V, rest.columns, rest.products)),
+            *map(double_pointer, (rest.L, rest.V, rest.columns, rest.products)),
         )
         if failed >= 0:
             raise np.linalg.LinAlgError(*divmod(failed, states))
@@ -218,8 +223,13 @@ def _given(r, weight, states: int, columns, J) -> tuple[_Residuals, Any]:
     r = np.ascontiguousarray(r, float)
     weight = np.ascontiguousarray(np.broadcast_to(weight, r.shape), float)
     column = np.ascontiguousarray(columns, np.intc)
-    J = _checked(J, (*r.shape, len(column)))
-    pointers = column.ctypes.data_as(POINTER(c_int)), _pointer(r), _pointer(weight), _pointer(J)
+    J = check_array(J, (*r.shape, len(column)))
+    pointers = (
+        column.ctypes.data_as(POINTER(c_int)),
+        double_pointer(r),
+        double_pointer(weight),
+        double_pointer(J),
+    )
     return _Residuals(r.shape[1], states, len(column), *pointers), (r, weight, column, J)
 
 
@@ -228,15 +238,17 @@ def _reading_group(r, k, f, A, columns, J, weight, samples: int) -> tuple[_Group
     in `NormalSums.readings`.
     """
     given, kept = _given(r, weight, A.shape[-1], columns, J)
-    before, share, same = np.ascontiguousarray(k, np.int64), _checked(f, (len(r),)), len(A) == 1
-    A = _checked(A, (1 if same else len(r), r.shape[1], A.shape[-1]))
+    before, share, same = np.ascontiguousarray(k, np.int64), check_array(f, (len(r),)), len(A) == 1
+    A = check_array(A, (1 if same else len(r), r.shape[1], A.shape[-1]))
     last = before + (share != 0.0)
     if len(before) != len(r) or (len(before) and not 0 <= before.min() <= last.max() < samples):
         raise IndexError(
             f"{len(r)} readings at samples {before.min()} ... {last.max()} of {samples}"
         )
     places = before.ctypes.data_as(POINTER(c_longlong))
-    return _Group(given, len(before), _pointer(A), same=same, k=places, f=_pointer(share)), (
+    return _Group(
+        given, len(before), double_pointer(A), same=same, k=places, f=double_pointer(share)
+    ), (
         kept,
         before,
         share,
@@ -292,10 +304,10 @@ class Elimination:
         load_kernel().am_substitute(
             states,
             samples,
-            _pointer(self.L),
-            _pointer(self.V),
+            double_pointer(self.L),
+            double_pointer(self.V),
             columns,
-            _pointer(_checked(x, x.shape)),
+            double_pointer(check_array(x, x.shape)),
         )
         return x
 
@@ -363,9 +375,9 @@ def _add(X, unknowns: int, readings: Readings, weight, products, series, pressed
     low, high = min(readings.columns, default=-1), max(readings.columns, default=-1)
     if not (-1 <= low <= high < unknowns and columns <= unknowns):
         raise IndexError(f"{columns} columns and constants {low} ... {high} of {unknowns} unknowns")
-    driven = _Driven(states, columns, unknowns, _pointer(_checked(X, X.shape)))
+    driven = _Driven(states, columns, unknowns, double_pointer(check_array(X, X.shape)))
     out = None if pressed is None else output_pointer(pressed, (samples, states, unknowns))
-    sums = (None if item is None else _pointer(item) for item in (products, series))
+    sums = (None if item is None else double_pointer(item) for item in (products, series))
     if load_kernel().am_add_driven(byref(driven), byref(group), *sums, out):
         raise ValueError(
             f"{unknowns} unknowns or {readings.A.shape[-1]} states: more than the kernel "

@@ -137,7 +137,7 @@ def trim(
         _list_movers(sim, request.movers),
         search=request.search,
         goals=goals,
-        wanted=request.targets,
+        targets=request.targets,
     )
     residual = np.where(np.array(goals) < 0, weighted, y[goals] - request.targets)
     result = TrimResult(request, solution, residual, weighted=weighted, jacobian=jacobian)
