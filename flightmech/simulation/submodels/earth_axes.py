@@ -1,13 +1,11 @@
-"""Catalogue rows of place and motion in Earth-fixed and inertial axes, which a model has on
-request.
-"""
+"""Catalogue rows of the optional position and motion in Earth-fixed and inertial axes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from flightmech.aircraft.fuel import MOST
+from flightmech.simulation.catalogue_row import make_row
 from flightmech.simulation.kernel import CatalogueEntry
 
 if TYPE_CHECKING:
@@ -49,7 +47,7 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
 def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the catalogue row of an output."""
     units, text = _OUTPUTS[name]
-    return CatalogueEntry(name, units, units, text, 0.0, -MOST, MOST, 0)
+    return make_row(name, units, text)
 
 
 def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:

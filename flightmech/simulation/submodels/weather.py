@@ -1,15 +1,15 @@
-"""Weather: wind over height, turbulence, discrete gust.
+"""Catalogue rows of the weather: wind over height, turbulence, discrete gust.
 
-No property of an aircraft, so it has no table in the aircraft file: its parameters are set for a
-run.
+Weather is not a property of an aircraft. The aircraft file has no table for it, and a run sets its
+parameters.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from flightmech.simulation.catalogue_row import MOST, make_row
 from flightmech.simulation.kernel import INTEGER, OUTPUT, CatalogueEntry
 
 if TYPE_CHECKING:
@@ -17,11 +17,10 @@ if TYPE_CHECKING:
 
     from flightmech.aircraft.aircraft import Aircraft
 
-_MOST = sys.float_info.max
 _ROWS = 8
 _BY_MODEL = "; negative: by height, turbulence.W20 and turbulence.severity"
 
-# name: units, display units, description
+# Units, display units, description.
 _OUTPUTS = {
     **{
         f"air.wind_{axis}": (
@@ -49,7 +48,7 @@ _OUTPUTS = {
     },
 }
 
-# name: units, display units, description, start value, low, high, flags
+# Units, display units, description, start value, low, high, flags.
 _PARAMETERS = {
     **{
         f"wind.shear_{axis}": (
@@ -57,8 +56,8 @@ _PARAMETERS = {
             "s-1",
             f"change of the wind {way} per metre of height",
             0.0,
-            -_MOST,
-            _MOST,
+            -MOST,
+            MOST,
             0,
         )
         for axis, way in (("n", "towards north"), ("e", "towards east"), ("d", "downward"))
@@ -68,8 +67,8 @@ _PARAMETERS = {
         "ft",
         "height over sea level at which the linear shear is zero",
         0.0,
-        -_MOST,
-        _MOST,
+        -MOST,
+        MOST,
         0,
     ),
     "wind.W20": (
@@ -78,7 +77,7 @@ _PARAMETERS = {
         "wind 20 ft over the runway, of the logarithmic profile of MIL-F-8785C",
         0.0,
         0.0,
-        _MOST,
+        MOST,
         0,
     ),
     "wind.from": (
@@ -86,8 +85,8 @@ _PARAMETERS = {
         "deg",
         "direction from which wind.W20 blows, clockwise from north",
         0.0,
-        -_MOST,
-        _MOST,
+        -MOST,
+        MOST,
         0,
     ),
     "wind.roughness": (
@@ -114,8 +113,8 @@ _PARAMETERS = {
             display,
             f"table of winds, row {row}: {text}",
             0.0,
-            -_MOST,
-            _MOST,
+            -MOST,
+            MOST,
             0,
         )
         for row in range(1, _ROWS + 1)
@@ -159,7 +158,7 @@ _PARAMETERS = {
         "wind 20 ft over the runway that gives the intensity below 2000 ft",
         0.0,
         0.0,
-        _MOST,
+        MOST,
         0,
     ),
     "turbulence.severity": (
@@ -174,8 +173,8 @@ _PARAMETERS = {
         "kt",
         "airspeed of the gust history; negative: that of the aircraft",
         -1.0,
-        -_MOST,
-        _MOST,
+        -MOST,
+        MOST,
         0,
     ),
     **{
@@ -184,8 +183,8 @@ _PARAMETERS = {
             "m s-1",
             f"standard deviation of the {way} gust{_BY_MODEL}",
             -1.0,
-            -_MOST,
-            _MOST,
+            -MOST,
+            MOST,
             0,
         )
         for axis, way in (("u", "longitudinal"), ("v", "lateral"), ("w", "vertical"))
@@ -196,8 +195,8 @@ _PARAMETERS = {
             "ft",
             f"scale length of the {way} gust, MIL-F-8785C; negative: by height",
             -1.0,
-            -_MOST,
-            _MOST,
+            -MOST,
+            MOST,
             0,
         )
         for axis, way in (("u", "longitudinal"), ("v", "lateral"), ("w", "vertical"))
@@ -208,20 +207,20 @@ _PARAMETERS = {
             "m s-1",
             f"peak of the discrete gust along body {body}",
             0.0,
-            -_MOST,
-            _MOST,
+            -MOST,
+            MOST,
             0,
         )
         for axis, body in zip("uvw", "xyz", strict=True)
     },
-    "gust.start": ("s", "s", "time at which the discrete gust begins", 0.0, -_MOST, _MOST, 0),
+    "gust.start": ("s", "s", "time at which the discrete gust begins", 0.0, -MOST, MOST, 0),
     "gust.rise": (
         "s",
         "s",
         "time from its begin to its peak: gradient distance over airspeed",
         1.0,
         0.0,
-        _MOST,
+        MOST,
         0,
     ),
     "gust.hold": (
@@ -244,7 +243,8 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
 def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the catalogue row of an output or parameter of the weather."""
     if kind == OUTPUT:
-        return CatalogueEntry(name, *_OUTPUTS[name], 0.0, -_MOST, _MOST, 0)
+        units, display_units, text = _OUTPUTS[name]
+        return make_row(name, units, text, display_units=display_units)
     return CatalogueEntry(name, *_PARAMETERS[name])
 
 
