@@ -6,7 +6,7 @@ import ctypes
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from ctypes import POINTER, byref, c_double, c_int, c_size_t
+from ctypes import POINTER, byref, c_size_t
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,13 @@ import xarray as xr
 from flightmech.errors import SchemaError, SimulationError
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import OUTPUT, Simulation
-from flightmech.simulation.kernel_library import load_kernel
+from flightmech.simulation.kernel_library import (
+    DOUBLES,
+    INTEGERS,
+    BatchTaskStruct,
+    LoopStruct,
+    load_kernel,
+)
 from flightmech.simulation.run import (
     check_hold,
     index_of_parameter,
@@ -29,7 +35,6 @@ MOST_LOOPS = 16  # AM_MOST_LOOPS of kernel.h
 _TEXT_SIZE = 200  # AM_TEXT of kernel.h: size of the text of a failure [bytes]
 # Samples of all runs below which the start of threads takes longer than it saves.
 _SINGLE_THREAD = 10_000
-_DOUBLES, _INTEGERS = POINTER(c_double), POINTER(c_int)
 
 
 class ControlLoop(NamedTuple):
@@ -56,41 +61,6 @@ class ControlLoop(NamedTuple):
     limit: float
     target: np.ndarray
     turns: bool = False
-
-
-class _LoopStruct(ctypes.Structure):
-    """``am_loop`` of kernel.h."""
-
-    _fields_ = [
-        ("input", c_int),
-        ("output", c_int),
-        ("turns", c_int),
-        ("gain", c_double),
-        ("integral", c_double),
-        ("limit", c_double),
-        ("target", POINTER(c_double)),
-    ]
-
-
-class _TaskStruct(ctypes.Structure):
-    """``am_batch_task`` of kernel.h."""
-
-    _fields_ = [
-        ("samples", c_size_t),
-        ("parameters", c_size_t),
-        ("outputs", c_size_t),
-        ("t", POINTER(c_double)),
-        ("u", POINTER(c_double)),
-        ("parameter", POINTER(c_int)),
-        ("values", POINTER(c_double)),
-        ("output", POINTER(c_int)),
-        ("y", POINTER(c_double)),
-        ("hold", c_int),
-        ("each_inputs", c_int),
-        ("lanes", c_int),
-        ("loops", c_size_t),
-        ("loop", POINTER(_LoopStruct)),
-    ]
 
 
 def simulate_batch(
@@ -292,21 +262,21 @@ class _BatchTask:
             np.ascontiguousarray(np.broadcast_to(loop.target, time.shape), float) for loop in loops
         ]
         structs = _pack_loops(sim, loops, self.targets)
-        self.struct = _TaskStruct(
+        self.struct = BatchTaskStruct(
             samples=self.samples,
             parameters=len(parameters),
             outputs=len(chosen),
-            t=self.time.ctypes.data_as(_DOUBLES),
-            u=self.inputs.ctypes.data_as(_DOUBLES),
-            parameter=self.parameters.ctypes.data_as(_INTEGERS),
-            values=self.values.ctypes.data_as(_DOUBLES),
-            output=self.chosen.ctypes.data_as(_INTEGERS),
-            y=self.y.ctypes.data_as(_DOUBLES),
+            t=self.time.ctypes.data_as(DOUBLES),
+            u=self.inputs.ctypes.data_as(DOUBLES),
+            parameter=self.parameters.ctypes.data_as(INTEGERS),
+            values=self.values.ctypes.data_as(DOUBLES),
+            output=self.chosen.ctypes.data_as(INTEGERS),
+            y=self.y.ctypes.data_as(DOUBLES),
             hold=int(is_constant),
             each_inputs=int(u.ndim == 3),
             lanes=lanes,
             loops=len(structs),
-            loop=(_LoopStruct * len(structs))(*structs),
+            loop=(LoopStruct * len(structs))(*structs),
         )
 
     def run(self, base: Simulation, threads: int | None) -> None:
@@ -314,7 +284,7 @@ class _BatchTask:
         kernel = load_kernel()
         # the kernel computes `width` runs in one call
         width = kernel.am_lanes(base.model.handle)
-        status = self.status.ctypes.data_as(_INTEGERS)
+        status = self.status.ctypes.data_as(INTEGERS)
         done = self.done.ctypes.data_as(POINTER(c_size_t))
 
         def run_group(first: int) -> None:
@@ -345,20 +315,20 @@ class _BatchTask:
 
 def _pack_loops(
     sim: SimModel, loops: Sequence[ControlLoop], targets: Sequence[np.ndarray]
-) -> list[_LoopStruct]:
+) -> list[LoopStruct]:
     """Return the structures of loops, with pointers to their targets."""
     structs = []
     outputs = output_indices(sim, [loop.output for loop in loops]).tolist()
     for loop, output, target in zip(loops, outputs, targets, strict=True):
         structs.append(
-            _LoopStruct(
+            LoopStruct(
                 input=sim.inputs.index(loop.input),
                 output=output,
                 turns=loop.turns,
                 gain=loop.gain,
                 integral=loop.integral,
                 limit=loop.limit,
-                target=target.ctypes.data_as(_DOUBLES),
+                target=target.ctypes.data_as(DOUBLES),
             )
         )
     return structs

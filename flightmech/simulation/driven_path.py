@@ -5,15 +5,15 @@ Gyros and accelerometers drive a path from its start: ``am_drive`` of kernel.h.
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
-from ctypes import POINTER, byref, c_double, c_int, c_ubyte
+from ctypes import POINTER, byref, c_int, c_ubyte
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from flightmech.simulation.kernel_library import (
-    DOUBLES,
+    DriveStruct,
+    PathStruct,
     check_array,
     double_pointer,
     load_kernel,
@@ -21,45 +21,6 @@ from flightmech.simulation.kernel_library import (
 
 # First input of each kind: AM_BIAS, AM_SCALE, AM_WIND and AM_LAG of kernel.h.
 BIAS, SCALE, WIND, LAG = 0, 6, 12, 15
-
-
-class _PathStruct(ctypes.Structure):
-    """``am_path`` of kernel.h: states, rates, specific force, the step and the surroundings."""
-
-    _fields_ = [
-        ("x", DOUBLES),
-        ("rates", DOUBLES),
-        ("force", DOUBLES),
-        ("dt", c_double),
-        ("gravity", c_double),
-        ("fall", c_double),
-        ("level", c_double),
-        ("spin", c_double * 3),
-        ("transport", c_double * 9),
-        ("sensed", c_double * 3),
-    ]
-
-
-class DriveStruct(ctypes.Structure):
-    """``am_drive`` of kernel.h."""
-
-    _fields_ = [
-        ("path", _PathStruct),
-        ("states", c_int),
-        ("inputs", c_int),
-        ("vanes", c_int),
-        ("gusts", c_int),
-        ("side", c_int * 2),
-        ("input", POINTER(c_int)),
-        ("slow", POINTER(c_ubyte)),
-        ("sensed", DOUBLES),
-        ("gain", c_double * 6),
-        ("arm", c_double * 3),
-        ("wind", c_double * 3),
-        ("vane_arm", c_double * 6),
-        ("lag", c_double * 3),
-        ("lag_slope", c_double * 3),
-    ]
 
 
 class Surroundings(NamedTuple):
@@ -214,9 +175,9 @@ class DrivenPath:
         drive.vane_arm[: 3 * drive.vanes] = self.vanes.arms.ravel().tolist()
         return drive
 
-    def _pack_path(self) -> _PathStruct:
+    def _pack_path(self) -> PathStruct:
         around = self.around
-        path = _PathStruct(
+        path = PathStruct(
             x=double_pointer(self.x),
             rates=double_pointer(self.inertial.rates),
             force=double_pointer(self.inertial.force),

@@ -8,7 +8,16 @@ from __future__ import annotations
 import ctypes
 import platform
 from collections.abc import Sequence
-from ctypes import POINTER, c_char_p, c_double, c_int, c_longlong, c_size_t, c_void_p
+from ctypes import (
+    POINTER,
+    c_char_p,
+    c_double,
+    c_int,
+    c_longlong,
+    c_size_t,
+    c_ubyte,
+    c_void_p,
+)
 from functools import cache
 from pathlib import Path
 
@@ -18,7 +27,7 @@ from flightmech.errors import AeromatchError
 
 FOLDER = Path(__file__).parents[1] / "_binaries"
 SUFFIX = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}
-DOUBLES = POINTER(c_double)
+DOUBLES, INTEGERS = POINTER(c_double), POINTER(c_int)
 # Names of the processors, where platform.machine() differs from those of the folders.
 _PROCESSORS = {"amd64": "x86_64", "arm64": "aarch64"}
 
@@ -56,8 +65,133 @@ class TrimTaskStruct(ctypes.Structure):
         ("low", DOUBLES),
         ("high", DOUBLES),
         ("size", DOUBLES),
-        ("goal", POINTER(c_int)),
+        ("goal", INTEGERS),
         ("wanted", DOUBLES),
+    ]
+
+
+class PathStruct(ctypes.Structure):
+    """``am_path`` of kernel.h: states, rates, specific force, the step and the surroundings."""
+
+    _fields_ = [
+        ("x", DOUBLES),
+        ("rates", DOUBLES),
+        ("force", DOUBLES),
+        ("dt", c_double),
+        ("gravity", c_double),
+        ("fall", c_double),
+        ("level", c_double),
+        ("spin", c_double * 3),
+        ("transport", c_double * 9),
+        ("sensed", c_double * 3),
+    ]
+
+
+class DriveStruct(ctypes.Structure):
+    """``am_drive`` of kernel.h."""
+
+    _fields_ = [
+        ("path", PathStruct),
+        ("states", c_int),
+        ("inputs", c_int),
+        ("vanes", c_int),
+        ("gusts", c_int),
+        ("side", c_int * 2),
+        ("input", INTEGERS),
+        ("slow", POINTER(c_ubyte)),
+        ("sensed", DOUBLES),
+        ("gain", c_double * 6),
+        ("arm", c_double * 3),
+        ("wind", c_double * 3),
+        ("vane_arm", c_double * 6),
+        ("lag", c_double * 3),
+        ("lag_slope", c_double * 3),
+    ]
+
+
+class SumsStruct(ctypes.Structure):
+    """``am_normal`` of kernel.h."""
+
+    _fields_ = [
+        ("states", c_int),
+        ("constants", c_int),
+        ("D", DOUBLES),
+        ("O", DOUBLES),
+        ("G", DOUBLES),
+        ("C", DOUBLES),
+        ("gx", DOUBLES),
+        ("gc", DOUBLES),
+        ("cost", DOUBLES),
+    ]
+
+
+class DrivenStruct(ctypes.Structure):
+    """``am_driven`` of kernel.h."""
+
+    _fields_ = [("states", c_int), ("columns", c_int), ("unknowns", c_int), ("X", DOUBLES)]
+
+
+class ResidualsStruct(ctypes.Structure):
+    """``am_residuals`` of kernel.h."""
+
+    _fields_ = [
+        ("rows", c_int),
+        ("states", c_int),
+        ("columns", c_int),
+        ("column", INTEGERS),
+        ("r", DOUBLES),
+        ("weight", DOUBLES),
+        ("J", DOUBLES),
+    ]
+
+
+class GroupStruct(ctypes.Structure):
+    """``am_residual_group`` of kernel.h."""
+
+    _fields_ = [
+        ("given", ResidualsStruct),
+        ("count", c_size_t),
+        ("A", DOUBLES),
+        ("B", DOUBLES),
+        ("drive", POINTER(DriveStruct)),
+        ("same", c_int),
+        ("k", POINTER(c_longlong)),
+        ("f", DOUBLES),
+    ]
+
+
+class LoopStruct(ctypes.Structure):
+    """``am_loop`` of kernel.h."""
+
+    _fields_ = [
+        ("input", c_int),
+        ("output", c_int),
+        ("turns", c_int),
+        ("gain", c_double),
+        ("integral", c_double),
+        ("limit", c_double),
+        ("target", DOUBLES),
+    ]
+
+
+class BatchTaskStruct(ctypes.Structure):
+    """``am_batch_task`` of kernel.h."""
+
+    _fields_ = [
+        ("samples", c_size_t),
+        ("parameters", c_size_t),
+        ("outputs", c_size_t),
+        ("t", DOUBLES),
+        ("u", DOUBLES),
+        ("parameter", INTEGERS),
+        ("values", DOUBLES),
+        ("output", INTEGERS),
+        ("y", DOUBLES),
+        ("hold", c_int),
+        ("each_inputs", c_int),
+        ("lanes", c_int),
+        ("loops", c_size_t),
+        ("loop", POINTER(LoopStruct)),
     ]
 
 
@@ -97,7 +231,7 @@ SIGNATURES: dict[str, tuple[type | None, list]] = {
             DOUBLES,
             DOUBLES,
             c_int,
-            POINTER(c_int),
+            INTEGERS,
             c_size_t,
             DOUBLES,
             DOUBLES,
@@ -107,7 +241,7 @@ SIGNATURES: dict[str, tuple[type | None, list]] = {
     "am_lanes": (c_int, [c_void_p]),
     "am_batch": (
         c_int,
-        [c_void_p, c_void_p, c_size_t, c_size_t, POINTER(c_int), POINTER(c_size_t), c_void_p],
+        [c_void_p, c_void_p, c_size_t, c_size_t, INTEGERS, POINTER(c_size_t), c_void_p],
     ),
     "am_state_count": (c_int, [c_void_p]),
     "am_get_state": (c_int, [c_void_p, DOUBLES]),

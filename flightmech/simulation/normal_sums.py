@@ -6,81 +6,32 @@ kernel.h.  Unknowns are n states at each of N samples, and nc constants.
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from ctypes import POINTER, byref, c_int, c_longlong, c_size_t, pointer
+from ctypes import POINTER, byref, c_longlong, pointer
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flightmech.simulation.driven_path import DrivenPath, DriveStruct, output_pointer
+from flightmech.simulation.driven_path import DrivenPath, output_pointer
 from flightmech.simulation.kernel_library import (
-    DOUBLES,
+    INTEGERS,
+    DrivenStruct,
+    GroupStruct,
+    ResidualsStruct,
+    SumsStruct,
     check_array,
     double_pointer,
     load_kernel,
 )
 
-_INTEGERS = POINTER(c_int)
 _LANES = 4  # columns of the elimination are a multiple of this number
-
-
-class _SumsStruct(ctypes.Structure):
-    """``am_normal`` of kernel.h."""
-
-    _fields_ = [
-        ("states", c_int),
-        ("constants", c_int),
-        ("D", DOUBLES),
-        ("O", DOUBLES),
-        ("G", DOUBLES),
-        ("C", DOUBLES),
-        ("gx", DOUBLES),
-        ("gc", DOUBLES),
-        ("cost", DOUBLES),
-    ]
-
-
-class _DrivenStruct(ctypes.Structure):
-    """``am_driven`` of kernel.h."""
-
-    _fields_ = [("states", c_int), ("columns", c_int), ("unknowns", c_int), ("X", DOUBLES)]
-
-
-class _ResidualsStruct(ctypes.Structure):
-    """``am_residuals`` of kernel.h."""
-
-    _fields_ = [
-        ("rows", c_int),
-        ("states", c_int),
-        ("columns", c_int),
-        ("column", _INTEGERS),
-        ("r", DOUBLES),
-        ("weight", DOUBLES),
-        ("J", DOUBLES),
-    ]
-
-
-class _GroupStruct(ctypes.Structure):
-    """``am_residual_group`` of kernel.h."""
-
-    _fields_ = [
-        ("given", _ResidualsStruct),
-        ("count", c_size_t),
-        ("A", DOUBLES),
-        ("B", DOUBLES),
-        ("drive", POINTER(DriveStruct)),
-        ("same", c_int),
-        ("k", POINTER(c_longlong)),
-        ("f", DOUBLES),
-    ]
 
 
 class _ResidualGroup(NamedTuple):
     """A structure for the kernel, and the arrays that must stay in memory for it."""
 
-    struct: _GroupStruct
+    struct: GroupStruct
     arrays: tuple[Any, ...]
 
 
@@ -115,7 +66,7 @@ class NormalSums:
         self._cost = np.empty(1)
         self.clear()
         pointers = map(double_pointer, self._arrays)
-        self._sums = _SumsStruct(states, constants, *pointers)
+        self._sums = SumsStruct(states, constants, *pointers)
         self._elimination: Elimination | None = None
         self._collected: list[_ResidualGroup] | None = None
 
@@ -139,7 +90,7 @@ class NormalSums:
         self._add(groups)
 
     def _add(self, groups: Sequence[_ResidualGroup]) -> None:
-        structs = (_GroupStruct * len(groups))(*[group.struct for group in groups])
+        structs = (GroupStruct * len(groups))(*[group.struct for group in groups])
         samples = len(self.D)
         if load_kernel().am_add_residuals(byref(self._sums), samples, structs, len(groups)):
             raise ValueError(
@@ -199,7 +150,7 @@ class NormalSums:
         )
         shape = (len(self.D) - 1, r.shape[1], A.shape[-1])
         before, after = check_array(A, shape), check_array(B, shape)
-        struct = _GroupStruct(residuals, len(r), double_pointer(before), double_pointer(after))
+        struct = GroupStruct(residuals, len(r), double_pointer(before), double_pointer(after))
         self._add_or_collect(_ResidualGroup(struct, (*arrays, before, after)))
 
     def path_steps(self, path: DrivenPath, weight, columns) -> None:
@@ -232,14 +183,14 @@ class NormalSums:
         weight = check_array(weight, (samples - 1, rows))
         column = self._check_columns(columns)
         # the kernel computes residuals and derivatives from the path
-        residuals = _ResidualsStruct(
+        residuals = ResidualsStruct(
             rows=rows,
             states=rows + 3 * path.gusts,
             columns=len(column),
-            column=column.ctypes.data_as(_INTEGERS),
+            column=column.ctypes.data_as(INTEGERS),
             weight=double_pointer(weight),
         )
-        struct = _GroupStruct(residuals, samples - 1, drive=pointer(path.drive))
+        struct = GroupStruct(residuals, samples - 1, drive=pointer(path.drive))
         self._add_or_collect(_ResidualGroup(struct, (weight, column, path)))
 
     def readings(self, r, weight, k, f, A, columns, J) -> None:
@@ -281,17 +232,17 @@ class NormalSums:
 
 def _pack_residuals(
     r, weight, states: int, columns, J
-) -> tuple[_ResidualsStruct, tuple[np.ndarray, ...]]:
+) -> tuple[ResidualsStruct, tuple[np.ndarray, ...]]:
     """Return the structure of residuals, and the arrays of its pointers."""
     r = np.ascontiguousarray(r, float)
     weight = np.ascontiguousarray(np.broadcast_to(weight, r.shape), float)
     column = np.ascontiguousarray(columns, np.intc)
     J = check_array(J, (*r.shape, len(column)))
-    struct = _ResidualsStruct(
+    struct = ResidualsStruct(
         rows=r.shape[1],
         states=states,
         columns=len(column),
-        column=column.ctypes.data_as(_INTEGERS),
+        column=column.ctypes.data_as(INTEGERS),
         r=double_pointer(r),
         weight=double_pointer(weight),
         J=double_pointer(J),
@@ -315,7 +266,7 @@ def _pack_readings(readings: Readings, weight, samples: int) -> _ResidualGroup:
         raise IndexError(
             f"{count} readings at samples {before.min()} ... {last.max()} of {samples}"
         )
-    struct = _GroupStruct(
+    struct = GroupStruct(
         residuals,
         len(before),
         A=double_pointer(A),
@@ -455,7 +406,7 @@ def _add_driven(
     if not (-1 <= low <= high < unknowns and columns <= unknowns):
         raise IndexError(f"{columns} columns and constants {low} ... {high} of {unknowns} unknowns")
     derivatives = check_array(X, X.shape)
-    driven = _DrivenStruct(states, columns, unknowns, double_pointer(derivatives))
+    driven = DrivenStruct(states, columns, unknowns, double_pointer(derivatives))
     products_pointer = None if products is None else double_pointer(products)
     series_pointer = None if series is None else double_pointer(series)
     pressed_pointer = None
