@@ -23,7 +23,7 @@ def make_row(
 ) -> CatalogueEntry:
     """Return a row of the catalogue; `display_units` are the units by default.
 
-    `value` is the start value, and `flags` combines FIXED, INTEGER and LINEAR of the kernel. [units]
+    `value` is the start value [units]. `flags` combines FIXED, INTEGER and LINEAR of the kernel.
     """
     return CatalogueEntry(
         name=name,

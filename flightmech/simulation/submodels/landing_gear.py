@@ -28,14 +28,12 @@ _INPUTS = {
     "brake_right": ("1", "1", "right brake pedal, 0 free, 1 full"),
 }
 _GEAR_OUTPUTS = {
-    **{
-        f"gear.F{axis}": ("N", "N", f"force of the ground on the aircraft along body {axis}")
-        for axis in "xyz"
-    },
-    **{
-        f"gear.M{axis}": ("N m", "N m", f"moment of the ground about the c.g., body {axis}")
-        for axis in "xyz"
-    },
+    "gear.Fx": ("N", "N", "force of the ground on the aircraft along body x"),
+    "gear.Fy": ("N", "N", "force of the ground on the aircraft along body y"),
+    "gear.Fz": ("N", "N", "force of the ground on the aircraft along body z"),
+    "gear.Mx": ("N m", "N m", "moment of the ground about the c.g., body x"),
+    "gear.My": ("N m", "N m", "moment of the ground about the c.g., body y"),
+    "gear.Mz": ("N m", "N m", "moment of the ground about the c.g., body z"),
     "gear.steering": ("rad", "deg", "steering angle of the nose wheel, positive to the right"),
     "gear.steering_moment": (
         "N m",
@@ -111,14 +109,9 @@ _STEERING = {
     "arm_inertia": ("kg m2", "kg m2", "moment of inertia of the arm, order 4"),
 }
 _CONTACT = {
-    **{
-        axis: (
-            "m",
-            "m",
-            f"lowest point of the unloaded leg from the moment reference point, body {axis}",
-        )
-        for axis in "xyz"
-    },
+    "x": ("m", "m", "lowest point of the unloaded leg from the moment reference point, body x"),
+    "y": ("m", "m", "lowest point of the unloaded leg from the moment reference point, body y"),
+    "z": ("m", "m", "lowest point of the unloaded leg from the moment reference point, body z"),
     "radius": ("m", "m", "radius of the unloaded tyre"),
     "stiffness": ("N m-1", "N m-1", "strut force over compression"),
     "preload": ("N", "N", "strut force at no compression"),
