@@ -60,10 +60,12 @@ def climb_rows(point: Point, speeds: tuple[float, float]) -> list[Characteristic
     def climb_rate(V: float) -> float:
         return gradient(V) * V
 
+    # the steepest climb has the largest excess thrust, the fastest its largest product with speed
     V_rate = minimum_cost_speed(lambda V: -climb_rate(V), speeds)
     V_gradient = minimum_cost_speed(lambda V: -gradient(V), speeds)
     if not np.isfinite([V_rate, V_gradient]).all():
         return absent_rows(CLIMB, names, NO_LEVEL)
+    # sin(gamma) is the excess thrust over the weight
     gamma = float(np.arcsin(np.clip(gradient(V_gradient), -1.0, 1.0)))
     remark = "full throttle, constant true airspeed, drag of level flight"
     rate_speed, gradient_speed = describe_speed(V_rate, speeds), describe_speed(V_gradient, speeds)
@@ -108,6 +110,7 @@ def fastest_level_rows(
             f"beyond {speeds[1]:.4g} m/s, the end of the speeds examined: thrust exceeds drag there"
         )
         return absent_rows(CLIMB, names, reason)
+    # the climb rate is positive at the first speed and negative at the last one
     V = find_zero(climb_rate, best, speeds[1], xtol=TOLERANCE * best)
     if np.isnan(V):
         reason = f"not every level flight from {best:.4g} to {speeds[1]:.4g} m/s can be trimmed"
@@ -140,6 +143,7 @@ def _ceiling_rows(point: Point) -> list[Characteristic]:
     heights = thrust_over_height(point.aircraft)
     if heights.end == np.inf and not heights.lapses:
         return absent_rows(CLIMB, names, "the thrust tables do not depend on height")
+    # the search goes from the height of the flight upwards
     low, top = point["h"], _HIGHEST if heights.lapses else heights.end
     if not low < top:
         reason = f"the flight is above the thrust tables, which end at {top:.5g} m"
@@ -190,6 +194,7 @@ def _ceiling_row(
     if rates[0] < rate:
         reason = f"below this height: it climbs {rates[0]:.3g} m/s here"
         return Characteristic(CLIMB, name, np.nan, units="m", absent=reason)
+    # the best climb rate is above `rate` at the lower end and below it at the upper end
     h = find_zero(lambda h: best_climb_rate(h) - rate, low, top, xtol=_CEILING_TOLERANCE)
     if np.isnan(h):
         reason = f"not at every height from {low:.5g} to {top:.5g} m a level flight can be trimmed"
@@ -204,6 +209,7 @@ def _ceiling_row(
 
 def _best_climb_rate(point: Point, h: float) -> float:
     """Return the highest climb rate of level flights at a height. [m s-1]"""
+    # stall and end of the tables at this height limit the speeds
     flight = point.trim_level(_equivalent_speed(point, h), h)
     speeds = level_speeds(flight, stall(flight))
     V = minimum_cost_speed(lambda V: -specific_excess_thrust(flight.trim_level(V)) * V, speeds)

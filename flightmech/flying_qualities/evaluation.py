@@ -19,7 +19,7 @@ from flightmech.flying_qualities import (
     trim_over_speed,
 )
 from flightmech.steady_flight.eigenmodes import modes
-from flightmech.steady_flight.flight_condition import rows_to_frame
+from flightmech.steady_flight.flight_condition import Characteristic, rows_to_frame
 from flightmech.steady_flight.linear_model import linearize
 from flightmech.steady_flight.trim_point import Point, trimmed_at
 from flightmech.units import from_si
@@ -73,6 +73,7 @@ class Characteristics:
         for group, part in self.table.groupby("group", sort=False):
             lines += ["", str(group)]
             for name, row in part.iterrows():
+                # a standard error has a column of its own, which is empty for absent values
                 error = ""
                 if "stderr" in part:
                     error = f"{_format_error(row['stderr'], row['units']):12}"
@@ -130,7 +131,31 @@ def characteristics(
     slowest = performance.stall(point)
     speeds = level_flight.level_speeds(point, slowest)
     polar = performance.polar(point)
-    rows = [
+    # thrust required and available need engines
+    curves = xr.Dataset()
+    if aircraft.engines:
+        curves = level_flight.performance_curves(point, speeds)
+    return Characteristics(
+        table=rows_to_frame(_list_rows(point, slowest, speeds, polar=polar)),
+        modes=modes(linear),
+        linear=linear,
+        derivatives=point.derivatives(),
+        trim=trim_over_speed.trim_curves(point, np.linspace(*speeds, _CURVE_POINTS)),
+        polar=polar,
+        performance=curves,
+        title=aircraft.name,
+        condition=_describe_condition(point),
+    )
+
+
+def _list_rows(
+    point: Point,
+    slowest: performance.Stall,
+    speeds: tuple[float, float],
+    polar: xr.Dataset,
+) -> list[Characteristic]:
+    """Return all quantities, in the order of the report."""
+    return [
         *longitudinal.longitudinal_rows(point),
         *trim_over_speed.speed_stability(point),
         *lateral.sideslip_rows(point),
@@ -141,20 +166,6 @@ def characteristics(
         *level_flight.level_rows(point, speeds),
         *climb.climb_rows(point, speeds),
     ]
-    curves = xr.Dataset()
-    if aircraft.engines:
-        curves = level_flight.performance_curves(point, speeds)
-    return Characteristics(
-        table=rows_to_frame(rows),
-        modes=modes(linear),
-        linear=linear,
-        derivatives=point.derivatives(),
-        trim=trim_over_speed.trim_curves(point, np.linspace(*speeds, _CURVE_POINTS)),
-        polar=polar,
-        performance=curves,
-        title=aircraft.name,
-        condition=_describe_condition(point),
-    )
 
 
 def _describe_condition(point: Point) -> str:

@@ -163,6 +163,7 @@ def performance_curves(point: Point, speeds: tuple[float, float], count: int = 4
         "L_D": ("V", ratio, {"units": "1"}),
         "M_L_D": ("V", mach * ratio, {"units": "1"}),
     }
+    # excess thrust times speed over weight, with the drag of level flight
     if has_thrust(point.aircraft):
         available = np.array([full_thrust(flight).sum() for flight in flights])
         climb_rate = (available - required) / point.weight * V
@@ -186,6 +187,7 @@ def minimum_cost_speed(cost: Callable[[float], float], speeds: tuple[float, floa
     costs = np.array([cost(float(V)) for V in grid])
     if np.isnan(costs).all():
         return float("nan")
+    # NaN marks a speed without a steady flight
     best = int(np.nanargmin(costs))
     bounds = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
 

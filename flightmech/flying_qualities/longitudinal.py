@@ -45,8 +45,10 @@ _CX, _CZ, _CM = 0, 2, 4
 def longitudinal_rows(point: Point) -> list[Characteristic]:
     """Return c.g., neutral and manoeuvre points, margins, elevator and force per g as rows."""
     craft = point.aircraft
+    # body x is forward, chords count backwards
     cg = craft.x_ref_mac - point.cg[0] / craft.cbar
     neutral_point = _find_cg(point, lambda x: point.body_slopes("alpha", x)[_CM])
+    # without an effect of the elevator the rows of control are absent
     has_elevator = abs(point.body_slopes("delta_e")[_CM]) > SMALL
     return [
         Characteristic(
@@ -173,6 +175,7 @@ def _stick_force_rows(point: Point, has_elevator: bool) -> list[Characteristic]:
         return absent_rows(GROUP, names, NO_ELEVATOR)
     alpha, delta_e, _ = pull_up(point, point.cg[0], "moved")
     changes = {"alpha": alpha, "delta_e": delta_e, "qhat": _pitch_rate_per_g(point), "dnz": 1.0}
+    # hinge moments change with all four quantities of the pull-up
     force, reason = column_force_slope(point, changes)
     if reason:
         return absent_rows(GROUP, names, reason)
@@ -253,6 +256,7 @@ def thrust_coefficients(point: Point) -> tuple[float, float]:
     force = np.zeros(3)
     for number, engine in enumerate(point.aircraft.engines, 1):
         force += point[f"engine{number}.thrust"] * np.array(engine.direction)
+    # thrust along body y does not act in the plane of symmetry
     x, _, z = force / (point["qbar"] * point.aircraft.S)
     return float(x), float(z)
 

@@ -83,6 +83,7 @@ def polar(point: Point, mach: float | None = None) -> xr.Dataset:
             "the elevator balances the pitching moment at no angle of attack; check the c.g. "
             "and the limits of delta_e"
         )
+    # about the moment reference point, but forces do not depend on it
     CL, CD = point.coefficients(**steady, alpha=alpha, delta_e=delta_e)[:2]
     data: dict[str, Any] = {}
     for name, values in (("CL", CL), ("CD", CD), ("delta_e", delta_e)):

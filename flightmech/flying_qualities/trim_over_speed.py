@@ -45,6 +45,7 @@ def trim_curves(point: Point, speeds: Sequence[float] | np.ndarray) -> xr.Datase
     columns["delta_e"] = [flight["applied.delta_e"] for flight in flights]
     columns["thrust"] = [flight.thrust for flight in flights]
     if point.aircraft.engines and point.parameter("mode.engine") == 0.0:
+        # levers drive the engines: tables give the throttle
         columns["throttle"] = [flight.variables["engine1.throttle"] for flight in flights]
     if not missing_for_force(point, "delta_e"):
         columns["F_column"] = [_column_force(flight, 0.0) for flight in flights]
@@ -63,6 +64,7 @@ def trim_curves(point: Point, speeds: Sequence[float] | np.ndarray) -> xr.Datase
 
 def speed_stability(point: Point) -> list[Characteristic]:
     """Return slopes of elevator and column force over speed, and the neutral point, as rows."""
+    # central difference along trimmed flights: thrust, Mach number and drag change with speed
     slope = _elevator_slope(point)
     if abs(point.body_slopes("delta_e")[4]) < SMALL:
         names = {"delta_e_per_V": "rad s m-1", "neutral_point_trim": "1"}

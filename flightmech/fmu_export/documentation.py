@@ -163,6 +163,7 @@ def _make_term_table(
     names: Sequence[str], texts: Mapping[str, Mapping[str, str]], plots: Sequence[TermPlot]
 ) -> PageTable:
     """Return one row per term; constants show their values, other terms the word table."""
+    # a term without axes has a value in place of a plot
     constants = {}
     for plot in plots:
         if plot.value is not None:
@@ -216,6 +217,7 @@ def _make_variable_table(description: Description, causality: str) -> PageTable 
         return None
     has_limits = any(v.low is not None or v.high is not None for v in variables)
     has_start = any(v.start is not None for v in variables)
+    # a column without numbers is not shown
     numbers = []
     if has_start:
         numbers.append("start")

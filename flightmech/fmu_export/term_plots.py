@@ -110,6 +110,7 @@ class _TermEvaluation:
     def evaluate(self, term: str, values: Mapping[str, float | np.ndarray]) -> np.ndarray:
         """Return the contribution of a term (point,) for scalars and arrays (point,)."""
         size = max((np.size(value) for value in values.values()), default=1)
+        # one row per point, one column per variable of the model
         variables = np.zeros((size, len(self.rows)))
         for i, name in enumerate(self.rows):
             variables[:, i] = values.get(name, 0.0)
@@ -117,6 +118,7 @@ class _TermEvaluation:
 
     def make_figure(self, term: str, text: Mapping[str, str]) -> TermPlot:
         """Return the figure of a term with the axes and regressors of the compiler's text."""
+        # the axis with the most breakpoints is the abscissa
         spans = sorted(parse_axis_spans(text.get("axes", "")), key=lambda span: -span.nodes)
         axis_names = {span.name for span in spans}
         units = {}
@@ -173,6 +175,7 @@ class _TermEvaluation:
 
         Heights, for example, extend to the stratosphere.
         """
+        # halve the interval from its lower end until the term changes beyond its middle
         end = span.high
         while end - span.low > _SPAN_TOLERANCE * (span.high - span.low):
             middle = 0.5 * (span.low + end)
@@ -229,6 +232,7 @@ def _draw_plot(term: str, family: _CurveFamily) -> str:
         y=find_axis_limits(np.concatenate(curves)),
     )
     parts = [svg_chart.draw_axes(frame, x_labels=True, x_most=4)]
+    # a line at zero if the curves cross it
     if frame.y[0] < 0.0 < frame.y[1]:
         zero = float(frame.py(0.0))
         parts.append(svg_chart.draw_line(frame.left, zero, frame.right, y2=zero, css="zero"))

@@ -118,6 +118,7 @@ def simulate_batch(
     check_hold(hold)
     if failed not in ("raise", "nan"):
         raise ValueError(f"failed is {failed!r}; allowed: raise, nan")
+    # values (run, parameter)
     values = _join_columns(varied)
     time = read_time(inputs)
     constant = {"mode.step": step, **(parameters or {})}
@@ -134,6 +135,7 @@ def simulate_batch(
         threads=threads,
         lanes=lanes,
     )
+    # a text means that the run failed; its time is that of the first missing sample
     if failed == "raise":
         for run, text in enumerate(failures):
             if text:
@@ -193,6 +195,7 @@ def fly_batch(
     failures : list of str
         Empty for a complete run.
     """
+    # every run starts as a copy of this simulation
     base = Simulation(sim.model)
     for name, value in constant.items():
         if name not in sim.inputs:
@@ -209,6 +212,7 @@ def fly_batch(
         loops=loops,
     )
     task.run(base, threads)
+    # the kernel does not write samples after a failure
     for run in np.flatnonzero(task.status):
         task.y[run, task.done[run] :] = np.nan
     return task.y, task.done.astype(int), task.failures()
@@ -261,6 +265,7 @@ class _BatchTask:
         self.targets = [
             np.ascontiguousarray(np.broadcast_to(loop.target, time.shape), float) for loop in loops
         ]
+        # the structure has pointers to all these arrays
         structs = _pack_loops(sim, loops, self.targets)
         self.struct = BatchTaskStruct(
             samples=self.samples,
@@ -272,7 +277,9 @@ class _BatchTask:
             values=self.values.ctypes.data_as(DOUBLES),
             output=self.chosen.ctypes.data_as(INTEGERS),
             y=self.y.ctypes.data_as(DOUBLES),
+            # 1: inputs are constant between samples, 0: linear
             hold=int(is_constant),
+            # 1: every run has inputs of its own, (run, time, inputs)
             each_inputs=int(u.ndim == 3),
             lanes=lanes,
             loops=len(structs),
@@ -308,6 +315,7 @@ class _BatchTask:
         raw = self.texts.raw
         texts = []
         for start in range(0, len(raw), _TEXT_SIZE):
+            # texts have a fixed size and end with a zero byte
             text = raw[start : start + _TEXT_SIZE].split(b"\0", 1)[0]
             texts.append(text.decode(errors="replace"))
         return texts[: self.runs]

@@ -194,6 +194,7 @@ def power_name(term: str) -> str:
 
 
 def _input_row(name: str, aircraft: Aircraft) -> CatalogueEntry:
+    # gear and speedbrake are parts of their travel
     default = (0.0, 1.0) if name in ("gear", "speedbrake") else (-MOST, MOST)
     low, high = aircraft.limits.get(name, default)
     return make_vocabulary_row(name, name, low=low, high=high)
@@ -213,6 +214,7 @@ def _output_row(name: str) -> CatalogueEntry:
     if name == "out_of_range":
         text = "internal steps times axes outside the tables since the start"
         return make_row(name, "1", text)
+    # input plus biases, as it acts on the aircraft
     if group == "applied":
         text = f"{lookup(quantity).long_name} as applied: input and biases"
         return make_vocabulary_row(name, quantity, text)
@@ -240,6 +242,7 @@ def _parameter_row(name: str, aircraft: Aircraft) -> CatalogueEntry:
     if group == "init":
         return _start_row(name, quantity)
     if group == "mass":
+        # the aircraft has the centre of gravity as a vector
         values = dict(zip(("x_cg_b", "y_cg_b", "z_cg_b"), aircraft.cg, strict=True))
         if quantity not in values:
             values[quantity] = getattr(aircraft, quantity)

@@ -106,11 +106,13 @@ def simulate_closed_loop(
     values = {"mode.step": step, **(parameters or {})}
     u = read_inputs(sim, inputs, values, len(time))
     chosen = output_indices(sim, outputs)
+    # the record gives all inputs that the law does not command
     loop = _ControlLaw(sim, law, delay, record=_InputRecord(time, u, hold == "zero"))
     run = initialise_run(sim, values, u[0], time=float(time[0]))
     y = np.empty((len(time), len(chosen)))
     commands: list[dict[str, float]] = []
     for instant in _list_instants(time, period):
+        # the new command acts from this instant, also on the outputs of a sample here
         if instant.is_call:
             loop.call(instant.time, run.outputs())
             run.set_inputs(loop.inputs_at(instant.time))
@@ -119,6 +121,7 @@ def simulate_closed_loop(
             commands.append(dict(loop.acting))
         if instant.step:
             end = instant.time + instant.step
+            # inputs that are constant between samples change at the next instant, not before it
             last = loop.inputs_at(end, before=True)
             run.step(instant.time, instant.step, loop.inputs_at(instant.time), u1=last)
     columns = output_columns(sim, y, chosen) | _command_columns(sim, commands, u)
@@ -199,6 +202,7 @@ class _ControlLaw:
                     f"finite numbers"
                 )
             command[name] = float(value)
+        # the queue delays each command by `delay` calls
         self.delayed.append(command)
         # an input that the law does not return now keeps its last command
         self.acting = {**self.acting, **self.delayed.popleft()}
@@ -220,6 +224,7 @@ def _list_instants(time: np.ndarray, period: float) -> list[_Instant]:
     count = int(np.floor((time[-1] - time[0] + _CLOCK) / period)) + 1
     calls = time[0] + period * np.arange(count)
     instants = [_Instant(None, True, float(t), step=0.0) for t in calls]
+    # a sample at a call is one instant, any other sample an instant of its own
     nearest = np.clip(np.round((time - time[0]) / period).astype(int), 0, count - 1)
     for sample, k in enumerate(nearest.tolist()):
         if np.abs(calls[k] - time[sample]) < _CLOCK:

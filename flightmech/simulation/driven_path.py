@@ -144,6 +144,7 @@ class DrivenPath:
         slow: np.ndarray | None = None,
     ):
         self.samples, self.states = x.shape
+        # arrays are attributes: the structure for the kernel has pointers to them
         self.x, self.dt, self.around = check_array(x, x.shape), dt, around
         self.inputs, self.gusts = list(inputs), gusts
         self.inertial = _check_inertial(inertial, self.samples)
@@ -159,6 +160,7 @@ class DrivenPath:
 
     def _pack_drive(self) -> DriveStruct:
         """Return the structure for the kernel; its pointers are those of the arrays of the path."""
+        # pointers into arrays that the path holds
         drive = DriveStruct(self._pack_path())
         drive.states, drive.inputs = self.states, len(self.inputs)
         drive.vanes, drive.gusts = len(self.vanes.side), self.gusts
@@ -186,6 +188,7 @@ class DrivenPath:
             fall=around.fall,
             level=around.level,
         )
+        # the kernel has the matrix row by row
         path.spin[:], path.sensed[:] = around.spin.tolist(), around.sensed.tolist()
         path.transport[:] = around.transport.ravel().tolist()
         return path
@@ -210,6 +213,7 @@ class DrivenPath:
         frequency omega by (omega dt)^2/12: 1e-3 at 0.9 Hz and 50 samples per second.  The error
         would appear in the vane factors.
         """
+        # the kernel writes into the arrays of the caller, which must therefore be contiguous
         path = output_pointer(x, (self.samples, self.states))
         derivatives = None
         if X is not None:
@@ -240,6 +244,7 @@ class DrivenPath:
             The covariance of the sums is added to it.
         """
         unknowns = pressed.shape[-1]
+        # inputs are converted; the covariance is added to the array of the caller
         path = check_array(x, (self.samples, self.states))
         sigma = check_array(noise, (6,))
         derivatives = check_array(pressed, (self.samples, self.states, unknowns))

@@ -117,6 +117,7 @@ class KernelModel:
         self._entries = other._entries
 
     def _read_entries(self, kind: int) -> Iterator[CatalogueEntry]:
+        # the kernel fills the same structure for every row
         row = EntryStruct()
         for i in range(self.count(kind)):
             load_kernel().am_entry_at(self.handle, kind, i, byref(row))
@@ -155,6 +156,7 @@ class Simulation:
 
     def copy(self) -> Simulation:
         """Return an independent simulation in the same state."""
+        # the model is shared; states, inputs and parameters are copied
         copy = Simulation(self.model)
         copy._check(load_kernel().am_copy(copy.handle, self.handle))
         return copy
@@ -213,9 +215,11 @@ class Simulation:
         # copies: the kernel replaces the first guess by the solution
         solution, low, high, size = (np.array(item, float) for item in search)
         target_values = check_array(targets, (goal_count,))
+        # results of the kernel
         y = np.empty(self.model.count(OUTPUT))
         residual = np.empty(goal_count)
         jacobian = np.empty((goal_count, unknown_count))
+        # ctypes keeps these arrays in memory as long as the task
         structs = [MoverStruct(*mover) for mover in movers]
         task = TrimTaskStruct(path, len(movers), unknown_count, goal_count)
         task.mover = (MoverStruct * len(movers))(*structs)
@@ -240,6 +244,7 @@ class Simulation:
 
     def run(self, time: np.ndarray, u: np.ndarray, hold: bool) -> np.ndarray:
         """Return the outputs (time, outputs) under the inputs u (time, inputs)."""
+        # `done` counts the good samples; a failure raises an error with its time
         t = check_array(time, (len(time),))
         inputs = check_array(u, (len(t), self.model.count(INPUT)))
         y, done = np.empty((len(t), self.model.count(OUTPUT))), c_size_t()
@@ -366,6 +371,7 @@ class Stepping:
     def __init__(self, simulation: Simulation):
         kernel = load_kernel()
         self._simulation, self._step, self._outputs = simulation, kernel.am_step, kernel.am_outputs
+        # The pointers stay valid because the arrays are never replaced.
         self.ends = np.zeros((2, simulation.model.count(INPUT)))
         self.y = np.empty(simulation.model.count(OUTPUT))
         self._pointers = double_pointer(self.ends[0]), double_pointer(self.ends[1])

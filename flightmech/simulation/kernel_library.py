@@ -25,8 +25,11 @@ import numpy as np
 
 from flightmech.errors import AeromatchError
 
+# The build writes the libraries here, one folder per platform.
 FOLDER = Path(__file__).parents[1] / "_binaries"
+# Suffix of a shared library by system.
 SUFFIX = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}
+# Pointers to arrays of the kernel.
 DOUBLES, INTEGERS = POINTER(c_double), POINTER(c_int)
 # Names of the processors, where platform.machine() differs from those of the folders.
 _PROCESSORS = {"amd64": "x86_64", "arm64": "aarch64"}
@@ -269,6 +272,7 @@ def load_kernel() -> ctypes.CDLL:
         The kernel has not been compiled.
     """
     folder = FOLDER / _platform_name()
+    # a folder has one library, whose suffix depends on the system
     libraries: list[Path] = []
     for suffix in SUFFIX.values():
         libraries += sorted(folder.glob(f"*{suffix}"))
@@ -277,6 +281,7 @@ def load_kernel() -> ctypes.CDLL:
             f"no compiled kernel in {folder}; install the package, or run 'python "
             f"hatch_build.py' in a checkout"
         )
+    # without the signatures ctypes would pass pointers as 32-bit integers
     kernel = ctypes.CDLL(str(libraries[0]))
     for name, (result, arguments) in SIGNATURES.items():
         function = getattr(kernel, name)

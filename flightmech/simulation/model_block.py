@@ -162,6 +162,7 @@ class Packer:
     def _pack_geometry(self) -> bytes:
         craft = self.aircraft
         numbers = (craft.S, craft.cbar, craft.b, craft.x_ref_mac)
+        # number of the force axes in the kernel
         axes = list(FORCES).index(self.force_axes)
         offsets = (self._add_text(craft.name), self._add_text(self.meta))
         return struct.pack("<4d4I", *numbers, axes, *offsets, 0)
@@ -176,6 +177,7 @@ class Packer:
         return len(records), b"".join(records)
 
     def _pack_axis(self, axis: _AxisKey) -> bytes:
+        # breakpoints of all axes are in one section
         first = len(self.points)
         self.points += axis.points
         record = (self.variables.index(axis.name), first, len(axis.points), axis.linear, axis.stage)
@@ -194,11 +196,13 @@ class Packer:
         nodes: list[float] = []
         slots: dict[tuple[str, str], int] = {}
         for (stage, numbers), tables in sorted(bundles.items(), key=lambda item: item[0][0]):
+            # unused axes are zero
             axes = [*numbers, *[0] * (_MOST_AXES - len(numbers))]
             record = (len(numbers), *axes, len(tables), stage, 0)
             records.append(struct.pack("<8IQ", *record, len(nodes)))
             # nodes (axes..., table): values of all tables at one node are adjacent
             values = np.stack([member.values for member in tables], axis=-1)
+            # nodes of the bundle follow those of the bundles before it
             nodes += values.astype(float).ravel().tolist()
             for member in tables:
                 slots[member.term, member.name] = len(slots) + 1
@@ -209,6 +213,7 @@ class Packer:
         factors = [self.variables.index(name) + 1 for name in list_regressors(term.leaf)]
         factors += [0] * (_MOST_REGRESSORS - len(factors))
         tables = [slots.get((term.name, name), 0) for name in _TABLES]
+        # texts are added in the order of the record
         offsets = (
             self._add_text(term.name),
             self._add_text(str(term.leaf.attrs.get("comment", ""))),
@@ -227,6 +232,7 @@ def _list_tables(leaf: xr.Dataset) -> dict[str, xr.Variable]:
 
 def _list_axis_keys(term: Term, table: xr.Variable) -> list[_AxisKey]:
     """Return the axes of a table of a term."""
+    # 1: linear extrapolation beyond the ends, 0: constant
     linear = int(term.leaf.attrs.get("outside", "hold") == "linear")
     stage = term.stage_of(table)
     keys = []
@@ -241,6 +247,7 @@ def _join_sections(sections: list[tuple[int, bytes]]) -> bytes:
     directory, body = b"", b""
     start = _HEADER_SIZE + _DIRECTORY_ENTRY_SIZE * len(sections)
     for count, data in sections:
+        # zeros up to the next multiple of the alignment
         body += bytes(-(start + len(body)) % _ALIGNMENT)
         directory += struct.pack("<2Q", start + len(body), count)
         body += data

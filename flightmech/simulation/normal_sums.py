@@ -145,6 +145,7 @@ class NormalSums:
         J : array (N - 1, m, p)
             Derivatives with respect to these constants.
         """
+        # the arrays stay in memory with the group
         residuals, arrays = _pack_residuals(
             r, weight, A.shape[-1], columns=self._check_columns(columns), J=J
         )
@@ -219,6 +220,7 @@ class NormalSums:
         result.products.fill(0.0)
         pointers = map(double_pointer, (result.L, result.V, result.columns, result.products))
         failed = load_kernel().am_eliminate(byref(self._sums), samples, *pointers)
+        # a failure is the number of the state among all states of all samples
         if failed >= 0:
             raise np.linalg.LinAlgError(*divmod(failed, states))
         return result
@@ -235,6 +237,7 @@ def _pack_residuals(
 ) -> tuple[ResidualsStruct, tuple[np.ndarray, ...]]:
     """Return the structure of residuals, and the arrays of its pointers."""
     r = np.ascontiguousarray(r, float)
+    # one weight may hold for all residuals of a row
     weight = np.ascontiguousarray(np.broadcast_to(weight, r.shape), float)
     column = np.ascontiguousarray(columns, np.intc)
     J = check_array(J, (*r.shape, len(column)))
@@ -258,6 +261,7 @@ def _pack_readings(readings: Readings, weight, samples: int) -> _ResidualGroup:
     )
     before = np.ascontiguousarray(readings.k, np.int64)
     fraction = check_array(readings.f, (count,))
+    # one set of derivatives may hold for all readings
     same = len(readings.A) == 1
     A = check_array(readings.A, (1 if same else count, readings.r.shape[1], states))
     # a reading at a sample does not use the next sample
@@ -305,6 +309,7 @@ class Elimination:
     @property
     def border(self) -> np.ndarray:
         """Products of the columns of F^-1 [G, gx] (nc + 1, nc + 1)."""
+        # the kernel computes the lower half only
         low = self.products[: self._used, : self._used]
         return np.tril(low) + np.tril(low, -1).T
 
@@ -314,6 +319,7 @@ class Elimination:
         A direction has one number per constant, and one for the right-hand side.
         """
         samples, states, width = self.columns.shape
+        # the last columns are zeros, so that their directions do not matter
         full = np.zeros((width, directions.shape[1]))
         full[: self._used] = directions
         return (self.columns.reshape(-1, width) @ full).reshape(samples, states, -1)
@@ -321,6 +327,7 @@ class Elimination:
     def back(self, x: np.ndarray) -> np.ndarray:
         """Return F'^-1 x (N, n, any), written over x."""
         samples, states, columns = x.shape
+        # back substitution with the transposed factor, in place
         factor = double_pointer(self.L), double_pointer(self.V)
         right = double_pointer(check_array(x, x.shape))
         load_kernel().am_substitute(states, samples, *factor, columns, right)
@@ -402,6 +409,7 @@ def _add_driven(
     """Add the sums of readings along a driven path to arrays; None omits a sum."""
     samples, states, columns = X.shape
     group = _pack_readings(readings, weight, samples)
+    # -1 marks a constant that is not an unknown
     low, high = min(readings.columns, default=-1), max(readings.columns, default=-1)
     if not (-1 <= low <= high < unknowns and columns <= unknowns):
         raise IndexError(f"{columns} columns and constants {low} ... {high} of {unknowns} unknowns")

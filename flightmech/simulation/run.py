@@ -63,25 +63,32 @@ def simulate(
     """
     check_hold(hold)
     time = read_time(inputs)
+    # `mode.step` among the parameters replaces the argument
     values = {"mode.step": step, **(parameters or {})}
     u = read_inputs(sim, inputs, values, len(time))
     chosen = output_indices(sim, outputs)
     run = initialise_run(sim, values, u[0], time=float(time[0]))
     y, contributions = run.record(time, u, hold == "zero", outputs=chosen, terms=terms)
     columns = output_columns(sim, y, chosen)
-    time_attributes = {"units": "s", "long_name": lookup("time").long_name}
-    coords: dict[str, Any] = {"time": ("time", time, time_attributes)}
     if contributions is not None:
         text = {"long_name": "contribution of each term to its coefficient"}
         columns["contribution"] = (("time", "term"), contributions, text)
-        coords["term"] = ("term", list(sim.terms))
     attributes = {
         "title": sim.title,
         "step": float(values["mode.step"]),
         "hold": hold,
         "out_of_range": axes_left(sim, run),
     }
-    return xr.Dataset(columns, coords, attributes)
+    return xr.Dataset(columns, _make_coordinates(sim, time, terms), attributes)
+
+
+def _make_coordinates(sim: SimModel, time: np.ndarray, terms: bool) -> dict[str, Any]:
+    """Return the time [s] and, with `terms`, the names of the terms as coordinates."""
+    time_attributes = {"units": "s", "long_name": lookup("time").long_name}
+    coords: dict[str, Any] = {"time": ("time", time, time_attributes)}
+    if terms:
+        coords["term"] = ("term", list(sim.terms))
+    return coords
 
 
 def output_columns(sim: SimModel, y: np.ndarray, chosen: np.ndarray) -> dict[str, Any]:
@@ -99,6 +106,7 @@ def initialise_run(
     """Return an initialised simulation with parameters and inputs at the start."""
     run = Simulation(sim.model)
     for name, value in values.items():
+        # values of inputs are in `u`
         if name not in sim.inputs:
             run.set_parameter(index_of_parameter(sim, name), float(value))
     run.set_inputs(u)
@@ -176,6 +184,7 @@ def read_inputs(
     `runs`, inputs may have the dimensions (run, time). If one has them, the result is (run, time,
     inputs).
     """
+    # constants first, then recorded inputs replace them
     u = np.tile(constant_inputs(sim, values), (count, 1))
     recorded = [name for name in map(str, inputs.variables) if name in sim.inputs]
     if runs and any("run" in inputs[name].dims for name in recorded):
@@ -185,6 +194,7 @@ def read_inputs(
     for name in map(str, inputs.variables):
         if name in sim.inputs:
             u[..., sim.inputs.index(name)] = _read_column(inputs[name], runs)
+        # other quantities of a record, such as states, are ignored; misspelt names are not
         elif not _is_in_vocabulary(name):
             raise UnknownName(name, sim.inputs, "input")
     return u
@@ -192,6 +202,7 @@ def read_inputs(
 
 def _read_column(item: xr.DataArray, runs: int) -> np.ndarray:
     """Return the values of an input: a constant, (time,), or (run, time) if `runs` is not 0."""
+    # a batch may have inputs of each run
     if runs and item.dims == ("run", "time"):
         if item.sizes["run"] != runs:
             raise SchemaError(

@@ -49,6 +49,7 @@ class CompiledAircraft:
     @cached_property
     def hinges(self) -> dict[str, list[xr.Dataset]]:
         """Terms of the hinge moments by coefficient."""
+        # terms as datasets, which `terms.evaluate_term` needs
         terms_of = {}
         for name in HINGES:
             if name in self.db.children:

@@ -127,6 +127,7 @@ def modes(linear: xr.Dataset) -> pd.DataFrame:
 def _compute_eigenmodes(A: np.ndarray, names: list[str]) -> list[_Eigenmode]:
     """Return one entry per real eigenvalue or conjugate pair of A, with its assigned states."""
     values, V = np.linalg.eig(A)
+    # eigenvalues of heading, height and the like are rounding, not instability
     values = np.where(np.abs(values) < _ZERO * np.abs(values).max(initial=0.0), 0.0, values)
     # participations |l_ki v_ki|, (state, mode); rows of the inverse are the left eigenvectors
     V = V.astype(complex)
@@ -207,10 +208,12 @@ def _name_mode(mode: _Eigenmode) -> tuple[str, list[str]]:
     remarks = []
     if mode.value.real > 0.0:
         remarks.append("unstable")
+    # a real eigenvalue has one state
     if mode.value.imag == 0.0:
         if motions[0] in _OSCILLATIONS:
             remarks.append("aperiodic")
         return motions[0], remarks
+    # a pair of states of different motions
     if len(motions) > 1:
         name = _MERGED.get(frozenset(motions), "coupled")
         return name, [*remarks, f"merged of {' and '.join(motions)}"]

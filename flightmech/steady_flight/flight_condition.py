@@ -42,6 +42,7 @@ def condition_parameters(sim: SimModel, condition: Mapping[str, float]) -> dict[
     SchemaError
         No speed, two speeds, or a number without meaning.
     """
+    # exactly one kind of speed defines the flight
     speeds = [name for name in SPEEDS if name in condition]
     if len(speeds) != 1:
         raise SchemaError(
@@ -55,6 +56,7 @@ def condition_parameters(sim: SimModel, condition: Mapping[str, float]) -> dict[
     if problems:
         raise SchemaError("condition", problems)
 
+    # the true airspeed depends on height and day, so that it comes last
     (speed,) = speeds
     parameters = {"mode.earth": 0.0, "init.h": 0.0}
     for name, value in condition.items():
@@ -67,6 +69,7 @@ def condition_parameters(sim: SimModel, condition: Mapping[str, float]) -> dict[
 
 def _parameter_name(sim: SimModel, name: str) -> str:
     """Return the parameter or input of the simulation for a name of a condition."""
+    # names of the user have no group; those of the simulation have one
     parameter = name
     if name in _MASS:
         parameter = f"mass.{name}"

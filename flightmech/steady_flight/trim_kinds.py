@@ -45,6 +45,8 @@ class Kind:
     path: int = BY_GAMMA
 
 
+# Once the values of `one_of` are fixed, a kind has as many unknowns as residuals. A fixed output is
+# a residual, too.
 KINDS = {
     "level": Kind(
         ("alpha", "beta", *_SURFACES, "power"), fixed=_STRAIGHT, frees={"beta": "phi", "power": "V"}

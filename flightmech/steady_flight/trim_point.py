@@ -171,6 +171,7 @@ class Point:
         for name, value in self.trimmed.items():
             if name.startswith("applied."):
                 values[name.removeprefix("applied.")] = value
+        # inputs without a bias act as they are
         inputs = dict(zip(self.sim.inputs, constant_inputs(self.sim, self.parameters), strict=True))
         values |= {"gear": inputs["gear"], "speedbrake": inputs["speedbrake"]}
         values["x_cg"] = craft.x_ref_mac - self.cg[0] / craft.cbar
@@ -269,6 +270,7 @@ class Point:
             table = np.stack(columns, axis=-1)
         else:
             table = np.empty((int(np.prod(shape)), 0))
+        # sums of the terms (coefficient, ...)
         sums = self._scaled_simulation.evaluate(table)[0].T.reshape(6, *shape)
         biases = np.array([self.parameter(f"bias.{name}") for name in COEFFICIENTS])
         biases = biases.reshape(6, *[1] * len(shape))
@@ -305,6 +307,7 @@ class Point:
         if x_cg_b is not None:
             x = x_cg_b
             values = {"x_cg": craft.x_ref_mac - x_cg_b / craft.cbar, **values}
+        # lift and drag of the stability axes in body axes
         alpha = values.get("alpha", self.variables["alpha"])
         CL, CD, CY, Cl, Cm, Cn = self.coefficients(**values)
         CX = CL * np.sin(alpha) - CD * np.cos(alpha)
@@ -356,6 +359,7 @@ class Point:
         """
         if coefficient not in self.compiled.hinges:
             return None
+        # a hinge moment is the sum of its terms
         variables = {**self.variables, **values}
         leaves = self.compiled.hinges[coefficient]
         return float(sum(terms.evaluate_term(leaf, variables, outside="clamp") for leaf in leaves))

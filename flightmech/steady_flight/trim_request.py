@@ -133,6 +133,7 @@ class _RequestResolver:
             movers.append(items)
             limits.append(self._limits(name, items[0], path))
             guesses.append(self._first_guess(name, items[0], path))
+        # low, high and size (unknown, 3)
         bounds = np.array(limits)
         outputs = []
         for name in goals:
@@ -175,6 +176,7 @@ class _RequestResolver:
         ``throttle`` or ``thrust`` of an engine becomes the input that drives it, that of all
         engines becomes ``power``. Start values have no prefix.
         """
+        # init.V and V are the same quantity
         plain = name
         if name.removeprefix("init.") in _START:
             plain = name.removeprefix("init.")
@@ -263,6 +265,7 @@ class _RequestResolver:
             )
         if unknowns is not None:
             return unknowns
+        # power that cannot be solved for counts as fixed
         fixed = dict.fromkeys([*self.fixed, *missing])
         solve_for = []
         for name in self.kind.unknowns:
@@ -362,6 +365,7 @@ class _RequestResolver:
         for name in {*solve_for}:
             if list(solve_for).count(name) > 1:
                 problems.append(f"{self._display_name(name)} is named twice among the unknowns")
+        # theta = gamma + alpha without bank and sideslip
         if "theta" in solve_for and "gamma" in solve_for:
             problems.append(
                 "theta and gamma are both unknown, but one follows from the other; take one away"

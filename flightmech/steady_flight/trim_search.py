@@ -127,6 +127,7 @@ def trim(
         residuals=residuals,
         fixed=fixed or {},
     )
+    # the search of the kernel starts from these values
     run = initialise_run(sim, request.values, constant_inputs(sim, request.values))
     # The kernel has the upward acceleration as residual -1: it is not an output.
     goals = []
@@ -187,6 +188,7 @@ def start_of(trimmed: xr.Dataset) -> dict[str, float]:
 
 def trimmed_outputs(sim: SimModel, parameters: Mapping[str, float]) -> np.ndarray:
     """Return the outputs (outputs,) of the trim at the start, for many trims in a row. [SI]"""
+    # a `mode.trim` of the parameters replaces the default
     values = {"mode.trim": default_trim_mode(sim, parameters), **parameters}
     return initialise_run(sim, values, constant_inputs(sim, values)).outputs()
 
@@ -210,6 +212,7 @@ def _make_dataset(
     attrs: Mapping = MappingProxyType({}),
 ) -> xr.Dataset:
     """Return all outputs, with the variables and attributes of a search."""
+    # a scalar variable per output
     outputs = {}
     for i, row in enumerate(sim.entries(OUTPUT)):
         outputs[row.name] = ((), y[i], output_attributes(row))

@@ -54,7 +54,7 @@ def submodel_items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
 
 def submodel_row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the catalogue row of a name of a group."""
-    return _MODULE_OF_GROUP[group].row(kind, group, item, name, aircraft)
+    return _MODULE_OF_GROUP[group].row(kind, group, item, name=name, aircraft=aircraft)
 
 
 def submodel_terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:

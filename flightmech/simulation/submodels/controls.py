@@ -57,6 +57,7 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
             problems.append(f"circuit.{item}: unknown; allowed: {', '.join(MOVES)}")
     circuits = tuple(item for item in MOVES if item in aircraft.circuits)
     for item in circuits:
+        # a circuit needs the geometry of the surface that it moves
         control = aircraft.controls.get(MOVES[item])
         for text in check_circuit(item, aircraft.circuits[item], control):
             problems.append(f"circuit.{item}: {text}")
@@ -86,6 +87,7 @@ def _input_row(name: str, item: str, circuit: Circuit) -> CatalogueEntry:
 
 def _output_row(name: str, item: str) -> CatalogueEntry:
     group, _, word = name.rpartition(".")
+    # force or travel that the kernel adds at the start
     if group == "trim":
         text = f"{lookup(word).long_name}, added at the start to hold the trimmed deflection"
         return make_vocabulary_row(name, word, text)
@@ -109,6 +111,7 @@ def _output_row(name: str, item: str) -> CatalogueEntry:
 
 def _parameter_row(name: str, item: str, aircraft: Aircraft) -> CatalogueEntry:
     word = name.rpartition(".")[2]
+    # constants of the circuit; their texts and lower limits are those of the aircraft file
     if word in _CONSTANTS:
         constant = _CONSTANTS[word]
         units = _units(item, constant)
@@ -128,17 +131,22 @@ def _parameter_row(name: str, item: str, aircraft: Aircraft) -> CatalogueEntry:
 
 def _linkage_row(name: str, word: str, item: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the row of a parameter of stops, gearing, surface or integration."""
+    if word in ("S_hinge", "c_hinge", "gearing", "delta_low", "delta_high"):
+        columns = _surface_columns(item, aircraft)[word]
+    else:
+        columns = _circuit_columns(item, aircraft)[word]
+    columns["value"] = float(columns["value"])
+    return make_row(name, **columns)
+
+
+def _circuit_columns(item: str, aircraft: Aircraft) -> dict[str, dict[str, Any]]:
+    """Return the columns of the rows of order, sub-step and stops of a circuit."""
     circuit, control = aircraft.circuits[item], aircraft.controls[MOVES[item]]
     assert control.gearing is not None
-    surface = _SURFACE[item]
-    # the wheel turns, column and pedals move
-    units, display_units, gearing_units = "m", "cm", "m-1"
-    if item == "wheel":
-        units, display_units, gearing_units = "rad", "deg", "1"
-    travel = {"units": units, "display_units": display_units}
-    angle = {"units": "rad", "display_units": "deg"}
-    delta_low, delta_high = aircraft.limits.get(MOVES[item], (-RIGHT_ANGLE, RIGHT_ANGLE))
-    rows: dict[str, dict[str, Any]] = {
+    travel = {"units": "m", "display_units": "cm"}
+    if item == "wheel":  # it turns, column and pedals move
+        travel = {"units": "rad", "display_units": "deg"}
+    return {
         "order": {
             "units": "1",
             "description": f"{item}: 2 one mass, 4 cockpit and surface, 6 cockpit and each aileron",
@@ -153,6 +161,26 @@ def _linkage_row(name: str, word: str, item: str, aircraft: Aircraft) -> Catalog
             "value": circuit.sub_step(control.gearing),
             "low": 1e-6,
         },
+        "stop_low": {
+            **travel,
+            "description": f"{item}: lower stop of the travel",
+            "value": circuit.stops[0],
+        },
+        "stop_high": {
+            **travel,
+            "description": f"{item}: upper stop of the travel",
+            "value": circuit.stops[1],
+        },
+    }
+
+
+def _surface_columns(item: str, aircraft: Aircraft) -> dict[str, dict[str, Any]]:
+    """Return the columns of the rows of the surface that a circuit moves."""
+    surface, control = _SURFACE[item], aircraft.controls[MOVES[item]]
+    angle = {"units": "rad", "display_units": "deg"}
+    # a surface without limits may turn by a right angle
+    low, high = aircraft.limits.get(MOVES[item], (-RIGHT_ANGLE, RIGHT_ANGLE))
+    return {
         "S_hinge": {
             "units": "m2",
             "description": f"{surface}: area behind the hinge",
@@ -167,34 +195,21 @@ def _linkage_row(name: str, word: str, item: str, aircraft: Aircraft) -> Catalog
             "low": 0.0,
         },
         "gearing": {
-            "units": gearing_units,
+            "units": "1" if item == "wheel" else "m-1",
             "description": f"{surface}: deflection per travel at zero travel",
             "value": control.gearing,
-        },
-        "stop_low": {
-            **travel,
-            "description": f"{item}: lower stop of the travel",
-            "value": circuit.stops[0],
-        },
-        "stop_high": {
-            **travel,
-            "description": f"{item}: upper stop of the travel",
-            "value": circuit.stops[1],
         },
         "delta_low": {
             **angle,
             "description": f"{surface}: lower stop of the surface, of each aileron",
-            "value": delta_low,
+            "value": low,
         },
         "delta_high": {
             **angle,
             "description": f"{surface}: upper stop of the surface, of each aileron",
-            "value": delta_high,
+            "value": high,
         },
     }
-    columns = rows[word]
-    columns["value"] = float(columns["value"])
-    return make_row(name, **columns)
 
 
 def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:

@@ -143,6 +143,7 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Cata
     assert gear is not None
     word = name.rsplit(".", 1)[-1]
     if kind == PARAMETER:
+        # a parameter belongs to a contact if the item is one, else to the gear
         for contact in gear.contacts:
             if contact.name == item:
                 return _contact_parameter_row(name, word, contact)
@@ -153,6 +154,7 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Cata
         if name == "delta_nw":
             low, high = -gear.steering.limit, gear.steering.limit
         return make_row(name, units, text, display_units=display_units, low=low, high=high)
+    # weight on wheels
     if name == f"wow_{item}":
         return make_row(name, "1", f"{item} on the ground, 1 yes", low=0.0, high=1.0)
     if group == "gear":
