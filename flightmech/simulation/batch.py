@@ -195,11 +195,7 @@ def fly_batch(
     failures : list of str
         Empty for a complete run.
     """
-    # every run starts as a copy of this simulation
-    base = Simulation(sim.model)
-    for name, value in constant.items():
-        if name not in sim.inputs:
-            base.set_parameter(index_of_parameter(sim, name), float(value))
+    base = _make_base(sim, constant)
     task = _BatchTask(
         sim,
         time,
@@ -216,6 +212,15 @@ def fly_batch(
     for run in np.flatnonzero(task.status):
         task.y[run, task.done[run] :] = np.nan
     return task.y, task.done.astype(int), task.failures()
+
+
+def _make_base(sim: SimModel, constant: Mapping[str, float]) -> Simulation:
+    """Return a simulation with the parameters of all runs, of which every run is a copy."""
+    base = Simulation(sim.model)
+    for name, value in constant.items():
+        if name not in sim.inputs:
+            base.set_parameter(index_of_parameter(sim, name), float(value))
+    return base
 
 
 def _join_columns(varied: Mapping[str, Sequence[float] | np.ndarray]) -> np.ndarray:

@@ -13,6 +13,8 @@ from flightmech.names import lookup
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import AXIS, INPUT, OUTPUT, PARAMETER, CatalogueEntry, Simulation
 
+_CONTRIBUTION = {"long_name": "contribution of each term to its coefficient"}
+
 
 def simulate(
     sim: SimModel,
@@ -70,15 +72,10 @@ def simulate(
     run = initialise_run(sim, values, u[0], time=float(time[0]))
     y, contributions = run.record(time, u, hold == "zero", outputs=chosen, terms=terms)
     columns = output_columns(sim, y, chosen)
-    if contributions is not None:
-        text = {"long_name": "contribution of each term to its coefficient"}
-        columns["contribution"] = (("time", "term"), contributions, text)
-    attributes = {
-        "title": sim.title,
-        "step": float(values["mode.step"]),
-        "hold": hold,
-        "out_of_range": axes_left(sim, run),
-    }
+    if terms:
+        columns["contribution"] = (("time", "term"), contributions, _CONTRIBUTION)
+    attributes = {"title": sim.title, "step": float(values["mode.step"]), "hold": hold}
+    attributes["out_of_range"] = axes_left(sim, run)
     return xr.Dataset(columns, _make_coordinates(sim, time, terms), attributes)
 
 

@@ -95,7 +95,7 @@ def modes(linear: xr.Dataset) -> pd.DataFrame:
     Parameters
     ----------
     linear : Dataset
-        As from `linearize` or `linear.subset`.
+        As from `linearize` or `subset`.
 
     Returns
     -------

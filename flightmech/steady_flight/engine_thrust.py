@@ -64,7 +64,7 @@ def full_thrust(flight: Point) -> np.ndarray:
     lever = highest_lever - flight.parameter("bias.throttle")
     levers = {f"engine{number}.throttle": lever for number in numbers}
     attitude = {"init.alpha": flight["alpha"], "init.beta": flight["beta"]}
-    # mode.engine 0: levers drive the engines; mode.trim 0: the state of init.* is kept
+    # mode.engine 0: levers drive the engines; mode.trim 0: the flight starts in the state of init.*
     values = {**flight.parameters, **attitude, **levers, "mode.engine": 0.0, "mode.trim": 0.0}
     outputs = initialise_run(flight.sim, values, constant_inputs(flight.sim, values)).outputs()
     indices = [flight.sim.outputs.index(f"engine{number}.thrust") for number in numbers]

@@ -10,7 +10,7 @@ import numpy as np
 
 ACCELERATIONS = ("u_dot", "v_dot", "w_dot", "p_dot", "q_dot", "r_dot")
 CLIMB = "hddot"  # upward acceleration: the kernel computes it, but it is not an output
-# What the kernel keeps during the search: the climb angle, the pitch attitude, or the ground.
+# Constraint of the search of the kernel: fixed climb angle, fixed pitch attitude, or the ground.
 BY_GAMMA, BY_THETA, ON_GROUND = range(3)
 _SURFACES = ("delta_e", "delta_a", "delta_r")
 _STRAIGHT = {"gamma": 0.0, "phi": 0.0, "psi_dot": 0.0}

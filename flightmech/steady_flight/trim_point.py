@@ -435,7 +435,7 @@ def _to_stability(
 ) -> np.ndarray:
     """Return CL and CD in stability axes and CY in body axes, then the moments (6, ...).
 
-    The forces are in the axes of the database, in the order of `packer.FORCES`.
+    The forces are in the axes of the database, in the order of `model_block.FORCES`.
     """
     if force_axes == "stability":
         return coefficients

@@ -21,7 +21,7 @@ _LIMIT_DISTANCE = 1e-9  # distance from a limit that counts as at the limit, of 
 _NO_EFFECT = 1e-8  # slope of an unknown without effect, of the largest slope
 _SINGULAR = 1e-6  # singular value that counts as zero, of the largest one
 _NAMED_COMPONENT = 0.1  # smallest component of a singular direction that the result names
-# Quantities of the state that a trim sets without being among its unknowns.
+# Start values that a trim changes, also if they are not among its unknowns.
 _STATE = ("V", "alpha", "beta", "theta", "p", "q", "r")
 _GROUND_START = 3.0  # mode.trim: standing on the runway
 
