@@ -38,8 +38,7 @@ def simulate(
         Parameters, and constant values of inputs that are not in `inputs`. The default of an input
         is its start value. ``mode.step`` has priority over `step`. [SI]
     hold : {"linear", "zero"}
-        Inputs are linear between samples, or constant from each sample to the next, as in an
-        importer without interpolation.
+        Inputs are linear between samples, or constant from each sample to the next.
     step : float
         Largest internal step. [s]
     outputs : sequence of str, optional

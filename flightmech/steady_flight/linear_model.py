@@ -131,20 +131,25 @@ def linearize(
     steps = dict(steps or {})
     if inputs is None:
         inputs = _default_inputs(sim, parameters)
-    _require_names(states, (*RIGID_STATES, *submodel_states(sim)), "state")
-    _require_names(inputs, sim.inputs, "input")
-    _require_names(outputs, sim.outputs, "output")
-    _require_names(steps, (*states, *inputs), "state or input")
-
+    _check_names(sim, states, inputs, outputs=outputs, steps=steps)
     plant = trim_plant(sim, parameters, tuple(states))
-    sizes = [_state_size(plant, name) for name in states]
-    sizes += [_input_size(plant, name) for name in inputs]
-    increments = _difference_steps(steps, (*states, *inputs), np.array(sizes))
-    # Columns of the point (x, u) that change: all states, and the chosen inputs among all inputs.
-    columns = list(range(len(states)))
-    columns += [len(states) + sim.inputs.index(name) for name in inputs]
-    jacobian = _differentiate(plant, outputs, columns, steps=increments, sizes=np.array(sizes))
+    jacobian = _compute_jacobian(plant, inputs, outputs, steps=steps)
     return _make_dataset(plant, tuple(inputs), tuple(outputs), jacobian=jacobian)
+
+
+def _compute_jacobian(
+    plant: Plant, inputs: Sequence[str], outputs: Sequence[str], steps: Mapping[str, float]
+) -> _Jacobian:
+    """Return the slopes of rates and outputs over all states and some inputs."""
+    names = (*plant.states, *inputs)
+    sizes = [_state_size(plant, name) for name in plant.states]
+    sizes += [_input_size(plant, name) for name in inputs]
+    increments = _difference_steps(steps, names, np.array(sizes))
+    # Columns of the point (x, u) that change: all states, and the chosen inputs among all inputs.
+    state_count = len(plant.states)
+    columns = list(range(state_count))
+    columns += [state_count + plant.sim.inputs.index(name) for name in inputs]
+    return _differentiate(plant, outputs, columns, steps=increments, sizes=np.array(sizes))
 
 
 def _difference_steps(
@@ -212,6 +217,21 @@ def _coupling(linear: xr.Dataset, states: Sequence[str]) -> float:
     neglected = np.abs(A[np.ix_(inside, ~inside)]).max(initial=0.0)
     fastest = np.abs(np.linalg.eigvals(A)).max(initial=0.0)
     return float(neglected / max(fastest, np.finfo(float).tiny))
+
+
+def _check_names(
+    sim: SimModel,
+    states: Sequence[str],
+    inputs: Sequence[str],
+    *,
+    outputs: Sequence[str],
+    steps: Iterable[str],
+) -> None:
+    """Raise UnknownName for the first name that the model does not have."""
+    _require_names(states, (*RIGID_STATES, *submodel_states(sim)), "state")
+    _require_names(inputs, sim.inputs, "input")
+    _require_names(outputs, sim.outputs, "output")
+    _require_names(steps, (*states, *inputs), "state or input")
 
 
 def _require_names(names: Iterable[str], allowed: Sequence[str], what: str) -> None:
