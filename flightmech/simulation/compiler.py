@@ -158,12 +158,12 @@ def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
     return SimModel(block)
 
 
-def changed_parameters(one: Aircraft, other: Aircraft) -> dict[str, tuple[float, float]] | None:
+def changed_parameters(first: Aircraft, second: Aircraft) -> dict[str, tuple[float, float]] | None:
     """Return the start values that differ between the models of two aircraft, with any database.
 
     Parameters
     ----------
-    one, other : Aircraft
+    first, second : Aircraft
 
     Returns
     -------
@@ -172,10 +172,10 @@ def changed_parameters(one: Aircraft, other: Aircraft) -> dict[str, tuple[float,
         start values differs: tables, names, ranges, geometry.  None also if one aircraft has no
         limit where the other has one, since such a value cannot be set. [SI]
     """
-    if not _have_equal_structure(one, other):
+    if not _have_equal_structure(first, second):
         return None
     changes = {}
-    rows = zip(_default_parameters(one), _default_parameters(other), strict=True)
+    rows = zip(_default_parameters(first), _default_parameters(second), strict=True)
     for before, after in rows:
         if before.value == after.value:
             continue

@@ -112,9 +112,9 @@ class KernelModel:
             self._entries[kind] = tuple(self._read_entries(kind))
         return self._entries[kind]
 
-    def share_entries(self, other: KernelModel) -> None:
+    def share_entries(self, source: KernelModel) -> None:
         """Use the catalogues of a model that differs in values of tables only."""
-        self._entries = other._entries
+        self._entries = source._entries
 
     def _read_entries(self, kind: int) -> Iterator[CatalogueEntry]:
         # the kernel fills the same structure for every row

@@ -109,10 +109,10 @@ class NormalSums:
         for array in self._arrays:
             array.fill(0.0)
 
-    def take_room(self, other: NormalSums) -> None:
+    def take_room(self, source: NormalSums) -> None:
         """Reuse the memory of the elimination of sums of the same size."""
-        self._elimination = other._elimination or self._elimination
-        other._elimination = None
+        self._elimination = source._elimination or self._elimination
+        source._elimination = None
 
     @property
     def cost(self) -> float:
