@@ -55,11 +55,11 @@ def tabulate_function(
         additional = {}
         for axis, x in points.items():
             # Fixed axes are evaluated as well, because the function may refuse a state.
-            is_bent = _find_bends(function, table, axis, tolerance=tolerance)
+            is_curved = _find_bends(function, table, axis, tolerance=tolerance)
             if axis in fixed:
-                is_bent = np.zeros_like(is_bent)
-            additional[axis] = 0.5 * (x[1:] + x[:-1])[is_bent]
-            is_short = np.diff(x)[is_bent] < _SHORTEST * np.ptp(x)
+                is_curved = np.zeros_like(is_curved)
+            additional[axis] = 0.5 * (x[1:] + x[:-1])[is_curved]
+            is_short = np.diff(x)[is_curved] < _SHORTEST * np.ptp(x)
             if is_short.any():
                 raise SamplingError(
                     f"it jumps near {axis} = {additional[axis][is_short][0]:.6g}; a table cannot "

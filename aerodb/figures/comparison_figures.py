@@ -27,7 +27,8 @@ from aerodb.figures.drawing import (
     foot_lines,
     reference_notes,
 )
-from aerodb.figures.figures import held_text, quantity_symbol, term_title
+from aerodb.figures.family_panels import quantity_symbol
+from aerodb.figures.figures import held_text, term_title
 from aerodb.figures.symbols import (
     axis_label,
     derivative_unit,

@@ -1,4 +1,4 @@
-"""Import of mass properties and static thrust from the DAVE-ML files beside an aerodynamic model."""
+"""Import of mass properties and static thrust from the DAVE-ML files of an aerodynamic model."""
 
 from __future__ import annotations
 

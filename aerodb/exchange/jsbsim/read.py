@@ -322,7 +322,7 @@ def _read_axis(element: Element, names: set[str]) -> tuple[str, _JsbsimAxis]:
 
 
 def _hinge_axes(aerodynamics: Element) -> Iterator[_JsbsimAxis]:
-    """Yield the hinge-moment coefficients, which `export_jsbsim` writes beside the axes."""
+    """Yield the hinge-moment coefficients, which `export_jsbsim` writes next to the axes."""
     for coefficient in HINGE:
         prefix = f"{COEFFICIENT}{coefficient}/"
         functions = []

@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from aerodb.figures.curve_families import refine_breakpoints, thin_breakpoints
+from aerodb.figures.curve_families import thin_breakpoints
+from aerodb.figures.curve_sources import refine_breakpoints
 from aerodb.figures.lr743_set.chart import Chart, ChartLine, ChartPanel, FlightPoints, NotDrawn
 from aerodb.figures.lr743_set.combinations import (
     coefficient_leaves,

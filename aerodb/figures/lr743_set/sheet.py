@@ -24,7 +24,7 @@ from aerodb.figures.drawing import (
     foot_height,
     foot_lines,
 )
-from aerodb.figures.figures import end_labels
+from aerodb.figures.family_panels import end_labels
 from aerodb.figures.lr743_set.chart import Chart, ChartLine, ChartPanel, FlightPoints
 
 _TOP, _KEY, _PANEL, _ALONE, _AXIS, _TITLE = 0.52, 0.17, 2.1, 3.6, 0.4, 0.2  # [in]
