@@ -14,7 +14,6 @@ import scipy
 import xarray as xr
 
 from aerodb.figures.curve_families import thin_breakpoints
-from aerodb.figures.lr743_set.build_up import Databases
 from aerodb.figures.lr743_set.chart import Chart, ChartLine, ChartPanel, FlightPoints, NotDrawn
 from aerodb.figures.lr743_set.combinations import (
     combine_coefficients,
@@ -29,6 +28,7 @@ from aerodb.figures.lr743_set.flown import (
     is_clean,
     is_free,
 )
+from aerodb.figures.lr743_set.lift_curves import Databases
 from aerodb.figures.symbols import (
     axis_label,
     math_symbol,

@@ -13,13 +13,11 @@ import xarray as xr
 
 from aerodb.figures.drawing import FORMATS, reference_notes, save_figure
 from aerodb.figures.lr743_set.build_up import (
-    bank_near_the_ground,
     elevator_chart,
     flap_increment,
     lift_by_mach,
     lift_intercept_chart,
     lift_slope_chart,
-    near_the_ground,
     pitch_rate,
 )
 from aerodb.figures.lr743_set.chart import Chart, NotDrawn
@@ -30,6 +28,7 @@ from aerodb.figures.lr743_set.envelope import (
     polars_clean,
 )
 from aerodb.figures.lr743_set.flown import FlightData
+from aerodb.figures.lr743_set.ground_effect import bank_near_the_ground, near_the_ground
 from aerodb.figures.lr743_set.sheet import draw_chart
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
