@@ -13,7 +13,7 @@ from click.testing import CliRunner
 import aerodb
 import flightmech
 from aerodb.cli.group import db as group
-from aerodb.figures.lr743_set import build_up, ground_effect
+from aerodb.figures.lr743_set import build_up, ground_effect, polars
 from aerodb.figures.lr743_set import envelope as trimmed
 from aerodb.figures.lr743_set.chart import Chart, ChartLine, ChartPanel, FlightPoints, NotDrawn
 from aerodb.figures.lr743_set.combinations import combine_coefficients
@@ -362,7 +362,7 @@ def test_figure_9_has_stall_one_g_lines_test_points_and_excursions(rich, aircraf
     chart = trimmed.flight_envelope_chart({"final": rich}, {"final": aircraft}, flown, buffet)
     by = lines(chart)
     stall = by["stall, trimmed, power off (final)"]
-    curve = flightmech.performance.polar(trimmed._flight(aircraft, rich, {}), 0.4)
+    curve = flightmech.performance.polar(polars.trim_configuration(aircraft, rich, {}), 0.4)
     np.testing.assert_allclose(stall.y[-1], curve["CL"].max())
     level = by["1 g, 4900 ft, 2000 kg"]
     np.testing.assert_allclose(
@@ -498,7 +498,7 @@ def test_polars_are_trimmed_and_carry_the_errors_of_lift_and_drag(rich, aircraft
         rf"$\delta_{{f}}$ = {flap} deg" for flap in (0, 20, 40)
     ]
     line = lines(chart)["$M$ = 0.2"]
-    at = trimmed._flight(aircraft, rich, {})
+    at = polars.trim_configuration(aircraft, rich, {})
     expected = flightmech.performance.polar(at, 0.2)
     np.testing.assert_allclose(line.y, np.interp(line.x, expected["CL"], expected["CD"]))
     assert (line.stderr[np.isfinite(line.stderr)] > np.hypot(0.002, 0.0005)).all()
