@@ -131,6 +131,7 @@ def curve_family(
     source = _open_source(databases, name)
     over, by, fixed = _select_variables(source, by, over, at=at)
     members = thin_breakpoints(source.points[by]) if by else (0.0,)
+    # Without a family variable the family has one curve.
     curves: dict[str, list[DatabaseCurve | None]] = {}
     for label in source.labels:
         curves[label] = []
@@ -297,6 +298,7 @@ def _select_axis(
 
 def thin_breakpoints(points: np.ndarray, most: int = MOST_MEMBERS) -> tuple[float, ...]:
     """Return at most `most` of the breakpoints, evenly distributed."""
+    # The first and the last breakpoint are always selected.
     count = min(len(points), most)
     selected = np.unique(np.linspace(0, len(points) - 1, count).round().astype(int))
     return tuple(float(x) for x in points[selected])
@@ -306,6 +308,7 @@ def _remove_repeated_members(
     members: tuple[float, ...], curves: dict[str, list[DatabaseCurve | None]]
 ) -> tuple[tuple[float, ...], dict[str, list[DatabaseCurve | None]]]:
     """Remove members whose curves repeat those of an earlier member in every database."""
+    # Each member is compared with those selected so far.
     selected: list[int] = []
     for i in range(len(members)):
         if not any(_are_same_members(curves, i, k) for k in selected):
@@ -321,6 +324,7 @@ def _are_same_members(curves: dict[str, list[DatabaseCurve | None]], i: int, k: 
 
 
 def _are_same_curves(a: DatabaseCurve | None, b: DatabaseCurve | None) -> bool:
+    # Two members outside the range of the table are equal.
     if a is None or b is None:
         return a is b
     return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in _CURVE_FIELDS)

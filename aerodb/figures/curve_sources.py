@@ -205,6 +205,7 @@ class CoefficientSource:
         x = refine_breakpoints(self.points[over])
         conditions = {**fixed, over: x}
         parts = [_evaluate_leaf(leaf, conditions, len(x)) for leaf in self.leaves[label]]
+        # C = sum of its terms; the variances of independent terms add.
         y = np.sum([value for value, _ in parts], axis=0)
         variance = np.sum([stderr**2 for _, stderr in parts], axis=0)
         return DatabaseCurve(x, y, np.sqrt(variance))
@@ -218,7 +219,7 @@ def _evaluate_leaf(
     leaf: xr.Dataset, conditions: Mapping[str, Any], count: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return values and standard errors (count,) of a term."""
-    # The values are linear in the nodes g: y = B g.
+    # The values are linear in the nodes g: y = B g. The errors follow from B as well.
     B = _terms.basis(leaf, conditions, "clamp")
     y = np.broadcast_to(B @ leaf["value"].values.ravel(), (count,))
     return y, np.broadcast_to(standard_errors(B, leaf), (count,))

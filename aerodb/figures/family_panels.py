@@ -90,8 +90,9 @@ def draw_families(page: FamilySheet, top: float) -> None:
     limits = axis_limits(curve.y for curve in f.all_curves())
     shades = colormaps["cividis"](np.linspace(0.0, 0.72, len(f.members)))
     for k, (name, pen) in enumerate(page.pens.items()):
-        left = LEFT + k * (width + label_width + RIGHT)
-        axes = page.sheet.panel(left, top, width, FAMILY_HEIGHT)
+        left_edge = LEFT + k * (width + label_width + RIGHT)
+        axes = page.sheet.panel(left_edge, top, width, FAMILY_HEIGHT)
+        # The shade distinguishes the members, the dashes the databases.
         ends = []
         for curve, member, label, shade in zip(
             f.curves[name], f.members, labels, shades, strict=True
@@ -141,6 +142,7 @@ def end_labels(
     size : (width, height)
         Size of the panel. [in]
     """
+    # Positions are shares of the height of the panel.
     (low, high), (width, height) = limits, size
     order = np.argsort([y for _, y, _ in ends], kind="stable")
     positions = np.array([(ends[i][1] - low) / (high - low) for i in order])
@@ -191,13 +193,14 @@ def draw_member(page: FamilySheet, i: int, samples: np.ndarray, top: float) -> A
     """
     f, column = page.family, i % page.columns
     width = (WIDTH - LEFT - RIGHT - (page.columns - 1) * _GAP) / page.columns
-    left = LEFT + column * (width + _GAP)
-    axes = page.sheet.panel(left, top, width, page.panel_height)
+    left_edge = LEFT + column * (width + _GAP)
+    axes = page.sheet.panel(left_edge, top, width, page.panel_height)
     # The first database is drawn last: its dots do not hide the other curves.
     for name, pen in list(page.pens.items())[::-1]:
         curve = f.curves[name][i]
         if curve is not None:
             _draw_curve(axes, f, curve, name=name, pen=pen)
+    # All members have the same scale, which shows the bands of all curves.
     bands = []
     for curve in f.all_curves():
         bands += [curve.y - curve.stderr, curve.y + curve.stderr]
@@ -209,7 +212,7 @@ def draw_member(page: FamilySheet, i: int, samples: np.ndarray, top: float) -> A
         return axes
     axes.tick_params(labelbottom=False)
     strip_top = top + page.panel_height + _STRIP_GAP
-    strip = page.sheet.panel(left, strip_top, width, page.strip_height - _STRIP_GAP)
+    strip = page.sheet.panel(left_edge, strip_top, width, page.strip_height - _STRIP_GAP)
     _draw_differences(strip, page, i)
     limits = axis_limits(_difference_range(page), zero=True)
     _set_frame(strip, f, limits, is_leftmost=column == 0)
@@ -233,6 +236,7 @@ def _draw_curve(axes: Axes, f: Family, curve: DatabaseCurve, name: str, pen: Pen
             label=f"{name} error",
         )
     axes.plot(x, curve.y, color=pen.color, linestyle=pen.dashes, linewidth=pen.width, label=name)
+    # One plot per source, because each has its own mark.
     for source, mark in MARKS.items():
         has_source = curve.node_source == source
         if has_source.any():
@@ -248,6 +252,7 @@ def _draw_curve(axes: Axes, f: Family, curve: DatabaseCurve, name: str, pen: Pen
 def _draw_differences(strip: Axes, page: FamilySheet, i: int) -> None:
     """Draw the differences to the first database, and its standard error."""
     f = page.family
+    # The first database is the line of zero difference.
     strip.axhline(0.0, color="black", linewidth=0.4)
     first, *others = page.pens
     base = f.curves[first][i]
@@ -280,6 +285,7 @@ def _difference(
     """Return abscissae and difference of a curve to the base, where both reach."""
     if base is None or curve is None:
         return np.zeros(0), np.zeros(0)
+    # The points of the curve are kept, the base is interpolated.
     x = curve.x[(curve.x >= base.x[0]) & (curve.x <= base.x[-1])]
     return x, np.interp(x, curve.x, curve.y) - np.interp(x, base.x, base.y)
 
@@ -318,6 +324,7 @@ def _draw_samples(axes: Axes, x: np.ndarray) -> None:
 
 def _set_frame(axes: Axes, f: Family, limits: tuple[float, float], is_leftmost: bool) -> None:
     """Set limits, ticks and the label of the ordinate of a panel."""
+    # All panels show the range of all databases.
     x = to_printed_unit(f.over, f.points[f.over])
     margin = 0.02 * (x[-1] - x[0]) or 1.0
     axes.set_xlim(x[0] - margin, x[-1] + margin)
@@ -326,5 +333,6 @@ def _set_frame(axes: Axes, f: Family, limits: tuple[float, float], is_leftmost: 
     axes.xaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 4, 5, 10]))
     label = f"${quantity_symbol(f)}$ [{derivative_unit(f.regressors)}]" if is_leftmost else ""
     axes.set_ylabel(label)
+    # The label is at the same distance from the axis in panels of any width.
     axes.yaxis.set_label_coords(_LABEL_PLACE / (axes.get_position().width * WIDTH), 0.5)
     axes.tick_params(labelleft=is_leftmost)

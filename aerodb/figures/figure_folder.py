@@ -64,6 +64,7 @@ def write_comparison(
         raise SchemaError("figures", [f"the format is {format!r}; allowed: {', '.join(FORMATS)}"])
     folder = Path(folder)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        # Existing figures must not be overwritten.
         raise SchemaError(
             str(folder),
             ["is there and not empty; name a new folder for the figures, or remove the old one"],

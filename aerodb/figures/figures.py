@@ -145,6 +145,7 @@ def _draw_sheet(
     databases: Mapping[str, xr.DataTree], f: Family, support: Conditions | None
 ) -> Figure:
     """Return the sheet of a family of curves."""
+    # A database without the term has no curve, but the others keep their line code.
     pens = {}
     for name, pen in database_pens(list(databases)).items():
         if name in f.curves:
@@ -204,6 +205,7 @@ def term_title(name: str) -> str:
 
 def _head_line(f: Family) -> str:
     """Return ordinate, abscissa, family variable and fixed variables."""
+    # A table of a term is multiplied by its regressors and its power factor.
     times = "".join(rf"\,{math_symbol(name)}" for name in f.regressors) + _power_symbol(f)
     line = f"${quantity_symbol(f)}$"
     if times:
@@ -235,6 +237,7 @@ def _foot_notes(
     """Return references, signs, definitions and titles of the databases."""
     coefficient, first = f.name.partition("/")[0], next(iter(pens))
     notes = reference_notes({name: databases[name] for name in pens})
+    # The definitions are one paragraph.
     sense = positive_sense(coefficient)
     definitions = f"{coefficient} positive {sense}." if sense else ""
     for name in f.regressors:
@@ -257,6 +260,7 @@ def _foot_notes(
 
 def _legend_handles(f: Family, pens: Mapping[str, Pen], has_samples: bool) -> list[Any]:
     curves = f.all_curves()
+    # The legend has only sources and bands that occur.
     sources: set[int] = set()
     for curve in curves:
         sources.update(map(int, curve.node_source))

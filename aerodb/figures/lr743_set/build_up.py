@@ -92,6 +92,7 @@ def flap_increment(databases: Databases, flown: FlightData | None, stem: str, fi
     """Return Fig. 3 or 13: increment of the lift coefficient by the flaps over angle of attack."""
 
     def curves(db: xr.DataTree) -> tuple[list[ChartLine], str]:
+        # Increment = CL(flap) - CL(clean) at the same condition.
         mach, alpha = middle_mach(db, "delta_f"), alpha_range(db)
         condition = {"alpha": alpha, **mach}
         lines = []
@@ -200,6 +201,7 @@ def _chart_over_mach(
     notes: Sequence[str] = (),
 ) -> Chart:
     """Return a chart over Mach number with one line per database."""
+    # One line per database, in its own range of Mach numbers.
     lines = []
     for i, (name, db) in enumerate(databases.items()):
         mach = refine_breakpoints(points_of(db, "CL", "mach"))

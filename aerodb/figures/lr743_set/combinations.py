@@ -59,6 +59,7 @@ def points_of(db: xr.DataTree, coefficient: str, axis: str, among: str = "") -> 
 
 def span_of(db: xr.DataTree, coefficient: str, axis: str) -> tuple[float, float]:
     """Return the range of an axis that all tables of a coefficient have in common. [SI]"""
+    # Lower and upper end of each table with the axis.
     ends = []
     for leaf in coefficient_leaves(db, coefficient):
         breakpoints = leaf_breakpoints(leaf)
@@ -74,6 +75,7 @@ def remove_moving_devices(db: xr.DataTree, coefficient: str) -> dict[str, float]
 
     Coefficients on which it depends are left out.
     """
+    # `coefficient_points` compares two sides; here the other side is empty.
     points = coefficient_points(coefficient_leaves(db, coefficient), [])
     at_rest = {}
     for name, values in points.items():
@@ -104,6 +106,7 @@ def combine_coefficients(
     """
     leaves = coefficient_leaves(db, coefficient)
     at_rest = remove_moving_devices(db, coefficient)
+    # All conditions have the same number of points.
     shapes: list[tuple[int, ...]] = [(1,)]
     for _, condition in parts:
         shapes += [np.shape(value) for value in condition.values()]
@@ -132,6 +135,7 @@ def _add_coefficients(
     arrays = {}
     for name, value in condition.items():
         arrays[name] = np.broadcast_to(np.asarray(value, float), shape)
+    # A term may depend on a coefficient, such as CL. It is evaluated at the same conditions.
     needed = set().union(*(_terms.list_model_variables(leaf) for leaf in leaves))
     coefficients = {}
     for name in needed:

@@ -101,10 +101,12 @@ def one_g_lines(
     points = points.fillna({name: 0.0 for name in _SETTINGS} | {"mass": aircraft.mass})
     if not len(points):
         return {}, []
+    # All lines have the same Mach numbers.
     low = max(_BEYOND[0] * points["mach"].min(), _LEAST_MACH)
     machs = np.linspace(low, _BEYOND[1] * points["mach"].max(), _POINTS)
     lines: dict[str, xr.Dataset] = {}
     remarks: list[str] = []
+    # Test points whose settings agree to the nearest step belong together.
     settings = [(points[name] / step).round() for name, step in _SETTINGS.items()]
     for _, group in points.groupby(settings):
         heights = group_heights(group)
@@ -138,6 +140,7 @@ def flight_envelope_chart(
     craft = aircraft_of(aircraft, name)
     point, machs = trim_configuration(craft, db, {}), points_of(db, "CL", "mach")
     machs = np.linspace(max(machs[0], 0.05), machs[-1], 24)
+    # The stall is the largest lift of the trimmed polar.
     stall_lift = np.array([float(polar(point, float(mach))["CL"].max()) for mach in machs])
     lines = [_exact_line(f"stall, trimmed, power off ({name})", machs, stall_lift, member=-1)]
     points: list[FlightPoints] = []
@@ -150,6 +153,7 @@ def flight_envelope_chart(
         for _, samples in samples_by_manoeuvre(flown, sweeps):
             points.append(sample_trace(samples, "mach", "CL"))
         description += "; grey: lift in the manoeuvres of the elevator"
+    # The figure ends above all test points and the stall, 1 g lines are cut there.
     largest = [float(item.y.max()) for item in points if len(item.y)]
     top = _TOP * max([*stall_lift.tolist(), *largest])
     for i, (h, mass) in enumerate(levels):
@@ -220,6 +224,7 @@ def elevator_sweep_chart(databases: Databases, flown: FlightData | None) -> Char
             "`aeromatch match` wrote"
         )
     name, db = list(databases.items())[-1]
+    # Heights are grouped over all manoeuvres in free air, not only over the sweeps.
     rows = flown.manoeuvres[is_free(flown.manoeuvres)]
     rows = rows.assign(height=group_heights(rows))
     sweeps: dict[str, list[tuple[float, ChartLine, FlightPoints]]] = {}
@@ -279,6 +284,7 @@ def _sweep_curves(
 ) -> tuple[float, ChartLine, FlightPoints]:
     """Return the Mach number of a sweep to the nearest step, the database and the samples."""
     mach = float(np.round(np.round(row["mach"] / _MACH_STEP) * _MACH_STEP, 2))
+    # The database at the mean condition of the sweep, over its angles of attack.
     means = samples.mean(numeric_only=True)
     condition = {}
     for name in remove_moving_devices(db, "CL"):
@@ -296,6 +302,7 @@ def polars_clean(databases: Databases, aircraft: Aircrafts, flown: FlightData | 
     panels = []
     for name, db in databases.items():
         point = trim_configuration(aircraft_of(aircraft, name), db, {})
+        # Lift is the ordinate, so the band of drag is horizontal.
         lines = []
         for i, curve in enumerate(trimmed_polars(point, db)):
             lines.append(
@@ -335,6 +342,7 @@ def drag_polars(databases: Databases, aircraft: Aircrafts, flown: FlightData | N
     """Return the chart of drag over lift coefficient by Mach number, a panel per flap setting."""
     name, db = list(databases.items())[-1]
     craft = aircraft_of(aircraft, name)
+    # Without flaps in the tables there is one panel.
     try:
         flaps = points_of(db, "CL", "delta_f")
     except NotDrawn:

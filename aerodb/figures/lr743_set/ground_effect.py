@@ -84,6 +84,7 @@ def _alpha_around(points: Sequence[FlightPoints], alpha: np.ndarray) -> np.ndarr
     """Return the range of angles of attack around the samples, or of the tables. [rad]"""
     if not points:
         return alpha
+    # The abscissae of points are in degrees.
     ends = []
     for item in points:
         ends += [np.radians(np.min(item.x)), np.radians(np.max(item.x))]
@@ -220,6 +221,7 @@ def _rolling_moment_points(
     """Return the rolling moment of a low pass without all terms that act at zero bank."""
     db = list(databases.values())[-1]
     samples = _samples_of_pass(flown, mean)
+    # All terms at zero bank are subtracted; the rest is the effect of bank near the ground.
     condition = {}
     for name in {*remove_moving_devices(db, "Cl"), "CL"}:
         if name in samples:

@@ -69,6 +69,7 @@ def lr743_charts(
     A maker raises `NotDrawn` with the missing data.  Figs. 1 and 2 show the databases over each
     other, Figs. 3 and 4 the first (a priori), Figs. 13 to 15 the last (final).
     """
+    # A single database is both the a-priori and the final one.
     names = list(databases)
     prior = {names[0]: databases[names[0]]}
     final = {names[-1]: databases[names[-1]]}
@@ -166,6 +167,7 @@ def write_lr743(
     notes = reference_notes(databases)
     if sources:
         notes = [f"Data: {sources}.", *notes]
+    # A figure that cannot be drawn is reported, and the others are written.
     written = []
     with folder_written_atomically(folder) as part:
         for number, title, make in lr743_charts(databases, aircraft, flown, buffet):
@@ -207,6 +209,7 @@ def _write_table(path: Path, number: str, flown: FlightData | None) -> str:
     if flown is None:
         return _NO_FLIGHTS
     table = flown.submodels if number == "1" else flown.ground
+    # Only the table of the ground effect may be empty.
     if table.empty:
         return "the project has no section [ground_effect]"
     table.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")

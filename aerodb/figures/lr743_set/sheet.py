@@ -64,6 +64,7 @@ def draw_chart(chart: Chart, aircraft: str, notes: Sequence[str] = ()) -> Figure
 def _draw_sheet(chart: Chart, aircraft: str, notes: list[str]) -> Figure:
     handles = _legend_handles(chart)
     count = len(chart.panels)
+    # Rows of panels and rows of the legend; the height of the sheet follows from them.
     columns = min(count, _COLUMNS)
     rows, key_rows = -(-count // columns), -(-len(handles) // _KEYS)
     panel_height = _ALONE if count == 1 else _PANEL
@@ -81,8 +82,8 @@ def _draw_sheet(chart: Chart, aircraft: str, notes: list[str]) -> Figure:
     width = (WIDTH - LEFT - label_width - (columns - 1) * gap) / columns
     for k, panel in enumerate(chart.panels):
         row, column = divmod(k, columns)
-        left = LEFT + column * (width + gap)
-        axes = sheet.panel(left, top + title_height + row * row_height, width, panel_height)
+        left_edge = LEFT + column * (width + gap)
+        axes = sheet.panel(left_edge, top + title_height + row * row_height, width, panel_height)
         _draw_panel(axes, chart, panel, limits=limits, size=(width, panel_height))
         is_lowest = k + columns >= count
         axes.set_xlabel(chart.x_label if is_lowest else "", labelpad=1)
@@ -125,6 +126,7 @@ def _draw_panel(
     axes.xaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 4, 5, 10]))
     axes.yaxis.set_major_locator(MaxNLocator(7))
     axes.set_title(panel.title, fontsize=7.5, loc="left", pad=3)
+    # Points are below the lines of the database.
     for points in panel.points:
         _draw_points(axes, chart, points)
     for line, looks in zip(panel.lines, _line_looks(chart, panel.lines), strict=True):
@@ -167,6 +169,7 @@ def _line_end(
     line: ChartLine, high_x: float, y_limits: tuple[float, float]
 ) -> tuple[float, float, str]:
     """Return the last point of a line inside the axes, and its short label."""
+    # The label belongs to the last point that the axes show.
     is_inside = (line.x <= high_x) & (line.y >= y_limits[0]) & (line.y <= y_limits[1])
     inside = np.flatnonzero(is_inside & np.isfinite(line.y))
     last = inside[-1] if len(inside) else -1
@@ -214,6 +217,7 @@ def _all_points(chart: Chart) -> list[FlightPoints]:
 def _member_colour(chart: Chart, member: int) -> Any:
     if member < 0 or member == BOUNDARY:
         return _BLACK
+    # From dark to light; the lightest shades are not used.
     if _has_scale(chart):
         count = 1 + max((line.member for line in _all_lines(chart)), default=0)
         return colormaps["cividis"](0.72 * member / max(count - 1, 1))
@@ -273,6 +277,7 @@ def _draw_points(axes: Axes, chart: Chart, points: FlightPoints) -> None:
 
 def _legend_handles(chart: Chart) -> list[Any]:
     """Return the legend: lines without a label at their end, kinds of points, the band."""
+    # Equal labels have one entry, that of their first occurrence.
     handles: dict[str, Any] = {}
     for panel in chart.panels:
         if panel.by:
@@ -321,6 +326,7 @@ def _chart_limits(chart: Chart) -> Limits:
     points = [item for item in _all_points(chart) if len(item.x)]
     curves: list[ChartLine | FlightPoints] = [*lines, *points]
     low_x, high_x = axis_limits([item.x for item in curves], zero=chart.x_zero)
+    # A horizontal band does not extend the ordinate.
     bands = []
     for line in lines:
         stderr = line.stderr * (not line.is_across)
