@@ -155,7 +155,7 @@ class _DifferenceMap:
 
     def hatch(self, axes: Axes, ratio: np.ndarray) -> None:
         """Hatch the map where the difference is more than two standard errors."""
-        # A level above the largest ratio closes the hatched range.
+        # The second level is above the largest ratio, so that all of the range is hatched.
         worst = float(np.nanmax(np.abs(ratio)))
         if worst > _FAR:
             x, y = self.sides()

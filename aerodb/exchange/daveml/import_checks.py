@@ -63,13 +63,7 @@ def compare_with_model(
     for quantity in source.quantities.values():
         states.setdefault(quantity, np.zeros(count))
 
-    # Inputs without a quantity do not enter the terms. They are zero in the model.
-    inputs = _states_in_file_units(model, source.quantities, states)
-    for varID in model.inputs:
-        if varID not in source.quantities:
-            inputs[varID] = np.zeros(())
-    outputs = model.evaluate(inputs)
-
+    outputs = model.evaluate(_states_in_file_units(source, states))
     sampled = {name.split("/")[0] for name, leaf in terms(db).items() if "sampled" in leaf.attrs}
     problems = []
     differences: dict[str, float] = {}
@@ -102,13 +96,19 @@ def compare_with_model(
 
 
 def _states_in_file_units(
-    model: DaveModel, quantities: Mapping[str, str], states: Mapping[str, np.ndarray]
+    source: ImportedModel, states: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
+    """Return states in SI as inputs of the model, by varID in the units of the file."""
+    model = source.model
     inputs = {}
-    for varID, quantity in quantities.items():
+    for varID, quantity in source.quantities.items():
         if quantity in states:
             factor, offset = file_unit_conversion(model.variables[varID], quantity)
             inputs[varID] = factor * states[quantity] + offset
+    # Inputs without a quantity do not enter the terms. They are zero in the model.
+    for varID in model.inputs:
+        if varID not in source.quantities:
+            inputs[varID] = np.zeros(())
     return inputs
 
 

@@ -244,20 +244,27 @@ def partial_residuals(db: xr.DataTree, flown: FlightData, name: str) -> pd.DataF
         is_excited = size > _EXCITED**2 * excitation.max()
         if selected.sum() < _LEAST or not is_excited:
             continue
-        estimate, stderr = _fit_slope(x[selected], y[selected])
-        row = {}
-        for key in samples:
-            if key not in ("manoeuvre", "time"):
-                row[key] = float(np.average(samples[key][selected], weights=x[selected] ** 2))
         manoeuvre_row = flown.manoeuvres.loc[[manoeuvre]].iloc[0]
-        row |= {
-            "record": manoeuvre_row["record"],
-            "label": manoeuvre_row["label"],
-            "estimate": estimate,
-            "stderr": stderr,
-        }
-        rows.append(row)
+        rows.append(_residual_row(manoeuvre_row, samples[selected], x[selected], y[selected]))
     return pd.DataFrame(rows)
+
+
+def _residual_row(
+    manoeuvre: pd.Series, samples: pd.DataFrame, x: np.ndarray, y: np.ndarray
+) -> dict[str, float | str]:
+    """Return the estimate of one manoeuvre, and the weighted means of its samples."""
+    row: dict[str, float | str] = {}
+    for key in samples:
+        if key not in ("manoeuvre", "time"):
+            row[str(key)] = float(np.average(samples[key], weights=x**2))
+    estimate, stderr = _fit_slope(x, y)
+    row |= {
+        "record": manoeuvre["record"],
+        "label": manoeuvre["label"],
+        "estimate": estimate,
+        "stderr": stderr,
+    }
+    return row
 
 
 def _sample_conditions(db: xr.DataTree, samples: pd.DataFrame) -> dict[str, np.ndarray]:
