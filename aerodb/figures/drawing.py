@@ -211,7 +211,8 @@ def save_figure(figure: Figure, path: str | os.PathLike) -> None:
     figure : matplotlib Figure
         From `plot_term`, `plot_comparison` or `plot_difference`.
     path : path
-        The file.  Its suffix determines the format: ``.svg``, ``.png`` (200 dots per inch) or ``.pdf``.
+        The file.  Its suffix determines the format: ``.svg``, ``.png`` (200 dots per inch) or
+        ``.pdf``.
 
     Raises
     ------

@@ -152,7 +152,7 @@ def _read_mass_properties(model: DaveModel, inputs: Mapping[str, float]) -> dict
 
 @dataclass(frozen=True)
 class _ThrustModel:
-    """A propulsion file: its thrust output and, per quantity, (input, factor, offset) to its unit."""
+    """A propulsion file: thrust output, and (input, factor, offset) by quantity."""
 
     model: DaveModel
     output: str

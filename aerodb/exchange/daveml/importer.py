@@ -232,7 +232,7 @@ def _warn_unnamed_inputs(
     names: Mapping[str, str],
     leaves: Mapping[str, xr.Dataset],
 ) -> str:
-    """Warn of inputs that neither the caller nor the vocabulary names; return the remark or ``""``."""
+    """Warn of inputs without a quantity; return the warning as a remark, or ``""``."""
     # An input that no term uses needs no quantity.
     used = set().union(*(list_model_variables(leaf) for leaf in leaves.values()))
     unnamed = []

@@ -78,7 +78,7 @@ class Sampler:
         return self._sample_values(f"part of {label}", names, evaluate, weight=weight)
 
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Return the range (low, high) of each quantity that was sampled or that has tables. [SI]"""
+        """Return the range (low, high) of each quantity with samples or tables. [SI]"""
         ranges: dict[str, tuple[float, float]] = {}
         for name in self.quantities.values():
             try:

@@ -32,7 +32,7 @@ _LOOKUPS = ("axis4", "table", "row", "column")
 
 
 def read_jsbsim_table(element: Element) -> tuple[list[str], list[np.ndarray], np.ndarray]:
-    """Return properties, breakpoints and nodes of a ``<table>``, from the outermost axis inwards."""
+    """Return properties, breakpoints and nodes of a ``<table>``, the outermost axis first."""
     axes = element.all("independentVar")
     data = element.all("tableData")
     if not axes or not data:

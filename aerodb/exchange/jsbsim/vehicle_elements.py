@@ -93,7 +93,7 @@ def write_engines(root: ET.Element, aircraft: Aircraft) -> None:
 
 @dataclass(frozen=True)
 class Propulsion:
-    """Static thrust of the engines as terms by ``engine1/thrust``; `native` as in `table_element`."""
+    """Static thrust of the engines as terms; `native` as in `table_element`."""
 
     thrusts: Mapping[str, xr.Dataset]
     native: bool
@@ -102,7 +102,7 @@ class Propulsion:
 def write_flight_control(
     root: ET.Element, aircraft: Aircraft, used: Collection[str], propulsion: Propulsion
 ) -> None:
-    """Write the scaling of the commands of all controls in `used`, and the thrust of the engines."""
+    """Write the scaling of the commands in `used`, and the thrust of the engines."""
     control = ET.SubElement(root, "flight_control", name=aircraft.name)
     for number, engine in enumerate(aircraft.engines, 1):
         _declare_property(control, throttle_property(number))

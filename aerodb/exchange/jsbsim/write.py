@@ -3,11 +3,11 @@
 Every term is a function ``aero/coefficient/CL/gear`` below its axis: dynamic pressure times area
 (times chord or span) times regressors times tables.  Force axes:
 
-==========  =========================================================================================
+==========  ====================================================================================
 stability   ``X``, ``Y``, ``Z`` with ``frame="STABILITY"``; JSBSim takes +CD as X and +CL as Z
 wind        ``DRAG``, ``SIDE``, ``LIFT``
 body        ``X``, ``Y``, ``Z`` with ``frame="BODY"``, unchanged
-==========  =========================================================================================
+==========  ====================================================================================
 
 Moments are in body axes about ``AERORP``, the moment reference point.  JSBSim holds tables beyond
 their ends, like terms with ``outside`` = ``hold``.

@@ -77,7 +77,8 @@ class ChartPanel:
     points : sequence of FlightPoints
         Points from flight.
     by : str
-        Symbol of the variable that distinguishes the lines, above the labels at their ends: ``$M$``.
+        Symbol of the variable that distinguishes the lines, such as ``$M$``.  It is above the
+        labels at their ends.
     """
 
     title: str

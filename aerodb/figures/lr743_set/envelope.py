@@ -1,4 +1,4 @@
-"""Figures 9 to 11 of LR-743 and drag polars: flight envelope and trimmed polars, with test points."""
+"""Figures 9 to 11 of LR-743 and drag polars: flight envelope and trimmed polars."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def one_g_lines(
 def flight_envelope_chart(
     databases: Databases, aircraft: Aircrafts, flown: FlightData | None, buffet: pd.DataFrame | None
 ) -> Chart:
-    """Return Fig. 9: clean test points over Mach number, 1 g lines, stall, buffet, lift excursions."""
+    """Return Fig. 9: clean test points over Mach number, 1 g lines, stall and buffet."""
     name, db = list(databases.items())[-1]
     craft = aircraft_of(aircraft, name)
     point, machs = trim_configuration(craft, db, {}), points_of(db, "CL", "mach")

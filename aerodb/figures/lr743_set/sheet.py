@@ -1,4 +1,4 @@
-"""Drawing of a chart of the LR-743 set: panels in equal scales, bands, labels, points from flight."""
+"""Drawing of a chart of the LR-743 set: panels, bands, labels, points from flight."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ def _line_end(
 
 
 def short_label(label: str) -> str:
-    """Return the number of a label ``$M$ = 0.3``, with the unit of a height, or the label itself."""
+    """Return the number of a label ``$M$ = 0.3``, or a label without a number."""
     value = label.rpartition(" = ")[2]
     return value.removesuffix(" deg") if " = " in label else value
 

@@ -355,7 +355,7 @@ class DaveModel:
         return varID, expected, computed, tolerance, bool(passed), note
 
     def _convert_or_note(self, signal: Signal) -> tuple[Signal, str]:
-        """Return a signal in the unit of its variable, or unchanged with the reason of a failure."""
+        """Return a signal in the unit of its variable, or unchanged with the reason."""
         try:
             return self.converted(signal), ""
         except UnitError as error:

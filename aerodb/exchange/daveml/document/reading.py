@@ -263,7 +263,7 @@ class _DaveReader:
         )
 
     def _table_element(self, definition: Element) -> Element:
-        """Return the element of the table of a functionDefn: a child, or the target of a reference."""
+        """Return the table of a functionDefn: a child, or the target of a reference."""
         reference = definition.first("griddedTableRef", "ungriddedTableRef")
         if reference is None:
             return definition.need(
