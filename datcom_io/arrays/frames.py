@@ -23,7 +23,7 @@ from datcom_io.cells import BLANK, FLAGS, OK, read_cells
 from datcom_io.printout.content import Page, PrintedCase, paused_collection
 from datcom_io.printout.layouts import BY_NAME
 from datcom_io.printout.rows import PrintedColumn
-from datcom_io.printout.tables import PrintedTable, Values
+from datcom_io.printout.tables import PrintedTable, PrintedValues
 from flightmech.support.atomic_write import written_atomically
 
 AXES = ("alpha", "delta", "delta_left", "delta_right", "delta_difference")
@@ -148,7 +148,7 @@ class _Gathered:
             if isinstance(item, PrintedTable):
                 self._add_heading(item, place)
                 self._add_table(case, item, place)
-            elif isinstance(item, Values):
+            elif isinstance(item, PrintedValues):
                 self._add_values(item, place)
 
     def _strip(
@@ -197,7 +197,7 @@ class _Gathered:
         self._override("value", start, values)
         self._override(across.quantity, start, values)
 
-    def _add_values(self, group: Values, place: _PageFacts) -> None:
+    def _add_values(self, group: PrintedValues, place: _PageFacts) -> None:
         start = self.count
         self.rows.append((group.texts,))
         self._strip(group.name, group.lines, len(group.lines), self._pattern(_ALONE, 0), place)
@@ -413,7 +413,7 @@ def _placed(part: pd.DataFrame, page: Page) -> pd.DataFrame:
     return part
 
 
-def _labelled(group: Values) -> pd.DataFrame:
+def _labelled(group: PrintedValues) -> pd.DataFrame:
     """Return a group of ``label = value`` as one row per value."""
     units = group.units or ("",) * len(group.labels)
     return pd.DataFrame(

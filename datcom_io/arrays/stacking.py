@@ -14,7 +14,7 @@ from datcom_io.cells import ABSENT, BLANK, FILLED, FLAGS, OK, is_number_flag
 from datcom_io.printout.content import Page, PrintedCase
 from datcom_io.printout.layouts.notes import FOOTNOTE_WORDS, list_footnote_words
 from datcom_io.printout.rows import PrintedColumn
-from datcom_io.printout.tables import PrintedTable, Values
+from datcom_io.printout.tables import PrintedTable, PrintedValues
 from flightmech.errors import ParseError
 from flightmech.names import VOCABULARY, quantity_attributes
 from flightmech.units import DEGREE, parse_unit
@@ -160,7 +160,7 @@ class Stacker:
             if page.first in self.spots
         ]
 
-    def placed_values(self, name: str) -> list[tuple[PagePlace, Page, Values]]:
+    def placed_values(self, name: str) -> list[tuple[PagePlace, Page, PrintedValues]]:
         """Return place, page and group of every group of a kind that has a place."""
         return [
             (self.spots[page.first], page, group)

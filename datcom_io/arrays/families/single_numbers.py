@@ -14,7 +14,7 @@ from datcom_io.arrays.stacking import LeafBuilder, Stacker
 from datcom_io.cells import ABSENT, OK, SUSPECT
 from datcom_io.printout.content import Page
 from datcom_io.printout.rows import PrintedColumn
-from datcom_io.printout.tables import PrintedTable, Values
+from datcom_io.printout.tables import PrintedTable, PrintedValues
 from flightmech.errors import ParseError
 from flightmech.names import VOCABULARY, quantity_attributes
 
@@ -35,7 +35,7 @@ Item = tuple[tuple[int, ...], Page, Numbers]
 """Index along the dimensions, page and numbers."""
 
 
-def labelled_numbers(group: Values, subject: str = "") -> dict[str, PrintedNumber]:
+def labelled_numbers(group: PrintedValues, subject: str = "") -> dict[str, PrintedNumber]:
     """Return the numbers of a group; with a subject only those whose labels begin with it, without
     it.
     """

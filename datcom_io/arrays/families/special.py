@@ -19,7 +19,7 @@ from datcom_io.cells import ABSENT
 from datcom_io.printout.content import Page
 from datcom_io.printout.layouts.special import HYPERSONIC, HYPERSONIC_FROM
 from datcom_io.printout.rows import PrintedColumn
-from datcom_io.printout.tables import PrintedTable, Values
+from datcom_io.printout.tables import PrintedTable, PrintedValues
 from flightmech.errors import ParseError
 from flightmech.units import FOOT
 
@@ -186,7 +186,7 @@ def stack_weight(stacker: Stacker) -> LeafBuilder | None:
     units = "lbf"
     for condition, page in first.items():
         groups = [
-            group for group in page.printed if isinstance(group, Values) and group.name == "weight"
+            group for group in page.printed if isinstance(group, PrintedValues) and group.name == "weight"
         ]
         items.append(
             (
@@ -248,7 +248,7 @@ def _condition(
 def _header(page: Page) -> dict[str, float]:
     """Return the numbers of the heading of a hypersonic page. [as printed]"""
     groups = [
-        group for group in page.printed if isinstance(group, Values) and group.name == "hypersonic"
+        group for group in page.printed if isinstance(group, PrintedValues) and group.name == "hypersonic"
     ]
     return {
         label: number.value for group in groups for label, number in labelled_numbers(group).items()
@@ -294,7 +294,7 @@ def _axis(
     return StackedAxis(name, values, "deg")
 
 
-def _places(stacker: Stacker, group: Values, label: str) -> list[int]:
+def _places(stacker: Stacker, group: PrintedValues, label: str) -> list[int]:
     """Return where the columns of a row of the jet page stand in its group."""
     at = [k for k, other in enumerate(group.labels) if other == label]
     if at and group.lines[at[-1]] != group.lines[at[0]]:
@@ -307,7 +307,7 @@ def _places(stacker: Stacker, group: Values, label: str) -> list[int]:
     return at
 
 
-def _times(stacker: Stacker, groups: list[Values]) -> list[float]:
+def _times(stacker: Stacker, groups: list[PrintedValues]) -> list[float]:
     """Return the deck's times, or the printed ones without a deck; all pages must agree with them.
     [s]
     """
