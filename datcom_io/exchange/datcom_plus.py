@@ -27,7 +27,7 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 
-from datcom_io.arrays.stacking import LeafBuilder
+from datcom_io.arrays.leaves import LeafBuilder
 from datcom_io.cells import BLANK, FILLED, NA, NDM, OK, SENTINEL, read_cell
 from datcom_io.printout.layouts import BY_NAME
 from datcom_io.printout.rows import PrintedColumn
@@ -149,7 +149,7 @@ def read_datcom_plus_csv(
         add(file, found, block, quantity, deriv)
     if "elevator" in leaves:
         leaves["elevator"].attrs["surface"] = "tail"
-    made = {name: leaf.dataset() for name, leaf in leaves.items()}
+    made = {name: leaf.to_dataset() for name, leaf in leaves.items()}
     if other:
         made["other"] = _others(other)
     root = xr.Dataset(attrs={"file": file, "deriv": deriv, "remarks": "\n".join(remarks)})

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from datcom_io.arrays.conditions import LOW_ASPECT_RATIO, printed_name
-from datcom_io.arrays.stacking import LeafBuilder
+from datcom_io.arrays.leaves import LeafBuilder
 from datcom_io.cells import ABSENT, FILLED, NDM, OK
 from datcom_io.decks.deck import DIMENSIONS
 from datcom_io.exchange.matlab_fields import (
@@ -330,7 +330,7 @@ class _Case:
                 made.coords[name] = _coordinate(alike[0])
             else:
                 _add_variable(made, alike, parts)
-        found = made.dataset()
+        found = made.to_dataset()
         axes = {
             axis: points
             for axis in found.dims

@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from datcom_io.arrays.conditions import printed_name
-from datcom_io.arrays.stacking import LONG_NAMES, LeafBuilder
+from datcom_io.arrays.leaves import LONG_NAMES, LeafBuilder
 from datcom_io.cells import ABSENT, BLANK, FILLED, OK, SUSPECT
 from datcom_io.exchange.plot_records import CONFIGURATIONS, PlotCase, PlotRecord, read_records
 from datcom_io.printout.layouts import BY_NAME
@@ -144,7 +144,7 @@ def _case_tree(case: PlotCase, file: str, name: str) -> xr.DataTree:
     }
     leaves["ground"] = _ground(case)
     root = xr.Dataset(attrs=_attrs(case, file, name))
-    made = {key: leaf.dataset() for key, leaf in leaves.items() if leaf is not None}
+    made = {key: leaf.to_dataset() for key, leaf in leaves.items() if leaf is not None}
     records = {"records": _records(case, "condition", _conditions(case))}
     if "ground" in made:
         over_ground = [page for pages in _by_condition(case) for page in pages[1:]]
@@ -423,7 +423,7 @@ def _symflp(case: PlotCase) -> LeafBuilder | None:
     found.add(_DCDI, ("condition", "alpha", "delta"), value.swapaxes(1, 2), flag.swapaxes(1, 2))
     found["dCDi"].attrs["long_name"] = "increment of the induced-drag coefficient"
     surface = "tail" if case.logicals["WGPL"] and case.logicals["HTPL"] else "wing"
-    return found.described({}, surface=surface)
+    return found.describe({}, surface=surface)
 
 
 def _records(case: PlotCase, dim: str, pages: list[dict[str, PlotRecord]]) -> xr.Dataset:
@@ -435,7 +435,9 @@ def _records(case: PlotCase, dim: str, pages: list[dict[str, PlotRecord]]) -> xr
         _add_record(found, name, [record], ())
     for name in dict.fromkeys(name for page in pages for name in page):
         _add_record(found, name, [page.get(name) for page in pages], (dim,))
-    return found.described({}, units="feet, pounds, degrees Rankine, degrees, per degree").dataset()
+    return found.describe(
+        {}, units="feet, pounds, degrees Rankine, degrees, per degree"
+    ).to_dataset()
 
 
 def _add_record(

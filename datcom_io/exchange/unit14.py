@@ -25,7 +25,7 @@ import numpy as np
 import xarray as xr
 
 from datcom_io.arrays.conditions import printed_name
-from datcom_io.arrays.stacking import LeafBuilder
+from datcom_io.arrays.leaves import LeafBuilder
 from datcom_io.cells import BLANK, FILLED, OK, SENTINEL, read_cell
 from datcom_io.printout.layouts import BY_NAME
 from flightmech.errors import ParseError
@@ -198,4 +198,4 @@ def _static(runs: list[_Unit14Run]) -> xr.Dataset:
         found.add(
             column, ("run", "alpha"), value / (DEGREE if column.units == "1/angle" else 1.0), flag
         )
-    return found.dataset()
+    return found.to_dataset()
