@@ -341,7 +341,7 @@ def printed_name(made_of: frozenset[str]) -> str:
     if len(made_of) == 1:
         (part,) = made_of
         return _ALONE.get(part, names[part])
-    order = _ORDER
+    order: tuple[str, ...] = _ORDER
     if made_of == _PLAIN_AEROPLANE:
         order = _PLAIN_ORDER
     return "-".join(names[part] for part in order if part in made_of)

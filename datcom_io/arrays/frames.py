@@ -96,7 +96,7 @@ def _table_units(table: PrintedTable, page: Page) -> dict[str, str]:
 
 def _add_page_columns(part: pd.DataFrame, page: Page) -> pd.DataFrame:
     """Put the columns that name the page behind the line numbers."""
-    values = (
+    values: tuple[str | float, ...] = (
         page.configuration,
         page.condition("mach"),
         page.condition("h"),

@@ -19,6 +19,7 @@ from datcom_io.printout.layouts.fairing import (
     WHOLE_AIRCRAFT,
     WITH_BODY,
 )
+from datcom_io.printout.rows import PrintedColumn
 
 
 def stack_fairing(stacker: Stacker) -> LeafBuilder | None:
@@ -51,7 +52,7 @@ def stack_fairing(stacker: Stacker) -> LeafBuilder | None:
             numbers = labelled_numbers(group, subject)
             if numbers:
                 items.append(((spot.condition, k), page, numbers))
-    columns = {}
+    columns: dict[str, PrintedColumn] = {}
     for form in (*SURFACE, *WITH_BODY):
         columns |= {column.quantity: column for column in form.numbers}
     sheet.add(columns.values(), ("condition", "configuration"), items)
