@@ -141,7 +141,8 @@ class _CardReader:
             self.report(
                 line,
                 ERROR,
-                f"{body.split()[0]}: & opens no namelist in this program, which ignores it; write $",
+                f"{body.split()[0]}: & opens no namelist in this program, which ignores it; "
+                f"write $",
             )
             self._begin_namelist(line, "", "")
         else:

@@ -301,9 +301,9 @@ def _resolve_namelists(items: Sequence[Item]) -> dict[str, Variables]:
         if isinstance(item, Card):
             continue
         resolved.pop(_REPLACES.get(item.name, ""), None)
-        other = _HIDES.get(item.name, "")
-        if other in resolved:
-            hidden[other] = resolved.pop(other)
+        hidden_name = _HIDES.get(item.name, "")
+        if hidden_name in resolved:
+            hidden[hidden_name] = resolved.pop(hidden_name)
         group = resolved.setdefault(item.name, hidden.pop(item.name, {}))
         for assignment in item.assignments:
             values = group.setdefault(assignment.variable, [])

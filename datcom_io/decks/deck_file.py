@@ -107,10 +107,10 @@ def read_deck(source: str | os.PathLike[str] | Iterable[str]) -> DeckFile:
     if cards:
         _add_last_case(cases, cards, text)
     if not cases:
-        found = "an empty file"
+        problem = "an empty file"
         if text.line_count:
-            found = "no card"
-        raise ParseError(file, 0, found, _DECK)
+            problem = "no card"
+        raise ParseError(file, 0, problem, _DECK)
     if text.comments or file.lower().endswith(".dcm"):
         cases = _repeat_cards(cases, text)
     return DeckFile(file, tuple(cases), tuple(text.comments), tuple(text.findings))
@@ -284,7 +284,9 @@ def _find_problems(case: Deck) -> Iterator[str]:
     """Yield everything in a case that no card can hold."""
     for card in case.cards:
         if not card.text.isprintable() or any(ord(letter) > 255 for letter in card.text):
-            yield f"{card.name} holds {card.text!r}; a card holds printable characters of ISO 8859-1"
+            yield (
+                f"{card.name} holds {card.text!r}; a card holds printable characters of ISO 8859-1"
+            )
         most = CARD_COLUMNS - len(card.name) - 1
         if card.name == "CASEID":
             most = CASEID_COLUMNS
