@@ -51,8 +51,9 @@ def check_deck(
     findings: list[DeckFinding] = []
     if isinstance(deck, DeckFile):
         findings += deck.findings
-    cases = [deck]
-    if not isinstance(deck, Deck):
+    if isinstance(deck, Deck):
+        cases = [deck]
+    else:
         cases = list(deck)
     for case in cases:
         findings += check_case(case)

@@ -263,8 +263,9 @@ def write_deck(
 
 def deck_text(deck: DeckFile | Deck | Iterable[Deck], *, resolved: bool = False) -> str:
     """Return the text that `write_deck` writes."""
-    cases = [deck]
-    if not isinstance(deck, Deck):
+    if isinstance(deck, Deck):
+        cases = [deck]
+    else:
         cases = list(deck)
     problems: list[str] = []
     lines: list[str] = []

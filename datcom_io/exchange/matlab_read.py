@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -332,9 +332,9 @@ def _tidy_leaf(case: CaseStructure, dataset: xr.Dataset, leaf: str) -> xr.Datase
     if leaf not in _BY_CONFIGURATION:
         return dataset
     present = np.zeros(dataset.sizes["configuration"], bool)
-    for name in dataset.data_vars:
-        if str(name).endswith("_flag"):
-            flag = dataset[name] != ABSENT
+    for key in dataset.data_vars:
+        if str(key).endswith("_flag"):
+            flag = dataset[key] != ABSENT
             inner_dims = [dim for dim in flag.dims if dim != "configuration"]
             present |= flag.any(inner_dims).values
     dataset = dataset.isel(configuration=np.flatnonzero(present))
@@ -370,24 +370,24 @@ def _add_variable(
     field, dims = alike[0].field, alike[0].dims
     names = " ".join(part.field.name for part in alike[:2])
     column = PrintedColumn(names, 0, 0, field.quantity, field.units)
-    if not field.at:
+    if not field.labels:
         builder.add(column, ("condition", *dims), alike[0].values, alike[0].flags)
         return
     # Labels along each axis: those that some field of the leaf has.
     present = set()
     for part in parts:
         if (part.flags != ABSENT).any():
-            present |= set(part.field.at)
+            present |= set(part.field.labels)
     labels = {}
-    for axis, _ in field.at:
+    for axis, _ in field.labels:
         labels[axis] = [label for label in LABELS[axis] if (axis, label) in present]
     sizes = [len(names_of_axis) for names_of_axis in labels.values()]
     first = alike[0].values
     values, flags = empty_cells((len(first), *sizes, *first.shape[1:]))
     for part in alike:
-        if not present.issuperset(part.field.at):
+        if not present.issuperset(part.field.labels):
             continue
-        index = tuple(labels[axis].index(label) for axis, label in part.field.at)
+        index: list[Any] = [labels[axis].index(label) for axis, label in part.field.labels]
         values[(slice(None), *index)] = part.values
         flags[(slice(None), *index)] = part.flags
     builder.add(column, ("condition", *labels, *dims), values, flags)

@@ -317,7 +317,7 @@ class _FieldArrays(NamedTuple):
 
 def _select_labels(leaf: xr.Dataset, field: Field) -> xr.Dataset | None:
     """Return the part of a leaf that a field has in its name, None where it is not printed."""
-    for axis, label in field.at:
+    for axis, label in field.labels:
         if axis not in leaf.dims:
             # One label alone is a scalar coordinate.
             if str(leaf[axis].values) != label:
