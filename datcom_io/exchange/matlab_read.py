@@ -301,7 +301,7 @@ def _configuration_names(case: CaseStructure, size: int) -> list[str]:
     upright = case.parts & {"vertical", "fin"}
     names = []
     for made_of in BUILD:
-        # A vertical tail beside other parts is printed with the ventral fin.
+        # A vertical tail with other parts is printed with the ventral fin.
         if len(made_of) > 1 and "vertical" in made_of:
             made_of = made_of | upright
         names.append(printed_name(made_of))

@@ -344,7 +344,7 @@ def _order_dims(item: xr.DataArray, dims: list[str], count: int) -> np.ndarray:
 def configuration_index(configuration: str) -> int | None:
     """Return the index of a configuration along ``build``, None where it has none."""
     made_of = parse_configuration(configuration)
-    # Fins and panels beside other parts count as a vertical tail.
+    # Fins and panels with other parts count as a vertical tail.
     if made_of & _UPRIGHT and made_of - _UPRIGHT:
         made_of = (made_of - _UPRIGHT) | {"vertical"}
     if made_of not in BUILD:

@@ -174,7 +174,7 @@ def _read_numbers(file: str, line: int, text: str, count: int) -> tuple[list[flo
             problem = f"{field!r} in a field of {_WIDTH} columns"
             raise ParseError(file, line, problem, f"{count} numbers")
         value, flag = cell
-        # A missing number is written as zero; the sign tells a blank of the print.
+        # A missing number is written as zero; the sign marks a blank of the print.
         if flag == OK and value == 0.0:
             flag = SENTINEL
             if field.startswith("-"):
@@ -185,7 +185,7 @@ def _read_numbers(file: str, line: int, text: str, count: int) -> tuple[list[flo
 
 
 def _case_attrs(run: _Unit14Run, file: str, number: int) -> dict[str, str | float]:
-    """Return the attributes of a case; the file is in feet whatever its unit says."""
+    """Return the attributes of a case; the file is in feet whatever unit it states."""
     area, chord, span, centre, *unidentified = run.reference
     return {
         "S": area * FOOT**2,

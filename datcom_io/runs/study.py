@@ -252,7 +252,7 @@ def _name_device(deck: DeckFile, group: tuple[Namelist, ...]) -> str:
             if len(surfaces) == 1 or _fits_surface(deck[0], surface, values, tolerance):
                 fits.append(name)
         if len(fits) == 1:
-            # A comment tells flaps from slats, but not a surface that the device does not fit on.
+            # A comment distinguishes flaps and slats; the surface must be the one that fits.
             if commented and is_on_tail(commented) == is_on_tail(fits[0]):
                 return commented
             return fits[0]
