@@ -38,6 +38,7 @@ class Case(PrintedCase):
 
     def __repr__(self) -> str:
         """Return number, name and the kinds of tables of the case as text."""
+        # Kinds of tables in the order of the print, each once.
         kinds: dict[str, None] = {}
         for page in self.pages:
             kinds |= dict.fromkeys(table.name for table in page.tables)
@@ -226,6 +227,7 @@ class Listing:
 
     def _match_cases(self, key: str) -> list[Case]:
         """Return the cases with a name, or else with a number, or else with a part of a name."""
+        # An exact name counts before a number, a number before a part of a name.
         matches = [case for case in self.cases if case.name == key]
         if not matches:
             matches = [case for case in self.cases if str(case.ordinal) == key]
@@ -252,6 +254,7 @@ class Listing:
         """Return the cases as a table for a notebook."""
         rows = []
         for case in self.cases:
+            # Only some kinds of page have a configuration.
             configurations = dict.fromkeys(page.configuration for page in case.pages)
             configurations.pop("", None)
             row = (

@@ -37,6 +37,8 @@ def _number_words() -> defaultdict[Any, int]:
     return defaultdict(count().__next__)
 
 
+# Values that repeat over many cells are stored once: per page, per strip of rows, per pattern of
+# columns.
 class _PageFacts(NamedTuple):
     """Values that all cells of a page have in common."""
 
@@ -142,6 +144,7 @@ class CellCollector:
 
     def _add_heading(self, table: PrintedTable, facts: _PageFacts) -> None:
         """Add the heading values of a two-way table, as rows of one cell."""
+        # The heading line prints one value above each value column.
         across, values = table.layout.across, table.across
         if across is None or values is None:
             return
@@ -194,6 +197,7 @@ class CellCollector:
 
     def _find_pattern(self, columns: tuple[PrintedColumn, ...], keys: int) -> _Pattern:
         """Return the pattern of some columns, a new one when they come for the first time."""
+        # Tables of one kind share the tuple of their columns, so its identity is a fast key.
         pattern = self.patterns.get((id(columns), keys))
         if pattern is not None:
             return pattern
@@ -220,6 +224,7 @@ class CellCollector:
         strips = {}
         for k, name in enumerate(_Strip._fields):
             strips[name] = np.array([strip[k] for strip in self.strips])
+        # One number per strip, per row or per cell; a value of a strip is repeated over its cells.
         row_counts = strips["rows"].astype(np.int64)
         cell_counts = row_counts * strips["columns"].astype(np.int64)
         row_columns = np.repeat(strips["columns"], row_counts).astype(np.int64)
@@ -236,6 +241,7 @@ class CellCollector:
         has_words = any(pattern.has_words for pattern in self.patterns.values())
         texts, text, value, flag = _read_fields(codes_of_fields, has_words)
 
+        # Small integer types keep the frame of a large listing within memory.
         frame: dict[str, Any] = {
             "line": np.repeat(np.frombuffer(self.lines, np.int32), rows.columns),
             "case": np.repeat(strips["case"].astype(np.int32), cell_counts),
@@ -248,6 +254,7 @@ class CellCollector:
             "value": value[codes],
             "flag": flag[codes],
         }
+        # The keys of a row are read from its values, so overrides of values come before the axes.
         self._apply_overrides(frame, ("column", "value", "flag"))
         axes = self._axis_names(frame)
         for name in axes:
@@ -301,6 +308,7 @@ class CellCollector:
         )
         if not len(keys) or keys.max() < 0:
             return np.full(len(value), np.nan)
+        # The key of a row is the value of its key column; -1 marks a pattern without this axis.
         key = keys[rows.pattern]
         of_row = np.where(key < 0, np.nan, value[rows.start + np.maximum(key, 0)])
         return np.repeat(of_row, rows.columns)

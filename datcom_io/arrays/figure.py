@@ -63,6 +63,7 @@ def coefficient_figure(
         raise SchemaError(title, ["no case prints static coefficients over alpha; nothing to draw"])
     for name, table in tables.items():
         _check_coefficients(name, table, coefficients)
+    # Size of a panel and of the margins. [inch]
     figure = new_figure(3.6 * len(coefficients) + 2.0, 2.9 * len(tables) + 0.6)
     axes = figure.subplots(len(tables), len(coefficients), squeeze=False)
     for row, (name, table) in zip(axes, tables.items(), strict=True):
@@ -100,6 +101,7 @@ def _draw_case(
     row: Sequence[Axes], title: str, *, table: xr.Dataset, coefficients: Sequence[str]
 ) -> None:
     """Draw one case: a panel for each coefficient, a curve for each condition."""
+    # Every combination of the other dimensions is one curve.
     dims = [dim for dim in table[coefficients[0]].dims if dim != "alpha"]
     curves = table.stack(curve=dims)
     varied, common = _split_conditions(curves)
@@ -139,6 +141,7 @@ def _curve_looks(varied: list[list[str]], curves: int) -> tuple[list[dict[str, A
         steps = max(1, len(levels) - 1)
         shades = [colormaps["viridis"](0.9 * number / steps) for number in range(len(levels))]
         values = {"color": shades, "linestyle": _LINES, "marker": _MARKERS}[key]
+        # A level of the condition has one look in all panels.
         for number, level in enumerate(levels):
             value = values[number % len(values)]
             entry: dict[str, Any] = {**_LEGEND, key: value}
@@ -160,6 +163,7 @@ def _split_conditions(curves: xr.Dataset) -> tuple[list[list[str]], list[str]]:
             names.append(name)
     varied, common = [], []
     for name in sorted(names, key=lambda name: (*_CONDITIONS, name).index(name)):
+        # A condition that is a scalar coordinate holds for all curves.
         values = np.broadcast_to(curves[name].values, curves.sizes["curve"])
         texts = [_condition_text(name, value) for value in values]
         if len(set(texts)) > 1:

@@ -133,6 +133,7 @@ def _label_frame(group: PrintedValues) -> pd.DataFrame:
 
 def _stream_frame(table: PrintedTable, case: PrintedCase) -> pd.DataFrame:
     """Unfold a stream into one row per value, with axis values of the input cards."""
+    # The last line of a stream may be shorter than the others.
     printed = table.flags.ravel() != BLANK
     columns = {"line": np.repeat(table.lines, len(table.columns))[printed]}
     if table.layout.axes:
@@ -147,6 +148,7 @@ def _two_way_frame(table: PrintedTable) -> pd.DataFrame:
     across = table.layout.across
     assert across is not None
     assert table.across is not None
+    # The first column is alpha; the others are values under the headings.
     rows, count = len(table.rows), len(table.across)
     columns = {
         "line": np.repeat(table.lines, count),
@@ -193,6 +195,7 @@ def write_cells(cases: Iterable[PrintedCase], path: str | os.PathLike[str]) -> i
     with written_atomically(path) as part, open(part, "w", encoding="utf-8", newline="") as stream:
         stream.write(",".join(COLUMNS) + "\n")
         for case in cases:
+            # Every case gets all axes, so that all lines have the same columns.
             frame = make_cell_frame([case]).reindex(columns=list(COLUMNS))
             frame.to_csv(stream, header=False, index=False, lineterminator="\n")
             count += len(frame)

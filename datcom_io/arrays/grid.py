@@ -43,10 +43,12 @@ def join(trees: Iterable[xr.DataTree]) -> xr.DataTree:
     --------
     >>> tree = join(case.to_datatree() for case in listing)        # doctest: +SKIP
     """
+    # Deflections first: runs at the same condition become one tree.
     trees = over_deflections(list(trees))
     if not trees:
         raise SchemaError("join", ["no tree was given; pass the trees of at least one case"])
     problems = _reference_problems(trees)
+    # A dict keeps the order of the leaves.
     names: dict[str, None] = {}
     for tree in trees:
         names |= dict.fromkeys(tree.children)
@@ -87,6 +89,7 @@ def _title(tree: xr.DataTree) -> str:
 
 def _is_same(a: object, b: object) -> bool:
     if isinstance(a, float) and isinstance(b, float):
+        # Two quantities without a number count as equal.
         both_missing = math.isnan(a) and math.isnan(b)
         return math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-9) or both_missing
     return a == b
@@ -154,6 +157,7 @@ def _printed_in_both(
     flag = f"{key}_flag"
     if flag not in first or flag not in part or first[flag].shape != part[flag].shape:
         return a, b
+    # A value that only one tree prints is not a difference.
     printed = (first[flag].values != ABSENT) & (part[flag].values != ABSENT)
     return a[printed], b[printed]
 
@@ -170,6 +174,7 @@ def _concatenate(parts: list[xr.Dataset]) -> xr.Dataset:
     first = _complete_first(parts)
     if not along:
         return first
+    # Variables without the dimension are equal, so those of the first part count.
     joined = xr.concat(
         [first, *parts[1:]],
         along,

@@ -89,6 +89,7 @@ class LeafBuilder:
         self, column: PrintedColumn, dims: Sequence[str], value: np.ndarray, flag: np.ndarray
     ) -> None:
         """Add the numbers of a column [SI] and the variable of their flags."""
+        # Slopes become per radian, whatever the print is.
         attrs = describe_quantity(column.quantity, _SI.get(column.units, "1"))
         if column.units in ("1/angle", "1/deg"):
             attrs["per"] = "radian"

@@ -20,6 +20,7 @@ from datcom_io.printout.content import PrintedCase
 
 def case_tree(case: PrintedCase, *, fill_transonic: bool = False) -> xr.DataTree:
     """Build the tree of `Case.to_datatree`."""
+    # Reference quantities and the units of the cards are attributes of the case.
     root = xr.Dataset(attrs=_root_attrs(case))
     leaves = _stack_leaves(case, fill_transonic)
     return xr.DataTree.from_dict({"/": root, **leaves}, name=_node_name(case))
@@ -139,6 +140,7 @@ def _flap_of(tree: xr.DataTree) -> tuple[Hashable, list[float]]:
         return None, []
     leaf = tree.children["symflp"].to_dataset(inherit=False)
     conditions = zip(leaf["mach"].values.tolist(), leaf["h"].values.tolist())
+    # Leaves, surface and device, and the pairs of Mach number and altitude.
     kind = (tuple(sorted(tree.children)), tuple(sorted(leaf.attrs.items())), tuple(conditions))
     return kind, np.round(leaf["delta"].values, _DIGITS).tolist()
 
@@ -160,6 +162,7 @@ def _join_deflections(trees: list[xr.DataTree]) -> xr.DataTree:
 def _join_parts(parts: list[xr.Dataset], axis: str) -> xr.Dataset:
     """Return one leaf over all deflections, NaN and ``absent`` where no part gives a number."""
     first = parts[0]
+    # Rounded, because runs may print the same deflection with different last bits.
     deltas = np.concatenate([np.atleast_1d(part[axis].values) for part in parts])
     rounded, indices = np.unique(np.round(deltas, _DIGITS), return_index=True)
     count = len(rounded)
@@ -188,6 +191,7 @@ def _join_parts(parts: list[xr.Dataset], axis: str) -> xr.Dataset:
             variables[name], variables[f"{name}_flag"] = value, flag
         else:
             variables[name] = _spread_texts(items, places, count=count, axis=axis)
+    # What was a coordinate in the parts stays one.
     coords = {}
     for name in list(variables):
         if name in first.coords or name == axis:
@@ -227,6 +231,7 @@ def _join_numbers(
     k = first.dims.index(axis)
     value, flag = empty_cells((*first.shape[:k], count, *first.shape[k + 1 :]))
     for item, codes, positions in zip(items, flags, places):
+        # The deflection is dimension k of the variable.
         index = (slice(None),) * k + (positions,)
         missing = flag[index] == ABSENT
         value[index] = np.where(missing, item.values, value[index])
@@ -251,6 +256,7 @@ def _spread_texts(
 def _join_texts(items: list[xr.Variable]) -> xr.Variable:
     """Return the different texts of each place, joined."""
     joined = []
+    # Places that several runs fill have the texts of all of them.
     for texts in zip(*(item.values.ravel() for item in items)):
         joined.append(", ".join(dict.fromkeys(filter(None, texts))))
     array = np.array(joined, dtype=str).reshape(items[0].shape)

@@ -52,6 +52,7 @@ def check_required_namelists(deck: Deck) -> Iterator[DeckFinding]:
 def check_planform_sections(deck: Deck) -> Iterator[DeckFinding]:
     """Yield planforms without sections and sections without planforms."""
     for letter, (prefix, what) in _SURFACES.items():
+        # A NACA card replaces the namelist of the section.
         planform, section = f"{prefix}PLNF", f"{prefix}SCHR"
         has_section = section in deck.namelists or letter in deck.sections
         if planform in deck.namelists and not has_section:
@@ -98,6 +99,7 @@ def check_body_sections(deck: Deck) -> Iterator[DeckFinding]:
     """Yield a body whose cross sections are not given in one of the three ways of the program."""
     if "BODY" not in deck.namelists:
         return
+    # Radius alone, area alone, or all three with the perimeter.
     arrays = {name for name in "RSP" if deck.value("BODY", name) is not None}
     if arrays not in ({"R"}, {"S"}, {"R", "S", "P"}):
         names = ", ".join(sorted(arrays)) or "none of them"
@@ -114,6 +116,7 @@ def check_reference_quantities(deck: Deck) -> Iterator[DeckFinding]:
     """Yield reference quantities left to the program; readers that take them from the deck fail."""
     if is_special(deck):
         return
+    # Values that the program computes when OPTINS lacks them.
     what = {
         "SREF": "theoretical wing area",
         "CBARR": "theoretical mean chord of the wing",
@@ -156,6 +159,7 @@ def flap_span(deck: Deck) -> Iterator[DeckFinding]:
             WARNING,
             f"{text}; the program prints ERROR and computes with {side:g}: write it",
         )
+    # A rounding of the last digit is not a fault.
     outer = deck.value(name, "SPANFO")
     if outer is not None and outer > tip * 1.0001:
         text = f"${name}: SPANFO={outer:g} lies beyond the tip, SSPN={tip:g} of ${surface}"
@@ -186,6 +190,7 @@ def check_trim_card(deck: Deck) -> Iterator[DeckFinding]:
     """Yield TRIM without anything to trim with."""
     if not deck.has("TRIM") or "SYMFLP" in deck.namelists:
         return
+    # An elevator or a movable stabilizer trims; ailerons do not.
     line = next(card.line for card in deck.cards if card.name == "TRIM")
     if "ASYFLP" in deck.namelists:
         yield DeckFinding(

@@ -120,6 +120,7 @@ class _CardReader:
 
     def read_card(self, line: int, text: str) -> None:
         """Read one card: the start or the continuation of a namelist, or a control card."""
+        # CASEID keeps its capitals, all other cards are upper case.
         plain = text.upper()
         if text[:6].upper() == "CASEID":
             plain = "CASEID" + text[6:]
@@ -211,6 +212,7 @@ class _CardReader:
 
     def _read_dollar(self, line: int, text: str, body: str) -> None:
         """Read a card that starts with $: a new namelist, or the end of the open one."""
+        # The program looks for $ in column 2.
         column = len(text) - len(body) + 1
         if body[1:4] == "END" and not body[4:5].isalnum():
             if self.open is not None:
@@ -232,6 +234,7 @@ class _CardReader:
                 ERROR,
                 f"$ stands in column {column}: the program looks for it in column 2 only",
             )
+        # A new namelist ends one without $.
         self.close_unended()
         name, _, content = body[1:].partition(" ")
         # The namelist may end directly behind its name: $NAME$.
@@ -248,6 +251,7 @@ class _CardReader:
 
     def _continue_namelist(self, line: int, text: str) -> None:
         assert self.open is not None
+        # A $ behind a value ends the namelist.
         body, closed, after = text.partition("$")
         self.open.append((line, body))
         if closed:
@@ -271,6 +275,7 @@ class _CardReader:
 
     def _end_namelist(self, line: int) -> None:
         """Make an item of the namelist that is open."""
+        # The item stands where the namelist began, before control cards inside it.
         opened, self.open = self.open or [], None
         if self.name:
             self.items.insert(

@@ -17,6 +17,7 @@ from datcom_io.decks.cards import WARNING, DeckFinding
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.deck_file import DeckFile, read_deck
 
+# Cases with such a namelist are not the clean aeroplane.
 _DEVICES = {"SYMFLP", "ASYFLP", "GRNDEF", "JETPWR", "PROPWR", "CONTAB"}
 _RULES = (*cards.RULES, *flight.RULES, *aircraft.RULES)
 
@@ -48,6 +49,7 @@ def check_deck(
     """
     if isinstance(deck, str | os.PathLike):
         deck = read_deck(deck)
+    # Text of the file, then each case, then the run as a whole.
     findings: list[DeckFinding] = []
     if isinstance(deck, DeckFile):
         findings += deck.findings
@@ -107,6 +109,7 @@ def _check_damping(cases: list[Deck]) -> Iterator[DeckFinding]:
 def _check_drift(cases: list[Deck]) -> Iterator[DeckFinding]:
     """The program keeps a part of D(CM) from one condition of a run to the next."""
     flapped = [case for case in cases if "SYMFLP" in case.namelists]
+    # A case without Mach number still has one condition.
     conditions = sum(max(1, len(case.conditions())) for case in flapped)
     if conditions > 1:
         text = (

@@ -89,6 +89,7 @@ def read_deck(source: str | os.PathLike[str] | Iterable[str]) -> DeckFile:
     file, kind = "<text>", "a text"
     if isinstance(source, str | os.PathLike):
         file, kind = os.path.basename(os.fspath(source)), file_kind(source)
+    # The content decides: a listing echoes the whole deck too.
     if not kind.startswith(("an input deck", "a text", "a file", "an empty")):
         raise ParseError(file, 0, kind, _DECK)
     text = _DeckText()
@@ -118,6 +119,7 @@ def read_deck(source: str | os.PathLike[str] | Iterable[str]) -> DeckFile:
 
 def _repeat_cards(cases: list[Deck], text: _DeckText) -> list[Deck]:
     """Return the cases with DAMP and PART in every case that SAVE continues from one with them."""
+    # A case with repeated cards passes them on to the next one.
     repeated = cases[:1]
     for case in cases[1:]:
         before = repeated[-1]
@@ -283,6 +285,7 @@ def deck_text(deck: DeckFile | Deck | Iterable[Deck], *, resolved: bool = False)
 
 def _find_problems(case: Deck) -> Iterator[str]:
     """Yield everything in a case that no card can hold."""
+    # A card holds 80 columns of single-byte characters.
     for card in case.cards:
         if not card.text.isprintable() or any(ord(letter) > 255 for letter in card.text):
             yield (
@@ -345,6 +348,7 @@ def _card_text(card: Card) -> str:
 
 def _assignment_parts(name: str, assignment: NamelistAssignment) -> list[str]:
     """Return the parts that must not be broken: the variable with its first value, then values."""
+    # An array shows its index, even for one value.
     first, *others = map(format_namelist_value, assignment.values)
     size = abs(VARIABLES.get(name, {}).get(assignment.variable, 1))
     is_array = size > 1 or assignment.start > 1 or bool(others)

@@ -11,6 +11,7 @@ from functools import lru_cache
 
 from datcom_io.cells import OK, read_cell
 
+# Variables that several namelists have in common, as name and size.
 _PLANFORM = (
     "CHRDR CHRDBP CHRDTP SSPN SSPNE SSPNOP SAVSI SAVSO CHSTAT SWAFP TWISTA SSPNDD DHDADI "
     "DHDADO TYPE"
@@ -160,6 +161,7 @@ def read_values(text: str) -> tuple[tuple[Value, ...], list[tuple[str, str]]]:
     >>> read_values("3*2.0"), read_values(".TRUE.")
     (((2.0, 2.0, 2.0), []), ((True,), []))
     """
+    # 3*2.0 stands for three values.
     repeat = _REPEAT.fullmatch(text)
     count, word = 1, text
     if repeat:
@@ -252,6 +254,7 @@ def format_namelist_value(value: Value) -> str:
     """
     if isinstance(value, bool):
         return ".TRUE." if value else ".FALSE."
+    # The program expects a decimal point and a capital E.
     mantissa, letter, exponent = f"{value:.{DIGITS}g}".partition("e")
     if "." not in mantissa:
         mantissa += ".0"

@@ -31,6 +31,7 @@ def check_namelist_names(deck: Deck) -> Iterator[DeckFinding]:
                 f"does not run the case",
             )
             continue
+        # A wrong name or size stops the reader of the program.
         for assignment in item.assignments:
             if assignment.variable not in sizes:
                 near = _near_names(assignment.variable, sizes)
@@ -132,6 +133,7 @@ def devices_written(deck: Deck) -> Iterator[DeckFinding]:
     for item in deck.items:
         if isinstance(item, Namelist) and item.name in ("SYMFLP", "ASYFLP"):
             devices.append(item)
+    # A case computes one device only.
     if {item.name for item in devices} == {"SYMFLP", "ASYFLP"}:
         text = (
             f"SYMFLP and ASYFLP in one case: the program drops the first and computes "
@@ -144,6 +146,7 @@ def devices_written(deck: Deck) -> Iterator[DeckFinding]:
             f"overwrite those before; make a case for each"
         )
         yield DeckFinding(devices[1].line, WARNING, f"{text} (datcom split)")
+    # The hypersonic flap and the jet use the memory of the flaps.
     sharing = [name for name in ("SYMFLP", "ASYFLP", "HYPEFF", "TRNJET") if name in deck.namelists]
     if len(sharing) > 1 and ("HYPEFF" in sharing or "TRNJET" in sharing):
         text = (

@@ -12,6 +12,7 @@ from datcom_io.decks.namelists import COUNTS, VARIABLES
 
 def check_value_counts(deck: Deck) -> Iterator[DeckFinding]:
     """Yield counts that are missing, not a count, or differ from the values given."""
+    # A counter states how many values of its arrays the program uses.
     for name, counter, needed, others in COUNTS:
         group = deck.namelists.get(name, {})
         arrays = [array for array in (*needed, *others) if array in group]
@@ -101,6 +102,7 @@ def check_flight_conditions(deck: Deck) -> Iterator[DeckFinding]:
             line, ERROR, "$FLTCON: no speed, neither MACH nor VINF; the program leaves the case out"
         )
     loop = deck.value("FLTCON", "LOOP")
+    # The default is 1.
     if loop not in (None, 1.0, 2.0, 3.0):
         yield DeckFinding(
             deck.line_of("FLTCON", "LOOP"),
@@ -132,6 +134,7 @@ def check_atmosphere(deck: Deck) -> Iterator[DeckFinding]:
         return
     mach, speed = _is_given(deck, "MACH"), _is_given(deck, "VINF")
     reynolds = _is_given(deck, "RNNUB")
+    # The program completes what is missing, with an error or a warning.
     air = _has_atmosphere(deck)
     line = deck.line_of("FLTCON")
     if not air and not reynolds:
@@ -187,6 +190,7 @@ def check_loop_lists(deck: Deck) -> Iterator[DeckFinding]:
 
 def check_angle_schedule(deck: Deck) -> Iterator[DeckFinding]:
     """Yield angles of attack that do not rise; the program differentiates along them."""
+    # Slopes are differences between neighbouring angles.
     alphas = deck.values("FLTCON", "ALSCHD")[: deck.count("FLTCON", "NALPHA") or 0]
     for first, second in pairwise(alphas):
         if second <= first:

@@ -114,6 +114,7 @@ def read_datcom_plus_csv(
     if deriv not in ("DEG", "RAD"):
         raise UnknownName(str(deriv), ("DEG", "RAD"), "unit of the derivatives")
     file = Path(path).name
+    # Any byte may stand in a remark.
     lines = read_bytes(path, "a CSV file of DATCOM+").decode("latin-1").splitlines()
     blocks, remarks = _read_blocks(file, lines)
     leaves: dict[str, LeafBuilder] = {}
@@ -124,6 +125,7 @@ def read_datcom_plus_csv(
             others.append(block)
             continue
         leaf = leaves.setdefault(name, LeafBuilder())
+        # A file holds one case, so each block comes once.
         if quantity in leaf.variables:
             raise ParseError(
                 file,
@@ -306,6 +308,7 @@ def _unnamed_blocks(blocks: list[_Block]) -> xr.Dataset:
     """Return blocks of other names as arrays (row, cell), in the units of the file."""
     dataset = xr.Dataset()
     for block in blocks:
+        # Rows of such a block may differ in length.
         width = max(len(row) for _, row in block.rows)
         value = np.full((len(block.rows), width), np.nan)
         for i, (_, row) in enumerate(block.rows):

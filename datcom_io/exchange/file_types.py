@@ -40,6 +40,7 @@ def read_other(
         A CSV of DATCOM+ without `deriv`.
     """
     demand_regular(path, "a file of Digital DATCOM")
+    # The head of the file is enough to recognise it.
     with Path(path).open("rb") as stream:
         head = stream.read(_HEAD).decode("latin-1")
     lines = head.splitlines()
@@ -96,6 +97,7 @@ def _count_flags(dataset: xr.Dataset, names: list[str]) -> Counter[str]:
     for name in names:
         if f"{name}_flag" not in dataset:
             continue
+        # Flags are small integers, so they are counted by index.
         codes = dataset[f"{name}_flag"].values.ravel()
         counts = np.bincount(codes, minlength=len(FLAGS)).tolist()
         for flag, count in zip(FLAGS, counts):
@@ -114,6 +116,7 @@ def plot_case(listing: Listing, case: Case, plot: xr.DataTree) -> xr.DataTree | 
     SchemaError
         The plot file holds another number of cases.
     """
+    # A case without a page is not written.
     plotted = [item.ordinal for item in listing if item.deck.has("PLOT") and item.pages]
     if len(plotted) != len(plot.children):
         problem = (

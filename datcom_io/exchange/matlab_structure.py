@@ -53,6 +53,7 @@ def find_structures(file: str, content: Mapping[str, Any]) -> list[Structure]:
 
 def _list_structures(value: np.ndarray) -> list[Structure]:
     """Return the structures in a variable: a structure array, or a cell array of them."""
+    # A cell array holds one structure per case.
     items = [value]
     if value.dtype.hasobject and not value.dtype.names:
         items = [item for item in value.ravel() if isinstance(item, np.ndarray)]
@@ -125,6 +126,7 @@ class CaseStructure:
 
     def text(self, name: str) -> str:
         """Return a text, an empty one when it is not there."""
+        # MATLAB stores texts as arrays of characters.
         value = np.ravel(self.structure.get(name, np.empty(0)))
         if value.dtype.kind != "U" or not value.size:
             return ""
@@ -155,6 +157,7 @@ class CaseStructure:
         config = self.structure.get("config")
         if config is None or not config.dtype.names or not config.size:
             return frozenset()
+        # The flags may be logicals or numbers.
         record = config.ravel()[0]
         parts = set()
         for flag, part in _PART_OF_FLAG.items():

@@ -61,6 +61,7 @@ def write_matlab(
     value in every row.  ``grndht`` holds the heights in the unit of card DIM and Inf for free air,
     last.
     """
+    # MATLAB reads an array of objects as a cell array.
     structures = np.empty((1, len(listing)), object)
     left_out = [_NO_FIELD]
     for k, case in enumerate(listing):
@@ -92,6 +93,7 @@ def make_case_structure(case: Case, *, usenan: bool = True) -> tuple[dict[str, A
     if deck.values("FLTCON", "PINF"):
         jet_pressure = "psi"
     units = Units(deck.dim, deck.deriv, jet_pressure)
+    # Mach number and altitude are separate indices of the arrays.
     grid = _make_grid(case, tree, units)
     build = 1
     if deck.has("BUILD") or _has_configurations(tree):
@@ -228,6 +230,7 @@ class _FieldArrays(NamedTuple):
         """
         if self.device not in leaf.dims or leaf.sizes[self.device] <= max(len(self.deltas), 1):
             return leaf
+        # Rounded, because angles come back from radians.
         printed = np.round(np.rad2deg(leaf[self.device].values), 6)
         on_cards = np.isin(printed, np.round(self.deltas, 6))
         for angle in printed[~on_cards]:
@@ -264,6 +267,7 @@ class _FieldArrays(NamedTuple):
                 )
         if self.build != len(BUILD):
             return numbers
+        # The index has ten places, whatever configurations are printed.
         shape = list(numbers.shape)
         shape[axis] = len(BUILD)
         array = np.moveaxis(np.full(shape, MISSING), axis, 0)
@@ -302,6 +306,7 @@ class _FieldArrays(NamedTuple):
         if leaf.sizes["condition"] == len(self.grid.indices):
             return list(self.grid.indices)
         heights = np.round(leaf["h"].values / self.units.factor("length"), 6).tolist()
+        # Special pages have conditions of their own, found by their values.
         index_of: dict[tuple[float, float | None], tuple[int, int]] = {}
         for i, j in self.grid.indices:
             alt = None

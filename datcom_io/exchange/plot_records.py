@@ -84,6 +84,7 @@ _CONTROL = {
     "HT_CONTROL": 180,
     "VT_CONTROL": 180,
 }
+# Codes of the program for a missing number.
 _MARKS = {1.0e-30: NDM, 2.0e-30: NA, -1.0e-30: BLANK}
 
 
@@ -158,6 +159,7 @@ def read_records(path: str | os.PathLike[str]) -> list[PlotCase]:
             records, after = _read_sizes(file, lines, index, _CASE)
             cases.append(PlotCase(index + 1, records))
         elif kind == "heading":
+            # The logicals follow the heading, in a line of letters.
             heading, logicals_line = _read_sizes(file, lines, index, _HEADING)
             cases[-1].records.update(heading)
             cases[-1].logicals = _read_logicals(file, lines, logicals_line)

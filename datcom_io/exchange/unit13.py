@@ -124,6 +124,7 @@ def _case_tree(case: PlotCase, file: str, name: str) -> xr.DataTree:
     for key, leaf in leaves.items():
         if leaf is not None:
             nodes[key] = leaf.to_dataset()
+    # All numbers as written, for users who need other blocks.
     nodes["records"] = _record_leaf(case, "condition", free_air_pages(case))
     if "ground" in nodes:
         over_ground: list[PlotPage] = []
@@ -136,6 +137,7 @@ def _case_tree(case: PlotCase, file: str, name: str) -> xr.DataTree:
 def _case_attrs(case: PlotCase, file: str, name: str) -> dict[str, str | float]:
     """Return reference quantities, positions and logicals of a case, in SI."""
     options = case.records["OPT"]
+    # Positions of the parts of the aeroplane.
     record = case.records["SYNA"]
     synthesis = {word: record.number(k) for k, word in enumerate(_SYNTHESIS, 1)}
     attrs: dict[str, str | float] = {
@@ -257,6 +259,7 @@ def _ground_leaf(case: PlotCase) -> LeafBuilder | None:
     }
     leaf = LeafBuilder(coords)
     dims = ("configuration", "condition", "deflection", "ground_height", "alpha")
+    # Pages over ground have height in the inner loop.
     deflections = len(pages[0]) // len(heights)
     shape = (len(names), len(pages), deflections, len(heights), len(angles_of_attack(case)))
     for name in _STATIC:
@@ -275,6 +278,7 @@ def _zero_lift_leaf(case: PlotCase) -> LeafBuilder | None:
         return None
     configurations = xr.Variable("configuration", list(names.values()))
     leaf = LeafBuilder({**condition_coords(case), "configuration": configurations})
+    # The record CDO has one number per configuration.
     indices = [CONFIGURATIONS.index(block) for block in names]
     values, flags = [], []
     for page in free_air_pages(case):

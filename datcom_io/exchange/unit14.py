@@ -78,6 +78,7 @@ def read_for014(path: str | os.PathLike[str]) -> xr.DataTree:
     """
     file = Path(path).name
     lines = read_bytes(path, "a plot file (unit 14)").decode("latin-1").splitlines()
+    # Tools of DOS end a file with 0x1A.
     while lines and not lines[-1].strip("\x1a "):
         lines.pop()
     runs: list[_Unit14Run] = []

@@ -126,6 +126,7 @@ class PrintedCase:
     def tables(self, name: str) -> Iterator[tuple[Page, PrintedTable]]:
         """Yield page and table of every table of a kind, in order."""
         self._require_kind(name)
+        # The flight-condition line is a table of its own.
         for page in self.pages:
             if name == "conditions" and page.conditions is not None:
                 yield page, page.conditions
@@ -153,6 +154,7 @@ def paused_collection() -> Iterator[None]:
     The objects do not refer back to themselves, so the collector would search all of them without
     a result.
     """
+    # A caller may have disabled the collector before.
     enabled = gc.isenabled()
     gc.disable()
     try:

@@ -254,6 +254,7 @@ def make_table(
 
     `columns` are those of the layout unless they are given.
     """
+    # Rows that are already cut need no second reading.
     values = [cells[0] for _, _, cells in rows]
     flags = [cells[1] for _, _, cells in rows]
     return PrintedTable(
@@ -418,6 +419,7 @@ def two_way_columns(layout: TableLayout, count: int) -> tuple[PrintedColumn, ...
 
 def value_columns(across: HeadingAxis, count: int) -> list[PrintedColumn]:
     """Return the value columns under `count` heading values."""
+    # Every heading value has one column, at equal distances.
     columns = []
     for k in range(count):
         shift = k * across.step

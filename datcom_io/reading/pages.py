@@ -175,6 +175,7 @@ def read_page(
         stripped = text[1:].strip()
         if stripped and stripped != _SECOND_TITLE:
             heading.append(stripped)
+    # The kind of the page selects the blocks of its body.
     content = read_heading(lines[0][1], tuple(heading))
     body = _read_body(lines, conditions.after, content.kind)
     page = Page(

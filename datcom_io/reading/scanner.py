@@ -66,6 +66,7 @@ class Scanner:
 
     def read_lines(self, lines: list[str]) -> None:
         """Read the next lines of the file."""
+        # Lines between two boundaries are handled as one piece.
         start = self.listing.line_count + 1
         done = 0
         for i in boundary_lines(lines):
@@ -243,6 +244,7 @@ class Scanner:
             return
         if self.case is None:
             self.case = self._new_case(self.page[0][0])
+        # Blank lines behind a page do not belong to it.
         while len(self.page) > 1 and not self.page[-1][1].strip():
             self.page.pop()
         page, messages, empty_tables = read_page(self.page, self.case.ordinal)
@@ -376,6 +378,7 @@ class Scanner:
             return text
         page = self.case.pages.pop()
         printed = page.printed
+        # The last line of the file may be an incomplete row.
         if printed and printed[-1].lines[-1] == self.last:
             printed = printed[:-1]
         if printed:

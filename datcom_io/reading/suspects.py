@@ -113,6 +113,7 @@ def flag_flap_moments(case: Case, before: int) -> int:
     flagged: list[int] = []
     count = before
     for i, page in enumerate(case.pages):
+        # The first deflection of a run has no deflection before it.
         symflp = page.table("symflp")
         if symflp is not None:
             first = 1
@@ -193,6 +194,7 @@ def _flag_table(
     table: PrintedTable, quantities: tuple[str, ...] | None, rows: slice | np.ndarray
 ) -> PrintedTable:
     """Return a table whose cells in some columns and rows are suspect."""
+    # Several faults may mark cells of one table.
     suspect = np.zeros((len(table.rows), len(table.columns)), bool)
     if table.suspect is not None:
         suspect = table.suspect.copy()

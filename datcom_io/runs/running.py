@@ -101,6 +101,7 @@ def run_deck(
     folder = Path(folder) if folder is not None else deck.parent
     if not folder.is_dir():
         raise FileNotFoundError(2, "no such folder; make it first", str(folder))
+    # The program is looked up before the deck is read.
     command = _find_command(program)
     cases = read_deck(deck)
     content = _deck_bytes(cases, deck)
@@ -262,6 +263,7 @@ def _run_program(
 ) -> _Attempt:
     """Run the program in the scratch folder, with the deck in it."""
     (scratch / _DECK_NAME).write_bytes(content)
+    # A session of its own lets a timeout kill the child processes too.
     process = subprocess.Popen(
         command,
         cwd=scratch,
@@ -284,6 +286,7 @@ def _run_program(
     tail = " ".join(output.decode("latin-1").split())[-_MOST_OUTPUT:]
     if tail:
         tail = f"; its output: {tail}"
+    # A negative code is the number of a signal.
     if process.returncode < 0:
         name = signal.Signals(-process.returncode).name
         return _Attempt(output, f"it crashed with signal {name}{tail}", broken=True)
@@ -357,6 +360,7 @@ def _list_messages(listing: Listing, deck: DeckFile) -> Iterator[ListingMessage]
     for message in listing.messages:
         if message.text.endswith(": left out"):
             yield message
+    # The echo shows what the program has read.
     for number, (printed, case) in enumerate(zip(listing, deck), 1):
         if printed.deck.meaning() != case.meaning():
             text = f"case {number}: the cards in the print differ from those of the deck"

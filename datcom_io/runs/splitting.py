@@ -94,6 +94,7 @@ def split_deck(study: str | os.PathLike[str] | DeckFile) -> dict[str, DeckFile]:
             if label in decks:
                 continue
             decks[label] = DeckFile(f"{label}.inp", (deck,))
+            # A fault of the study appears in many of its runs and is reported once.
             for finding in check_deck(deck):
                 if finding.severity == ERROR:
                     fault = f"line {finding.line} of the study: {finding.text}"
@@ -130,6 +131,7 @@ class _Run(NamedTuple):
 
 def _planned_runs(study: DeckStudy, problems: list[str]) -> Iterator[_Run]:
     """Yield the runs of a study; wrong names are added to `problems`."""
+    # Without a plan all runs of the deck are made.
     plans = study.plans or dict.fromkeys(_default_runs(study), RunPlan())
     for name, plan in plans.items():
         problem = _wrong_run(study, name)
@@ -174,6 +176,7 @@ def _run_decks(study: DeckStudy, run: _Run, problems: list[str]) -> Iterator[tup
 
     It is one run, or one per flight condition and deflection where they must be apart.
     """
+    # Cards of the plan come last, so their values overwrite those of the study.
     added = parse_cards(enumerate(run.plan.cards.split("\n"), 1))
     problems += [f"runs.{run.name}.cards, line {line}: {text}" for line, text in added.problems]
     complete = _cut_arrays(make_deck([*_aircraft_items(study, run), *added.items]))
@@ -232,6 +235,7 @@ def _parts(parts: Iterator[tuple[str, Deck]], deck: Deck) -> list[tuple[str, Dec
 def _aircraft_items(study: DeckStudy, run: _Run) -> Iterator[Item]:
     """Yield the cards of the study that belong to a run."""
     base = study.base
+    # With a tail the program would put the device on it.
     on_wing = bool(run.device) and not is_on_tail(run.device)
     yield Card(base.line, "DIM", base.dim)
     yield Card(base.line, "DERIV", base.deriv)
@@ -366,6 +370,7 @@ def _split_conditions(deck: Deck) -> Iterator[tuple[str, Deck]]:
     """Yield label and deck of each flight condition, in the order of the program."""
     group = deck.namelists.get("FLTCON", {})
     for mach_index, height_index in _condition_indices(deck):
+        # One value remains of each array along Mach number and altitude.
         condition: Variables = {**group, "NMACH": [1.0]}
         if deck.count("FLTCON", "NALT") or "ALT" in group:
             condition["NALT"] = [1.0]

@@ -113,6 +113,7 @@ def read_study(source: str | os.PathLike[str] | DeckFile) -> DeckStudy:
     if path.suffix.lower() != ".toml":
         return _make_study(read_deck(path), {})
     content = read_toml(path)
+    # All problems of the file are reported at once.
     problems = _wrong_keys(content)
     if problems:
         raise SchemaError(path.name, problems)

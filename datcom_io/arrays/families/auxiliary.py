@@ -43,6 +43,7 @@ def items_by_condition(stacker: Stacker, name: str) -> list[Item]:
 
 def stack_auxiliary(stacker: Stacker) -> LeafBuilder | None:
     """Stack the properties of the body and the position of the moment centre."""
+    # The body has a row of its own; the line of the moment centre has a label.
     bodies: list[Item] = []
     for spot, page, table in stacker.placed_tables("body"):
         bodies.append(((spot.condition,), page, row_numbers(table)))
@@ -62,6 +63,7 @@ def stack_planform(stacker: Stacker) -> LeafBuilder | None:
     if not groups:
         return None
     surfaces, panels = _printed_surfaces([group for _, _, group in groups])
+    # The misspelling of the print is corrected in the labels of the panels.
     panel_names = [panel.lower().replace("theoritical", "theoretical") for panel in panels]
     axes = {
         "condition": None,
@@ -106,6 +108,7 @@ def stack_interference(stacker: Stacker) -> LeafBuilder | None:
             surfaces.append(name)
     axes = {"condition": None, "surface": [name.lower() for name in surfaces]}
     sheet = NumberStack(stacker, axes)
+    # Labels hold the letter of the surface, W or H; variables are named by those of the wing.
     wing = INTERFERENCE["WING"].numbers
     factors: list[Item] = []
     for (condition,), page, numbers in items:
@@ -115,6 +118,7 @@ def stack_interference(stacker: Stacker) -> LeafBuilder | None:
     sheet.add(wing, ("condition", "surface"), factors)
     sheet.add(SIDEWASH.numbers, _ALONG, items)
     leaf = sheet.finish()
+    # The attribute states both labels, because one variable has the numbers of both surfaces.
     for column in wing:
         of_tail = column.name.replace("W", "H")
         label = f"{column.name} of the wing, {of_tail} of the horizontal tail"

@@ -37,6 +37,7 @@ def _stack_pages(stacker: Stacker, name: str) -> LeafBuilder | None:
     for key, (_, page, table) in zip(keys, placed):
         index = [list(axis.values).index(key[axis.name]) for axis in dims]
         items.append((index, page, table))
+    # The angles of all pages must agree with the input cards.
     alphas = stacker.row_axis(placed, "alpha", stacker.alphas())
     leaf = stacker.stack(BY_NAME[name].columns[1:], dims, rows=alphas, items=items)
     for axis in axes:

@@ -36,6 +36,7 @@ def stack_symflp(stacker: Stacker) -> LeafBuilder | None:
     exact = deck.schedule("SYMFLP", "DELTA", "NDELTA")
     deltas = stacker.row_axis(placed, "delta", exact)
     leaf = stacker.stack_over_rows(BY_NAME["symflp"].columns[1:], placed, deltas)
+    # A subsonic page also prints the induced drag over alpha and deflection.
     drag = stacker.placed_tables("dcdi")
     if drag:
         stacker.add_two_way(leaf, drag, deltas)
@@ -69,6 +70,7 @@ def stack_asyflp(stacker: Stacker) -> LeafBuilder | None:
     if not roll and not tail:
         return None
     configuration = (roll or tail)[0][1].configuration
+    # The first table has the difference of both sides, the second one the pair.
     deltas_left, deltas_right = _side_deflections(stacker, roll)
     difference = [delta_l - delta_r for delta_l, delta_r in zip(deltas_left, deltas_right)]
     if not difference:
@@ -83,6 +85,7 @@ def stack_asyflp(stacker: Stacker) -> LeafBuilder | None:
         yaw = stacker.placed_tables("asyflp_cn")
         if yaw:
             stacker.add_two_way(leaf, yaw, pairs, difference, half_unit=_HALF_UNIT_OF_DIFFERENCE)
+    # Without a pair of deflections the difference alone is known.
     sides = {"delta_difference": difference}
     if deltas_left and deltas_right:
         sides = {"delta_left": deltas_left, "delta_right": deltas_right}
@@ -161,6 +164,7 @@ def stack_spoiler(stacker: Stacker) -> LeafBuilder | None:
     count = max(len(table.rows) for _, _, table in placed)
     deflections = StackedAxis("deflection", list(range(count)))
     leaf = LeafBuilder(stacker.make_coords([stacker.condition_axis(), deflections]))
+    # All three layouts print rolling and yawing moment; their columns differ.
     for column in BY_NAME["spoiler"].columns[3:]:
         value, flag = empty_cells((len(stacker.conditions), count))
         for spot, page, table in placed:
@@ -210,6 +214,7 @@ def _height_coords(
                 half_unit=_HALF_UNIT_OF_CHORD,
                 units="1",
             )
+            # A table may have fewer deflections than the longest one.
             values = np.array([*heights, *[np.nan] * count][:count])
             attrs = {"units": "1", "printed_as": column.name, "long_name": column.meaning}
             coords[quantity] = xr.Variable("deflection", values, attrs)

@@ -48,6 +48,7 @@ def _surfaces_of(pages: Iterable[Page]) -> list[str]:
 def stack_section(stacker: Stacker) -> LeafBuilder | None:
     """Stack the results of the section module."""
     case = stacker.case
+    # Section pages belong to no flight condition, so they are taken from the case itself.
     summaries = [(page, group) for page, group in case.values("section") if _surface_of(page)]
     slopes = [(page, table) for page, table in case.tables(SLOPE.name) if _surface_of(page)]
     if not summaries and not slopes:
@@ -66,6 +67,7 @@ def stack_section(stacker: Stacker) -> LeafBuilder | None:
         numbers.append(((surfaces.index(_surface_of(page)),), page, labelled_numbers(group)))
     for form in SUMMARY:
         sheet.add(form.numbers, ("surface",), numbers)
+    # Lift slope and aerodynamic centre are printed for the subsonic Mach numbers.
     rows: list[Item] = []
     for page, table in slopes:
         surface = surfaces.index(_surface_of(page))
@@ -115,6 +117,7 @@ def stack_coordinates(stacker: Stacker) -> LeafBuilder | None:
         for k in range(len(table.rows)):
             items.append(((surface, k), page, row_numbers(table, k)))
     sheet.add(COORDINATES.columns, ("surface", "point"), items)
+    # The designation has one or two texts: the name, and the mean line of a 6-series section.
     designations = {}
     for page, group in case.values("designation"):
         designations[_surface_of(page)] = " ".join(group.texts)

@@ -45,6 +45,7 @@ def labelled_numbers(group: PrintedValues, subject: str = "") -> dict[str, Print
     start = ""
     if subject:
         start = f"{subject} "
+    # Lists are faster than arrays for single numbers.
     cells = zip(group.labels, group.lines, group.values.tolist(), group.flags.tolist())
     numbers = {}
     for label, line, value, flag in cells:
@@ -95,6 +96,7 @@ class NumberStack:
         self, columns: Iterable[PrintedColumn], dims: Sequence[str], items: Iterable[Item]
     ) -> None:
         """Add a variable over `dims` for each column, from the numbers of its name."""
+        # Every column becomes a variable; places without a number stay absent.
         shape = tuple(self.sizes[dim] for dim in dims)
         items = list(items)
         for column in columns:
@@ -110,6 +112,7 @@ class NumberStack:
                         f"a second {column.name} for the place of an earlier one",
                         f"one for each {' and '.join(dims)}",
                     )
+                # Other flags have no number; their value stays NaN.
                 if number.flag in (OK, SUSPECT):
                     value[index] = number.value * self.stacker.column_factor(column, page)
                 flag[index] = number.flag
@@ -120,6 +123,7 @@ class NumberStack:
 
     def finish(self, **attributes: str) -> LeafBuilder:
         """Return the leaf with its attributes and the range of lines of its numbers."""
+        # The lines of all variables along the first dimension, as first and last one.
         ranges = np.full(self.sizes[self.lines_axis], "", dtype=object)
         for k, lines in self.lines.items():
             ranges[k] = f"{min(lines)}-{max(lines)}"

@@ -50,6 +50,7 @@ def stack_hypersonic(stacker: Stacker) -> LeafBuilder | None:
     count = len(most)
     if not count:
         return None
+    # All six tables of a page must agree in alpha and deflection.
     placed: list[PageTable] = []
     for pairs in tables.values():
         placed += pairs
@@ -58,6 +59,7 @@ def stack_hypersonic(stacker: Stacker) -> LeafBuilder | None:
     conditions = []
     for header, pair in zip(headers, _match_schedule(schedule, count)):
         conditions.append(_hypersonic_condition(stacker, header, pair))
+    # These pages have conditions of their own, apart from those of the case.
     local = _stacker_over(stacker, conditions)
     deltas = _delta_axis(local, placed, deck.schedule("HYPEFF", "HDELTA", "HNDLTA"))
     alphas = _alpha_axis(local, placed)
@@ -104,6 +106,7 @@ def stack_jet(stacker: Stacker) -> LeafBuilder | None:
     axes = [local.condition_axis(), StackedAxis("time", times, "s")]
     leaf = LeafBuilder(local.make_coords(axes))
     shape = (len(placed), len(times))
+    # A row of the page becomes a variable over time.
     for row in JET_NUMBERS:
         units = row.units
         if units == "pressure":
@@ -123,6 +126,7 @@ def stack_jet(stacker: Stacker) -> LeafBuilder | None:
         layer[k, : len(index)] = [group.texts[i] for i in index]
         ranges.append(f"{group.lines[0]}-{group.lines[-1]}")
     leaf.coords[JET_LAYER.quantity] = xr.Variable(("condition", "time"), layer.astype(str))
+    # The page does not print the angle of attack of each time.
     angles = deck.schedule("TRNJET", "ALPHA", "NT")
     if len(angles) == len(times):
         leaf.coords["alpha"] = xr.Variable("time", np.radians(angles), {"units": "rad"})
@@ -290,6 +294,7 @@ def _checked_axis(
 
 def _row_indices(stacker: Stacker, group: PrintedValues, label: str) -> list[int]:
     """Return the indices of one row of the jet page in its group."""
+    # The labels of a group repeat, once for each time.
     indices = [k for k, row_label in enumerate(group.labels) if row_label == label]
     if indices and group.lines[indices[-1]] != group.lines[indices[0]]:
         raise ParseError(

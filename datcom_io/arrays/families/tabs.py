@@ -65,6 +65,7 @@ def _add_stream(
                 f"{printed.sum()} values in the {layout.name} table",
                 f"{expected} values, alphas x deflections of the input cards",
             )
+        # The stream is flat: values of the lines follow each other.
         numbers = table.values.ravel()[:used].reshape(shape[1:])
         codes = table.flags.ravel()[:used].reshape(shape[1:])
         value[spot.condition] = stacker.to_si(column, page, numbers, codes)

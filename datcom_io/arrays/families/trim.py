@@ -70,6 +70,7 @@ def _add_level_flight(
     placed = stacker.placed_tables(layout.name)
     if not placed:
         return
+    # Level flight has its own alpha, so alpha becomes a variable too.
     for column in layout.columns:
         if column.quantity in undefined:
             continue

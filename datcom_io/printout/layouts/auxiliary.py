@@ -1,8 +1,8 @@
 """Pages CONFIGURATION AUXILIARY AND PARTIAL OUTPUT (card PART).
 
-They print body and planform properties, interference factors, vortices, and increments of dynamic
-derivatives.  Nothing on them depends on card DERIV: lift slopes are per degree, and derivatives
-with respect to a rate are per radian of the rate.
+They print properties of body and surfaces, interference factors, vortices, and increments of
+dynamic derivatives.  Whatever card DERIV states, lift slopes are per degree, and derivatives with
+respect to a rate are per radian.
 """
 
 from __future__ import annotations
@@ -400,9 +400,8 @@ def _row_items(columns: tuple[PrintedColumn, ...], line: Line, subject: str = ""
 def _read_vortex(lines: list[Line], opening: int) -> tuple[list[Printed], int] | None:
     """Read the vortex table; its heading goes on in a second line."""
     second = next_text_line(lines, opening + 1)
-    if second == len(lines):
-        return None
-    if normalise_heading(lines[second][1]) != "2*PI*ALPHA*V*R (2*PI*ALPHA*V*R)T":
+    heading = "2*PI*ALPHA*V*R (2*PI*ALPHA*V*R)T"
+    if second == len(lines) or normalise_heading(lines[second][1]) != heading:
         return None
     table, after = read_printed_table(VORTEX, lines, second + 1)
     if table is None:

@@ -210,6 +210,7 @@ def _read_subject(lines: list[Line], opening: int) -> tuple[list[Printed], int] 
     if title is None:
         return None
     subject = title[1]
+    # Labels repeat in every block, so the subject is put before them.
     items, after = read_lines(FORMS, lines, opening + 1, subject)
     printed: list[Printed] = []
     if items:
@@ -218,6 +219,7 @@ def _read_subject(lines: list[Line], opening: int) -> tuple[list[Printed], int] 
         after += 1
     layout = None
     if after < len(lines):
+        # Surfaces print a lift slope, the whole aircraft a drag rise.
         headings = {"MACH CL-ALPHA": SLOPES.get(subject), "MACH CDO": DRAG}
         layout = headings.get(normalise_heading(lines[after][1]))
     if layout:

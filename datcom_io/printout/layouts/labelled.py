@@ -73,6 +73,7 @@ def read_lines(
 
 
 def _read_any_form(forms: Sequence[Labelled], line: Line, subject: str) -> list[Item]:
+    # Most forms are ruled out by their first word.
     first_word = line[1][1:].split(None, 1)[0].partition("=")[0]
     for form in forms:
         if form.words.startswith(first_word):

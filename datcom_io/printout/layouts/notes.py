@@ -61,6 +61,7 @@ _MESSAGES = (
     "LATERAL STABILITY DERIVATIVES ARE DELETED",
     "AIRFOIL MODULE UNABLE TO CALCULATE",
 )
+# This message begins with other words.
 _BLOWN = "FLAP IS NOT EXTERNALLY BLOWN"
 # First words of the footnotes below the tables of a page.
 _FOOTNOTES = re.compile(
@@ -178,6 +179,7 @@ class NumberPattern(NamedTuple):
     units: str = ""
 
 
+# The second group of a pattern is the printed unit, empty without one.
 _NUMBERS = (
     NumberPattern("weight", "VEHICLE WEIGHT", re.compile(r"VEHICLE WEIGHT = *(\S+) *(LB|N)?\b")),
     NumberPattern(
@@ -194,6 +196,7 @@ _NUMBERS = (
     ),
     NumberPattern("note", "SCALE FACTOR", re.compile(r"SCALE FACTOR IS *(\S+)()")),
 )
+# Pounds of weight are a force.
 _PRINTED_UNITS = {"LB": "lbf", "N": "N"}
 NAMES = ("weight", "note")
 """Kinds of group that `read_footnote_number` returns."""

@@ -169,6 +169,7 @@ _SLOPE_LABELS = re.compile(r"[0 ] {25}MACH=.{7} LIFT-CURVE-SLOPE =.{10} /DEG\. {
 
 def _read_slopes(lines: list[Line], opening: int) -> tuple[list[Printed], int] | None:
     """Read the lines of lift slope and aerodynamic centre as the rows of a table."""
+    # The lines are rows of a table with labels between the columns.
     windows = cached_column_windows(SLOPE.columns, SLOPE.keys)
     numbers, rows, after = [], [], opening
     for k in range(opening, len(lines)):

@@ -245,6 +245,7 @@ def _read_increments(lines: list[Line], opening: int) -> tuple[list[Printed], in
         return None
     rows: list[tuple[int, str, Cells]] = []
     after = heading + 1
+    # The line ALPHA may stand above the first row, in small letters too.
     for i in range(heading + 1, len(lines)):
         line, row = lines[i]
         if not row[1:].strip() or (not rows and row[1:].strip().upper() == "ALPHA"):
@@ -322,6 +323,7 @@ def _unused_fields(
     across: HeadingAxis, rows: list[tuple[int, str, Cells]], count: int
 ) -> PrintedValues | None:
     """Return the fields behind the last deflection as a group of their own, None without any."""
+    # The single-file edition prints all ten fields.
     columns = value_columns(across, _MOST_DELTAS)
     items, numbers, codes, alphas = [], [], [], []
     for line, row, (values, flags) in rows:
