@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from array import array
 from collections import defaultdict
-from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from itertools import chain, count
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from datcom_io.cells import BLANK, FLAGS, OK, read_cells
+from datcom_io.cells import FLAGS, read_cells
 from datcom_io.printout.content import Page, PrintedCase
 from datcom_io.printout.rows import PrintedColumn
 from datcom_io.printout.tables import PrintedTable, PrintedValues
@@ -65,15 +65,14 @@ class _Pattern(NamedTuple):
     """Equal columns of many rows.
 
     ``start`` is the position of their names among those of all patterns, ``axes`` gives the columns
-    that are axes, ``cut`` cuts a row into fields, ``has_words`` states that a column holds texts.
+    that are axes, ``cut`` cuts a row into fields.
     """
 
     number: int
     columns: tuple[PrintedColumn, ...]
     start: int
     axes: dict[str, int]
-    cut: Callable[[str], Iterable[Hashable]]
-    has_words: bool
+    cut: Callable[[str], Iterable[str]]
 
 
 class _Override(NamedTuple):
@@ -100,7 +99,7 @@ class CellCollector:
         self.tables = _number_words()
         self.columns = _number_words()
         # Fields of every row of every table; a row is cut when its cells are counted.
-        self.rows: list[Iterable[Iterable[Hashable]]] = []
+        self.rows: list[Iterable[Iterable[str]]] = []
         self.count = 0
         self.lines = array("i")
         self.strips: list[_Strip] = []
@@ -211,7 +210,6 @@ class CellCollector:
             start=len(self.pattern_columns),
             axes=axes,
             cut=_make_cutter(columns),
-            has_words=any(column.words for column in columns),
         )
         self.pattern_columns += [self.columns[column.name] for column in columns]
         self.patterns[id(columns), keys] = pattern
@@ -238,8 +236,7 @@ class CellCollector:
         codes_of_fields = _number_words()
         fields = chain.from_iterable(chain.from_iterable(self.rows))
         codes = np.fromiter(map(codes_of_fields.__getitem__, fields), np.int32, self.count)
-        has_words = any(pattern.has_words for pattern in self.patterns.values())
-        texts, text, value, flag = _read_fields(codes_of_fields, has_words)
+        texts, text, value, flag = _read_fields(list(codes_of_fields))
 
         # Small integer types keep the frame of a large listing within memory.
         frame: dict[str, Any] = {
@@ -314,26 +311,12 @@ class CellCollector:
         return np.repeat(of_row, rows.columns)
 
 
-def _read_fields(
-    fields: Collection[Hashable], has_words: bool
-) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray]:
-    """Return the distinct texts, and for each field index of its text, value and flag.
-
-    Fields of columns of words are tuples; `has_words` states that there are some.
-    """
-    parts: list[Any] = list(fields)
-    word_indices = []
-    if has_words:
-        for i, part in enumerate(parts):
-            if isinstance(part, tuple):
-                word_indices.append(i)
-                parts[i] = part[0]
+def _read_fields(fields: list[str]) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray]:
+    """Return the distinct texts, and for each field index of its text, value and flag."""
+    # Fields that differ by blanks only have the same text.
     texts = _number_words()
-    text = np.fromiter(map(texts.__getitem__, map(str.strip, parts)), np.int32, len(parts))
-    value, flag = read_cells(parts)
-    for i in word_indices:
-        value[i] = np.nan
-        flag[i] = OK if parts[i].strip() else BLANK
+    text = np.fromiter(map(texts.__getitem__, map(str.strip, fields)), np.int32, len(fields))
+    value, flag = read_cells(fields)
     return list(texts), text, value, flag.astype(np.int8)
 
 
@@ -346,22 +329,10 @@ def _smallest_codes(codes: np.ndarray, size: int) -> np.ndarray:
     return codes.astype(np.int32)
 
 
-def _make_cutter(columns: tuple[PrintedColumn, ...]) -> Callable[[str], Iterable[Hashable]]:
-    """Return a function that cuts a row into its fields.
-
-    Fields of columns of words are put into tuples.
-    """
+def _make_cutter(columns: tuple[PrintedColumn, ...]) -> Callable[[str], Iterable[str]]:
+    """Return a function that cuts a row into its fields."""
     parts = [slice(column.first - 1, column.last) for column in columns]
-    if any(column.words for column in columns):
-        return lambda row: _cut_with_words(row, columns)
+    # With one item an itemgetter returns the field itself, not a tuple.
     if len(parts) == 1:
         return lambda row: (row[parts[0]],)
     return itemgetter(*parts)
-
-
-def _cut_with_words(row: str, columns: tuple[PrintedColumn, ...]) -> list[Hashable]:
-    fields: list[Hashable] = []
-    for column in columns:
-        text = row[column.first - 1 : column.last]
-        fields.append((text,) if column.words else text)
-    return fields

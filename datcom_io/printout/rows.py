@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from datcom_io.cells import BLANK, NDM, OK, read_cell
+from datcom_io.cells import BLANK, NDM, read_cell
 
 
 class PrintedColumn(NamedTuple):
@@ -25,9 +25,8 @@ class PrintedColumn(NamedTuple):
     ``first`` and ``last`` count columns of the line from 1, the carriage-control column included.
     ``units`` is the printed unit: ``deg``, ``1``, ``1/deg``, or ``1/angle`` where card DERIV
     decides between degree and radian.  ``quantity`` is the name of the variable in the DataTree.
-    ``constant`` flags a column whose first row may hold for all rows.  ``words`` flags a column of
-    texts: every cell is ``ok`` with a text and has no number.  ``meaning`` is the long name of the
-    variable in the DataTree; it is empty where the vocabulary has one.
+    ``constant`` flags a column whose first row may hold for all rows.  ``meaning`` is the long name
+    of the variable in the DataTree; it is empty where the vocabulary has one.
     """
 
     name: str
@@ -36,7 +35,6 @@ class PrintedColumn(NamedTuple):
     quantity: str = ""
     units: str = "1"
     constant: bool = False
-    words: bool = False
     meaning: str = ""
 
 
@@ -82,14 +80,13 @@ class Cut(NamedTuple):
     """One window of a row.
 
     ``start`` and ``stop`` bound the window, ``gap`` is the blank part before it, ``touches`` states
-    that it follows the window before without a gap, ``words`` that it holds texts.
+    that it follows the window before without a gap.
     """
 
     start: int
     stop: int
     gap: slice | None
     touches: bool
-    words: bool
 
 
 def column_windows(columns: Sequence[PrintedColumn]) -> list[Cut]:
@@ -105,7 +102,7 @@ def column_windows(columns: Sequence[PrintedColumn]) -> list[Cut]:
         if start > edge:
             gap = slice(edge, start)
         touches = bool(windows) and gap is None
-        windows.append(Cut(start, column.last, gap=gap, touches=touches, words=column.words))
+        windows.append(Cut(start, column.last, gap, touches))
         edge = column.last
     return windows
 
@@ -121,12 +118,12 @@ def read_row(text: str, windows: list[Cut], keys: int) -> Cells | None:
     if "_" in text or not text.isascii():
         return None
     values, flags = [], []
-    for start, stop, gap, touches, is_text in windows:
+    for start, stop, gap, touches in windows:
         if gap and text[gap].strip():
             return None
         if touches and _straddles(text, start, stop):
             return None
-        cell = read_field(text[start:stop], is_text)
+        cell = read_field(text[start:stop])
         if cell is None:
             return None
         values.append(cell[0])
@@ -149,15 +146,11 @@ def _straddles(text: str, start: int, stop: int) -> bool:
     return text[start] not in "+-" or "." not in text[start:stop]
 
 
-def read_field(part: str, words: bool = False) -> tuple[float, int] | None:
-    """Return value and flag of a window, None when it holds no cell.
-
-    In a column of words every text is ``ok`` and has no number.
-    """
+def read_field(part: str) -> tuple[float, int] | None:
+    """Return value and flag of a window, None when it holds no cell."""
+    # Blank windows are frequent, so they are found before a number is tried.
     if not part or part.isspace():
         return math.nan, BLANK
-    if words:
-        return math.nan, OK
     return read_cell(part)
 
 
@@ -169,10 +162,7 @@ def read_fields(
     flags = np.empty((len(rows), len(columns)), np.uint8)
     for k, column in enumerate(columns):
         part = slice(column.first - 1, column.last)
-        if column.words:
-            cells = [read_field(row[part], words=True) for row in rows]
-        else:
-            cells = [read_cached_field(row[part]) for row in rows]
+        cells = [read_cached_field(row[part]) for row in rows]
         values[:, k], flags[:, k] = zip(*cells)
     return values, flags
 

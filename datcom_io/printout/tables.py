@@ -106,8 +106,6 @@ class PrintedTable:
         if self.given is not None:
             return float(self.given[0][row, column])
         window = self.columns[column]
-        if window.words:
-            return float("nan")
         return read_cached_field(self.rows[row][window.first - 1 : window.last])[0]
 
     def text(self, row: int, column: int) -> str:
