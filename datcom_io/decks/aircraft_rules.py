@@ -140,6 +140,7 @@ def flap_span(deck: Deck) -> Iterator[DeckFinding]:
     surface = "WGPLNF"
     if "HTPLNF" in deck.namelists:
         surface = "HTPLNF"
+    # The side of the body is where the exposed span begins.
     tip, exposed = deck.value(surface, "SSPN"), deck.value(surface, "SSPNE")
     if tip is None or exposed is None:
         return

@@ -177,6 +177,7 @@ def check_atmosphere(deck: Deck) -> Iterator[DeckFinding]:
 
 def check_loop_lists(deck: Deck) -> Iterator[DeckFinding]:
     """Yield LOOP=1 with lists of different length."""
+    # With LOOP=1 both lists step together.
     machs, heights = deck.value("FLTCON", "NMACH"), deck.value("FLTCON", "NALT")
     if deck.loop == 1 and _has_atmosphere(deck) and machs and heights and machs != heights:
         text = (

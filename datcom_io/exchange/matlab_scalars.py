@@ -49,6 +49,7 @@ def case_scalars(
     right_deltas = deck.schedule("ASYFLP", "DELTAR", "NDELTA")
     asymmetric_count = int(deck.value("ASYFLP", "NDELTA") or 0)
     heights = _ground_heights(tree, units.factor("length"))
+    # Names and order are those of the reference page of datcomimport.
     flight = {
         "case": deck.caseid or _EMPTY,
         "mach": _row_vector(grid.machs),

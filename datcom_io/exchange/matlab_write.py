@@ -394,6 +394,7 @@ class _Omissions:
     def count_flags(self, field: Field, flags: np.ndarray) -> None:
         """Count the flags of a field that is written; ordinary numbers are not counted."""
         self.written.add((field.leaf, field.quantity))
+        # Ordinary and absent numbers need no remark.
         counts = np.bincount(flags.ravel(), minlength=len(FLAGS))
         for code, count in enumerate(counts):
             if count and code not in (OK, ABSENT):
@@ -424,6 +425,7 @@ class _Omissions:
 
     def _unwritten_variables(self, name: str, leaf: xr.DataTree) -> list[str]:
         """Return a text with the variables of a leaf that no field holds."""
+        # A leaf that no field holds is listed as one.
         variables = [str(key) for key in leaf.data_vars if not str(key).endswith("_flag")]
         unwritten = [key for key in variables if (name, key) not in self.written]
         if not unwritten:

@@ -50,6 +50,7 @@ def line_blocks(source: str | os.PathLike[str] | Iterable[str]) -> Iterator[list
     if isinstance(source, str | os.PathLike):
         yield from _file_blocks(source)
         return
+    # Lines of an iterable may come without their ends.
     lines = iter(source)
     is_first = True
     while True:
@@ -116,6 +117,7 @@ def anchor_kind(line: str) -> str:
 
 
 def _find_anchor(line: str) -> str:
+    # Anchors are printed at several indents.
     text = line[1:].lstrip()
     if not text.startswith(_STARTS):
         return ""

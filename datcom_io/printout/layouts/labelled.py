@@ -19,12 +19,12 @@ Item = tuple[int, str, str, str]
 
 
 class Labelled(NamedTuple):
-    """One form of line: its words without the numbers, and the columns of the numbers.
+    """One form of line: its text without the numbers, and the columns of the numbers.
 
-    The words have single blanks; the columns are named by their labels.
+    The text has single blanks; the columns are named by their labels.
     """
 
-    words: str
+    text: str
     numbers: tuple[PrintedColumn, ...]
 
 
@@ -37,9 +37,9 @@ def read_line(form: Labelled, line: Line, subject: str = "") -> list[Item]:
     # float() accepts 1_0 and digits of other scripts; the program prints neither.
     if "_" in text or not text.isascii():
         return []
-    items, label_words, edge = [], "", 0
+    items, labels_text, edge = [], "", 0
     for column in form.numbers:
-        label_words += text[edge : column.first - 1] + " "
+        labels_text += text[edge : column.first - 1] + " "
         edge = column.last
         part = text[column.first - 1 : edge]
         if not part.strip() or read_cell(part) is None:
@@ -47,7 +47,7 @@ def read_line(form: Labelled, line: Line, subject: str = "") -> list[Item]:
         # The unit stands behind the number, before the next double blank.
         unit = text[edge:].partition("  ")[0].strip()
         items.append((number, f"{subject} {column.name}".strip(), part, unit))
-    if normalise_heading(label_words + text[edge:]) != form.words:
+    if normalise_heading(labels_text + text[edge:]) != form.text:
         return []
     return items
 
@@ -76,7 +76,7 @@ def _read_any_form(forms: Sequence[Labelled], line: Line, subject: str) -> list[
     # Most forms are ruled out by their first word.
     first_word = line[1][1:].split(None, 1)[0].partition("=")[0]
     for form in forms:
-        if form.words.startswith(first_word):
+        if form.text.startswith(first_word):
             numbers = read_line(form, line, subject)
             if numbers:
                 return numbers
@@ -95,7 +95,7 @@ def labelled_block(name: str, pages: tuple[str, ...], forms: Sequence[Labelled])
             return None
         return [make_values(name, items)], after
 
-    labels = "|".join(re.escape(form.words.partition("=")[0].strip()) for form in forms)
+    labels = "|".join(re.escape(form.text.partition("=")[0].strip()) for form in forms)
     return PrintedBlock((name,), pages, re.compile(f"^(?:{labels}) ?="), read)
 
 

@@ -355,6 +355,7 @@ def _read_jet(lines: list[Line], opening: int) -> tuple[list[Printed], int] | No
         if cell is None:
             return None
         times.append(cell[0])
+    # Each row has a label and one field for each time.
     items, after = [], opening
     for index in range(opening, len(lines)):
         number, text = lines[index]

@@ -47,6 +47,7 @@ def stream_axes(deck: Deck, table: PrintedTable) -> Mapping[str, np.ndarray]:
     """
     alphas = deck.schedule("FLTCON", "ALSCHD", "NALPHA")
     deltas = deck.schedule("SYMFLP", "DELTA", "NDELTA")
+    # Alpha is the outer loop of the stream, delta the inner one.
     count = len(alphas) * len(deltas)
     shape = (len(table.rows), len(table.columns))
     if not 0 < count <= shape[0] * shape[1]:
