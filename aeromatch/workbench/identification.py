@@ -24,14 +24,14 @@ from aeromatch.workbench.records import manoeuvres_of
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.toml_models import Strict, validate_content
 from flighttest.regression.combining.pooling import prior_of
-from flighttest.regression.equation_error.frequency_domain import (
+from flighttest.regression.equation_error.least_squares import weight_roots
+from flighttest.regression.equation_error.model import MEASURED
+from flighttest.regression.equation_error.samples import RegressionSamples
+from flighttest.regression.equation_error.transformed_stretches import (
     select_stretches,
     stack_complex,
     transform_columns,
 )
-from flighttest.regression.equation_error.least_squares import weight_roots
-from flighttest.regression.equation_error.model import MEASURED
-from flighttest.regression.equation_error.samples import RegressionSamples
 from flighttest.remarks import remarks_to_json
 
 DATABASES = "databases"
