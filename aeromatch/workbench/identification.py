@@ -23,7 +23,7 @@ from aeromatch.workbench.opened import FITS, MATCH, Levels, OpenProject, decimat
 from aeromatch.workbench.records import manoeuvres_of
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.toml_models import Strict, validate_content
-from flighttest.regression.combining.pooling import prior_of
+from flighttest.regression.combining.mixed_estimation import prior_of
 from flighttest.regression.equation_error.least_squares import weight_roots
 from flighttest.regression.equation_error.model import MEASURED
 from flighttest.regression.equation_error.samples import RegressionSamples

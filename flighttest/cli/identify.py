@@ -189,7 +189,7 @@ def identify(
     """Estimate the terms of one coefficient from reconstructed paths; exit code 1 when a figure
     must not be used.
     """
-    from flighttest.regression.combining.pooling import mix_with_prior, prior_of
+    from flighttest.regression.combining.mixed_estimation import mix_with_prior, prior_of
     from flighttest.regression.equation_error.fit import save_fit
     from flighttest.regression.equation_error.model import RegressionModel
 
@@ -476,7 +476,7 @@ def tabulate(fits, database_file, held, way, unplaced, output, as_json) -> None:
     models) with the tables of a database.
     """
     import aerodb
-    from flighttest.regression.combining.published import read_published
+    from flighttest.regression.combining.published_table import read_published
     from flighttest.regression.equation_error.fit import open_fit
 
     prior = aerodb.open(database_file)
