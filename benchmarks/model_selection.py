@@ -21,17 +21,10 @@ import xarray as xr
 from timing import best  # next to this file
 
 from flighttest.regression.equation_error.model import term_regressors
-from flighttest.regression.model_structure.candidates import (
-    OrthogonalBasis,
-    candidate_equations,
-    monomials,
-)
-from flighttest.regression.model_structure.search import (
-    GAIN,
-    Rating,
-    select_orthogonal,
-    select_stepwise,
-)
+from flighttest.regression.model_structure.orthogonal_basis import OrthogonalBasis
+from flighttest.regression.model_structure.candidates import candidate_equations, monomials
+from flighttest.regression.model_structure.rating import Rating
+from flighttest.regression.model_structure.search import GAIN, select_orthogonal, select_stepwise
 
 VARIABLES = [
     "alpha",

@@ -11,8 +11,8 @@ import xarray as xr
 from model_selection import CANDIDATES, VARIABLES, record  # the benchmark
 
 from flightmech.errors import IdentificationError, ParseError, UnknownName
+from flighttest.regression.model_structure.orthogonal_basis import OrthogonalBasis
 from flighttest.regression.model_structure.candidates import (
-    OrthogonalBasis,
     candidate_equations,
     monomials,
     spline_terms,
