@@ -1,58 +1,61 @@
-"""x."""
+"""Rule by which a term of a local model counts as identified or is deleted.
+
+References
+----------
+.. [LR743] Report LR-743, 1993, 4.5.
+"""
 
 from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 import pandas as pd
-import xarray as xr
-from flightmech.errors import IdentificationError
+
 from flighttest.regression.combining.pooling import pool_fits
 from flighttest.regression.equation_error.fit import Fit
-from flighttest.regression.equation_error.frequency_domain import regress_frequency
-from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.regression.equation_error.time_domain import regress
-from flighttest.regression.model_structure.orthogonal_basis import OrthogonalBasis
-from flighttest.regression.model_structure.candidates import CandidateEquations
 from flighttest.regression.uncertainty.collinearity import VIF
 
-
 CONTRIBUTION = 0.01  # rms of the term over rms of the coefficient below which a weak term is void
-
-
-CORRELATION = 0.95
-
-
+CORRELATION = 0.95  # with a term of larger contribution, above which a term is collinear
 DETERMINED = 10.0  # standard errors above which a collinear term counts as determined
-
-
 GAIN = 0.02  # relative rise of the validation error below which a term is not needed
+_WEAK = 2.0  # standard errors below which a term is weak
+_NO_SIGNAL = 1.0  # rms of a term over that of the residual below which it does not stand out
+
+Prior = Mapping[str, tuple[float, float]]
 
 
 def apply_deletion_rule(
     fits: Sequence[Fit],
-    prior: Mapping[str, tuple[float, float]] | None = None,
+    prior: Prior | None = None,
     validation: Fit | None = None,
     keep: Sequence[str] = ("1",),
-):
+) -> pd.DataFrame:
     """Decide for each term of a model whether the data have identified it.
 
-    A term is not identified when one of these holds after pooling: (a) it is smaller than two
-    standard errors and contributes less than 1 % of the coefficient's rms; (b) VIF above 10 or a
-    correlation above 0.95 with a term of larger contribution, unless the pooled value, scatter
-    between the fits included, stands above ten standard errors: then it is collinear and determined
-    all the same; (c) the sign changes between fits, or their scatter exceeds the median; (d)
-    leaving it out raises the error on validation data by less than 2 %; (e) the term with its
-    a-priori value would not stand out of the residual.
+    A term is not identified if one of these conditions is true after pooling:
+
+    (a) it is smaller than two standard errors and contributes less than 1 % of the coefficient's
+        rms;
+    (b) its VIF is above 10, or its correlation with a term of larger contribution is above 0.95.
+        The pooled value, with the scatter between the fits, must also be below ten standard errors:
+        a collinear term above this limit is determined;
+    (c) its sign changes between fits, or their scatter exceeds the median;
+    (d) the error on validation data rises by less than 2 % without it;
+    (e) the term with its a-priori value would not stand out of the residual.
+
+    The outcomes are those of [LR743]_ 4.5.
 
     Parameters
     ----------
     fits : sequence of Fit
-        Of one coefficient.
+        Fits of one coefficient.
     prior : mapping of str to (value, stderr), optional
-        A-priori values, for (e) and for the outcome "kept at the a-priori value".
+        A-priori values, for (e) and for the decision "a priori".
     validation : Fit, optional
-        A fit of the same model on data that are not in `fits`; only its samples are used, for (d):
+        A fit of the same model on data that are not in `fits`. Only its samples are used, for (d):
         the models with and without the term are estimated from all samples of `fits`.
     keep : sequence of str
         Terms that are not judged.
@@ -61,47 +64,49 @@ def apply_deletion_rule(
     -------
     DataFrame
         One row per term: ``decision`` (``identified``, ``embedded``, ``a priori``, ``deleted``),
-        ``into`` (the term that takes it up), ``reasons`` (letters as above), the pooled ``value
-        stderr scatter``, and the deciding numbers ``t contribution vif correlation sign_changes
-        validation_rise prior_signal``.
+        ``into`` (the term in which it is embedded), ``reasons`` (letters as above), the pooled
+        ``value stderr scatter``, and the deciding numbers ``t contribution vif correlation
+        sign_changes validation_rise prior_signal``.
 
     References
     ----------
     .. [LR743] Report LR-743, 1993, 4.5.
     """
-
     prior = prior or {}
-    pooled = pool_fits(fits)
     rows = {}
-    for term, row in pooled.iterrows():
-        having = [fit for fit in fits if term in fit.estimates["term"].values]
-        numbers = _numbers(str(term), having, prior, validation)
-        reasons = "" if term in keep or str(term).startswith("1[") else _reasons(row, numbers)
+    for term, pooled in pool_fits(fits).iterrows():
+        name = str(term)
+        with_term = [fit for fit in fits if name in fit.estimates["term"].values]
+        numbers = _deciding_numbers(name, with_term, prior=prior, validation=validation)
+        reasons = ""
+        if name not in keep and not name.startswith("1["):
+            reasons = _list_reasons(pooled, numbers)
         rows[term] = {
-            "decision": _outcome(str(term), reasons, prior),
+            "decision": _decide_term(name, reasons, prior),
             "into": numbers["partner"] if "b" in reasons else "",
             "reasons": reasons,
-        }
-        rows[term] |= {
-            "value": row["value"],
-            "stderr": row["stderr"],
-            "scatter": row["scatter"],
+            "value": pooled["value"],
+            "stderr": pooled["stderr"],
+            "scatter": pooled["scatter"],
             **numbers,
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("term")
 
 
-def _numbers(
-    term: str, fits: Sequence[Fit], prior: Mapping[str, tuple[float, float]], validation: Fit | None
-) -> dict:
-    values = np.array([float(fit.estimates["estimate"].sel(term=term)) for fit in fits])
-    sizes = np.array([float(fit.estimates["contribution"].sel(term=term)) for fit in fits])
+def _deciding_numbers(
+    term: str, fits: Sequence[Fit], prior: Prior, validation: Fit | None
+) -> dict[str, Any]:
+    """Return the numbers that decide about a term; all `fits` have it."""
+    columns = {}
+    for key in ("estimate", "contribution", "vif"):
+        columns[key] = np.array([float(fit.estimates[key].sel(term=term)) for fit in fits])
+    values = columns["estimate"]
     pooled = pool_fits(fits).loc[term]
-    partner, correlation = _partner(term, fits)
+    partner, correlation = _find_partner(term, fits)
     return {
         "t": abs(pooled["value"]) / pooled["stderr"],
-        "contribution": float(np.sqrt((sizes**2).mean())),
-        "vif": float(np.median([fit.estimates["vif"].sel(term=term) for fit in fits])),
+        "contribution": float(np.sqrt((columns["contribution"] ** 2).mean())),
+        "vif": float(np.median(columns["vif"])),
         "correlation": correlation,
         "partner": partner,
         "sign_changes": int((np.sign(values) != np.sign(np.median(values))).sum()),
@@ -110,81 +115,77 @@ def _numbers(
     }
 
 
-def _partner(term: str, fits: Sequence[Fit]) -> tuple[str, float]:
-    """The term of larger contribution that moves most like `term`, and their correlation; largest
-    over the fits.
-    """
-    best = ("", 0.0)
+def _find_partner(term: str, fits: Sequence[Fit]) -> tuple[str, float]:
+    """Return the term of larger contribution with the largest correlation, over all fits."""
+    partner, largest = "", 0.0
     for fit in fits:
         e = fit.estimates
-        larger = e["contribution"].values > float(e["contribution"].sel(term=term))
-        for other, rho in zip(
-            e["term"].values[larger], e["regressor_correlation"].sel(term=term).values[larger]
-        ):
-            if abs(rho) > abs(best[1]):
-                best = str(other), float(rho)
-    return best
+        is_larger = e["contribution"].values > float(e["contribution"].sel(term=term))
+        names = e["term"].values[is_larger]
+        correlations = e["regressor_correlation"].sel(term=term).values[is_larger]
+        for name, correlation in zip(names, correlations):
+            if abs(correlation) > abs(largest):
+                partner, largest = str(name), float(correlation)
+    return partner, largest
 
 
 def _validation_rise(term: str, fits: Sequence[Fit], validation: Fit | None) -> float:
-    """Relative rise of the rms error on the validation samples when the term is left out of the
-    model.
-    """
+    """Return the relative rise of the rms error on the validation samples without the term."""
     if validation is None:
         return float("nan")
-    terms = [str(name) for name in validation.regressors["term"].values]
-    full = [fit for fit in fits if [str(name) for name in fit.regressors["term"].values] == terms]
-    if term not in terms or len(terms) == 1 or not full:
+    terms = _term_names(validation)
+    same_model = [fit for fit in fits if _term_names(fit) == terms]
+    if term not in terms or len(terms) == 1 or not same_model:
         return float("nan")
-    X = np.vstack([fit.regressors.values for fit in full])
-    z = np.concatenate([fit.data[fit.model.coefficient].values for fit in full])
-    X_new, z_new = (
-        validation.regressors.values,
-        validation.data[validation.model.coefficient].values,
-    )
-    rest = np.array([name != term for name in terms])
+    X = np.vstack([fit.regressors.values for fit in same_model])
+    z = np.concatenate([fit.data[fit.model.coefficient].values for fit in same_model])
+    X_new = validation.regressors.values
+    z_new = validation.data[validation.model.coefficient].values
 
-    def error(use):
-        return np.sqrt(
-            np.mean((z_new - X_new[:, use] @ np.linalg.lstsq(X[:, use], z, rcond=None)[0]) ** 2)
-        )
+    def rms_error(used: np.ndarray) -> float:
+        theta = np.linalg.lstsq(X[:, used], z, rcond=None)[0]
+        return np.sqrt(np.mean((z_new - X_new[:, used] @ theta) ** 2))
 
-    return float(error(rest) / error(np.ones(len(terms), bool)) - 1.0)
+    is_other = np.array([name != term for name in terms])
+    return float(rms_error(is_other) / rms_error(np.ones(len(terms), bool)) - 1.0)
 
 
-def _prior_signal(
-    term: str, fits: Sequence[Fit], prior: Mapping[str, tuple[float, float]]
-) -> float:
-    """Rms of the term with its a-priori value over the rms of the residual; the largest of the
-    fits.
-    """
+def _term_names(fit: Fit) -> list[str]:
+    return [str(name) for name in fit.regressors["term"].values]
+
+
+def _prior_signal(term: str, fits: Sequence[Fit], prior: Prior) -> float:
+    """Return the rms of the term with its a-priori value over the residual rms; the largest."""
     if term not in prior:
         return float("nan")
-    return max(
-        float(np.std(fit.regressors.sel(term=term)))
-        * abs(prior[term][0])
-        / fit.estimates.attrs["residual_rms"]
-        for fit in fits
-    )
+    value = abs(prior[term][0])
+    signals = []
+    for fit in fits:
+        deviation = float(np.std(fit.regressors.sel(term=term)))
+        signals.append(deviation * value / fit.estimates.attrs["residual_rms"])
+    return max(signals)
 
 
-def _reasons(row, numbers: Mapping) -> str:
-    found = ""
-    if numbers["t"] < 2.0 and numbers["contribution"] < CONTRIBUTION:
-        found += "a"
-    collinear = numbers["vif"] > VIF or abs(numbers["correlation"]) > CORRELATION
-    if numbers["partner"] and collinear and numbers["t"] < DETERMINED:
-        found += "b"
-    if row["count"] > 1 and (numbers["sign_changes"] > 0 or row["scatter"] > abs(row["value"])):
-        found += "c"
+def _list_reasons(pooled: pd.Series, numbers: Mapping[str, Any]) -> str:
+    """Return the letters of the conditions that are true."""
+    reasons = ""
+    if numbers["t"] < _WEAK and numbers["contribution"] < CONTRIBUTION:
+        reasons += "a"
+    is_collinear = numbers["vif"] > VIF or abs(numbers["correlation"]) > CORRELATION
+    if numbers["partner"] and is_collinear and numbers["t"] < DETERMINED:
+        reasons += "b"
+    scatters = numbers["sign_changes"] > 0 or pooled["scatter"] > abs(pooled["value"])
+    if pooled["count"] > 1 and scatters:
+        reasons += "c"
+    # A number that is not available is NaN, for which the comparison is false.
     if numbers["validation_rise"] < GAIN:
-        found += "d"
-    if numbers["prior_signal"] < 1.0:
-        found += "e"
-    return found
+        reasons += "d"
+    if numbers["prior_signal"] < _NO_SIGNAL:
+        reasons += "e"
+    return reasons
 
 
-def _outcome(term: str, reasons: str, prior: Mapping) -> str:
+def _decide_term(term: str, reasons: str, prior: Prior) -> str:
     if not reasons:
         return "identified"
     if "b" in reasons:
