@@ -252,6 +252,11 @@ def select_stepwise(
     term enters or leaves, if R2 rises by less than `gain`, or if the predicted squared error would
     rise; see `Rating`. F to leave is at most F to enter so terms cannot enter and
     leave without end. With `hierarchy` no term is exchanged.
+
+    References
+    ----------
+    .. [Miller1984] Miller, Selection of subsets of regression variables, J. Royal Statistical
+       Society A 147, 1984.
     """
     leave = LEAVE * enter if leave is None else leave
     if not 0.0 < leave <= enter:
