@@ -7,7 +7,7 @@ from .process_noise import filter_error as filter_error
 from .result import OutputError as OutputError
 from .result import open_output_error as open_output_error
 from .result import save_output_error as save_output_error
-from .search import Unknown as Unknown
 from .state_space import LinearModel as LinearModel
 from .state_space import linear_model as linear_model
 from .time_domain import output_error as output_error
+from .unknowns import Unknown as Unknown

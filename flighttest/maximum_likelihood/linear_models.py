@@ -27,11 +27,7 @@ from flighttest.maximum_likelihood.result import OutputError, estimates_dataset,
 from flighttest.maximum_likelihood.search import (
     Likelihood,
     LikelihoodMaximum,
-    Unknown,
-    UnknownVector,
-    Wanted,
     invert_information,
-    lay_out,
     maximise_likelihood,
 )
 from flighttest.maximum_likelihood.state_space import (
@@ -46,6 +42,7 @@ from flighttest.maximum_likelihood.state_space import (
     steady_filter,
 )
 from flighttest.maximum_likelihood.time_domain import noise_groups, uniform_step
+from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out
 from flighttest.records.signals.fourier import finite_fourier, harmonics
 
 BAND = (0.1, 2.0)

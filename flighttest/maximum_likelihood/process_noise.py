@@ -34,14 +34,7 @@ from flighttest.maximum_likelihood.residual_covariance import (
     warn_of_turbulence,
 )
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import (
-    LikelihoodMaximum,
-    Unknown,
-    UnknownVector,
-    Wanted,
-    lay_out,
-    maximise_likelihood,
-)
+from flighttest.maximum_likelihood.search import LikelihoodMaximum, maximise_likelihood
 from flighttest.maximum_likelihood.state_space import (
     LinearModel,
     Predictor,
@@ -54,6 +47,7 @@ from flighttest.maximum_likelihood.state_space import (
     steady_filter,
 )
 from flighttest.maximum_likelihood.time_domain import uniform_step
+from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out
 
 _POSITIVE = ("process", "noise")
 _LEAST = 1e-6  # smallest start of a noise, of the spread of the output

@@ -14,11 +14,8 @@ import xarray as xr
 
 from flightmech.support.atomic_write import written_atomically
 from flighttest.maximum_likelihood.residual_covariance import ResidualNoise, innovation_coupling
-from flighttest.maximum_likelihood.search import (
-    LikelihoodMaximum,
-    UnknownVector,
-    invert_information,
-)
+from flighttest.maximum_likelihood.search import LikelihoodMaximum, invert_information
+from flighttest.maximum_likelihood.unknowns import UnknownVector
 from flighttest.regression.equation_error.fit import open_tree
 from flighttest.remarks import Remark, remark_lines
 

@@ -38,7 +38,7 @@ from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, Simulation
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.units import parse_quantity
-from flighttest.maximum_likelihood.search import Unknown
+from flighttest.maximum_likelihood.unknowns import Unknown
 
 _Number = float | str
 _AS_RECORDED = "init"

@@ -18,7 +18,8 @@ from flighttest.maximum_likelihood.residual_covariance import (
     warn_of_turbulence,
 )
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import Likelihood, Wanted, lay_out, maximise_likelihood
+from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
+from flighttest.maximum_likelihood.unknowns import Wanted, lay_out
 
 Fly = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 

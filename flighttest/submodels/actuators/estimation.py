@@ -38,11 +38,10 @@ from flighttest.maximum_likelihood.result import OutputError, estimates_dataset,
 from flighttest.maximum_likelihood.search import (
     Likelihood,
     LikelihoodMaximum,
-    Unknown,
     invert_information,
-    lay_out,
     maximise_likelihood,
 )
+from flighttest.maximum_likelihood.unknowns import Unknown, lay_out
 from flighttest.records.signals.fourier import finite_fourier, harmonics
 from flighttest.regression.equation_error.spectral_weights import (
     residual_power,

@@ -11,7 +11,7 @@ import flighttest
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import make_term
 from flighttest.maximum_likelihood import time_domain
-from flighttest.maximum_likelihood.search import Unknown
+from flighttest.maximum_likelihood.unknowns import Unknown
 
 TRUTH = {"term.Cm.basic": 1.1, "term.Cm.qhat": 0.8, "term.Cm.elevator": 1.15, "term.CL.basic": 1.05}
 NOISE = {"V": 0.1, "alpha": 2e-3, "q": 1e-3, "theta": 1e-3, "az": 0.1}
