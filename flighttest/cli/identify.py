@@ -48,7 +48,7 @@ def fit(
     1 when a figure must not be used.
     """
     from flighttest.maximum_likelihood.fit_job import perform_fit_job
-    from flighttest.maximum_likelihood.fit_job import render_fit_page as page_of
+    from flighttest.maximum_likelihood.fit_page import render_fit_page as page_of
     from flighttest.maximum_likelihood.result import save_output_error
     from flighttest.maximum_likelihood.specification import read_specification
     from flighttest.remarks import is_forbidden

@@ -1,6 +1,6 @@
 """Public names of `flighttest.maximum_likelihood`."""
 
-from .fit_job import updated_database as updated_database
+from .database_update import updated_database as updated_database
 from .frequency_domain import frequency_output_error as frequency_output_error
 from .linear_models import linear_output_error as linear_output_error
 from .process_noise import filter_error as filter_error
