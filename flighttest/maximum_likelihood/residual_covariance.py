@@ -216,13 +216,13 @@ class _BlockedRecords:
 
 
 def coloured_likelihood_covariance(
-    found: LikelihoodMaximum, columns: Sequence[np.ndarray], steps: Sequence[float]
+    maximum: LikelihoodMaximum, columns: Sequence[np.ndarray], steps: Sequence[float]
 ) -> tuple[np.ndarray, list[ResidualNoise]]:
     """Return the covariance of the estimates (unknown, unknown), and the colour of every output.
 
     Parameters
     ----------
-    found : LikelihoodMaximum
+    maximum : LikelihoodMaximum
         Its residuals, over the square root of the noise variance, count as one process in all
         manoeuvres.
     columns : sequence of array of int
@@ -231,13 +231,13 @@ def coloured_likelihood_covariance(
         Sampling interval of each manoeuvre. [s]
     """
     pieces = []
-    for S, v, noise, step in zip(found.slopes, found.residuals, found.noise, steps):
+    for S, v, noise, step in zip(maximum.slopes, maximum.residuals, maximum.noise, steps):
         pieces.append(_divide_into_blocks(S, v, noise=noise, step=step))
-    free = ~found.active
+    free = ~maximum.active
     records = _BlockedRecords(
         pieces=pieces,
         columns=columns,
-        root=root_of_inverse(found.information, free),
+        root=root_of_inverse(maximum.information, free),
         block=max(1, round(BLOCK / steps[0])) * steps[0],
     )
     outputs = pieces[0].residual.shape[1]
@@ -247,18 +247,18 @@ def coloured_likelihood_covariance(
     freedom = max(1, len(remainder) - sum(len(piece.residual) for piece in pieces))
     white = remainder.T @ remainder / freedom
     coupling = _innovation_covariance(colours)
-    inner = np.zeros_like(found.information)
+    inner = np.zeros_like(maximum.information)
     for piece, positions in zip(pieces, columns):
         slow = _slow_products(piece.sums, colours, coupling)
         inner[np.ix_(positions, positions)] += slow + _fast_products(piece.inside, white)
     # The prior P^-1 is the information without that of the readings.
-    prior = found.information - _reading_information(pieces, columns, len(free))
-    D = invert_information(found.information, free)
+    prior = maximum.information - _reading_information(pieces, columns, len(free))
+    D = invert_information(maximum.information, free)
     return D @ (inner + prior) @ D, colours
 
 
 def effect_on_motion(
-    found: LikelihoodMaximum,
+    maximum: LikelihoodMaximum,
     columns: Sequence[np.ndarray],
     covariance: np.ndarray,
     measured: Sequence[np.ndarray],
@@ -271,7 +271,7 @@ def effect_on_motion(
 
     Parameters
     ----------
-    found : LikelihoodMaximum
+    maximum : LikelihoodMaximum
     columns : sequence of array of int
         Positions of the unknowns of each manoeuvre.
     covariance : array (unknown, unknown)
@@ -281,11 +281,11 @@ def effect_on_motion(
     """
     level = np.nanmean(np.concatenate(measured), axis=0)
     M, motion = np.zeros_like(covariance), 0.0
-    for S, noise, positions, z in zip(found.slopes, found.noise, columns, measured):
+    for S, noise, positions, z in zip(maximum.slopes, maximum.noise, columns, measured):
         X = (S / np.sqrt(noise)[:, None]).reshape(-1, len(positions))
         M[np.ix_(positions, positions)] += X.T @ X
         motion += float(np.nansum((z - level) ** 2 / noise))
-    count = int(((np.diag(M) > 0.0) & ~found.active).sum())
+    count = int(((np.diag(M) > 0.0) & ~maximum.active).sum())
     if not count or not motion > 0.0:
         return 0.0
     trace = float((M * covariance).sum())

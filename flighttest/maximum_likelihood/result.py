@@ -106,7 +106,7 @@ class OutputError:
 
 
 def estimates_dataset(
-    found: LikelihoodMaximum,
+    maximum: LikelihoodMaximum,
     layout: UnknownVector,
     covariance: np.ndarray,
     about: dict[str, str | float | int],
@@ -115,16 +115,16 @@ def estimates_dataset(
 
     Parameters
     ----------
-    found : LikelihoodMaximum
+    maximum : LikelihoodMaximum
     layout : UnknownVector
     covariance : array (unknown, unknown)
         Covariance for coloured residuals.
     about : dict
         Further attributes.
     """
-    free = ~found.active
-    readings = sum(int(np.isfinite(v).sum()) for v in found.residuals)
-    white = invert_information(found.information, free) * readings / max(1, readings - len(free))
+    free = ~maximum.active
+    readings = sum(int(np.isfinite(v).sum()) for v in maximum.residuals)
+    white = invert_information(maximum.information, free) * readings / max(1, readings - len(free))
     # A coloured standard error below the white one is a chance result and is raised to it.
     coloured = np.where(np.diag(covariance) > 0.0, np.diag(covariance), np.inf)
     factor = np.sqrt(np.maximum(1.0, np.diag(white) / coloured))
@@ -135,32 +135,32 @@ def estimates_dataset(
     correlation = covariance / np.outer(size, size) + np.diag(np.where(np.isfinite(size), 0.0, 1.0))
     square = ("parameter", "parameter_")
     variables = {
-        "estimate": ("parameter", found.theta),
+        "estimate": ("parameter", maximum.theta),
         "stderr": ("parameter", stderr),
         "stderr_white": ("parameter", np.where(free, np.sqrt(np.diag(white)), np.nan)),
         "start": ("parameter", layout.start),
         "prior_stderr": ("parameter", layout.sigma),
         "low": ("parameter", layout.low),
         "high": ("parameter", layout.high),
-        "active": ("parameter", found.active.astype(np.int8)),
+        "active": ("parameter", maximum.active.astype(np.int8)),
         "covariance": (square, covariance),
         "correlation": (square, correlation),
-        "information": (square, found.information),
+        "information": (square, maximum.information),
     }
     attributes = {
         **about,
-        "cost": found.cost,
-        "iterations": found.iterations,
-        "converged": int(found.converged),
-        "samples": sum(len(v) for v in found.residuals),
-        "manoeuvres": len(found.residuals),
+        "cost": maximum.cost,
+        "iterations": maximum.iterations,
+        "converged": int(maximum.converged),
+        "samples": sum(len(v) for v in maximum.residuals),
+        "manoeuvres": len(maximum.residuals),
     }
     names = list(layout.names)
     return xr.Dataset(variables, {"parameter": names, "parameter_": names}, attributes)
 
 
 def noise_dataset(
-    found: LikelihoodMaximum,
+    maximum: LikelihoodMaximum,
     outputs: list[str],
     colours: Sequence[ResidualNoise] = (),
     measured: Sequence[np.ndarray] = (),
@@ -170,7 +170,7 @@ def noise_dataset(
 
     Parameters
     ----------
-    found : LikelihoodMaximum
+    maximum : LikelihoodMaximum
     outputs : list of str
     colours : sequence of ResidualNoise, optional
         Per output, of residuals in time. They need `measured` and `effect`.
@@ -179,22 +179,22 @@ def noise_dataset(
     effect : float
         As from `effect_on_motion`.
     """
-    v = np.concatenate(found.residuals)
+    v = np.concatenate(maximum.residuals)
     # A residual of zero is a missing reading: each pair of outputs has its own count.
     count = np.maximum((v != 0.0).T.astype(float) @ (v != 0.0), 1.0)
     variables: dict[str, Any] = {
-        "stderr": (("manoeuvre", "output"), np.sqrt(found.noise)),
+        "stderr": (("manoeuvre", "output"), np.sqrt(maximum.noise)),
         "covariance": (("output", "output_"), v.T @ v / count),
     }
     coordinates = {
         "output": outputs,
         "output_": outputs,
-        "manoeuvre": np.arange(1, len(found.residuals) + 1),
+        "manoeuvre": np.arange(1, len(maximum.residuals) + 1),
     }
     if not colours:
         return xr.Dataset(variables, coordinates)
     # The colours are those of residuals over the root of the noise variance.
-    size = np.sqrt(found.noise.mean(axis=0))
+    size = np.sqrt(maximum.noise.mean(axis=0))
     centred = np.concatenate([z - np.nanmean(z, axis=0) for z in measured])
     innovations = np.column_stack([colour.innovations for colour in colours])
     variables |= {

@@ -143,21 +143,21 @@ def _list_elements(linear: xr.Dataset) -> dict[str, tuple[str, int, int]]:
 
 
 def demand_known(
-    model: LinearModel, wanted: Sequence[str], extra: Mapping[str, Sequence[str]]
+    model: LinearModel, names: Sequence[str], extra: Mapping[str, Sequence[str]]
 ) -> None:
     """Raise for unknowns that are neither parameters of the model nor ``kind.name`` of `extra`.
 
     Parameters
     ----------
     model : LinearModel
-    wanted : sequence of str
+    names : sequence of str
     extra : mapping of str to sequence of str
         Names by kind, such as ``{"init": model.states}``.
     """
     allowed = list(model.parameters)
-    for kind, names in extra.items():
-        allowed += [f"{kind}.{name}" for name in names]
-    for name in wanted:
+    for kind, kind_names in extra.items():
+        allowed += [f"{kind}.{name}" for name in kind_names]
+    for name in names:
         if name not in allowed:
             raise UnknownName(name, allowed, "parameter")
 
@@ -287,17 +287,17 @@ class Predictor(NamedTuple):
     start: np.ndarray
 
 
-def make_predictor(made: Filter, start: np.ndarray, offset: np.ndarray) -> Predictor:
+def make_predictor(steady: Filter, start: np.ndarray, offset: np.ndarray) -> Predictor:
     """Return a filter with its first state and the offsets of the instruments.
 
     Parameters
     ----------
-    made : Filter
+    steady : Filter
     start : array (state,)
     offset : array (output,)
         Added to y.
     """
-    F, G0, G1, g, C, D, K, _ = made
+    F, G0, G1, g, C, D, K, _ = steady
     gain = F @ K
     return Predictor(
         M=F - gain @ C,

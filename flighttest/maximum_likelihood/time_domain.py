@@ -96,7 +96,7 @@ class Runs:
         if not central and not succeeded.all():
             return self.slopes(values, steps, central=True)
         down = y[len(steps) :] if central else None
-        return output_slopes(base, y[: len(steps)], down=down, steps=steps, flown=succeeded)
+        return output_slopes(base, y[: len(steps)], down=down, steps=steps, succeeded=succeeded)
 
 
 def _shift_values(values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
@@ -108,7 +108,11 @@ def _shift_values(values: np.ndarray, steps: np.ndarray, central: bool) -> np.nd
 
 
 def output_slopes(
-    base: np.ndarray, up: np.ndarray, down: np.ndarray | None, steps: np.ndarray, flown: np.ndarray
+    base: np.ndarray,
+    up: np.ndarray,
+    down: np.ndarray | None,
+    steps: np.ndarray,
+    succeeded: np.ndarray,
 ) -> np.ndarray:
     """Return the slopes of outputs (unknown, time, output).
 
@@ -122,21 +126,21 @@ def output_slopes(
         Outputs after a step of each unknown up and down; `up` is overwritten. None for one-sided
         differences.
     steps : array (unknown,)
-    flown : array of bool (unknown,) or (2 unknowns,)
+    succeeded : array of bool (unknown,) or (2 unknowns,)
         Whether the runs up, and then those down, succeeded.
     """
-    if down is not None and flown.all():
+    if down is not None and succeeded.all():
         up -= down
         up /= 2.0 * steps[:, None, None]
         return up
     # A failed run is replaced by the base, and the width is that of the runs that succeeded.
-    succeeded = flown.reshape(-1, len(steps))
-    up[~succeeded[0]] = base
+    by_side = succeeded.reshape(-1, len(steps))
+    up[~by_side[0]] = base
     if down is None:
         up -= base
     else:
-        up -= np.where(succeeded[1][:, None, None], down, base)
-    width = steps * succeeded.sum(axis=0)
+        up -= np.where(by_side[1][:, None, None], down, base)
+    width = steps * by_side.sum(axis=0)
     up /= np.where(width > 0.0, width, np.inf)[:, None, None]
     return up
 

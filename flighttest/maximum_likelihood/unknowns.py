@@ -63,12 +63,12 @@ class UnknownVector:
     high: np.ndarray
 
 
-def lay_out(wanted: Wanted, recorded: Sequence[Mapping[str, float]]) -> UnknownVector:
+def lay_out(unknowns: Wanted, recorded: Sequence[Mapping[str, float]]) -> UnknownVector:
     """Return the vector of the unknowns.
 
     Parameters
     ----------
-    wanted : mapping of str to Unknown, tuple or float
+    unknowns : mapping of str to Unknown, tuple or float
         A tuple contains the first fields of `Unknown`; a number is the start value.
     recorded : sequence of mapping of str to float
         Per manoeuvre, the values that replace a start of None.
@@ -79,12 +79,12 @@ def lay_out(wanted: Wanted, recorded: Sequence[Mapping[str, float]]) -> UnknownV
         Unknowns without a start, a start outside the bounds, or a prior standard error that is not
         positive. One error lists all of them.
     """
-    problems = [] if wanted else ["no unknown; name at least one parameter"]
+    problems = [] if unknowns else ["no unknown; name at least one parameter"]
     names: list[str] = []
     starts: list[float] = []
     items: list[Unknown] = []
     positions: list[dict[str, int]] = [{} for _ in recorded]
-    for name, item in wanted.items():
+    for name, item in unknowns.items():
         unknown = Unknown(*item) if isinstance(item, tuple) else Unknown(item)
         # A common unknown is one element for all manoeuvres, a separate one has an element for each.
         groups = [range(len(recorded))]

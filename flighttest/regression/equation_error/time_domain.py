@@ -109,10 +109,10 @@ def regress(
     )
 
 
-def demand_choice(what: str, given: str, allowed: Sequence[str]) -> None:
+def demand_choice(what: str, choice: str, allowed: Sequence[str]) -> None:
     """Raise ValueError when a word is not among the allowed words."""
-    if given not in allowed:
-        raise ValueError(f"{what} is {given!r}; allowed: {', '.join(allowed)}")
+    if choice not in allowed:
+        raise ValueError(f"{what} is {choice!r}; allowed: {', '.join(allowed)}")
 
 
 def demand_determined(

@@ -42,7 +42,8 @@ class Disturbance:
         r : array (order + 1,)
             Autocovariance at lags 0 ... order.
         """
-        a, reflections, variance = np.ones(1), [], float(r[0])
+        reflections: list[float] = []
+        a, variance = np.ones(1), float(r[0])
         if not variance > 0.0:
             return cls(np.array(reflections), variance)
         # k_(m+1) = -sum_i a_i r_(m+1-i) / variance, and the variance shrinks by 1 - k^2.
