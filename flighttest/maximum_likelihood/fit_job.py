@@ -47,6 +47,7 @@ class FitJobResult:
     def explained(self) -> xr.DataArray:
         """Share of the variance of each output that the model explains, (manoeuvre, output)."""
         names = list(self.fit.residuals[0].data_vars)
+        # one minus the mean square of the residual over that of the output about its mean
         shares = np.empty((len(self.records), len(names)))
         for k, (record, residual) in enumerate(zip(self.records, self.fit.residuals)):
             for j, name in enumerate(names):
@@ -101,6 +102,7 @@ class FitJobResult:
     def as_dict(self) -> dict[str, Any]:
         """Return estimates and remarks as JSON types."""
         e, noise, explained = self.fit.estimates, self.fit.noise, self.explained
+        # One-dimensional variables are the columns; matrices are not part of the rows.
         columns = [str(name) for name, x in e.data_vars.items() if x.dims == ("parameter",)]
         parameters = {}
         for k, name in enumerate(e["parameter"].values):
@@ -154,6 +156,7 @@ def perform_fit_job(specification: Specification) -> FitJobResult:
         Records without excitation, or inputs that move together.
     """
     sim = compile_files(str(specification.aircraft), str(specification.database))
+    # Windows and clocks are validated before the first simulation.
     records, names = [], []
     for table in specification.record:
         states = open_states(table.file)

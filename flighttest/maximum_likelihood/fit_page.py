@@ -55,6 +55,7 @@ def _record_content(done: FitJobResult, k: int) -> dict[str, Any]:
     for j, name in enumerate(residual.data_vars):
         share = float(done.explained.values[k, j])
         charts.append(_output_chart(record, residual, name=str(name), share=share))
+    # Inputs that stay constant have no chart.
     inputs = []
     for name in map(str, record.data_vars):
         values = record[name].values

@@ -97,6 +97,7 @@ def linear_output_error(
     groups = noise_groups(noise, len(records))
     layout = lay_out(parameters, [{} for _ in records])
     pieces = [_RecordResponse(model, record, names) for record, names in zip(records, layout.bases)]
+    # Standard errors are those of coloured residuals, as in `output_error`.
     maximum = maximise_likelihood(Likelihood(pieces, layout, groups), iterations)
     covariance, colours = coloured_likelihood_covariance(
         maximum, layout.columns, [piece.step for piece in pieces]

@@ -104,6 +104,7 @@ def filter_error(
     demand_known(model, list(parameters), {**extra, "sensor": outputs})
     starts = _noise_starts([input_output_arrays(model, record)[1] for record in records])
     unknowns: Wanted = {f"noise.{name}": Unknown(start) for name, start in zip(outputs, starts)}
+    # Every output has a noise; given parameters replace the starts from the record.
     natural = lay_out({**unknowns, **parameters}, [{} for _ in records])
     layout, is_squared = _square_deviations(natural)
     pieces = []
@@ -125,6 +126,7 @@ def filter_error(
         in_deviations, natural, covariance=covariance * size, about={"method": "filter error"}
     )
 
+    # The noise is reported in the unit of the outputs, the effect in white units.
     innovations = maximum.residuals.parts
     scaled = [piece.z / np.sqrt(R) for piece, R in zip(pieces, maximum.noise)]
     scatter = noise_dataset(
@@ -330,6 +332,7 @@ class _FilteredRecord:
 
     def _name_values(self, values: np.ndarray) -> dict[str, float]:
         """Return the unknowns by name, deviations in place of their squares."""
+        # sigma = start sqrt(s) of the squares s
         named = {}
         for name, value, start in zip(self.names, values, self.starts):
             named[name] = float(value)

@@ -141,6 +141,7 @@ class Likelihood:
         self.pieces, self.layout, self.groups = pieces, layout, groups
         self.has_reading = [np.isfinite(piece.measured) for piece in pieces]
         self.counts = self._sum_groups([mask.sum(axis=0) for mask in self.has_reading])
+        # A noise-free output would have the logarithm of zero: its variance has a floor.
         centred = []
         for piece in pieces:
             centred.append(piece.measured - np.nanmean(piece.measured, axis=0))
@@ -334,6 +335,7 @@ def root_of_inverse(information: np.ndarray, free: np.ndarray) -> np.ndarray:
     free : array of bool (unknown,)
         The rows of the other unknowns are zero.
     """
+    # Scaled to a unit diagonal, eigenvalues of different units are comparable.
     scale = np.where(free, 1.0 / np.sqrt(np.diag(information)), 0.0)
     part = (information * np.outer(scale, scale))[np.ix_(free, free)]
     values, vectors = np.linalg.eigh(part)
@@ -350,6 +352,7 @@ def invert_information(information: np.ndarray, free: np.ndarray) -> np.ndarray:
 
 def _parameter_sizes(layout: UnknownVector) -> np.ndarray:
     """Return the size of each unknown: its a-priori stderr, else its range, else its value."""
+    # Differences need a step in the unit of the parameter before its standard error is available.
     width = layout.high - layout.low
     by_value = np.maximum(np.abs(layout.start), _LEAST_SIZE)
     by_range = np.where(np.isfinite(width), width, by_value)

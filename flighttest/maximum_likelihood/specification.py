@@ -92,6 +92,7 @@ class Specification(Strict):
         problems: list[str] = []
         unknowns = {}
         for name, table in self.parameter.items():
+            # Parts of tables, such as node.CL.basic[3], are in no catalogue.
             units, nominal = entries.get(name) or ("1", _table_value(sim, name))
             if name not in entries and nominal is None:
                 expected = "a parameter of the model, sensor.* or factor.*"

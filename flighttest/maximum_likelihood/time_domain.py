@@ -228,6 +228,7 @@ def output_error(
     for record, values in zip(records, fixed):
         pieces.append(_SimulatedRecord(sim, record, fixed=values, outputs=list(outputs), step=step))
     layout = lay_out(parameters, [piece.starts for piece in pieces])
+    # The starts of the records complete the unknowns, whose names then reach the records.
     for piece, names in zip(pieces, layout.bases):
         piece.set_unknowns(names)
     maximum = maximise_likelihood(Likelihood(pieces, layout, groups), iterations)
@@ -326,6 +327,7 @@ class _SimulatedRecord:
             )
         self.starts = _recorded_starts(sim, record)
         self.inputs, drive = _select_inputs(sim, record)
+        # Given conditions have priority over recorded starts.
         self.conditions = {**self.starts, **drive, **fixed}
         self.runs = Runs(self._simulate)
 
@@ -366,6 +368,7 @@ class _SimulatedRecord:
 
     def predict(self, values: np.ndarray) -> np.ndarray:
         """Return the outputs with the errors of the instruments."""
+        # Instruments multiply the output first and add their constant then.
         z = self.runs.outputs(values[self.simulated]) * self._output_factors(values)
         for k, (kind, output) in self.instruments.items():
             if kind == "sensor":
@@ -428,6 +431,7 @@ def _recorded_starts(sim: SimModel, record: xr.Dataset) -> dict[str, float]:
 def _select_inputs(sim: SimModel, record: xr.Dataset) -> tuple[xr.Dataset, dict[str, float]]:
     """Return the inputs of the model, and the engine mode if recorded thrust drives them."""
     inputs = record[[str(name) for name in record.data_vars if name in sim.inputs]]
+    # A recorded lever has priority over recorded thrust.
     has_levers = any(str(name).startswith("engine") for name in inputs.data_vars)
     drives = {}
     for name in map(str, record.data_vars):

@@ -101,6 +101,7 @@ def _make_choice(takes_first: Callable) -> ExpressionFunction:
 
     def apply(arguments: Sequence[Slopes], _: Pieces) -> Result:
         x, y = arguments
+        # At every sample the derivatives are those of the chosen argument.
         choice = takes_first(x.value, y.value)
         slopes = {}
         for name in sorted({*x.by, *y.by}):
@@ -198,6 +199,7 @@ def _multiply(arguments: Sequence[Slopes], _: Pieces) -> Result:
 
 
 def _divide(arguments: Sequence[Slopes], _: Pieces) -> Result:
+    # d(x/y) = dx/y - x dy/y^2
     x, y = arguments
     if (y.value == 0.0).any():
         raise OutOfRange("division by zero")
@@ -223,6 +225,7 @@ def _raise_to_power(arguments: Sequence[Slopes], _: Pieces) -> Result:
         )
     if (x.value == 0.0).any() and (y.value < 0.0).any():
         raise OutOfRange("a negative power of zero")
+    # d(x^y) = y x^(y-1) dx + x^y ln(x) dy
     value = x.value**y.value
     # Only the needed partial derivatives: the other ones may not exist at x = 0.
     parts = []

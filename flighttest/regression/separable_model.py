@@ -185,6 +185,7 @@ class SeparableModel:
         UnitError
             A declared unit that is not defined.
         """
+        # A declared unit has priority over the vocabulary; parsing validates it.
         if name in self.units:
             parse_unit(self.units[name])
             return self.units[name]
@@ -243,6 +244,7 @@ class SeparableModel:
         pieces: Pieces | None = None,
     ) -> tuple[np.ndarray, list[Slope]]:
         """Return the result of `design` for arrays (size,) by name."""
+        # A lag needs the stretches without a gap; other terms ignore them.
         scope = Scope(quantities, dict(parameters), pieces or Pieces())
         X = np.empty((size, len(self.terms)))
         slopes: list[Slope] = []

@@ -114,6 +114,7 @@ def bins(
                     name, map(str, manoeuvre.data_vars), "condition", "the data do not hold it"
                 )
     sorted_bins = []
+    # all combinations of one range per condition, the last condition fastest
     for ranges in product(*(list(pairwise(values)) for values in edges.values())):
         limits = dict(zip(edges, ranges))
         parts = []
@@ -206,6 +207,7 @@ def _tabulate_bins(
 ) -> xr.Dataset:
     """Return the estimates of all bins; NaN for a bin without fit."""
     terms, count = list(model.terms), len(sorted_bins)
+    # Arrays have one row per bin; a bin without fit keeps NaN.
     table = xr.Dataset(coords={"term": terms, "term_": terms})
     for key in ("estimate", "stderr", "stderr_white"):
         values = np.full((count, len(terms)), np.nan)

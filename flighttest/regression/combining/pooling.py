@@ -95,6 +95,7 @@ def pool(
             f"found {len(theta)} values and {len(s)} standard errors {s.tolist()}; expected "
             f"one positive standard error per finite value"
         )
+    # Inverse-variance mean, its consistency chi2, and the Birge ratio sqrt(chi2/(n - 1)).
     n = len(theta)
     w = 1.0 / s**2
     mean = float(w @ theta / w.sum())
@@ -109,6 +110,7 @@ def pool(
             error = float(np.sqrt((s**2).mean() / n))
     else:
         value, error = float((theta / s).sum() / (1.0 / s).sum()), np.sqrt(n) / (1.0 / s).sum()
+    # differences of all pairs in combined standard errors
     differences = np.abs(theta[:, None] - theta) / np.hypot(s[:, None], s)
     return Pooled(
         value=value,

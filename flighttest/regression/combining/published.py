@@ -94,6 +94,7 @@ def published_fit(
         raise IdentificationError(
             f"{name or model}: the conditions do not determine the terms: {error}"
         ) from None
+    # The grid has the coefficient of the model itself, without noise: its fit is the model.
     theta = np.array([float(values[term]) for term in terms])
     sigma = np.array([float(stderr[term]) for term in terms])
     R = np.eye(len(terms))
@@ -222,6 +223,7 @@ def _list_term_faults(model: RegressionModel, column: Mapping[str, float], label
 
 def _list_variable_faults(model: RegressionModel, conditions: Mapping[str, Condition]) -> list[str]:
     """Return the model variables without a condition that determines their terms."""
+    # A power or a ramp needs a range: one tangent does not determine it.
     curved = set()
     for term in model.terms:
         for factor, power in term_powers(term).items():

@@ -75,6 +75,7 @@ def read_published(path: str | Path) -> list[Fit]:
     """
     path = Path(path)
     text = read_text(path, "a CSV text with the columns " + ", ".join(NEEDED), WESTERN)
+    # Semicolons separate cells if the first line has more of them than commas.
     first_line = text.split("\n", 1)[0]
     separator = ";" if first_line.count(";") > first_line.count(",") else ","
     lines = csv_rows(text, path, separator)
@@ -84,7 +85,7 @@ def read_published(path: str | Path) -> list[Fit]:
     groups: dict[tuple[str, str], list[_Row]] = {}
     for number, cells in enumerate(lines[1:], start=2):
         if not any(cell.strip() for cell in cells):
-            continue
+            continue  # an empty line
         if len(cells) != len(heads):
             raise ParseError(
                 str(path),
@@ -93,6 +94,7 @@ def read_published(path: str | Path) -> list[Fit]:
                 f"{len(heads)}, as the line of names has; quote texts with commas",
             )
         cell_of = {name: cell.strip() for name, cell in zip(columns, cells, strict=True)}
+        # With semicolons a comma in a number is a decimal comma.
         if separator == ";":
             _replace_decimal_commas(cell_of)
         row = _read_row(number, cell_of, columns=columns, problems=problems)
@@ -157,6 +159,7 @@ def _read_row(
     for name, cell in cell_of.items():
         if name in (*NEEDED, _UNIT) or not cell:
             continue
+        # "alpha reference" belongs to the variable alpha.
         variable = name.removesuffix(_REFERENCE).strip()
         unit = columns[name] or lookup(variable).units
         if variable != name:

@@ -103,6 +103,7 @@ def _describe_excess(
 ) -> str:
     """Return the text of one variable or term; empty if its samples are inside the range."""
     x, low, high = x[np.isfinite(x)], float(fitted.min()), float(fitted.max())
+    # Values beyond the range by the rounding of a unit conversion are inside.
     margin = _ROUNDING * max(abs(low), abs(high))
     outside = (x < low - margin) | (x > high + margin)
     if not outside.any():
@@ -336,6 +337,7 @@ def open_fit(path: str | os.PathLike) -> Fit:
     ParseError
         A file that is not a fit.
     """
+    # The model is stored as text; its reference values are a separate attribute.
     tree = open_tree(path, _CONTENT, _EXPECTED)
     attributes = tree.attrs
     parts = {}
@@ -384,6 +386,7 @@ def _describe_quality(a: Mapping[str, Any]) -> str:
     """Return samples, R2 and options of a fit as text, from the attributes of its estimates."""
     if a.get("domain") == "published":
         return "published values, no samples"
+    # Options appear only if they differ from their defaults.
     text = (
         f"samples {a['samples']}, manoeuvres {a['manoeuvres']}, R2 {a['R2']:.4f}, residual "
         f"rms {a['residual_rms']:.3g}"

@@ -50,6 +50,7 @@ class RegressionSamples:
             Sampling interval of each stretch. [s]
         """
         manoeuvre, time = self.data["manoeuvre"].values, self.data["time"].values
+        # A stretch ends at a gap in time, and at the end of its manoeuvre.
         allowed = _GAP * np.asarray(self.steps)[manoeuvre[1:]]
         is_cut = (np.diff(manoeuvre) != 0) | (np.abs(np.diff(time)) > allowed)
         edges = [0, *(np.flatnonzero(is_cut) + 1).tolist(), len(time)]
@@ -84,6 +85,7 @@ class RegressionSamples:
         name = f"{target}_error"
         if name not in self.data:
             return [], np.zeros((0, self.data.sizes["sample"]))
+        # Stored changes have single precision.
         change = self.data.variables[name].values.astype(float)
         errors_of: dict[str, np.ndarray] = {}
         for variable in variables:
@@ -141,6 +143,7 @@ def slopes_of(model: RegressionModel, theta: np.ndarray) -> Response:
         Estimates. One constant per manoeuvre may replace the term ``1``.
     """
     if len(theta) != len(model.terms):
+        # Several constants stand at the position of the term 1: they become one zero.
         position, extra = model.terms.index("1"), len(theta) - len(model.terms)
         theta = np.concatenate([theta[:position], [0.0], theta[position + extra + 1 :]])
     slopes = np.where([term == "1" for term in model.terms], 0.0, theta)
@@ -194,11 +197,13 @@ def stack_samples(
         raise IdentificationError(f"no manoeuvre for {purpose}; give at least one Dataset")
     needed = [coefficient, *variables]
     _demand_variables(manoeuvres, needed, purpose)
+    # Table variables are optional: a variable that one manoeuvre lacks is not stacked.
     optional = [name for name in _TABLE_VARIABLES if _all_hold(manoeuvres, name)]
     names = list(dict.fromkeys([*needed, *optional]))
     usable = [_usable_samples(manoeuvre, needed) for manoeuvre in manoeuvres]
 
     samples = xr.Dataset(_stack_columns(manoeuvres, names, usable))
+    # Errors count only if every manoeuvre has them; the sources may differ.
     if _all_hold(manoeuvres, f"{coefficient}_error"):
         sources = _error_sources(manoeuvres)
         changes = _stack_errors(manoeuvres, needed, sources=sources, usable=usable)

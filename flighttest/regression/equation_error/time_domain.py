@@ -87,6 +87,7 @@ def regress(
        Statistics 4, 1975.
     """
     demand_choice("intercepts", intercepts, ("common", "separate"))
+    # Weights may be the standard errors in a variable of the data.
     needed = list(model.variables)
     if weights not in WEIGHTS:
         needed.append(weights)

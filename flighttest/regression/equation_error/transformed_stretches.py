@@ -66,6 +66,7 @@ def select_stretches(
         longest = max(longest, duration)
         if duration * band[0] < 1.0 - _ROUNDING:
             continue
+        # Multiples of one over the duration are independent values of the spectrum.
         period = duration
         if spacing is not None:
             period = 1.0 / spacing

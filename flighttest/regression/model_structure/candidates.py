@@ -184,6 +184,7 @@ def candidate_equations(
     X = term_regressors(terms, samples.data)
     is_constant = least_squares.intercept_mask(terms)
     high, low = X.max(axis=1), X.min(axis=1)
+    # The limit is relative: a large constant with rounding noise does not move.
     is_moving = high - low > IDLE * np.maximum(np.abs(high), np.abs(low))
     is_used = is_moving | is_constant
     rows = len(z)
@@ -221,6 +222,7 @@ def _transform_equations(
 
     The third result is the number of independent rows.
     """
+    # Complex rows, one per frequency, become two real rows.
     parts = select_stretches(samples, band)
     Xf, zf = transform_columns(X.T, parts), transform_columns(z[:, None], parts)
     if weights == "equal":

@@ -100,6 +100,7 @@ def _deciding_numbers(
     columns = {}
     for key in ("estimate", "contribution", "vif"):
         columns[key] = np.array([float(fit.estimates[key].sel(term=term)) for fit in fits])
+    # Signs are compared with the median of the fits, which one wrong record does not change.
     values = columns["estimate"]
     pooled = pool_fits(fits).loc[term]
     partner, correlation = _find_partner(term, fits)
@@ -142,6 +143,7 @@ def _validation_rise(term: str, fits: Sequence[Fit], validation: Fit | None) -> 
     X_new = validation.regressors.values
     z_new = validation.data[validation.model.coefficient].values
 
+    # Both models are estimated from the same samples, and judged on those of the validation.
     def rms_error(used: np.ndarray) -> float:
         theta = np.linalg.lstsq(X[:, used], z, rcond=None)[0]
         return np.sqrt(np.mean((z_new - X_new[:, used] @ theta) ** 2))

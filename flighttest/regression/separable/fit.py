@@ -296,6 +296,7 @@ def _systematic_changes(
 
 def _invert_scaled(M: np.ndarray, names: Sequence[str]) -> np.ndarray:
     """Return the inverse of a normal matrix, scaled to a unit diagonal first."""
+    # A combination with a vanishing eigenvalue does not change the fit.
     scale = 1.0 / np.sqrt(np.diag(M))
     values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
     if values[0] <= _SINGULAR * values[-1]:
@@ -321,6 +322,7 @@ def _fit_attributes(
 ) -> dict[str, Any]:
     """Return the attributes of the estimates."""
     targets = [model.target for model in problem.models]
+    # A constant quantity has no R2.
     R2, rms = [], []
     for z, v in zip(problem.z, residuals):
         total = float(((z - z.mean()) ** 2).sum())

@@ -160,6 +160,7 @@ def validation_table(
         for name in columns:
             if name not in signals:
                 raise UnknownName(name, map(str, signals), "signal", f"{holder} does not hold it")
+    # One row per metric and model: the metrics are the outer index, as in the tables of [Gresham]_.
     rows: dict[tuple[str, str], list[float]] = {}
     for metric, function in METRICS.items():
         for model, signals in predicted.items():
@@ -185,6 +186,7 @@ def validation_report(table: pd.DataFrame) -> str:
 
 def _common_samples(measured, predicted) -> tuple[np.ndarray, np.ndarray]:
     """Return both signals at the samples where both are finite."""
+    # A broadcast of different shapes would compare samples of different times.
     z, y = np.asarray(measured, float), np.asarray(predicted, float)
     if z.shape != y.shape or z.ndim != 1:
         raise IdentificationError(
