@@ -86,7 +86,7 @@ def lay_out(unknowns: Wanted, recorded: Sequence[Mapping[str, float]]) -> Unknow
     positions: list[dict[str, int]] = [{} for _ in recorded]
     for name, item in unknowns.items():
         unknown = Unknown(*item) if isinstance(item, tuple) else Unknown(item)
-        # A common unknown is one element for all manoeuvres, a separate one has an element for each.
+        # A common unknown is one element for all manoeuvres, a separate one has one for each.
         groups = [range(len(recorded))]
         if unknown.own:
             groups = [range(k, k + 1) for k in range(len(recorded))]
@@ -105,14 +105,16 @@ def lay_out(unknowns: Wanted, recorded: Sequence[Mapping[str, float]]) -> Unknow
             items.append(unknown)
     if problems:
         raise SchemaError("unknowns", problems)
+    # columns of the fields start, sigma, low, high, own
+    fields = np.array(items, dtype=float)
     return UnknownVector(
         names=tuple(names),
-        bases=tuple(tuple(position) for position in positions),
+        bases=tuple(map(tuple, positions)),
         columns=tuple(np.array(list(position.values()), int) for position in positions),
         start=np.array(starts),
-        sigma=np.array([unknown.sigma for unknown in items], float),
-        low=np.array([unknown.low for unknown in items], float),
-        high=np.array([unknown.high for unknown in items], float),
+        sigma=fields[:, 1].copy(),
+        low=fields[:, 2].copy(),
+        high=fields[:, 3].copy(),
     )
 
 

@@ -13,6 +13,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -226,17 +227,12 @@ def _solve(
     A = least_squares.estimator_matrix(E) * root
     sources, errors = samples.errors(model.coefficient, model.variables, slopes_of(model, theta))
 
-    variables = least_squares.regressor_diagnostics(Xw, is_constant)
-    spread = float(np.std(z))
-    variables["contribution"] = "term", np.std(X, axis=0) * np.abs(theta) / spread
-    if parameter:
-        bias = least_squares.ridge_bias(Xw, zw, penalty)
-        variables["shrinkage"] = "term", bias, {"long_name": least_squares.RIDGE_BIAS}
-    variables["stderr_window"] = (
-        "term",
-        coloured.windowed,
-        {"long_name": "standard error by a lag window, for comparison"},
-    )
+    contribution = np.std(X, axis=0) * np.abs(theta) / float(np.std(z))
+    bias = least_squares.ridge_bias(Xw, zw, penalty) if parameter else None
+    variables = {
+        **least_squares.regressor_diagnostics(Xw, is_constant),
+        **_term_variables(contribution, bias=bias, windowed=coloured.windowed),
+    }
     white = np.sqrt(s2 * ((A / root) ** 2).sum(axis=1))
     estimates = least_squares.regression_estimates(
         terms,
@@ -266,3 +262,15 @@ def _solve(
     if weights == "equal":
         return estimates, E, errors
     return estimates, least_squares.equivalent_regressors(A), errors
+
+
+def _term_variables(
+    contribution: np.ndarray, bias: np.ndarray | None, windowed: np.ndarray
+) -> dict[str, Any]:
+    """Return contribution, bias of the ridge and lag-window error of the terms for a Dataset."""
+    variables: dict[str, Any] = {"contribution": ("term", contribution)}
+    if bias is not None:
+        variables["shrinkage"] = "term", bias, {"long_name": least_squares.RIDGE_BIAS}
+    window_name = {"long_name": "standard error by a lag window, for comparison"}
+    variables["stderr_window"] = "term", windowed, window_name
+    return variables
