@@ -181,8 +181,8 @@ def prior_of(fit: Fit, database: xr.DataTree) -> xr.Dataset:
     """Return the prior of a fit's terms from a database, such as one of DATCOM.
 
     A table is not a slope: the least-squares estimate from the tables depends on the samples. The
-    tables g are therefore evaluated at the samples of the fit, B g. The result goes through the same
-    linear map as the measurements, theta = A B g.
+    tables g are therefore evaluated at the samples of the fit, B g. The linear map of the
+    measurements is applied to the result, theta = A B g.
 
     Parameters
     ----------

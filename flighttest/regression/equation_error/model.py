@@ -63,7 +63,7 @@ class RegressionModel:
 
     Examples
     --------
-    >>> Model("CL", ["1", "alpha", "alpha^2"]).terms
+    >>> RegressionModel("CL", ["1", "alpha", "alpha^2"]).terms
     ('1', 'alpha', 'alpha**2')
     """
 
@@ -131,7 +131,7 @@ class RegressionModel:
 
         Examples
         --------
-        >>> Model.parse("CL = 1 + alpha + alpha*h_agl^s", {"s": (-4.0, -0.1)}).variables
+        >>> RegressionModel.parse("CL = 1 + alpha + alpha*h_agl^s", {"s": (-4.0, -0.1)}).variables
         ('alpha', 'h_agl')
         """
         if parameters is not None or units is not None:
@@ -263,9 +263,9 @@ def term_powers(term: str) -> dict[str, int]:
 
     Examples
     --------
-    >>> powers("delta_f*alpha**2")
+    >>> term_powers("delta_f*alpha**2")
     {'delta_f': 1, 'alpha': 2}
-    >>> powers("ramp(h, 100 ft)")
+    >>> term_powers("ramp(h, 100 ft)")
     {'ramp(h,30.48)': 1}
     """
     return dict(_parse_powers(term))

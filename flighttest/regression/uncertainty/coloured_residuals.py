@@ -86,13 +86,13 @@ def coloured_covariance_of(
 
     Notes
     -----
-    cov = D [sum over pieces, i, j of x_i R(i - j) x_j'] D with D = (X'X)^-1 and R the autocovariance
-    of the disturbance. With a lag window R(k) = w_k (1/N) sum v_i v_(i+k) of the piece,
-    w_k = max(0, 1 - |k|/L), and the sum is multiplied by N/(N - n).
+    cov = D [sum over pieces, i, j of x_i R(i - j) x_j'] D with D = (X'X)^-1 and R the
+    autocovariance of the disturbance. With a lag window R(k) = w_k (1/N) sum v_i v_(i+k) of the
+    piece, w_k = max(0, 1 - |k|/L), and the sum is multiplied by N/(N - n).
 
-    The window follows [Morelli1997]_ and [Newey1987]_. It uses only the part of the disturbance that
-    the fit has not absorbed, and is too small for slow terms. For intercepts fitted to 10 s, two
-    standard errors cover 77 %, against 92 % by default.
+    The window follows [Morelli1997]_ and [Newey1987]_. It uses only the part of the disturbance
+    that the fit has not absorbed, and is too small for slow terms. For intercepts fitted to 10 s,
+    two standard errors cover 77 %, against 92 % by default.
 
     References
     ----------

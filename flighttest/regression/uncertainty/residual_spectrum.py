@@ -3,9 +3,9 @@
 A fit absorbs part of the disturbance, most of all its slow part. If the variance of an intercept is
 taken from the residual, it is several times too small. The regressors alone determine what the fit
 absorbs at which frequency. The discrete cosine transform of the disturbance has values d_k that are
-nearly uncorrelated for any colour [Ahmed1974]_. The fit leaves v = (I - QQ') d, with the orthonormal
-transforms Q of the regressors. For a spectrum S that is smooth over the frequencies that the fit
-mixes,
+nearly uncorrelated for any colour [Ahmed1974]_. The fit leaves v = (I - QQ') d, with the
+orthonormal transforms Q of the regressors. For a spectrum S that is smooth over the frequencies
+that the fit mixes,
 
     E v_k^2 = (1 - h_k) S(f_k),    h_k = (QQ')_kk
 
