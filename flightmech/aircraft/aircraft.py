@@ -62,10 +62,9 @@ from flightmech.support.toml_models import (
     Strict,
     file_schema,
     fixed_array,
-    make_si_type,
     validate_content,
 )
-from flightmech.support.toml_quantities import quantity_schema
+from flightmech.support.toml_quantities import InUnits, quantity_schema
 from flightmech.units import parse_quantity
 
 Vector = tuple[float, float, float]
@@ -212,8 +211,8 @@ def read_aircraft(path: str | Path) -> Aircraft:
     return Aircraft(**built, **plain)
 
 
-_Length = make_si_type("m")
-_Vector = tuple[_Length, _Length, _Length]  # type: ignore[valid-type]
+_Length = Annotated[float, InUnits("m")]
+_Vector = tuple[_Length, _Length, _Length]
 _OF_CONTROL = quantity_schema("of the control")
 _DEVICES = r"^device\.\w+\.(deflection|setting)$"
 _LIMITS = {
@@ -230,10 +229,10 @@ class _NumberOrText(Strict):
 
 
 class _ControlTable(_NumberOrText):
-    S_hinge: make_si_type("m2") = Field(  # type: ignore[valid-type]
+    S_hinge: Annotated[float, InUnits("m2")] = Field(
         description="Area behind the hinge line of all surfaces that the control moves together."
     )
-    c_hinge: _Length = Field(description="Mean chord behind the hinge line.")  # type: ignore[valid-type]
+    c_hinge: _Length = Field(description="Mean chord behind the hinge line.")
     gearing: Annotated[float, WithJsonSchema(_OF_CONTROL)] | None = Field(
         default=None,
         description="Deflection per travel of the cockpit control, negative in an ordinary "
@@ -258,32 +257,38 @@ class _ControlTable(_NumberOrText):
 
 class _AircraftFile(_NumberOrText):
     name: str = Field(description="Name of the type.")
-    S: make_si_type("m2") = Field(description="Reference area.")  # type: ignore[valid-type]
-    cbar: _Length = Field(description="Reference chord.")  # type: ignore[valid-type]
-    b: _Length = Field(description="Reference span.")  # type: ignore[valid-type]
+    S: Annotated[float, InUnits("m2")] = Field(description="Reference area.")
+    cbar: _Length = Field(description="Reference chord.")
+    b: _Length = Field(description="Reference span.")
     reference: _Vector | None = Field(
         default=None,
         description="Moment reference point from the drawing datum, body directions; without it "
         "that of the database.",
     )
-    x_ref_mac: make_si_type("1") = Field(  # type: ignore[valid-type]
+    x_ref_mac: Annotated[float, InUnits("1")] = Field(
         default=0.25,
         description="Place of the reference point behind the leading edge of the mean chord, in "
         "chords.",
     )
-    mass: make_si_type("kg") = Field(description="Gross mass with the fuel on board.")  # type: ignore[valid-type]
-    Ixx: make_si_type("kg m2") = Field(description="Moment of inertia in roll about the c.g.")  # type: ignore[valid-type]
-    Iyy: make_si_type("kg m2") = Field(description="Moment of inertia in pitch about the c.g.")  # type: ignore[valid-type]
-    Izz: make_si_type("kg m2") = Field(description="Moment of inertia in yaw about the c.g.")  # type: ignore[valid-type]
-    Ixy: make_si_type("kg m2") = Field(  # type: ignore[valid-type]
+    mass: Annotated[float, InUnits("kg")] = Field(description="Gross mass with the fuel on board.")
+    Ixx: Annotated[float, InUnits("kg m2")] = Field(
+        description="Moment of inertia in roll about the c.g."
+    )
+    Iyy: Annotated[float, InUnits("kg m2")] = Field(
+        description="Moment of inertia in pitch about the c.g."
+    )
+    Izz: Annotated[float, InUnits("kg m2")] = Field(
+        description="Moment of inertia in yaw about the c.g."
+    )
+    Ixy: Annotated[float, InUnits("kg m2")] = Field(
         default=0.0,
         examples=[0.0],
         description="Product of inertia about the c.g., integral of xy dm.",
     )
-    Ixz: make_si_type("kg m2") = Field(  # type: ignore[valid-type]
+    Ixz: Annotated[float, InUnits("kg m2")] = Field(
         default=0.0, description="Product of inertia about the c.g., integral of xz dm."
     )
-    Iyz: make_si_type("kg m2") = Field(  # type: ignore[valid-type]
+    Iyz: Annotated[float, InUnits("kg m2")] = Field(
         default=0.0,
         examples=[0.0],
         description="Product of inertia about the c.g., integral of yz dm.",

@@ -24,11 +24,12 @@ import math
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, create_model
 
-from flightmech.support.toml_models import Strict, make_si_type
+from flightmech.support.toml_models import Strict
+from flightmech.support.toml_quantities import InUnits
 
 CONTROLS = (
     "delta_e",
@@ -277,6 +278,10 @@ def _units(item: str, constant: _Constant) -> str:
     return constant.rotary if item == "wheel" else constant.linear
 
 
+_Angles = tuple[Annotated[float, InUnits("rad")], Annotated[float, InUnits("rad")]]
+_Lengths = tuple[Annotated[float, InUnits("m")], Annotated[float, InUnits("m")]]
+
+
 class _CircuitTable(Strict):
     """What the tables of all circuits share; the constants with their units come from
     `circuit_table`.
@@ -291,11 +296,10 @@ class _CircuitTable(Strict):
 
 def circuit_table(item: str) -> type[Strict]:
     """Return the model of ``[circuit.<item>]``: quantities with the units of that circuit."""
-    travel = make_si_type("rad" if item == "wheel" else "m")
     defaults = {field.name: field.default for field in fields(Circuit)}
     columns: dict[str, Any] = {
         name: (
-            make_si_type(_units(item, constant)),
+            Annotated[float, InUnits(_units(item, constant))],
             Field(
                 ... if name == "mass" else defaults[name],
                 description=_sentence(constant.text),
@@ -312,7 +316,8 @@ def circuit_table(item: str) -> type[Strict]:
         examples=["0.5 ms"],
         description="Sub-step of the simulation; without it at most 1 ms, by the fastest mode.",
     )
-    columns |= {"stops": (tuple[travel, travel], stops), "step": (make_si_type("s") | None, step)}  # type: ignore[valid-type]
+    travel: Any = _Angles if item == "wheel" else _Lengths
+    columns |= {"stops": (travel, stops), "step": (Annotated[float, InUnits("s")] | None, step)}
     return create_model(f"{item.capitalize()}Table", __base__=_CircuitTable, **columns)
 
 

@@ -20,7 +20,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import ConfigDict, Field, field_validator, model_validator
@@ -29,7 +29,8 @@ from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownNam
 from flightmech.names import lookup
 from flightmech.support.hdf5_seal import demand_self_contained
 from flightmech.support.netcdf_trees import read_netcdf_tree
-from flightmech.support.toml_models import Strict, make_si_type
+from flightmech.support.toml_models import Strict
+from flightmech.support.toml_quantities import InUnits
 from flightmech.terms import check_term, make_term
 from flightmech.units import parse_quantity
 
@@ -130,7 +131,7 @@ class EngineDeck:
             raise SchemaError("engine deck", problems)
 
 
-_Length = make_si_type("m")
+_Length = Annotated[float, InUnits("m")]
 
 
 class DeckTable(Strict):
@@ -148,71 +149,71 @@ class DeckTable(Strict):
         description="Tables here: a number, or axes with value and, as needed, regressors and "
         "outside.",
     )
-    lever_delay: make_si_type("s") | None = Field(  # type: ignore[valid-type]
+    lever_delay: Annotated[float, InUnits("s")] | None = Field(
         default=None, description="Transport delay of the power lever; 0 without it."
     )
-    pla_idle: make_si_type("rad") | None = Field(  # type: ignore[valid-type]
+    pla_idle: Annotated[float, InUnits("rad")] | None = Field(
         default=None, examples=["10 deg"], description="Lever angle at throttle 0; 0 without it."
     )
-    pla_full: make_si_type("rad") | None = Field(  # type: ignore[valid-type]
+    pla_full: Annotated[float, InUnits("rad")] | None = Field(
         default=None,
         examples=["50 deg"],
         description="Lever angle at throttle 1; 1 rad without it.",
     )
-    n1_rundown: make_si_type("s") | None = Field(  # type: ignore[valid-type]
+    n1_rundown: Annotated[float, InUnits("s")] | None = Field(
         default=None,
         examples=["8 s"],
         description="Time constant of the fan towards its windmilling speed when the engine does "
         "not burn; 8 s without it.",
     )
-    n2_rundown: make_si_type("s") | None = Field(  # type: ignore[valid-type]
+    n2_rundown: Annotated[float, InUnits("s")] | None = Field(
         default=None, examples=["8 s"], description="The same of the gas generator; 8 s without it."
     )
-    starter_speed: make_si_type("1") | None = Field(  # type: ignore[valid-type]
+    starter_speed: Annotated[float, InUnits("1")] | None = Field(
         default=None,
         examples=[0.2],
         description="Speed to which the starter turns the gas generator; 0.2 without it.",
     )
-    starter_time: make_si_type("s") | None = Field(  # type: ignore[valid-type]
+    starter_time: Annotated[float, InUnits("s")] | None = Field(
         default=None, examples=["4 s"], description="Time constant of the starter; 4 s without it."
     )
-    light_speed: make_si_type("1") | None = Field(  # type: ignore[valid-type]
+    light_speed: Annotated[float, InUnits("1")] | None = Field(
         default=None,
         examples=[0.1],
         description="Least speed of the gas generator at which the engine lights; 0.1 without it.",
     )
-    sustain_speed: make_si_type("1") | None = Field(  # type: ignore[valid-type]
+    sustain_speed: Annotated[float, InUnits("1")] | None = Field(
         default=None,
         examples=[0.05],
         description="Least speed of the gas generator at which it goes on burning; 0.05 without it.",
     )
-    flame_time: make_si_type("s") | None = Field(  # type: ignore[valid-type]
+    flame_time: Annotated[float, InUnits("s")] | None = Field(
         default=None,
         examples=["0.2 s"],
         description="Time constant of the flame; 0.2 s without it.",
     )
-    itt_time: make_si_type("s") | None = Field(  # type: ignore[valid-type]
+    itt_time: Annotated[float, InUnits("s")] | None = Field(
         default=None,
         examples=["1.5 s"],
         description="Lag of the turbine temperature; none without it.",
     )
-    n1_rated: make_si_type("rad s-1") | None = Field(  # type: ignore[valid-type]
+    n1_rated: Annotated[float, InUnits("rad s-1")] | None = Field(
         default=None,
         examples=["1700 rad/s"],
         description="Speed of the fan at 1, positive right-handed about the thrust.",
     )
-    n2_rated: make_si_type("rad s-1") | None = Field(  # type: ignore[valid-type]
+    n2_rated: Annotated[float, InUnits("rad s-1")] | None = Field(
         default=None,
         examples=["3400 rad/s"],
         description="Speed of the gas generator at 1, positive right-handed about the thrust.",
     )
-    n1_inertia: make_si_type("kg m2") | None = Field(  # type: ignore[valid-type]
+    n1_inertia: Annotated[float, InUnits("kg m2")] | None = Field(
         default=None, examples=[0.5], description="Moment of inertia of the fan rotor."
     )
-    n2_inertia: make_si_type("kg m2") | None = Field(  # type: ignore[valid-type]
+    n2_inertia: Annotated[float, InUnits("kg m2")] | None = Field(
         default=None, examples=[0.1], description="Moment of inertia of the gas generator's rotor."
     )
-    inlet: tuple[_Length, _Length, _Length] | None = Field(  # type: ignore[valid-type]
+    inlet: tuple[_Length, _Length, _Length] | None = Field(
         default=None,
         examples=[[0.5, 0.0, 0.1]],
         description="Where the ram drag acts, body axes, from the moment reference point; the "
@@ -367,7 +368,7 @@ def _problems(tables: Mapping[str, xr.Dataset]) -> Iterator[str]:
 
 MOST = sys.float_info.max
 THRUST_AXES = ("throttle", "mach", "h")
-_Vector = tuple[_Length, _Length, _Length]  # type: ignore[valid-type]
+_Vector = tuple[_Length, _Length, _Length]
 
 
 @dataclass(frozen=True)
@@ -416,12 +417,12 @@ class EngineTable(Strict):
         default=(1.0, 0.0, 0.0),
         description="Direction of the thrust, body axes; [1, 0, 0] pushes forward.",
     )
-    time_constant: make_si_type("s") = Field(  # type: ignore[valid-type]
+    time_constant: Annotated[float, InUnits("s")] = Field(
         default=0.0,
         examples=["1.2 s"],
         description="First-order lag of the thrust behind its static value; 0 for none.",
     )
-    angular_momentum: make_si_type("kg m2 s-1") = Field(  # type: ignore[valid-type]
+    angular_momentum: Annotated[float, InUnits("kg m2 s-1")] = Field(
         default=0.0,
         examples=[12.0],
         description="Of the rotors, along the direction, right-handed; with a deck on top of what "

@@ -25,14 +25,15 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flightmech.aircraft.engine import open_tables
 from flightmech.errors import SchemaError
-from flightmech.support.toml_models import Strict, make_si_type
+from flightmech.support.toml_models import Strict
+from flightmech.support.toml_quantities import InUnits
 from flightmech.terms import make_term
 
 if TYPE_CHECKING:
@@ -131,7 +132,7 @@ def tank_tables(tanks: Sequence[Tank]) -> dict[str, xr.Dataset]:
     }
 
 
-_Length = make_si_type("m")
+_Length = Annotated[float, InUnits("m")]
 
 
 class TankTable(Strict):
@@ -139,11 +140,11 @@ class TankTable(Strict):
 
     model_config = ConfigDict(protected_namespaces=())
 
-    position: tuple[_Length, _Length, _Length] = Field(  # type: ignore[valid-type]
+    position: tuple[_Length, _Length, _Length] = Field(
         examples=[[0.1, -2.0, 0.1]],
         description="Of the tank as a mass point, body axes, from the moment reference point.",
     )
-    capacity: make_si_type("kg") = Field(  # type: ignore[valid-type]
+    capacity: Annotated[float, InUnits("kg")] = Field(
         examples=["120 kg"], description="Fuel that the tank holds."
     )
     order: int = Field(
@@ -166,10 +167,10 @@ class FuelSection(Strict):
 
     model_config = ConfigDict(protected_namespaces=())
 
-    mass: make_si_type("kg") = Field(  # type: ignore[valid-type]
+    mass: Annotated[float, InUnits("kg")] = Field(
         description="Fuel on board at the start, part of the aircraft's mass."
     )
-    position: tuple[_Length, _Length, _Length] | None = Field(  # type: ignore[valid-type]
+    position: tuple[_Length, _Length, _Length] | None = Field(
         None,
         description="Where it lies as a mass point, body axes, from the moment reference point.",
     )

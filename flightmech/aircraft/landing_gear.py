@@ -27,13 +27,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flightmech.errors import SchemaError, UnitError
-from flightmech.support.toml_models import Strict, make_si_type
+from flightmech.support.toml_models import Strict
+from flightmech.support.toml_quantities import InUnits
 from flightmech.terms import make_term
 from flightmech.units import KNOT, parse_quantity, to_si
 
@@ -229,14 +230,14 @@ class LandingGear:
     antiskid: float = 0.0
 
 
-_Length = make_si_type("m")
-_PerMetre = make_si_type("N m-1")
-_PerRate = make_si_type("N s m-1")
-_PerSquare = make_si_type("N s2 m-2")
-_Force = make_si_type("N")
-_Ratio = make_si_type("1")
-_Moment = make_si_type("N m")
-_Inertia = make_si_type("kg m2")
+_Length = Annotated[float, InUnits("m")]
+_PerMetre = Annotated[float, InUnits("N m-1")]
+_PerRate = Annotated[float, InUnits("N s m-1")]
+_PerSquare = Annotated[float, InUnits("N s2 m-2")]
+_Force = Annotated[float, InUnits("N")]
+_Ratio = Annotated[float, InUnits("1")]
+_Moment = Annotated[float, InUnits("N m")]
+_Inertia = Annotated[float, InUnits("kg m2")]
 
 
 class _GearTable(Strict):
@@ -262,15 +263,15 @@ class ContactTable(_GearTable):
         description="Name of the leg: nose, left, right, tail ...; its outputs are gear.NAME.Fz "
         "and so on."
     )
-    position: tuple[_Length, _Length, _Length] = Field(  # type: ignore[valid-type]
+    position: tuple[_Length, _Length, _Length] = Field(
         description="Lowest point with the aircraft level and the leg unloaded, body axes, from "
         "the moment reference point."
     )
-    radius: _Length = Field(  # type: ignore[valid-type]
+    radius: _Length = Field(
         default=0.0, examples=["0.25 m"], description="Radius of the unloaded tyre."
     )
-    stiffness: _PerMetre = Field(default=0.0, description="Strut force per compression.")  # type: ignore[valid-type]
-    preload: _Force = Field(  # type: ignore[valid-type]
+    stiffness: _PerMetre = Field(default=0.0, description="Strut force per compression.")
+    preload: _Force = Field(
         default=0.0,
         examples=["800 N"],
         description="Strut force at no compression; needs tyre_stiffness.",
@@ -281,52 +282,52 @@ class ContactTable(_GearTable):
         examples=[{"compression": [0.0, 0.2], "value": ["0 N", "9000 N"]}],
         description="More strut force [N] as a table over compression [m].",
     )
-    stroke: _Length = Field(  # type: ignore[valid-type]
+    stroke: _Length = Field(
         default=10.0,
         examples=["0.25 m"],
         description="Compression at which the strut is solid and the tyre alone gives way.",
     )
-    damping: _PerRate = Field(  # type: ignore[valid-type]
+    damping: _PerRate = Field(
         default=0.0, description="Strut force per rate of compression, inwards."
     )
-    damping_ext: _PerRate | None = Field(  # type: ignore[valid-type]
+    damping_ext: _PerRate | None = Field(
         default=None, examples=[8000.0], description="The same outwards; damping without it."
     )
-    orifice: _PerSquare = Field(  # type: ignore[valid-type]
+    orifice: _PerSquare = Field(
         default=0.0,
         examples=[20000.0],
         description="Strut force per square of the rate of compression, inwards.",
     )
-    orifice_ext: _PerSquare | None = Field(  # type: ignore[valid-type]
+    orifice_ext: _PerSquare | None = Field(
         default=None, examples=[40000.0], description="The same outwards; orifice without it."
     )
-    tyre_stiffness: _PerMetre = Field(  # type: ignore[valid-type]
+    tyre_stiffness: _PerMetre = Field(
         default=0.0,
         examples=["250e3 N/m"],
         description="Vertical stiffness of the tyre, in series with the strut; 0: the leg is one "
         "spring.",
     )
-    side_stiffness: _PerMetre = Field(description="Stiffness of the tyre or skid along the ground.")  # type: ignore[valid-type]
-    cornering_stiffness: _Force = Field(  # type: ignore[valid-type]
+    side_stiffness: _PerMetre = Field(description="Stiffness of the tyre or skid along the ground.")
+    cornering_stiffness: _Force = Field(
         default=0.0, description="Greatest side force per slip angle [N/rad]; 0 for a skid."
     )
-    cornering_load: _Force = Field(  # type: ignore[valid-type]
+    cornering_load: _Force = Field(
         default=1.0e4, description="Load at which the greatest cornering stiffness is reached."
     )
-    loss: make_si_type("s") = Field(  # type: ignore[valid-type]
+    loss: Annotated[float, InUnits("s")] = Field(
         default=0.02,
         examples=[0.02],
         description="Damping of the carcass along the ground over its stiffness, at most 0.04 s.",
     )
-    rolling: _Ratio = Field(default=0.0, description="Rolling resistance over load.")  # type: ignore[valid-type]
-    brake: _Force = Field(default=0.0, description="Brake force at the ground with a full pedal.")  # type: ignore[valid-type]
-    brake_friction: _Ratio = Field(  # type: ignore[valid-type]
+    rolling: _Ratio = Field(default=0.0, description="Rolling resistance over load.")
+    brake: _Force = Field(default=0.0, description="Brake force at the ground with a full pedal.")
+    brake_friction: _Ratio = Field(
         default=0.0, description="Brake force over load with a full pedal, added to brake."
     )
-    steering: _Ratio = Field(  # type: ignore[valid-type]
+    steering: _Ratio = Field(
         default=0.0, description="Angle of the wheel per angle of the steering; 0: not steered."
     )
-    friction: _Ratio = Field(  # type: ignore[valid-type]
+    friction: _Ratio = Field(
         default=0.0,
         description="Friction of a skid over load; 0: a wheel, for which the runway defines it.",
     )
@@ -377,41 +378,41 @@ class SteeringTable(_GearTable):
         examples=["second"],
         description="Wheel follows at once; one mass (wheel); two masses (arm and wheel).",
     )
-    limit: _Ratio = Field(default=np.pi / 4.0, description="Greatest angle to either side [rad].")  # type: ignore[valid-type]
-    stiffness: _Moment = Field(  # type: ignore[valid-type]
+    limit: _Ratio = Field(default=np.pi / 4.0, description="Greatest angle to either side [rad].")
+    stiffness: _Moment = Field(
         default=0.0,
         description="Moment on the wheel per angle behind the command or the arm [N m/rad]; 0 and "
         "quasi-static: a castor.",
     )
-    trail: _Length = Field(  # type: ignore[valid-type]
+    trail: _Length = Field(
         default=0.1,
         description="Trail of the side force behind the pivot, mechanical and pneumatic.",
     )
-    scrub: _Length = Field(  # type: ignore[valid-type]
+    scrub: _Length = Field(
         default=0.0,
         description="Arm of the friction of a turning wheel at rest: moment over friction force.",
     )
-    rudder: _Ratio = Field(  # type: ignore[valid-type]
+    rudder: _Ratio = Field(
         default=0.0,
         examples=[1.0],
         description="Angle commanded by the pedals, to the right per rudder deflection to the "
         "right.",
     )
-    damping: make_si_type("N m s") = Field(  # type: ignore[valid-type]
+    damping: Annotated[float, InUnits("N m s")] = Field(
         default=0.0, examples=[20.0], description="Damping of the wheel about its pivot."
     )
-    inertia: _Inertia = Field(  # type: ignore[valid-type]
+    inertia: _Inertia = Field(
         default=0.0, examples=[0.3], description="Moment of inertia of the wheel about its pivot."
     )
-    arm_stiffness: _Moment = Field(  # type: ignore[valid-type]
+    arm_stiffness: _Moment = Field(
         default=0.0,
         examples=[3000.0],
         description="Stiffness of the arm between command and wheel [N m/rad], order fourth.",
     )
-    arm_damping: make_si_type("N m s") = Field(  # type: ignore[valid-type]
+    arm_damping: Annotated[float, InUnits("N m s")] = Field(
         default=0.0, examples=[10.0], description="Damping of that arm."
     )
-    arm_inertia: _Inertia = Field(  # type: ignore[valid-type]
+    arm_inertia: _Inertia = Field(
         default=0.0, examples=[0.1], description="Moment of inertia of that arm."
     )
 
@@ -445,11 +446,11 @@ class GearTable(_GearTable):
     condition: Literal["dry", "wet", "icy"] = Field(
         default="dry", examples=["wet"], description="Of the runway at the start."
     )
-    mu_dry: _Ratio = Field(  # type: ignore[valid-type]
+    mu_dry: _Ratio = Field(
         default=0.8, description="Greatest friction of a tyre over load on a dry runway."
     )
-    mu_icy: _Ratio = Field(default=0.05, description="The same on ice (AMC 25.1591).")  # type: ignore[valid-type]
-    tyre_pressure: make_si_type("Pa") = Field(  # type: ignore[valid-type]
+    mu_icy: _Ratio = Field(default=0.05, description="The same on ice (AMC 25.1591).")
+    tyre_pressure: Annotated[float, InUnits("Pa")] = Field(
         default=to_si(100.0, "psi"),
         description="Inflation pressure over ambient; gives the friction on a wet runway (14 CFR "
         "25.109(c)(1)).",
@@ -460,10 +461,10 @@ class GearTable(_GearTable):
         description="The same on a wet runway: coefficients of 1, V, V^2, V^3 of the ground "
         "speed; replaces tyre_pressure.",
     )
-    skid_ratio: _Ratio = Field(  # type: ignore[valid-type]
+    skid_ratio: _Ratio = Field(
         default=0.7, description="Friction of a locked wheel over the greatest friction."
     )
-    antiskid: _Ratio = Field(  # type: ignore[valid-type]
+    antiskid: _Ratio = Field(
         default=0.0,
         examples=[0.8],
         description="Part of the greatest friction that the anti-skid system leaves to the "

@@ -10,13 +10,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from functools import cache
-from typing import Annotated, Any, TypeVar, get_type_hints
+from typing import Any, TypeVar, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
 
 from flightmech.errors import SchemaError, near_names
 from flightmech.support.input_files import foreign_kind
-from flightmech.support.toml_quantities import UNIT, InUnits
+from flightmech.support.toml_quantities import UNIT
 
 T = TypeVar("T", bound="Strict")
 
@@ -27,19 +27,6 @@ class Strict(BaseModel):
     """Base of all file models: frozen, and an unknown key is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
-
-
-def make_si_type(units: str) -> Any:
-    """Return the field type of a quantity: a bare number is SI, a text carries its unit (``"40
-    deg"``).
-
-    Parameters
-    ----------
-    units : str
-        SI unit of the quantity.
-    """
-
-    return Annotated[float, InUnits(units)]
 
 
 def fixed_array(items: list[dict[str, Any]]) -> dict[str, Any]:
