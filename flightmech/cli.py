@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, json_option, show_progress, without_gc
+from flightmech.support.console import InputFile, NewFile, json_option, show_progress
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -395,7 +395,6 @@ def write(aircraft: str, database: str, output: str, version: str, as_json: bool
 @fmu.command()
 @click.argument("path", metavar="FMU", type=InputFile())
 @json_option
-@without_gc()
 def show(path: str, as_json: bool) -> None:
     """Show the variables of an FMU of any vendor, and what the standard's check finds."""
     from flightmech.fmu_export.fmu_file import read_fmu

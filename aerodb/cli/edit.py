@@ -15,7 +15,6 @@ from flightmech.support.console import (
     print_json,
     print_remark,
     print_table,
-    without_gc,
 )
 
 if TYPE_CHECKING:
@@ -357,7 +356,6 @@ def replace(file: str, other: str, names: tuple[str, ...], note: str, output: st
 @click.command()
 @click.argument("file", type=_FILE)
 @json_option
-@without_gc()
 def history(file: str, as_json: bool) -> None:
     """Show the edits of a database; numbered ones can be undone."""
     from aerodb.store.files import list_edits

@@ -17,7 +17,6 @@ from flightmech.support.console import (
     print_remark,
     print_table,
     show_progress,
-    without_gc,
 )
 
 if TYPE_CHECKING:
@@ -257,7 +256,6 @@ def build(
 @click.argument("file", type=_LISTING)
 @click.option("--term", help="One term with its numbers, such as CL/basic.")
 @json_option
-@without_gc()
 def show(file: str, term: str | None, as_json: bool) -> None:
     """Show what a database holds, or the numbers of one term."""
     if term is None:
@@ -323,7 +321,6 @@ def _term_document(file: str, term: str) -> None:
 @db.command()
 @click.argument("file", type=_LISTING)
 @json_option
-@without_gc()
 def decisions(file: str, as_json: bool) -> None:
     """Show what the flights decided about each term: replace, correct, keep or delete (not
     identifiable), and why.

@@ -18,7 +18,6 @@ from flightmech.support.console import (
     print_remark,
     print_table,
     show_progress,
-    without_gc,
 )
 
 _MAPS = Path(__file__).parents[1] / "records" / "readers" / "maps"
@@ -96,7 +95,6 @@ def flight() -> None:
 @_RECORD
 @_NAMES
 @json_option
-@without_gc()
 def show(record_file: str, names: str | None, as_json: bool) -> None:
     """Show channels, clocks, faults and manoeuvres of a record."""
     found = _listing(record_file, names)

@@ -17,7 +17,6 @@ from flightmech.support.console import (
     print_json,
     print_table,
     show_progress,
-    without_gc,
 )
 from flighttest.cli.group import names_option
 
@@ -91,7 +90,6 @@ _OF_HISTORIES = "goes with a record or a path; a fit is drawn with all its sampl
 @click.argument("file", metavar="FILE", type=InputFile())
 @names_option
 @json_option
-@without_gc()
 def info(file: str, names: str | None, as_json: bool) -> None:
     """Show what a recording of any format holds, before it is mapped: tables, clocks, columns and
     units.
