@@ -51,9 +51,11 @@ from flightmech.aircraft.controls import (
     ControlGeometry,
     circuits_of,
 )
-from flightmech.aircraft.engine import DeckFiles, Engine, EngineTable, engine_of
+from flightmech.aircraft.engine import Engine, EngineTable, engine_of
+from flightmech.aircraft.engine_deck import DeckFiles
 from flightmech.aircraft.fuel import Fuel, FuelSection, fuel_of
-from flightmech.aircraft.landing_gear import GearTable, LandingGear, gear_of
+from flightmech.aircraft.landing_gear import LandingGear
+from flightmech.aircraft.landing_gear_file import GearTable, gear_of
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup
 from flightmech.support.figures import html_table

@@ -28,7 +28,8 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft, Vector
 from flightmech.aircraft.controls import ControlGeometry
-from flightmech.aircraft.engine import TARGETS, Engine, EngineDeck
+from flightmech.aircraft.engine import Engine
+from flightmech.aircraft.engine_deck import TARGETS, EngineDeck
 from flightmech.aircraft.fuel import INERTIAS, MOMENTS, Fuel
 from flightmech.aircraft.landing_gear import Contact, LandingGear
 from flightmech.errors import SchemaError, UnknownName

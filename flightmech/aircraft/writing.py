@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.aircraft.engine import CONSTANTS, Engine, EngineDeck, write_tables
+from flightmech.aircraft.engine import Engine
+from flightmech.aircraft.engine_deck import CONSTANTS, EngineDeck, write_tables
 from flightmech.aircraft.fuel import Fuel
-from flightmech.aircraft.landing_gear import CONDITIONS, ORDERS, LandingGear
+from flightmech.aircraft.landing_gear import CONDITIONS, LandingGear
+from flightmech.aircraft.landing_gear_file import ORDERS
 from flightmech.support.atomic_write import write_text, written_atomically
 
 _PLAIN = (

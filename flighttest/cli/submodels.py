@@ -449,7 +449,7 @@ def engine(
 def _tables(path: Path):
     """Tables of an a-priori deck."""
     from flightmech.aircraft.aircraft import read_aircraft
-    from flightmech.aircraft.engine import open_tables
+    from flightmech.aircraft.engine_deck import open_tables
 
     if path.suffix != ".toml":
         return open_tables(path)
