@@ -193,15 +193,15 @@ def read_netcdf_tree(path: Path) -> tuple[xr.DataTree, list[str]]:
     with h5py.File(path, "r") as file:
         reader.read_group(file, "/", {})
     nodes = {}
-    for path, leaf in reader.leaves.items():
+    for group_path, leaf in reader.leaves.items():
         coordinates = str(leaf.attrs.pop(_COORDINATES, "")).split()
-        nodes[path] = xr.Dataset()
+        nodes[group_path] = xr.Dataset()
         try:
             present = [name for name in coordinates if name in leaf]
-            nodes[path] = _to_dataset(leaf).set_coords(present)
+            nodes[group_path] = _to_dataset(leaf).set_coords(present)
         except ValueError as error:
             # lengths along one dimension differ
-            reader.problems.append(f"{_join_path(path)}: {error}")
+            reader.problems.append(f"{_join_path(group_path)}: {error}")
     return xr.DataTree.from_dict(nodes), reader.problems
 
 
