@@ -1,9 +1,10 @@
-"""Multilinear interpolation in tables, and statistics of arrays."""
+"""Multilinear interpolation in tables, statistics, runs and extremes of arrays."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -154,3 +155,29 @@ def columns_with_count(data: Any) -> tuple[Mapping[Any, Any], int]:
         sizes = [size for name, size in data.sizes.items() if name != "error"]
         return data.variables, max(sizes, default=1)
     return data, max(map(np.size, data.values()), default=1)
+
+
+def true_runs(mask: np.ndarray) -> list[tuple[int, int]]:
+    """Return start and end (exclusive) of every run of true samples."""
+    # with false samples at both ends each run has a rising and a falling edge
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def thin_to_extremes(y: np.ndarray, buckets: int = 420) -> np.ndarray:
+    """Return the indices of the smallest and the largest value in each of `buckets` equal parts.
+
+    A short line keeps all samples. A part without a finite value keeps one sample, so that a gap of
+    the line remains.
+    """
+    if len(y) <= 2 * buckets:
+        return np.arange(len(y))
+    edges = np.linspace(0, len(y), buckets + 1).astype(int)
+    picked: list[int] = []
+    for start, end in pairwise(edges.tolist()):
+        part = y[start:end]
+        if np.isfinite(part).any():
+            picked += sorted({start + int(np.nanargmin(part)), start + int(np.nanargmax(part))})
+        else:
+            picked.append(start)
+    return np.array(picked)

@@ -13,7 +13,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +21,7 @@ from jinja2 import BaseLoader, Environment, StrictUndefined
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
+from flightmech.support.arrays import true_runs
 from flightmech.support.atomic_write import written_atomically
 from flightmech.units import from_si
 
@@ -323,25 +323,6 @@ def clip_to_frame(frame: Frame, name: str, body: str) -> str:
     )
 
 
-def thin_to_extremes(y: np.ndarray, buckets: int = 420) -> np.ndarray:
-    """Return the indices of the smallest and the largest value in each of `buckets` equal parts.
-
-    A short line keeps all samples. A part without a finite value keeps one sample, so that a gap of
-    the line remains.
-    """
-    if len(y) <= 2 * buckets:
-        return np.arange(len(y))
-    edges = np.linspace(0, len(y), buckets + 1).astype(int)
-    picked: list[int] = []
-    for start, end in pairwise(edges.tolist()):
-        part = y[start:end]
-        if np.isfinite(part).any():
-            picked += sorted({start + int(np.nanargmin(part)), start + int(np.nanargmax(part))})
-        else:
-            picked.append(start)
-    return np.array(picked)
-
-
 def draw_curve(frame: Frame, x: np.ndarray, y: np.ndarray, css: str, slack: float = SLACK) -> str:
     """Return a simplified line through the finite points, with gaps at missing values."""
     pieces = []
@@ -364,13 +345,6 @@ def draw_area(frame: Frame, x: np.ndarray, low: np.ndarray, high: np.ndarray, cs
         outline_y = np.concatenate([upper[i], lower[j]])
         pieces.append(_path_data(outline_x, outline_y) + "z")
     return f'<path class="{css}" d="{"".join(pieces)}"/>' if pieces else ""
-
-
-def true_runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    """Return start and end (exclusive) of every run of true samples."""
-    # with false samples at both ends each run has a rising and a falling edge
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _path_data(x: np.ndarray, y: np.ndarray) -> str:
