@@ -83,6 +83,7 @@ def evaluation_levels(
     allowed = coefficient_inputs(force_axes)
     problems = []
     for name, leaf in leaves.items():
+        # a model with body axes has no CL, but CL can be computed from CX and CZ
         for unknown in sorted(used_coefficients(leaf) - set(allowed)):
             problems.append(
                 f"{name}: depends on {unknown}, which a model with force_axes {force_axes} does "
@@ -147,4 +148,4 @@ def _describe_loop(graph: _Graph, loop: list[str]) -> str:
 
 def _coefficient_level(graph: _Graph, name: str) -> int:
     required = graph.get(name, {})
-    return max((_coefficient_level(graph, other) + 1 for other in required), default=0)
+    return max((_coefficient_level(graph, item) + 1 for item in required), default=0)

@@ -124,13 +124,8 @@ def make_term(
     SchemaError
         With all faults of the leaf.
     """
-    import xarray as xr
-
-    coords = {name: np.asarray(points, float) for name, points in (axes or {}).items()}
-    array = np.asarray(value, float)
-    leaf = xr.Dataset({"value": (tuple(coords), array)}, coords=coords)
-    for name in coords:
-        leaf[name].attrs.update(quantity_attributes(name))
+    leaf = _make_value_table(value, axes or {})
+    array = leaf["value"].values
     for name, table in (("K1", K1), ("K2", K2)):
         if table is not None:
             leaf[name] = table
@@ -153,7 +148,18 @@ def make_term(
     return leaf
 
 
-make = make_term  # the public name until 0.1
+# the public name until 0.1
+make = make_term
+
+
+def _make_value_table(value, axes: Mapping[str, Any]) -> xr.Dataset:
+    import xarray as xr
+
+    coords = {name: np.asarray(points, float) for name, points in axes.items()}
+    leaf = xr.Dataset({"value": (tuple(coords), np.asarray(value, float))}, coords=coords)
+    for name in coords:
+        leaf[name].attrs.update(quantity_attributes(name))
+    return leaf
 
 
 def power_factor(leaf: HasAttributes) -> PowerFactor | None:

@@ -217,6 +217,7 @@ def read_aircraft(path: str | Path) -> Aircraft:
 
 _Length = Annotated[float, InUnits("m")]
 _Vector = tuple[_Length, _Length, _Length]
+# JSON schema of a quantity whose unit depends on the control
 _OF_CONTROL = quantity_schema("of the control")
 _DEVICES = r"^device\.\w+\.(deflection|setting)$"
 _LIMITS = {
@@ -232,6 +233,7 @@ class _NumberOrText(Strict):
     model_config = ConfigDict(protected_namespaces=())
 
 
+# [control.NAME] of the file
 class _ControlTable(_NumberOrText):
     S_hinge: Annotated[float, InUnits("m2")] = Field(
         description="Area behind the hinge line of all surfaces that the control moves together."
@@ -259,6 +261,7 @@ class _ControlTable(_NumberOrText):
         return value
 
 
+# The descriptions are those of the JSON schema, which editors show.
 class _AircraftFile(_NumberOrText):
     name: str = Field(description="Name of the type.")
     S: Annotated[float, InUnits("m2")] = Field(description="Reference area.")
@@ -409,6 +412,7 @@ def _convert_gearing(item: Any, units: str) -> Any:
 
 
 def _parse_limits(name: str, item: Any) -> tuple[float, float]:
+    # other controls exist only in the tables of a database
     if name not in CONTROLS and not re.match(_DEVICES, name):
         raise ValueError(
             f"unknown control {name}; allowed: {', '.join(CONTROLS)}, and "

@@ -115,6 +115,7 @@ class EngineTable(Strict):
     @classmethod
     def _unit_vector(cls, direction: Vector) -> Vector:
         length = float(np.linalg.norm(direction))
+        # an infinite component passes the check of each number
         if not np.isfinite(length) or length == 0.0:
             raise ValueError("expected a direction with a length, e.g. [1, 0, 0]")
         x, y, z = (component / length for component in direction)
@@ -152,6 +153,7 @@ def engine_of(item: EngineTable, number: int, files: DeckFiles, problems: list[s
     """
     folder = files.folder
     thrust = deck = None
+    # name of the source in the file, for the problems
     key = "deck" if item.deck is not None else "thrust"
     try:
         if item.thrust is not None:
@@ -161,6 +163,7 @@ def engine_of(item: EngineTable, number: int, files: DeckFiles, problems: list[s
         elif item.deck is not None:
             deck = deck_of(item.deck, files)
     except (SchemaError, UnitError, ValueError, OSError) as error:
+        # the engine is made without the table, so that the problems of other parts are found too
         if isinstance(error, SchemaError):
             texts = error.problems
         else:

@@ -61,6 +61,7 @@ _Inertia = Annotated[float, InUnits("kg m2")]
 class _GearTable(Strict):
     model_config = ConfigDict(protected_namespaces=())
 
+    # nan and inf are numbers of TOML
     @field_validator("*")
     @classmethod
     def _finite(cls, value: Any) -> Any:
@@ -176,6 +177,7 @@ class ContactTable(_GearTable):
     @field_validator("name")
     @classmethod
     def _identifier(cls, name: str) -> str:
+        # the name is part of the names of outputs, gear.NAME.Fz
         if not (name.isascii() and name.isidentifier() and name.islower()):
             raise ValueError("expected a name of small letters, digits and _, e.g. nose")
         return name
@@ -188,6 +190,7 @@ class ContactTable(_GearTable):
                 raise ValueError(f"{name} must be positive")
         if not (self.stiffness > 0.0 or self.strut is not None):
             raise ValueError("the leg has no spring; give stiffness or strut")
+        # the force of a spring without the tyre in series would jump at the first contact
         if self.preload > 0.0 and self.tyre_stiffness == 0.0:
             raise ValueError(
                 "preload needs a tyre_stiffness, or the ground would push at a touch with "
@@ -254,6 +257,7 @@ class SteeringTable(_GearTable):
         names = ("limit", "stiffness", "scrub", "damping", "inertia")
         arm = ("arm_stiffness", "arm_damping", "arm_inertia")
         _demand_not_negative(self, (*names, *arm))
+        # a mass of zero has no equation of motion
         if self.order != "quasi-static" and not self.inertia > 0.0:
             raise ValueError(f"order {self.order} needs an inertia")
         if self.order == "fourth" and not self.arm_inertia > 0.0:

@@ -65,10 +65,10 @@ def swap_parts(into: Aircraft, source: Aircraft, names: Iterable[str]) -> Aircra
     return into
 
 
-def _demand_one_aeroplane(one: Aircraft, other: Aircraft) -> None:
-    if len(one.engines) == len(other.engines):
+def _demand_one_aeroplane(a: Aircraft, b: Aircraft) -> None:
+    if len(a.engines) == len(b.engines):
         return
-    numbers = " and ".join(f"{len(item.engines)} ({item.name})" for item in (one, other))
+    numbers = " and ".join(f"{len(item.engines)} ({item.name})" for item in (a, b))
     raise SchemaError(
         "aircraft",
         [
@@ -96,6 +96,7 @@ def _list_parts(aircraft: Aircraft) -> dict[str, _PartAccess]:
 
 
 def _engine_parts(aircraft: Aircraft) -> dict[str, _PartAccess]:
+    # all engines have a deck, or none has
     if any(engine.deck for engine in aircraft.engines):
         return {group: _deck_part(group) for group in (*_GROUPS, "rest")}
     if aircraft.engines:
@@ -155,6 +156,7 @@ def _deck_part(group: str) -> _PartAccess:
         return replace(aircraft, engines=tuple(engines))
 
     def change(deck: Any, tables: Any, constants: Any) -> Any:
+        # the tables of the other groups remain
         others = {name: leaf for name, leaf in deck.tables.items() if _find_group(name) != group}
         return replace(deck, tables=others | tables, **constants)
 
@@ -197,6 +199,7 @@ def _gear_part(names: tuple[str, ...]) -> _PartAccess:
 
 
 def _circuit_part(name: str) -> _PartAccess:
+    # a circuit that the source does not have is removed
     def put(aircraft: Aircraft, circuit: Any) -> Aircraft:
         circuits = {key: item for key, item in aircraft.circuits.items() if key != name}
         if circuit is not None:

@@ -98,7 +98,8 @@ def _write_engine_tables(engines: tuple[Engine, ...], path: Path) -> list[str]:
         if engine.thrust is None and engine.deck is None:
             files.append("")
             continue
-        shared = [file for other, file in zip(engines, files) if _has_same_tables(other, engine)]
+        # files of the engines before this one
+        shared = [file for before, file in zip(engines, files) if _has_same_tables(before, engine)]
         if shared:
             files.append(shared[0])
             continue
@@ -111,12 +112,13 @@ def _write_engine_tables(engines: tuple[Engine, ...], path: Path) -> list[str]:
     return files
 
 
-def _has_same_tables(one: Engine, other: Engine) -> bool:
-    if one.thrust is not None and other.thrust is not None:
-        return bool(one.thrust.identical(other.thrust))
-    if one.deck is None or other.deck is None or set(one.deck.tables) != set(other.deck.tables):
+def _has_same_tables(a: Engine, b: Engine) -> bool:
+    if a.thrust is not None and b.thrust is not None:
+        return bool(a.thrust.identical(b.thrust))
+    if a.deck is None or b.deck is None or set(a.deck.tables) != set(b.deck.tables):
         return False
-    return all(leaf.identical(other.deck.tables[name]) for name, leaf in one.deck.tables.items())
+    # identical() also compares names and attributes
+    return all(leaf.identical(b.deck.tables[name]) for name, leaf in a.deck.tables.items())
 
 
 def _engine_lines(engine: Engine, file: str) -> list[str]:

@@ -233,11 +233,11 @@ def tick_text(values: Sequence[float]) -> list[str]:
     return texts
 
 
-def draw_text(x: float, y: float, words: str, css: str = "", anchor: str = "start") -> str:
-    """Return a text element. The text `words` is escaped."""
+def draw_text(x: float, y: float, text: str, css: str = "", anchor: str = "start") -> str:
+    """Return a text element. The text is escaped."""
     css_class = f' class="{css}"' if css else ""
     return (
-        f'<text x="{_short(x)}" y="{_short(y)}"{css_class}{_anchor(anchor)}>{escape(words)}</text>'
+        f'<text x="{_short(x)}" y="{_short(y)}"{css_class}{_anchor(anchor)}>{escape(text)}</text>'
     )
 
 
@@ -425,11 +425,11 @@ def draw_arrow(x: float, frame: Frame, upward: bool, css: str) -> str:
     )
 
 
-def make_svg_figure(height: float, body: str, words: str, width: float = WIDTH) -> str:
-    """Return a figure for a page. `words` is its alternative text."""
+def make_svg_figure(height: float, body: str, text: str, width: float = WIDTH) -> str:
+    """Return a figure for a page. `text` is its alternative text for screen readers."""
     return (
         f'<svg class="figure" viewBox="0 0 {width:.0f} {height:.0f}" role="img" '
-        f'aria-label="{escape(words)}">{body}</svg>'
+        f'aria-label="{escape(text)}">{body}</svg>'
     )
 
 

@@ -137,8 +137,8 @@ def read_sealed_tail(path: Path, expected: str) -> Unbroken:
         last_bytes, seal = file.read(), _SEAL % digest.hexdigest().encode()
         between = _read_at(file, min(end, size), max(size - _LENGTH - end, 0))
     if size != end and last_bytes != seal:
-        found = "a damaged file (its SHA-256 is not that of its seal)"
-        raise ParseError(str(path), 0, found, expected=expected)
+        fault = "a damaged file (its SHA-256 is not that of its seal)"
+        raise ParseError(str(path), 0, fault, expected=expected)
     digest.update(last_bytes)
     return Unbroken(digest.digest(), last_bytes == seal, between)
 

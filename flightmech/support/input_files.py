@@ -200,9 +200,9 @@ def json_content(text: Any, file: str | os.PathLike[str], what: str) -> Any:
     try:
         return json.loads(text)
     except (ValueError, TypeError, RecursionError) as error:
-        found = f"{what} that cannot be read ({type(error).__name__}: {str(error)[:100]})"
+        fault = f"{what} that cannot be read ({type(error).__name__}: {str(error)[:100]})"
         expected = "JSON as this program writes it; write or copy the file again"
-        raise ParseError(os.fspath(file), 0, found, expected=expected) from None
+        raise ParseError(os.fspath(file), 0, fault, expected=expected) from None
 
 
 # bytes for the recognition of a file; a listing names its program on the first page

@@ -53,8 +53,8 @@ def load_mat(
     if kind == "NotImplementedError":
         raise NotImplementedError(content)
     if kind:
-        found = f"no MAT file, or a damaged one ({kind}: {content})"
-        raise ParseError(os.fspath(file), 0, found, f"{expected}; copy or save it again")
+        fault = f"no MAT file, or a damaged one ({kind}: {content})"
+        raise ParseError(os.fspath(file), 0, fault, f"{expected}; copy or save it again")
     return content
 
 

@@ -56,6 +56,7 @@ class StageTrace:
     def note(self, name: str, inputs: Mapping[str, str]) -> None:
         """Record the inputs of a stage."""
         self._now[name] = dict(inputs)
+        # the line of the last job is still valid
         if self._before.get(name) == self._now[name]:
             return
         with suppress(OSError):

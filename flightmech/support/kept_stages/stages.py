@@ -56,6 +56,7 @@ class Kept(Generic[_Value]):
     def content_digest(self) -> str:
         """Hash of the value, which represents it as an input."""
         if not self._digest:
+            # a value that was not read from the store
             self._digest = content_hash(self.value)
         return self._digest
 
@@ -171,6 +172,7 @@ class Stages:
             As in `Cores.unordered`.
         """
 
+        # for an item whose file turns out to be damaged when it is read
         def recompute(item: str) -> tuple[_Value, list[str]]:
             return capture_warnings(function, *arguments(item))
 
@@ -346,6 +348,7 @@ class Stages:
         return self._results[key]
 
     def _add_remarks(self, texts: Sequence[str]) -> None:
+        # also for a stored result, so that each run shows the same warnings
         self.remarks += texts
         for text in texts:
             warnings.warn(text, AeromatchWarning, stacklevel=4)
@@ -360,6 +363,7 @@ def capture_warnings(function: Callable[..., _Value], *arguments: Any) -> tuple[
     texts: list[str] = []
     try:
         with warnings.catch_warnings(record=True) as caught:
+            # by default Python shows a repeated warning only once per process
             warnings.simplefilter("always", AeromatchWarning)
             value = function(*arguments)
         messages = [str(w.message) for w in caught if issubclass(w.category, AeromatchWarning)]

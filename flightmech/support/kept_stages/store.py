@@ -79,12 +79,14 @@ class StageStore:
             content = memoryview(file.read_bytes())
         except OSError:
             return ()
+        # checked before the pickle is loaded
         if hashlib.sha256(content[_DIGEST:]).digest() != content[:_DIGEST]:
             return ()
         # joblib removes the entries with the oldest time
         with suppress(OSError):
             os.utime(file)
         stream = io.BytesIO(content[_DIGEST:])
+        # the line of remarks
         stream.readline()
         return (pickle.load(stream),)
 
