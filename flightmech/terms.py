@@ -137,11 +137,8 @@ def make_term(
         leaf["source"].attrs = dict(SOURCE_ATTRS)
     leaf.attrs = {"regressors": " ".join(regressors), "outside": outside, **text}
     if power is not None:
-        leaf.attrs |= {
-            "power": power.variable,
-            "exponent": float(power.exponent),
-            "floor": float(power.floor),
-        }
+        exponent, floor = float(power.exponent), float(power.floor)
+        leaf.attrs |= {"power": power.variable, "exponent": exponent, "floor": floor}
     problems = check_term(leaf)
     if problems:
         raise SchemaError("term", problems)
