@@ -2,7 +2,7 @@
 
 A database is an ``xarray.DataTree``; every leaf ``/<coefficient>/<contribution>`` is one term of
 the model as
-`flightmech.terms` defines it.  ``docs/aero-model.md`` defines the terms."""
+`flightmech.terms` defines it.  ``docs/explanation/database/aero-model.md`` defines the terms."""
 
 from flightmech.support.imports import attach_stub
 

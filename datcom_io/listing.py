@@ -48,7 +48,7 @@ class Case(PrintedCase):
         Parameters
         ----------
         name : str
-            ``conditions static downwash dynamic symflp`` and the others of ``docs/datcom.md``.
+            ``conditions static downwash dynamic symflp`` and the others of ``docs/explanation/datcom/listings.md``.
 
         Returns
         -------
@@ -90,7 +90,7 @@ class Case(PrintedCase):
         -------
         DataTree
             One leaf per family of tables, ``static downwash dynamic symflp`` ..., those that the
-            case has; see ``docs/datcom.md``.
+            case has; see ``docs/explanation/datcom/listings.md``.
 
         Raises
         ------

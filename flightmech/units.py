@@ -92,9 +92,27 @@ _SPELT = {
     "hrs": "h", "hertz": "Hz", "celsius": "degC", "fahrenheit": "degF", "rankine": "degR",
     "kelvin": "K", "percent": "%", "pct": "%", "prc": "%", "pph": "lb/h", "lbph": "lb/h",
     "gs": "g", "g's": "g", "gee": "g", "gees": "g", "-": "1", "--": "1", "none": "1", "nd": "1",
-    "n/d": "1", "unitless": "1", "dimensionless": "1", "nondim": "1", "ratio": "1",
-    "fraction": "1", "bool": "1", "boolean": "1", "mach": "1",
+    "n/d": "1", "kilonewtons": "kN", "ft/mn": "ft/min", "degs-1": "deg/s", "rads-1": "rad/s",
+    "degrees c": "degC", "degrees f": "degF", "centigrade": "degC", "kgph": "kg/h",
+    "kmph": "km/h", "km/h": "km/h", "kg/h": "kg/h", "lb/h": "lb/h", "unitless": "1",
+    "dimensionless": "1", "nondim": "1", "ratio": "1", "fraction": "1", "bool": "1",
+    "boolean": "1", "mach": "1",
 }  # fmt: skip
+# several spellings of one unit, also with the reference of a height, or with the quantity
+for _unit, _spellings in {
+    "g": ("g0", "gn"),
+    "rpm": ("r/min", "rev/min", "revs/min", "rpms", "r.p.m", "u/min"),
+    "%": ("% rpm", "%rpm", "% n1", "%n1", "% n2", "%n2", "% open", "% mac", "%mac", "per cent"),
+    "deg": ("degs",),
+    "rad": ("rads",),
+    "ft": ("ft msl", "ft agl", "ft amsl", "feet msl", "feet agl", "ft qnh"),
+    "m": ("m msl", "m agl", "m amsl"),
+    "m/s": ("ms-1", "ms^-1"),
+    "m/s2": ("ms-2", "ms^-2"),
+    "ms": ("millisecond", "milliseconds", "millisec"),
+    "us": ("microsecond", "microseconds"),
+}.items():
+    _SPELT.update(dict.fromkeys(_spellings, _unit))
 # other spellings in which the case of the letters matters
 _CASED = {
     "Nm": "N m",
@@ -129,7 +147,9 @@ _SIGNS = {
 _LOWER = {name.lower(): name for name in _BASE if len(name) > 1 and name not in ("kN", "ms", "MPa")}
 # value_SI = value * factor + offset
 _OFFSET = {"degC": 273.15, "degF": 459.67 / 1.8}
-_FACTOR = re.compile(r"^(%|[A-Za-z]+|1)\^?(-?\d+)?$")
+_FACTOR = re.compile(r"^(%|[A-Za-z]+|1(?!\d))\^?(-?\d+)?$")
+# a multiple of a unit, 100 ft or x1000 lb
+_MULTIPLE = re.compile(r"^x?(10+)(?= *[A-Za-z])")
 
 
 @cache
@@ -153,10 +173,15 @@ def known_unit(text: str) -> str:
         plain = plain[1:-1].strip()
     if plain in _BASE or plain in _AMBIGUOUS:
         return plain
+    if multiple := _MULTIPLE.match(plain):
+        return f"{multiple[1]} {known_unit(plain[multiple.end() :])}"
     if unit := _CASED.get(plain) or _SPELT.get(plain.lower()):
         return unit
     for sign, letters in _SIGNS.items():
         plain = plain.replace(sign, letters)
+    # once more, for a spelling with Unicode signs
+    if unit := _SPELT.get(plain.lower()):
+        return unit
     # before _COMPACT: "in lb" is a moment of mass, but "in-lb" is a moment of force
     if all(word in _BASE for word in plain.split()):
         return " ".join(plain.split())
@@ -193,9 +218,11 @@ def _known_factor(word: str) -> str | None:
 
 
 def fitted_unit(text: str, expected: str) -> str:
-    """Return a unit as `known_unit` does, with the kind of pound that the quantity requires.
+    """Return a unit as `known_unit` does. The quantity decides ambiguous units.
 
-    A pound is a unit of force in a force or its moment, and a unit of mass in a mass or its moment.
+    A pound is a unit of force in a force, its moment or a pressure, and a unit of mass in a mass,
+    its moment or a flow. ``kph`` is kg/h in a flow. ``1/min`` of a rotation is a revolution per
+    minute.
 
     Parameters
     ----------
@@ -207,8 +234,16 @@ def fitted_unit(text: str, expected: str) -> str:
     --------
     >>> fitted_unit("lbs", "N"), fitted_unit("lbf", "kg"), fitted_unit("ft lb", "N m"), fitted_unit("in-lb", "kg m")
     ('lbf', 'lb', 'ft lbf', 'lb in')
+    >>> fitted_unit("lb/in2", "Pa"), fitted_unit("1/min", "rad s-1"), fitted_unit("kph", "kg s-1")
+    ('lbf/in2', 'rpm', 'kg/h')
     """
     unit = known_unit(text)
+    if expected == "rad s-1" and unit in ("1/min", "min-1"):
+        return "rpm"
+    if expected == "kg s-1" and text.strip().lower() == "kph":
+        return "kg/h"
+    if expected == "Pa" and re.match(r"lb/(in|ft)2$", unit):
+        return unit.replace("lb", "lbf")
     pound = {"N": "lbf", "N m": "lbf", "kg": "lb", "kg m": "lb"}.get(expected)
     factors = unit.split()
     has_pound = not {"lb", "lbf"}.isdisjoint(factors)
@@ -243,6 +278,8 @@ def parse_unit(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
     if text in _OFFSET:
         return _BASE[text][0], _BASE[text][1], _OFFSET[text]
     dimension, factor = [0, 0, 0, 0], 1.0
+    if multiple := _MULTIPLE.match(text):
+        factor, text = float(multiple[1]), text[multiple.end() :].strip()
     # factors behind a slash, parts 1 and on, have a negative power
     for i, part in enumerate(text.split("/")):
         for word in re.split(r"[ *.]+", part.strip()):

@@ -218,9 +218,9 @@ def test_folders_are_small():
 
 @pytest.mark.slow
 def test_the_page_of_folders_is_up_to_date():
-    program = runpy.run_path(str(ROOT / "docs" / "make_folders.py"))
+    program = runpy.run_path(str(ROOT / "docs" / "scripts" / "make_folders.py"))
     page = (ROOT / "docs" / "design" / "folders.md").read_text(encoding="utf-8")
-    assert page == program["page"](), "run: python docs/make_folders.py"
+    assert page == program["page"](), "run: python docs/scripts/make_folders.py"
 
 
 def test_every_kind_of_import_is_seen(tmp_path):

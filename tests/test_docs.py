@@ -62,7 +62,7 @@ NOT_RUN = {
     "ruff": "style and types: run by .ci/run",
 }
 # pages of half a minute and more, whose verbs have tests of their own in the suite: for .ci/nightly
-NIGHTLY_PAGES = ("flapping-vehicle.md", "database-figures.md", "real-flights.md")
+NIGHTLY_PAGES = ("flapping-vehicle.md", "figures.md", "real-flights.md")
 FENCE = re.compile(
     r"^(?P<slow><!-- slow -->\n+)?(?P<indent> *)```(?P<language>\S*)(?: "
     r"title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)^(?P=indent)```$",
@@ -311,10 +311,9 @@ def verbs_of(page: Path) -> set[str]:
         verbs.add(" ".join([words[0], *verb]))
     if page.name in NIGHTLY_PAGES:
         return set()
-    for_newcomers = page.parent.name == "how-to" or page.name in (
+    for_newcomers = page.parent.name in ("how-to", "tutorials") or name(page) in (
         "README.md",
-        "index.md",
-        "tutorial.md",
+        "docs/index.md",
     )
     return verbs | ({name(page)} if for_newcomers else set())
 

@@ -11,7 +11,7 @@ from test_docs import blocks, name, reason_not_run
 PAGES = [
     ROOT / "README.md",
     ROOT / "docs/index.md",
-    ROOT / "docs/tutorial.md",
+    ROOT / "docs/tutorials/light-aircraft.md",
     *sorted((ROOT / "docs/how-to").glob("*.md")),
 ]
 
@@ -53,7 +53,7 @@ def test_every_check_belongs_to_a_block():
 
 def test_the_notebook_is_the_only_one():
     """`docs_results.NOTEBOOK` checks its results."""
-    (notebook,) = (ROOT / "docs" / "notebooks").glob("*.ipynb")
+    (notebook,) = (ROOT / "docs" / "tutorials").glob("*.ipynb")
     assert "updated = aerodb.replace_terms" in json.dumps(
         json.loads(notebook.read_text(encoding="utf-8"))
     )

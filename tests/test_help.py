@@ -72,7 +72,7 @@ def test_every_command_has_a_help_that_stands_alone():
     faults = {path: fault((command.help or "").split("\n\n")[0]) for path, command in EVERY.items()}
     assert len(faults) > 90
     assert {path: text for path, text in faults.items() if text} == {}
-    assert {name: fault(text) for name, (_, _, text) in COMMANDS.items() if fault(text)} == {}
+    assert {name: fault(text) for name, (_, text) in COMMANDS.items() if fault(text)} == {}
 
 
 def test_every_option_has_a_help_that_stands_alone():

@@ -12,13 +12,13 @@ from docs_results import NOTEBOOK, NOTEBOOK_WARNINGS
 
 import datcom_io
 import flightmech
-from aeromatch.cli.verbs import example_folder
+from aeromatch.cli.actions.verbs import example_folder
 from flightmech.errors import IdentificationError
 from flightmech.support.figures import html_table
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 
-NOTEBOOKS = sorted((Path(__file__).parents[1] / "docs" / "notebooks").glob("*.ipynb"))
+NOTEBOOKS = sorted((Path(__file__).parents[1] / "docs" / "tutorials").glob("*.ipynb"))
 
 
 @pytest.mark.slow

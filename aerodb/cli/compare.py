@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -11,20 +10,14 @@ from flightmech.support.console import (
     InputFile,
     NewFile,
     json_option,
-    print_json,
-    print_remark,
-    print_table,
-    show_progress,
+    performed_by,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _FILE = InputFile()
 _ALONG = "netCDF-4 with states over time, as `aeromatch flight reconstruct` writes it."
 
 
-@click.command()
+@click.command("compare")
 @click.argument("first", metavar="A", type=_FILE)
 @click.argument("second", metavar="B", type=_FILE)
 @click.option("--along", type=_FILE, help=f"Compare along a flight instead of a grid: {_ALONG}")
@@ -48,71 +41,14 @@ _ALONG = "netCDF-4 with states over time, as `aeromatch flight reconstruct` writ
     help="File format of the figures.",
 )
 @json_option
-def compare(
-    first: str,
-    second: str,
-    along: str | None,
-    wanted: tuple[str, ...],
-    figures: str | None,
-    kind: str,
-    as_json: bool,
-) -> None:
+@performed_by("aerodb.cli.actions.compare:run_compare")
+def compare_command() -> None:
     """Compare two databases, B less A, by coefficient and by term: largest and rms difference,
     where, in standard errors.
     """
-    from aerodb.comparison.comparison import compare as compared
-    from aerodb.store.files import open
-    from flightmech.errors import UnknownName
-
-    databases = {label: open(path) for label, path in _labels(first, second).items()}
-    a, b = databases.values()
-    conditions, notes = None, list[str]()
-    if along is not None:
-        from aerodb.comparison.conditions import read_conditions
-
-        conditions, notes = read_conditions(along, a, b)
-    with show_progress("compare the databases"):
-        frame = compared(a, b, conditions)
-    known = list(dict.fromkeys(name.split("/")[0] for name in frame.index))
-    for name in wanted:
-        if name not in known:
-            raise UnknownName(name, known, "coefficient")
-    frame = frame[[not wanted or name.split("/")[0] in wanted for name in frame.index]]
-    frame.attrs["grid"] = {
-        name: words for name, words in frame.attrs["grid"].items() if not wanted or name in wanted
-    }
-    written: list[str] = []
-    if figures is not None:
-        from aerodb.figures.figure_folder import write_comparison
-
-        with show_progress("draw the figures of shared terms and coefficients"):
-            written = [
-                str(path)
-                for path in write_comparison(
-                    databases, figures, kind, coefficients=wanted, support=conditions
-                )
-            ]
-    for text in notes:
-        print_remark(text)
-    if as_json:
-        print_json(
-            {
-                "a": first,
-                "b": second,
-                "along": along,
-                "grid": frame.attrs["grid"],
-                "rows": frame,
-                "figures": written,
-            }
-        )
-        return
-    click.echo(f"a = {first}, b = {second}; differences are b - a")
-    _print(frame)
-    if written:
-        click.echo(f"\nwritten: {len(written)} figures in {figures}")
 
 
-@click.command()
+@click.command("plot")
 @click.argument("file", type=_FILE)
 @click.option("--term", required=True, help="Such as CL/basic; a coefficient, CL, will do as well.")
 @click.option("--family", help="Variable that distinguishes the curves, such as mach or delta_f.")
@@ -128,117 +64,17 @@ def compare(
 @click.option(
     "-o", "--output", required=True, type=NewFile(), help="The figure: .svg, .png or .pdf."
 )
-def plot(
-    file: str,
-    term: str,
-    family: str | None,
-    over: str | None,
-    held: tuple[str, ...],
-    along: str | None,
-    output: str,
-) -> None:
+@performed_by("aerodb.cli.actions.compare:run_plot_term")
+def plot_term_command() -> None:
     """Draw a term of a database: a family of curves with standard errors and the sources of its
     nodes.
     """
-    from aerodb.comparison.conditions import read_conditions
-    from aerodb.figures.drawing import save_figure
-    from aerodb.figures.figures import plot_comparison
-    from aerodb.store.files import open
-
-    tree = open(file)
-    support = None if along is None else read_conditions(along, tree)[0]
-    (label,) = _labels(file)
-    with show_progress("draw the figure"):
-        figure = plot_comparison(
-            {label: tree},
-            term,
-            family,
-            over=over,
-            at=dict(_held(text) for text in held),
-            support=support,
-        )
-        save_figure(figure, output)
-    click.echo(f"written: {output}")
-
-
-def _labels(*paths: str) -> dict[str, str]:
-    """Return short names of files, with as much of their folders as distinguishes them."""
-    from pathlib import Path
-
-    for parts in range(1, max(len(Path(path).resolve().parts) for path in paths)):
-        found = {
-            "/".join(Path(path).resolve().with_suffix("").parts[-parts:]): path for path in paths
-        }
-        if len(found) == len(paths):
-            return found
-    return dict(zip("ab", paths))
-
-
-def _held(text: str) -> tuple[str, float]:
-    from flightmech.errors import SchemaError
-    from flightmech.names import lookup
-    from flightmech.units import parse_quantity
-
-    name, sign, value = (part.strip() for part in text.partition("="))
-    if not (name and sign and value):
-        raise SchemaError("--at", [f"found {text!r}; give NAME=VALUE, such as delta_f='40 deg'"])
-    try:
-        number: float | str = float(value)
-    except ValueError:
-        number = value
-    return name, parse_quantity(number, lookup(name).units)
-
-
-def _print(frame: pd.DataFrame) -> None:
-    """Print coefficients, terms that differ, and in a line each what is equal or on one side only."""
-    along = "share" in frame
-    is_term = frame.index.str.contains("/")
-    same = is_term & (frame["max_difference"] == 0.0) & (frame["found_in"] == "both")
-    for part, head in ((frame[~is_term], "coefficient"), (frame[is_term & ~same], "term")):
-        columns = [head, "in", "largest", "a", "b", "rms", "/ s.e. a", "/ s.e. b", "/ s.e. b-a"]
-        more = ["share", "rms left"] if along and head == "term" else []
-        rows = [_cells(name, row, bool(more)) for name, row in part.iterrows()]
-        click.echo()
-        print_table([*columns, *more, "where", "note"], rows, right=[*columns[2:], *more])
-    for words, names in (
-        ("only in a", frame.index[is_term & (frame["found_in"] == "a")]),
-        ("only in b", frame.index[is_term & (frame["found_in"] == "b")]),
-        ("no difference", frame.index[same]),
-    ):
-        if len(names):
-            click.echo(f"\n{words}: {' '.join(names)}")
-    for text in dict.fromkeys(
-        f"{name}: {words}" if not along else words for name, words in frame.attrs["grid"].items()
-    ):
-        click.echo(f"\ncompared over {text}" if along else f"\ngrid of {text}")
-
-
-def _cells(name: Any, row: pd.Series, shares: bool) -> list[str]:
-    numbers = ("max_difference", "value_a", "value_b", "rms_difference")
-    ratios = ("max_in_stderr", "max_in_stderr_b", "max_in_stderr_difference")
-    cells = [
-        name,
-        row["found_in"],
-        *(_number(row[key], 4) for key in numbers),
-        *(_number(row[key], 3) for key in ratios),
-    ]
-    if shares:
-        cells += [
-            "" if row["share"] != row["share"] else f"{round(100 * row['share'], 1) + 0.0:.1f} %",
-            _number(row["rms_left"], 4),
-        ]
-    return [*cells, row["location"], row["note"]]
-
-
-def _number(value: float, digits: int) -> str:
-    return "" if value != value else f"{value:.{digits}g}"
 
 
 _FIGURE_FILE = InputFile(path_type=Path)
-_OWN = ("datcom", "final")  # databases of the folder that `aeromatch match` writes
 
 
-@click.command()
+@click.command("figures")
 @click.argument(
     "places",
     metavar="FOLDER | DB [DB]",
@@ -282,117 +118,11 @@ _OWN = ("datcom", "final")  # databases of the folder that `aeromatch match` wri
     help="New folder for the set.",
 )
 @json_option
-def figures(
-    places: tuple[Path, ...],
-    set_of_it: bool,
-    aircraft: Path | None,
-    flown_file: Path | None,
-    buffet: Path | None,
-    kind: str,
-    output: Path,
-    as_json: bool,
-) -> None:
+@performed_by("aerodb.cli.actions.compare:run_figures")
+def figures_command() -> None:
     """Write the figures and tables of LR-743 from data, and state of each that cannot be made what
     is missing.
 
     FOLDER is one that `aeromatch match` or `aeromatch demo` wrote: its a-priori and final database,
     their aircraft and flown.nc are taken. Or give one DB, or the a-priori and the final one.
     """
-    if not set_of_it:
-        raise click.UsageError("no set of figures; give --lr743")
-    from aerodb.figures.lr743_set.flown import read_flown
-    from aerodb.figures.lr743_set.report_set import write_lr743
-    from aerodb.store.files import open
-    from flightmech.aircraft.aircraft import read_aircraft
-
-    files, crafts, flown_file = _inputs(places, aircraft, flown_file)
-    databases = {name: open(file) for name, file in files.items()}
-    sources = ", ".join(
-        str(file) for file in [*files.values(), *([flown_file] if flown_file else [])]
-    )
-    with show_progress("draw the figures"):
-        made = write_lr743(
-            databases,
-            output,
-            kind,
-            aircraft={name: read_aircraft(file) for name, file in crafts.items()},
-            flown=read_flown(flown_file) if flown_file else None,
-            buffet=None if buffet is None else _boundary(buffet),
-            sources=sources,
-        )
-    if as_json:
-        print_json(
-            {
-                "folder": str(output),
-                "figures": [{**one._asdict(), "file": one.file and str(one.file)} for one in made],
-            }
-        )
-        return
-    print_table(
-        ["", "shows", "file"],
-        [(one.number, one.title, one.file.name if one.file else "-") for one in made],
-    )
-    for one in made:
-        if one.missing:
-            click.echo(f"{one.number or one.title} cannot be drawn: {one.missing}")
-    click.echo(f"written: {sum(one.file is not None for one in made)} of {len(made)} in {output}")
-
-
-def _inputs(
-    places: tuple[Path, ...], aircraft: Path | None, flown: Path | None
-) -> tuple[dict[str, Path], dict[str, Path], Path | None]:
-    """Return databases and aircraft by name, and the file of what was flown."""
-    from aerodb.figures.lr743_set.flown import FLOWN
-
-    if len(places) == 1 and places[0].is_dir():
-        folder = places[0]
-        files = {name: folder / f"{name}.nc" for name in _OWN}
-        lacking = [file.name for file in files.values() if not file.is_file()]
-        if lacking:
-            raise click.UsageError(
-                f"{folder} holds no {' and no '.join(lacking)}; name a folder that "
-                f"`aeromatch match` wrote, or databases"
-            )
-        crafts = {name: aircraft or folder / f"{name}.toml" for name in _OWN}
-        return (
-            files,
-            crafts,
-            flown or next((file for file in (folder / FLOWN,) if file.is_file()), None),
-        )
-    if len(places) > 2 or any(place.is_dir() for place in places):
-        raise click.UsageError(
-            "give one folder that `aeromatch match` wrote, one database, or the a-priori and "
-            "the final database"
-        )
-    names = [place.stem for place in places]
-    names = (
-        names if len(set(names)) == len(names) else [str(place.with_suffix("")) for place in places]
-    )
-    files = dict(zip(names, places))
-    return files, dict.fromkeys(files, aircraft) if aircraft else {}, flown
-
-
-def _boundary(path: Path) -> pd.DataFrame:
-    """Return Mach number and lift coefficient of the buffet boundary."""
-    import pandas as pd
-
-    from flightmech.errors import ParseError
-
-    try:
-        found = pd.read_csv(path, comment="#")
-        found = found.rename(columns=lambda name: str(name).strip())[["mach", "CL"]].astype(float)
-    except (KeyError, ValueError) as error:
-        raise ParseError(
-            str(path),
-            1,
-            str(error),
-            "a table with the columns mach and CL, numbers separated by commas",
-        ) from None
-    if found.isna().any(axis=None) or len(found) < 2:
-        raise ParseError(
-            str(path),
-            1,
-            "missing numbers, or fewer than two points",
-            "two or more rows with a number for mach and for CL",
-        )
-    return found.sort_values("mach", ignore_index=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -12,13 +12,8 @@ from flightmech.support.console import (
     InputFile,
     NewFile,
     json_option,
-    print_json,
-    print_remark,
-    print_table,
+    performed_by,
 )
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _FILE = InputFile()
 _note = click.option("--note", default="", help="Reason for the change; stored in the history.")
@@ -115,26 +110,18 @@ def edit(ctx: click.Context, file: str) -> None:
     ctx.obj = file
 
 
-@edit.command()
+@edit.command("scale")
 @_by("Factor, or several with --over.")
-def scale(
-    file: str, names: tuple[str, ...], by: Any, over: tuple | None, output: str, **how: Any
-) -> None:
+@performed_by("aerodb.cli.actions.edit:run_scale")
+def scale_command() -> None:
     """Multiply terms; TERM may be a pattern such as '*/gear'."""
-    from aerodb.edit.table_edits import scale as scaled
-
-    _write(file, output, lambda db: scaled(db, names, by, dict([over]) if over else None, **how))
 
 
-@edit.command()
+@edit.command("shift")
 @_by("Amount in the unit of the table, or several with --over.")
-def shift(
-    file: str, names: tuple[str, ...], by: Any, over: tuple | None, output: str, **how: Any
-) -> None:
+@performed_by("aerodb.cli.actions.edit:run_shift")
+def shift_command() -> None:
     """Add an amount to terms."""
-    from aerodb.edit.table_edits import shift as shifted
-
-    _write(file, output, lambda db: shifted(db, names, by, dict([over]) if over else None, **how))
 
 
 @edit.command("set")
@@ -154,24 +141,12 @@ def shift(
 @_note
 @_output
 @click.pass_obj
-def set_nodes(file: str, name: str, places: tuple, value: float, output: str, **how: Any) -> None:
+@performed_by("aerodb.cli.actions.edit:run_set_nodes")
+def set_nodes_command() -> None:
     """Set one node of a term, or a row of nodes, to a number."""
-    from aerodb.edit.table_edits import set_nodes as with_nodes
-
-    several = [axis for axis, points in places if len(points) != 1]
-    if several or len(dict(places)) != len(places):
-        raise click.BadParameter(
-            f"give one breakpoint for each axis, such as alpha='4 deg'; got {places}",
-            param_hint="--at",
-        )
-    _write(
-        file,
-        output,
-        lambda db: with_nodes(db, name, {axis: points[0] for axis, points in places}, value, **how),
-    )
 
 
-@edit.command()
+@edit.command("regrid")
 @click.argument("name", metavar="TERM")
 @_axis
 @click.option(
@@ -180,16 +155,12 @@ def set_nodes(file: str, name: str, places: tuple, value: float, output: str, **
 @_note
 @_output
 @click.pass_obj
-def regrid(
-    file: str, name: str, axes: tuple, tolerance: float | None, note: str, output: str
-) -> None:
+@performed_by("aerodb.cli.actions.edit:run_regrid")
+def regrid_command() -> None:
     """Put a term on other breakpoints; the largest difference from the old table is printed."""
-    from aerodb.edit.table_edits import regrid as regridded
-
-    _write(file, output, lambda db: regridded(db, name, dict(axes), tolerance=tolerance, note=note))
 
 
-@edit.command()
+@edit.command("extend")
 @click.argument("name", metavar="TERM")
 @click.option(
     "--axis",
@@ -210,20 +181,9 @@ def regrid(
 @_note
 @_output
 @click.pass_obj
-def extend(
-    file: str, name: str, axes: tuple, how: str, values: Any, stderr: Any, note: str, output: str
-) -> None:
+@performed_by("aerodb.cli.actions.edit:run_extend")
+def extend_command() -> None:
     """Let a term reach further."""
-    from aerodb.edit.table_edits import extend as extended
-
-    axis, points = axes
-    _write(
-        file,
-        output,
-        lambda db: extended(
-            db, name, axis, points, how if values is None else values, stderr=stderr, note=note
-        ),
-    )
 
 
 @edit.command("move-reference")
@@ -250,37 +210,12 @@ def extend(
 @_note
 @_output
 @click.pass_obj
-def move_reference(
-    file: str,
-    x: str | None,
-    y: str | None,
-    z: str | None,
-    tolerance: float,
-    flow: str,
-    note: str,
-    output: str,
-) -> None:
+@performed_by("aerodb.cli.actions.edit:run_move_reference")
+def move_reference_command() -> None:
     """Take the moments about another point; the aircraft file must name the same point then."""
-    from aerodb.edit.reference_point import move_reference as moved
-    from flightmech.units import parse_quantity
-
-    given = {
-        key: _number(text)
-        for key, text in (("x_ref", x), ("y_ref", y), ("z_ref", z))
-        if text is not None
-    }
-
-    def work(db: xr.DataTree) -> xr.DataTree:
-        point = [
-            parse_quantity(given[key], "m") if key in given else float(db.attrs[key])
-            for key in ("x_ref", "y_ref", "z_ref")
-        ]
-        return moved(db, point, tolerance=tolerance, flow=flow, note=note)
-
-    _write(file, output, work)
 
 
-@edit.command()
+@edit.command("blend")
 @click.argument("other", type=_FILE)
 @click.argument("names", metavar="[TERM]...", nargs=-1)
 @click.option(
@@ -293,128 +228,58 @@ def move_reference(
 @_note
 @_output
 @click.pass_obj
-def blend(file: str, other: str, names: tuple[str, ...], rule: str, note: str, output: str) -> None:
+@performed_by("aerodb.cli.actions.edit:run_blend")
+def blend_command() -> None:
     """Join terms with those of the database OTHER, each with the weight of its standard errors."""
-    from aerodb.edit.blending import blend as blended
-    from aerodb.edit.blending import consistency
-    from aerodb.store.files import open
-
-    second = open(other)
-    chosen = names or None
-    frame = consistency(open(file), second, chosen, rule)
-    _write(file, output, lambda db: blended(db, second, chosen, rule, note=note))
-    rows = [
-        (
-            name,
-            row.nodes,
-            f"{row.chi2:.4g}",
-            f"{row.probability:.3g}",
-            f"{row.worst:+.3g}",
-            row.location,
-        )
-        for name, row in frame.iterrows()
-    ]
-    head = ("term", "nodes", "chi-square", "probability", "worst in std. errors", "where")
-    print_table(head, rows, title="how well they agree", right=head[1:5])
 
 
-@edit.command()
+@edit.command("delete")
 @click.argument("names", metavar="TERM...", nargs=-1, required=True)
 @_note
 @_output
 @click.pass_obj
-def delete(file: str, names: tuple[str, ...], note: str, output: str) -> None:
+@performed_by("aerodb.cli.actions.edit:run_delete")
+def delete_command() -> None:
     """Take terms out; they count as zero."""
-    from aerodb.edit.table_edits import delete_terms
-
-    _write(file, output, lambda db: delete_terms(db, names, note))
 
 
-@edit.command()
+@edit.command("replace")
 @click.argument("other", type=_FILE)
 @click.argument("names", metavar="TERM...", nargs=-1, required=True)
 @_note
 @_output
 @click.pass_obj
-def replace(file: str, other: str, names: tuple[str, ...], note: str, output: str) -> None:
+@performed_by("aerodb.cli.actions.edit:run_replace")
+def replace_command() -> None:
     """Take terms from the database OTHER, in place of those of the same name or in addition."""
-    from aerodb.edit.table_edits import match_names, replace_terms
-    from aerodb.store.files import open
-    from aerodb.store.schema import terms
-
-    second = open(other)
-    theirs = terms(second)
-    _write(
-        file,
-        output,
-        lambda db: replace_terms(
-            db, {name: theirs[name] for name in match_names(second, names)}, note
-        ),
-    )
 
 
-@click.command()
+@click.command("history")
 @click.argument("file", type=_FILE)
 @json_option
-def history(file: str, as_json: bool) -> None:
+@performed_by("aerodb.cli.actions.edit:run_history")
+def history_command() -> None:
     """Show the edits of a database; numbered ones can be undone."""
-    from aerodb.store.files import list_edits
-    from aerodb.store.undo_history import COLUMNS
-
-    rows = list_edits(file)
-    if as_json:
-        print_json(
-            [{"line": line, **dict(zip(COLUMNS, row))} for line, row in enumerate(rows, start=1)]
-        )
-        return
-    print_table(
-        ("edit", "what was done"),
-        [("" if number is None else number, text) for number, *_, text in rows],
-        right=("edit",),
-    )
 
 
-@click.command()
+@click.command("previous")
 @click.argument("file", type=_FILE)
 @click.option(
     "--steps", type=click.IntRange(1), default=1, show_default=True, help="Edits to undo."
 )
 @click.option("--edit", "number", type=int, help="Undo this edit and all later ones instead.")
 @_output
-def previous(file: str, steps: int, number: int | None, output: str) -> None:
+@performed_by("aerodb.cli.actions.edit:run_previous")
+def previous_command() -> None:
     """Write the database as it was before its last edits."""
-    from aerodb.store.undo_history import undo_edits as before
-
-    _write(file, output, lambda db: before(db, steps, number), show_change=False)
 
 
-@click.command()
+@click.command("forget")
 @click.argument("file", type=_FILE)
 @_output
-def forget(file: str, output: str) -> None:
+@performed_by("aerodb.cli.actions.edit:run_forget")
+def forget_command() -> None:
     """Write the database without its undo history, for a release."""
-    from aerodb.store.undo_history import drop_undo_history as forgotten
-
-    _write(file, output, forgotten, show_change=False)
-
-
-def _write(file: str, output: str, work: Any, show_change: bool = True) -> None:
-    """Open, work, save, and print the new line of history; warnings go to stderr."""
-    import warnings
-
-    from aerodb.store.files import open, save
-    from flightmech.errors import AeromatchWarning
-
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", AeromatchWarning)
-        tree = work(open(file))
-    save(tree, output)
-    for warning in caught:
-        if issubclass(warning.category, AeromatchWarning):
-            print_remark(f"warning: {warning.message}")
-    if show_change:
-        click.echo(str(tree.attrs["history"]).rsplit("\n", 1)[-1])
-    click.echo(f"written: {output}")
 
 
 def _numbers(text: str, units: str) -> list[float]:
@@ -432,11 +297,3 @@ def _numbers(text: str, units: str) -> list[float]:
         float(to_si(float(word), match.group(2) or units, units))
         for word in re.split(r"[\s,]+", match.group(1))
     ]
-
-
-def _number(text: str) -> str | float:
-    """Return a bare number as one, which is SI; a text with a unit stays."""
-    try:
-        return float(text)
-    except ValueError:
-        return text

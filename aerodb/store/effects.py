@@ -5,7 +5,7 @@ CY, Cl, Cm, Cn that share a contribution name and a regressor.  Changes of refer
 axes and of the moment reference point act on forces and moments together, so they act on effects
 and not on single terms.
 
-Axes, as found on listings (see docs/aero-model.md): DATCOM's lift and drag, and its lateral moments
+Axes, as found on listings (see docs/explanation/database/aero-model.md): DATCOM's lift and drag, and its lateral moments
 and rates, belong to stability axes, body axes turned by alpha about y.  ``d`` is the vector from
 the new moment reference point to the old one, in body axes; it lies in the plane of symmetry.
 """

@@ -16,31 +16,25 @@ from typing import NoReturn, TextIO
 
 import click
 
-# group or verb: (module, attribute, one line for --help); nothing heavy is imported to print the
+from flightmech.support.console import find_command
+
+# group or verb: (module, one line for --help); nothing heavy is imported to print the
 # help
 COMMANDS = {
-    "datcom": ("datcom_io.cli.group", "datcom", "Read Digital DATCOM listings."),
-    "db": ("aerodb.cli.group", "db", "Build, show and compare aero databases."),
-    "flight": (
-        "flighttest.cli.group",
-        "flight",
-        "Read flight records, reconstruct states, identify.",
-    ),
-    "fmu": ("flightmech.cli", "fmu", "Write simulation models as FMUs."),
-    "pom": ("pom.cli.group", "pom", "Replay recorded inputs and judge the match."),
-    "init": ("aeromatch.cli.init", "init", "Draft a project folder from listings and recordings."),
-    "schema": (
-        "aeromatch.project.editing",
-        "schema",
-        "Write JSON schemas of project files, for editors.",
-    ),
-    "set": ("aeromatch.project.editing", "set_verb", "Change one key of a project's TOML files."),
-    "match": ("aeromatch.cli.verbs", "match", "Perform the whole job of a project file."),
-    "store": ("aeromatch.cli.store", "store", "Show or clear what match keeps of its stages."),
-    "package": ("aeromatch.cli.delivery", "package", "Make, verify and compare data packages."),
-    "view": ("aeromatch.cli.delivery", "view", "Open the workbench of a project in the browser."),
-    "example": ("aeromatch.cli.verbs", "example", "Copy an example that comes with the product."),
-    "demo": ("aeromatch.cli.verbs", "demo", "Perform the whole job on the shipped T-37 example."),
+    "datcom": ("datcom_io.cli.group", "Read Digital DATCOM listings."),
+    "db": ("aerodb.cli.group", "Build, show and compare aero databases."),
+    "flight": ("flighttest.cli.group", "Read flight records, reconstruct states, identify."),
+    "fmu": ("flightmech.cli.group", "Write simulation models as FMUs."),
+    "pom": ("pom.cli.group", "Replay recorded inputs and judge the match."),
+    "init": ("aeromatch.cli.init", "Draft a project folder from listings and recordings."),
+    "schema": ("aeromatch.project.editing", "Write JSON schemas of project files, for editors."),
+    "set": ("aeromatch.project.editing", "Change one key of a project's TOML files."),
+    "match": ("aeromatch.cli.verbs", "Perform the whole job of a project file."),
+    "store": ("aeromatch.cli.store", "Show or clear what match keeps of its stages."),
+    "package": ("aeromatch.cli.delivery", "Make, verify and compare data packages."),
+    "view": ("aeromatch.cli.delivery", "Open the workbench of a project in the browser."),
+    "example": ("aeromatch.cli.verbs", "Copy an example that comes with the product."),
+    "demo": ("aeromatch.cli.verbs", "Perform the whole job on the shipped T-37 example."),
 }
 
 
@@ -55,8 +49,8 @@ class RootGroup(click.Group):
         """Import and return one member."""
         if cmd_name not in COMMANDS:
             return None
-        module, attribute, _ = COMMANDS[cmd_name]
-        return getattr(importlib.import_module(module), attribute)
+        module, _ = COMMANDS[cmd_name]
+        return find_command(importlib.import_module(module), cmd_name)
 
     def resolve_command(self, ctx: click.Context, args: list[str]):
         """Name the near members when the name is unknown."""
@@ -73,7 +67,7 @@ class RootGroup(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the members without importing them."""
         with formatter.section("Commands"):
-            formatter.write_dl([(name, text) for name, (_, _, text) in COMMANDS.items()])
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
 
 
 @click.command(cls=RootGroup, context_settings={"help_option_names": ["-h", "--help"]})

@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import click
 
 from flightmech.support.console import (
     json_option,
-    print_json,
-    print_remark,
-    print_table,
-    show_progress,
+    performed_by,
 )
 from flighttest.cli.group import MapFile
 
 _FILES = click.Path(exists=True, path_type=Path)
-_ASKED = {
-    "mass": "Gross mass, such as 2400 kg",
-    "Ixx": "Moment of inertia in roll, such as 10826 kg m2",
-    "Iyy": "Moment of inertia in pitch, such as 8135 kg m2",
-    "Izz": "Moment of inertia in yaw, such as 15162 kg m2",
-}
 
 
-@click.command()
+@click.command("init")
 @click.argument("folder", type=click.Path(file_okay=False, path_type=Path))
 @click.option(
     "--datcom",
@@ -77,15 +67,8 @@ _ASKED = {
 )
 @click.option("--force", is_flag=True, help="Overwrite older files.")
 @json_option
-def init(
-    folder: Path,
-    datcom: tuple[Path, ...],
-    records: tuple[Path, ...],
-    force: bool,
-    as_json: bool,
-    own_map: str | None,
-    **stated,
-) -> None:
+@performed_by("aeromatch.cli.actions.init:init_project")
+def init_project_command() -> None:
     """Draft a project in FOLDER: aircraft.toml, names.toml, manoeuvres.csv, cases and
     aeromatch.toml, each commented.
 
@@ -94,35 +77,3 @@ def init(
     written as "?", which the next verb refuses. Columns without a quantity are named; write them
     into names.toml and run init again with --names names.toml --force.
     """
-    from aeromatch.drafting.folder import StatedFacts, draft_project
-
-    if sys.stdin.isatty() and not as_json:
-        stated |= {
-            key: click.prompt(text, default="", show_default=False)
-            for key, text in _ASKED.items()
-            if not stated[key]
-        }
-    name, prove, cg, imu = (stated.pop(key) for key in ("name", "prove", "cg", "imu"))
-    known = StatedFacts(
-        name, {key: value for key, value in stated.items() if value}, cg or None, imu or None
-    )
-    done = draft_project(folder, datcom, records, known, prove, force, show_progress, own_map)
-    if as_json:
-        print_json(done.to_dict())
-        return
-    if done.roles:
-        print_table(["listing", "case", "name", "taken for", "because"], done.roles)
-    if done.records:
-        rows = [
-            (name, about["channels"], ", ".join(about["manoeuvres"]) or "-")
-            for name, about in done.records.items()
-        ]
-        print_table(["record", "channels", "manoeuvres"], rows, right=["channels"])
-    for text in done.remarks:
-        print_remark(f"  - {text}")
-    for file in done.files:
-        click.echo(f"written: {file}")
-    if done.complete:
-        click.echo(f"next: aeromatch match {folder / 'aeromatch.toml'} -o {folder / 'out'}")
-    else:
-        click.echo("next: give what is listed above")

@@ -4,29 +4,16 @@ the report.
 
 from __future__ import annotations
 
-import os
-import shutil
-import tempfile
-import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import click
 
-from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.support.console import (
     InputFile,
     NewFolder,
-    command_line,
     jobs_option,
     json_option,
-    print_json,
-    print_remark,
-    print_table,
-    timed_step,
+    performed_by,
 )
 from pom.cli.report import samples_options
 
@@ -37,99 +24,18 @@ EXAMPLES = {
     "the one of aeromatch demo",
 }
 
-INPUTS = ("README.md", "datcom", "flight")
-"""What a project starts from; aircraft file, name map, project file and cases are made from it."""
 
-
-def example_folder(name: str) -> Path:
-    """Return the folder of an example: in the installed package, or in the checkout that is
-    installed as editable.
-
-    Raises
-    ------
-    SchemaError
-        The example is in neither.
-    """
-    places = (Path(__file__).parents[1] / "data" / name, Path(__file__).parents[2] / "data" / name)
-    for place in places:
-        if (place / "aeromatch.toml").is_file():
-            return place
-    raise SchemaError(
-        "example",
-        [f"no {name} in {places[0].parent} or {places[1].parent}; install the package again"],
-    )
-
-
-def copy_example(name: str, folder: Path, inputs_only: bool = False) -> list[Path]:
-    """Copy an example into a new folder, all of it or nothing.
-
-    Parameters
-    ----------
-    name : str
-        Of `EXAMPLES`.
-    folder : Path
-        Does not exist, or is empty.
-    inputs_only : bool
-        Listings, decks, recordings and their description alone, without the files of the project.
-
-    Returns
-    -------
-    list of Path
-        The files, relative to `folder`.
-
-    Raises
-    ------
-    SchemaError
-        There is something in the folder, or the example is missing.
-    """
-    source = example_folder(name)
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise SchemaError(
-            "example", [f"{folder} exists and is not an empty folder; name a new one"]
-        )
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:
-        made = Path(scratch) / name
-        made.mkdir()
-        for item in sorted(source.iterdir()):
-            if item.name == "__pycache__" or (inputs_only and item.name not in INPUTS):
-                continue
-            if item.is_dir():
-                shutil.copytree(item, made / item.name)
-            else:
-                shutil.copy(item, made / item.name)
-        if folder.exists():  # and is empty; it may be the current one, which must stay
-            for item in list(made.iterdir()):
-                os.replace(item, folder / item.name)
-        else:
-            os.replace(made, folder)
-    return sorted(file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
-
-
-@click.command(epilog="  ".join(f"{name}: {text}." for name, text in EXAMPLES.items()))
+@click.command("example", epilog="  ".join(f"{name}: {text}." for name, text in EXAMPLES.items()))
 @click.argument("name", type=click.Choice(list(EXAMPLES)))
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option(
     "--inputs-only", is_flag=True, help="Listings and recordings alone, what a project starts from."
 )
 @json_option
-def example(name: str, folder: Path, inputs_only: bool, as_json: bool) -> None:
+@performed_by("aeromatch.cli.actions.verbs:run_example")
+def example_command() -> None:
     """Copy an example that comes with the product into FOLDER, which is new or empty."""
-    files = copy_example(name, folder, inputs_only)
-    if as_json:
-        print_json(
-            {"name": name, "folder": str(folder), "files": [file.as_posix() for file in files]}
-        )
-        return
-    size = sum((folder / file).stat().st_size for file in files)
-    click.echo(f"written: {folder}, {len(files)} files, {size / 1e6:.1f} MB")
 
-
-BUILD_FLAGS = ("--fresh", "--explain")
-"""Flags that leave the bytes of the output as they are: the report does not state them."""
-
-_DECISIVE = ("samples", "seed", "compare")  # options that decide the bytes of the output
-_PLANNED = ("scheduler", "resume", "samples", "compare")  # options that the plan depends on
 
 fresh_option = click.option(
     "--fresh",
@@ -143,7 +49,7 @@ explain_option = click.option(
 )
 
 
-@click.command()
+@click.command("demo")
 @click.option(
     "-o",
     "--output",
@@ -156,15 +62,12 @@ explain_option = click.option(
 @fresh_option
 @explain_option
 @json_option
-def demo(output: Path, jobs: int, fresh: bool, explain: bool, as_json: bool) -> None:
+@performed_by("aeromatch.cli.actions.verbs:run_demo")
+def demo_command() -> None:
     """Perform the whole job on the shipped T-37 example."""
 
-    _match(
-        example_folder("t37") / "aeromatch.toml", output, jobs, as_json, fresh, explain, None, {}
-    )
 
-
-@click.command()
+@click.command("match")
 @click.argument("project", type=InputFile(path_type=Path))
 @click.option("-o", "--output", type=NewFolder(), required=True, help="Folder to write.")
 @jobs_option
@@ -205,372 +108,10 @@ def demo(output: Path, jobs: int, fresh: bool, explain: bool, as_json: bool) -> 
 @fresh_option
 @explain_option
 @json_option
-def match(
-    project: Path,
-    output: Path,
-    jobs: int,
-    scheduler: str | None,
-    resume: Path | None,
-    compare_tables: bool,
-    actions: Path | None,
-    unplaced: str | None,
-    samples: int,
-    seed: int,
-    plan_only: bool,
-    fresh: bool,
-    explain: bool,
-    as_json: bool,
-) -> None:
+@performed_by("aeromatch.cli.actions.verbs:run_match")
+def match_command() -> None:
     """Perform the whole job of a PROJECT file: databases, FMUs and the Proof-of-Match report.
 
     Everything is checked before the first computation: windows, channels, drives, manoeuvres,
     terms, models and folders. Exit code 0 when the job was done: failed rows are its result.
     """
-    if plan_only:
-        if actions is not None:
-            raise click.UsageError(
-                "--plan and --actions exclude each other; a plan carries out no action"
-            )
-        options = {
-            "scheduler": scheduler,
-            "resume": resume,
-            "samples": samples,
-            "compare": compare_tables,
-        }
-        _plan(project, output, jobs, as_json, fresh, explain, unplaced, options)
-        return
-    if actions is not None:
-        if _replayed(project, output, actions):
-            return
-        output = output / "match"
-    options = {
-        "scheduler": scheduler,
-        "resume": resume,
-        "samples": samples,
-        "seed": seed,
-        "compare": compare_tables,
-    }
-    _match(project, output, jobs, as_json, fresh, explain, unplaced, options)
-
-
-def _replayed(project: Path, output: Path, log: Path) -> bool:
-    """Carry out the actions of a log, and return whether the match of the project as they leave it
-    is one of them.
-    """
-    from aeromatch.workbench.actions import (
-        PlaceholderFolders,
-        carry_out,
-        last_match,
-        read_action_log,
-        to_do,
-    )
-
-    output.mkdir(parents=True, exist_ok=True)
-    places, entries = (
-        PlaceholderFolders(project.resolve().parent, output.resolve()),
-        read_action_log(log),
-    )
-    left = to_do(entries, places)
-    for text in carry_out(left, places, timed_step):
-        print_remark(text)
-    click.echo(f"{len(left)} of {len(entries)} actions carried out, the others were done already")
-    last = last_match(entries)
-    if last is not None:
-        click.echo(f"the match is that of action {last.number}: {output / 'match'}")
-    return last is not None
-
-
-def _match(
-    file: Path,
-    output: Path,
-    jobs: int,
-    as_json: bool,
-    fresh: bool,
-    explain: bool,
-    unplaced: str | None,
-    options: Mapping[str, Any],
-) -> None:
-    """Perform a match, unless nothing changed since the last one, and print its outcome."""
-    from aeromatch.rebuilding.finished import Finished, Watched
-    from flightmech.support.kept_stages.store import size_limit
-
-    store, limit, command = _store(), size_limit(), command_line(without=BUILD_FLAGS)
-    watched = Watched(file)
-    decisive = {name: options[name] for name in _DECISIVE if name in options}
-    settings = {
-        "command": command,
-        "project": str(file.resolve()),
-        "unplaced": unplaced,
-        **decisive,
-    }
-    finished = Finished(store.folder, output) if store is not None else None
-    shown = finished.read(watched, settings) if finished is not None and not fresh else None
-    if shown is not None:
-        print_remark(
-            f"nothing changed since the last match: {len(watched.files)} files read, every "
-            f"file of {output} intact"
-        )
-        for text in shown["remarks"]:
-            click.echo(f"warning: {text}", err=True)
-    else:
-        if finished is not None:
-            finished.forget()
-        shown = _performed(file, output, jobs, command, store, fresh, explain, unplaced, options)
-        if finished is not None and watched.unchanged():
-            finished.write(
-                watched, settings, [output.resolve() / name for name in shown["files"]], shown
-            )
-        if store is not None:
-            store.shorten(limit)
-    if as_json:
-        print_json(shown["document"])
-        return
-    _print(shown)
-
-
-def _store() -> Any:
-    """Return the store of stages; None where it is switched off or cannot be made."""
-    from flightmech.support.kept_stages.store import StageStore, store_folder
-
-    folder = store_folder()
-    if folder is None:
-        return None
-    try:
-        return StageStore(folder)
-    except OSError as error:
-        print_remark(f"nothing is kept of the stages: {folder}: {error.strerror}")
-        return None
-
-
-def _performed(
-    file: Path,
-    output: Path,
-    jobs: int,
-    command: str,
-    store: Any,
-    fresh: bool,
-    explain: bool,
-    unplaced: str | None,
-    options: Mapping[str, Any],
-) -> dict[str, Any]:
-    """Perform a match, and return what is printed of it as plain data."""
-    from aeromatch.workflow.steps import perform_match
-    from flightmech.support.console import to_json_types
-
-    project = _project(file, unplaced)
-    with _stages(store, output, fresh, explain) as stages:
-        # what is not kept is computed again by the match, with its warnings
-        with timed_step("check the project, its records and its cases"), warnings.catch_warnings():
-            warnings.simplefilter("ignore", AeromatchWarning)
-            plan = _made_plan(project, output, jobs, options, stages, keep_records=True)
-        plan.demand()
-        for text in dict.fromkeys(stages.remarks if store is not None else ()):
-            warnings.warn(text, AeromatchWarning, stacklevel=2)
-        outcome = perform_match(
-            project, output, jobs, timed_step, command, stages=stages, **options
-        )
-    return to_json_types(
-        {
-            "document": outcome.to_dict(),
-            "remarks": list(dict.fromkeys(stages.remarks)),
-            **_summary(outcome),
-        }
-    )
-
-
-def _project(file: Path, unplaced: str | None) -> Any:
-    """Return a project, with the answer to terms without a place that the command gives."""
-    from aeromatch.project.project import read_project
-
-    project = read_project(file)
-    return project if unplaced is None else replace(project, unplaced=unplaced)
-
-
-def _made_plan(
-    project: Any,
-    output: Path,
-    jobs: int,
-    options: Mapping[str, Any],
-    stages: Any,
-    keep_records: bool = False,
-) -> Any:
-    from aeromatch.planning.match_plan import MatchOptions, make_plan
-
-    chosen = MatchOptions(**{name: options[name] for name in _PLANNED if name in options})
-    return make_plan(project, output, jobs, chosen, stages, keep_records)
-
-
-@contextmanager
-def _stages(store: Any, output: Path, fresh: bool, explain: bool) -> Iterator[Any]:
-    """Give the stages of a job; when it is over, also by an error, state why stages were computed
-    if that is wanted.
-    """
-    from flightmech.support.kept_stages.explanation import StageTrace
-    from flightmech.support.kept_stages.stages import Stages
-
-    reasons: list[str] = []
-    trace = StageTrace.of(store.folder, output) if store is not None else None
-    stages = Stages(store, trace, fresh, explain=reasons.append)
-    try:
-        yield stages
-    finally:
-        names = dict.fromkeys([*stages.reused, *stages.computed])
-        counts = [
-            f"{stage}: {stages.computed[stage]} computed, {stages.reused[stage]} reused"
-            for stage in names
-        ]
-        for text in [*reasons, *counts] if explain else ():
-            click.echo(text, err=True)
-
-
-def _summary(outcome: Any) -> dict[str, Any]:
-    """Return what is printed of a match: columns, rows of cases, lines, and the files that it
-    wrote.
-    """
-    from pom.report.case.remarks import sampled_line
-
-    runs = list(outcome.results[0].runs)
-    rows = [
-        [result.case.id, result.case.title, *(_cell(result, run) for run in runs)]
-        for result in outcome.results
-    ]
-    lines = []
-    for run in runs:
-        statuses = [result.status(run) for result in outcome.results]
-        beyond = statuses.count("limits_exceeded")
-        more = f", {beyond} more with a trim beyond its limits (LIMITS)" if beyond else ""
-        faulty = statuses.count("record_error")
-        more += f", {faulty} more on a record with errors (RECORD)" if faulty else ""
-        lines.append(f"{run:>10}: {statuses.count('pass')} of {len(statuses)} pass{more}")
-    for result in outcome.results:
-        for run in result.samples:
-            lines.append(
-                f"{result.case.id:<8}{result.case.title:<44} {run}: {sampled_line(result, run)}"
-            )
-    lines.append(
-        f"corrected = datcom with {len(outcome.corrected_terms)} of the {outcome.differing} "
-        f"terms and parts of final that differ"
-    )
-    lines += [
-        f"{submodel:>15}: {', '.join(names)}"
-        for submodel, names in outcome.corrected_submodels.items()
-    ]
-    for name, terms in outcome.joint_terms.items():
-        lines.append(
-            f"added for {name}, which does not pass with what each case needs alone: "
-            f"{', '.join(terms)}"
-        )
-    failures = [
-        *outcome.record_errors,
-        *(f"{result.case.name}: {result.failure}" for result in outcome.results if result.failure),
-    ]
-    return {
-        "columns": ["row", "case", *runs],
-        "rows": rows,
-        "lines": lines,
-        "failures": failures,
-        "files": outcome.files,
-    }
-
-
-def _plan(
-    file: Path,
-    output: Path,
-    jobs: int,
-    as_json: bool,
-    fresh: bool,
-    explain: bool,
-    unplaced: str | None,
-    options: Mapping[str, Any],
-) -> None:
-    """Print the plan of a match; raise its problems."""
-    # the checks that it keeps are small: the next match shortens the store
-    with _stages(_store(), output, fresh, explain) as stages:
-        plan = _made_plan(_project(file, unplaced), output, jobs, options, stages)
-    if as_json and not plan.problems:
-        print_json(plan.to_dict())
-        return
-    if not as_json:
-        _print_plan(plan)
-    plan.demand()
-
-
-def _print_plan(plan: Any) -> None:
-    print_table(
-        ("", "step"),
-        list(enumerate(plan.steps, 1)),
-        title=f"{plan.project.title}: {plan.project.file}",
-        right=("",),
-    )
-    rows = [
-        (row["record"], f"{row['start']:g} ... {row['end']:g}", row["channels"], row["for"])
-        for row in plan.record_rows()
-    ]
-    print_table(
-        ("record", "time [s]", "channels", "for"),
-        rows,
-        title="\nFlight records",
-        right=("channels",),
-    )
-    fits = [
-        (
-            row["fit"],
-            row["records"],
-            row["windows"],
-            f"{row['seconds']:.0f}",
-            "; ".join(row["models"]),
-        )
-        for row in plan.fit_rows()
-    ]
-    print_table(
-        ("fit", "records", "windows", "time [s]", "models"),
-        fits,
-        title="\nFits",
-        right=("records", "windows", "time [s]"),
-    )
-    cases = [
-        (
-            row["id"],
-            row["case"],
-            row["record"],
-            f"{row['start']:g} ... {row['end']:g}",
-            row["drive"],
-            row["criteria"],
-        )
-        for row in plan.case_rows()
-    ]
-    print_table(
-        ("row", "case", "record", "window [s]", "drive", "criteria"),
-        cases,
-        title="\nCases",
-        right=("criteria",),
-    )
-    click.echo("\nProducts\n" + "\n".join(plan.products))
-    count = len(plan.problems)
-    click.echo(
-        f"\n{count} problem{'' if count == 1 else 's'}"
-        + ("" if count else "; nothing was computed or written")
-    )
-
-
-def _print(shown: Mapping[str, Any]) -> None:
-    title = "Verdicts: worst difference / tolerance, of the alternatives the better one"
-    print_table(shown["columns"], [tuple(row) for row in shown["rows"]], title=title)
-    for text in shown["lines"]:
-        click.echo(text)
-    for text in shown["failures"]:
-        print_remark(text)
-    click.echo(f"report: {shown['document']['report']}")
-
-
-def _cell(result: Any, run: str) -> str:
-    from pom.result import status_text
-
-    worst = result.worst(run)
-    status = result.status(run)
-    ratio = (
-        ""
-        if worst is None
-        else f"  {worst['worst_ratio']:.2f}  {worst['criterion'].replace('_', ' ')}"
-    )
-    return status_text(status) + ratio

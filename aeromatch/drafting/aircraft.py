@@ -320,7 +320,7 @@ def aircraft_text(
         "# Aircraft, drafted by `aeromatch init`.  Bare numbers are SI, texts carry their "
         "unit; positions in body axes (forward, right,",
         "# down) from the moment reference point, `reference` alone from the drawing datum.  "
-        "Keys: docs/project-keys.md",
+        "Keys: docs/reference/project-keys.md",
         "",
         f"name = {json.dumps(known.name or _title(geometry) or 'aircraft', ensure_ascii=False)}",
     ]

@@ -459,7 +459,7 @@ def project_text(
     lines = [
         *schema_lines("project"),
         "# Project, drafted by `aeromatch init`: aeromatch match aeromatch.toml -o out.  "
-        "Keys: docs/project-keys.md",
+        "Keys: docs/reference/project-keys.md",
         f"title = {_text(title)}",
         'aircraft = "aircraft.toml"',
         *_names_line(folder, names),

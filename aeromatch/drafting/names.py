@@ -161,7 +161,7 @@ def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
             "recordings",
             [
                 "Chapter 10 holds words of a bus; write their [decode] tables first "
-                "(docs/flight-records.md)"
+                "(docs/explanation/flight-test/records.md)"
             ],
         )
     if kind in LOGS:
@@ -544,7 +544,7 @@ def names_text(draft: NamesDraft, files: Sequence[Path]) -> str:
         "# Drafted by `aeromatch init` from the names and sizes of the columns: confirm "
         "units, signs, then run `aeromatch flight check`.",
         "# Keys of a channel: column, unit, sign, scale, offset, polynomial, table, delay, "
-        "lag, optional (docs/project-keys.md).",
+        "lag, optional (docs/reference/project-keys.md).",
     ]
     if draft.extends:
         lines += [f'extends = "{draft.extends}"', ""]

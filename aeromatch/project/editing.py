@@ -80,7 +80,7 @@ def schema_lines(kind: str) -> list[str]:
     ]
 
 
-@click.command()
+@click.command("schema")
 @click.argument("kind", required=False, type=click.Choice(list(SCHEMAS)))
 @click.option(
     "-o",

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from flightmech.support import console
-
-if TYPE_CHECKING:
-    from datcom_io.runs.running import ProgramRun
+from flightmech.support.console import performed_by
 
 _DECK = click.argument("deck", type=console.InputFile())
 _FOLDER = click.Path(file_okay=False)
@@ -34,107 +32,21 @@ class _DeckOrFolder(console.InputFile):
 )
 @click.option("--resolved", is_flag=True, help="Every case complete, without SAVE.")
 @console.json_option
-def deck_verb(deck: str, output: str | None, resolved: bool, as_json: bool) -> None:
+@performed_by("datcom_io.cli.actions.deck:show_deck")
+def show_deck_command() -> None:
     """Show the cases of an input deck (unit 5, plain or DATCOM+); with -o write it again."""
-    from datcom_io.decks.deck_file import read_deck, write_deck
-
-    found = read_deck(deck)
-    if output:
-        write_deck(found, output, resolved=resolved)
-    rows = [_case_row(number, case) for number, case in enumerate(found, 1)]
-    if as_json:
-        console.print_json(
-            {"file": found.file, "cases": rows, **({"written": output} if output else {})}
-        )
-        return
-    head = [
-        "no",
-        "case",
-        "units",
-        "conditions",
-        "Mach",
-        "altitude",
-        "alpha [deg]",
-        "namelists",
-        "cards",
-    ]
-    console.print_table(
-        head,
-        [tuple(row.values()) for row in rows],
-        title=f"{found.file}: {_count(len(found), 'case')}",
-        right=["no", "conditions"],
-    )
-    if output:
-        click.echo(f"written: {output}")
 
 
-def _case_row(number: int, case) -> dict:
-    machs, heights = (
-        case.schedule("FLTCON", "MACH", "NMACH"),
-        case.schedule("FLTCON", "ALT", "NALT"),
-    )
-    return {
-        "no": number,
-        "case": case.caseid,
-        "units": f"{case.dim}, {case.deriv}",
-        "conditions": len(case.conditions()),
-        "mach": " ".join(f"{x:g}" for x in machs),
-        "altitude": " ".join(f"{x:g}" for x in heights),
-        "alpha": " ".join(f"{x:g}" for x in case.schedule("FLTCON", "ALSCHD", "NALPHA")),
-        "namelists": " ".join(case.namelists),
-        "cards": " ".join(
-            card.name
-            for card in case.cards
-            if card.name not in ("CASEID", "DIM", "DERIV", "NACA", "NEXT")
-        ),
-    }
-
-
-@click.command()
+@click.command("check")
 @_DECK
 @console.json_option
 @click.pass_context
-def check(ctx: click.Context, deck: str, as_json: bool) -> None:
+@performed_by("datcom_io.cli.actions.deck:run_check_deck")
+def check_deck_command() -> None:
     """Report what the program would reject in an input deck; exit code 1 when there are errors."""
-    from datcom_io.decks.check import check_deck
-    from datcom_io.decks.deck_file import read_deck
-
-    read = read_deck(deck)
-    found = check_deck(read)
-    numbers = {
-        severity: sum(finding.severity == severity for finding in found)
-        for severity in ("error", "warning", "note")
-    }
-    if as_json:
-        console.print_json(
-            {
-                "file": read.file,
-                "cases": len(read),
-                **numbers,
-                "findings": [finding._asdict() for finding in found],
-            }
-        )
-    else:
-        for (severity, text), lines in _together(found).items():
-            more = f" and {len(lines) - 1} more" if len(lines) > 1 else ""
-            click.echo(f"line {lines[0]}{more}: {severity}: {text}")
-        counts = ", ".join(
-            _count(number, severity) for severity, number in numbers.items() if number
-        )
-        click.echo(f"{read.file}: {_count(len(read), 'case')}, {counts or 'nothing found'}")
-    if numbers["error"]:
-        ctx.exit(1)
 
 
-def _together(found) -> dict[tuple[str, str], list[int]]:
-    """Put findings of the same text together."""
-    lines: dict[tuple[str, str], list[int]] = {}
-    for finding in found:
-        lines.setdefault((finding.severity, finding.text), []).append(finding.line)
-    return lines
-
-
-@click.command()
+@click.command("split")
 @click.argument("study", type=console.InputFile())
 @click.option(
     "-o",
@@ -145,47 +57,16 @@ def _together(found) -> dict[tuple[str, str], list[int]]:
     help="Folder for the run decks; made when missing.",
 )
 @console.json_option
-def split(study: str, folder: str, as_json: bool) -> None:
+@performed_by("datcom_io.cli.actions.deck:run_split")
+def split_command() -> None:
     """Split a study into run decks: clean, flaps, elevator, aileron, ground.
 
     STUDY is a deck of one case with all devices of the aircraft, or a TOML file that names one and
     plans the runs.
     """
-    from datcom_io.decks.deck_file import write_deck
-    from datcom_io.runs.splitting import split_deck
-
-    decks = split_deck(study)
-    place = Path(folder)
-    place.mkdir(parents=True, exist_ok=True)
-    rows = []
-    for name, deck in decks.items():
-        path = place / deck.file
-        write_deck(deck, path, resolved=True)
-        case = deck[0]
-        devices = " ".join(
-            name for name in ("SYMFLP", "ASYFLP", "GRNDEF") if name in case.namelists
-        )
-        rows.append(
-            {
-                "run": name,
-                "file": str(path),
-                "conditions": len(case.conditions()),
-                "devices": devices,
-                "caseid": case.caseid,
-            }
-        )
-    if as_json:
-        console.print_json({"study": study, "runs": rows})
-        return
-    console.print_table(
-        ["run", "file", "conditions", "devices", "CASEID"],
-        [tuple(row.values()) for row in rows],
-        right=["conditions"],
-    )
-    click.echo(f"{_count(len(rows), 'run deck')} in {folder}")
 
 
-@click.command()
+@click.command("run")
 @click.argument("deck", type=_DeckOrFolder())
 @click.option("--program", required=True, type=click.Path(), help="Your Digital DATCOM executable.")
 @click.option(
@@ -204,96 +85,12 @@ def split(study: str, folder: str, as_json: bool) -> None:
 )
 @console.json_option
 @click.pass_context
-def run(
-    ctx: click.Context, deck: str, program: str, folder: str | None, timeout: float, as_json: bool
-) -> None:
+@performed_by("datcom_io.cli.actions.deck:run_run_deck")
+def run_deck_command() -> None:
     """Run a deck, or all decks of a folder, with your Digital DATCOM program and collect the files.
 
     Exit code 1 when the program left out a case or a run failed.
     """
-    from datcom_io.runs.running import run_deck
-
-    if folder is not None:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-    if Path(deck).is_dir():
-        _run_folder(ctx, deck, program, folder, timeout, as_json)
-        return
-    with console.show_progress(f"run {Path(deck).name}"):
-        done = run_deck(deck, program, folder, timeout=timeout)
-    row = _run_row(Path(deck), done)
-    if as_json:
-        console.print_json(
-            {key: row[key] for key in ("files", "cases", "without_pages", "messages", "seconds")}
-        )
-    else:
-        for message in done.messages:
-            click.echo(f"line {message.line}: {message.text}")
-        cases = f"{_count(len(done.listing), 'case')}, {_count(len(done.listing.pages), 'page')}"
-        click.echo(
-            f"{cases} in {done.seconds:.1f} s; written: "
-            f"{', '.join(str(path) for path in done.files.values())}"
-        )
-        for name in row["without_pages"]:
-            click.echo(f"case without a page: {name}")
-    if row["without_pages"]:
-        ctx.exit(1)
 
 
-def _run_row(deck: Path, done: ProgramRun) -> dict[str, Any]:
-    """Return what a run made, of plain numbers and texts."""
-    return {
-        "deck": deck.name,
-        "files": {key: str(path) for key, path in done.files.items()},
-        "cases": done.listing.case_names,
-        "pages": len(done.listing.pages),
-        "without_pages": [case.name for case in done.listing if not case.pages],
-        "messages": [message._asdict() for message in done.messages],
-        "seconds": done.seconds,
-    }
-
-
-def _run_folder(
-    ctx: click.Context, decks: str, program: str, folder: str | None, timeout: float, as_json: bool
-) -> None:
-    """Run all decks of a folder and print a line for each."""
-    from datcom_io.runs.running import ProgramRun, run_folder
-
-    rows = []
-    with console.show_progress(f"run the decks of {decks}"):
-        for deck, done in run_folder(decks, program, folder, timeout=timeout):
-            rows.append(
-                _run_row(deck, done)
-                if isinstance(done, ProgramRun)
-                else {"deck": deck.name, "error": str(done)}
-            )
-    failed = sum("error" in row or bool(row["without_pages"]) for row in rows)
-    if as_json:
-        console.print_json({"folder": decks, "runs": rows, "failed": failed})
-    else:
-        head = ["deck", "cases", "pages", "without pages", "messages", "result"]
-        console.print_table(
-            head,
-            [_run_line(row) for row in rows],
-            right=["cases", "pages", "without pages", "messages"],
-        )
-        click.echo(
-            f"{_count(len(rows), 'deck')} run, {failed} with a failure or a case without a page"
-            if failed
-            else f"{_count(len(rows), 'deck')} run"
-        )
-    if failed:
-        ctx.exit(1)
-
-
-def _run_line(row: dict[str, Any]) -> tuple[str, ...]:
-    if "error" in row:
-        return (row["deck"], "", "", "", "", f"error: {row['error']}")
-    counts = (len(row["cases"]), row["pages"], len(row["without_pages"]), len(row["messages"]))
-    return (row["deck"], *map(str, counts), row["files"]["out"])
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}{'' if number == 1 else 's'}"
-
-
-VERBS = (deck_verb, check, split, run)
+VERBS = (show_deck_command, check_deck_command, split_command, run_deck_command)

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import click
 
 from flightmech.support import console
-
-if TYPE_CHECKING:
-    import xarray as xr
+from flightmech.support.console import performed_by
 
 
-@click.command()
+@click.command("export")
 @click.argument("file", type=console.InputFile())
 @click.option("-o", "--output", required=True, type=console.NewFile(), help="MAT file to write.")
 @click.option(
@@ -20,22 +16,12 @@ if TYPE_CHECKING:
 )
 @click.option("--partial", is_flag=True, help="Take what is complete in a listing that is cut.")
 @console.json_option
-def export(file: str, output: str, zero: bool, partial: bool, as_json: bool) -> None:
+@performed_by("datcom_io.cli.actions.exchange:export_listing")
+def export_listing_command() -> None:
     """Write a listing as the structure of MATLAB's datcomimport; report what it has no place for."""
-    from datcom_io.exchange.matlab_write import write_matlab
-    from datcom_io.reading.reader import read
-
-    listing = read(file, partial=partial)
-    left_out = write_matlab(listing, output, usenan=not zero)
-    if as_json:
-        console.print_json({"file": output, "cases": listing.case_names, "left_out": left_out})
-        return
-    click.echo(f"written: {output}; left out:")
-    for text in left_out:
-        click.echo(f"  {text}")
 
 
-@click.command()
+@click.command("plot")
 @click.argument("file", type=console.InputFile())
 @click.option(
     "--listing",
@@ -49,85 +35,11 @@ def export(file: str, output: str, zero: bool, partial: bool, as_json: bool) -> 
     help="NetCDF file to write: the listing's tree with the finer digits.",
 )
 @console.json_option
-def plot(file: str, listing: str | None, output: str | None, as_json: bool) -> None:
+@performed_by("datcom_io.cli.actions.exchange:plot_file")
+def plot_file_command() -> None:
     """Show what a plot file (unit 13 or 14) holds; with --listing take its five digits into the
     listing's tree.
     """
-    from datcom_io.arrays.frames import write_tree
-    from datcom_io.exchange.file_types import plot_case, read_other
-    from datcom_io.exchange.refining import refine
-    from datcom_io.reading.reader import read
-    from flightmech.errors import SchemaError
-
-    tree = read_other(file, "DEG")
-    if tree is None:
-        raise SchemaError(
-            file,
-            ["is no plot file; it is written in a run with card PLOT, as for013.dat or for014.dat"],
-        )
-    if listing is None:
-        if output:
-            write_tree(tree, output)
-        show_tree(tree, as_json)
-        return
-    printed = read(listing)
-    fine = printed.to_datatree()
-    refined = {}
-    places = {child.attrs["case"]: name for name, child in fine.children.items()}
-    for case in printed:
-        written = plot_case(printed, case, tree)
-        if written is not None:
-            name = places[case.name]
-            finer = refine(fine.children[name], written)
-            fine[name], refined[name] = finer, _refined(finer)
-    if output:
-        write_tree(fine, output)
-    if as_json:
-        console.print_json({"file": file, "listing": listing, "output": output, "refined": refined})
-        return
-    rows = [
-        (name, leaf, variable, text)
-        for name, leaves in refined.items()
-        for leaf, found in leaves.items()
-        for variable, text in found.items()
-    ]
-    console.print_table(["case", "leaf", "variable", "numbers"], rows)
-    if output:
-        click.echo(f"written: {output}")
 
 
-VERBS = (export, plot)
-
-
-def _refined(case: xr.DataTree) -> dict[str, dict[str, str]]:
-    """Return leaf and variable to what `refine` states of it."""
-    found: dict[str, dict[str, str]] = {}
-    for leaf, node in case.children.items():
-        for name, variable in node.data_vars.items():
-            if "refined" in variable.attrs:
-                found.setdefault(leaf, {})[str(name)] = str(variable.attrs["refined"]).partition(
-                    " with "
-                )[0]
-    return found
-
-
-def show_tree(tree: xr.DataTree, as_json: bool) -> None:
-    """Print what the groups of a tree hold."""
-    from datcom_io.exchange.file_types import content_rows
-
-    rows = content_rows(tree)
-    if as_json:
-        console.print_json({**tree.attrs, "leaves": rows})
-        return
-    lines = []
-    for row in rows:
-        sizes = " ".join(f"{name} {size}" for name, size in row["sizes"].items())
-        missing = " ".join(f"{name} {count}" for name, count in row["missing"].items())
-        variables = " ".join(row["variables"])
-        lines.append((row["case"], row["leaf"], sizes, variables, row["numbers"], missing))
-    console.print_table(
-        ["case", "leaf", "sizes", "variables", "numbers", "missing"],
-        lines,
-        title=f"{tree.attrs.get('file')}",
-        right=["numbers"],
-    )
+VERBS = (export_listing_command, plot_file_command)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import click
 
 from datcom_io.cli import deck as deck_cli
 from datcom_io.cli import exchange as exchange_cli
 from flightmech.support import console
+from flightmech.support.console import performed_by
 
 if TYPE_CHECKING:
-    from datcom_io.printout.content import Page
-    from datcom_io.printout.tables import Printed
+    pass
 
 _FILE = click.argument("file", type=console.InputFile())
 _CASE = click.option(
@@ -28,24 +28,26 @@ def datcom() -> None:
     """Read Digital DATCOM listings and their neighbours; read, check, split and run decks."""
 
 
-@datcom.command()
+@datcom.command("show")
 @_FILE
 @_CASE
 @_PARTIAL
 @console.json_option
-def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
+def show_listing_command(file: str, name: str | None, partial: bool, as_json: bool) -> None:
     """Show cases, conditions, tables, missing values and messages of a listing; with --case its
     pages too.
 
     A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is recognised by its content; its
     groups are shown.
     """
-    from datcom_io.cli.summary import case_summary_rows, page_row
+    from datcom_io.cli.summary import case_summary_rows, count_text, page_row
     from datcom_io.exchange.file_types import read_other
     from datcom_io.reading.reader import read
 
     if (tree := read_other(file, "DEG")) is not None:
-        exchange_cli.show_tree(tree, as_json)
+        from datcom_io.cli.actions.exchange import show_tree
+
+        show_tree(tree, as_json)
         return
     listing = read(file, partial=partial)
     found = case_summary_rows(listing)
@@ -84,8 +86,8 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
             "missing, suspect",
         ],
         [_summary_row(row) for row in found],
-        title=f"{listing.file}: {_count(listing.runs, 'run')}, {_count(len(listing), 'case')}, "
-        f"{_count(listing.line_count, 'line')}",
+        title=f"{listing.file}: {count_text(listing.runs, 'run')}, {count_text(len(listing), 'case')}, "
+        f"{count_text(listing.line_count, 'line')}",
         right=["no"],
     )
     if pages is not None:
@@ -103,10 +105,10 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
         numbers = " ".join(map(str, listing.unread[:20])) + (
             " ..." if len(listing.unread) > 20 else ""
         )
-        click.echo(f"{_count(len(listing.unread), 'line')} not understood: {numbers}")
+        click.echo(f"{count_text(len(listing.unread), 'line')} not understood: {numbers}")
 
 
-@datcom.command()
+@datcom.command("table")
 @_FILE
 @_CASE
 @click.option(
@@ -118,59 +120,12 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
 )
 @_PARTIAL
 @console.json_option
-def table(file: str, name: str | None, number: int, partial: bool, as_json: bool) -> None:
+@performed_by("datcom_io.cli.actions.group:show_table")
+def show_table_command() -> None:
     """Print the tables of one page as the listing has them."""
-    from datcom_io.cli.summary import page_row
-    from datcom_io.reading.reader import read
-    from flightmech.errors import UnknownName
-
-    case = read(file, partial=partial)[name or 0]
-    if not 1 <= number <= len(case.pages):
-        raise UnknownName(str(number), [f"1 ... {len(case.pages)}"], f"page of case {case.name!r}")
-    page = case.pages[number - 1]
-    sheets = [_sheet(item, page) for item in page.printed]
-    if as_json:
-        tables = [
-            {"table": t.name, "columns": [h.split("\n") for h in head], "rows": body}
-            for t, (head, body) in zip(page.printed, sheets)
-        ]
-        console.print_json(
-            {**page_row(page), "tables": tables, "notes": [note.text for note in page.notes]}
-        )
-        return
-    click.echo(f"{' / '.join(page.heading)}  (lines {page.first}-{page.last})")
-    if not page.parsed:
-        click.echo("tables of this kind of page are not read; see the lines of the file")
-    for item, (head, body) in zip(page.printed, sheets):
-        console.print_table(
-            head,
-            body,
-            title=f"\n{item.name}, lines {item.lines[0]}-{item.lines[-1]}",
-            right=[h for h in head if h != "label"],
-        )
-    for note in page.notes:
-        click.echo(f"line {note.line}: {note.text}")
 
 
-def _sheet(item: Printed, page: Page) -> tuple[list[str], list[list[str]]]:
-    """Return headings and texts of a table or of a group of ``label = value``."""
-    from datcom_io.arrays.frames import printed_units
-    from datcom_io.printout.tables import PrintedTable
-
-    if not isinstance(item, PrintedTable):
-        units = item.units or ("",) * len(item.labels)
-        return ["label", "value", "unit"], [
-            list(row) for row in zip(item.labels, item.texts, units)
-        ]
-    heads = [f"{column.name}\n[{printed_units(column, page)}]" for column in item.columns]
-    if item.across is not None:
-        heads[1:] = [f"{item.columns[1].name}\n{x:g} deg" for x in item.across]
-    return heads, [
-        [item.text(i, k) for k in range(len(item.columns))] for i in range(len(item.rows))
-    ]
-
-
-@datcom.command()
+@datcom.command("convert")
 @_FILE
 @click.option("-o", "--output", required=True, type=console.NewFile(), help="NetCDF file to write.")
 @_CASE
@@ -187,71 +142,26 @@ def _sheet(item: Printed, page: Page) -> tuple[list[str], list[list[str]]]:
     help="Card DERIV of the deck, for a CSV of DATCOM+.",
 )
 @console.json_option
-def convert(
-    file: str,
-    output: str,
-    name: str | None,
-    joined: bool,
-    partial: bool,
-    fill_transonic: bool,
-    deriv: Literal["DEG", "RAD"] | None,
-    as_json: bool,
-) -> None:
+@performed_by("datcom_io.cli.actions.group:convert_listing")
+def convert_listing_command() -> None:
     """Write a listing as a netCDF tree in SI and radians: one group per case, or one case, or all
     joined.
 
     A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is recognised by its content.
     """
-    from datcom_io.arrays.frames import write_tree
-    from datcom_io.arrays.grid import join
-    from datcom_io.exchange.file_types import read_other
-    from datcom_io.reading.reader import read
-
-    tree = read_other(file, deriv)
-    if tree is None:
-        listing = read(file, partial=partial)
-        if name is not None:
-            tree = listing[name].to_datatree(fill_transonic=fill_transonic)
-        elif joined:
-            tree = join(
-                case.to_datatree(fill_transonic=fill_transonic) for case in listing if case.pages
-            )
-        else:
-            tree = listing.to_datatree(fill_transonic=fill_transonic)
-    write_tree(tree, output)
-    if as_json:
-        console.print_json(
-            {"file": output, "groups": [node.path for node in tree.subtree if node.data_vars]}
-        )
-    else:
-        click.echo(f"written: {output}")
 
 
-@datcom.command()
+@datcom.command("cells")
 @_FILE
 @click.option("-o", "--output", required=True, type=console.NewFile(), help="CSV file to write.")
 @_CASE
 @_PARTIAL
 @console.json_option
-def cells(file: str, output: str, name: str | None, partial: bool, as_json: bool) -> None:
+@performed_by("datcom_io.cli.actions.group:run_write_cells")
+def write_cells_command() -> None:
     """Write every printed cell of a listing, or of one case, as CSV: line, page, table, axes,
     column, text, value, flag.
     """
-    from datcom_io.arrays.frames import write_cells
-    from datcom_io.reading.reader import iterate, read
-
-    count = write_cells(
-        iterate(file, partial=partial) if name is None else [read(file, partial=partial)[name]],
-        output,
-    )
-    if as_json:
-        console.print_json({"file": output, "cells": count})
-    else:
-        click.echo(f"written: {output}, {_count(count, 'cell')}")
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}{'' if number == 1 else 's'}"
 
 
 def _range(values: list[float], unit: str = "") -> str:

@@ -17,7 +17,7 @@ They are the sections ``[circuit.*]`` of the aircraft file::
 
 The travel of column and pedals is in m with forces in N. The travel of the wheel is in rad with
 moments in N m. The model is that of [LR743] 3.4 and 4.5.3. Equations, signs and assumptions are in
-docs/control-system.md and ``kernel/src/controls``.
+docs/explanation/simulation/control-system.md and ``kernel/src/controls``.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Full engine deck: governor schedule, spools, flame, and tables of thrust, air and fuel flow.
 
-The deck is the section ``[engine.deck]`` of the aircraft file. docs/engine.md has the equations of
+The deck is the section ``[engine.deck]`` of the aircraft file. docs/explanation/simulation/engine.md has the equations of
 the kernel::
 
     [engine.deck]

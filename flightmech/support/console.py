@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import json
 import math
@@ -11,9 +12,10 @@ import shutil
 import sys
 import time
 import warnings
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import click
@@ -44,8 +46,7 @@ class LazyGroup(click.Group):
     package : str
         Package of the modules.
     elsewhere : mapping of str to str
-        Module of each verb, as ``"module"`` or ``"module:function"``. The default function has the
-        name of the verb, with underscores.
+        Module of each verb.
     aliases : mapping of str to str, optional
         Verb of each alternative spelling. The help does not list alternative spellings.
     """
@@ -70,9 +71,8 @@ class LazyGroup(click.Group):
         cmd_name = self._aliases.get(cmd_name, cmd_name)
         if cmd_name not in self._elsewhere:
             return super().get_command(ctx, cmd_name)
-        module, _, function = self._elsewhere[cmd_name].partition(":")
-        loaded = importlib.import_module(f"{self._package}.{module}")
-        return getattr(loaded, function or cmd_name.replace("-", "_"))
+        module = importlib.import_module(f"{self._package}.{self._elsewhere[cmd_name]}")
+        return find_command(module, cmd_name)
 
 
 class InputFile(click.Path):
@@ -362,3 +362,44 @@ def show_progress(text: str, lines: bool = False) -> AbstractContextManager[None
         print_remark(f"  {text} ...")
         return nullcontext()
     return timed_step(text)
+
+
+def find_command(module: ModuleType, name: str) -> click.Command:
+    """Return the command or group of a module with this name on the command line.
+
+    Raises
+    ------
+    LookupError
+        The module does not define a command of this name.
+    """
+    for value in vars(module).values():
+        if isinstance(value, click.Command) and value.name == name:
+            return value
+    raise LookupError(f"{module.__name__} does not define the command {name!r}")
+
+
+def performed_by(target: str) -> Callable[[Callable[[], None]], Callable[..., Any]]:
+    """Return a decorator for a command that a function of another module performs.
+
+    Parameters
+    ----------
+    target : str
+        ``package.module:function``. The arguments of the function are the parameters of the command
+        by name. If the command passes the context of click, it is the first argument.
+
+    Notes
+    -----
+    The decorated function has the name and the help of the command. Its body is not called.
+    """
+    module, _, function = target.partition(":")
+
+    def decorate(declaration: Callable[[], None]) -> Callable[..., Any]:
+        @functools.wraps(declaration)
+        def perform(*context: click.Context, **options: Any) -> Any:
+            # the module is imported when the command runs, not for the help
+            return getattr(importlib.import_module(module), function)(*context, **options)
+
+        vars(perform)["performed_by"] = target
+        return perform
+
+    return decorate

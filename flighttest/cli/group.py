@@ -14,10 +14,9 @@ from flightmech.support.console import (
     NewFile,
     jobs_option,
     json_option,
+    performed_by,
     print_json,
-    print_remark,
     print_table,
-    show_progress,
 )
 
 _MAPS = Path(__file__).parents[1] / "records" / "readers" / "maps"
@@ -91,11 +90,11 @@ def flight() -> None:
     """Read flight records, reconstruct states, identify."""
 
 
-@flight.command()
+@flight.command("show")
 @_RECORD
 @_NAMES
 @json_option
-def show(record_file: str, names: str | None, as_json: bool) -> None:
+def show_record_command(record_file: str, names: str | None, as_json: bool) -> None:
     """Show channels, clocks, faults and manoeuvres of a record."""
     found = _listing(record_file, names)
     facts, channels, flown = found["facts"], found["channels"], found["manoeuvres"]
@@ -153,7 +152,7 @@ def _numbered(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{"index": number, **row} for number, row in enumerate(rows)]
 
 
-@flight.command()
+@flight.command("cut")
 @_RECORD
 @click.argument("start", type=float)
 @click.argument("stop", type=float)
@@ -163,39 +162,12 @@ def _numbered(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 )
 @click.option("-o", "--output", required=True, type=NewFile(), help="NetCDF file to write.")
 @json_option
-def cut(
-    record_file: str,
-    start: float,
-    stop: float,
-    names: str | None,
-    rate: float,
-    output: str,
-    as_json: bool,
-) -> None:
+@performed_by("flighttest.cli.actions.group:run_cut")
+def cut_command() -> None:
     """Cut a manoeuvre from START to STOP [s]: every channel on one clock."""
-    from flighttest.records.files import save_dataset
-    from flighttest.records.record import read
-    from flighttest.records.signals.conditioning import cut as cut_record
-
-    data = cut_record(read(record_file, names), start, stop, rate)
-    save_dataset(data, output)
-    about = {
-        "file": output,
-        "samples": data.sizes["time"],
-        "channels": len(data.data_vars),
-        **data.attrs,
-    }
-    if as_json:
-        print_json(about)
-    else:
-        click.echo(
-            f"{about['samples']} samples of {about['channels']} channels, {start:g} ... "
-            f"{stop:g} s at {rate:g} Hz"
-        )
-        click.echo(f"written: {output}")
 
 
-@flight.command()
+@flight.command("reconstruct")
 @click.argument("record_files", metavar="RECORD...", nargs=-1, required=True, type=InputFile())
 @click.option(
     "--aircraft", "aircraft_file", required=True, type=InputFile(), help="Aircraft, TOML."
@@ -246,90 +218,6 @@ def cut(
     help="NetCDF file to write; a folder when there are several records.",
 )
 @json_option
-def reconstruct(
-    record_files,
-    aircraft_file,
-    names,
-    windows,
-    rate,
-    biases_file,
-    method,
-    free,
-    figure,
-    jobs,
-    output,
-    as_json,
-) -> None:
+@performed_by("flighttest.cli.actions.group:run_reconstruct")
+def reconstruct_command() -> None:
     """Reconstruct the states of one record, or of all runs of a programme with common instruments."""
-    from pathlib import Path as File
-
-    from flightmech.aircraft.aircraft import read_aircraft
-    from flightmech.errors import SchemaError
-    from flighttest.reconstruction.batch.programme import reconstruct_batch
-    from flighttest.reconstruction.compatibility import compatibility_report, draw_compatibility
-    from flighttest.reconstruction.flight_programme import (
-        open_biases,
-        reconstruct_programme,
-        save_path,
-    )
-    from flighttest.reconstruction.smoother import reconstruct as reconstruct_record
-    from flighttest.records.record import read
-
-    if (windows or biases_file) and len(record_files) > 1:
-        raise SchemaError(
-            "flight reconstruct",
-            ["--window and --biases go with one record; give the records one at a time"],
-        )
-    if figure and len(record_files) > 1:
-        raise SchemaError(
-            "flight reconstruct", ["--figure goes with one record; give the records one at a time"]
-        )
-    if free and method != "batch":
-        raise SchemaError(
-            "flight reconstruct",
-            ["--free goes with --method batch; the smoother estimates all constants"],
-        )
-    if len(record_files) == 1:
-        NewFile().convert(output, None, click.get_current_context())
-    aircraft, prior = (
-        read_aircraft(aircraft_file),
-        open_biases(biases_file) if biases_file else None,
-    )
-    with show_progress(f"read {len(record_files)} record{'s' if len(record_files) > 1 else ''}"):
-        records = [read(file, names) for file in record_files]
-    targets = [File(output)]
-    batch = None
-    if len(records) > 1 and method == "smoother":
-        print_remark(
-            f"{len(records)} records: each alone, then each with what the others indicate "
-            f"about the instruments"
-        )
-    with show_progress("reconstruct the states"):
-        if method == "batch":
-            batch = reconstruct_batch(
-                records, aircraft, [list(windows) or None] * len(records), free or None, prior, rate
-            )
-            paths = batch.paths
-        elif len(records) == 1:
-            paths = [reconstruct_record(records[0], aircraft, list(windows) or None, prior, rate)]
-        else:
-            paths = reconstruct_programme(records, aircraft, rate, jobs)
-    if len(records) > 1:
-        targets = [File(output) / f"{File(file).name.split('.')[0]}.nc" for file in record_files]
-        File(output).mkdir(parents=True, exist_ok=True)
-    for path, target in zip(paths, targets, strict=True):
-        save_path(path, target)
-    if figure:
-        draw_compatibility(paths[0], figure)
-    if batch is not None and not as_json:
-        click.echo(batch.report() + "\n")
-    if as_json:
-        print_json(
-            [
-                {"file": str(target), **path.summary()}
-                for path, target in zip(paths, targets, strict=True)
-            ]
-        )
-        return
-    for path, target in zip(paths, targets, strict=True):
-        click.echo(f"{path.report()}\n\n{compatibility_report(path)}\n\nwritten: {target}\n")

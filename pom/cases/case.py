@@ -237,7 +237,7 @@ def read_case(path: str | Path) -> PomCase:
     Parameters
     ----------
     path : str or Path
-        TOML file; `docs/pom-cases.md` describes it.  Files it names are relative to it.
+        TOML file; `docs/explanation/proof-of-match/cases.md` describes it.  Files it names are relative to it.
 
     Raises
     ------

@@ -92,10 +92,6 @@ def test_a_look_at_a_record_imports_no_package_that_it_does_not_use(tmp_path):
     }
 
 
-def test_the_scheme_is_printed_without_pandas():
-    assert not modules_after("db", "scheme") & {"xarray", "pandas", "scipy", "rich"}
-
-
 def test_unknown_command_names_the_near_one():
     done = run("fligth")
     assert done.returncode == 2

@@ -7,13 +7,14 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from aeromatch.cli.verbs import EXAMPLES, copy_example, example, example_folder
+from aeromatch.cli.actions.verbs import copy_example, example_folder
+from aeromatch.cli.verbs import EXAMPLES, example_command
 from flightmech.errors import SchemaError
 
 
 def test_what_a_project_starts_from_is_copied(tmp_path):
     done = CliRunner().invoke(
-        example, ["c182", str(tmp_path / "new" / "c182"), "--inputs-only", "--json"]
+        example_command, ["c182", str(tmp_path / "new" / "c182"), "--inputs-only", "--json"]
     )
     assert done.exit_code == 0, done.output
     files = json.loads(done.output)["files"]
@@ -46,8 +47,10 @@ def test_every_example_has_a_project():
 
 
 def test_the_light_aircraft_is_the_project_of_the_tutorial():
-    """`docs/make_tutorial.py` writes both."""
-    page = (Path(__file__).parents[2] / "docs" / "tutorial.md").read_text(encoding="utf-8")
+    """`docs/scripts/make_tutorial.py` writes both."""
+    page = (Path(__file__).parents[2] / "docs" / "tutorials" / "light-aircraft.md").read_text(
+        encoding="utf-8"
+    )
     files = dict(re.findall(r'^```toml title="([^"]+)"\n(.*?)^```$', page, re.M | re.S))
     assert set(files) == {"aircraft.toml", "names.toml", "aeromatch.toml"}
     for name, text in files.items():

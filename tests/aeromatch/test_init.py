@@ -14,7 +14,7 @@ import scipy.io
 import flightmech
 import flighttest
 import pom
-from aeromatch.cli.verbs import copy_example
+from aeromatch.cli.actions.verbs import copy_example
 from aeromatch.drafting.aircraft import geometry_of
 from aeromatch.drafting.columns import guess_quantity, unit_from_size
 from aeromatch.drafting.flown import held_for_proof

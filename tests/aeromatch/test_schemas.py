@@ -230,9 +230,9 @@ def test_the_reader_knows_the_keys_of_words_and_no_others(schemas, tmp_path):
 
 
 def test_the_page_of_keys_is_current_and_has_an_example_of_every_key():
-    program = runpy.run_path(str(ROOT / "docs" / "make_project_keys.py"))
-    text = (ROOT / "docs" / "project-keys.md").read_text(encoding="utf-8")
-    assert text == program["page"](), "run: python docs/make_project_keys.py"
+    program = runpy.run_path(str(ROOT / "docs" / "scripts" / "make_project_keys.py"))
+    text = (ROOT / "docs" / "reference" / "project-keys.md").read_text(encoding="utf-8")
+    assert text == program["page"](), "run: python docs/scripts/make_project_keys.py"
     assert [
         line for line in text.splitlines() if line.startswith("| `") and line.endswith("| - |")
     ] == []

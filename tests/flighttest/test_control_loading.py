@@ -18,7 +18,7 @@ import aerodb
 import flightmech
 from flightmech.aircraft.controls import Circuit
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flighttest.cli.submodels import controls
+from flighttest.cli.submodels import controls_command
 from flighttest.submodels.control_loading.identification import identify_control_loading
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.motion import smooth_derivatives
@@ -210,7 +210,7 @@ def test_command_writes_aircraft(records, tmp_path):
         str(tmp_path / "b.toml"),
         "--json",
     ]
-    result = CliRunner().invoke(controls, [*files[:-2], *more], catch_exceptions=False)
+    result = CliRunner().invoke(controls_command, [*files[:-2], *more], catch_exceptions=False)
     answer = json.loads(result.output)
     assert answer["order"] == 4
     assert answer["estimates"]["Ch_e: delta_e"][0] == pytest.approx(-0.29, rel=0.03)
@@ -262,14 +262,16 @@ def test_command_divides_records_by_their_manoeuvres_and_joins_the_drawings(reco
     divided = ["--records", str(tmp_path / "recordings"), "--free-manoeuvre", "release_column"]
     answers = [
         json.loads(
-            CliRunner().invoke(controls, [*common, *divided, *more], catch_exceptions=False).output
+            CliRunner()
+            .invoke(controls_command, [*common, *divided, *more], catch_exceptions=False)
+            .output
         )["estimates"]
         for more in ([], ["--prior", "0.001"])
     ]
     assert answers[0]["mass"][0] == pytest.approx(5.1, rel=0.1)
     assert answers[1]["mass"][0] == pytest.approx(9.0, rel=0.02)
     with pytest.raises(SchemaError, match="--records and --free-manoeuvre go together"):
-        CliRunner().invoke(controls, [*common, *divided[:2]], catch_exceptions=False)
+        CliRunner().invoke(controls_command, [*common, *divided[:2]], catch_exceptions=False)
 
 
 def test_without_a_mass_the_circuit_keeps_its_own(loading, records):

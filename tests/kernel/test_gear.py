@@ -230,7 +230,7 @@ def counterpart(
     sim, gear: LandingGear, x: np.ndarray, u: dict[str, float]
 ) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """Ground force, moment about the c.g. (body axes) and rates of the contacts, from
-    docs/landing-gear.md.
+    docs/explanation/simulation/landing-gear.md.
     """
     lag, order = 0.02, states(sim)
     C = axes.matrix_from_quaternion(x[6:10])

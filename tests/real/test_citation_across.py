@@ -3,7 +3,7 @@ flight.
 
 A model judged on the flight it was fitted to proves nothing; what counts is the model of one flight
 judged on the other.  No pass is demanded as such: the verdicts that came out are pinned, the good
-and the bad ones, and ``docs/real-flights.md`` quotes them.
+and the bad ones, and ``docs/evidence/real-flights.md`` quotes them.
 """
 
 import shutil
@@ -158,7 +158,7 @@ def of(verdicts, model, year):
 
 def test_output_error_and_regression_agree(citation, fits):
     """Effective derivatives at the flight condition, next to those of the equations: see
-    docs/output-error.md for the whole table.
+    docs/explanation/flight-test/output-error.md for the whole table.
     """
     for year in YEARS:
         assert all(fits[step, year].fit.estimates.attrs["converged"] for step in ("pitch", "side"))

@@ -12,8 +12,6 @@ from functools import lru_cache
 
 import numpy as np
 import xarray as xr
-from scipy.interpolate import CubicSpline, PchipInterpolator
-from scipy.signal import butter, sosfiltfilt
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import quantity_attributes
@@ -75,6 +73,8 @@ def lowpass(x, rate: float, cutoff: float = SMOOTHING) -> np.ndarray:
     Two passes give -6 dB at the design frequency; it is raised by (sqrt(2) - 1)^(-1/8) = 1.117.  Both ends are padded by
     odd reflection over three time constants of the slowest pole (at least 0.5/cutoff); treat 0.5 s at each end as lost.
     """
+    # reading a record filters nothing: SciPy's part takes half a second to import
+    from scipy.signal import sosfiltfilt
 
     design = cutoff / (math.sqrt(2.0) - 1.0) ** 0.125
     if not 0.0 < design < 0.5 * rate:
@@ -91,6 +91,8 @@ def lowpass(x, rate: float, cutoff: float = SMOOTHING) -> np.ndarray:
 @lru_cache(maxsize=256)  # one design takes as long as filtering a manoeuvre
 def _butterworth(cutoff: float, rate: float) -> np.ndarray:
     """Return the second-order sections of the Butterworth filter of order 4; not to be written to."""
+    # reading a record filters nothing: SciPy's part takes half a second to import
+    from scipy.signal import butter
 
     return butter(4, cutoff, fs=rate, output="sos")
 
@@ -118,6 +120,8 @@ def resample(time, x, grid, name: str) -> np.ndarray:
     ----------
     .. [Fritsch1980] Fritsch, Carlson, SIAM J. Numer. Anal. 17, 1980.
     """
+    # reading a record filters nothing: SciPy's part takes half a second to import
+    from scipy.interpolate import CubicSpline, PchipInterpolator
 
     time, x, grid = (np.asarray(a, float) for a in (time, x, grid))
     grid = np.clip(grid, time[0], time[-1])

@@ -10,8 +10,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import detrend, lfilter
-from scipy.signal.windows import tukey
 
 from flightmech.errors import IdentificationError
 from flighttest.records.signals.conditioning import GAP
@@ -119,6 +117,8 @@ def time_delay(reference, delayed, step: float, longest: float = 1.0) -> Delay:
 
 
 def _detrended(channel) -> np.ndarray:
+    # reading a record finds no delay: SciPy's part takes half a second to import
+    from scipy.signal import detrend
 
     return detrend(np.asarray(channel, float))
 
@@ -139,6 +139,8 @@ def _correlated(x: np.ndarray, y: np.ndarray, most: int) -> tuple[int, float]:
 
 
 def _phase(x: np.ndarray, y: np.ndarray, step: float) -> tuple[float, float, tuple[float, float]]:
+    # reading a record finds no delay: SciPy's part takes half a second to import
+    from scipy.signal.windows import tukey
 
     taper = tukey(len(x), _TAPER)
     X, Y = (np.fft.rfft(taper * channel)[1:] for channel in (x, y))
@@ -302,6 +304,8 @@ def _slope(time: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 def _behind(time: np.ndarray, x: np.ndarray, tau: float, step: float) -> np.ndarray:
     """Return the response of a first-order lag that starts at rest."""
+    # reading a record finds no delay: SciPy's part takes half a second to import
+    from scipy.signal import lfilter
 
     if np.ptp(np.diff(time)) > _EVEN * step:
         even = np.linspace(time[0], time[-1], max(round((time[-1] - time[0]) / step), 1) + 1)

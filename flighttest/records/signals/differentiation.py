@@ -11,8 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import dct, dst
-from scipy.signal import savgol_coeffs, savgol_filter
 
 from flightmech.errors import IdentificationError
 
@@ -48,6 +46,8 @@ def derivative(x, step: float, window: int = WINDOW, order: int = ORDER) -> np.n
     ----------
     .. [Savitzky1964] Savitzky, Golay, Anal. Chem. 36, 1964.
     """
+    # SciPy takes half a second to import; reading a record does not differentiate
+    from scipy.signal import savgol_filter
 
     x = np.asarray(x, float)
     if len(x) < window:
@@ -145,6 +145,8 @@ def derivative_noise(step: float, window: int = WINDOW, order: int = ORDER) -> f
 
 def _weights(step: float, window: int, order: int) -> tuple[np.ndarray, np.ndarray]:
     """Weights of the samples for the slope at the middle, and their times from it."""
+    # SciPy takes half a second to import; reading a record does not differentiate
+    from scipy.signal import savgol_coeffs
 
     half = window // 2
     return savgol_coeffs(window, order, deriv=1, delta=step, use="dot"), step * np.arange(
@@ -212,6 +214,8 @@ def fourier_smooth(x, step: float) -> Smoothed:
     ----------
     .. [Morelli1995] Morelli, Estimating noise characteristics from flight test data using optimal Fourier smoothing, J. Aircraft 32, 1995.
     """
+    # SciPy takes half a second to import; reading a record does not differentiate
+    from scipy.fft import dct, dst
 
     x = np.asarray(x, float)
     count = len(x)

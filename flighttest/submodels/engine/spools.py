@@ -1,7 +1,7 @@
 """Governor and spools from power changes: transport delay, schedule, time constants, rate limits,
 fan behind core.
 
-The model is the kernel's (docs/engine.md): n2 follows its schedule over the delayed lever with a
+The model is the kernel's (docs/explanation/simulation/engine.md): n2 follows its schedule over the delayed lever with a
 time constant that is a table over n2, no faster than its rate limits where there are any; n1
 follows a table over n2 with a lag of its own, or the lever as n2 does.  The tables are monotone
 cubics through a few knots, sampled so finely that straight lines between the nodes do as well;
@@ -20,8 +20,8 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.interpolate import PchipInterpolator
 
 from flightmech.aircraft.engine_deck import EngineDeck
 from flightmech.errors import IdentificationError
@@ -425,7 +425,9 @@ class _Spool:
             constants = {"lever_delay": (float(theta[0]), float(np.sqrt(C[0, 0])))} | constants
         first = self.places[f"{self.name}_command"].start
         places = np.arange(first, first + len(self.lever))
-        steep = PchipInterpolator(self.lever, theta[places]).derivative()(self.lever)
+        steep = scipy.interpolate.PchipInterpolator(self.lever, theta[places]).derivative()(
+            self.lever
+        )
         C[places, places] += (steep * noisy) ** 2
         tables = {
             table: EngineCurve.of(self.axes(table), partial(self._table, table), theta, C)

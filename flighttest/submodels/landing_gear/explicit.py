@@ -3,7 +3,7 @@ loads (type 2 of LR-743, Table 1).
 
     N  = K s + K2 s^2 + c s' + o s' |s'|                                                 c by the direction of s'
     Fx = - (rolling N + (brake + brake_friction N) pedal)                                in the axes of the wheel
-    Fy = - mu N (1 - (1 - t)^3) sgn(slip),   t = C |tan slip| / (3 mu N)                 the kernel's brush, docs/landing-gear.md
+    Fy = - mu N (1 - (1 - t)^3) sgn(slip),   t = C |tan slip| / (3 mu N)                 the kernel's brush model
     C  = g N / (1 + b (N / 10 kN)^2)                      C_max = g N_max / 2 at N_max = 10 kN / sqrt(b) of the aircraft file
 
 The side force is weighed by the speed: what limits it is the error of the lateral velocity, C dv /

@@ -142,7 +142,7 @@ def state_column(states: xr.Dataset, name: str, default: float | None = None) ->
 
 def wheel_places(states: xr.Dataset, aircraft: Aircraft, steering: np.ndarray) -> ContactPoints:
     """Return where the wheels stand, with leg along body z as the kernel has it
-    (docs/landing-gear.md).
+    (docs/explanation/simulation/landing-gear.md).
 
     Parameters
     ----------

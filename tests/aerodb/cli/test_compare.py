@@ -169,7 +169,7 @@ def test_plot_of_one_term(files, path, tmp_path):
 
 
 def test_databases_of_one_name_are_distinguished_by_their_folders(files, small, tmp_path):
-    from aerodb.cli.compare import _labels
+    from aerodb.cli.actions.compare import _labels
 
     assert list(_labels(*files)) == ["prior", "final"]
     assert list(_labels("one/db.nc", "two/db.nc")) == ["one/db", "two/db"]

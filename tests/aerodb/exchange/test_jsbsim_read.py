@@ -130,9 +130,9 @@ def test_induced_drag_flies_equal():
 
 @pytest.mark.slow
 def test_the_list_of_aircraft_that_are_read():
-    """Every row of docs/jsbsim-aircraft.md."""
+    """Every row of docs/evidence/jsbsim-aircraft.md."""
     jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
-    page = (HERE.parents[2] / "docs" / "jsbsim-aircraft.md").read_text()
+    page = (HERE.parents[2] / "docs" / "evidence" / "jsbsim-aircraft.md").read_text()
     rows = [
         [cell.strip() for cell in line.split("|")[1:-1]]
         for line in page.splitlines()

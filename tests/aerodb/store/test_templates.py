@@ -152,7 +152,9 @@ def test_wrong_axes_are_errors():
 
 
 def test_the_page_of_the_model_names_every_contribution():
-    page = (Path(__file__).parents[3] / "docs" / "aero-model.md").read_text(encoding="utf-8")
+    page = (
+        Path(__file__).parents[3] / "docs" / "explanation" / "database" / "aero-model.md"
+    ).read_text(encoding="utf-8")
     assert {name.split("/")[1] for name in lr743()} == {
         name.split("/")[1] for name in lr743() if f"`{name.split('/')[1]}`" in page
     }

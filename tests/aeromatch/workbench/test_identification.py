@@ -28,7 +28,7 @@ from aeromatch.workbench.opened import OpenProject
 from aeromatch.workbench.processes import Jobs
 from aeromatch.workflow.submodels import spans_of
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError, UnknownName
-from flighttest.cli.identify import identify
+from flighttest.cli.identify import identify_command
 from flighttest.regression.combining.pooling import prior_of
 from flighttest.regression.equation_error.fit import open_fit
 
@@ -116,7 +116,9 @@ def test_the_fit_is_that_of_the_command_line(opened, tmp_path, more):
     words = [*shown["command"], "-o", "{work}/fits/pitch.nc"]
     demand_allowed(words)
     make_folders(words, opened.places)
-    done = CliRunner().invoke(identify, opened.places.real(words)[2:], catch_exceptions=False)
+    done = CliRunner().invoke(
+        identify_command, opened.places.real(words)[2:], catch_exceptions=False
+    )
     assert done.exit_code == int(any(remark["severity"] == "error" for remark in shown["remarks"]))
     saved = open_fit(opened.work / "fits" / "pitch.nc")
     assert shown["model"] == str(saved.model)

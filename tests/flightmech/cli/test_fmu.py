@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
-from flightmech.cli import fmu
+from flightmech.cli.group import fmu
 from flightmech.errors import ParseError, SchemaError
 from flightmech.simulation.compiler import compile_files
 from flightmech.support.hdf5_seal import add_seal

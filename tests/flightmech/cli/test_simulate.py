@@ -8,7 +8,7 @@ import xarray as xr
 from click.testing import CliRunner
 
 import flightmech
-from flightmech.cli import fmu
+from flightmech.cli.group import fmu
 from flightmech.errors import ParseError, UnitError, UnknownName
 from flightmech.terms import make_term
 

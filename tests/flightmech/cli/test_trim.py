@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 import flightmech
-from flightmech.cli import fmu
+from flightmech.cli.group import fmu
 from flightmech.errors import SchemaError
 from flightmech.units import KNOT
 

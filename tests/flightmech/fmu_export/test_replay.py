@@ -238,7 +238,9 @@ def test_the_description_reports_the_arrays(fmus, trainer):
 
 
 def test_the_guide_does_what_it_states(trainer, tmp_path, monkeypatch, condition):
-    guide = (Path(__file__).parents[3] / "docs" / "fmu.md").read_text()
+    guide = (
+        Path(__file__).parents[3] / "docs" / "explanation" / "simulation" / "fmu.md"
+    ).read_text()
     flightmech.write_fmu(trainer, tmp_path / "model.fmu", "3.0")
     monkeypatch.chdir(tmp_path)
     names: dict = {}

@@ -17,7 +17,14 @@ from flightmech.errors import (
     SchemaError,
     UnknownName,
 )
-from flighttest.cli.identify import identify, inertia, join, partition, select, tabulate
+from flighttest.cli.identify import (
+    identify_command,
+    inertia_command,
+    join_command,
+    partition_command,
+    select_command,
+    tabulate_command,
+)
 from flighttest.regression.equation_error.fit import open_fit
 
 AIRCRAFT = """
@@ -71,7 +78,7 @@ def files(tmp_path):
 
 
 def run(*arguments):
-    return CliRunner().invoke(identify, arguments, catch_exceptions=False)
+    return CliRunner().invoke(identify_command, arguments, catch_exceptions=False)
 
 
 @pytest.mark.slow
@@ -198,18 +205,20 @@ def test_selection_and_its_file(files):
         "-o",
         str(folder / "chosen.nc"),
     ]
-    result = CliRunner().invoke(select, arguments, catch_exceptions=False)
+    result = CliRunner().invoke(select_command, arguments, catch_exceptions=False)
     assert "orthogonal functions: CY = 1 + beta + delta_r" in result.output
     assert open_fit(folder / "chosen.nc").model.terms == ("1", "beta", "delta_r")
     found = json.loads(
         CliRunner()
-        .invoke(select, [*arguments, "--method", "stepwise", "--json"], catch_exceptions=False)
+        .invoke(
+            select_command, [*arguments, "--method", "stepwise", "--json"], catch_exceptions=False
+        )
         .output
     )
     assert found["idle"] == ["alpha", "alpha**2"]  # beta*alpha, as good as beta, comes after it
     assert [step["action"] for step in found["steps"]] == ["kept", "entered", "entered"]
     with pytest.raises(SchemaError, match="no candidates: give --variables"):
-        CliRunner().invoke(select, [*base, "--coefficient", "CY"], catch_exceptions=False)
+        CliRunner().invoke(select_command, [*base, "--coefficient", "CY"], catch_exceptions=False)
 
 
 @pytest.mark.slow
@@ -229,18 +238,25 @@ def test_fits_from_files_are_joined(files):
     names = [str(folder / f"{k}.nc") for k in range(3)]
     assert (
         "3 fits joined by median"
-        in CliRunner().invoke(join, [*names, "--method", "median"], catch_exceptions=False).output
+        in CliRunner()
+        .invoke(join_command, [*names, "--method", "median"], catch_exceptions=False)
+        .output
     )
-    found = json.loads(CliRunner().invoke(join, [*names, "--json"], catch_exceptions=False).output)
+    found = json.loads(
+        CliRunner().invoke(join_command, [*names, "--json"], catch_exceptions=False).output
+    )
     assert found["terms"]["beta"]["estimate"] == pytest.approx(-0.5, abs=1e-3)
 
 
 def test_bins_with_their_unit(files):
     base, _ = files
     arguments = [*base, "--model", "CY = 1 + beta + delta_r", "--over", "beta", "-3 0 3 deg"]
-    assert "in 2 bins" in CliRunner().invoke(partition, arguments, catch_exceptions=False).output
+    assert (
+        "in 2 bins"
+        in CliRunner().invoke(partition_command, arguments, catch_exceptions=False).output
+    )
     found = json.loads(
-        CliRunner().invoke(partition, [*arguments, "--json"], catch_exceptions=False).output
+        CliRunner().invoke(partition_command, [*arguments, "--json"], catch_exceptions=False).output
     )
     assert found["bins"][0]["beta_low"] == pytest.approx(np.radians(-3))
     assert found["bins"][1]["estimate"][1] == pytest.approx(-0.5, abs=5e-3)
@@ -248,7 +264,7 @@ def test_bins_with_their_unit(files):
         SchemaError, match=r"edges of beta are 'a b deg'; expected numbers and a unit"
     ):
         CliRunner().invoke(
-            partition,
+            partition_command,
             [*base, "--model", "CY = 1 + beta", "--over", "beta", "a b deg"],
             catch_exceptions=False,
         )
@@ -262,7 +278,7 @@ def test_inertia_of_a_flight_without_coupling_is_refused(files):
         for x in ("--model", text)
     ]
     with pytest.raises(IdentificationError, match="equation of p_dot: pq, qr are zero throughout"):
-        CliRunner().invoke(inertia, [*base, *models], catch_exceptions=False)
+        CliRunner().invoke(inertia_command, [*base, *models], catch_exceptions=False)
 
 
 def test_a_figure_that_must_not_be_used_is_exit_code_1(files):
@@ -297,7 +313,7 @@ def test_fits_join_the_tables_of_a_database(files):
     run(*base, "--model", "CY = 1 + beta + delta_r", "-o", str(folder / "fit.nc"))
     words = [str(folder / "fit.nc"), "--database", str(folder / "prior.nc")]
     done = CliRunner().invoke(
-        tabulate, [*words, "-o", str(folder / "new.nc")], catch_exceptions=False
+        tabulate_command, [*words, "-o", str(folder / "new.nc")], catch_exceptions=False
     )
     assert done.exit_code == 0
     assert "CY/rudder" in done.output
@@ -310,14 +326,14 @@ def test_fits_join_the_tables_of_a_database(files):
     )
     assert float(new["CY/rudder"]["stderr"]) < 0.02
     held = CliRunner().invoke(
-        tabulate,
+        tabulate_command,
         [*words, "--hold", "CY/beta", "-o", str(folder / "held.nc"), "--json"],
         catch_exceptions=False,
     )
     assert set(json.loads(held.output)["terms"]) == {"CY/rudder"}
     assert float(aerodb.terms(aerodb.open(folder / "held.nc"))["CY/beta"]["value"]) == -0.4
     joined = CliRunner().invoke(
-        tabulate,
+        tabulate_command,
         [*words, "--way", "join", "-o", str(folder / "joined.nc"), "--json"],
         catch_exceptions=False,
     )
@@ -329,7 +345,7 @@ def test_fits_join_the_tables_of_a_database(files):
     assert float(beta["value"]) == pytest.approx(-0.5, abs=3 * float(beta["stderr"]))
     with pytest.raises(UnknownName, match="unknown held term 'CY/bet'; near it: CY/beta"):
         CliRunner().invoke(
-            tabulate,
+            tabulate_command,
             [*words, "--hold", "CY/bet", "-o", str(folder / "no.nc")],
             catch_exceptions=False,
         )
@@ -356,11 +372,11 @@ def test_a_rudder_without_a_table_stops_or_is_a_warning(files):
             match=r"CY: delta_r of .*estimate 0\.2.*, t \d+.*open the term: "
             r"\[terms\.\"CY/delta_r\"\]",
         ):
-            CliRunner().invoke(tabulate, [*words, "--way", way], catch_exceptions=False)
+            CliRunner().invoke(tabulate_command, [*words, "--way", way], catch_exceptions=False)
         assert not (folder / "new.nc").exists()
     with pytest.warns(AeromatchWarning, match="no place in the database"):
         done = CliRunner().invoke(
-            tabulate, [*words, "--unplaced", "warn", "--json"], catch_exceptions=False
+            tabulate_command, [*words, "--unplaced", "warn", "--json"], catch_exceptions=False
         )
     found = json.loads(done.output)
     assert [row["term"] for row in found["unplaced"] if row["significant"]] == ["delta_r"]
@@ -376,5 +392,7 @@ def test_a_rudder_without_a_table_stops_or_is_a_warning(files):
     )
     assert json.loads(shown.output)["warnings"] == found["warnings"]
     with pytest.warns(AeromatchWarning, match="no place in the database"):
-        done = CliRunner().invoke(tabulate, [*words, "--unplaced", "warn"], catch_exceptions=False)
+        done = CliRunner().invoke(
+            tabulate_command, [*words, "--unplaced", "warn"], catch_exceptions=False
+        )
     assert "Terms without a place in the database" in done.output

@@ -466,7 +466,7 @@ def test_command_with_whole_flights(tmp_path):
     """
     from click.testing import CliRunner
 
-    from flighttest.cli.submodels import engine
+    from flighttest.cli.submodels import engine_command
 
     names = tmp_path / "names.toml"
     units = {
@@ -510,7 +510,7 @@ def test_command_with_whole_flights(tmp_path):
         "-o",
         f"{tmp_path}/deck.nc",
     ]
-    run = CliRunner().invoke(engine, args)
+    run = CliRunner().invoke(engine_command, args)
     assert run.exit_code == 0, run.output
     assert "corrected_thrust (N) over corrected_n2" in run.output
     assert "deck less record, rms" in run.output

@@ -17,7 +17,7 @@ from flightmech.air import atmosphere
 from flightmech.aircraft.engine_deck import EngineDeck, open_tables, write_tables
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.terms import make_term
-from flighttest.cli.submodels import engine
+from flighttest.cli.submodels import engine_command
 from flighttest.submodels.engine.bench import (
     as_nodes,
     compile_engine,
@@ -399,7 +399,7 @@ def test_command(tmp_path):
         "-o",
         f"{tmp_path}/deck.nc",
     ]
-    run = CliRunner().invoke(engine, args)
+    run = CliRunner().invoke(engine_command, args)
     assert run.exit_code == 0, run.output
     assert "recorded thrust: 40 points" in run.output
     assert "[engine.deck]" in run.output
@@ -407,7 +407,7 @@ def test_command(tmp_path):
     assert float(thrust["value"].sel(corrected_n1=1.0, mach=0.0)) == pytest.approx(
         10600.0, rel=0.01
     )
-    shown = CliRunner().invoke(engine, [*args[:4], "--json"])
+    shown = CliRunner().invoke(engine_command, [*args[:4], "--json"])
     assert json.loads(shown.output)["correction"]["factor"][3] == pytest.approx(1.06, rel=0.01)
 
 

@@ -17,7 +17,7 @@ from click.testing import CliRunner
 import aerodb
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import make_term
-from flighttest.cli.submodels import ground_effect
+from flighttest.cli.submodels import ground_effect_command
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
 from flighttest.submodels.ground_effect.result import replace_ground_effect
@@ -354,7 +354,7 @@ def test_the_command_prints_table_2_and_writes_the_database(records, database, t
         str(tmp_path / "prior.nc"),
     ]
     result = CliRunner().invoke(
-        ground_effect,
+        ground_effect_command,
         [*base, "--height", "3", "-o", str(tmp_path / "new.nc")],
         catch_exceptions=False,
     )
@@ -366,11 +366,13 @@ def test_the_command_prints_table_2_and_writes_the_database(records, database, t
     document = json.loads(
         CliRunner()
         .invoke(
-            ground_effect, [*base, "--ground", "CL = 1 + alpha", "--json"], catch_exceptions=False
+            ground_effect_command,
+            [*base, "--ground", "CL = 1 + alpha", "--json"],
+            catch_exceptions=False,
         )
         .output
     )
     first = document["coefficients"]["CL"]["terms"][0]
     assert abs(first["k"] - 0.5) < 3 * first["k_stderr"]
     with pytest.raises(SchemaError, match="give --database"):
-        CliRunner().invoke(ground_effect, [*base[:-2], "--hold"], catch_exceptions=False)
+        CliRunner().invoke(ground_effect_command, [*base[:-2], "--hold"], catch_exceptions=False)

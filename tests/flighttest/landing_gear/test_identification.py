@@ -17,7 +17,7 @@ import flightmech
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import make_term
-from flighttest.cli.submodels import gear
+from flighttest.cli.submodels import gear_command
 from flighttest.submodels.landing_gear.explicit import GroundRun
 from flighttest.submodels.landing_gear.identification import identify_landing_gear
 from flighttest.submodels.landing_gear.reconstructed_loads import wheel_loads
@@ -358,7 +358,7 @@ def test_command(records, database, tmp_path):
         "0",
         "--no-flown",
     ]
-    result = CliRunner().invoke(gear, [*given, "--json", "-o", str(tmp_path / "b.toml")])
+    result = CliRunner().invoke(gear_command, [*given, "--json", "-o", str(tmp_path / "b.toml")])
     assert result.exit_code == 0, result.output
     assert json.loads(result.output)["constants"]["gear.left,right.stiffness"][
         "value"

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 import flighttest
 from flightmech.errors import ParseError, SchemaError
-from flighttest.cli.records import mark
+from flighttest.cli.records import mark_command
 from flighttest.records.manoeuvre_table import (
     edit_manoeuvres,
     read_manoeuvres,
@@ -101,7 +101,9 @@ def test_what_is_written_is_read_and_marks_a_record(tmp_path):
 
 
 def marks(tmp_path, *words):
-    done = CliRunner().invoke(mark, [str(tmp_path / "marks.csv"), "run_1", *words, "--json"])
+    done = CliRunner().invoke(
+        mark_command, [str(tmp_path / "marks.csv"), "run_1", *words, "--json"]
+    )
     return done, read_manoeuvres(tmp_path / "marks.csv").get("run_1") if (
         tmp_path / "marks.csv"
     ).exists() else None

@@ -2,8 +2,8 @@
 final model of the demo.
 
 ``python tests/pom/rows/judge_rows.py DEMO`` writes ``verdicts.csv`` from the output folder of
-`aeromatch demo`; the page ``docs/tolerance-rows.md`` is made of it
-(``docs/make_tolerance_rows.py``).
+`aeromatch demo`; the page ``docs/reference/tolerance-rows.md`` is made of it
+(``docs/scripts/make_tolerance_rows.py``).
 """
 
 from __future__ import annotations

@@ -37,10 +37,10 @@ def test_the_table_has_every_entry():
 
 
 def test_page_is_up_to_date():
-    program = runpy.run_path(str(HERE.parents[2] / "docs" / "make_tolerance_rows.py"))
-    page = HERE.parents[2] / "docs" / "tolerance-rows.md"
+    program = runpy.run_path(str(HERE.parents[2] / "docs" / "scripts" / "make_tolerance_rows.py"))
+    page = HERE.parents[2] / "docs" / "reference" / "tolerance-rows.md"
     assert page.read_text(encoding="utf-8") == program["page"](), (
-        "run: python docs/make_tolerance_rows.py"
+        "run: python docs/scripts/make_tolerance_rows.py"
     )
 
 

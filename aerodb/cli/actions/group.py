@@ -1,0 +1,165 @@
+"""Functions that perform the commands of `aerodb.cli.group`."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Collection, Iterable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from aerodb.prior.build import from_datcom
+from aerodb.prior.roles import CaseRole, assign_roles, by_role
+from aerodb.store.files import read_overview, save
+from aerodb.store.overview import describe_database, summary
+from aerodb.store.schema import terms
+from aerodb.update.cautions.notices import notices_of
+from aerodb.update.term_decisions import DECISIONS, decision_rows
+from datcom_io.reading.reader import ListingCase, listings_in, read, read_place
+from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.errors import AeromatchWarning
+from flightmech.support.console import (
+    print_json,
+    print_remark,
+    print_table,
+    show_progress,
+)
+from flightmech.units import parse_quantity
+
+
+def aircraft_and_places(aircraft: str, places: tuple[str, ...]) -> tuple[Path, tuple[str, ...]]:
+    """Return the aircraft file and the places of the listings; a folder stands for its
+    ``aircraft.toml`` and its listings.
+    """
+    if not Path(aircraft).is_dir():
+        return Path(aircraft), places
+    file = Path(aircraft) / "aircraft.toml"
+    if not file.is_file():
+        raise click.UsageError(
+            f"no aircraft.toml in the folder {aircraft}; write it, or give the aircraft file "
+            f"first and then the folder"
+        )
+    return file, (aircraft, *places)
+
+
+def read_all(places: Iterable[str]) -> list[Any]:
+    """Return the listings and cases of places, of folders every listing in them."""
+
+    return [
+        item
+        for place in places
+        for item in (map(read, listings_in(place)) if Path(place).is_dir() else [read_place(place)])
+    ]
+
+
+def role_rows(
+    assigned: Iterable[CaseRole], given: Collection[str]
+) -> list[tuple[str, str, str, str, str]]:
+    """Return file, number and name of each case, its roles less those that are given by options,
+    and why.
+    """
+    rows = []
+    for item in assigned:
+        roles = [f"{role} (given otherwise)" if role in given else role for role in item.roles]
+        rows.append(
+            (
+                item.case.file,
+                str(item.case.ordinal),
+                item.case.name,
+                ", ".join(roles) or "-",
+                item.reason,
+            )
+        )
+    return rows
+
+
+def run_build(
+    aircraft: str,
+    places: tuple[str, ...],
+    altitude: str | None,
+    powered: bool,
+    tailless: bool,
+    move_reference: bool,
+    output: str,
+    as_json: bool,
+    **listings: tuple[ListingCase, ...],
+) -> None:
+    """Perform the command ``build``."""
+    file, folders = aircraft_and_places(aircraft, places)
+    craft = read_aircraft(file)
+    given: dict[str, Any] = {
+        role: [read_place(place) for place in found] for role, found in listings.items() if found
+    }
+    assigned = assign_roles(read_all(folders)) if folders else []
+    rows = role_rows(assigned, given)
+    given = {**by_role(assigned), **given}
+    if rows and not as_json:
+        print_table(["file", "no", "case", "taken as", "why"], rows, right=["no"])
+        click.echo()
+    if "clean" not in given:
+        raise click.UsageError(
+            "no case of the whole aeroplane (clean); give one with --clean FILE:CASE, or "
+            "PLACES that hold one"
+        )
+    count = sum(map(len, given.values()))
+    with (
+        show_progress(f"build a database from {count} cases"),
+        warnings.catch_warnings(record=True) as caught,
+    ):
+        warnings.simplefilter("always", AeromatchWarning)
+        tree = from_datcom(
+            craft,
+            altitude=None if altitude is None else parse_quantity(altitude, "m"),
+            powered=powered,
+            tailless=tailless,
+            move_reference=move_reference,
+            **given,
+        )
+    messages = [
+        str(warning.message) for warning in caught if issubclass(warning.category, AeromatchWarning)
+    ]
+    save(tree, output)
+    for text in messages:
+        print_remark(f"warning: {text}")
+    if as_json:
+        print_json(
+            {
+                "file": output,
+                "attributes": tree.attrs,
+                "terms": describe_database(tree),
+                "roles": rows,
+                "warnings": messages,
+            }
+        )
+    else:
+        click.echo(summary(tree))
+        click.echo(f"\nwritten: {output}")
+
+
+def run_decisions(file: str, as_json: bool) -> None:
+    """Perform the command ``decisions``."""
+    attributes, leaves = read_overview(file, ["value", "source"], ["decision", "reason"])
+    rows = [
+        {"term": name, "decision": decision, "reason": reason}
+        for name, (decision, reason) in decision_rows(leaves).items()
+    ]
+    if as_json:
+        print_json({"file": file, "terms": rows, "warnings": notices_of(attributes)})
+        return
+    print_table(("term", "decision", "reason"), [tuple(row.values()) for row in rows])
+    words = [row["decision"] for row in rows]
+    click.echo(", ".join(f"{word} {words.count(word)}" for word in DECISIONS))
+    for notice in notices_of(attributes):
+        click.echo(f"warning: {notice}")
+
+
+def check_database(file: str, as_json: bool) -> None:
+    """Perform the command ``check``."""
+    from aerodb.store.files import open
+
+    tree = open(file)
+    count = len(terms(tree))
+    print_json({"file": file, "terms": count, "problems": []}) if as_json else click.echo(
+        f"{file}: sound, {count} terms"
+    )

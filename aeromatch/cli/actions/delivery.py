@@ -1,0 +1,164 @@
+"""Functions that perform the commands of `aeromatch.cli.delivery`."""
+
+from __future__ import annotations
+
+import webbrowser
+from math import isnan
+from pathlib import Path
+
+import click
+
+from aeromatch.delivery.contents import PackageOptions, write_package
+from aeromatch.delivery.verification import package_difference, unpack_package, verify_package
+from aeromatch.project.project import read_project
+from aeromatch.workbench.opened import OpenProject
+from flightmech.errors import AeromatchError
+from flightmech.support.console import print_json, print_table, timed_step
+from flightmech.units import DEGREE, FOOT, KNOT
+from pom.report.presentation.quantities import term_words
+
+
+def make_package(
+    project: Path,
+    match: Path,
+    output: Path,
+    recordings: bool,
+    licence: Path | None,
+    revision: str,
+    as_json: bool,
+) -> None:
+    """Perform the command ``make``."""
+    refused = write_package(
+        read_project(project),
+        match.resolve(),
+        output,
+        PackageOptions(recordings, licence, revision),
+        timed_step,
+    )
+    if as_json:
+        print_json({"package": str(output), "refused": refused})
+        return
+    for name, why in refused.items():
+        click.echo(f"not in the package: {name}: {why}")
+    click.echo(f"written: {output}")
+
+
+def run_verify_package(ctx: click.Context, package_file: Path, as_json: bool) -> None:
+    """Perform the command ``verify``."""
+    with unpack_package(package_file) as folder:
+        found = list(verify_package(folder))
+    bad = [item for item in found if not item.good]
+    if as_json:
+        print_json({"holds": not bad, "findings": [vars(item) for item in found]})
+    else:
+        for kind in dict.fromkeys(item.kind for item in found):
+            own = [item for item in found if item.kind == kind]
+            click.echo(f"{kind:>8}: {sum(item.good for item in own)} of {len(own)} hold")
+        shown = bad + [item for item in found if item.good and item.kind in ("states", "flown")]
+        print_table(
+            ["", "what", "found"],
+            [
+                ("" if item.good else "DIFFERS", f"{item.kind}: {item.name}", item.detail)
+                for item in shown
+            ],
+        )
+    ctx.exit(1 if bad else 0)
+
+
+def compare_packages(
+    one: Path, other: Path, model: str, against: str | None, as_json: bool
+) -> None:
+    """Perform the command ``diff``."""
+    with unpack_package(one) as first, unpack_package(other) as second:
+        found = package_difference(first, second, model, against)
+    if as_json:
+        print_json(found)
+        return
+    names = f"{one.name}, {model} -> {other.name}, {against or model}"
+    if found["felt"]:
+        at = found["condition"]
+        where = (
+            f"{at['V'] / KNOT:.0f} kt true, {at['h'] / FOOT:.0f} ft, {at['mass']:.0f} kg, "
+            f"flaps {at.get('delta_f', 0.0) / DEGREE:.0f} deg"
+        )
+        gear = "down" if at.get("gear", 0.0) > 0.5 else "up"
+        felt = [
+            (row["words"], row["unit"], *(_digits(row[key]) for key in ("before", "after")))
+            for row in found["felt"]
+        ]
+        print_table(
+            ["what a pilot feels", "unit", "before", "after"],
+            felt,
+            f"{names}: at {where}, gear {gear}",
+            right=["before", "after"],
+        )
+    head = [
+        "",
+        "state",
+        "before",
+        "after",
+        "where they differ most",
+        "rms",
+        "in standard errors",
+        "in words",
+    ]
+    rows = [
+        (
+            row["name"],
+            row["state"],
+            *(_digits(row[key]) for key in ("before", "after")),
+            row["where"] or row["note"],
+            _digits(row["rms"], 3),
+            "" if isnan(row["in_standard_errors"]) else f"{row['in_standard_errors']:.1f}",
+            term_words(row["name"]) if "/" in row["name"] else "",
+        )
+        for row in (*found["coefficients"], *found["terms"])
+    ]
+    print_table(
+        head, rows, f"{names}: {len(found['terms'])} terms differ", right=[*head[2:4], *head[5:7]]
+    )
+    click.echo(f"parts of the aircraft that differ: {', '.join(found['parts']) or 'none'}")
+    cases = [
+        (
+            r["row"],
+            r["case"],
+            r["before"],
+            r["after"],
+            _ratio(r["worst_before"]),
+            _ratio(r["worst_after"]),
+        )
+        for r in found["cases"]
+    ]
+    head = ["row", "case", "before", "after", "worst before", "worst after"]
+    print_table(head, cases, "Verdicts, worst difference / tolerance", right=head[4:])
+    for row in found["files"]:
+        click.echo(f"{row['state']:>8}: {row['file']}")
+
+
+def _digits(value: float, digits: int = 4) -> str:
+    return "" if isnan(value) else f"{value:.{digits}g}"
+
+
+def _ratio(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
+
+
+def open_workbench(project: Path, output: Path | None, port: int, no_browser: bool) -> None:
+    """Perform the command ``view``."""
+    try:
+        import starlette  # noqa: F401
+        import uvicorn  # noqa: F401
+    except ImportError as missing:
+        raise AeromatchError(
+            "the workbench needs starlette and uvicorn: pip install 'aeromatch[view]'"
+        ) from missing
+
+    read_project(project)  # faults of the project are reported here
+    from aeromatch.workbench.server import Workbench
+
+    bench = Workbench(OpenProject(project, output or project.resolve().parent / "workbench"), port)
+    click.echo(f"workbench: {bench.address}")
+    click.echo("end with Ctrl-C")
+    if not no_browser:
+        webbrowser.open(bench.address)
+    bench.serve()

@@ -1,0 +1,285 @@
+"""Functions that perform the commands of `flightmech.cli.group`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import click
+import pandas as pd
+import xarray as xr
+
+from flightmech.errors import ParseError, UnitError, UnknownName
+from flightmech.fmu_export.fmu_file import write_fmu
+from flightmech.names import lookup
+from flightmech.simulation.compiler import SimModel, compile_files
+from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
+from flightmech.simulation.run import simulate as fly
+from flightmech.steady_flight.trim_search import start_of
+from flightmech.steady_flight.trim_search import trim as search
+from flightmech.support.atomic_write import written_atomically
+from flightmech.support.console import (
+    print_json,
+    print_table,
+    show_progress,
+)
+from flightmech.support.hdf5_seal import demand_self_contained
+from flightmech.units import from_si, parse_quantity, to_si
+
+_DIGITS = 9  # behind the point: less than that is rounding
+
+
+_SHOWN = (
+    "V",
+    "V_cas",
+    "mach",
+    "h",
+    "alpha",
+    "beta",
+    "theta",
+    "phi",
+    "gamma",
+    "hdot",
+    "p",
+    "q",
+    "r",
+    "nz",
+    "ax",
+    "ay",
+)
+
+
+def run_trim(
+    ctx: click.Context,
+    aircraft: str,
+    database: str,
+    kind: str,
+    fixed: tuple,
+    unknowns: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Perform the command ``trim``."""
+    with show_progress("compile the model, search the steady flight"):
+        sim = compile_files(aircraft, database)
+        units = _units(sim)
+        found = search(
+            sim,
+            {},
+            kind,
+            unknowns or None,
+            {name: si_value(name, text, units) for name, text in fixed},
+        )
+    if as_json:
+        outputs = {str(name): float(item) for name, item in found.items() if not item.dims}
+        parts = {name: found[name].to_series().to_dict() for name in ("found", "left")}
+        print_json({**found.attrs, **parts, "outputs": outputs, "start": start_of(found)})
+    else:
+        _print(sim, found)
+    ctx.exit(0 if found.attrs["converged"] else 1)
+
+
+def _units(sim: SimModel) -> dict[str, str]:
+    """Return the units of every name that can be held, plain start values and inputs of all engines
+    among them.
+    """
+
+    rows = [row for kind in (OUTPUT, INPUT, PARAMETER) for row in sim.entries(kind)]
+    plain = {
+        row.name.removeprefix("init."): row.units for row in rows if row.name.startswith("init.")
+    }
+    engines = {
+        row.name.removeprefix("engine1."): row.units
+        for row in rows
+        if row.name.startswith("engine1.")
+    }
+    return engines | plain | {row.name: row.units for row in rows}
+
+
+def si_value(name: str, text: str, units: Mapping[str, str]) -> float:
+    """Return the SI value of ``name=text``; a bare number is SI, and its name is judged by who
+    takes it.
+
+    Raises
+    ------
+    UnknownName
+        A value with a unit for a name that has none.
+    UnitError
+        With the name.
+    """
+
+    try:
+        return float(text)
+    except ValueError:
+        if name not in units:
+            raise UnknownName(name, units, "name") from None
+    try:
+        return parse_quantity(text, units[name])
+    except UnitError as error:
+        raise UnitError(f"{name}={text}: {error}") from error
+
+
+def _print(sim: SimModel, found: xr.Dataset) -> None:
+
+    display = {
+        row.name: row.display_units
+        for kind in (PARAMETER, INPUT, OUTPUT)
+        for row in sim.entries(kind)
+    }
+
+    def line(name: str, value: float, units: str) -> tuple[str, str, str]:
+        unit = (
+            display.get(name)
+            or display.get(f"init.{name}")
+            or display.get(f"engine1.{name}", units)
+        )
+        return name, f"{round(from_si(value, unit), _DIGITS) + 0.0:.6g}", unit
+
+    unknowns = zip(
+        found["unknown"].values,
+        found["found"].values,
+        found["unknown_units"].values,
+        found["limit"].values,
+        strict=True,
+    )
+    rows = [
+        (
+            *line(str(name), float(value), str(units)),
+            {-1: "at its lower limit", 0: "", 1: "at its upper limit"}[int(side)],
+        )
+        for name, value, units, side in unknowns
+    ]
+    print_table(
+        ("unknown", "value", "unit", "limit"),
+        rows,
+        title=f"{found.attrs['title']}, {found.attrs['kind']}: {found.attrs['verdict']}",
+        right=("value",),
+    )
+    if found.attrs["advice"]:
+        click.echo(found.attrs["advice"])
+    click.echo()
+    names = [
+        *_SHOWN,
+        *(name for name in sim.outputs if name.startswith("engine") and name.endswith(".thrust")),
+    ]
+    print_table(
+        ("state", "value", "unit"),
+        [line(name, float(found[name]), str(found[name].attrs["units"])) for name in names],
+        right=("value",),
+    )
+
+
+_HEADING = re.compile(r"^\s*([A-Za-z_0-9.*]+)\s*(?:\[([^\]]*)\])?\s*$")
+
+
+def run_simulate(
+    aircraft: str,
+    database: str,
+    record: str,
+    given: tuple,
+    hold: str,
+    terms: bool,
+    output: str,
+    as_json: bool,
+) -> None:
+    """Perform the command ``simulate``."""
+    if terms and Path(output).suffix == ".csv":
+        raise click.UsageError("--terms needs a netCDF file; name it .nc")
+    inputs = _read(record)
+    with show_progress("fly the model"):
+        sim = compile_files(aircraft, database)
+        found = fly(sim, inputs, _values(sim, given), hold, terms=terms)
+        _write(found, output)
+    summary = {
+        "file": output,
+        "samples": found.sizes["time"],
+        "outputs": len(sim.outputs),
+        "out_of_range": found.attrs["out_of_range"],
+    }
+    if as_json:
+        print_json(summary)
+        return
+    click.echo(
+        f"{summary['samples']} samples of {summary['outputs']} outputs; tables left: "
+        f"{summary['out_of_range'] or 'none'}"
+    )
+    click.echo(f"written: {output}")
+
+
+def _values(sim: SimModel, given: tuple) -> dict[str, float]:
+    """Return the values of parameters and inputs in SI; parts of tables are taken as they stand."""
+
+    units = {row.name: row.units for kind in (INPUT, PARAMETER) for row in sim.entries(kind)}
+    return {name: si_value(name, text, units) for name, text in given}
+
+
+def _read(path: str) -> xr.Dataset:
+
+    if Path(path).suffix == ".nc":
+        demand_self_contained(path)
+        with xr.open_dataset(path, engine="h5netcdf") as dataset:
+            return dataset.load()
+    try:
+        table = pd.read_csv(path, comment="#", skipinitialspace=True)
+    except (ValueError, UnicodeDecodeError) as error:
+        raise ParseError(path, 1, str(error), "a CSV table with a line of headings") from error
+    if not any(
+        match and match[1] == "time" for match in map(_HEADING.match, map(str, table.columns))
+    ):
+        raise ParseError(
+            path,
+            1,
+            ", ".join(map(str, table.columns)),
+            "a column 'time' in s, then inputs such as 'delta_e [deg]'",
+        )
+    columns = {}
+    for heading in map(str, table.columns):
+        match = _HEADING.match(heading)
+        if match is None or not pd.api.types.is_numeric_dtype(table[heading]):
+            raise ParseError(path, 1, heading, "a heading such as 'delta_e [deg]' over numbers")
+        name, unit = match.groups()
+        try:
+            units = lookup(name).units
+        except UnknownName as error:
+            raise ParseError(
+                path,
+                1,
+                f"the column {heading!r} ({error})",
+                "names of the vocabulary, docs/reference/nomenclature.md",
+            ) from error
+        columns[name] = to_si(table[heading].to_numpy(float), unit or units, units)
+    return xr.Dataset(
+        {name: ("time", values) for name, values in columns.items() if name != "time"},
+        {"time": columns["time"]},
+    )
+
+
+def _write(found: xr.Dataset, output: str) -> None:
+
+    with written_atomically(output) as part:
+        if Path(output).suffix == ".csv":
+            found.to_dataframe().to_csv(part)
+        else:
+            found.to_netcdf(part, engine="h5netcdf")
+
+
+def run_write(aircraft: str, database: str, output: str, version: str, as_json: bool) -> None:
+    """Perform the command ``write``."""
+    with show_progress("compile the model, write the FMU"):
+        sim = compile_files(aircraft, database)
+        path = write_fmu(sim, output, version)
+    counts = {
+        "inputs": len(sim.inputs),
+        "outputs": len(sim.outputs),
+        "parameters": len(sim.parameters),
+        "terms": len(sim.terms),
+    }
+    if as_json:
+        print_json({"file": str(path), "fmi": version, "bytes": path.stat().st_size, **counts})
+    else:
+        click.echo(
+            f"FMI {version}, "
+            f"{', '.join(f'{count} {what}' for what, count in counts.items())}, "
+            f"{path.stat().st_size} bytes"
+        )
+        click.echo(f"written: {path}")

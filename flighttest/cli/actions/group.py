@@ -1,0 +1,126 @@
+"""Functions that perform the commands of `flighttest.cli.group`."""
+
+from __future__ import annotations
+
+from pathlib import Path as File
+
+import click
+
+from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.errors import SchemaError
+from flightmech.support.console import (
+    NewFile,
+    print_json,
+    print_remark,
+    show_progress,
+)
+from flighttest.reconstruction.batch.programme import reconstruct_batch
+from flighttest.reconstruction.compatibility import compatibility_report, draw_compatibility
+from flighttest.reconstruction.flight_programme import open_biases, reconstruct_programme, save_path
+from flighttest.reconstruction.smoother import reconstruct as reconstruct_record
+from flighttest.records.files import save_dataset
+from flighttest.records.record import read
+from flighttest.records.signals.conditioning import cut as cut_record
+
+
+def run_cut(
+    record_file: str,
+    start: float,
+    stop: float,
+    names: str | None,
+    rate: float,
+    output: str,
+    as_json: bool,
+) -> None:
+    """Perform the command ``cut``."""
+    data = cut_record(read(record_file, names), start, stop, rate)
+    save_dataset(data, output)
+    about = {
+        "file": output,
+        "samples": data.sizes["time"],
+        "channels": len(data.data_vars),
+        **data.attrs,
+    }
+    if as_json:
+        print_json(about)
+    else:
+        click.echo(
+            f"{about['samples']} samples of {about['channels']} channels, {start:g} ... "
+            f"{stop:g} s at {rate:g} Hz"
+        )
+        click.echo(f"written: {output}")
+
+
+def run_reconstruct(
+    record_files,
+    aircraft_file,
+    names,
+    windows,
+    rate,
+    biases_file,
+    method,
+    free,
+    figure,
+    jobs,
+    output,
+    as_json,
+) -> None:
+    """Perform the command ``reconstruct``."""
+    if (windows or biases_file) and len(record_files) > 1:
+        raise SchemaError(
+            "flight reconstruct",
+            ["--window and --biases go with one record; give the records one at a time"],
+        )
+    if figure and len(record_files) > 1:
+        raise SchemaError(
+            "flight reconstruct", ["--figure goes with one record; give the records one at a time"]
+        )
+    if free and method != "batch":
+        raise SchemaError(
+            "flight reconstruct",
+            ["--free goes with --method batch; the smoother estimates all constants"],
+        )
+    if len(record_files) == 1:
+        NewFile().convert(output, None, click.get_current_context())
+    aircraft, prior = (
+        read_aircraft(aircraft_file),
+        open_biases(biases_file) if biases_file else None,
+    )
+    with show_progress(f"read {len(record_files)} record{'s' if len(record_files) > 1 else ''}"):
+        records = [read(file, names) for file in record_files]
+    targets = [File(output)]
+    batch = None
+    if len(records) > 1 and method == "smoother":
+        print_remark(
+            f"{len(records)} records: each alone, then each with what the others indicate "
+            f"about the instruments"
+        )
+    with show_progress("reconstruct the states"):
+        if method == "batch":
+            batch = reconstruct_batch(
+                records, aircraft, [list(windows) or None] * len(records), free or None, prior, rate
+            )
+            paths = batch.paths
+        elif len(records) == 1:
+            paths = [reconstruct_record(records[0], aircraft, list(windows) or None, prior, rate)]
+        else:
+            paths = reconstruct_programme(records, aircraft, rate, jobs)
+    if len(records) > 1:
+        targets = [File(output) / f"{File(file).name.split('.')[0]}.nc" for file in record_files]
+        File(output).mkdir(parents=True, exist_ok=True)
+    for path, target in zip(paths, targets, strict=True):
+        save_path(path, target)
+    if figure:
+        draw_compatibility(paths[0], figure)
+    if batch is not None and not as_json:
+        click.echo(batch.report() + "\n")
+    if as_json:
+        print_json(
+            [
+                {"file": str(target), **path.summary()}
+                for path, target in zip(paths, targets, strict=True)
+            ]
+        )
+        return
+    for path, target in zip(paths, targets, strict=True):
+        click.echo(f"{path.report()}\n\n{compatibility_report(path)}\n\nwritten: {target}\n")

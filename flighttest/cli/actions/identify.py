@@ -1,0 +1,465 @@
+"""Functions that perform the commands of `flighttest.cli.identify`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+import aerodb
+from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.errors import SchemaError, UnknownName
+from flightmech.names import lookup
+from flightmech.support.atomic_write import write_text
+from flightmech.support.console import (
+    print_json,
+    print_table,
+    show_progress,
+)
+from flightmech.units import to_si
+from flighttest.maximum_likelihood.fit_job import perform_fit_job
+from flighttest.maximum_likelihood.fit_job import render_fit_page as page_of
+from flighttest.maximum_likelihood.result import save_output_error
+from flighttest.maximum_likelihood.specification import read_specification
+from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
+from flighttest.reconstruction.dynamics.saved_paths import open_path, open_states
+from flighttest.reconstruction.quality.assessment import report_faults
+from flighttest.regression.combining.data_partition import fit_bins
+from flighttest.regression.combining.joined_fits import join_fits
+from flighttest.regression.combining.pooling import mix_with_prior, prior_of
+from flighttest.regression.combining.published import read_published
+from flighttest.regression.equation_error.fit import (
+    correlation_lines,
+    open_fit,
+    save_fit,
+    slope_test_lines,
+)
+from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.regression.equation_error.time_domain import regress
+from flighttest.regression.model_structure.candidates import monomials
+from flighttest.regression.model_structure.search import select_orthogonal, select_stepwise
+from flighttest.remarks import is_forbidden, remark_lines, remarks_to_json
+from flighttest.submodels.aircraft_properties.inertia import inertia_from_flight
+
+
+def run_fit(
+    ctx: click.Context,
+    fit_file: str,
+    output: str | None,
+    page: str | None,
+    database: str | None,
+    as_json: bool,
+) -> None:
+    """Perform the command ``fit``."""
+    with show_progress("estimate parameters by output error"):
+        done = perform_fit_job(read_specification(fit_file))
+    files: list[str] = []
+    left: list[str] = []
+    if output:
+        save_output_error(done.fit, output)
+        files.append(output)
+    if page:
+        write_text(page, page_of(done))
+        files.append(page)
+    if database:
+        left = done.write_database(database)
+        files.append(database)
+    if as_json:
+        print_json({**done.as_dict(), "files": files, "not_in_the_database": left})
+    else:
+        click.echo(done.report())
+        for file in files:
+            click.echo(f"written: {file}")
+        if left:
+            click.echo(f"not in the database: {' '.join(left)}")
+    ctx.exit(1 if is_forbidden([*done.fit.remarks, *done.remarks]) else 0)
+
+
+_TABULATED = {
+    "nodes": "nodes",
+    "flight": "from flight",
+    "identified": "identified",
+    "ratio_median": "std. error / a priori",
+}
+
+
+def run_identify(
+    ctx,
+    paths,
+    aircraft_file,
+    model_text,
+    windows,
+    own_windows,
+    errors,
+    cutoff,
+    band,
+    intercepts,
+    weights,
+    ridge,
+    prior,
+    output,
+    correlation,
+    as_json,
+) -> None:
+    """Perform the command ``identify``."""
+    model = RegressionModel.parse(model_text)
+    manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows, errors)
+    with show_progress(f"estimate {model}"):
+        fit = _fit(model, manoeuvres, band, intercepts, weights, _ridge(ridge))
+    joined, remarks = None, fit.remarks
+    if prior:
+        joined = mix_with_prior(fit, prior_of(fit, aerodb.open(prior)))
+        known = {
+            str(term)
+            for term, value in zip(
+                joined.estimates["term"].values, joined.estimates["prior"].values
+            )
+            if value == value
+        }
+        remarks = [
+            remark for remark in remarks if remark.kind != "sign" or remark.term not in known
+        ]
+    if output:
+        save_fit(fit, output)
+    if as_json:
+        more = (
+            {}
+            if joined is None
+            else {
+                "with_prior": {
+                    **_numbers(joined.estimates),
+                    "remarks": remarks_to_json(joined.remarks),
+                }
+            }
+        )
+        print_json({**_fitted(fit), "remarks": remarks_to_json(remarks), **more, "file": output})
+    else:
+        _show(fit, remarks, correlation)
+        if joined is not None:
+            click.echo(f"\n{joined.report()}")
+        if output:
+            click.echo(f"written: {output}")
+    ctx.exit(1 if is_forbidden([*remarks, *(joined.remarks if joined is not None else [])]) else 0)
+
+
+def run_select(
+    ctx,
+    paths,
+    aircraft_file,
+    coefficient,
+    variables,
+    order,
+    terms,
+    method,
+    keep,
+    windows,
+    own_windows,
+    errors,
+    cutoff,
+    band,
+    output,
+    correlation,
+    as_json,
+) -> None:
+    """Perform the command ``select``."""
+    if not variables and not terms:
+        raise SchemaError(
+            "flight select", ["no candidates: give --variables, or --term once for each"]
+        )
+    candidates = [*monomials(variables.split(), order), *terms] if variables else ["1", *terms]
+    manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
+    choose = select_orthogonal if method == "orthogonal" else select_stepwise
+    with show_progress(f"select among {len(candidates)} candidates"):
+        found = choose(coefficient, [*candidates, *keep], manoeuvres, band=band, keep=("1", *keep))
+    if output:
+        save_fit(found.fit, output)
+    if as_json:
+        print_json(
+            {
+                "method": found.method,
+                "steps": found.steps,
+                "idle": found.idle,
+                **_fitted(found.fit),
+                "file": output,
+            }
+        )
+    else:
+        click.echo(found.report(correlation))
+        if output:
+            click.echo(f"written: {output}")
+    ctx.exit(1 if is_forbidden(found.fit.remarks) else 0)
+
+
+def run_join(fits, method, as_json) -> None:
+    """Perform the command ``join``."""
+    found = join_fits([open_fit(file) for file in fits], method)
+    if as_json:
+        print_json(
+            {
+                **found.estimates.attrs,
+                **_numbers(found.estimates),
+                "remarks": remarks_to_json(found.remarks),
+            }
+        )
+        return
+    click.echo(found.report())
+
+
+def run_partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_json) -> None:
+    """Perform the command ``partition``."""
+    edges = {name: _edges(name, text) for name, text in conditions}
+    manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
+    with show_progress(f"estimate {model_text} bin by bin"):
+        found = fit_bins(RegressionModel.parse(model_text), manoeuvres, edges)
+    if as_json:
+        e = found.estimates
+        bins = [
+            {str(name): e[name].values[k] for name in e.data_vars if e[name].dims == ("bin",)}
+            | {
+                "estimate": e["estimate"].values[k],
+                "stderr": e["stderr"].values[k],
+                "refused": found.refused.get(k, ""),
+            }
+            for k in range(e.sizes["bin"])
+        ]
+        print_json({"model": str(found.model), "terms": e["term"].values, "bins": bins})
+        return
+    click.echo(found.report())
+
+
+def run_inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) -> None:
+    """Perform the command ``inertia``."""
+    parsed = {model.coefficient: model for model in map(RegressionModel.parse, models)}
+    parts = [
+        part
+        for path in paths
+        for states in [open_states(path)]
+        for part in [select_time(states, *w) for w in windows] or [states]
+    ]
+    with show_progress("estimate moments of inertia"):
+        found = inertia_from_flight(parts, read_aircraft(aircraft_file), parsed, scale, cutoff)
+    if as_json:
+        print_json(
+            {
+                **found.estimates.attrs,
+                **_numbers(found.estimates),
+                "remarks": remarks_to_json(found.remarks),
+            }
+        )
+    else:
+        click.echo(found.report())
+    ctx.exit(1 if is_forbidden(found.remarks) else 0)
+
+
+def run_tabulate(fits, database_file, held, way, unplaced, output, as_json) -> None:
+    """Perform the command ``tabulate``."""
+    prior = aerodb.open(database_file)
+    given = [
+        fit
+        for path in fits
+        for fit in (read_published(path) if path.lower().endswith(".csv") else [open_fit(path)])
+    ]
+    with show_progress(f"join {len(given)} fits with the tables"):
+        join = aerodb.tabulate if way == "tabulate" else aerodb.update.join_submodels
+        found = join(given, prior, held, unplaced=unplaced)
+    aerodb.save(aerodb.replace_terms(prior, found, note="identified from flight"), output)
+    report = found.report
+    points = found.points.reset_index()
+    if as_json:
+        terms = {str(name): row.to_dict() for name, row in report.iterrows()}
+        compatibility, lost = found.compatibility.reset_index(), found.unplaced.reset_index()
+        print_json(
+            {
+                "terms": terms,
+                "fits": points,
+                "compatibility": compatibility,
+                "unplaced": lost,
+                "warnings": list(found.notices),
+                "file": output,
+            }
+        )
+        return
+    formats = [f".{2 if key.startswith('ratio') else 0}f" for key in _TABULATED]
+    rows = [
+        (name, *(f"{row[key]:{form}}" for key, form in zip(_TABULATED, formats)), row["decision"])
+        for name, row in report.iterrows()
+    ]
+    print_table(["term", *_TABULATED.values(), "decision"], rows, right=list(_TABULATED.values()))
+    click.echo()
+    rows = [
+        (
+            row.coefficient,
+            row.fit,
+            f"{row.rms_prior:.4g}",
+            f"{row.rms:.4g}",
+            f"{row.distance:.1f}",
+            "suspect" if row.suspect else "",
+        )
+        for row in points.itertuples()
+    ]
+    columns = ["coefficient", "fit", "rms before", "rms after", "distance", ""]
+    print_table(
+        columns, rows, "Measured less tables", right=["rms before", "rms after", "distance"]
+    )
+    if len(found.unplaced):
+        click.echo()
+        rows = [
+            (
+                coefficient,
+                fit,
+                row.term,
+                f"{row.estimate:.4g}",
+                f"{row.stderr:.2g}",
+                f"{row.t:.1f}",
+                row.reason,
+            )
+            for (coefficient, fit), row in zip(
+                found.unplaced.index, found.unplaced.itertuples(index=False), strict=True
+            )
+        ]
+        columns = ["coefficient", "fit", "term", "estimate", "stderr", "t", "reason"]
+        print_table(
+            columns,
+            rows,
+            "Terms without a place in the database",
+            right=["estimate", "stderr", "t"],
+        )
+    click.echo(f"\nwritten: {output}")
+
+
+def _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()) -> list:
+    """Coefficients along all windows of all paths, path by path; a path takes `windows` and its
+    own.
+    """
+
+    names = [Path(path).stem for path in paths]
+    own: dict[str, list[tuple[float, float]]] = {}
+    for name, start, stop in own_windows:
+        if names.count(name) != 1:
+            raise UnknownName(
+                name,
+                names,
+                "path",
+                "--window-of names one of the paths by its file without extension",
+            )
+        own.setdefault(name, []).append((start, stop))
+    if own and not windows and (without := [name for name in names if name not in own]):
+        raise SchemaError(
+            "windows",
+            [
+                f"{name}: no window; give --window-of {name}, or leave the path out"
+                for name in without
+            ],
+        )
+    aircraft = read_aircraft(aircraft_file)
+    found, labels = [], []
+    with show_progress(f"coefficients along {len(paths)} path{'s' if len(paths) > 1 else ''}"):
+        for path, name in zip(paths, names, strict=True):
+            data = coefficients(open_path(path), aircraft, dict(errors), cutoff)
+            parts = [select_time(data, *window) for window in (*windows, *own.get(name, ()))] or [
+                data
+            ]
+            found += parts
+            labels += [Path(path).name] * len(parts)
+    report_faults(found, labels, known=("excitation",))
+    return found
+
+
+def _fit(model, manoeuvres, band, intercepts, weights, ridge):
+
+    if band is None:
+        return regress(model, manoeuvres, intercepts=intercepts, weights=weights, ridge=ridge)
+    if weights != "equal":
+        raise SchemaError(
+            "flight identify", ["--weights goes with a fit in time; leave out --band"]
+        )
+    return regress_frequency(model, manoeuvres, band, intercepts=intercepts, ridge=ridge)
+
+
+def _ridge(text: str) -> float | str:
+
+    try:
+        return text if text == "auto" else float(text)
+    except ValueError:
+        raise SchemaError(
+            "flight identify", [f"--ridge is {text!r}; expected a number or auto"]
+        ) from None
+
+
+def _edges(name: str, text: str) -> list[float]:
+    """Numbers with one unit at the end, or in SI."""
+
+    words, units = text.split(), lookup(name).units
+    try:
+        float(words[-1])
+    except ValueError:
+        unit = words.pop()
+    except IndexError:
+        raise SchemaError(
+            "flight partition",
+            [f"no edges of {name}; expected numbers and a unit, as '0 5 10 deg'"],
+        ) from None
+    else:
+        unit = units
+    try:
+        return [float(to_si(float(word), unit, units)) for word in words]
+    except ValueError:
+        raise SchemaError(
+            "flight partition",
+            [f"edges of {name} are {text!r}; expected numbers and a unit, as '0 5 10 deg'"],
+        ) from None
+
+
+def _fitted(fit) -> dict:
+    """A fit as a document."""
+    return {
+        "model": str(fit.model),
+        **fit.estimates.attrs,
+        **_numbers(fit.estimates),
+        "remarks": remarks_to_json(fit.remarks),
+    }
+
+
+def _numbers(e) -> dict:
+    """Estimates by term, and their covariance."""
+    columns = [str(name) for name, item in e.data_vars.items() if item.dims == ("term",)]
+    terms = {
+        str(term): {name: float(e[name].values[k]) for name in columns}
+        for k, term in enumerate(e["term"].values)
+    }
+    return {"terms": terms, "covariance": e["covariance"].values}
+
+
+def _show(fit, remarks, correlation: bool) -> None:
+
+    e = fit.estimates
+    shown = {
+        "estimate": "estimate",
+        "stderr": "std error",
+        "low": "95 % low",
+        "high": "high",
+        "stderr_white": "if white",
+    }
+    shown |= {"stderr_systematic": "systematic", "t": "t", "p_value": "p", "vif": "VIF"}
+    rows = [
+        (str(term), *(_cell(float(e[name].sel(term=term))) for name in shown))
+        for term in e["term"].values
+    ]
+    title = (
+        f"{fit.model}   {e.attrs['samples']} samples, R2 {e.attrs['R2']:.4f}, residual rms "
+        f"{e.attrs['residual_rms']:.3g}"
+    )
+    if e.attrs["domain"] == "frequency":
+        title += f", {e.attrs['frequencies']} frequencies in {e.attrs['band']} Hz"
+    print_table(["term", *shown.values()], rows, title, right=list(shown.values()))
+    for line in [
+        *slope_test_lines(e.attrs),
+        *(correlation_lines(e) if correlation else []),
+        *remark_lines(remarks),
+    ]:
+        click.echo(line)
+
+
+def _cell(value: float) -> str:
+    return "-" if value != value else f"{value:.4g}"

@@ -1,0 +1,360 @@
+"""Functions that perform the commands of `flighttest.cli.special_tests`."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import pandas as pd
+
+from flightmech.errors import AeromatchWarning, SchemaError
+from flightmech.support.atomic_write import written_atomically
+from flightmech.support.console import (
+    print_json,
+    print_table,
+    show_progress,
+)
+from flighttest.records.files import save_record
+from flighttest.regression.combining.pooling import pool_fits
+from flighttest.regression.equation_error.fit import save_fit
+from flighttest.regression.equation_error.frequency_domain import regress_frequency
+from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.regression.equation_error.time_domain import regress
+from flighttest.regression.model_structure.candidates import monomials
+from flighttest.regression.model_structure.search import select_stepwise
+from flighttest.special_tests.motion_capture import (
+    motion_record,
+    poses,
+    read_marker_setup,
+    read_markers,
+    smooth_motion,
+)
+from flighttest.special_tests.multibody.extraction import air_loads, draw_wing_models
+from flighttest.special_tests.multibody.motion_fit import fit_tree_motion
+from flighttest.special_tests.multibody.vehicle import read_flight, read_vehicle
+from flighttest.special_tests.wind_tunnel.balance import read_setup
+from flighttest.special_tests.wind_tunnel.reduction import (
+    balance_coefficients,
+    draw_surfaces,
+    without_nuisance,
+)
+
+
+def coefficient_fits(
+    models: Sequence[Any], selected: Sequence[str], candidates: Sequence[str], rule: Mapping[str, Any], band: Any, weights: str, name: str,
+    prepared: Callable[[Any], Sequence[Any]],
+) -> tuple[list[Any], list[Any]]:  # fmt: skip
+    """Return the fits in time, and those in frequency where a band is given.
+
+    `rule` is that of `select_stepwise`, with ``domain``; `prepared` gives the data for the fit of a
+    model.
+    """
+
+    how = {key: value for key, value in rule.items() if key != "domain"}
+    if rule["domain"] == "frequency":
+        if not band:
+            raise click.UsageError("--select-in frequency needs --band LOW HIGH [Hz]")
+        how |= {"band": band, "weights": weights}
+    wanted = list(models)
+    for one in selected:
+        wanted.append(
+            select_stepwise(
+                one, candidates, prepared(RegressionModel(one, candidates)), name=name, **how
+            ).fit.model
+        )
+    fits, spectral = [], []
+    for model in wanted:
+        clean = prepared(model)
+        fits.append(regress(model, clean, name=name))
+        if band:
+            spectral.append(regress_frequency(model, clean, band, name=name, weights=weights))
+    return fits, spectral
+
+
+def candidates_of(candidates: str, over: str, order: int) -> list[str]:
+    """Return the terms to choose from: those of ``--candidates``, else all products of ``--over``."""
+
+    return candidates.split() or monomials(over.split(), order)
+
+
+def averages_of(fits: Sequence[Any], spectral: Sequence[Any]) -> list[Any]:
+    """Return the averages of time and frequency with weights 1/s, one table per coefficient."""
+
+    return [pool_fits(pair, "inverse_sigma") for pair in zip(fits, spectral)]
+
+
+def save_fits(fits: Sequence[Any], folder: str | Path) -> None:
+    """Write a file per coefficient."""
+
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    for fit in fits:
+        save_fit(fit, Path(folder) / f"{fit.model.coefficient}.nc")
+
+
+def as_rows(fits: Sequence[Any], averages: Sequence[Any]) -> dict[str, Any]:
+    """Return the fits for a JSON document."""
+    rows = {
+        fit.model.coefficient: fit.estimates[["estimate", "stderr"]].to_dataframe().to_dict("index")
+        for fit in fits
+    }
+    return {
+        "fits": rows,
+        "averages": {
+            fit.model.coefficient: one.to_dict("index") for fit, one in zip(fits, averages)
+        },
+    }
+
+
+def print_fits(fits: Sequence[Any], spectral: Sequence[Any], averages: Sequence[Any]) -> None:
+    """Print reports, and time next to frequency."""
+    for k, fit in enumerate(fits):
+        click.echo(fit.report())
+        click.echo()
+        if spectral:
+            cells = []
+            for term, row in averages[k].iterrows():
+                own = [
+                    float(one.estimates[key].sel(term=term))
+                    for one in (fit, spectral[k])
+                    for key in ("estimate", "stderr")
+                ]
+                numbers = [f"{x:.4f}" for x in (*own, row["value"], row["stderr"])]
+                cells.append((str(term), *numbers, "contradictory" if row["contradictory"] else ""))
+            heads = [
+                "term",
+                "time",
+                "std. error",
+                "frequency",
+                "std. error ",
+                "average 1/s",
+                "std. error  ",
+            ]
+            print_table([*heads, ""], cells, right=heads[1:])
+            click.echo()
+
+
+def run_markers(recording, setup_file, multiples, output, as_json) -> None:
+    """Perform the command ``markers``."""
+    setup = read_marker_setup(setup_file)
+    cutoff = (setup.multiples if multiples is None else multiples) * setup.flapping_frequency
+    with show_progress("fit the bodies to their markers"):
+        positions = read_markers(recording, setup)
+        found = {name: poses(positions, places, setup.noise) for name, places in setup.body.items()}
+        moved = {name: smooth_motion(pose, cutoff) for name, pose in found.items()}
+    save_record(motion_record(moved, Path(recording).stem), output)
+    facts = {
+        name: {
+            "frames": int(pose.sizes["time"]), "without_pose": int(pose["r"].isnull().any("axis").sum()), "noise": pose.attrs["noise"],
+            "stderr": {key: moved[name][key].attrs["stderr"] for key in ("h", "vd", "az", "theta", "q", "q_dot")},
+        }
+        for name, pose in found.items()
+    }  # fmt: skip
+    if as_json:
+        print_json({"bodies": facts, "cutoff": cutoff, "file": output})
+        return
+    rows = [
+        (
+            name,
+            str(one["frames"]),
+            str(one["without_pose"]),
+            f"{1e3 * one['noise']:.3g}",
+            *(f"{x:.2g}" for x in one["stderr"].values()),
+        )
+        for name, one in facts.items()
+    ]
+    heads = [
+        "body",
+        "frames",
+        "without pose",
+        "noise [mm]",
+        "h [m]",
+        "vd [m/s]",
+        "az [m/s2]",
+        "theta [rad]",
+        "q [rad/s]",
+        "q_dot [rad/s2]",
+    ]
+    print_table(heads, rows, f"standard errors, cut-off {cutoff:g} Hz", right=heads[1:])
+    click.echo(f"\nwritten: {output}")
+
+
+def run_balance(
+    points,
+    setup_file,
+    models,
+    selected,
+    candidates,
+    over,
+    order,
+    gain,
+    enter,
+    band,
+    domain,
+    weights,
+    figure,
+    output,
+    as_json,
+) -> None:
+    """Perform the command ``balance``."""
+    if not models and not selected:
+        raise SchemaError(
+            "flight balance", ["nothing to fit; give --model 'CL = 1 + alpha' or --select CL"]
+        )
+    setup = read_setup(setup_file)
+    with show_progress("reduce the points"):
+        data = [balance_coefficients(path, setup) for path in points]
+    wanted = [RegressionModel.parse(text) for text in models]
+    with show_progress("fit the coefficients"):
+        fits, spectral = coefficient_fits(
+            wanted,
+            selected,
+            candidates_of(candidates, over, order),
+            {"gain": gain, "enter": enter, "domain": domain},
+            band,
+            weights,
+            Path(points[0]).stem,
+            lambda model: without_nuisance(data, model, setup),
+        )
+    if figure:
+        draw_surfaces(fits, figure)
+    if output:
+        save_fits(fits, output)
+    averages = averages_of(fits, spectral)
+    if as_json:
+        print_json({**as_rows(fits, averages), "folder": output})
+        return
+    print_fits(fits, spectral, averages)
+    if output:
+        click.echo(f"written: {len(fits)} fits in {output}")
+
+
+_STATES = ("V", "u", "w", "q")
+
+
+def run_multibody(
+    recordings,
+    vehicle_file,
+    models,
+    selected,
+    candidates,
+    over,
+    order,
+    gain,
+    enter,
+    band,
+    domain,
+    weights,
+    predict,
+    figure,
+    output,
+    as_json,
+) -> None:
+    """Perform the command ``multibody``."""
+    vehicle = read_vehicle(vehicle_file)
+    wanted = [RegressionModel.parse(text) for text in models]
+    data = {}
+    for path in dict.fromkeys([*recordings, *([predict] if predict else [])]):
+        with show_progress(f"fit the bodies to the markers of {Path(path).name}"):
+            positions, commands = read_flight(path, vehicle)
+            data[path] = air_loads(fit_tree_motion(vehicle, positions), commands)
+            data[path].attrs["record"] = Path(path).stem
+    fitted = [data[path] for path in recordings]
+    with show_progress("fit the coefficients"):
+        fits, spectral = coefficient_fits(
+            wanted,
+            selected,
+            candidates_of(candidates, over, order),
+            {"gain": gain, "enter": enter, "domain": domain},
+            band,
+            weights,
+            Path(recordings[0]).stem,
+            lambda model: fitted,
+        )
+    averages = averages_of(fits, spectral)
+    tests = {}
+    if predict:
+        for fit in fits:
+            name = fit.model.coefficient
+            with warnings.catch_warnings():
+                warnings.simplefilter(
+                    "ignore", AeromatchWarning
+                )  # the range left is in the report of the fit's own use
+                rest = data[predict][name].values - fit.predict(data[predict])[name].values
+            spread = data[predict][name].values - data[predict][name].values.mean()
+            tests[name] = {
+                "R2": float(1.0 - (rest**2).sum() / (spread**2).sum()),
+                "rms": float(np.sqrt(np.mean(rest**2))),
+            }
+    if figure and fits:
+        draw_wing_models(fits, data[predict or recordings[-1]], figure)
+    if output:
+        Path(output).mkdir(parents=True, exist_ok=True)
+        for path, one in data.items():
+            named = one[
+                [
+                    name
+                    for name in map(str, one.data_vars)
+                    if one[name].dims == ("time",) and "stderr" in one[name].attrs
+                ]
+            ]
+            save_record(
+                motion_record({vehicle.base: named}, Path(path).stem),
+                Path(output) / f"{Path(path).stem}.nc",
+            )
+            _save_loads(one, Path(output) / f"{Path(path).stem}_loads.csv")
+        save_fits(fits, output)
+    facts = {
+        Path(path).stem: {
+            "samples": one.sizes["time"], "noise": one.attrs["noise"], **{name: one[name].attrs["stderr"] for name in _STATES},
+            **{name: float(np.sqrt(np.mean(one[f"{name}_stderr"].values ** 2))) for name in ("CL", "CD")},
+        }
+        for path, one in data.items()
+    }  # fmt: skip
+    if as_json:
+        print_json(
+            {"records": facts, **as_rows(fits, averages), "predicted": tests, "folder": output}
+        )
+        return
+    rows = [
+        (name, *(f"{x:.3g}" if key != "samples" else str(x) for key, x in one.items()))
+        for name, one in facts.items()
+    ]
+    heads = [
+        "record",
+        "samples",
+        "noise [m]",
+        "V [m/s]",
+        "u [m/s]",
+        "w [m/s]",
+        "q [rad/s]",
+        "CL",
+        "CD",
+    ]
+    print_table(
+        heads, rows, f"standard errors, cut-off {vehicle.markers.cutoff:g} Hz", right=heads[1:]
+    )
+    click.echo()
+    print_fits(fits, spectral, averages)
+    for name, test in tests.items():
+        click.echo(
+            f"predicted {Path(predict).stem}: {name} R2 {test['R2']:.3f}, rms {test['rms']:.3g}"
+        )
+    if output:
+        click.echo(f"written: {len(data)} records and {len(fits)} fits in {output}")
+
+
+def _save_loads(data: Any, path: Path) -> None:
+    """Write air loads with their standard errors and the part of the known surfaces as CSV."""
+
+    columns = {"time": data["time"].values}
+    for pattern, part in (("{}", "load"), ("{}_stderr", "load_stderr"), ("known_{}", "known")):
+        columns |= {
+            pattern.format(name): data[part].sel(component=name).values
+            for name in data["component"].values
+        }
+    with written_atomically(path) as unfinished:
+        pd.DataFrame(columns).to_csv(unfinished, index=False)

@@ -1,0 +1,341 @@
+"""Functions that perform the commands of `flighttest.cli.submodels`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import h5py
+import numpy as np
+import xarray as xr
+
+import aerodb
+from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.engine_deck import open_tables
+from flightmech.aircraft.writing import write_aircraft
+from flightmech.errors import SchemaError
+from flightmech.support.console import print_json, show_progress
+from flighttest.cli.submodels import _MODELS
+from flighttest.reconstruction.dynamics.force_coefficients import coefficients
+from flighttest.reconstruction.dynamics.saved_paths import open_path, open_states
+from flighttest.reconstruction.flight_programme import open_biases
+from flighttest.records.record import manoeuvres, read
+from flighttest.records.sensors.instruments import pick_up_errors
+from flighttest.records.signals.conditioning import cut
+from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.submodels.actuators.identification import identify_actuator, read_bench_log
+from flighttest.submodels.actuators.result import draw_actuator
+from flighttest.submodels.control_loading.identification import identify_control_loading
+from flighttest.submodels.control_loading.loading import ControlLoading, loading_of
+from flighttest.submodels.control_loading.motion import driven_and_free
+from flighttest.submodels.control_loading.result import replace_hinge_moments
+from flighttest.submodels.engine.records import engine_channels, read_points
+from flighttest.submodels.engine.result import comparison_text, identify_engine
+from flighttest.submodels.engine.static_thrust import Polar
+from flighttest.submodels.engine.tables import EngineStructure, read_structure
+from flighttest.submodels.ground_effect.identification import identify_ground_effect
+from flighttest.submodels.ground_effect.result import replace_ground_effect
+from flighttest.submodels.landing_gear.identification import identify_landing_gear
+from flighttest.submodels.landing_gear.reconstructed_loads import GroundRecord
+
+
+def run_actuator(
+    logs,
+    command_column,
+    position,
+    rate,
+    torque,
+    gear,
+    held,
+    no_delay,
+    no_limits,
+    band,
+    inertia,
+    inertia_stderr,
+    channel,
+    figure,
+    as_json,
+) -> None:
+    """Perform the command ``actuator``."""
+    given = {"command": command_column, "position": position, "rate": rate, "torque": torque}
+    columns = {name: column for name, column in given.items() if column}
+    with show_progress(f"read {len(logs)} log{'s' if len(logs) > 1 else ''}"):
+        records = [read_bench_log(path, columns) for path in logs]
+    with show_progress("identify the actuator"):
+        found = identify_actuator(records, gear, not no_limits, not no_delay, held, band)
+    if figure:
+        draw_actuator(found, figure)
+    absolute = found.with_inertia(inertia, inertia_stderr) if inertia is not None else {}
+    servo = found.structure.stiffness
+    entry = (
+        found.channel(channel, (command_column or "command").partition("[")[0].strip())
+        if servo
+        else ""
+    )
+    if as_json:
+        more = {
+            "with_inertia": {name: vars(value) for name, value in absolute.items()},
+            "channel": entry,
+            "figure": figure,
+        }
+        print_json(found.as_dict() | more)
+        return
+    click.echo(found.report())
+    if absolute:
+        click.echo("\nwith the known inertia:")
+        for name, value in absolute.items():
+            click.echo(f"  {name:4s} {value}")
+    if entry:
+        click.echo(f"\nin the name map of a flight log that records the command:\n\n{entry}")
+    if figure:
+        click.echo(f"\nwritten: {figure}")
+
+
+def run_controls(
+    paths,
+    free_files,
+    records,
+    free_names,
+    prior,
+    aircraft_file,
+    item,
+    model,
+    constants,
+    arm,
+    order,
+    output,
+    database_file,
+    into,
+    as_json,
+) -> None:
+    """Perform the command ``controls``."""
+    pairs = {
+        "--database and --into": (database_file, into),
+        "--records and --free-manoeuvre": (records, free_names),
+    }
+    problems = [
+        f"{names} go together; give both or none"
+        for names, (a, b) in pairs.items()
+        if bool(a) != bool(b)
+    ]
+    aircraft = read_aircraft(aircraft_file)
+    if prior is not None and item not in aircraft.circuits:
+        problems.append(f"--prior needs [circuit.{item}] in {aircraft_file}; it is missing")
+    if problems:
+        raise SchemaError("flight controls", problems)
+    loading: ControlLoading = loading_of(aircraft, item, model, constants, arm)
+    states, free = ([open_states(path) for path in group] for group in (paths, free_files))
+    if records:
+        divided = [
+            _divided(one, Path(records) / Path(path).name, free_names)
+            for one, path in zip(states, paths)
+        ]
+        states, free = (
+            [x for driven, _ in divided for x in driven],
+            [*free, *(x for _, own in divided for x in own)],
+        )
+    drawings = (
+        {} if prior is None else {"drawings": aircraft.circuits[item], "drawings_error": prior}
+    )
+    with show_progress(f"identify the loading of the {item}"):
+        found = identify_control_loading(
+            loading,
+            states,
+            free,
+            int(order),
+            errors=pick_up_errors(aircraft.instruments),
+            **drawings,
+        )
+    if output:
+        write_aircraft(found.aircraft(aircraft), Path(output))
+    if into:
+        aerodb.save(replace_hinge_moments(aerodb.open(database_file), found), into)
+    if as_json:
+        rows = {str(name): found.value(str(name)) for name in found.estimates["term"].values}
+        totals = {
+            name: found.total(name)
+            for name in ("friction", "damping", "mass")
+            if name in loading.constants
+        }
+        print_json(
+            {
+                "item": item,
+                "order": found.order,
+                "estimates": rows,
+                "both_ends": totals,
+                "collinear": found.collinear,
+                "file": output,
+            }
+        )
+        return
+    click.echo(found.report())
+    for file in filter(None, (output, into)):
+        click.echo(f"written: {file}")
+
+
+def _divided(states, record: Path, free_names) -> tuple[list, list]:
+    """Stretches of a record that are driven, and its free motion; a record without such a manoeuvre
+    is driven.
+    """
+
+    with xr.open_datatree(record, engine="h5netcdf", decode_timedelta=False) as tree:
+        listed = manoeuvres(tree)
+    return (
+        driven_and_free(states, listed, free_names)
+        if set(free_names) & set(listed["manoeuvre"])
+        else ([states], [])
+    )
+
+
+def run_engine(
+    power_changes, names, whole, structure_file, compared, starts, points_file, climbs_file, prior_file, polar, polar_stderr, area, numbers,
+    pla, rate, output, as_json,
+):  # fmt: skip
+    """Perform the command ``engine``."""
+    angles = tuple(np.radians(pla)) if pla else None
+    structure = read_structure(structure_file) if structure_file else EngineStructure()
+
+    def channels(path: str):
+        record = read(path, names)
+        clocks = [leaf.to_dataset()["time"].values for leaf in record.children.values()]
+        begin, end = (
+            max(float(clock[0]) for clock in clocks),
+            min(float(clock[-1]) for clock in clocks),
+        )
+        return engine_channels(
+            cut(record, begin, end, rate=rate), numbers, angles, structure.height
+        ).assign_attrs(record=Path(path).stem)
+
+    with show_progress("read the records of the engine"):
+        flown = [channels(path) for path in power_changes]
+        started = [channels(path) for path in starts]
+    with show_progress("identify the engine"):
+        found = identify_engine(
+            () if whole else flown,
+            started,
+            read_points(points_file) if points_file else None,
+            read_points(climbs_file) if climbs_file else None,
+            _tables(Path(prior_file)) if prior_file else None,
+            Polar(*polar, *polar_stderr) if polar else None,
+            area,
+            len(numbers),
+            flights=flown if whole else (),
+            **structure.keywords(),
+        )
+    entry = found.write(output, angles or (0.0, 1.0)) if output else None
+    other = [channels(path) for path in compared]
+    against = (
+        found.compare([*(flown if whole else ()), *other], angles or (0.0, 1.0))
+        if whole or other
+        else None
+    )
+    if as_json:
+        rows = against.to_dataframe().to_dict("index") if against is not None else {}
+        print_json(found.as_dict() | {"file": output, "compared": rows})
+        return
+    click.echo(found.report())
+    if against is not None:
+        click.echo(f"\n{comparison_text(against)}")
+    if entry:
+        click.echo(f"\nwritten: {output}; in the aircraft file, below [[engine]]:\n\n{entry}")
+
+
+def _tables(path: Path):
+    """Tables of an a-priori deck."""
+
+    if path.suffix != ".toml":
+        return open_tables(path)
+    engines = read_aircraft(path).engines
+    if not engines or engines[0].deck is None:
+        raise click.UsageError(
+            f"{path}: the first engine has no deck; give a deck file, or an aircraft with "
+            f"[engine.deck]"
+        )
+    return dict(engines[0].deck.tables)
+
+
+def run_gear(paths, aircraft_file, database_file, errors, flown, output, as_json) -> None:
+    """Perform the command ``gear``."""
+    aircraft = read_aircraft(aircraft_file)
+    records = [
+        GroundRecord(open_states(path), open_biases(path) if _reconstructed(path) else None)
+        for path in paths
+    ]
+    database = aerodb.open(database_file) if database_file else None
+    with show_progress(f"identify the landing gear from {len(records)} paths"):
+        found = identify_landing_gear(records, aircraft, database, dict(errors), flown=flown)
+    if output:
+        write_aircraft(found.aircraft(aircraft), Path(output))
+    if as_json:
+        print_json(found.as_dict() | {"file": output})
+        return
+    click.echo(found.report())
+    if output:
+        click.echo(f"written: {output}")
+
+
+def _reconstructed(path: str) -> bool:
+    """Whether a file of states also holds the constants of a reconstruction."""
+
+    with h5py.File(path) as file:
+        return "biases" in file
+
+
+def ground_effect(
+    paths,
+    aircraft_file,
+    models,
+    ground,
+    database_file,
+    hold,
+    cutoff,
+    heights,
+    output,
+    tables,
+    as_json,
+) -> None:
+    """Perform the command ``ground-effect``."""
+    if (hold or output) and not database_file:
+        raise SchemaError(
+            "flight ground-effect", ["--hold and -o need a database; give --database"]
+        )
+    aircraft = read_aircraft(aircraft_file)
+    database = aerodb.open(database_file) if database_file else None
+    with show_progress(f"coefficients along {len(paths)} paths"):
+        data = [coefficients(open_path(path), aircraft, cutoff=cutoff) for path in paths]
+    changed = {model.coefficient: model.terms for model in map(RegressionModel.parse, ground)}
+    names = [Path(path).name for path in paths]
+    with show_progress("identify the ground effect"):
+        found = identify_ground_effect(
+            [RegressionModel.parse(text) for text in models or _MODELS],
+            data,
+            changed,
+            database,
+            hold,
+            names,
+        )
+    if output and database is not None:
+        aerodb.save(replace_ground_effect(database, found, tables), output)
+    if as_json:
+        print_json({**_as_dict(found), "file": output})
+        return
+    click.echo(found.report(heights))
+    if output:
+        click.echo(f"written: {output}")
+
+
+def _as_dict(found) -> dict:
+    """The result as a document."""
+    return {
+        "held": found.held,
+        "not_identified": found.not_identified,
+        "coefficients": {
+            name: {
+                "form": one.form,
+                "heights": one.heights,
+                "terms": [row._asdict() for row in one.rows()],
+                "evidence": one.evidence.to_dict("index"),
+            }
+            for name, one in found.coefficients.items()
+        },
+    }
