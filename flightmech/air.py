@@ -3,7 +3,7 @@
 The atmosphere is the US Standard Atmosphere 1976 below 84.852 km of geopotential height, with the
 constants of ISO 2533 (R = 287.05287 J kg-1 K-1). A temperature offset applies to all layers, and
 the pressure follows from hydrostatic equilibrium, as in the kernel. Air is a perfect gas with a
-ratio of specific heats of 1.4. Above Mach 1 a normal shock stands before the pitot tube.
+ratio of specific heats of 1.4. Above Mach 1 there is a normal shock in front of the pitot tube.
 
 References
 ----------
@@ -92,7 +92,7 @@ def pressure_altitude(p: ArrayLike) -> np.ndarray:
     T_base, p_base = _layers(0.0, P_SEA)
     layer = np.maximum(np.searchsorted(-p_base, -p, side="left") - 1, 0)
     T, L, ratio = T_base[layer], _GRADIENT[layer], p / p_base[layer]
-    # inverse of _pressure; the formula of a sloped layer divides by zero where L is zero
+    # Inverse of _pressure. The formula of a layer with a gradient divides by zero if L is zero.
     with np.errstate(divide="ignore", invalid="ignore"):
         sloped = T / L * (ratio ** (-R_AIR * L / G0) - 1.0)
     return _BASE[layer] + np.where(L == 0.0, -R_AIR * T / G0 * np.log(ratio), sloped)

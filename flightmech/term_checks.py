@@ -20,7 +20,7 @@ SOURCE_ATTRS = {
     "flag_values": " ".join(map(str, range(len(SOURCES)))),
     "flag_meanings": " ".join(SOURCES),
 }
-# variables of the joint covariance of the nodes; a leaf has all of them or none
+# Variables of the joint covariance of the nodes. A leaf has all of them or none.
 POSTERIOR = ("prior_error", "flown_distance", "posterior_factor", "posterior_sign")
 TABLES = ("value", "K1", "K2")
 MAX_AXES = 4
@@ -226,7 +226,7 @@ def _check_power(attributes: Mapping[Any, Any]) -> list[str]:
 
 
 def _is_numeric(table: xr.DataArray | xr.Variable) -> bool:
-    # signed and unsigned integers, and floating-point numbers; not bool, not complex
+    # signed and unsigned integers, and floating-point numbers, but not bool and complex
     return table.dtype.kind in "iuf"
 
 

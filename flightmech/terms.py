@@ -17,7 +17,7 @@ The contribution is not linear in the exponent, but it remains linear in the nod
 A leaf is an ``xarray.Dataset``:
 
 ==============  ====================================================================================
-``value``       the table; its dimensions are axes, their coordinates the breakpoints (rising)
+``value``       the table. Its dimensions are axes, their coordinates are rising breakpoints
 ``K1``, ``K2``  optional factor tables, over other axes
 ``stderr``      optional, shape of ``value``: standard error of each node
 ``source``      optional, shape of ``value``: 0 datcom, 1 flight, 2 judgement
@@ -101,7 +101,7 @@ def make_term(
     Parameters
     ----------
     value : array
-        Node values; dimension order as `axes`. [1, or per unit of the regressors]
+        Node values, with the dimensions in the order of `axes`. [1, or per unit of the regressors]
     axes : mapping of str to array, optional
         Rising breakpoints of each axis, a quantity of the vocabulary. [SI]
     regressors : sequence of str

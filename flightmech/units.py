@@ -26,8 +26,8 @@ DEGREE = math.pi / 180.0
 # pressure of a metre of mercury at 0 degC [Pa m-1]
 MERCURY = 13595.1 * G0
 
-# by unit: dimension as powers of (m, kg, s, K), and factor to SI; angles and fractions are pure
-# numbers
+# By unit: dimension as powers of (m, kg, s, K), and factor to SI. Angles and fractions are pure
+# numbers.
 _BASE: dict[str, tuple[tuple[int, int, int, int], float]] = {
     "1": ((0, 0, 0, 0), 1.0),
     "%": ((0, 0, 0, 0), 0.01),
@@ -133,7 +133,7 @@ _COMPACT = {
     **dict.fromkeys(("ftlb", "lbft", "ftlbf", "lbfft", "ftlbs", "lbsft"), "lbf ft"),
     **dict.fromkeys(("inlb", "lbin", "inlbf", "lbfin", "inlbs"), "lbf in"),
 }
-# Ambiguous spellings are errors; the message lists the meanings.
+# Ambiguous spellings are errors. The message lists the meanings.
 _AMBIGUOUS = {"KN": "kN or kt"}
 # misspelt units for which an error suggests the unit
 _MISSPELT = {"knott": "kt", "inche": "in", "kilo": "kg", "kmp": "km", "c": "degC", "n": "N"}

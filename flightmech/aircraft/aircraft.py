@@ -372,7 +372,9 @@ class _AircraftFile(_NumberOrText):
         # moments and products of a body with mass have a positive definite tensor
         tensor = inertia_tensor(self)
         if not (np.linalg.eigvalsh(tensor) > 0.0).all():
-            raise ValueError("moments and products of inertia make no positive definite tensor")
+            raise ValueError(
+                "the inertia tensor is not positive definite; check moments and products of inertia"
+            )
         return self
 
 

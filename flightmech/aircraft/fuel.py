@@ -78,7 +78,7 @@ class Fuel:
     position : tuple of float (3,)
         Position of the fuel as a mass point, body axes, from the moment reference point. [m]
     tables : mapping of str to Dataset
-        Moments in addition to those of `position`, as term leaves over ``fuel``: first moments
+        Moments in addition to the mass at `position`, as term leaves over ``fuel``: first moments
         `MOMENTS` [kg m] and second moments `INERTIAS` [kg m2] about the moment reference point. The
         products are the integrals of xy dm and so on.
     """

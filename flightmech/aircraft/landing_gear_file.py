@@ -338,7 +338,7 @@ def gear_of(table: GearTable, problems: list[str]) -> LandingGear:
 
 def _make_contact(item: ContactTable, problems: list[str]) -> Contact:
     values = dict(item)
-    # the outward properties are those inwards by default
+    # the default of an outward property is the inward property
     if item.damping_ext is None:
         values["damping_ext"] = item.damping
     if item.orifice_ext is None:

@@ -37,7 +37,7 @@ from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.terms import SOURCES, list_regressors
 
-# powers of the base units in each unit; a temperature does not change
+# Powers of the base units in each unit. A temperature does not change.
 _BASE_UNITS: dict[str, tuple[tuple[str, int], ...]] = {
     "m": (("m", 1),),
     "kg": (("kg", 1),),

@@ -151,7 +151,7 @@ def columns_with_count(data: Any) -> tuple[Mapping[Any, Any], int]:
         No DataArray is formed of the columns of a Dataset.
     """
     if hasattr(data, "variables"):
-        # the dimension of common errors can be longer than that of few samples
+        # the dimension of common errors can be longer than a short time axis
         sizes = [size for name, size in data.sizes.items() if name != "error"]
         return data.variables, max(sizes, default=1)
     return data, max(map(np.size, data.values()), default=1)

@@ -110,7 +110,7 @@ def _suggest_files(path: Path) -> str:
             f"there is no folder {str(folder)!r} either; give its path from here, "
             f"{str(Path.cwd())!r}"
         )
-    # 0.7 is stricter than the default of near_names: file names are longer than keys
+    # stricter than the default of near_names, because file names are longer than keys
     near = near_names(path.name, _file_names(folder), 3, cutoff=0.7)
     if near:
         return f"near it: {', '.join(str(folder / name) for name in near)}"
@@ -244,7 +244,7 @@ def print_table(
         Columns that are aligned to the right.
     """
     cells = [list(map(_cell_text, row)) for row in rows]
-    # only a terminal has a width; a file or a pipe gets whole lines
+    # only a terminal has a width, a file or a pipe gets whole lines
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
     lines = _plain_lines(columns, cells, right, width)
     if lines is None:
@@ -314,7 +314,7 @@ def _rich_lines(
         )
     for row in cells:
         sheet.add_row(*map(Text, row))
-    # without a width rich takes that of the terminal
+    # without a width rich uses the width of the terminal
     console = Console(width=None if width is not None else _UNLIMITED)
     with console.capture() as capture:
         console.print(sheet)

@@ -177,7 +177,7 @@ def find_axis_limits(values: np.ndarray, margin: float = 0.0) -> tuple[float, fl
     Parameters
     ----------
     values : array
-        NaN is ignored. Without a finite value the axis is that of the value zero.
+        NaN is ignored. An array without a finite value has the axis of the value zero.
     margin : float
         Additional length at each end, as a fraction of the range of the values.
 
@@ -374,7 +374,7 @@ def _tenths(value: int) -> str:
 def simplify_line(x: np.ndarray, y: np.ndarray, slack: float = SLACK) -> np.ndarray:
     """Return the indices of a simplified line, within `slack` of all points.
 
-    The method is that of Douglas and Peucker. All pieces of the line are divided at once.
+    The method is the algorithm of Douglas and Peucker for all pieces of the line at once.
     """
     is_vertex = np.zeros(len(x), bool)
     is_vertex[[0, -1]] = True

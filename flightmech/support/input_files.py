@@ -111,7 +111,7 @@ def decode_text(
             raise ParseError(
                 file=os.fspath(file),
                 line=raw.count(b"\n", 0, position) + 1,
-                found=f"the byte 0x{raw[position]:02x}, which is no {name}",
+                found=f"the byte 0x{raw[position]:02x}, which is not valid {name}",
                 expected=f"{expected}; save it with the encoding UTF-8",
             ) from None
     if "\0" in text:
@@ -205,7 +205,7 @@ def json_content(text: Any, file: str | os.PathLike[str], what: str) -> Any:
         raise ParseError(os.fspath(file), 0, fault, expected=expected) from None
 
 
-# bytes for the recognition of a file; a listing names its program on the first page
+# Bytes for the recognition of a file. A listing names its program on the first page.
 _HEAD = 65536
 # by first bytes
 _STARTS = {

@@ -25,8 +25,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 class Strict(BaseModel):
     """Base of all models of files. Objects are immutable, and unknown keys are errors."""
 
-    # most models are parts of one that reads a file, or of a file that a command does not read:
-    # each is built when it first reads something
+    # A command uses few of the models, so a validator is built on first use of its model.
     model_config = ConfigDict(
         extra="forbid", frozen=True, arbitrary_types_allowed=True, defer_build=True
     )

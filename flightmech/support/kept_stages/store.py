@@ -1,7 +1,7 @@
 """Folder for results of stages, private to its user, with checksums and a limit of its size.
 
-The layout of the entries is that of `joblib.Memory`, so that joblib can clear them and remove the
-least recently used ones. The entries are pickles, and a pickle can run any program when it is read.
+The entries have the layout of `joblib.Memory`, so that joblib can clear them and remove the least
+recently used ones. The entries are pickles, and a pickle can run any program when it is read.
 Therefore a folder that another user owns or can write to is an error. The default folder is the
 cache of the user, not a folder of a project, which can come from another person.
 """

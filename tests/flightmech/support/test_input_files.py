@@ -43,7 +43,7 @@ HOSTILE = {
     "one in a key": ('"a\\u009b" = 1', r"the control character '\\x9b' at the key"),
     "ISO 8859-1": (
         "name = 'x'\n# Flügel".encode("latin-1"),
-        r"line 2: found the byte 0xfc, which is no UTF-8 \(ISO 8859-1 or",
+        r"line 2: found the byte 0xfc, which is not valid UTF-8 \(ISO 8859-1 or",
     ),
     "UTF-16 without a mark": (
         "S = 1\n".encode("utf-16-le"),
