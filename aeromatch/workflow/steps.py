@@ -1052,16 +1052,16 @@ def _ground_effect(found: Identified, final: Kept[xr.DataTree], stages: Stages) 
         "terms near the ground", taken, lambda: terms_near_ground(project, final.value)
     )
     # by what it holds, not by how it is kept: a change of other coefficients ends here
-    beside = stages.given(near.value)
+    neighbour = stages.given(near.value)
 
     def make() -> Any:
-        return identified_ground_effect(project, Values(found.data), spans, beside.value)
+        return identified_ground_effect(project, Values(found.data), spans, neighbour.value)
 
     return stages.one(
         "ground effect",
         {
             "settings": project.ground_effect,
-            "database": beside,
+            "database": neighbour,
             **_of(spans, "ground_effect.", found.data),
         },
         make,

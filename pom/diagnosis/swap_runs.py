@@ -290,7 +290,7 @@ class SwapBench:
         What was flown, by choice.
     before : dict of str to Judged or None
         What an earlier job flew, by the content of the choice; it is not flown again.  None: nobody
-        asks for contents.
+        needs contents.
     contents : dict of str to frozenset of str
         Choices by all that decides their flights next to case and a-priori model.
     step : float or None
