@@ -156,7 +156,7 @@ def test_another_encoding_of_a_table(tmp_path):
 def test_damaged_utf_16_is_no_other_encoding(tmp_path):
     (tmp_path / "a").write_bytes("ab".encode("utf-16") + b"\0")
     with pytest.raises(
-        ParseError, match="no UTF-16-LE; expected a table; save it with the encoding UTF-8"
+        ParseError, match="not valid UTF-16-LE; expected a table; save it with the encoding UTF-8"
     ):
         read_text(tmp_path / "a", "a table", texts.WESTERN)
 
