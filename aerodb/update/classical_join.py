@@ -15,31 +15,25 @@ times Mach number.  The parameters a are a regression over the test points.  Coe
 the moment reference point, whatever the centre of gravity of the record was.  The centre of gravity
 is therefore not a variable of the regression.  The deviation r is the scatter about the regression
 beyond the errors of the submodels.  It is proportional to the a-priori errors of the tables.  Its
-size makes chi-squared of the submodels equal to its expectation [Paule1982]_.
+size makes chi-squared of the submodels equal to its expectation (Paule and Mandel 1982).
 
 The clean configuration is the base.  Fits without an increment determine the terms without device.
 Their expectation is subtracted from the other fits, which determine the increments of flaps, gear,
 speed brake and ground.  The errors of the base count among the errors of the increments.
 
 Parameters are estimated by least squares with the covariance of each submodel and the a-priori
-errors of the tables (mixed estimation [Theil1961]_).  A parameter that no test point determines
+errors of the tables (mixed estimation, Theil and
+Goldberger 1961).  A parameter that no test point determines
 keeps the handbook value.  If the correction of a term is larger than its a-priori error allows, the
 a-priori error is increased.  Errors common to all fits are considered.  Beyond the flown range of
 incidence and Mach number a table is displaced by the correction at the edge.  Its standard error
 goes back to that of the handbook, times the same factor.
-
-References
-----------
-.. [Theil1961] Theil, Goldberger, On pure and mixed statistical estimation in economics,
-   International Economic Review 2, 1961.
-.. [Paule1982] Paule, Mandel, Consensus values and weighting factors, J. Research of the National
-   Bureau of Standards 87, 1982.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -69,6 +63,7 @@ from aerodb.update.tabulation_report import (
     term_row,
 )
 from aerodb.update.term_decisions import add_decisions
+from aerodb.update.weight_learning import SCATTER, estimate_scatter
 from flightmech import terms as _terms
 from flightmech.errors import IdentificationError
 
@@ -82,10 +77,6 @@ _FADE = 2.0  # of the correlation with the flown region, per correlation length
 _BEND = 0.5  # a-priori size of the parameters of incidence and Mach number, over that of the level
 _HUBER = 2.5  # distance of a fit, in its standard errors, from which on it loses weight
 _ROUNDS = 16  # of factors and weights; the scatter is estimated in the second half
-# Least and largest variance of r over that of the tables a priori.  The least is not zero: curves
-# of few parameters do not describe an aeroplane exactly.
-_SCATTER = (0.003, 4.0)
-_BISECTIONS = 40
 _LEAST_HALF_SPAN = 1e-6  # of a flown range, so that a single flown value does not divide by zero
 
 
@@ -164,17 +155,17 @@ class _Stage:
     chi2: float
 
 
-@dataclass(frozen=True)
+@dataclass
 class _JoinedNodes:
-    """Nodes of a coefficient after all stages; arrays by node, by table, by fit."""
+    """Nodes of a coefficient after the stages so far; arrays by node, by table, by fit."""
 
     value: np.ndarray
     variance: np.ndarray
     factors: np.ndarray
     distance: np.ndarray
     weight: np.ndarray
-    informing: dict[int, list[Observation]]  # fits that determine each table
-    chi2: float
+    informing: dict[int, list[Observation]] = field(default_factory=dict)  # fits of each table
+    chi2: float = 0.0
 
 
 def _join_coefficient(
@@ -240,30 +231,25 @@ def _join_in_stages(
 ) -> _JoinedNodes:
     """Return the nodes after the regression of the base and then of the increments."""
     value = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
-    variance, factors = np.zeros(len(value)), np.ones(len(tables))
-    distance, weight = np.zeros(len(observed)), np.ones(len(observed))
-    informing: dict[int, list[Observation]] = {}
+    joined = _JoinedNodes(
+        value=value,
+        variance=np.zeros(len(value)),
+        factors=np.ones(len(tables)),
+        distance=np.zeros(len(observed)),
+        weight=np.ones(len(observed)),
+    )
     roots: list[np.ndarray] = []
-    chi2 = 0.0
     for fits, members in _order_stages(observed, tables, increments):
         fits_of_stage = [observed[fit] for fit in fits]
-        stage = _fit_stage(fits_of_stage, [tables[k] for k in members], value, roots)
-        value = value + stage.change
-        variance = variance + (stage.root**2).sum(axis=1) + stage.rough**2
-        distance[fits], weight[fits] = stage.distance, stage.weight
-        factors[members] = stage.factors
-        informing |= dict.fromkeys(members, fits_of_stage)
+        stage = _fit_stage(fits_of_stage, [tables[k] for k in members], joined.value, roots)
+        joined.value = joined.value + stage.change
+        joined.variance = joined.variance + (stage.root**2).sum(axis=1) + stage.rough**2
+        joined.distance[fits], joined.weight[fits] = stage.distance, stage.weight
+        joined.factors[members] = stage.factors
+        joined.informing |= dict.fromkeys(members, fits_of_stage)
+        joined.chi2 += stage.chi2
         roots.append(stage.root)
-        chi2 += stage.chi2
-    return _JoinedNodes(
-        value=value,
-        variance=variance,
-        factors=factors,
-        distance=distance,
-        weight=weight,
-        informing=informing,
-        chi2=chi2,
-    )
+    return joined
 
 
 def _order_stages(
@@ -411,7 +397,7 @@ def _solve_stage(equations: _StageEquations, observed: Sequence[Observation]) ->
     ends = np.cumsum([0, *(len(fit.theta) for fit in observed)]).tolist()
     rows_of_fits = [slice(first, end) for first, end in pairwise(ends)]
     factors, weight = np.ones(len(equations.rough)), np.ones(len(observed))
-    scatter = _SCATTER[0]
+    scatter = SCATTER[0]
     for turn in range(_ROUNDS):
         measured = [fit.C / w for fit, w in zip(observed, weight)]
         common = [D[rows] @ D[rows].T / w for rows, w in zip(rows_of_fits, weight)]
@@ -422,7 +408,7 @@ def _solve_stage(equations: _StageEquations, observed: Sequence[Observation]) ->
         # not scatter.
         if 2 * turn >= _ROUNDS:
             without_scatter = (A * size) @ (A * size).T + noise + own_errors
-            scatter = _estimate_scatter(y, without_scatter, deviation)
+            scatter = estimate_scatter(y, without_scatter, deviation)
         S = noise + own_errors + scatter * deviation
         M, gain = _estimate_mixed(A * size, S)
         a = gain @ y
@@ -473,19 +459,3 @@ def _estimate_mixed(A: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, np.ndarra
     white = np.linalg.solve(L, A / scale[:, None])
     M = np.linalg.inv(white.T @ white + np.eye(A.shape[1]))
     return M, M @ (np.linalg.solve(L.T, white) / scale[:, None]).T
-
-
-def _estimate_scatter(y: np.ndarray, S: np.ndarray, deviation: np.ndarray) -> float:
-    """Return the variance of r with which chi-squared equals the number of estimates.
-
-    Bisection of its logarithm [Paule1982].
-    """
-    low, high = np.log(_SCATTER)
-    for _ in range(_BISECTIONS):
-        middle = (low + high) / 2.0
-        chi2 = y @ np.linalg.solve(S + np.exp(middle) * deviation, y)
-        if chi2 > len(y):
-            low = middle
-        else:
-            high = middle
-    return float(np.exp(low))

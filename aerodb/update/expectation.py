@@ -109,7 +109,8 @@ class Expectation:
         requested = wanted
         if requested is None:
             requested = self._all_nodes({coefficient_of(fit) for fit in fits})
-        errors, coefficients = {}, {}
+        errors: dict[str, np.ndarray] = {}
+        coefficients: dict[str, dict[str, np.ndarray]] = {}
         for name, nodes in requested.items():
             errors[name] = np.where(nodes, self._leaves[name]["stderr"].values, np.nan)
             coefficients.setdefault(name.split("/")[0], {})[name] = nodes

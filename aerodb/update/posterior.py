@@ -260,12 +260,12 @@ def joint_covariance(leaves: Mapping[str, xr.Dataset]) -> tuple[dict[str, slice]
     joint: dict[str, list[str]] = {}
     # P of every term; terms are independent a priori.
     for name, leaf in leaves.items():
-        rows, nodes = slices[name], np.arange(leaf["value"].size)
+        block, nodes = slices[name], np.arange(leaf["value"].size)
         mark = joint_mark(leaf)
         if not mark:
-            V[rows, rows] = prior_covariance(leaf)
+            V[block, block] = prior_covariance(leaf)
         else:
-            V[rows, rows] = covariance_between_nodes(leaf, nodes[:, None], nodes)
+            V[block, block] = covariance_between_nodes(leaf, nodes[:, None], nodes)
             joint.setdefault(mark, []).append(name)
     # - W W' + Z Z' of all terms of one origin.
     for members in joint.values():

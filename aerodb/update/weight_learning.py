@@ -15,6 +15,8 @@ References
 ----------
 .. [Rasmussen2006] Rasmussen, Williams, Gaussian Processes for Machine Learning, chapter 2.
 .. [Searle1992] Searle, Casella, McCulloch, Variance Components, Wiley 1992, chapter 8.
+.. [Paule1982] Paule, Mandel, Consensus values and weighting factors, J. Research of the National
+   Bureau of Standards 87, 1982.
 """
 
 from __future__ import annotations
@@ -25,6 +27,10 @@ import numpy as np
 
 from aerodb.update.correlation import SHARES, SPREADS
 
+# Least and largest variance of the deviation of the tables from a regression, over their a-priori
+# variance.  The least is not zero: curves of few parameters do not describe an aeroplane exactly.
+SCATTER = (0.003, 4.0)
+_BISECTIONS = 40  # of the logarithm of the scatter
 _STEPS = 100  # most steps of Newton's method
 _SPREAD_OF_FITS = 0.7  # a-priori standard error of the logarithm of the factor on C
 _STEP_TOLERANCE = 1e-6  # step of a logarithm at which the iteration ends
@@ -166,6 +172,29 @@ def _newton_step(curvature: np.ndarray, gradient: np.ndarray) -> np.ndarray:
     step = -np.linalg.solve(L.T, np.linalg.solve(L, gradient))
     step *= min(1.0, _LONGEST_STEP / np.abs(step).max())
     return step
+
+
+def estimate_scatter(y: np.ndarray, S: np.ndarray, deviation: np.ndarray) -> float:
+    """Return the scatter with which chi-squared equals the number of estimates [Paule1982].
+
+    Parameters
+    ----------
+    y : array (estimates,)
+        Estimates less their a-priori expectation.
+    S : array (estimates, estimates)
+        Covariance of y without the deviation of the tables.
+    deviation : array (estimates, estimates)
+        A-priori covariance of the deviation; the scatter is the factor on it.
+    """
+    low, high = np.log(SCATTER)
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2.0
+        chi2 = y @ np.linalg.solve(S + np.exp(middle) * deviation, y)
+        if chi2 > len(y):
+            low = middle
+        else:
+            high = middle
+    return float(np.exp(low))
 
 
 def invert_covariance(S: np.ndarray) -> np.ndarray:
