@@ -14,28 +14,17 @@ import numpy as np
 import xarray as xr
 
 from aerodb.prior import control_devices as devices
-from aerodb.prior import increments
+from aerodb.prior import ground_increments, increments
 from aerodb.prior.effect_to_terms import fill_unprinted_cells, terms_of_effect
 from aerodb.prior.power import power_effect, with_power_in_it
 from aerodb.prior.prior_errors import errors_with
+from aerodb.prior.reference_quantities import Point, find_reference_point, refer_to_aircraft
 from aerodb.prior.sources import Source, collect_source, split_powered, warn_user
-from aerodb.store.effects import (
-    Effect,
-    change_reference_quantities,
-    rate_shift,
-    rates_to_body,
-    rotate_rolling_to_body,
-    transfer_moments,
-    with_added,
-)
+from aerodb.store.effects import Effect
 from aerodb.store.schema import SCHEME, make_database
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 
-# Moment centres closer than this are equal within the rounding of print and drawing. [chords]
-_NEAR = 5e-4
-_FAR = 0.1  # distance of moment centres that is a mistake unless it is stated [chords]
-_REFERENCE_DIFFERENCE = 0.01  # relative difference of reference quantities from which on to warn
 _PARTS = ("WING-BODY", "WING ALONE", "DATCOM BODY ALONE", "BODY ALONE")
 _ROLL_CONTROLS = {
     "aileron": increments.aileron_effect,
@@ -43,7 +32,6 @@ _ROLL_CONTROLS = {
     "differential_tail": devices.differential_tail,
 }
 _INCOMPRESSIBLE = 0.3  # tables that begin below this Mach number are extended to Mach 0
-_Point = tuple[float, float, float]
 
 
 def from_datcom(
@@ -169,10 +157,10 @@ def from_datcom(
         )
     if clean_source.powered:
         prior = with_power_in_it(prior, clean_source)
-    reference = _reference_point(aircraft, sources, move_reference)
+    reference = find_reference_point(aircraft, sources, move_reference)
     h_ref = _reference_altitude(clean_source, altitude)
     program_effects = _collect_effects(sources, h_ref, b=aircraft.b, z_ref=reference[2])
-    effects = _refer_to_aircraft(program_effects, sources, aircraft, reference=reference)
+    effects = refer_to_aircraft(program_effects, sources, aircraft, reference=reference)
     ranges = _basic_ranges(effects["basic"].tables["CL"])
     leaves: dict[str, xr.Dataset] = {}
     for effect in (*effects.values(), *_hinge_effects(sources, h_ref)):
@@ -210,7 +198,7 @@ def _assemble_database(
     aircraft: Aircraft,
     leaves: Mapping[str, xr.Dataset],
     *,
-    reference: _Point,
+    reference: Point,
     sources: Mapping[str, Source],
 ) -> xr.DataTree:
     """Return the database of all terms, in the order of the scheme."""
@@ -258,13 +246,17 @@ def _collect_effects(
     if "power" in sources:
         effects.append(("power", power_effect(sources["power"], clean, h_ref)))
     if "ground" in sources:
-        ground = increments.ground_effect_increment(sources["ground"], h_ref, b=b, z_ref=z_ref)
+        ground = ground_increments.ground_effect_increment(
+            sources["ground"], h_ref, b=b, z_ref=z_ref
+        )
         effects.append(("ground", ground))
     if "ground_flap" in sources:
-        with_flaps = increments.ground_flap(sources["ground_flap"], h_ref, b=b, z_ref=z_ref)
+        with_flaps = ground_increments.ground_flap(sources["ground_flap"], h_ref, b=b, z_ref=z_ref)
         effects.append(("ground_flap", with_flaps))
     if "ground_elevator" in sources:
-        effects.append(("ground_elevator", increments.ground_elevator(sources["ground_elevator"])))
+        effects.append(
+            ("ground_elevator", ground_increments.ground_elevator(sources["ground_elevator"]))
+        )
     return effects
 
 
@@ -288,121 +280,6 @@ def _hinge_effects(sources: Mapping[str, Source], h_ref: float) -> list[Effect]:
     if "aileron_hinge" in sources:
         effects += devices.aileron_hinge(sources["aileron_hinge"], h_ref)
     return effects
-
-
-def _refer_to_aircraft(
-    program_effects: list[tuple[str, Effect]],
-    sources: Mapping[str, Source],
-    aircraft: Aircraft,
-    *,
-    reference: _Point,
-) -> dict[str, Effect]:
-    """Return the effects by name for the aircraft's reference quantities, axes and point."""
-    quantities = {"S": aircraft.S, "cbar": aircraft.cbar, "b": aircraft.b}
-    _warn_of_other_quantities(sources, quantities)
-    effects, roles = {}, {}
-    for role, effect in program_effects:
-        old = sources[role].reference
-        effects[effect.name] = change_reference_quantities(effect, old, quantities)
-        roles[effect.name] = role
-    # Stability to body axes.
-    alpha = effects["basic"].tables["CL"]["alpha"]
-    for name in ("beta", "aileron", "spoiler", "differential_tail"):
-        if name in effects:
-            effects[name] = rotate_rolling_to_body(effects[name], alpha)
-    if "phat" in effects:
-        effects["phat"], effects["rhat"] = rates_to_body(effects["phat"], effects["rhat"])
-    # Moments about the reference point of the aircraft.
-    lengths = {"cbar": aircraft.cbar, "b": aircraft.b}
-    for name, effect in effects.items():
-        d = _reference_arm(sources[roles[name]], reference)
-        if np.hypot(d[0], d[2]) > _NEAR * aircraft.cbar and effect.tables:
-            effects[name] = transfer_moments(effect, d, **lengths, alpha=alpha)
-    # Flow angles at the new point change with the rates.
-    d = _reference_arm(sources["clean"], reference)
-    if np.hypot(d[0], d[2]) > _NEAR * aircraft.cbar:
-        changes = rate_shift(effects["basic"], effects["beta"], d, **lengths)
-        for name, tables in changes.items():
-            if name in effects and effects[name].tables:
-                effects[name] = with_added(effects[name], tables)
-    return effects
-
-
-def _warn_of_other_quantities(
-    sources: Mapping[str, Source], quantities: Mapping[str, float]
-) -> None:
-    """Warn of listings whose reference quantities differ from those of the aircraft."""
-    for role, source in sources.items():
-        differences = []
-        for key, item in quantities.items():
-            if abs(source.reference[key] / item - 1) > _REFERENCE_DIFFERENCE:
-                differences.append(f"{key} {source.reference[key]:.5g} against {item:.5g}")
-        if differences:
-            warn_user(
-                f"{role}: {', '.join(differences)}: not the reference quantities of the aircraft; "
-                f"the coefficients are referred to the aircraft's"
-            )
-
-
-def _reference_arm(source: Source, reference: _Point) -> _Point:
-    """Return the vector from a reference point to the moment centre of a listing, body axes. [m]"""
-    # x_cg counts aft and z_cg up; body axes point forward and down.
-    return -source.reference["x_cg"] - reference[0], 0.0, -source.reference["z_cg"] - reference[2]
-
-
-def _reference_point(
-    aircraft: Aircraft, sources: Mapping[str, Source], move_reference: bool
-) -> _Point:
-    """Return the moment reference point of the aircraft, by default that of the cards. [m]"""
-    if aircraft.reference is None:
-        clean = sources["clean"]
-        x_cg, z_cg = clean.reference["x_cg"], clean.reference["z_cg"]
-        warn_user(
-            f"the aircraft file gives no reference; the moment reference point is that of "
-            f"the cards of {clean.file}, "
-            f"XCG {x_cg:.4g} m, ZCG {z_cg:.4g} m: cg and all positions of the aircraft file "
-            f"count from there"
-        )
-        return -x_cg, 0.0, -z_cg
-    x_ref, y_ref, z_ref = map(float, aircraft.reference)
-    problems = []
-    if abs(y_ref) > _NEAR * aircraft.cbar:
-        problems.append(
-            f"the moment reference point lies {y_ref:.4f} m right of the plane of symmetry; "
-            f"DATCOM's lies in it, set y to 0"
-        )
-    if not move_reference:
-        problems += _distant_centres(sources, (x_ref, 0.0, z_ref), aircraft.cbar)
-    if problems:
-        raise SchemaError("aircraft", problems)
-    return x_ref, y_ref, z_ref
-
-
-def _distant_centres(sources: Mapping[str, Source], reference: _Point, cbar: float) -> list[str]:
-    """Return a problem for each moment centre that is far from the reference point."""
-    roles_by_centre: dict[str, list[str]] = {}
-    for role, source in sources.items():
-        d = _reference_arm(source, reference)
-        chords = float(np.hypot(d[0], d[2])) / cbar
-        # Powered pages must have the moment centre of the clean ones: that is checked elsewhere.
-        if chords <= _FAR or role == "power":
-            continue
-        x_cg, z_cg = source.reference["x_cg"], source.reference["z_cg"]
-        centre = (
-            f"XCG {x_cg:.4g} m, ZCG {z_cg:.4g} m, which is reference = [{-x_cg:.4g}, 0, "
-            f"{-z_cg:.4g}]"
-        )
-        text = f"{chords:.2g} chords from the moment centre of {source.file} ({centre}"
-        roles_by_centre.setdefault(text, []).append(role)
-    problems = []
-    for text, roles in roles_by_centre.items():
-        problems.append(
-            f"reference [{reference[0]:.4g}, 0, {reference[2]:.4g}] m lies {text}; "
-            f"{', '.join(roles)}); "
-            f"correct it, leave it out to take that of the "
-            "cards, or state `move_reference` (--move-reference) to have the moments transferred"
-        )
-    return problems
 
 
 def _require_tail(clean: Source) -> None:
