@@ -140,7 +140,7 @@ def power_effect(given: Source, clean: Source, h_ref: float) -> Effect:
     engine = stated_thrust(given)
     powered, free = _matching_pages(given, clean, h_ref)
     # JETPWE sets the drag increment to zero.
-    coefficients = ("CL", "CD", "Cm")
+    coefficients: tuple[str, ...] = ("CL", "CD", "Cm")
     if engine.jet:
         coefficients = ("CL", "Cm")
     increments = {}

@@ -98,7 +98,7 @@ def overview_text(attributes: Mapping, leaves: Mapping[str, xr.Dataset | StoredG
 def summary_text(attributes: Mapping, terms: Iterable[Mapping[str, Any]]) -> str:
     """Return the text of `summary` from root attributes and the rows of `describe_database`."""
     # Columns as wide as their widest cell, the head included.
-    rows = [HEAD]
+    rows: list[tuple[str, ...]] = [HEAD]
     rows += [_format_row(row) for row in terms]
     widths = [max(map(len, column)) for column in zip(*rows)]
     lines = []

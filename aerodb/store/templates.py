@@ -356,9 +356,7 @@ def _shape_faults(array: np.ndarray, axes: Mapping[str, Any], shape: tuple[int, 
     ]
 
 
-def _factor_table(
-    factors: Mapping[str, Sequence[Sequence[float]]], axis: str
-) -> xr.DataArray | None:
+def _factor_table(factors: Mapping[str, Any], axis: str) -> xr.DataArray | None:
     """Return the factor table over an axis, None without factors."""
     if axis not in factors:
         return None

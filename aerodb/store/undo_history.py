@@ -407,7 +407,7 @@ def _nodes_under(db: xr.DataTree, child: str) -> dict[str, xr.Dataset]:
         return {}
     top = db
     if child:
-        top = db[child]
+        top = db.children[child]
     nodes = {}
     for node in top.subtree:
         path = f"/{node.relative_to(db)}"
