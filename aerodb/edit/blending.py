@@ -131,9 +131,9 @@ def blend(
     if problems:
         raise SchemaError("blend", problems)
     disagreements = []
-    for name, row in table[table["probability"] < UNLIKELY].iterrows():
+    for term, row in table[table["probability"] < UNLIKELY].iterrows():
         disagreements.append(
-            f"{name} (chi-square {row.chi2:.4g} of {row.nodes} nodes, {row.worst:.3g} at "
+            f"{term} (chi-square {row.chi2:.4g} of {row.nodes} nodes, {row.worst:.3g} at "
             f"{row.location})"
         )
     if disagreements:
@@ -281,6 +281,7 @@ def _observe_table(table: xr.Dataset, pair: _TermPair) -> _NodeObservations:
         for axis, grid in zip(axes, np.meshgrid(*axes.values(), indexing="ij")):
             samples[axis] = grid.ravel()
     B = _terms.basis(_terms.without_multipliers(table[["value"]]), samples, "clamp").toarray()
+    # Mean over the axes that the other database does not have.
     by_observation = np.broadcast_to(B, (count * repeats, size)).reshape(count, repeats, size)
     theirs = pair.theirs.sel(points)
     return _NodeObservations(
@@ -330,6 +331,7 @@ def _blend_pair(pair: _TermPair, rule: str) -> xr.Dataset:
     in_both, only_theirs = in_ours & in_theirs, in_theirs & ~in_ours
     v1, v2 = ours["value"].values, theirs["value"].values
     s1, s2 = ours["stderr"].values, theirs["stderr"].values
+    # Two exact nodes with different values cannot be blended.
     differs = ~np.isclose(v1, v2, rtol=_AGREE, atol=1e-12)
     contradiction = in_both & (s1 == 0.0) & (s2 == 0.0) & differs
     if contradiction.any():
@@ -341,6 +343,7 @@ def _blend_pair(pair: _TermPair, rule: str) -> xr.Dataset:
                 f"{int(contradiction.sum()) - 1} more nodes"
             ],
         )
+    # Correction of our values, and the standard errors after it.
     if rule == "correlated":
         correction, error = _correct_together(ours, pair)
     else:
@@ -359,6 +362,7 @@ def _correct_nodes(
 
     A node that is not in both tables keeps its value and the first standard error.
     """
+    # Share s1^2 / (s1^2 + s2^2) of the difference; exact nodes are not corrected.
     variance = s1**2 + s2**2
     share = np.zeros_like(difference)
     np.divide(s1**2, variance, out=share, where=in_both & (variance > 0.0))

@@ -144,6 +144,7 @@ def extend(
     leaf = find_leaf(db, name)
     demand_axis(name, leaf, axis)
     old, new = leaf[axis].values.astype(float), rising_breakpoints(axis, points)
+    # Breakpoints inside the table would change it: that is regridding.
     if is_within(old, new).any():
         raise SchemaError(
             f"extend {name}",
@@ -188,6 +189,7 @@ def _regrid_table(
     name: str, leaf: xr.Dataset, breakpoints: Mapping[str, Any]
 ) -> tuple[xr.Dataset, float, str]:
     """Return the leaf on new breakpoints, the largest difference and its location."""
+    # Axes without new breakpoints keep theirs.
     points = value_breakpoints(leaf)
     for axis, axis_points in breakpoints.items():
         demand_axis(name, leaf, axis)
@@ -207,6 +209,7 @@ def _regrid_table(
     new_values = regrid_leaf(new_leaf, union)["value"].values
     difference = np.abs(new_values - regrid_leaf(leaf, union)["value"].values)
     node = np.unravel_index(int(np.argmax(difference)), difference.shape)
+    # Largest factors K1 and K2 that multiply the difference.
     factors = np.prod([float(np.abs(leaf[key]).max()) for key in ("K1", "K2") if key in leaf])
     return new_leaf, float(difference[node] * factors), node_text(union, list(map(int, node)))
 
@@ -282,6 +285,7 @@ def _join_tables(
 ) -> xr.Dataset:
     """Return a leaf with its old and its new nodes, in the order of the breakpoints."""
     dimension = leaf["value"].dims.index(axis)
+    # New breakpoints may be on both sides, so that all are sorted.
     points = np.concatenate([leaf[axis].values.astype(float), new])
     order = np.argsort(points)
     sources = np.full(value.shape, JUDGEMENT, np.uint8)

@@ -77,6 +77,7 @@ def in_ground_effect(free: xr.Dataset, k: float, exponent: float, floor: float) 
                 "is in free air"
             ],
         )
+    # Standard errors and the joint covariance scale like the values.
     leaf = free.assign(value=free["value"] * k)
     if "stderr" in free:
         leaf["stderr"] = free["stderr"] * abs(k)
@@ -182,8 +183,10 @@ def with_height_table(leaf: xr.Dataset, top: float, tolerance: float = 1e-3) -> 
         raise SchemaError("height table", problems)
     # A power law has the same relative error in all cells of one ratio of breakpoints.
     ratio = _breakpoint_ratio(factor.exponent, tolerance)
+    # Number of equal ratios between floor and top, one at least.
     count = max(int(np.ceil(np.log(top / factor.floor) / np.log(ratio))), 1)
     points = np.geomspace(factor.floor, top, count + 1)
+    # The ends are exact, without the rounding of the logarithm.
     points[[0, -1]] = factor.floor, top
     axis = (factor.variable, points, quantity_attributes(factor.variable))
     table = xr.DataArray(
@@ -270,10 +273,10 @@ def factor_table(leaf: xr.Dataset, axis: str) -> tuple[xr.Dataset, float]:
         )
     value = leaf["value"].transpose(axis, ...)
     matrix = value.values.reshape(value.sizes[axis], -1)
-    left, size, right = np.linalg.svd(matrix, full_matrices=False)
+    columns, size, rows = np.linalg.svd(matrix, full_matrices=False)
     # First singular pair, scaled to K1 = 1 where the factor is largest.
-    largest = int(np.argmax(np.abs(left[:, 0])))
-    K1, table = left[:, 0] / left[largest, 0], left[largest, 0] * size[0] * right[0]
+    largest = int(np.argmax(np.abs(columns[:, 0])))
+    K1, table = columns[:, 0] / columns[largest, 0], columns[largest, 0] * size[0] * rows[0]
     worst = float(np.abs(np.outer(K1, table) - matrix).max())
     other_axes = value.isel({axis: 0}, drop=True)
     stderr = None

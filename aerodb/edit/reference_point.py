@@ -14,11 +14,11 @@ until the error bound holds:
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
+from aerodb.edit.levers import MOMENTS, Lever
 from aerodb.store.effects import Effect, rate_shift
 from aerodb.store.grids import (
     add_leaves,
@@ -44,12 +44,10 @@ from aerodb.store.undo_history import (
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError
 
-_MOMENTS = ("Cl", "Cm", "Cn")
 _LENGTHS = {"Cl": "b", "Cm": "cbar", "Cn": "b"}
 _KEYS = ("x_ref", "y_ref", "z_ref")
 # Range of an angle that no table of the database has. [rad]
 _FULL_RANGE = np.array([-0.5 * np.pi, 0.5 * np.pi])
-_NO_LEVER = 1e-12  # lever arm relative to the distance of the points, below which it is rounding
 _VERB = "move_reference"
 
 
@@ -107,6 +105,7 @@ def move_reference(
     """
     new, old = _check_arguments(db, point, tolerance, flow), _reference_point(db)
     base = _before_moves(db, flow)
+    # Vector from the new point to the old one, as in the module docstring.
     d, leaves = _reference_point(base) - new, terms(base)
     summary = f"from ({_format_point(old)}) to ({_format_point(new)}) m"
     if flow == "moved":
@@ -115,6 +114,7 @@ def move_reference(
     if d.any():
         line = f"{_VERB}: {summary}{note_suffix(note)}"
         leaves = _move_terms(leaves, base.attrs, d, tolerance=tolerance, flow=flow, line=line)
+    # Terms absent from the database before all moves, less those that this move makes.
     attributes = {}
     if "absent" in base.attrs:
         attributes["absent"] = base.attrs["absent"]
@@ -135,19 +135,20 @@ def _move_terms(
     line: str,
 ) -> dict[str, xr.Dataset]:
     """Return all terms about the new point, the changed ones with a line of history."""
-    moved = _transfer_forces(leaves, root, d, tolerance)
+    new = _transfer_forces(leaves, root, d, tolerance)
     if flow == "moved":
-        moved = _add_rate_changes(moved, root, d)
-    for name, leaf in moved.items():
+        new = _add_rate_changes(new, root, d)
+    for name, leaf in new.items():
         leaf = _shift_heights(leaf, float(d[2]))
         if leaf is not leaves.get(name):
             leaf = add_history_line(leaf, line)
-        moved[name] = leaf
-    return moved
+        new[name] = leaf
+    return new
 
 
 def _before_moves(db: xr.DataTree, flow: str) -> xr.DataTree:
     """Return a database before the moves of the same kind that were its last edits."""
+    # Undo as long as the last edit is such a move.
     while last_edit(db).get("verb") == _VERB and last_edit(db)["flow"] == flow:
         db = undo_edits(db)
     return db
@@ -201,8 +202,8 @@ def _transfer_forces(
             continue
         allowed = tolerance * largest[_force_kind(name, leaf)]
         comment = f"moment of {name} about the moment reference point"
-        for moment in _MOMENTS:
-            lever = _Lever(axes, force, moment, d / float(root[_LENGTHS[moment]]))
+        for moment in MOMENTS:
+            lever = Lever(axes, force, moment, d / float(root[_LENGTHS[moment]]))
             try:
                 added = _moment_of_force(leaf, lever, ranges, allowed)
                 if added is not None:
@@ -214,59 +215,9 @@ def _transfer_forces(
     return new
 
 
-@dataclass(frozen=True)
-class _Lever:
-    """Lever of a force coefficient for a moment coefficient.
-
-    Attributes
-    ----------
-    axes : str
-        Force axes.
-    force, moment : str
-        Coefficients.
-    arm : array (3,)
-        Vector from the new point to the old one over the reference length, body axes.
-    """
-
-    axes: str
-    force: str
-    moment: str
-    arm: np.ndarray
-
-    def at(self, alpha, beta) -> np.ndarray:
-        """Return the component of arm x e, with e the direction of the force in body axes."""
-        sa, ca = np.sin(alpha), np.cos(alpha)
-        sb, cb = 0.0, 1.0
-        if self.axes == "wind":
-            sb, cb = np.sin(beta), np.cos(beta)
-        e = {
-            "CL": (sa, 0.0, -ca),
-            "CD": (-ca * cb, -sb, -sa * cb),
-            "CY": (-ca * sb, cb, -sa * sb),
-            "CX": (1.0, 0.0, 0.0),
-            "CZ": (0.0, 0.0, 1.0),
-        }[self.force]
-        i = _MOMENTS.index(self.moment)
-        j, k = (i + 1) % 3, (i + 2) % 3
-        return np.asarray(self.arm[j] * e[k] - self.arm[k] * e[j])
-
-    def angles(self) -> list[str] | None:
-        """Return the angles that the lever depends on, None if it is zero everywhere."""
-        samples = np.linspace(-1.5, 1.5, 7)
-        lever = np.broadcast_to(self.at(samples[:, None], samples), (7, 7))
-        rounding = _NO_LEVER * float(np.linalg.norm(self.arm))
-        if not (np.abs(lever) > rounding).any():
-            return None
-        angles = []
-        for axis, angle in enumerate(("alpha", "beta")):
-            if np.ptp(lever, axis=axis).max() > rounding:
-                angles.append(angle)
-        return angles
-
-
 def _moment_of_force(
     leaf: xr.Dataset,
-    lever: _Lever,
+    lever: Lever,
     ranges: Mapping[str, np.ndarray],
     allowed: float,
 ) -> xr.Dataset | None:
@@ -291,6 +242,7 @@ def _moment_of_force(
             "table",
             [f"would have the axes {' '.join(points)}; at most {_terms.MAX_AXES} are allowed"],
         )
+    # Refined until the error bound holds; the allowed error is divided between the angles.
     coarse = regrid_leaf(leaf, points)
     for angle in angles:
         points[angle] = _refine_breakpoints(coarse, angle, allowed / len(angles))
@@ -298,6 +250,7 @@ def _moment_of_force(
     mesh = {}
     if points:
         mesh = dict(zip(points, np.meshgrid(*points.values(), indexing="ij")))
+    # The standard error of the lever is zero: it is geometry.
     factor = lever.at(mesh.get("alpha", 0.0), mesh.get("beta", 0.0))
     tables = {"value": force["value"].values * factor}
     if "stderr" in leaf:
@@ -355,6 +308,7 @@ def _can_add(leaf: xr.Dataset, added: xr.Dataset) -> bool:
     """Return whether two leaves can be added in one table."""
     if _terms.list_multipliers(leaf) != _terms.list_multipliers(added):
         return False
+    # Different factors become axes of the table.
     axes = set(union_axes(leaf, added))
     if not same_factors(leaf, added):
         axes |= factor_axes(leaf) | factor_axes(added)

@@ -129,6 +129,7 @@ def rescale(
     for name in ("x_ref", "y_ref", "z_ref"):
         scaled_point[name] = span * float(db.attrs.get(name, 0.0))
     point = dict(zip(scaled_point, reference_in(aircraft, scaled_point), strict=True))
+    # Attributes of the known aircraft, with the quantities of the similar one.
     attributes = {str(key): item for key, item in db.attrs.items()}
     attributes |= {
         "aircraft": aircraft.name,
@@ -188,6 +189,7 @@ def _scale_leaf(
     leaf: xr.Dataset, factor: float, span: float, *, relative: float, absolute: float
 ) -> xr.Dataset:
     """Return a leaf of the similar aircraft; `span` is the ratio of the spans."""
+    # stderr = hypot(stderr, relative |value|, absolute) with the scaled value.
     value = leaf["value"].values * factor
     stderr = np.zeros_like(value)
     if "stderr" in leaf:
@@ -199,6 +201,7 @@ def _scale_leaf(
     )
     new["source"] = dims, np.full(value.shape, _terms.SOURCES.index("judgement"), np.uint8)
     new["source"].attrs = {"flag_values": "0 1 2", "flag_meanings": " ".join(_terms.SOURCES)}
+    # Heights over the ground scale with the span, and their attributes stay.
     if "h_agl" in new.coords:
         attributes = new["h_agl"].attrs
         new = new.assign_coords(h_agl=new["h_agl"].values * span)

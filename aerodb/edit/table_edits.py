@@ -70,6 +70,7 @@ def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = ""
         changes[verb].append(name)
         leaves[name] = add_history_line(leaf, f"replace_terms: {verb}{note_suffix(note)}")
     summary = [f"{verb} {' '.join(names)}" for verb, names in changes.items() if names]
+    # Only a `Tabulation` has notices.
     notices = list(getattr(new, "notices", ()))
     attributes = {**update_absent(db, without=new), **with_notices(db.attrs, notices)}
     return record_edit(
@@ -307,6 +308,7 @@ def set_nodes(
         else:
             node.append(slice(None))
     selected = tuple(node)
+    # Values, standard errors and sources of the selected nodes.
     before = leaf["value"].values
     values, codes = before.copy(), known_source(leaf).copy()
     values[selected] = value
@@ -352,6 +354,7 @@ def _carry_if_valid(leaf: xr.Dataset, edited: xr.Dataset) -> xr.Dataset:
 def _find_breakpoint(name: str, leaf: xr.Dataset, axis: str, point: float) -> int:
     """Return the index of a breakpoint, within the rounding of a number that a person writes."""
     points = leaf[axis].values.astype(float)
+    # The negated comparison also refuses NaN.
     index = int(np.abs(points - point).argmin())
     if not abs(points[index] - point) <= _POINT_ROUNDING * max(np.ptp(points), abs(point)):
         existing = ", ".join(display_text(axis, x) for x in points)
@@ -381,6 +384,7 @@ def _edit_nodes(
             leaf, on_nodes = _on_common_grid(leaves[name], table)
         except SchemaError as error:
             raise SchemaError(f"{verb} {name}", error.problems) from None
+        # Unchanged nodes keep their source.
         value, stderr, factor = edit(leaf, on_nodes)
         is_unchanged = value == leaf["value"].values
         codes = np.where(is_unchanged, known_source(leaf), _terms.SOURCES.index(source))
@@ -399,8 +403,10 @@ def _demand_source(verb: str, source: str) -> None:
 
 def _on_common_grid(leaf: xr.Dataset, table: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
     """Return leaf and table on the breakpoints of the leaf and those of the table between them."""
+    # A table over the axis of a factor cannot act on the nodes alone.
     if factor_axes(leaf) & set(map(str, table["value"].dims)):
         leaf = fold_factors(leaf)
+    # Breakpoints of the table beyond those of the leaf would extend the leaf.
     points = value_breakpoints(leaf)
     for axis, additional in value_breakpoints(table).items():
         if axis in points:
@@ -439,6 +445,7 @@ def _warn_of_zeros(name: str, leaf: xr.Dataset, table: xr.Dataset) -> None:
     if "stderr" not in leaf:
         return
     leaf, on_nodes = _on_common_grid(leaf, table)
+    # Value and standard error of zero: zero by definition.
     is_zero = (leaf["value"].values == 0.0) & (leaf["stderr"].values == 0.0)
     count = int((is_zero & (on_nodes["value"].values != 0.0)).sum())
     if count:

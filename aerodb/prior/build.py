@@ -170,11 +170,11 @@ def from_datcom(
 
 def _collect_sources(listings: Mapping[str, Any], powered: bool) -> dict[str, Source]:
     """Return the sources of all roles that are given; powered cases of `clean` become `power`."""
-    given = {role: listing for role, listing in listings.items() if listing is not None}
-    if "power" not in given:
-        without_power, with_power = split_powered(given["clean"])
+    cases = {role: listing for role, listing in listings.items() if listing is not None}
+    if "power" not in cases:
+        without_power, with_power = split_powered(cases["clean"])
         if without_power and with_power:
-            given["clean"], given["power"] = without_power, with_power
+            cases["clean"], cases["power"] = without_power, with_power
     elif powered:
         raise SchemaError(
             "power",
@@ -185,12 +185,12 @@ def _collect_sources(listings: Mapping[str, Any], powered: bool) -> dict[str, So
         )
     sources = {}
     for role in listings:
-        if role not in given:
+        if role not in cases:
             continue
         use_power = role == "power"
         if role == "clean" and powered:
-            use_power = not split_powered(given[role])[0]
-        sources[role] = collect_source(role, given[role], use_power)
+            use_power = not split_powered(cases[role])[0]
+        sources[role] = collect_source(role, cases[role], use_power)
     return sources
 
 

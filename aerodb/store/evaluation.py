@@ -93,9 +93,9 @@ def _add_coefficients(
     _, problems = evaluation_levels(terms(db), str(db.attrs["force_axes"]))
     if problems:
         raise SchemaError(f"database {db.attrs.get('title', '')!r}", problems)
-    given = {str(name): conditions[name] for name in conditions}
-    computed = {name: _evaluate_any(db, name, outside, given) for name in missing}
-    return given | computed
+    variables = {str(name): conditions[name] for name in conditions}
+    computed = {name: _evaluate_any(db, name, outside, variables) for name in missing}
+    return variables | computed
 
 
 def _evaluate_any(

@@ -274,10 +274,10 @@ def add_history_line(leaf: xr.Dataset, line: str) -> xr.Dataset:
 
 def note_suffix(note: str) -> str:
     """Return the note of a user as the end of a line of history, such as `` (note)``."""
-    words = note.split()
-    if not words:
+    text = " ".join(note.split())
+    if not text:
         return ""
-    return f" ({' '.join(words)})"
+    return f" ({text})"
 
 
 def update_absent(

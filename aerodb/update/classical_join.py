@@ -63,7 +63,7 @@ from aerodb.update.tabulation_report import (
     term_row,
 )
 from aerodb.update.term_decisions import add_decisions
-from aerodb.update.weight_learning import SCATTER, estimate_scatter
+from aerodb.update.weight_learning import SCATTER, estimate_mixed, estimate_scatter
 from flightmech import terms as _terms
 from flightmech.errors import IdentificationError
 
@@ -410,7 +410,7 @@ def _solve_stage(equations: _StageEquations, observed: Sequence[Observation]) ->
             without_scatter = (A * size) @ (A * size).T + noise + own_errors
             scatter = estimate_scatter(y, without_scatter, deviation)
         S = noise + own_errors + scatter * deviation
-        M, gain = _estimate_mixed(A * size, S)
+        M, gain = estimate_mixed(A * size, S)
         a = gain @ y
         distance = _rms_by_fit(y - A @ (size * a), S, rows_of_fits)
         weight = np.minimum(1.0, (_HUBER / np.maximum(distance, 1e-12)) ** 2)
@@ -450,12 +450,3 @@ def _rms_by_fit(v: np.ndarray, S: np.ndarray, rows_of_fits: Sequence[slice]) -> 
         chi2 = v[rows] @ np.linalg.solve(S[rows, rows], v[rows])
         distances.append(np.sqrt(chi2 / len(v[rows])))
     return np.array(distances)
-
-
-def _estimate_mixed(A: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return M = (A'S^-1 A + I)^-1 and the gain M A'S^-1 of mixed estimation."""
-    scale = np.sqrt(np.diag(S))
-    L = np.linalg.cholesky(S / np.outer(scale, scale))
-    white = np.linalg.solve(L, A / scale[:, None])
-    M = np.linalg.inv(white.T @ white + np.eye(A.shape[1]))
-    return M, M @ (np.linalg.solve(L.T, white) / scale[:, None]).T

@@ -80,12 +80,12 @@ def with_standard_errors(
     for number in range(count):
         nodes = {name: draws[number] for name, draws in values.items()}
         try:
-            drawn = characteristics(aircraft, with_node_values(db, nodes), condition)
+            sample = characteristics(aircraft, with_node_values(db, nodes), condition)
         except AeromatchError as error:
             failures.append(str(error))
             continue
-        tables.append(drawn.table["value"])
-        modes.append(drawn.modes.drop_duplicates("mode").set_index("mode")[list(_MODE)])
+        tables.append(sample.table["value"])
+        modes.append(sample.modes.drop_duplicates("mode").set_index("mode")[list(_MODE)])
     if len(tables) < _LEAST_DRAWS:
         raise SchemaError(
             "samples",

@@ -197,6 +197,15 @@ def estimate_scatter(y: np.ndarray, S: np.ndarray, deviation: np.ndarray) -> flo
     return float(np.exp(low))
 
 
+def estimate_mixed(A: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return M = (A'S^-1 A + I)^-1 and the gain M A'S^-1 of mixed estimation."""
+    scale = np.sqrt(np.diag(S))
+    L = np.linalg.cholesky(S / np.outer(scale, scale))
+    white = np.linalg.solve(L, A / scale[:, None])
+    M = np.linalg.inv(white.T @ white + np.eye(A.shape[1]))
+    return M, M @ (np.linalg.solve(L.T, white) / scale[:, None]).T
+
+
 def invert_covariance(S: np.ndarray) -> np.ndarray:
     """Return the inverse of a covariance, scaled to a unit diagonal before it is inverted."""
     # Terms differ by orders of magnitude, so that S itself is badly conditioned.
