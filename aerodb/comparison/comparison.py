@@ -108,10 +108,11 @@ def compare(a: xr.DataTree, b: xr.DataTree, conditions: Conditions | None = None
     """
     _warn_of_references(a, b)
     ours, theirs = terms(a), terms(b)
+    # Terms of the first database, then those that only the second has.
     pairs = {}
     for name in dict.fromkeys([*ours, *theirs]):
         pairs[name] = ours.get(name), theirs.get(name)
-    columns = COLUMNS
+    columns: tuple[str, ...] = COLUMNS
     if conditions is None:
         rows, grids = _compare_on_nodes(pairs)
     else:
@@ -140,6 +141,7 @@ def _compare_on_nodes(pairs: Mapping[str, Pair]) -> tuple[Rows, dict[str, str]]:
 
 def _grid_row(members: Mapping[str, Pair]) -> tuple[list[Any], str]:
     """Return the row of a coefficient over its grid, and the grid as text."""
+    # The grid depends on the tables of both databases.
     ours, theirs = zip(*members.values())
     points = coefficient_points(_present(ours), _present(theirs))
     without_range = [name for name, values in points.items() if not len(values)]
@@ -150,6 +152,7 @@ def _grid_row(members: Mapping[str, Pair]) -> tuple[list[Any], str]:
     count = max((len(x) for x in samples.values()), default=1)
     a, b = _total_sides(_contributions(members, samples, count), count)
     varied = [name for name, values in points.items() if len(values) > 1]
+    # A location names Mach number and incidence, and the variable that is varied.
     neutral = {}
     for name in varied:
         if name not in ("mach", "alpha"):
@@ -210,6 +213,7 @@ def _present(leaves: Iterable[xr.Dataset | None]) -> list[xr.Dataset]:
 
 def _shares(difference: np.ndarray, total: np.ndarray) -> tuple[float, float]:
     """Return the share of a term in the mean square difference, and the rms without the term."""
+    # Without any difference no term has a share.
     share = np.nan
     if total.any():
         share = float(np.mean(difference * total) / np.mean(total**2))
@@ -231,6 +235,7 @@ def _node_row(ours: xr.Dataset | None, theirs: xr.Dataset | None) -> list[Any]:
         if leaf is not None:
             leaf = _terms.without_multipliers(leaf)
         tables.append(leaf)
+    # Tables with different regressors have different units.
     if ours is not None and theirs is not None:
         regressors_a, regressors_b = _list_regressors(ours), _list_regressors(theirs)
         if regressors_a != regressors_b:
@@ -290,6 +295,7 @@ def _difference_row(found_in: str, a: Side, b: Side, *, location: Place, note: s
     own_stderr = a.stderr
     if found_in == "b":
         own_stderr = b.stderr
+    # Standard errors of both databases are independent.
     in_difference = _in_stderr(d, np.hypot(a.stderr, b.stderr))
     rms_in_stderr, text = np.nan, ""
     if len(in_difference):

@@ -112,6 +112,7 @@ def coefficient_points(
         if not sides:
             selected[name] = np.array(REACH.get(name, (0.0,)))
             continue
+        # Both ends of the common range are breakpoints.
         low = max(points[0] for points in sides)
         high = min(points[-1] for points in sides)
         union = np.unique(np.concatenate([*sides, [low, high]]))
@@ -135,6 +136,7 @@ def coefficient_grid(points: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         for x in points[name]:
             if x != neutral_point:
                 turns.append({**neutral, name: float(x)})
+    # Without Mach number and incidence the grid has one condition.
     base = mesh_samples(full) or {"": np.zeros(1)}
     count = len(next(iter(base.values())))
     grid = {}
@@ -183,6 +185,7 @@ def order_names(names: Iterable[str]) -> list[str]:
 
 def _vocabulary_order(name: str) -> tuple[int, int]:
     """Return the sort key of a variable."""
+    # Names outside the vocabulary come last.
     vocabulary = list(VOCABULARY)
     first, second = len(_IN_FULL), len(vocabulary)
     if name in _IN_FULL:
@@ -299,6 +302,7 @@ def _sum_coefficient(
         hint = f"{term} needs it and neither record nor database holds it"
         raise UnknownName(name, map(str, conditions.variables), "condition", hint)
     variables = {str(variable): conditions[variable] for variable in conditions}
+    # Beyond a table the rule of the leaf applies, as in the simulation.
     parts = contributions(with_terms[0], name, variables, "clamp")
     dims = tuple(conditions.dims)
     if "time" in conditions.dims:
@@ -427,6 +431,7 @@ def _read_states(path: Path) -> xr.Dataset:
             f"no netCDF-4 file ({type(error).__name__}: {error})",
             "a path of `aeromatch flight reconstruct`",
         ) from error
+    # A manoeuvre has its variables at the root.
     data = tree
     if "states" in tree.children:
         data = tree.children["states"]

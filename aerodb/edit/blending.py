@@ -130,6 +130,7 @@ def blend(
         leaves[name] = add_history_line(new, line)
     if problems:
         raise SchemaError("blend", problems)
+    # Disagreeing terms are blended nevertheless.
     disagreements = []
     for term, row in table[table["probability"] < UNLIKELY].iterrows():
         disagreements.append(
@@ -188,6 +189,7 @@ def _match_pairs(
     """Return the terms to blend by name; raise with all faults."""
     if rule not in RULES:
         raise UnknownName(rule, RULES, "rule")
+    # Faults of all terms are collected, unknown names raise at once.
     ours, theirs = terms(db), terms(other)
     if names is None:
         selected = [name for name in ours if name in theirs]
@@ -259,6 +261,7 @@ class _NodeObservations:
 
 def _observe_table(table: xr.Dataset, pair: _TermPair) -> _NodeObservations:
     """Return the observations of `table`, which is our term on any grid."""
+    # Nodes of the other database beyond our table do not observe it.
     our_points = value_breakpoints(pair.ours)
     points = {}
     for axis, axis_points in value_breakpoints(pair.theirs).items():

@@ -272,6 +272,7 @@ def factor_table(leaf: xr.Dataset, axis: str) -> tuple[xr.Dataset, float]:
             ],
         )
     value = leaf["value"].transpose(axis, ...)
+    # Rows along the axis of the factor, columns over all other nodes.
     matrix = value.values.reshape(value.sizes[axis], -1)
     columns, size, rows = np.linalg.svd(matrix, full_matrices=False)
     # First singular pair, scaled to K1 = 1 where the factor is largest.

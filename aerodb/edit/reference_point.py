@@ -247,6 +247,7 @@ def _moment_of_force(
     for angle in angles:
         points[angle] = _refine_breakpoints(coarse, angle, allowed / len(angles))
     force = regrid_leaf(leaf, points)
+    # The angles at the nodes; zero for a table without them.
     mesh = {}
     if points:
         mesh = dict(zip(points, np.meshgrid(*points.values(), indexing="ij")))
@@ -345,6 +346,7 @@ def _effect_of_terms(
     leaves: Mapping[str, xr.Dataset], name: str, coefficients: Sequence[str], regressor: str
 ) -> Effect:
     """Return terms of one name as an effect, over their common breakpoints."""
+    # Factors are multiplied in, so that all tables have the same multipliers.
     selected = {}
     for coefficient in coefficients:
         if f"{coefficient}/{name}" in leaves:
@@ -360,6 +362,7 @@ def _effect_of_terms(
 
 def _make_rate_leaf(table: xr.DataArray, origin: xr.Dataset, rate: str) -> xr.Dataset:
     """Return a table as a leaf with the source and the relative error of its origin."""
+    # Source and errors of the origin, at the breakpoints of the table.
     points = {str(axis): table[axis].values for axis in table.dims}
     on_points = regrid_leaf(fold_factors(origin), points)
     tables = {"value": table.values}
@@ -403,6 +406,7 @@ def _shift_heights(leaf: xr.Dataset, change: float) -> xr.Dataset:
 
 def _angle_range(leaves: Mapping[str, xr.Dataset], angle: str) -> np.ndarray:
     """Return the range of an angle in the tables of a database. [rad]"""
+    # First and last breakpoint of the angle in all tables.
     ends = [leaf[angle].values[[0, -1]] for leaf in leaves.values() if angle in leaf.coords]
     if not ends:
         return _FULL_RANGE

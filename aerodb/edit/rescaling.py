@@ -158,6 +158,7 @@ def _factors_by_term(
             problems.append(f"{name} is {value!r}; give a finite number")
     if problems:
         raise SchemaError("factors", problems)
+    # A term may have its own factor and that of its group.
     by_term: dict[str, float] = {}
     for name, value in factors.items():
         if name not in GROUPS and name not in leaves:

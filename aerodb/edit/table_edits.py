@@ -136,9 +136,8 @@ def match_names(db: xr.DataTree, names: str | Iterable[str]) -> list[str]:
 
 
 # From a leaf and a table on one grid: new value and stderr, and the factor on the old nodes.
-_NodeEdit = Callable[
-    [xr.Dataset, xr.Dataset], tuple[np.ndarray, np.ndarray | None, np.ndarray | float]
-]
+_EditedNodes = tuple[np.ndarray, np.ndarray | None, np.ndarray | float]
+_NodeEdit = Callable[[xr.Dataset, xr.Dataset], _EditedNodes]
 
 
 def scale(
@@ -188,9 +187,7 @@ def scale(
     return _edit_nodes(db, names, table, _scale_nodes, verb="scale", source=source, note=note)
 
 
-def _scale_nodes(
-    leaf: xr.Dataset, table: xr.Dataset
-) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+def _scale_nodes(leaf: xr.Dataset, table: xr.Dataset) -> _EditedNodes:
     """Return value and standard error of a leaf times a table on the same nodes."""
     value, factor, sd = leaf["value"].values, table["value"].values, table["stderr"].values
     if "stderr" in leaf:
@@ -242,9 +239,7 @@ def shift(
     return _edit_nodes(db, names, table, _shift_nodes, verb="shift", source=source, note=note)
 
 
-def _shift_nodes(
-    leaf: xr.Dataset, table: xr.Dataset
-) -> tuple[np.ndarray, np.ndarray | None, float]:
+def _shift_nodes(leaf: xr.Dataset, table: xr.Dataset) -> _EditedNodes:
     """Return value and standard error of a leaf plus a table on the same nodes."""
     value, sd = leaf["value"].values + table["value"].values, table["stderr"].values
     if "stderr" in leaf:
@@ -449,8 +444,6 @@ def _warn_of_zeros(name: str, leaf: xr.Dataset, table: xr.Dataset) -> None:
     is_zero = (leaf["value"].values == 0.0) & (leaf["stderr"].values == 0.0)
     count = int((is_zero & (on_nodes["value"].values != 0.0)).sum())
     if count:
-        text = (
-            f"shift: {count} nodes of {name} were zero by definition and no longer are; shift "
-            f"by a table that is zero there"
-        )
-        warnings.warn(text, AeromatchWarning, stacklevel=3)
+        text = f"shift: {count} nodes of {name} were zero by definition and no longer are"
+        advice = "shift by a table that is zero there"
+        warnings.warn(f"{text}; {advice}", AeromatchWarning, stacklevel=3)

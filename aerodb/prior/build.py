@@ -146,6 +146,7 @@ def from_datcom(
     }
     sources = _collect_sources(listings, powered)
     clean_source = sources["clean"]
+    # Speed regimes are those of the program's methods in the clean listing.
     prior = errors_with(stderr, *clean_source.regimes)
     if not tailless:
         _require_tail(clean_source)
@@ -159,8 +160,10 @@ def from_datcom(
         prior = with_power_in_it(prior, clean_source)
     reference = find_reference_point(aircraft, sources, move_reference)
     h_ref = _reference_altitude(clean_source, altitude)
+    # All effects in the axes and with the reference of the program, then of the aircraft.
     program_effects = _collect_effects(sources, h_ref, b=aircraft.b, z_ref=reference[2])
     effects = refer_to_aircraft(program_effects, sources, aircraft, reference=reference)
+    # Every table covers the range of the basic ones, so that a flight stays inside all tables.
     ranges = _basic_ranges(effects["basic"].tables["CL"])
     leaves: dict[str, xr.Dataset] = {}
     for effect in (*effects.values(), *_hinge_effects(sources, h_ref)):
@@ -172,6 +175,7 @@ def _collect_sources(listings: Mapping[str, Any], powered: bool) -> dict[str, So
     """Return the sources of all roles that are given; powered cases of `clean` become `power`."""
     cases = {role: listing for role, listing in listings.items() if listing is not None}
     if "power" not in cases:
+        # Powered cases among unpowered ones are increments, not the clean aeroplane.
         without_power, with_power = split_powered(cases["clean"])
         if without_power and with_power:
             cases["clean"], cases["power"] = without_power, with_power
@@ -284,6 +288,7 @@ def _hinge_effects(sources: Mapping[str, Source], h_ref: float) -> list[Effect]:
 
 def _require_tail(clean: Source) -> None:
     """Raise if the pages are those of a wing-body, a wing or a body."""
+    # Only parts without a tail are refused; other configurations may be complete.
     configuration = clean.configuration
     if configuration in _PARTS:
         raise SchemaError(

@@ -38,6 +38,7 @@ def spoiler_effect(given: Source, h_ref: float) -> Effect:
     page = given.tree.children["spoiler"].to_dataset(inherit=False)
     if "ds_c" not in page.coords:
         raise SchemaError(given.role, ["the page names no spoiler height DS/C; give one with it"])
+    # Heights of the spoiler over the chord are the axis delta_s.
     height = np.asarray(page["ds_c"].values, float)
     if np.unique(height).size != height.size or (height < 0).any():
         raise SchemaError(
@@ -135,6 +136,7 @@ def stabilizer_effect(given: Source, h_ref: float) -> Effect:
     """
     page = at_height(given.grid("trim_stabilizer"), h_ref)
     downwash = at_height(given.grid("downwash"), h_ref)
+    # Slope over the linear range of incidence, with eta at the same incidences.
     near = page.sel(alpha=np.abs(page["alpha"]) <= _LINEAR)
     slope = near["CL_tail"].polyfit("alpha", 1)["polyfit_coefficients"].sel(degree=1, drop=True)
     eta = downwash["q_ratio"].sel(alpha=near["alpha"], method="nearest").mean("alpha")
@@ -273,6 +275,7 @@ def tab_effects(given: Source, h_ref: float, with_page: bool) -> list[Effect]:
             planes[name] = _fit_plane(grid[name], grid["one_decimal"])
     references = _stream_lines(given)
     effects = []
+    # B4 of the trim tab.
     tab = _tab_effectiveness(planes)
     if np.isfinite(tab):
         comment = (
@@ -286,6 +289,7 @@ def tab_effects(given: Source, h_ref: float, with_page: bool) -> list[Effect]:
             f"{given.role}: hinge moment and tab for no stick force do not fit each other; "
             f"Ch_e/tab is left absent"
         )
+    # A slope of zero means that the deck has no geared tab.
     per_alpha, per_delta = planes.get("Ch_tab_gearing", _NO_PLANE)
     if np.isfinite(per_delta) and abs(per_delta) > _LEAST_SLOPE:
         plane = (per_alpha * grid["alpha"] + per_delta * grid["delta"]).rename(delta="delta_e")
@@ -296,6 +300,7 @@ def tab_effects(given: Source, h_ref: float, with_page: bool) -> list[Effect]:
             comment="moment of the geared tab on the control; plane through the printed stream",
         )
         effects.append(gearing)
+    # B1 and B3, if no SYMFLP page has the moments of the elevator.
     locked = planes.get("Ch_tab_locked", _NO_PLANE)
     if not with_page and np.isfinite(locked).all():
         comment = (
@@ -353,6 +358,7 @@ def _fit_plane(stream: xr.DataArray, one_decimal: xr.DataArray) -> tuple[float, 
     used = ((is_rough == 0) & values.notnull()).values
     if int(used.sum()) < 3:
         return _NO_PLANE
+    # Plane through the origin: no moment at zero incidence and deflection.
     A = np.column_stack([alpha.values[used], delta.values[used]])
     slopes, *_ = np.linalg.lstsq(A, values.values[used], rcond=None)
     return float(slopes[0]), float(slopes[1])

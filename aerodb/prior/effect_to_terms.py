@@ -46,6 +46,7 @@ def terms_of_effect(
     warning), and nodes that `Effect.judged` marks.
     """
     leaves: dict[str, xr.Dataset] = {}
+    # Names of the terms that are extended into another regime, by last Mach number and end.
     extended: dict[tuple[float, float], list[str]] = {}
     for coefficient, table in effect.tables.items():
         axes = [axis for axis in AXIS_ORDER if axis in table.dims]
@@ -90,6 +91,7 @@ def _make_leaf(
 ) -> xr.Dataset:
     """Return the leaf of one term with the standard error and the source of every node."""
     factor = np.where(uncertain.transpose(*value.dims), _EXTENDED_ERROR, 1.0)
+    # All nodes are from DATCOM first, then the judged ones are marked.
     leaf = _terms.make_term(
         value.values,
         {str(axis): value[axis].values for axis in value.dims},
@@ -178,6 +180,7 @@ def extend_to_ranges(
     for axis, (low, high) in cover.items():
         if axis not in table.dims:
             continue
+        # Ends inside the table are not added.
         points = table[axis].values
         ends[axis] = np.array([end for end in (low, high) if end < points[0] or end > points[-1]])
         table = table.reindex({axis: np.union1d(points, ends[axis])}, method="nearest")

@@ -135,6 +135,7 @@ def _ground_increments(
             free_air = free_air.dropna(axis, how="all").isel({axis: 0}, drop=True)
         tables[coefficient] = over_ground[coefficient] - free_air
     tables = drop_empty_tables(tables)
+    # Heights in the deck count from the drawing datum.
     highest = float(over_ground["ground_height"].max()) - z_ref
     if highest >= 2 * b:
         raise SchemaError(
@@ -161,6 +162,7 @@ def _add_free_air(table: xr.DataArray, b: float, z_ref: float) -> xr.DataArray:
     heights = table["ground_height"] - z_ref
     table = table.assign_coords(ground_height=heights).rename(ground_height="h_agl")
     table = table.sortby("h_agl")
+    # Two breakpoints without ground effect: at two spans, and far above.
     far = xr.zeros_like(table.isel(h_agl=[0, 0])).assign_coords(h_agl=[2 * b, FAR])
     return xr.concat([table, far], "h_agl")
 
@@ -180,6 +182,7 @@ def _clean_pages(over_ground: xr.Dataset) -> xr.Dataset:
 
 def _count_suspects(over_ground: xr.Dataset) -> xr.DataArray:
     """Return the number of suspect cells of CL by deflection."""
+    # The reader of listings marks cells that contain earlier deflections.
     is_suspect = over_ground["CL_flag"] == datcom_io.FLAGS.index("suspect")
     return is_suspect.sum([axis for axis in is_suspect.dims if axis not in ("delta_f", "delta_e")])
 

@@ -45,6 +45,7 @@ def with_tail_share(effect: Effect, clean: Source, h_ref: float) -> Effect:
     if not all(map(clean.has, _TAIL_LEAVES)):
         return effect
     CL, arm = _tail_share(clean, h_ref)
+    # The tail is behind the reference point, so that its lift has a negative moment.
     tables, judged = {}, {}
     for coefficient, share in (("CL", CL), ("Cm", -arm * CL)):
         share = share.where(share["mach"] < clean.regimes[1])
@@ -107,6 +108,7 @@ def static_effects(clean: Source, h_ref: float) -> list[Effect]:
             clean.role,
             [f"{clean.file} prints no lift coefficient; give a case whose static page has numbers"],
         )
+    # The basic tables are those of the reference altitude.
     basic = {coefficient: table.sel(h=h_ref, drop=True) for coefficient, table in tables.items()}
     references = clean.place("static")
     comment = join_sentences(f"clean aeroplane at {h_ref:.0f} m", power_note)
@@ -195,6 +197,7 @@ def aileron_effect(given: Source, h_ref: float) -> Effect:
                 "goes to differential_tail="
             ],
         )
+    # Deflections of right and left aileron: only their difference rolls.
     delta_a = 0.5 * (grid["delta_right"] - grid["delta_left"]).values
     if np.unique(delta_a).size != delta_a.size:
         raise SchemaError(
@@ -267,6 +270,7 @@ def from_zero(table: xr.DataArray, axis: str) -> xr.DataArray:
     points = table[axis].values
     if np.any(points == 0.0):
         return exact_zero(table - table.sel({axis: 0.0}, drop=True), axis)
+    # A breakpoint at zero without increment.
     node = xr.zeros_like(table.isel({axis: [0]})).assign_coords({axis: [0.0]})
     return xr.concat([table, node], axis).sortby(axis)
 

@@ -154,6 +154,7 @@ def power_effect(given: Source, clean: Source, h_ref: float) -> Effect:
             f"{given.role}: the powered pages are those without power; the power terms are "
             f"left absent"
         )
+    # The thrust force acts at the engines in a simulation.
     force = engine.itself(powered["alpha"], given.reference["cbar"])
     tables = {}
     for name, table in increments.items():

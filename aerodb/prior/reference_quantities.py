@@ -100,6 +100,7 @@ def find_reference_point(
             f"count from there"
         )
         return -x_cg, 0.0, -z_cg
+    # A point of the aircraft file must be near the moment centre of every listing.
     x_ref, y_ref, z_ref = map(float, aircraft.reference)
     problems = []
     if abs(y_ref) > _NEAR * aircraft.cbar:
@@ -116,6 +117,7 @@ def find_reference_point(
 
 def _distant_centres(sources: Mapping[str, Source], reference: Point, cbar: float) -> list[str]:
     """Return a problem for each moment centre that is far from the reference point."""
+    # Listings of one centre share a message.
     roles_by_centre: dict[str, list[str]] = {}
     for role, source in sources.items():
         d = _reference_arm(source, reference)

@@ -92,6 +92,7 @@ def assign_roles(given: Iterable[Any]) -> list[CaseRole]:
     if not _cases_of_role(assigned, "clean"):
         assigned = _assign_clean(assigned, aeroplane)
     _require_one_aircraft([item.case for item in _cases_of_role(assigned, "clean")])
+    # Roles in order of appearance, each once.
     present: dict[str, None] = {}
     for item in assigned:
         present.update(dict.fromkeys(item.roles))
@@ -118,6 +119,7 @@ def _find_roles(
     case: Case, aeroplane: str, hinges: set[tuple[float | None, ...]]
 ) -> tuple[tuple[str, ...], str]:
     """Return the roles of a case by itself, and the reason."""
+    # Names of the printed tables, over all pages of the case.
     printed: set[str] = set()
     has_ground_page, power = False, ""
     for page in case.pages:
@@ -162,6 +164,7 @@ def _find_ground_role(
 ) -> tuple[tuple[str, ...], str]:
     """Return the role of a case with GRNDEF."""
     if "SYMFLP" in case.deck.namelists:
+        # With a flap on the wing only the first deflection of a run is right.
         surface = control_surface(case.deck)
         reason = f"GRNDEF with SYMFLP on the {surface}"
         if surface == "tail":
@@ -234,6 +237,7 @@ def _require_one_aircraft(clean: list[Case]) -> None:
 
 def _geometry_differences(first: Case, second: Case) -> list[str]:
     """Return the namelists of the geometry in which two cases differ."""
+    # Flight conditions and devices may differ between cases of one aircraft.
     first_cards, second_cards = _comparable_cards(first), _comparable_cards(second)
     differences = []
     for name in dict.fromkeys([*first_cards, *second_cards]):
@@ -297,6 +301,7 @@ def _case_label(case: Case) -> str:
 
 def _comparable_cards(case: Case) -> dict[str, Any]:
     """Return the namelists of a case and its airfoil sections in comparable form."""
+    # Cards by value: the order and the format of numbers in the deck do not count.
     meaning = case.deck.meaning()
     namelists: Any = meaning["namelists"]
     return {**namelists, "NACA": meaning["sections"]}

@@ -68,6 +68,7 @@ class Source:
         lines = self.tree[leaf].coords.get("lines")
         if lines is None:
             return self.file
+        # A text of lines is a range such as 120-180.
         numbers: list[int] = []
         for text in lines.values.ravel():
             numbers += map(int, re.findall(r"\d+", str(text)))
@@ -83,6 +84,7 @@ class Source:
         SchemaError
             The tables have no cards, the number is missing, or the cases differ in it.
         """
+        # Cases without the number have the default.
         values = set()
         for deck in self.decks:
             value = deck.value(namelist, variable)
@@ -142,6 +144,7 @@ class Source:
                 self.role,
                 [f"the listing {self.file} holds no {leaf} table; give the case that prints it"],
             )
+        # Mach number and altitude become axes of the grid.
         dataset = self._select_power(self._fullest_configuration(leaf))
         try:
             grid = datcom_io.to_grid(_along_mach(dataset))
@@ -161,6 +164,7 @@ class Source:
         dataset = self.tree.children[leaf].to_dataset(inherit=False)
         if "configuration" not in dataset.dims:
             return dataset
+        # Components are separated by dashes: WING-BODY has two.
         components = [len(str(name).split("-")) for name in dataset["configuration"].values]
         return dataset.isel(configuration=int(np.argmax(components)))
 
@@ -168,6 +172,7 @@ class Source:
         """Return the pages with or without power effects, as `powered` states."""
         if "power" not in dataset.coords:
             return dataset
+        # A leaf has one kind of power, or an axis of several.
         kinds = [str(kind) for kind in np.atleast_1d(dataset["power"].values)]
         matching = [kind for kind in kinds if (kind != "off") == self.powered]
         if len(matching) != 1:
@@ -220,6 +225,7 @@ def collect_source(role: str, given: Any, powered: bool = False) -> Source:
         for name, leaf in tree.children.items():
             if leaf.sizes.get("condition", 1) > 1:
                 looped.add(name)
+    # The basic tables of the database come from this source: doubts are reported.
     if role == "clean" and "static" in joined.children:
         _warn_of_pairs(role, joined.children["static"].to_dataset(inherit=False))
         _warn_of_suspects(role, joined)
@@ -287,6 +293,7 @@ def _along_mach(dataset: xr.Dataset) -> xr.Dataset:
     """Return a leaf at one altitude if each Mach number has its own altitude; else unchanged."""
     if not _has_own_altitudes(dataset):
         return dataset
+    # The middle altitude represents all of them.
     heights = dataset["h"].values
     middle = np.sort(heights)[len(heights) // 2]
     h = ("condition", np.full(len(heights), middle), dataset["h"].attrs)
@@ -323,6 +330,7 @@ def _warn_of_suspects(role: str, joined: xr.DataTree) -> None:
         if leaf not in joined.children:
             continue
         pages = joined.children[leaf].to_dataset(inherit=False)
+        # Only pages in free air without power are counted.
         if "ground_height" in pages.dims:
             pages = pages.sel(ground_height=np.inf)
         if "power" in pages.coords and not bool((pages["power"] == "off").all()):
@@ -353,6 +361,7 @@ def _case_trees(given: Any) -> Iterator[tuple[xr.DataTree, Deck | None]]:
 
 def _flatten_cases(given: Any) -> Iterator[Any]:
     """Yield the cases and case trees of nested lists and listings."""
+    # A listing has cases and a tree of all of them: its cases are used.
     is_case = hasattr(given, "to_datatree") and not hasattr(given, "cases")
     if isinstance(given, xr.DataTree) or is_case:
         yield given

@@ -226,6 +226,7 @@ def leaf_rows(leaf: xr.Dataset | StoredGroup) -> tuple[list[str], list[tuple[str
     values = leaf["value"].values
     if not values.ndim:
         return ["value"], [(f"{float(values):.6g}",)]
+    # Rows are the nodes of all axes but the last, columns its breakpoints.
     *row_axes, column_axis = map(str, leaf["value"].dims)
     head = [_label_axis(axis) for axis in row_axes]
     head += [f"{column_axis} {_format_point(column_axis, x)}" for x in leaf[column_axis].values]

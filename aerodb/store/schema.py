@@ -127,6 +127,7 @@ def database_coefficients(db: xr.DataTree) -> tuple[str, ...]:
 
 def _root_faults(attributes: Mapping) -> list[str]:
     """Return the faults of the root attributes."""
+    # Texts, finite numbers, positive lengths, known axes, storable attributes.
     problems = []
     for key in _TEXTS:
         if not isinstance(attributes.get(key), str):

@@ -77,7 +77,7 @@ _FADE = 2.0  # of the correlation with the flown region, per correlation length
 _BEND = 0.5  # a-priori size of the parameters of incidence and Mach number, over that of the level
 _HUBER = 2.5  # distance of a fit, in its standard errors, from which on it loses weight
 _ROUNDS = 16  # of factors and weights; the scatter is estimated in the second half
-_LEAST_HALF_SPAN = 1e-6  # of a flown range, so that a single flown value does not divide by zero
+_LEAST_HALF_SPAN = 1e-6  # of a flown range: a single flown value must not divide by zero
 
 
 def join_submodels(
@@ -445,8 +445,5 @@ def _inflate_priors(
 
 def _rms_by_fit(v: np.ndarray, S: np.ndarray, rows_of_fits: Sequence[slice]) -> np.ndarray:
     """Return the rms residual of each fit in its standard errors, (fits,)."""
-    distances = []
-    for rows in rows_of_fits:
-        chi2 = v[rows] @ np.linalg.solve(S[rows, rows], v[rows])
-        distances.append(np.sqrt(chi2 / len(v[rows])))
-    return np.array(distances)
+    chi2 = [v[rows] @ np.linalg.solve(S[rows, rows], v[rows]) for rows in rows_of_fits]
+    return np.sqrt(np.array(chi2) / [len(v[rows]) for rows in rows_of_fits])

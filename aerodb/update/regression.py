@@ -141,14 +141,7 @@ def regress_tables(
         )
         for observation in sampled:
             if (coefficient_terms.coefficient, observation.name) not in modelled:
-                controls = unplaced_controls(
-                    observation.name,
-                    observation.data,
-                    coefficient_terms,
-                    directions=observation.directions,
-                    covariance=covariance,
-                )
-                without_place.append(controls)
+                without_place.append(_unplaced_controls(observation, coefficient_terms, covariance))
         observed = [observation.observation for observation in sampled] + estimates
         tabulations.append(
             join_observations(coefficient_terms, observed, lengths, shapes=shapes, history=_HISTORY)
@@ -158,6 +151,19 @@ def regress_tables(
     table = pd.concat(with_rows or without_place[:1])
     notices = demand_places(table, unplaced)
     return add_cautions(merge_tabulations(tabulations), table, notices)
+
+
+def _unplaced_controls(
+    observation: _SampleObservation, coefficient_terms: CoefficientTerms, covariance: Covariance
+) -> pd.DataFrame:
+    """Return the controls that moved in samples and on which no term depends."""
+    return unplaced_controls(
+        observation.name,
+        observation.data,
+        coefficient_terms,
+        directions=observation.directions,
+        covariance=covariance,
+    )
 
 
 class _SampleObservation(NamedTuple):

@@ -87,22 +87,17 @@ def with_standard_errors(
         tables.append(sample.table["value"])
         modes.append(sample.modes.drop_duplicates("mode").set_index("mode")[list(_MODE)])
     if len(tables) < _LEAST_DRAWS:
-        raise SchemaError(
-            "samples",
-            [f"{len(failures)} of {count} draws cannot be evaluated; the first: {failures[0]}"],
-        )
+        text = f"{len(failures)} of {count} draws cannot be evaluated; the first: {failures[0]}"
+        raise SchemaError("samples", [text])
     deviations = pd.concat(tables, axis=1).apply(_standard_deviation, axis=1)
     # A mode may be absent from some draws: the columns are aligned by the name of the mode.
     mode_errors = {}
     for name in _MODE:
         by_draw = pd.concat([table[name] for table in modes], axis=1)
-        by_mode = by_draw.apply(_standard_deviation, axis=1)
-        mode_errors[f"{name}_stderr"] = found.modes["mode"].map(by_mode)
-    return replace(
-        found,
-        table=found.table.assign(stderr=deviations.reindex(found.table.index)),
-        modes=found.modes.assign(**mode_errors),
-    )
+        deviations_by_mode = by_draw.apply(_standard_deviation, axis=1)
+        mode_errors[f"{name}_stderr"] = found.modes["mode"].map(deviations_by_mode)
+    table = found.table.assign(stderr=deviations.reindex(found.table.index))
+    return replace(found, table=table, modes=found.modes.assign(**mode_errors))
 
 
 def _standard_deviation(values: pd.Series) -> float:

@@ -174,9 +174,8 @@ def unplaced_controls(
         variables.update(_terms.list_model_variables(leaf))
     candidates = []
     for control in _CONTROLS.get(coefficient, ()):
-        if control not in samples or control in variables:
-            continue
-        if float(samples[control].std()) > _LEAST_MOVEMENT:
+        is_free = control in samples and control not in variables
+        if is_free and float(samples[control].std()) > _LEAST_MOVEMENT:
             candidates.append(control)
     if not candidates:
         return _make_table([], [])
