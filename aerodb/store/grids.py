@@ -239,7 +239,7 @@ def same_factors(first: xr.Dataset, second: xr.Dataset) -> bool:
     return True
 
 
-def add_leaves(leaf: xr.Dataset, more: xr.Dataset) -> xr.Dataset:
+def add_leaves(leaf: xr.Dataset, added: xr.Dataset) -> xr.Dataset:
     """Return the sum of two leaves over the union of their breakpoints.
 
     The same variables must multiply both.  Their errors count as independent.
@@ -250,14 +250,14 @@ def add_leaves(leaf: xr.Dataset, more: xr.Dataset) -> xr.Dataset:
         Their factors differ and the table without them has too many axes.
     """
     # Tables with equal factors can be added as they are: K (a + b) = K a + K b.
-    if not same_factors(leaf, more):
-        leaf, more = fold_factors(leaf), fold_factors(more)
-    points = union_axes(leaf, more)
+    if not same_factors(leaf, added):
+        leaf, added = fold_factors(leaf), fold_factors(added)
+    points = union_axes(leaf, added)
     if len(points) > _terms.MAX_AXES:
         raise SchemaError(
             "sum", [f"has the axes {' '.join(points)}; at most {_terms.MAX_AXES} are allowed"]
         )
-    a, b = regrid_leaf(leaf, points), regrid_leaf(more, points)
+    a, b = regrid_leaf(leaf, points), regrid_leaf(added, points)
     value = a["value"].values + b["value"].values
     errors = [part["stderr"].values for part in (a, b) if "stderr" in part]
     stderr = None
