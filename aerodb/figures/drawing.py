@@ -203,7 +203,7 @@ def band_handle(color: str, label: str) -> Patch:
     return Patch(facecolor=color, alpha=0.25, linewidth=0, label=label)
 
 
-def save_figure(figure: Figure, path: str | os.PathLike) -> None:
+def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
     """Write a figure to a file, atomically; equal figures give equal bytes.
 
     Parameters

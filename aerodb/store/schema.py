@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -125,7 +125,7 @@ def database_coefficients(db: xr.DataTree) -> tuple[str, ...]:
     return FORCE_AXES[str(db.attrs["force_axes"])]
 
 
-def _root_faults(attributes: Mapping) -> list[str]:
+def _root_faults(attributes: Mapping[str, Any]) -> list[str]:
     """Return the faults of the root attributes."""
     # Texts, finite numbers, positive lengths, known axes, storable attributes.
     problems = []

@@ -47,7 +47,7 @@ def show_deck(deck: str, output: str | None, resolved: bool, as_json: bool) -> N
         click.echo(f"written: {output}")
 
 
-def _case_row(number: int, case) -> dict:
+def _case_row(number: int, case) -> dict[str, Any]:
     machs, heights = (
         case.schedule("FLTCON", "MACH", "NMACH"),
         case.schedule("FLTCON", "ALT", "NALT"),

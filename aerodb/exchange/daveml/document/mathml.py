@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
+from typing import Any
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -51,7 +52,7 @@ class Choice:
 Expression = MathNumber | Name | Apply | Choice
 
 
-def _make_relation(relation: Callable) -> Callable:
+def _make_relation(relation: Callable[..., Any]) -> Callable:
     """Return a relation of two or more arguments, such as a < b < c."""
 
     def holds(*values):
@@ -60,7 +61,7 @@ def _make_relation(relation: Callable) -> Callable:
     return holds
 
 
-def _make_logic(operation: Callable) -> Callable:
+def _make_logic(operation: Callable[..., Any]) -> Callable:
     def combined(*values):
         return reduce(operation, (np.asarray(value) != 0.0 for value in values)).astype(float)
 
@@ -88,7 +89,7 @@ def _logarithm(value, base=10.0):
 
 _MANY = 10**6  # no limit of the number of arguments
 # Operator: function over arrays, least and largest number of arguments.
-OPERATORS: dict[str, tuple[Callable, int, int]] = {
+OPERATORS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "plus": (lambda *values: reduce(np.add, values), 1, _MANY),
     "minus": (_subtract, 1, 2),
     "times": (lambda *values: reduce(np.multiply, values), 1, _MANY),
