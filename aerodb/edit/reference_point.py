@@ -128,7 +128,7 @@ def move_reference(
 
 def _move_terms(
     leaves: Mapping[str, xr.Dataset],
-    root: Mapping[str, Any],
+    root: Mapping[Any, Any],
     d: np.ndarray,
     *,
     tolerance: float,

@@ -144,7 +144,7 @@ def rescale(
     return make_database(scaled, **attributes)
 
 
-def _extend_history(attributes: Mapping[str, Any], line: str) -> str:
+def _extend_history(attributes: Mapping[Any, Any], line: str) -> str:
     """Return the history of some attributes with a further line."""
     return "\n".join(filter(None, [str(attributes.get("history", "")), line]))
 

@@ -111,7 +111,7 @@ def read_overview(
     attributes: Collection[str] | None = None,
     whole: Unbroken | None = None,
     names: Collection[str] | None = None,
-) -> tuple[Mapping[str, Any], Mapping[str, xr.Dataset | StoredGroup]]:
+) -> tuple[Mapping[Any, Any], Mapping[str, xr.Dataset | StoredGroup]]:
     """Return the root attributes and the terms of a database without opening it completely.
 
     The seal replaces the checks: the file passed them when it was saved.  Of a sealed file only the

@@ -91,7 +91,7 @@ def summary(db: xr.DataTree) -> str:
 
 
 def overview_text(
-    attributes: Mapping[str, Any], leaves: Mapping[str, xr.Dataset | StoredGroup]
+    attributes: Mapping[Any, Any], leaves: Mapping[str, xr.Dataset | StoredGroup]
 ) -> str:
     """Return the text of `summary` from root attributes and terms, which may come from a file."""
     return summary_text(attributes, describe_terms(leaves))
@@ -110,7 +110,7 @@ def summary_text(attributes: Mapping[str, Any], terms: Iterable[Mapping[str, Any
     return "\n".join([*heading_lines(attributes), "", *lines])
 
 
-def heading_lines(a: Mapping[str, Any]) -> list[str]:
+def heading_lines(a: Mapping[Any, Any]) -> list[str]:
     """Return the lines on a database: title, reference quantities, axes, absent terms."""
     point = ", ".join(f"{a[key]:.4f}" for key in ("x_ref", "y_ref", "z_ref"))
     return [

@@ -183,7 +183,7 @@ def history(db: xr.DataTree) -> pd.DataFrame:
 
 
 def edit_rows(
-    attributes: Mapping[str, Any], entries: Mapping[str, UndoEntry]
+    attributes: Mapping[Any, Any], entries: Mapping[str, UndoEntry]
 ) -> list[tuple[Any, ...]]:
     """Return the rows of `history` from root attributes and undo entries.
 
@@ -300,7 +300,7 @@ def update_absent(
 
 def _undo_edit(
     entry: xr.DataTree, attributes: Mapping[str, Any], leaves: Mapping[str, xr.Dataset]
-) -> tuple[dict[str, Any], dict, dict]:
+) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     """Return root attributes, terms and check cases before an edit.
 
     The check cases are empty if the edit did not set any aside.
@@ -387,7 +387,7 @@ def _count_edits(db: xr.DataTree) -> int:
     return max([int(db.attrs.get("edits", 0)), *_by_number(_undo_groups(db))])
 
 
-def _history_lines(attributes: Mapping[str, Any]) -> list[str]:
+def _history_lines(attributes: Mapping[Any, Any]) -> list[str]:
     """Return the lines of the history of a database."""
     text = attributes.get("history")
     if not text:

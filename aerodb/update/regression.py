@@ -290,7 +290,7 @@ def _prior_factor(
 class _Product:
     """Sparse B times dense F; the product is never in memory as a whole."""
 
-    def __init__(self, B, F: np.ndarray) -> None:
+    def __init__(self, B: Any, F: np.ndarray) -> None:
         self.B, self.F = B, F
 
     def decompose(self) -> tuple[np.ndarray, np.ndarray]:

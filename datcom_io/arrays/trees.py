@@ -100,7 +100,7 @@ _DIGITS = 9  # of a deflection in radians that distinguish it
 
 def join_attributes(trees: Sequence[xr.DataTree]) -> dict[str, Any]:
     """Return the attributes of the first tree, with the texts of all trees, each once."""
-    attrs = dict(trees[0].attrs)
+    attrs: dict[str, Any] = {str(key): value for key, value in trees[0].attrs.items()}
     for key, separator in (("title", "; "), ("case", "; "), ("file", "; "), ("messages", "\n")):
         texts = [str(tree.attrs[key]) for tree in trees if tree.attrs.get(key)]
         attrs[key] = separator.join(dict.fromkeys(texts))

@@ -296,7 +296,7 @@ def _platform_name() -> str:
     return f"{_PROCESSORS.get(machine, machine)}-{platform.system().lower()}"
 
 
-def double_pointer(array: np.ndarray):
+def double_pointer(array: np.ndarray) -> Any:
     """Return a pointer to the numbers of an array; the array must stay in memory."""
     return array.ctypes.data_as(DOUBLES)
 

@@ -282,7 +282,7 @@ def _demand_new(path: Path, force: bool) -> None:
 
 
 def _jsbsim(
-    file: str, options: dict[str, Any], daveml: dict, own: dict
+    file: str, options: dict[str, Any], daveml: dict[str, Any], own: dict[str, Any]
 ) -> tuple[xr.DataTree, Aircraft]:
 
     for key in _OF_DAVEML:
@@ -292,7 +292,7 @@ def _jsbsim(
 
 
 def _daveml(
-    file: str, options: dict[str, Any], daveml: dict, own: dict
+    file: str, options: dict[str, Any], daveml: dict[str, Any], own: dict[str, Any]
 ) -> tuple[xr.DataTree, Aircraft]:
 
     if daveml["inertia"] is None:

@@ -253,7 +253,7 @@ def _sign(x: np.ndarray) -> np.ndarray:
     return np.where(x < 0.0, -1.0, 1.0)
 
 
-def _reduce_with(function: Callable[..., Any]) -> Callable:
+def _reduce_with(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function of two arguments as one of any number of arguments."""
     return lambda *values: reduce(function, values)
 

@@ -17,7 +17,7 @@ def notices_of(attributes: Mapping[str, Any]) -> list[str]:
     return str(attributes.get(NOTICES, "")).splitlines()
 
 
-def with_notices(attributes: Mapping[str, Any], more: Iterable[str]) -> dict[str, str]:
+def with_notices(attributes: Mapping[Any, Any], more: Iterable[str]) -> dict[str, str]:
     """Return the root attribute `NOTICES` with further warnings.
 
     It is empty without warnings.  A repeated warning is stored once.
