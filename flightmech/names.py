@@ -238,6 +238,16 @@ _ROWS = [
 
 VOCABULARY: dict[str, Quantity] = {row[0]: Quantity(*row) for row in _ROWS}
 COEFFICIENTS = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
+REDUCED_RATES = {
+    "phat": ("p", "b"),
+    "qhat": ("q", "cbar"),
+    "rhat": ("r", "b"),
+    "alphadothat": ("alpha_dot", "cbar"),
+    "betadothat": ("beta_dot", "b"),
+}
+"""Reduced rate: the rate and the reference length in rate * length / (2 V)."""
+IMPLICIT = ("alphadothat", "betadothat", "dnz")
+"""Variables that the simulation solves for: they depend on the coefficients themselves."""
 # prefix of the quantities of a submodel
 ITEM = re.compile(r"^(engine[1-9]\d*|gear\.\w+|joint\.\w+|device\.\w+|column|wheel|pedal)\.")
 

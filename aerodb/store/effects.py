@@ -19,11 +19,12 @@ import numpy as np
 import xarray as xr
 
 from aerodb.store.templates import HINGE
+from flightmech.names import REDUCED_RATES
 
 _ZERO = xr.DataArray(0.0)
 # Reference length of each moment, and of each reduced rate x l / 2V.
 _LENGTH = {"Cl": "b", "Cm": "cbar", "Cn": "b"}
-_RATE_LENGTH = {"phat": "b", "rhat": "b", "betadothat": "b", "qhat": "cbar", "alphadothat": "cbar"}
+_RATE_LENGTH = {name: length for name, (_, length) in REDUCED_RATES.items()}
 
 
 @dataclass(frozen=True)

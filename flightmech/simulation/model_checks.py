@@ -10,12 +10,11 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.build_up import COEFFICIENTS, used_coefficients
 from flightmech.errors import UnknownName
+from flightmech.names import IMPLICIT
 from flightmech.simulation.model_block import FORCES, MOMENTS, list_table_axes
 from flightmech.support.netcdf_trees import GROUPS
 from flightmech.terms import check_term, list_regressors, power_factor
 
-# Variables that the simulation solves for: they depend on the coefficients themselves.
-IMPLICIT = ("alphadothat", "betadothat", "dnz")
 HINGES = ("Ch_e", "Ch_a", "Ch_r")
 # Relative difference of sizes after a unit conversion and a netCDF round trip.
 _SIZE_TOLERANCE = 1e-6

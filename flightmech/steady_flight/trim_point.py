@@ -17,7 +17,7 @@ from flightmech import build_up, terms
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.axes import lift_drag
 from flightmech.errors import SimulationError
-from flightmech.names import COEFFICIENTS
+from flightmech.names import COEFFICIENTS, REDUCED_RATES
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.compiler import compile as compile_model
 from flightmech.simulation.kernel import Simulation
@@ -31,11 +31,7 @@ VARIABLES = (
     "alpha",
     "beta",
     "V",
-    "phat",
-    "qhat",
-    "rhat",
-    "alphadothat",
-    "betadothat",
+    *REDUCED_RATES,
     "dnz",
     "delta_e",
     "delta_a",

@@ -15,7 +15,8 @@ from aerodb.exchange.daveml.document.model import DaveModel
 from aerodb.exchange.daveml.document.tables import FunctionAxis, Gridded
 from aerodb.exchange.daveml.piecewise_linear import PiecewiseLinear
 from aerodb.exchange.daveml.polynomials import GridAxis, Inexact, MultilinearTable, Sum
-from aerodb.exchange.daveml.vocabulary import REDUCED, VALUE
+from aerodb.exchange.daveml.vocabulary import VALUE
+from flightmech.names import REDUCED_RATES
 
 _COMPARISONS = ("lt", "gt", "leq", "geq")
 # Unit factors that multiply to a whole number except for rounding are that whole number.
@@ -165,7 +166,7 @@ def to_reduced_rates(expanded: Sum, lengths: Mapping[str, float]) -> Sum:
     products: dict[polynomials.Product, float] = {}
     for (grids, powers), coefficient in expanded.products.items():
         counts = dict(powers)
-        for name, (rate, length) in REDUCED.items():
+        for name, (rate, length) in REDUCED_RATES.items():
             # Number of factors rate/V in the product.
             count = min(counts.get(rate, 0), -counts.get("V", 0))
             if count <= 0:

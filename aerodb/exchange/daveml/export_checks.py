@@ -10,10 +10,10 @@ import numpy as np
 import xarray as xr
 
 from aerodb.exchange.daveml.document.units import code_of
-from aerodb.exchange.daveml.vocabulary import REDUCED, STORED, replace_illegal_characters
+from aerodb.exchange.daveml.vocabulary import STORED, replace_illegal_characters
 from aerodb.store.evaluation import contributions
 from aerodb.store.schema import FORCE_AXES, terms
-from flightmech.names import lookup
+from flightmech.names import REDUCED_RATES, lookup
 from flightmech.support.netcdf_trees import CHECKS
 from flightmech.terms import list_model_variables
 
@@ -135,7 +135,7 @@ def with_rates(
     V = states.get("V", random.uniform(*_AIRSPEED, count))
     completed = {**states, "V": V}
     # rate = 2 V / length * reduced rate
-    for name, (rate, length) in REDUCED.items():
+    for name, (rate, length) in REDUCED_RATES.items():
         if name in states:
             completed[rate] = 2.0 * V / lengths[length] * states[name]
     return completed
@@ -146,7 +146,7 @@ def with_reduced(
 ) -> dict[str, np.ndarray]:
     """Return the states with the reduced rates that follow from rates and true airspeed."""
     completed = dict(states)
-    for name, (rate, length) in REDUCED.items():
+    for name, (rate, length) in REDUCED_RATES.items():
         if rate in states and "V" in states and length in lengths:
             completed[name] = states[rate] * lengths[length] / (2.0 * states["V"])
     return completed
@@ -224,7 +224,7 @@ def read_stored_cases(db: xr.DataTree) -> list[CheckShot]:
             states[str(variable)] = table[variable].values.astype(float)
     # A reduced rate is written as rate and airspeed, so these must be stored with it.
     for name in required:
-        if name in REDUCED and not {"V", REDUCED[name][0]} <= set(states):
+        if name in REDUCED_RATES and not {"V", REDUCED_RATES[name][0]} <= set(states):
             return []
     names = str(table.attrs.get("names", "")).split("\n")
     if len(names) != table.sizes["case"]:

@@ -28,12 +28,12 @@ from aerodb.exchange.daveml.export_checks import (
     standard_name,
     text_element_lines,
 )
-from aerodb.exchange.daveml.vocabulary import REDUCED, VALUE, WRITER, pack_attributes, source_runs
+from aerodb.exchange.daveml.vocabulary import VALUE, WRITER, pack_attributes, source_runs
 from aerodb.store.schema import require_valid, terms
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.build_up import used_coefficients
 from flightmech.errors import SchemaError
-from flightmech.names import lookup
+from flightmech.names import REDUCED_RATES, lookup
 from flightmech.support.atomic_write import write_text
 from flightmech.terms import list_regressors, power_factor
 
@@ -150,7 +150,7 @@ class _Writer:
         for name in _GEOMETRY:
             lines += self._constant_lines(name)
         required = sample_states.required_variables(self.leaves.values())
-        for name in REDUCED:
+        for name in REDUCED_RATES:
             if name in required:
                 lines += self._reduced_rate_lines(name)
         for name, leaf in self.leaves.items():
@@ -221,9 +221,9 @@ class _Writer:
         """Return the input variables of the file, by name. [SI]"""
         names = set()
         for name in sample_states.required_variables(self.leaves.values()):
-            if name in REDUCED:
+            if name in REDUCED_RATES:
                 # A reduced rate is computed from its rate and the airspeed.
-                names |= {REDUCED[name][0], "V"}
+                names |= {REDUCED_RATES[name][0], "V"}
             else:
                 names.add(name)
         return sorted(names)
@@ -244,7 +244,7 @@ class _Writer:
         return element_lines("variableDef", attributes, element_lines("description", {}, text))
 
     def _reduced_rate_lines(self, name: str) -> list[str]:
-        rate, length = REDUCED[name]
+        rate, length = REDUCED_RATES[name]
         self.ids.add(name)
         # reduced rate = rate * length / (2 V)
         numerator = Apply("times", (Name(rate), Name(length)))

@@ -14,14 +14,15 @@ from aerodb.exchange.daveml.document import mathml
 from aerodb.exchange.daveml.document.model import DaveModel
 from aerodb.exchange.daveml.polynomials import GridAxis, Inexact, MultilinearTable, Sum
 from aerodb.exchange.daveml.terms import Factors, unify_rules
-from aerodb.exchange.daveml.vocabulary import REDUCED, file_unit_conversion
+from aerodb.exchange.daveml.vocabulary import file_unit_conversion
 from aerodb.exchange.sampling import Function, SamplingError, largest_difference, tabulate_function
+from flightmech.names import REDUCED_RATES
 from flightmech.terms import MAX_AXES, evaluate_term, make_term
 
 _FIRST = 5  # initial breakpoints of an axis whose tables state its two ends only
 _LEAST_WEIGHT = 1e-12  # avoids a division by zero if the other factors vanish
 # Rates that the simulation has as reduced rates only. A table cannot have them as an axis.
-_RATES = {rate for rate, _ in REDUCED.values()} - {"p", "q", "r"}
+_RATES = {rate for rate, _ in REDUCED_RATES.values()} - {"p", "q", "r"}
 
 
 class Sampler:

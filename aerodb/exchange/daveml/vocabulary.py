@@ -19,14 +19,6 @@ from flightmech.units import parse_unit
 # Prefix of the name of a check case that is stored in the database.
 STORED = "checks: "
 
-# Reduced rate: the rate and the reference length in rate * length / (2 V).
-REDUCED = {
-    "phat": ("p", "b"),
-    "qhat": ("q", "cbar"),
-    "rhat": ("r", "b"),
-    "alphadothat": ("alpha_dot", "cbar"),
-    "betadothat": ("beta_dot", "b"),
-}
 # End of the name of a constant that is the table of a term. It becomes a table without axes again,
 # with or without standard error.
 VALUE = " value"

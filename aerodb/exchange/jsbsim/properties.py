@@ -38,15 +38,6 @@ UNIT = {
     "qbar": PSF,
     "thrust": POUND_FORCE,
 }
-# Reduced rate: the rate and the reference length in rate * length / (2 V).
-RATES = {
-    "phat": ("p", "b"),
-    "qhat": ("q", "cbar"),
-    "rhat": ("r", "b"),
-    "alphadothat": ("alpha_dot", "cbar"),
-    "betadothat": ("beta_dot", "b"),
-}
-
 # Variable: its property, in the unit of `jsbsim_unit`.
 AXIS = {
     "alpha": "aero/alpha-rad",

@@ -23,8 +23,9 @@ from aerodb.exchange.jsbsim.products import (
     Product,
     reference_factor,
 )
-from aerodb.exchange.jsbsim.properties import AXIS, ENGINE, FUNCTION, RANGE, RATES, jsbsim_unit
+from aerodb.exchange.jsbsim.properties import AXIS, ENGINE, FUNCTION, RANGE, jsbsim_unit
 from aerodb.exchange.xml_reader import Element
+from flightmech.names import REDUCED_RATES
 from flightmech.terms import MAX_AXES, MAX_REGRESSORS, make_term
 
 # Values of the attribute ``lookup``, from the outermost axis to the columns.
@@ -233,7 +234,7 @@ def _split_regressors(
         raise NotAProduct(f"a variable to a power above {_HIGHEST}")
     factor = product.factor
     regressors: list[str] = []
-    for reduced, (rate, reference) in RATES.items():
+    for reduced, (rate, reference) in REDUCED_RATES.items():
         count = symbols.pop(rate) if symbols[rate] > 0 else 0
         for _ in range(count):
             # A body rate that is not divided by the airspeed stays a rate.
@@ -262,7 +263,7 @@ def _split_regressors(
 def _sort_like_file(regressors: list[str], product: Product) -> list[str]:
     """Return regressors in the order in which the file multiplies them."""
     positions = {symbol: index for index, symbol in enumerate(product.symbols)}
-    rate_of: dict[str, str] = {reduced: rate for reduced, (rate, _) in RATES.items()}
+    rate_of: dict[str, str] = {reduced: rate for reduced, (rate, _) in REDUCED_RATES.items()}
     return sorted(regressors, key=lambda n: positions.get(rate_of.get(n) or n, len(positions)))
 
 

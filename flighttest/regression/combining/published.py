@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, SchemaError
-from flightmech.names import lookup
+from flightmech.names import REDUCED_RATES, lookup
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel, term_powers, variable_of
@@ -22,7 +22,7 @@ Condition = float | Sequence[float] | str
 _TANGENT = 1e-4
 _ROWS, _MOST = 16384, 33  # points of the grid in total, and along one variable
 _FEWEST = 3  # points along a range: they determine a parabola
-_RATES = ("phat", "qhat", "rhat", "alphadothat", "betadothat")  # zero unless stated
+_RATES = tuple(REDUCED_RATES)  # zero unless stated
 
 
 def published_fit(

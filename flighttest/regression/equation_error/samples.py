@@ -10,11 +10,12 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
+from flightmech.names import REDUCED_RATES
 from flighttest.regression.equation_error.model import RegressionModel
 
 # Variables that a table may depend on. They stay with the samples if all manoeuvres have them.
 _AIR_DATA = ("alpha", "beta", "mach", "V", "qbar", "h", "h_agl")
-_RATES = ("p", "q", "r", "phat", "qhat", "rhat", "alphadothat", "betadothat")
+_RATES = ("p", "q", "r", *REDUCED_RATES)
 _LOADS = ("phi", "nz", "dnz", "CL", "CT")
 _SURFACES = ("delta_e", "delta_a", "delta_r", "delta_f", "delta_t", "delta_ta", "delta_tr")
 _TABLE_VARIABLES = (*_AIR_DATA, *_RATES, *_LOADS, *_SURFACES, "gear", "speedbrake")
