@@ -29,7 +29,7 @@ typedef struct {
 enum { MODEL_EXCHANGE, CO_SIMULATION };
 enum { DO_STEP_STATUS, PENDING_STATUS, LAST_SUCCESSFUL_TIME, TERMINATED };
 
-static void report(const fmu_logger *logger, int status, const char *text) {
+static void report_fmi2(const fmu_logger *logger, int status, const char *text) {
     logger_function function = (logger_function)logger->callback;
     char message[2048]; /* the message is a printf format */
     size_t k = 0;
@@ -50,7 +50,7 @@ AM_API const char *fmi2GetVersion(void) { return "2.0"; }
 AM_API fmu *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources,
                             const callback_functions *callbacks, fmi2Boolean visible,
                             fmi2Boolean logging) {
-    fmu_logger logger = {.report = report};
+    fmu_logger logger = {.report = report_fmi2};
     char folder[4096];
     (void)visible;
     (void)logging; /* only errors are logged, and they always are */
@@ -60,13 +60,14 @@ AM_API fmu *fmi2Instantiate(const char *name, int type, const char *guid, const 
     }
     snprintf(logger.name, sizeof logger.name, "%s", name ? name : "");
     if (type != CO_SIMULATION && type != MODEL_EXCHANGE) {
-        report(&logger, FMU_ERROR,
-               "unknown type of instance; FMI 2.0 knows model exchange (0) and co-simulation (1)");
+        report_fmi2(
+            &logger, FMU_ERROR,
+            "unknown type of instance; FMI 2.0 knows model exchange (0) and co-simulation (1)");
         return NULL;
     }
     if (resource_path(resources, folder, sizeof folder) != 0) {
-        report(&logger, FMU_ERROR,
-               "the resource location is not a file URI; give file:///<folder>/resources");
+        report_fmi2(&logger, FMU_ERROR,
+                    "the resource location is not a file URI; give file:///<folder>/resources");
         return NULL;
     }
     return fmu_open(folder, guid, type == CO_SIMULATION ? FMU_CO_SIMULATION : FMU_MODEL_EXCHANGE,

@@ -15,7 +15,7 @@ typedef void (*update_function)(void *environment, double time, bool set_request
 typedef void (*notice_function)(void *environment);
 typedef void (*lock_function)(void);
 
-static void report(const fmu_logger *logger, int status, const char *text) {
+static void report_fmi3(const fmu_logger *logger, int status, const char *text) {
     if (logger->callback) {
         ((logger_function)logger->callback)(logger->environment, status, "logStatusError", text);
     }
@@ -23,7 +23,7 @@ static void report(const fmu_logger *logger, int status, const char *text) {
 
 static fmu_logger logger_of(const char *name, void *environment, logger_function callback) {
     fmu_logger logger = {
-        .report = report, .environment = environment, .callback = (void (*)(void))callback};
+        .report = report_fmi3, .environment = environment, .callback = (void (*)(void))callback};
     snprintf(logger.name, sizeof logger.name, "%s", name ? name : "");
     return logger;
 }
@@ -45,7 +45,7 @@ AM_API fmu *fmi3InstantiateCoSimulation(const char *name, const char *token, con
     (void)intermediate;
     (void)update;
     if (events || n) {
-        report(
+        report_fmi3(
             &logger, FMU_ERROR,
             "this FMU has neither an event mode nor intermediate updates; instantiate it without "
             "them");
@@ -76,7 +76,7 @@ AM_API fmu *fmi3InstantiateScheduledExecution(const char *name, const char *toke
     (void)clock;
     (void)lock;
     (void)unlock;
-    report(&logger, FMU_ERROR, "this FMU offers no scheduled execution");
+    report_fmi3(&logger, FMU_ERROR, "this FMU offers no scheduled execution");
     return NULL;
 }
 
@@ -172,8 +172,8 @@ AM_API fmi3Status fmi3GetDirectionalDerivative(fmu *f, const fmi3ValueReference 
 
 AM_API fmi3Status fmi3GetAdjointDerivative(fmu *f, const fmi3ValueReference unknowns[], size_t nu,
                                            const fmi3ValueReference knowns[], size_t nk,
-                                           const double seed[], size_t nseed,
-                                           double sensitivity[], size_t nsensitivity) {
+                                           const double seed[], size_t nseed, double sensitivity[],
+                                           size_t nsensitivity) {
     if (one_to_one(f, nseed, nu, nsensitivity, nk)) return FMU_ERROR;
     return fmu_adjoint(f, unknowns, nu, knowns, nk, seed, sensitivity);
 }

@@ -15,16 +15,16 @@ const char *am_title(const am_model *model) { return model->title; }
 
 const char *am_meta(const am_model *model) { return model->meta; }
 
-static bool catalogued(am_kind kind) {
+static bool is_catalogued(am_kind kind) {
     return (int)kind >= AM_INPUT && (int)kind <= AM_AXIS && kind != AM_TARGET;
 }
 
 int am_count(const am_model *model, am_kind kind) {
-    return catalogued(kind) ? model->count[kind] : 0;
+    return is_catalogued(kind) ? model->count[kind] : 0;
 }
 
 int am_entry_at(const am_model *model, am_kind kind, int i, am_entry *entry) {
-    if (!catalogued(kind) || i < 0 || i >= model->count[kind]) return AM_BAD_INDEX;
+    if (!is_catalogued(kind) || i < 0 || i >= model->count[kind]) return AM_BAD_INDEX;
     *entry = model->entry[kind][i];
     return AM_OK;
 }

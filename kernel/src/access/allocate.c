@@ -10,7 +10,7 @@
 
 #define STAND (4 + sizeof(stand_t) / sizeof(double)) /* of a bench: with its fractions */
 
-static double *take(double **at, size_t n) {
+static double *next_array(double **at, size_t n) {
     double *piece = *at;
     *at += n;
     return piece;
@@ -38,27 +38,28 @@ am_sim *am_new(const am_model *m) {
     if (!sim) return NULL;
     sim->model = m;
     double *at = (double *)(sim + 1);
-    sim->par = take(&at, np);
-    sim->u = take(&at, nu);
-    sim->u_work = take(&at, nu);
-    sim->u_end = take(&at, nu);
-    sim->y_work = take(&at, (size_t)m->count[AM_OUTPUT]);
-    sim->x = take(&at, nx);
-    sim->x_work = take(&at, nx);
-    sim->k = take(&at, 4 * nx);
-    sim->var = take(&at, m->total[AM_VARIABLE]);
-    sim->slot = take(&at, values_of(m));
-    sim->sum = take(&at, m->total[AM_TARGET]);
-    sim->memory = take(&at, m->memories);
-    sim->memory_before = take(&at, m->memories);
-    sim->work = take(&at, m->works);
-    sim->last_power = take(&at, LAST_POWER);
-    sim->fraction = take(&at, 4 * (size_t)m->first_bench[STAGES]);
-    sim->below = take(&at, na);
-    sim->above = take(&at, na);
-    sim->stand = (stand_t *)take(&at, sizeof(stand_t) / sizeof(double) * m->first_bench[STAGES]);
-    sim->packed = take(&at, m->corners);
-    sim->wake = (uint64_t *)take(&at, m->first_quad[STAGES * WAYS]);
+    sim->par = next_array(&at, np);
+    sim->u = next_array(&at, nu);
+    sim->u_work = next_array(&at, nu);
+    sim->u_end = next_array(&at, nu);
+    sim->y_work = next_array(&at, (size_t)m->count[AM_OUTPUT]);
+    sim->x = next_array(&at, nx);
+    sim->x_work = next_array(&at, nx);
+    sim->k = next_array(&at, 4 * nx);
+    sim->var = next_array(&at, m->total[AM_VARIABLE]);
+    sim->slot = next_array(&at, values_of(m));
+    sim->sum = next_array(&at, m->total[AM_TARGET]);
+    sim->memory = next_array(&at, m->memories);
+    sim->memory_before = next_array(&at, m->memories);
+    sim->work = next_array(&at, m->works);
+    sim->last_power = next_array(&at, LAST_POWER);
+    sim->fraction = next_array(&at, 4 * (size_t)m->first_bench[STAGES]);
+    sim->below = next_array(&at, na);
+    sim->above = next_array(&at, na);
+    sim->stand = (stand_t *)next_array(&at,
+                                       sizeof(stand_t) / sizeof(double) * m->first_bench[STAGES]);
+    sim->packed = next_array(&at, m->corners);
+    sim->wake = (uint64_t *)next_array(&at, m->first_quad[STAGES * WAYS]);
     sim->cell = (uint32_t *)at;
     sim->outer = sim->cell + na;
     sim->corner = sim->outer + na;

@@ -12,7 +12,7 @@
 #include <stdlib.h>
 
 /* One zeroed piece of memory for the arrays of the model, carved in order. */
-static bool reserve(reader *r) {
+static bool allocate_model(reader *r) {
     am_model *m = r->model;
     m->axes = (uint32_t)r->count[AXES];
     m->bundles = (uint32_t)r->count[BUNDLES];
@@ -69,12 +69,12 @@ static bool read_geometry(reader *r) {
 }
 
 static bool read_block(reader *r, const unsigned char *bytes, size_t n) {
-    if (!open_block(r, bytes, n) || !reserve(r) || !read_geometry(r)) return false;
+    if (!open_block(r, bytes, n) || !allocate_model(r) || !read_geometry(r)) return false;
     for (int kind = AM_INPUT; kind <= AM_VARIABLE; kind++) {
         if (!read_entries(r, INPUTS + kind, (am_kind)kind)) return false;
     }
-    if (!read_items(r) || !lay_out(r) || !read_variables(r) || !read_axes(r) || !read_bundles(r)
-        || !read_terms(r)) {
+    if (!read_items(r) || !find_group_starts(r) || !read_variables(r) || !read_axes(r)
+        || !read_bundles(r) || !read_terms(r)) {
         return false;
     }
     return check_names(r, AM_INPUT, 0) && check_names(r, AM_OUTPUT, 0)

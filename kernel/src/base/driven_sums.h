@@ -98,7 +98,7 @@ static void add_later(const am_drive *d, const place_t *p, const sight_t *sight,
         }
         const double speed[3] = {l->speed[0][j], l->speed[1][j], l->speed[2][j]};
         double lever[3];
-        cross(g, speed, lever);
+        vector_product(g, speed, lever);
         for (int i = 0; i < 3; i++) {
             l->turn[i][j] += by[0][i] * at[0] + by[1][i] * at[1] + by[2][i] * at[2] + dt * lever[i];
             l->speed[i][j] += at[3 + i];
@@ -119,7 +119,7 @@ static void add_noise(const am_drive *d, size_t samples, const double *x, int u,
     clear_products(&sums);
     for (size_t k = samples; k-- > 0;) {
         level_axes(x + k * (size_t)d->states, p.level);
-        multiply(p.level, d->path.force + 3 * k, p.gain);
+        matrix_times_vector(p.level, d->path.force + 3 * k, p.gain);
         see_all(d, k, x + k * (size_t)d->states, p.level, sight);
         add_later(d, &p, sight, u, pressed + k * (size_t)d->states * (size_t)u, &later);
         for (int i = 0; i < 6; i++) {

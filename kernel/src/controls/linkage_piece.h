@@ -64,7 +64,7 @@ static inline real balance(const piece_t *p, real a, real b, real preload) {
 }
 
 /* Velocity of body i > 0, with friction alone, when body 0 has w0; *slope states how it follows. */
-static inline real follow(const piece_t *p, int i, real w0, real *slope) {
+static inline real follow_body(const piece_t *p, int i, real w0, real *slope) {
     const real pull = p->b[i] + p->cable * w0;
     const real R = p->threshold[i];
     const real w = clamp(PICK((pull + R) / p->a[i] < 0.0, (pull + R) / p->a[i],
@@ -87,7 +87,7 @@ static real cockpit_velocity(const linkage_t *c, const piece_t *p, real guess) {
         real b = p->b[0];
         real slope;
         for (int i = 1; i < c->bodies; i++) {
-            const real w = follow(p, i, w0, &slope);
+            const real w = follow_body(p, i, w0, &slope);
             a -= p->cable * slope;
             b += p->cable * (w - slope * w0);
         }
@@ -123,7 +123,7 @@ static void solve_velocities(const linkage_t *c, const motion_t *m, piece_t *p) 
     real slope;
     for (bool again = true; again;) {
         p->w[0] = c->driven ? c->drive : cockpit_velocity(c, p, m->v[0]);
-        for (int i = 1; i < c->bodies; i++) p->w[i] = follow(p, i, p->w[0], &slope);
+        for (int i = 1; i < c->bodies; i++) p->w[i] = follow_body(p, i, p->w[0], &slope);
         again = false;
         for (int i = 0; i < c->bodies; i++) {
             /* broken out of stiction: solve once more with sliding friction */

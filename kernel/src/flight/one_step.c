@@ -38,15 +38,15 @@ void advance_memory(am_sim *sim, double t, double h, const double *u0, const dou
 
 #endif
 
-static void advance_parts(am_sim *sim, double t, double h, const double *u0, const double *u1) {
+static void one_advance_parts(am_sim *sim, double t, double h, const double *u0, const double *u1) {
     if (sim->model->memories) advance_memory(sim, t, h, u0, u1);
 }
 
-static bool keeps(const am_sim *sim, const double *u) {
+static bool one_keeps(const am_sim *sim, const double *u) {
     return sim->fresh && memcmp(u, sim->u, sizeof *u * (size_t)sim->model->count[AM_INPUT]) == 0;
 }
 
-static void first_slope(am_sim *sim, double t, double h, const double *u, bool kept) {
+static void one_first_slope(am_sim *sim, double t, double h, const double *u, bool kept) {
     if (!kept || !sim->fresh) {
         slope(sim, t, h, 0.0, sim->x, u, sim->k);
         keep_anchor(sim, sim->x);
@@ -54,7 +54,7 @@ static void first_slope(am_sim *sim, double t, double h, const double *u, bool k
     sim->fresh = false;
 }
 
-static void count_steps_outside(am_sim *sim, bool counts) {
+static void one_count_steps_outside(am_sim *sim, bool counts) {
     if (counts) count_outside(sim);
 }
 

@@ -8,7 +8,7 @@
 
 #define FEW 16 /* rows for which a block is not worth it */
 
-static void *reserve(block_t *b, const am_sim *sim) {
+static void *allocate_block(block_t *b, const am_sim *sim) {
     const am_model *m = sim->model;
     const size_t columns = 1 + (size_t)m->count[AM_VARIABLE] + m->axes + m->slots + m->terms;
     double *at = malloc((columns * ROWS + m->slots + SPILL) * sizeof(double)
@@ -51,7 +51,7 @@ int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, do
     const am_model *m = sim->model;
     const size_t nv = (size_t)m->count[AM_VARIABLE];
     block_t block;
-    void *memory = n < FEW || sim->patches ? NULL : reserve(&block, sim);
+    void *memory = n < FEW || sim->patches ? NULL : allocate_block(&block, sim);
     sim->fresh = sim->away = false;
     for (size_t k = 0; k < n; k += memory ? ROWS : 1) {
         double *c = coefficients ? coefficients + k * COEFFICIENTS : NULL;

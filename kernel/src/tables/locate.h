@@ -59,7 +59,7 @@ __attribute__((noinline)) static uint64_t move_on(am_sim *sim, int stage, bool a
 }
 
 /* Where the axes of a stage stand; returns the marks of those that stand elsewhere than before. */
-static inline uint64_t locate(am_sim *sim, int stage) {
+static inline uint64_t locate_axes(am_sim *sim, int stage) {
     const am_model *m = sim->model;
     const uint32_t first = m->first_bench[stage];
     const stand_t *stand = sim->stand + first;
@@ -85,7 +85,7 @@ static inline uint64_t locate(am_sim *sim, int stage) {
 static inline void look_up_stage(am_sim *sim, int stage) {
     const am_model *m = sim->model;
     if (m->first_bundle[stage] == m->first_bundle[stage + 1]) return;
-    uint64_t changed = locate(sim, stage);
+    uint64_t changed = locate_axes(sim, stage);
     /* patches change the values of the slots in place */
     if (sim->patches) changed |= ALL_AXES;
     if (changed) interpolate_stage(sim, stage, changed);

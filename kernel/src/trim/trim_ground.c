@@ -41,7 +41,7 @@ static void add_tyres(const am_sim *sim, unknowns_t *to) {
     }
 }
 
-static int balance(am_sim *sim) {
+static int balance_on_ground(am_sim *sim) {
     static const int STANDING[] = {Y_TRIM_U_DOT, Y_TRIM_V_DOT, Y_TRIM_W_DOT,
                                    Y_TRIM_P_DOT, Y_TRIM_Q_DOT, Y_TRIM_R_DOT};
     static const int ROLLING[] = {AM_GOAL_CLIMB, Y_TRIM_P_DOT, Y_TRIM_Q_DOT};
@@ -82,7 +82,7 @@ int trim_on_ground(am_sim *sim) {
                     sim->u[U_GEAR]);
     }
     memcpy(kept, p, sizeof kept);
-    const int status = balance(sim);
+    const int status = balance_on_ground(sim);
     memcpy(p, kept, sizeof kept);
     sim->prepared = sim->fresh = false;
     return status;
