@@ -45,7 +45,7 @@ _ALIGNMENT = 14
 
 
 def find_libraries(folder: Path = FOLDER) -> dict[str, bytes]:
-    """Return the libraries found, by platform such as ``x86_64-linux``.
+    """Return the libraries for FMUs that are found, by platform such as ``x86_64-linux``.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def find_libraries(folder: Path = FOLDER) -> dict[str, bytes]:
     found = {
         path.parent.name: path.read_bytes()
         for suffix in SUFFIX.values()
-        for path in sorted(folder.glob(f"*/*{suffix}"))
+        for path in sorted(folder.glob(f"*/aeromatch_fmu{suffix}"))
     }
     if not found:
         raise SchemaError(

@@ -133,7 +133,8 @@ def load_kernel() -> ctypes.CDLL:
         When it has not been compiled.
     """
     folder = FOLDER / _platform()
-    found = [path for suffix in SUFFIX.values() for path in sorted(folder.glob(f"*{suffix}"))]
+    found = [folder / f"aeromatch_kernel{suffix}" for suffix in SUFFIX.values()]
+    found = [path for path in found if path.is_file()]
     if not found:
         raise AeromatchError(
             f"no compiled kernel in {folder}; install the package, or run 'python "

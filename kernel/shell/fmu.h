@@ -14,6 +14,8 @@
 
 #include "kernel.h"
 
+#define AM_FMI AM_SHOWN /* a function of the standard */
+
 enum { FMU_OK = 0, FMU_DISCARD = 2, FMU_ERROR = 3 };
 enum {
     FMU_TIME = 0,
