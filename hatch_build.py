@@ -51,8 +51,8 @@ TARGETS = {
     "x86_64-darwin": Target("x86_64-macos.11.0", ".dylib", "macosx_11_0_x86_64"),
     "aarch64-darwin": Target("aarch64-macos.11.0", ".dylib", "macosx_11_0_arm64"),
 }
-# What FMI cannot reach is left out of an FMU: runs side by side and the sums of estimation as
-# units, the rest of the Python interface (am_*) by AM_FMU, which exports none of it, so that the
+# What FMI cannot reach is left out of an FMU: runs side by side and the numerics of estimation as
+# folders, the rest of the Python interface (am_*) by AM_FMU, which exports none of it, so that the
 # linker drops it.  Python does not use the FMI shell.
 LIBRARIES = {
     "aeromatch_kernel": Library(("shell",), ()),

@@ -27,6 +27,7 @@ FOLDERS = (
     "trim",
     "lanes",
     "runs",
+    "estimation",
     "shell",
 )
 UNITS = [path for path in SOURCES if path.parent.name in FOLDERS]
