@@ -212,9 +212,9 @@ AM_FMI fmi2Status fmi2GetEventIndicators(fmu *f, double z[], size_t n) {
 
 /* ---- stored states --------------------------------------------------------------------------- */
 
-AM_FMI fmi2Status fmi2GetFMUstate(fmu *f, fmu_state **state) { return fmu_take_state(f, state); }
+AM_FMI fmi2Status fmi2GetFMUstate(fmu *f, fmu_state **state) { return fmu_get_state(f, state); }
 AM_FMI fmi2Status fmi2SetFMUstate(fmu *f, const fmu_state *state) {
-    return fmu_put_state(f, state);
+    return fmu_set_state(f, state);
 }
 
 AM_FMI fmi2Status fmi2FreeFMUstate(fmu *f, fmu_state **state) {

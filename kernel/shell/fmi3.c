@@ -243,9 +243,9 @@ AM_FMI fmi3Status fmi3GetNumberOfEventIndicators(fmu *f, size_t *n) {
 
 /* ---- stored states --------------------------------------------------------------------------- */
 
-AM_FMI fmi3Status fmi3GetFMUState(fmu *f, fmu_state **state) { return fmu_take_state(f, state); }
+AM_FMI fmi3Status fmi3GetFMUState(fmu *f, fmu_state **state) { return fmu_get_state(f, state); }
 AM_FMI fmi3Status fmi3SetFMUState(fmu *f, const fmu_state *state) {
-    return fmu_put_state(f, state);
+    return fmu_set_state(f, state);
 }
 
 AM_FMI fmi3Status fmi3FreeFMUState(fmu *f, fmu_state **state) {

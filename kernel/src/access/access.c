@@ -44,7 +44,7 @@ const char *am_error(const am_sim *sim) { return sim->text; }
 
 double am_time(const am_sim *sim) { return sim->time; }
 
-void take_inputs(am_sim *sim, const double *u) {
+void store_inputs(am_sim *sim, const double *u) {
     memcpy(sim->u, u, sizeof(double) * (size_t)sim->model->count[AM_INPUT]);
     sim->fresh = false;
 }
@@ -101,7 +101,7 @@ int am_set_inputs(am_sim *sim, const double *u) {
     for (int i = 0; i < sim->model->count[AM_INPUT]; i++) {
         if (!isfinite(u[i])) return refuse_value(sim, AM_INPUT, i, u[i]);
     }
-    take_inputs(sim, u);
+    store_inputs(sim, u);
     return AM_OK;
 }
 

@@ -1,4 +1,4 @@
-/* The memory of a simulation: one piece, the arrays behind the struct, so that a copy is one
+/* The memory of a simulation: one block, the arrays behind the struct, so that a copy is one
  * memcpy. */
 #include "allocate.h"
 
@@ -11,9 +11,9 @@
 #define STAND (4 + sizeof(stand_t) / sizeof(double)) /* of a bench: with its fractions */
 
 static double *next_array(double **at, size_t n) {
-    double *piece = *at;
+    double *array = *at;
     *at += n;
-    return piece;
+    return array;
 }
 
 size_t sim_size(const am_model *m) {
@@ -24,7 +24,7 @@ size_t sim_size(const am_model *m) {
     const size_t doubles = np + 3 * nu + (size_t)m->count[AM_OUTPUT] + 6 * nx
                            + m->total[AM_VARIABLE] + values_of(m) + m->total[AM_TARGET] + 2 * na
                            + STAND * (size_t)m->first_bench[STAGES] + 2 * (size_t)m->memories
-                           + m->works + LAST_POWER + m->corners + m->first_quad[STAGES * WAYS];
+                           + m->works + LAST_POWER + m->corners + m->first_packet[STAGES * WAYS];
     return sizeof(am_sim) + doubles * sizeof(double)
            + (2 * na + m->bundles + LIST_WORDS(m)) * sizeof(uint32_t);
 }
@@ -59,10 +59,10 @@ am_sim *am_new(const am_model *m) {
     sim->stand = (stand_t *)next_array(&at,
                                        sizeof(stand_t) / sizeof(double) * m->first_bench[STAGES]);
     sim->packed = next_array(&at, m->corners);
-    sim->wake = (uint64_t *)next_array(&at, m->first_quad[STAGES * WAYS]);
+    sim->wake = (uint64_t *)next_array(&at, m->first_packet[STAGES * WAYS]);
     sim->cell = (uint32_t *)at;
-    sim->outer = sim->cell + na;
-    sim->corner = sim->outer + na;
+    sim->end_cell = sim->cell + na;
+    sim->corner = sim->end_cell + na;
     sim->lists = lay_lists(m, sim->corner + m->bundles);
     sim->scale = sim->par + m->total[AM_PARAMETER];
     sim->exponent = sim->scale + m->terms;

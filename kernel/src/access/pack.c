@@ -11,7 +11,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* One zeroed piece of memory for the arrays of the model, carved in order. */
+/* One zeroed block of memory for the arrays of the model, carved in order. */
 static bool allocate_model(reader *r) {
     am_model *m = r->model;
     m->axes = (uint32_t)r->count[AXES];
@@ -33,13 +33,13 @@ static bool allocate_model(reader *r) {
     m->axis = calloc(m->axes + 1, sizeof *m->axis);
     m->cell = calloc(r->count[POINTS] + 3 * (size_t)m->axes + 1, sizeof *m->cell);
     m->bundle = calloc(m->bundles + 1, sizeof *m->bundle);
-    m->quad = calloc(m->bundles + 1, sizeof *m->quad);
+    m->packet = calloc(m->bundles + 1, sizeof *m->packet);
     m->bench = calloc(m->axes + 1, sizeof *m->bench);
     m->term = calloc(m->terms + 1, sizeof *m->term);
     m->implicit = calloc(m->terms + 1, sizeof *m->implicit);
     m->late = calloc(m->terms + 1, sizeof *m->late);
     m->power = calloc(m->terms + 1, sizeof *m->power);
-    const bool tables = m->variable && m->axis && m->cell && m->bundle && m->quad && m->bench;
+    const bool tables = m->variable && m->axis && m->cell && m->bundle && m->packet && m->bench;
     const bool terms = m->term && m->implicit && m->late && m->power;
     return (tables && terms) || refuse_block(r, "model block: no memory");
 }
@@ -101,7 +101,7 @@ void am_free(am_model *model) {
     free(model->variable);
     free(model->axis);
     free(model->bundle);
-    free(model->quad);
+    free(model->packet);
     free(model->bench);
     free(model->term);
     free(model->implicit);

@@ -1,5 +1,5 @@
-/* Elementary functions of the kernel's own: the same bits on every platform, which no two
- * mathematical libraries give.
+/* Elementary functions of the kernel's own: the same bits on every platform, on which no two
+ * mathematical libraries agree.
  *
  * Double precision, round to nearest, no fused multiply-add (-ffp-contract=off), only + - * /
  * and sqrt.  Every function is within 1 ulp of the exact value for every argument (measured:

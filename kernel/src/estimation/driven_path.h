@@ -237,7 +237,7 @@ static void begin_path(const am_drive *d, const double *start, place_t *p, chang
     for (int i = 3; i < d->states; i++) c->X[i][i] = 1.0;
 }
 
-static void give_change(const am_drive *d, size_t k, const change_t *c, double *X) {
+static void store_change(const am_drive *d, size_t k, const change_t *c, double *X) {
     const size_t columns = (size_t)(d->states + d->inputs);
     double *to = X + k * columns * (size_t)d->states;
     for (int i = 0; i < d->states; i++, to += columns) memcpy(to, c->X[i], sizeof *to * columns);
@@ -260,7 +260,7 @@ static void follow_path(const am_drive *d, size_t samples, const double *start, 
         change_attitude(p.level, &c);
         change_slope(d, 0, &p, &c);
         see_change(d, 0, sight[0], c.wide, c.X, c.seen);
-        give_change(d, 0, &c, X);
+        store_change(d, 0, &c, X);
     }
     for (size_t k = 0; k + 1 < samples; k++) {
         const bool last = k + 2 == samples;
@@ -273,7 +273,7 @@ static void follow_path(const am_drive *d, size_t samples, const double *start, 
         if (X) {
             change_path(d, k, turn, &p, &c);
             change_vanes(d, k, sight, x, c.wide, c.X, c.seen);
-            give_change(d, k + 1, &c, X);
+            store_change(d, k + 1, &c, X);
         }
         memcpy(sight[0], sight[1], sizeof *sight);
         memmove(a, a + 1, 3 * sizeof *a);

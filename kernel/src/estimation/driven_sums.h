@@ -30,7 +30,7 @@ static void find_row(const am_driven *d, const am_residual_group *group, size_t 
 }
 
 /* Both halves of the sums of products. */
-static void give_products(const sums_t *p, double *to) {
+static void add_both_halves(const sums_t *p, double *to) {
     for (int i = 0; i < p->width; i++) {
         for (int j = i; j < p->width; j++) {
             to[i * p->width + j] += p->sum[i * p->stride + j];
@@ -71,7 +71,8 @@ static void add_driven(const am_driven *d, const am_residual_group *group, doubl
             press(given->states, u, (1.0 - group->f[m]) * w, J, p.z, to);
             if (group->f[m] != 0.0) press(given->states, u, group->f[m] * w, J, p.z, to + sample);
         }
-        if (products) give_products(&p, products + (size_t)row * (size_t)(u + 1) * (size_t)(u + 1));
+        if (products)
+            add_both_halves(&p, products + (size_t)row * (size_t)(u + 1) * (size_t)(u + 1));
     }
 }
 
@@ -132,7 +133,7 @@ static void add_noise(const am_drive *d, size_t samples, const double *x, int u,
             add_products_of_row(&sums);
         }
     }
-    give_products(&sums, products);
+    add_both_halves(&sums, products);
 }
 
 #endif

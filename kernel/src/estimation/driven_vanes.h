@@ -14,7 +14,8 @@ enum {
     PATH_ROWS = 7, /* attitude, velocity, height */
     DRIVEN_VANES = 2,
     DRIVEN_STATES = PATH_ROWS + DRIVEN_VANES,
-    DRIVEN_WIDE = (DRIVEN_STATES + AM_LAG + 1 + 3) / 4 * 4 /* start and every input, in fours */
+    DRIVEN_WIDE = (DRIVEN_STATES + AM_LAG + 1 + 3) / 4
+        * 4 /* start and every input, vectors of four */
 };
 
 /* The angle that a vane without lag would see, and its derivatives. */
@@ -65,7 +66,7 @@ static double by_constant(const am_drive *d, size_t k, const sight_t *s, int inp
            * (input >= AM_SCALE ? d->path.rates[3 * k + (size_t)i] : 1.0);
 }
 
-/* The change of the angles by start and constants, of the columns `wide` in fours. */
+/* The change of the angles by start and constants, of `wide` columns, vectors of four. */
 static void see_change(const am_drive *d, size_t k, const sight_t *sight, int wide,
                        double X[][DRIVEN_WIDE], double seen[][DRIVEN_WIDE]) {
     for (int vane = 0; vane < d->vanes; vane++) {

@@ -199,7 +199,7 @@ static void add_path_steps(const am_normal *e, const am_residual_group *group, s
         }
         behind[0] = behind[1];
     }
-    give_total(e, given, &sums);
+    add_total(e, given, &sums);
 }
 
 #endif

@@ -138,7 +138,7 @@ static void start_travel(am_sim *sim, uint32_t item) {
 }
 
 /* At rest: cables stretched by the loads, and in mode 2 the force that the record lacks. */
-static void settle_circuit(am_sim *sim, uint32_t item) {
+static void start_at_rest(am_sim *sim, uint32_t item) {
     const double *p = par_of(sim, G_CIRCUIT, item);
     const double *u = input_of(sim, sim->u, G_CIRCUIT, item);
     double *d = memory_of(sim, G_CIRCUIT, item);
@@ -160,7 +160,7 @@ void control_start(am_sim *sim) {
     if (!any_moves(sim)) return;
     derivative(sim, sim->x, sim->u, scratch_slope(sim));
     for (uint32_t i = 0; i < circuits(sim); i++) {
-        if (circuit_moves(sim, i)) settle_circuit(sim, i);
+        if (circuit_moves(sim, i)) start_at_rest(sim, i);
     }
 }
 

@@ -72,7 +72,7 @@ static void lay_out_lanes(flight_t *f, const am_model *m, real *at) {
 }
 
 /* A simulation that stands at the first sample, its outputs found. */
-static void board(flight_t *f, int l, am_sim *sim) {
+static void load_lane(flight_t *f, int l, am_sim *sim) {
     const am_model *m = f->model;
     const size_t nx = (size_t)am_state_count(m);
     f->lane[l] = sim;
@@ -115,24 +115,25 @@ static void repeat(flight_t *f, int from, int to) {
 /* ---- a step ---------------------------------------------------------------------------------- */
 
 /* Lanes whose last call left the derivative at the inputs u. */
-static mask_t laned_keeps(const flight_t *f, const real *u) {
-    mask_t kept = f->fresh;
-    for (int i = 0; i < f->model->count[AM_INPUT]; i++) kept &= words_of(u[i]) == words_of(f->u[i]);
-    return kept;
+static mask_t laned_can_reuse(const flight_t *f, const real *u) {
+    mask_t reuse = f->fresh;
+    for (int i = 0; i < f->model->count[AM_INPUT]; i++)
+        reuse &= words_of(u[i]) == words_of(f->u[i]);
+    return reuse;
 }
 
-static void keep_lanes(mask_t kept, const real *before, size_t n, real *now) {
-    for (size_t i = 0; i < n; i++) now[i] = PICK(kept, before[i], now[i]);
+static void restore_lanes(mask_t reuse, const real *before, size_t n, real *now) {
+    for (size_t i = 0; i < n; i++) now[i] = PICK(reuse, before[i], now[i]);
 }
 
 /* As in control_step.c; lanes whose last call left the derivative keep it. */
 static void laned_find_start(flight_t *f, double t, const real *u0) {
     const size_t n = changed(f);
     real *now = (real *)&f->now;
-    const mask_t kept = laned_keeps(f, u0);
-    if (EVERY(kept)) return;
-    const bool some = ANY(kept);
-    const bool away = f->away;
+    const mask_t reuse = laned_can_reuse(f, u0);
+    if (EVERY(reuse)) return;
+    const bool some = ANY(reuse);
+    const bool off_ground = f->off_ground;
     if (some) {
         memcpy(f->before, f->par, sizeof(real) * n);
         memcpy(f->before + n, now, sizeof(real) * OWN);
@@ -141,11 +142,11 @@ static void laned_find_start(flight_t *f, double t, const real *u0) {
     f->clock = t;
     derivative(f, f->x, u0, f->k);
     if (some) {
-        keep_lanes(kept, f->before, n, f->par);
-        keep_lanes(kept, f->before + n, OWN, now);
+        restore_lanes(reuse, f->before, n, f->par);
+        restore_lanes(reuse, f->before + n, OWN, now);
     }
-    f->away = f->away && (away || !some); /* of all lanes */
-    f->fresh &= kept;
+    f->off_ground = f->off_ground && (off_ground || !some); /* of all lanes */
+    f->fresh &= reuse;
 }
 
 static void advance_levers(flight_t *f, double t, double h, const real *u0, const real *u1) {
@@ -179,11 +180,11 @@ static void laned_advance_parts(flight_t *f, double t, double h, const real *u0,
 
 /* Lanes whose last call left their slope keep it, and its anchor: wind at the end of a step and at
  * the start of the next one is the same but for rounding. */
-static void laned_first_slope(flight_t *f, double t, double h, const real *u, mask_t kept) {
+static void laned_first_slope(flight_t *f, double t, double h, const real *u, mask_t reuse) {
     const int n = am_state_count(f->model);
-    kept &= f->fresh;
+    reuse &= f->fresh;
     f->fresh = 0;
-    if (EVERY(kept)) return;
+    if (EVERY(reuse)) return;
     real *k = f->k;
     real *before = f->k + n; /* the slope to come */
     const anchor_r stood = f->anchor;
@@ -191,10 +192,10 @@ static void laned_first_slope(flight_t *f, double t, double h, const real *u, ma
     memcpy(before, k, sizeof *k * (size_t)n);
     memcpy(power, f->last_power + A_POWER, sizeof power);
     slope(f, t, h, 0.0, f->x, u, k);
-    keep_lanes(kept, before, (size_t)n, k);
+    restore_lanes(reuse, before, (size_t)n, k);
     keep_anchor(f, f->x);
-    keep_lanes(kept, (const real *)&stood, sizeof stood / sizeof(real), (real *)&f->anchor);
-    keep_lanes(kept, power, A_POWER, f->last_power + A_POWER);
+    restore_lanes(reuse, (const real *)&stood, sizeof stood / sizeof(real), (real *)&f->anchor);
+    restore_lanes(reuse, power, A_POWER, f->last_power + A_POWER);
 }
 
 static void laned_count_steps_outside(flight_t *f, mask_t counts) {
@@ -359,9 +360,9 @@ bool LANED(fly)(const group_t *g) {
     lay_out_lanes(f, m, (real *)(f + 1));
     for (int l = 0; l < LANES; l++) {
         course.flies[l] = l < g->runs;
-        board(f, l, g->sim[l]);
+        load_lane(f, l, g->sim[l]);
     }
-    board_patches(f);
+    load_patches(f);
     for (int stage = 0; stage < STAGES; stage++) find_shared(f, stage);
     list_terms(f);
     const am_sim *first = g->sim[0];

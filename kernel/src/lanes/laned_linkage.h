@@ -7,14 +7,14 @@
 
 #include "control_drive.h"
 #include "laned.h"
-#include "linkage_piece.h"
+#include "linkage_interval.h"
 
 static inline mask_t turns(real start, real end) {
     return ((start > 0.0) & (end < 0.0)) | ((start < 0.0) & (end > 0.0));
 }
 
-/* Lanes with an event of a body in the piece, as event_of and happens. */
-static mask_t events_of(const linkage_t *c, const motion_t *m, const piece_t *p, int i) {
+/* Lanes with an event of a body in the interval, as event_of and happens. */
+static mask_t events_of(const linkage_t *c, const motion_t *m, const interval_t *p, int i) {
     const real v = m->v[i];
     const real q = m->q[i];
     const real w = p->w[i];
@@ -34,13 +34,13 @@ static mask_t events_of(const linkage_t *c, const motion_t *m, const piece_t *p,
     return found | turns(start, to - c->neutral - drift * push);
 }
 
-static mask_t lanes_with_event(const linkage_t *c, const motion_t *m, const piece_t *p) {
+static mask_t lanes_with_event(const linkage_t *c, const motion_t *m, const interval_t *p) {
     mask_t found = everywhere(false);
     for (int i = c->driven ? 1 : 0; i < c->bodies; i++) found |= events_of(c, m, p, i);
     return found;
 }
 
-static void laned_hold_back(const linkage_t *c, motion_t *m, const piece_t *p, int i) {
+static void laned_hold_back(const linkage_t *c, motion_t *m, const interval_t *p, int i) {
     const real w = p->w[i];
     const real v = m->v[i];
     mask_t held = p->threshold[i] > 0.0;
@@ -51,7 +51,7 @@ static void laned_hold_back(const linkage_t *c, motion_t *m, const piece_t *p, i
     m->v[i] = PICK(w == p->high[i], up, PICK(w == p->low[i], down, inside));
 }
 
-static void accept_piece(const linkage_t *c, motion_t *m, const piece_t *p) {
+static void laned_accept(const linkage_t *c, motion_t *m, const interval_t *p) {
     for (int i = 0; i < c->bodies; i++) {
         const real w = p->w[i];
         const real inside = m->q[i] + p->h * w;
@@ -81,18 +81,18 @@ static void advance_alone(const linkage_t *c, const motion_t *before, motion_t *
 }
 
 static void linkage_part_in_lanes(const linkage_t *c, motion_t *m, double t, double h) {
-    piece_t p;
+    interval_t p;
     motion_t after = *m;
-    solve_piece(c, m, t, h, &p);
+    solve_interval(c, m, t, h, &p);
     const mask_t apart = lanes_with_event(c, m, &p);
-    accept_piece(c, &after, &p);
+    laned_accept(c, &after, &p);
     for (int l = 0; l < LANES && ANY(apart); l++) {
         if (apart[l]) advance_alone(c, m, &after, l, t, h);
     }
     *m = after;
 }
 
-/* A circuit through a step; lanes with parts of another length take them one by one. */
+/* A circuit through a step; lanes with parts of another length go through them one by one. */
 static void laned_move_bodies(const flight_t *f, uint32_t item, double h, const linkage_t *c,
                               motion_t *m) {
     const real longest = par_of(f, G_CIRCUIT, item)[P_CIRCUIT_STEP];

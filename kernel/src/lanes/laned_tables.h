@@ -19,7 +19,7 @@ static bool move_to_cell_of(flight_t *f, uint32_t i, int l, real *x) {
     (*x)[l] = within_reach((*x)[l]);
     const uint32_t found = find_cell(axis, (*x)[l]);
     const bool moved = found != *cell;
-    f->lane[l]->outers = RECOUNT;
+    f->lane[l]->end_cells = RECOUNT;
     const cell_t *c = &axis->cell[found];
     *cell = found;
     at->from[l] = c[0].from;

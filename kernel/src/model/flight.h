@@ -43,7 +43,7 @@
 #define fuel_left LANED(fuel_left)
 #define fuel_outputs LANED(fuel_outputs)
 #define keep_anchor LANED(keep_anchor)
-#define gear_away LANED(gear_away)
+#define gear_off_ground LANED(gear_off_ground)
 #define gear_clear LANED(gear_clear)
 #define gear_forces LANED(gear_forces)
 #define gear_outputs LANED(gear_outputs)
@@ -127,7 +127,7 @@ typedef struct {
     mask_t fresh;
     double omega, time, clock, part;
     int earth, drive, controls;
-    bool anchored, away;
+    bool anchored, off_ground;
     uint32_t rotors; /* of any lane */
     bool windy;      /* the wind of a lane is more than its inputs and a shear */
     am_sim *lane[LANES];

@@ -128,7 +128,7 @@ static bool finite_loops(const am_batch_task *task) {
 }
 
 /* Rising finite times, finite inputs and loops, so that only what a run computes can end it, and a
- * model whose equations take the same way in every run. */
+ * model whose equations have the same branches in every run. */
 static bool regular(const am_sim *base, const am_batch_task *task, size_t first, size_t last) {
     const am_model *m = base->model;
     const size_t n = task->samples * (size_t)m->count[AM_INPUT];

@@ -52,7 +52,7 @@ int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, do
     const size_t nv = (size_t)m->count[AM_VARIABLE];
     block_t block;
     void *memory = n < FEW || sim->patches ? NULL : allocate_block(&block, sim);
-    sim->fresh = sim->away = false;
+    sim->fresh = sim->off_ground = false;
     for (size_t k = 0; k < n; k += memory ? ROWS : 1) {
         double *c = coefficients ? coefficients + k * COEFFICIENTS : NULL;
         double *t = terms ? terms + k * m->terms : NULL;

@@ -4,7 +4,7 @@
 
 #include "interpolate.h"
 #include "nodes.h"
-#include "quads.h"
+#include "packets.h"
 #include "table.h"
 
 /* One bit of each of four truth values; a unit for a processor that has an instruction for it

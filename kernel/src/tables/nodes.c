@@ -134,7 +134,7 @@ static double weight(const am_sim *sim, const patch_t *patch) {
     for (uint32_t k = 0; k < bundle->axes; k++) {
         const uint32_t cell = lower_node(&sim->model->axis[bundle->axis[k]],
                                          sim->cell[bundle->axis[k]]);
-        const double f = sim->fraction[sim->model->axis[bundle->axis[k]].seat];
+        const double f = sim->fraction[sim->model->axis[bundle->axis[k]].fraction];
         w *= patch->at[k] == cell ? 1.0 - f : patch->at[k] == cell + 1 ? f : 0.0;
     }
     return w;

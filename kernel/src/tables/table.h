@@ -19,7 +19,7 @@ void look_up(flight_t *sim, int stage);
 
 /* First nodes of all bundles for cells that came from outside; a cell that is not there becomes the
  * first. */
-void settle_cells(am_sim *sim);
+void restore_cells(am_sim *sim);
 
 /* Cells of the start of a run: inside the range of every table. */
 void reset_cells(am_sim *sim);

@@ -69,7 +69,7 @@ static int balance_on_ground(am_sim *sim) {
 
 int trim_on_ground(am_sim *sim) {
     double *p = sim->par;
-    double kept[P_R + 1];
+    double stored[P_R + 1];
     if (!items(sim->model, G_CONTACT)) {
         return fail(
             sim, AM_BAD_VALUE,
@@ -81,9 +81,9 @@ int trim_on_ground(am_sim *sim) {
                     "mode.trim = 3 stands on the ground, but the input gear is %g; extend it (1)",
                     sim->u[U_GEAR]);
     }
-    memcpy(kept, p, sizeof kept);
+    memcpy(stored, p, sizeof stored);
     const int status = balance_on_ground(sim);
-    memcpy(p, kept, sizeof kept);
+    memcpy(p, stored, sizeof stored);
     sim->prepared = sim->fresh = false;
     return status;
 }
