@@ -93,7 +93,8 @@ static inline void add_tile(int n, double sign, int a, const double *left, int b
     for (int i = 0; i < 4; i++) PUT(to + (size_t)i * c) += sign * sum[i];
 }
 
-/* Subtract from the next sample what the elimination of one leaves there; width: vectors of four. */
+/* Subtract from the next sample what the elimination of one leaves there; width: vectors of
+ * four. */
 static void reduce_next(int n, const double *V, int width, const double *right, double *S,
                         double *next) {
     for (int j = 0; j < n; j++) add_products(n, n, V + j, -1.0, n, V, j + 1, S + j * n);

@@ -1,9 +1,9 @@
 /* Tables four at a time: which stand together, and the corners of their cells.
  *
- * A wide bundle makes packets by itself.  Those of one to three tables share packets with others of as
- * many axes: a packet costs the same whether one of its tables is of use or four.  Most tables over
- * the height over ground are zero out of ground effect; they stand together, so that a flight up
- * there passes over them. */
+ * A wide bundle makes packets by itself.  Those of one to three tables share packets with others
+ * of as many axes: a packet costs the same whether one of its tables is of use or four.  Most
+ * tables over the height over ground are zero out of ground effect; they stand together, so that a
+ * flight up there passes over them. */
 #include "packets.h"
 
 #include <string.h>
