@@ -131,7 +131,7 @@ def compile_library(name: str, library: str) -> Path:
     system = name.split("-")[1]
     linking = {
         "linux": ["-fPIC", "-Wl,--gc-sections", "-lm"],
-        "darwin": ["-fPIC", "-Wl,-dead_strip", f"-Wl,-install_name,@rpath/{file}"],
+        "darwin": ["-fPIC", "-Wl,-x", "-Wl,-dead_strip", f"-Wl,-install_name,@rpath/{file}"],
         "windows": ["-Wl,--gc-sections"],
     }[system]
     path = OUT / name / file

@@ -8,7 +8,7 @@
 #include "error.h"
 #include "nodes.h"
 #include "simulation.h"
-#include "table.h"
+#include "cells.h"
 #include "weather.h"
 
 /* What am_copy copies: everything behind the pointers, free of addresses. */

@@ -3,7 +3,7 @@
 #include "allocate.h"
 
 #include "error.h"
-#include "table.h"
+#include "cells.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -6,7 +6,7 @@
 #include "read_catalogue.h"
 #include "read_tables.h"
 #include "read_terms.h"
-#include "versions.h"
+#include "processor.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -88,7 +88,7 @@ am_model *am_load(const void *bytes, size_t n, char *err, size_t nerr) {
     if (err && nerr) err[0] = 0;
     if (read_block(&r, bytes, n)) {
         r.model->sim_bytes = sim_size(r.model);
-        r.model->versions = best_versions();
+        r.model->lanes = lanes_here();
         return r.model;
     }
     am_free(r.model);

@@ -7,7 +7,7 @@
 #include "aero.h"
 
 #include "algebra.h"
-#include "table.h"
+#include "look_up.h"
 #include "terms.h"
 
 #include <math.h>

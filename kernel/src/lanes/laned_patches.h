@@ -4,7 +4,7 @@
 #define AEROMATCH_LANED_PATCHES_H
 
 #include "laned.h"
-#include "table.h"
+#include "cells.h"
 
 /* A lane that later repeats another one repeats its values. */
 static void load_patches(flight_t *f) {

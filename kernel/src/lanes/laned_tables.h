@@ -9,9 +9,10 @@
 #include "four.h"
 #include "laned.h"
 #include "laned_patches.h"
-#include "table.h"
+#include "cells.h"
+#include "look_up.h"
 
-/* As locate of table.c for one lane: the cell that holds x, which comes within reach. */
+/* As move_bench of cells.c for one lane: the cell that holds x, which comes within reach. */
 static bool move_to_cell_of(flight_t *f, uint32_t i, int l, real *x) {
     const axis_t *axis = &f->lane[l]->model->axis[i];
     cells_r *at = &f->cells[i];

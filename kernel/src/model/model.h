@@ -125,16 +125,6 @@ typedef struct {
     double floor;
 } power_t;
 
-/* The loops over tables, in the version that the processor allows (versions.c), and how many
- * simulations it flies side by side at most: 1, 4 or 8 (lanes.h). */
-struct block;
-typedef struct {
-    void (*look_up)(am_sim *sim, int stage);
-    void (*evaluate)(const struct block *block, size_t rows, const double *v, double *coefficients,
-                     double *terms);
-    int lanes;
-} versions_t;
-
 struct am_model {
     unsigned char *block;
     const char *title, *meta;
@@ -181,7 +171,7 @@ struct am_model {
     int force_axes;
     bool uses_phi;
     size_t sim_bytes;
-    versions_t versions;
+    int lanes; /* doubles that the processor has side by side: 1, 4 (AVX2), 8 (AVX-512) */
 };
 
 static inline uint32_t items(const am_model *m, int group) { return m->items[group]; }

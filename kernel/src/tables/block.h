@@ -9,7 +9,7 @@
 #include "elementary.h"
 #include "interpolate.h"
 #include "simulation.h"
-#include "table.h"
+#include "cells.h"
 
 #include <string.h>
 

@@ -1,7 +1,8 @@
 /* The aero model alone, for many rows of variables. */
 #include "block.h"
 
-#include "table.h"
+#include "look_up.h"
+#include "tables_avx2.h"
 #include "terms.h"
 
 #include <stdlib.h>
@@ -47,6 +48,12 @@ static void evaluate_row(am_sim *sim, const double *v, double *coefficients, dou
     }
 }
 
+static void evaluate_rows(const block_t *b, size_t rows, const double *v, double *coefficients,
+                          double *terms) {
+    if (has_avx2(b->sim->model)) evaluate_avx2(b, rows, v, coefficients, terms);
+    else evaluate_block(b, rows, v, coefficients, terms);
+}
+
 int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, double *terms) {
     const am_model *m = sim->model;
     const size_t nv = (size_t)m->count[AM_VARIABLE];
@@ -56,7 +63,7 @@ int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, do
     for (size_t k = 0; k < n; k += memory ? ROWS : 1) {
         double *c = coefficients ? coefficients + k * COEFFICIENTS : NULL;
         double *t = terms ? terms + k * m->terms : NULL;
-        if (memory) m->versions.evaluate(&block, n - k < ROWS ? n - k : ROWS, v + k * nv, c, t);
+        if (memory) evaluate_rows(&block, n - k < ROWS ? n - k : ROWS, v + k * nv, c, t);
         else evaluate_row(sim, v + k * nv, c, t);
     }
     free(memory);

@@ -1,4 +1,5 @@
-/* Multilinear interpolation in a cell of a bundle: the one formula of table.c and evaluate.c.
+/* Multilinear interpolation in a cell of a bundle: the one formula of flights (locate.h) and of
+ * many rows (block.h).
  *
  * A bundle is taken four tables at a time.  The last four go beyond its width: they read the
  * next node, or the SPILL doubles after the last one, and write up to SPILL values that nobody

@@ -1,7 +1,7 @@
 /* Terms of a stage and their sums. */
 #include "terms.h"
 
-#include "table.h"
+#include "look_up.h"
 
 #define WAIT 256 /* evaluations for which a switch is off before its terms are no longer listed */
 

@@ -1,6 +1,6 @@
-/* Multilinear tables: each axis is located once, tables over the same axes lie side by side at
- * every node. */
-#include "table.h"
+/* The cells that the axes of multilinear tables stand in: each axis is located once, tables over
+ * the same axes lie side by side at every node. */
+#include "cells.h"
 
 #include "nodes.h"
 
@@ -75,5 +75,3 @@ void restore_cells(am_sim *sim) {
     sim->unknown = ~0u;
     sim->end_cells = RECOUNT;
 }
-
-void look_up(am_sim *sim, int stage) { sim->model->versions.look_up(sim, stage); }
