@@ -47,7 +47,7 @@ _ALIGNMENT = 14  # power of two to which each library is aligned
 
 
 def find_libraries(folder: Path = FOLDER) -> dict[str, bytes]:
-    """Return the compiled libraries by platform, such as ``x86_64-linux``.
+    """Return the compiled libraries for FMUs by platform, such as ``x86_64-linux``.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def find_libraries(folder: Path = FOLDER) -> dict[str, bytes]:
     """
     libraries = {}
     for suffix in SUFFIX.values():
-        for path in sorted(folder.glob(f"*/*{suffix}")):
+        for path in sorted(folder.glob(f"*/aeromatch_fmu{suffix}")):
             libraries[path.parent.name] = path.read_bytes()
     if not libraries:
         raise SchemaError(

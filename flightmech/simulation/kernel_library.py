@@ -273,10 +273,10 @@ def load_kernel() -> ctypes.CDLL:
         The kernel has not been compiled.
     """
     folder = FOLDER / _platform_name()
-    # a folder has one library, whose suffix depends on the system
+    # the suffix of the library depends on the system
     libraries: list[Path] = []
     for suffix in SUFFIX.values():
-        libraries += sorted(folder.glob(f"*{suffix}"))
+        libraries += sorted(folder.glob(f"aeromatch_kernel{suffix}"))
     if not libraries:
         raise AeromatchError(
             f"no compiled kernel in {folder}; install the package, or run 'python "

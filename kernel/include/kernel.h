@@ -25,10 +25,18 @@
 
 #include <stddef.h>
 
+/* What a library shows.  That of an FMU (AM_FMU) shows the functions of FMI alone (AM_FMI,
+ * shell/fmu.h): the linker drops what these do not reach, and two FMUs in one process cannot call
+ * into each other. */
 #if defined(_WIN32)
-#define AM_API __declspec(dllexport)
+#define AM_SHOWN __declspec(dllexport)
 #else
-#define AM_API __attribute__((visibility("default")))
+#define AM_SHOWN __attribute__((visibility("default")))
+#endif
+#if defined(AM_FMU)
+#define AM_API
+#else
+#define AM_API AM_SHOWN
 #endif
 
 #ifdef __cplusplus

@@ -15,7 +15,7 @@ typedef void (*update_function)(void *environment, double time, bool set_request
 typedef void (*notice_function)(void *environment);
 typedef void (*lock_function)(void);
 
-static void report(const fmu_logger *logger, int status, const char *text) {
+static void report_fmi3(const fmu_logger *logger, int status, const char *text) {
     if (logger->callback) {
         ((logger_function)logger->callback)(logger->environment, status, "logStatusError", text);
     }
@@ -23,16 +23,16 @@ static void report(const fmu_logger *logger, int status, const char *text) {
 
 static fmu_logger logger_of(const char *name, void *environment, logger_function callback) {
     fmu_logger logger = {
-        .report = report, .environment = environment, .callback = (void (*)(void))callback};
+        .report = report_fmi3, .environment = environment, .callback = (void (*)(void))callback};
     snprintf(logger.name, sizeof logger.name, "%s", name ? name : "");
     return logger;
 }
 
 /* ---- life ------------------------------------------------------------------------------------ */
 
-AM_API const char *fmi3GetVersion(void) { return "3.0"; }
+AM_FMI const char *fmi3GetVersion(void) { return "3.0"; }
 
-AM_API fmu *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *resources,
+AM_FMI fmu *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *resources,
                                         bool visible, bool logging, bool events, bool early_return,
                                         const fmi3ValueReference intermediate[], size_t n,
                                         void *environment, logger_function callback,
@@ -45,7 +45,7 @@ AM_API fmu *fmi3InstantiateCoSimulation(const char *name, const char *token, con
     (void)intermediate;
     (void)update;
     if (events || n) {
-        report(
+        report_fmi3(
             &logger, FMU_ERROR,
             "this FMU has neither an event mode nor intermediate updates; instantiate it without "
             "them");
@@ -54,7 +54,7 @@ AM_API fmu *fmi3InstantiateCoSimulation(const char *name, const char *token, con
     return fmu_open(resources, token, FMU_CO_SIMULATION, &logger);
 }
 
-AM_API fmu *fmi3InstantiateModelExchange(const char *name, const char *token, const char *resources,
+AM_FMI fmu *fmi3InstantiateModelExchange(const char *name, const char *token, const char *resources,
                                          bool visible, bool logging, void *environment,
                                          logger_function callback) {
     fmu_logger logger = logger_of(name, environment, callback);
@@ -63,7 +63,7 @@ AM_API fmu *fmi3InstantiateModelExchange(const char *name, const char *token, co
     return fmu_open(resources, token, FMU_MODEL_EXCHANGE, &logger);
 }
 
-AM_API fmu *fmi3InstantiateScheduledExecution(const char *name, const char *token,
+AM_FMI fmu *fmi3InstantiateScheduledExecution(const char *name, const char *token,
                                               const char *resources, bool visible, bool logging,
                                               void *environment, logger_function callback,
                                               notice_function clock, lock_function lock,
@@ -76,20 +76,20 @@ AM_API fmu *fmi3InstantiateScheduledExecution(const char *name, const char *toke
     (void)clock;
     (void)lock;
     (void)unlock;
-    report(&logger, FMU_ERROR, "this FMU offers no scheduled execution");
+    report_fmi3(&logger, FMU_ERROR, "this FMU offers no scheduled execution");
     return NULL;
 }
 
-AM_API void fmi3FreeInstance(fmu *f) { fmu_close(f); }
+AM_FMI void fmi3FreeInstance(fmu *f) { fmu_close(f); }
 
-AM_API fmi3Status fmi3SetDebugLogging(fmu *f, bool on, size_t n, const char *const categories[]) {
+AM_FMI fmi3Status fmi3SetDebugLogging(fmu *f, bool on, size_t n, const char *const categories[]) {
     (void)on;
     (void)n;
     (void)categories;
     return f ? FMU_OK : FMU_ERROR;
 }
 
-AM_API fmi3Status fmi3EnterInitializationMode(fmu *f, bool tolerance_defined, double tolerance,
+AM_FMI fmi3Status fmi3EnterInitializationMode(fmu *f, bool tolerance_defined, double tolerance,
                                               double start, bool stop_defined, double stop) {
     /* the step is fixed by mode.step */
     (void)tolerance_defined;
@@ -99,18 +99,18 @@ AM_API fmi3Status fmi3EnterInitializationMode(fmu *f, bool tolerance_defined, do
     return fmu_set_start(f, start) ? FMU_ERROR : fmu_begin_initialization(f);
 }
 
-AM_API fmi3Status fmi3ExitInitializationMode(fmu *f) { return fmu_end_initialization(f); }
-AM_API fmi3Status fmi3Terminate(fmu *f) { return fmu_stop(f); }
-AM_API fmi3Status fmi3Reset(fmu *f) { return fmu_reset(f); }
+AM_FMI fmi3Status fmi3ExitInitializationMode(fmu *f) { return fmu_end_initialization(f); }
+AM_FMI fmi3Status fmi3Terminate(fmu *f) { return fmu_stop(f); }
+AM_FMI fmi3Status fmi3Reset(fmu *f) { return fmu_reset(f); }
 
 /* ---- values ---------------------------------------------------------------------------------- */
 
-AM_API fmi3Status fmi3GetFloat64(fmu *f, const fmi3ValueReference vr[], size_t n, double values[],
+AM_FMI fmi3Status fmi3GetFloat64(fmu *f, const fmi3ValueReference vr[], size_t n, double values[],
                                  size_t nvalues) {
     return fmu_get(f, vr, n, values, nvalues);
 }
 
-AM_API fmi3Status fmi3SetFloat64(fmu *f, const fmi3ValueReference vr[], size_t n,
+AM_FMI fmi3Status fmi3SetFloat64(fmu *f, const fmi3ValueReference vr[], size_t n,
                                  const double values[], size_t nvalues) {
     return fmu_set(f, vr, n, values, nvalues);
 }
@@ -121,7 +121,7 @@ static int scalars(const fmu *f, size_t n, size_t nvalues) {
                       (unsigned long)nvalues, (unsigned long)n);
 }
 
-AM_API fmi3Status fmi3GetInt64(fmu *f, const fmi3ValueReference vr[], size_t n, int64_t values[],
+AM_FMI fmi3Status fmi3GetInt64(fmu *f, const fmi3ValueReference vr[], size_t n, int64_t values[],
                                size_t nvalues) {
     if (scalars(f, n, nvalues) || fmu_check_integers(f, vr, n)) return FMU_ERROR;
     for (size_t k = 0; k < n; k++) {
@@ -132,7 +132,7 @@ AM_API fmi3Status fmi3GetInt64(fmu *f, const fmi3ValueReference vr[], size_t n, 
     return FMU_OK;
 }
 
-AM_API fmi3Status fmi3SetInt64(fmu *f, const fmi3ValueReference vr[], size_t n,
+AM_FMI fmi3Status fmi3SetInt64(fmu *f, const fmi3ValueReference vr[], size_t n,
                                const int64_t values[], size_t nvalues) {
     if (scalars(f, n, nvalues) || fmu_check_integers(f, vr, n)) return FMU_ERROR;
     for (size_t k = 0; k < n; k++) {
@@ -142,18 +142,18 @@ AM_API fmi3Status fmi3SetInt64(fmu *f, const fmi3ValueReference vr[], size_t n,
     return FMU_OK;
 }
 
-AM_API fmi3Status fmi3GetUInt64(fmu *f, const fmi3ValueReference vr[], size_t n, uint64_t values[],
+AM_FMI fmi3Status fmi3GetUInt64(fmu *f, const fmi3ValueReference vr[], size_t n, uint64_t values[],
                                 size_t nvalues) {
     return scalars(f, n, nvalues) ? FMU_ERROR : fmu_get_samples(f, vr, n, values);
 }
 
-AM_API fmi3Status fmi3SetUInt64(fmu *f, const fmi3ValueReference vr[], size_t n,
+AM_FMI fmi3Status fmi3SetUInt64(fmu *f, const fmi3ValueReference vr[], size_t n,
                                 const uint64_t values[], size_t nvalues) {
     return scalars(f, n, nvalues) ? FMU_ERROR : fmu_set_samples(f, vr, n, values);
 }
 
-AM_API fmi3Status fmi3EnterConfigurationMode(fmu *f) { return fmu_begin_configuration(f); }
-AM_API fmi3Status fmi3ExitConfigurationMode(fmu *f) { return fmu_end_configuration(f); }
+AM_FMI fmi3Status fmi3EnterConfigurationMode(fmu *f) { return fmu_begin_configuration(f); }
+AM_FMI fmi3Status fmi3ExitConfigurationMode(fmu *f) { return fmu_end_configuration(f); }
 
 static int one_to_one(const fmu *f, size_t nseed, size_t seeded, size_t nto, size_t found) {
     if (nseed == seeded && nto == found) return FMU_OK;
@@ -162,7 +162,7 @@ static int one_to_one(const fmu *f, size_t nseed, size_t seeded, size_t nto, siz
         (unsigned long)nseed, (unsigned long)nto, (unsigned long)seeded, (unsigned long)found);
 }
 
-AM_API fmi3Status fmi3GetDirectionalDerivative(fmu *f, const fmi3ValueReference unknowns[],
+AM_FMI fmi3Status fmi3GetDirectionalDerivative(fmu *f, const fmi3ValueReference unknowns[],
                                                size_t nu, const fmi3ValueReference knowns[],
                                                size_t nk, const double seed[], size_t nseed,
                                                double sensitivity[], size_t nsensitivity) {
@@ -170,17 +170,17 @@ AM_API fmi3Status fmi3GetDirectionalDerivative(fmu *f, const fmi3ValueReference 
     return fmu_directional(f, unknowns, nu, knowns, nk, seed, sensitivity);
 }
 
-AM_API fmi3Status fmi3GetAdjointDerivative(fmu *f, const fmi3ValueReference unknowns[], size_t nu,
+AM_FMI fmi3Status fmi3GetAdjointDerivative(fmu *f, const fmi3ValueReference unknowns[], size_t nu,
                                            const fmi3ValueReference knowns[], size_t nk,
-                                           const double seed[], size_t nseed,
-                                           double sensitivity[], size_t nsensitivity) {
+                                           const double seed[], size_t nseed, double sensitivity[],
+                                           size_t nsensitivity) {
     if (one_to_one(f, nseed, nu, nsensitivity, nk)) return FMU_ERROR;
     return fmu_adjoint(f, unknowns, nu, knowns, nk, seed, sensitivity);
 }
 
 /* ---- steps ----------------------------------------------------------------------------------- */
 
-AM_API fmi3Status fmi3DoStep(fmu *f, double t, double dt, bool no_set_state_prior,
+AM_FMI fmi3Status fmi3DoStep(fmu *f, double t, double dt, bool no_set_state_prior,
                              bool *event_needed, bool *terminate, bool *early_return,
                              double *last_time) {
     (void)no_set_state_prior;
@@ -192,10 +192,10 @@ AM_API fmi3Status fmi3DoStep(fmu *f, double t, double dt, bool no_set_state_prio
 
 /* ---- model exchange -------------------------------------------------------------------------- */
 
-AM_API fmi3Status fmi3EnterEventMode(fmu *f) { return fmu_begin_event(f); }
-AM_API fmi3Status fmi3EnterContinuousTimeMode(fmu *f) { return fmu_begin_continuous(f); }
+AM_FMI fmi3Status fmi3EnterEventMode(fmu *f) { return fmu_begin_event(f); }
+AM_FMI fmi3Status fmi3EnterContinuousTimeMode(fmu *f) { return fmu_begin_continuous(f); }
 
-AM_API fmi3Status fmi3UpdateDiscreteStates(fmu *f, bool *again, bool *terminate,
+AM_FMI fmi3Status fmi3UpdateDiscreteStates(fmu *f, bool *again, bool *terminate,
                                            bool *nominals_changed, bool *states_changed,
                                            bool *next_defined, double *next_time) {
     *again = *terminate = *nominals_changed = *states_changed = false;
@@ -204,7 +204,7 @@ AM_API fmi3Status fmi3UpdateDiscreteStates(fmu *f, bool *again, bool *terminate,
     return status;
 }
 
-AM_API fmi3Status fmi3CompletedIntegratorStep(fmu *f, bool no_set_state_prior,
+AM_FMI fmi3Status fmi3CompletedIntegratorStep(fmu *f, bool no_set_state_prior,
                                               bool *enter_event_mode, bool *terminate) {
     (void)no_set_state_prior;
     int event = 0;
@@ -214,54 +214,54 @@ AM_API fmi3Status fmi3CompletedIntegratorStep(fmu *f, bool no_set_state_prior,
     return status;
 }
 
-AM_API fmi3Status fmi3SetTime(fmu *f, double time) { return fmu_set_time(f, time); }
-AM_API fmi3Status fmi3SetContinuousStates(fmu *f, const double x[], size_t n) {
+AM_FMI fmi3Status fmi3SetTime(fmu *f, double time) { return fmu_set_time(f, time); }
+AM_FMI fmi3Status fmi3SetContinuousStates(fmu *f, const double x[], size_t n) {
     return fmu_set_states(f, x, n);
 }
-AM_API fmi3Status fmi3GetContinuousStates(fmu *f, double x[], size_t n) {
+AM_FMI fmi3Status fmi3GetContinuousStates(fmu *f, double x[], size_t n) {
     return fmu_get_states(f, x, n);
 }
-AM_API fmi3Status fmi3GetContinuousStateDerivatives(fmu *f, double dx[], size_t n) {
+AM_FMI fmi3Status fmi3GetContinuousStateDerivatives(fmu *f, double dx[], size_t n) {
     return fmu_get_derivatives(f, dx, n);
 }
-AM_API fmi3Status fmi3GetNominalsOfContinuousStates(fmu *f, double x[], size_t n) {
+AM_FMI fmi3Status fmi3GetNominalsOfContinuousStates(fmu *f, double x[], size_t n) {
     return fmu_get_nominals(f, x, n);
 }
-AM_API fmi3Status fmi3GetNumberOfContinuousStates(fmu *f, size_t *n) {
+AM_FMI fmi3Status fmi3GetNumberOfContinuousStates(fmu *f, size_t *n) {
     return fmu_count_states(f, n);
 }
 
-AM_API fmi3Status fmi3GetEventIndicators(fmu *f, double z[], size_t n) {
+AM_FMI fmi3Status fmi3GetEventIndicators(fmu *f, double z[], size_t n) {
     (void)z;
     return fmu_get_indicators(f, n);
 }
 
-AM_API fmi3Status fmi3GetNumberOfEventIndicators(fmu *f, size_t *n) {
+AM_FMI fmi3Status fmi3GetNumberOfEventIndicators(fmu *f, size_t *n) {
     *n = 0;
     return fmu_get_indicators(f, 0);
 }
 
 /* ---- stored states --------------------------------------------------------------------------- */
 
-AM_API fmi3Status fmi3GetFMUState(fmu *f, fmu_state **state) { return fmu_take_state(f, state); }
-AM_API fmi3Status fmi3SetFMUState(fmu *f, const fmu_state *state) {
-    return fmu_put_state(f, state);
+AM_FMI fmi3Status fmi3GetFMUState(fmu *f, fmu_state **state) { return fmu_get_state(f, state); }
+AM_FMI fmi3Status fmi3SetFMUState(fmu *f, const fmu_state *state) {
+    return fmu_set_state(f, state);
 }
 
-AM_API fmi3Status fmi3FreeFMUState(fmu *f, fmu_state **state) {
+AM_FMI fmi3Status fmi3FreeFMUState(fmu *f, fmu_state **state) {
     fmu_free_state(state);
     return f ? FMU_OK : FMU_ERROR;
 }
 
-AM_API fmi3Status fmi3SerializedFMUStateSize(fmu *f, const fmu_state *state, size_t *size) {
+AM_FMI fmi3Status fmi3SerializedFMUStateSize(fmu *f, const fmu_state *state, size_t *size) {
     return fmu_state_size(f, state, size);
 }
 
-AM_API fmi3Status fmi3SerializeFMUState(fmu *f, const fmu_state *state, uint8_t bytes[], size_t n) {
+AM_FMI fmi3Status fmi3SerializeFMUState(fmu *f, const fmu_state *state, uint8_t bytes[], size_t n) {
     return fmu_save_state(f, state, bytes, n);
 }
 
-AM_API fmi3Status fmi3DeserializeFMUState(fmu *f, const uint8_t bytes[], size_t n,
+AM_FMI fmi3Status fmi3DeserializeFMUState(fmu *f, const uint8_t bytes[], size_t n,
                                           fmu_state **state) {
     return fmu_load_state(f, bytes, n, state);
 }
@@ -274,15 +274,15 @@ AM_API fmi3Status fmi3DeserializeFMUState(fmu *f, const uint8_t bytes[], size_t 
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 #endif
 #define NOT_OFFERED(function, why, ...) \
-    AM_API fmi3Status function(fmu *f, __VA_ARGS__) { return fmu_refuse(f, #function ": " why); }
+    AM_FMI fmi3Status function(fmu *f, __VA_ARGS__) { return fmu_refuse(f, #function ": " why); }
 #define NOT_OFFERED_PLAIN(function, why) \
-    AM_API fmi3Status function(fmu *f) { return fmu_refuse(f, #function ": " why); }
+    AM_FMI fmi3Status function(fmu *f) { return fmu_refuse(f, #function ": " why); }
 #define NO_VARIABLES(type, ctype)                                                    \
-    AM_API fmi3Status fmi3Get##type(fmu *f, const fmi3ValueReference vr[], size_t n, \
+    AM_FMI fmi3Status fmi3Get##type(fmu *f, const fmi3ValueReference vr[], size_t n, \
                                     ctype values[], size_t nvalues) {                \
         return f && n == 0 ? FMU_OK : fmu_refuse(f, "fmi3Get" #type ": " NO_TYPE);   \
     }                                                                                \
-    AM_API fmi3Status fmi3Set##type(fmu *f, const fmi3ValueReference vr[], size_t n, \
+    AM_FMI fmi3Status fmi3Set##type(fmu *f, const fmi3ValueReference vr[], size_t n, \
                                     const ctype values[], size_t nvalues) {          \
         return f && n == 0 ? FMU_OK : fmu_refuse(f, "fmi3Set" #type ": " NO_TYPE);   \
     }

@@ -4,7 +4,7 @@
  * Value references: time 0, then catalogue index + the base of its kind (the writer of
  * modelDescription.xml uses the same). Statuses are those that FMI 2.0 and FMI 3.0 have in
  * common.  A call that is refused leaves the instance as it was; a failed initialisation or step
- * leaves it in FMU_FAILED, where only reading, fmu_reset and fmu_put_state are allowed. */
+ * leaves it in FMU_FAILED, where only reading, fmu_reset and fmu_set_state are allowed. */
 #ifndef AEROMATCH_FMU_H
 #define AEROMATCH_FMU_H
 
@@ -13,6 +13,8 @@
 #include <stdint.h>
 
 #include "kernel.h"
+
+#define AM_FMI AM_SHOWN /* a function of the standard */
 
 enum { FMU_OK = 0, FMU_DISCARD = 2, FMU_ERROR = 3 };
 enum {
@@ -126,8 +128,8 @@ int fmu_count_states(fmu *f, size_t *n);
 
 /* ---- store.c: stored states ------------------------------------------------------------------ */
 
-int fmu_take_state(fmu *f, fmu_state **state);
-int fmu_put_state(fmu *f, const fmu_state *state);
+int fmu_get_state(fmu *f, fmu_state **state);
+int fmu_set_state(fmu *f, const fmu_state *state);
 void fmu_free_state(fmu_state **state);
 int fmu_state_size(const fmu *f, const fmu_state *state, size_t *size);
 int fmu_save_state(const fmu *f, const fmu_state *state, void *image, size_t n);

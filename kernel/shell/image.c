@@ -8,7 +8,7 @@
 #include "error.h"
 #include "nodes.h"
 #include "simulation.h"
-#include "table.h"
+#include "cells.h"
 #include "weather.h"
 
 /* What am_copy copies: everything behind the pointers, free of addresses. */
@@ -44,9 +44,9 @@ int image_restore(am_sim *sim, const void *image) {
     memcpy((char *)sim + MOVING, image, image_size(sim->model));
     sim->text[sizeof sim->text - 1] = 0;
     sim->ready = truth(&sim->ready);
-    sim->prepared = sim->fresh = sim->anchored = sim->away = sim->windy = false;
+    sim->prepared = sim->fresh = sim->anchored = sim->off_ground = sim->windy = false;
     check_patches(sim); /* these and the cells are the only indices among the bytes */
-    settle_cells(sim);
+    restore_cells(sim);
     return valid(sim) ? 0 : -1;
 }
 

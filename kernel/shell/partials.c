@@ -52,7 +52,7 @@ static double mass_of(const fmu *f) {
 
 /* Over which the rates change by their own size: 10 km of air for the position (state.x), 0.1 m
  * for a tyre or a control, 100 m/s, the weight and the mass of the aircraft, 1000 K. */
-static double size_of(const fmu *f, known_t known) {
+static double natural_size(const fmu *f, known_t known) {
     am_entry entry;
     am_entry_at(f->model, known.state ? AM_STATE : AM_INPUT, (int)known.i, &entry);
     if (strcmp(entry.units, "m") == 0) {
@@ -101,7 +101,7 @@ static int find_column(const fmu *f, probe *p, known_t known) {
     static const double cube_root_of_eps = 6.0554544523933429e-6;
     double *moved = known.state ? &p->x[known.i] : &p->u[known.i];
     const double middle = *moved;
-    const double step = cube_root_of_eps * size_of(f, known);
+    const double step = cube_root_of_eps * natural_size(f, known);
     const double high = middle + step;
     const double low = middle - step;
     *moved = high;

@@ -14,15 +14,15 @@ static const uint32_t K[64] = {
     0x19a4c116, 0x1e376c08, 0x2748774c, 0x34b0bcb5, 0x391c0cb3, 0x4ed8aa4a, 0x5b9cca4f, 0x682e6ff3,
     0x748f82ee, 0x78a5636f, 0x84c87814, 0x8cc70208, 0x90befffa, 0xa4506ceb, 0xbef9a3f7, 0xc67178f2};
 
-static uint32_t turn(uint32_t x, int n) { return x >> n | x << (32 - n); }
+static uint32_t rotate_right(uint32_t x, int n) { return x >> n | x << (32 - n); }
 
 /* w[t + 16] from the sixteen before it, in their place; FIPS 180-4, 6.2.2. */
 static void expand(uint32_t w[16]) {
     for (int i = 0; i < 16; i++) {
         uint32_t x = w[(i + 1) & 15];
         uint32_t y = w[(i + 14) & 15];
-        w[i] += (turn(x, 7) ^ turn(x, 18) ^ x >> 3) + w[(i + 9) & 15];
-        w[i] += turn(y, 17) ^ turn(y, 19) ^ y >> 10;
+        w[i] += (rotate_right(x, 7) ^ rotate_right(x, 18) ^ x >> 3) + w[(i + 9) & 15];
+        w[i] += rotate_right(y, 17) ^ rotate_right(y, 19) ^ y >> 10;
     }
 }
 
@@ -36,9 +36,10 @@ static void rounds(uint32_t v[8], const uint32_t *w, const uint32_t *k) {
         uint32_t f = v[(5 - i) & 7];
         uint32_t g = v[(6 - i) & 7];
         uint32_t t = v[(7 - i) & 7] + k[i] + w[i];
-        t += (turn(e, 6) ^ turn(e, 11) ^ turn(e, 25)) + (g ^ (e & (f ^ g)));
+        t += (rotate_right(e, 6) ^ rotate_right(e, 11) ^ rotate_right(e, 25)) + (g ^ (e & (f ^ g)));
         v[(3 - i) & 7] += t;
-        v[(7 - i) & 7] = t + (turn(a, 2) ^ turn(a, 13) ^ turn(a, 22)) + ((a & b) | (c & (a | b)));
+        v[(7 - i) & 7] = t + (rotate_right(a, 2) ^ rotate_right(a, 13) ^ rotate_right(a, 22))
+                         + ((a & b) | (c & (a | b)));
     }
 }
 

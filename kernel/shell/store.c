@@ -45,7 +45,7 @@ void fmu_free_state(fmu_state **state) {
     *state = NULL;
 }
 
-int fmu_take_state(fmu *f, fmu_state **state) {
+int fmu_get_state(fmu *f, fmu_state **state) {
     if (!f || !state) return fmu_refuse(f, "no place given for the state");
     if (!*state && !(*state = new_state(f))) return FMU_ERROR;
     fmu_state *to = *state;
@@ -63,7 +63,7 @@ int fmu_take_state(fmu *f, fmu_state **state) {
     return FMU_OK;
 }
 
-int fmu_put_state(fmu *f, const fmu_state *state) {
+int fmu_set_state(fmu *f, const fmu_state *state) {
     if (!f || !state) return fmu_refuse(f, "no state given");
     if (state->kind != f->kind) {
         return fmu_refuse(

@@ -21,7 +21,7 @@ static inline int find(uint32_t vr, uint32_t base, size_t count, value_kind kind
     return 1;
 }
 
-static inline int locate(const fmu *f, uint32_t vr, place *at) {
+static inline int find_value(const fmu *f, uint32_t vr, place *at) {
     if (find(vr, FMU_INPUTS, f->inputs, INPUT, at) || find(vr, FMU_OUTPUTS, f->outputs, OUTPUT, at)
         || find(vr, FMU_PARAMETERS, f->parameters, PARAMETER, at)
         || find(vr, FMU_STATES, f->states, STATE, at)
@@ -98,7 +98,7 @@ int fmu_get(fmu *f, const uint32_t vr[], size_t n, double values[], size_t nvalu
     if (!f) return FMU_ERROR;
     for (size_t k = 0; k < n; k++) {
         place at;
-        if (locate(f, vr[k], &at)) return FMU_ERROR;
+        if (find_value(f, vr[k], &at)) return FMU_ERROR;
         if (at.size > left) return refuse_count(f, n, nvalues);
         if (get_one(f, at, there, values)) return FMU_ERROR;
         values += at.size;
@@ -111,8 +111,7 @@ int fmu_get(fmu *f, const uint32_t vr[], size_t n, double values[], size_t nvalu
 static int check_settable(const fmu *f, place at) {
     if (at.kind == INPUT) return FMU_OK;
     const am_entry entry = entry_of(f, at);
-    if (at.kind != PARAMETER
-        && !(at.kind == REPLAY && at.i != FMU_REPLAY_Y - FMU_REPLAY_T)) {
+    if (at.kind != PARAMETER && !(at.kind == REPLAY && at.i != FMU_REPLAY_Y - FMU_REPLAY_T)) {
         return fmu_refuse(f, "%s is computed by the model and cannot be set", entry.name);
     }
     if (f->phase <= FMU_INITIALIZING) return FMU_OK;
@@ -129,7 +128,7 @@ static int check_settable(const fmu *f, place at) {
     return FMU_OK;
 }
 
-static int check_finite(const fmu *f, place at, const double values[]) {
+static int check_finite_values(const fmu *f, place at, const double values[]) {
     for (size_t k = 0; k < at.size; k++) {
         if (!isfinite(values[k])) {
             return fmu_refuse(f, "%s is %g; it must be finite", entry_of(f, at).name, values[k]);
@@ -147,13 +146,13 @@ int fmu_set(fmu *f, const uint32_t vr[], size_t n, const double values[], size_t
         return FMU_ERROR;
     }
     for (k = 0; k < n; k++, done += at.size) { /* all are checked before the first is set */
-        if (locate(f, vr[k], &at) || check_settable(f, at)) return FMU_ERROR;
+        if (find_value(f, vr[k], &at) || check_settable(f, at)) return FMU_ERROR;
         if (at.size > nvalues - done) return refuse_count(f, n, nvalues);
-        if (check_finite(f, at, values + done)) return FMU_ERROR;
+        if (check_finite_values(f, at, values + done)) return FMU_ERROR;
     }
     if (done != nvalues) return refuse_count(f, n, nvalues);
     for (k = 0; k < n; k++, values += at.size) {
-        locate(f, vr[k], &at);
+        find_value(f, vr[k], &at);
         if (at.kind == REPLAY) replay_set(f, vr[k], values);
         else (at.kind == INPUT ? am_set_input : am_set_parameter)(f->sim, at.i, *values);
     }
@@ -166,7 +165,7 @@ int fmu_check_integers(const fmu *f, const uint32_t vr[], size_t n) {
     if (!f) return FMU_ERROR;
     for (size_t k = 0; k < n; k++) {
         place at;
-        if (locate(f, vr[k], &at)) return FMU_ERROR;
+        if (find_value(f, vr[k], &at)) return FMU_ERROR;
         if (!(entry_of(f, at).flags & AM_INTEGER)) {
             return fmu_refuse(f, "%s is no integer or enumeration; read and set it as a real",
                               entry_of(f, at).name);
@@ -182,7 +181,7 @@ int fmu_set_slopes(fmu *f, const uint32_t vr[], size_t n, const double slopes[])
     }
     for (size_t k = 0; k < n; k++) {
         place at;
-        if (locate(f, vr[k], &at)) return FMU_ERROR;
+        if (find_value(f, vr[k], &at)) return FMU_ERROR;
         if (at.kind != INPUT) {
             return fmu_refuse(f, "%s is not an input; only inputs take derivatives",
                               entry_of(f, at).name);

@@ -27,6 +27,7 @@ FOLDERS = (
     "trim",
     "lanes",
     "runs",
+    "estimation",
     "shell",
 )
 UNITS = [path for path in SOURCES if path.parent.name in FOLDERS]
@@ -156,6 +157,25 @@ def test_one_statement_a_line(path):
     # constants of an enumeration are a list
     chained = [s for s in chained if not re.fullmatch(r"(?:[A-Z]\w*(?: = [^,]*)?,? ?)+", s)]
     assert not chained, f"assignments joined by commas: {chained}"
+
+
+def test_a_function_has_a_name_of_its_own():
+    """Two units with a function of one name look like a circle, and a reader takes one for the
+    other.  Twice in two units stand only the functions that flight.h renames for the lanes.
+    """
+    twice = set(
+        re.findall(r"^#define (\w+) LANED", (KERNEL / "src/model/flight.h").read_text(), re.M)
+    )
+    units: dict[str, set[str]] = {}
+    for path in UNITS:
+        if path.name == "kernel.h":
+            continue
+        for name, _ in functions(path):
+            units.setdefault(name, set()).add(path.stem)
+    assert len(units) > 700
+    namesakes = {name: found for name, found in units.items() if len(found) > 1}
+    namesakes.pop("__attribute__", None)
+    assert not namesakes.keys() - twice, namesakes
 
 
 def test_no_circle_among_units(uses):

@@ -32,7 +32,7 @@ def libraries(tmp_path_factory) -> list[ctypes.CDLL]:
     build = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(build)
     plain = tmp_path_factory.mktemp("plain") / "kernel.so"
-    sources, include = build.kernel_sources()
+    sources, include = build.kernel_sources(build.LIBRARIES["aeromatch_kernel"].without)
     command = [
         sys.executable,
         "-m",
@@ -48,8 +48,8 @@ def libraries(tmp_path_factory) -> list[ctypes.CDLL]:
         str(plain),
     ]
     subprocess.run(command, check=True)
-    installed = build.OUT / build.native()
-    return [ctypes.CDLL(str(path)) for path in (next(installed.iterdir()), plain)]
+    (installed,) = (build.OUT / build.native()).glob("aeromatch_kernel.*")
+    return [ctypes.CDLL(str(path)) for path in (installed, plain)]
 
 
 def flown(

@@ -15,16 +15,16 @@ const char *am_title(const am_model *model) { return model->title; }
 
 const char *am_meta(const am_model *model) { return model->meta; }
 
-static bool catalogued(am_kind kind) {
+static bool is_catalogued(am_kind kind) {
     return (int)kind >= AM_INPUT && (int)kind <= AM_AXIS && kind != AM_TARGET;
 }
 
 int am_count(const am_model *model, am_kind kind) {
-    return catalogued(kind) ? model->count[kind] : 0;
+    return is_catalogued(kind) ? model->count[kind] : 0;
 }
 
 int am_entry_at(const am_model *model, am_kind kind, int i, am_entry *entry) {
-    if (!catalogued(kind) || i < 0 || i >= model->count[kind]) return AM_BAD_INDEX;
+    if (!is_catalogued(kind) || i < 0 || i >= model->count[kind]) return AM_BAD_INDEX;
     *entry = model->entry[kind][i];
     return AM_OK;
 }
@@ -44,7 +44,7 @@ const char *am_error(const am_sim *sim) { return sim->text; }
 
 double am_time(const am_sim *sim) { return sim->time; }
 
-void take_inputs(am_sim *sim, const double *u) {
+void store_inputs(am_sim *sim, const double *u) {
     memcpy(sim->u, u, sizeof(double) * (size_t)sim->model->count[AM_INPUT]);
     sim->fresh = false;
 }
@@ -101,7 +101,7 @@ int am_set_inputs(am_sim *sim, const double *u) {
     for (int i = 0; i < sim->model->count[AM_INPUT]; i++) {
         if (!isfinite(u[i])) return refuse_value(sim, AM_INPUT, i, u[i]);
     }
-    take_inputs(sim, u);
+    store_inputs(sim, u);
     return AM_OK;
 }
 

@@ -5,6 +5,6 @@
 #include "simulation.h"
 
 /* Make u[am_count(AM_INPUT)], which is finite, the present inputs. */
-void take_inputs(am_sim *sim, const double *u);
+void store_inputs(am_sim *sim, const double *u);
 
 #endif

@@ -1,19 +1,19 @@
-/* The memory of a simulation: one piece, the arrays behind the struct, so that a copy is one
+/* The memory of a simulation: one block, the arrays behind the struct, so that a copy is one
  * memcpy. */
 #include "allocate.h"
 
 #include "error.h"
-#include "table.h"
+#include "cells.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 #define STAND (4 + sizeof(stand_t) / sizeof(double)) /* of a bench: with its fractions */
 
-static double *take(double **at, size_t n) {
-    double *piece = *at;
+static double *next_array(double **at, size_t n) {
+    double *array = *at;
     *at += n;
-    return piece;
+    return array;
 }
 
 size_t sim_size(const am_model *m) {
@@ -24,7 +24,7 @@ size_t sim_size(const am_model *m) {
     const size_t doubles = np + 3 * nu + (size_t)m->count[AM_OUTPUT] + 6 * nx
                            + m->total[AM_VARIABLE] + values_of(m) + m->total[AM_TARGET] + 2 * na
                            + STAND * (size_t)m->first_bench[STAGES] + 2 * (size_t)m->memories
-                           + m->works + LAST_POWER + m->corners + m->first_quad[STAGES * WAYS];
+                           + m->works + LAST_POWER + m->corners + m->first_packet[STAGES * WAYS];
     return sizeof(am_sim) + doubles * sizeof(double)
            + (2 * na + m->bundles + LIST_WORDS(m)) * sizeof(uint32_t);
 }
@@ -38,30 +38,31 @@ am_sim *am_new(const am_model *m) {
     if (!sim) return NULL;
     sim->model = m;
     double *at = (double *)(sim + 1);
-    sim->par = take(&at, np);
-    sim->u = take(&at, nu);
-    sim->u_work = take(&at, nu);
-    sim->u_end = take(&at, nu);
-    sim->y_work = take(&at, (size_t)m->count[AM_OUTPUT]);
-    sim->x = take(&at, nx);
-    sim->x_work = take(&at, nx);
-    sim->k = take(&at, 4 * nx);
-    sim->var = take(&at, m->total[AM_VARIABLE]);
-    sim->slot = take(&at, values_of(m));
-    sim->sum = take(&at, m->total[AM_TARGET]);
-    sim->memory = take(&at, m->memories);
-    sim->memory_before = take(&at, m->memories);
-    sim->work = take(&at, m->works);
-    sim->last_power = take(&at, LAST_POWER);
-    sim->fraction = take(&at, 4 * (size_t)m->first_bench[STAGES]);
-    sim->below = take(&at, na);
-    sim->above = take(&at, na);
-    sim->stand = (stand_t *)take(&at, sizeof(stand_t) / sizeof(double) * m->first_bench[STAGES]);
-    sim->packed = take(&at, m->corners);
-    sim->wake = (uint64_t *)take(&at, m->first_quad[STAGES * WAYS]);
+    sim->par = next_array(&at, np);
+    sim->u = next_array(&at, nu);
+    sim->u_work = next_array(&at, nu);
+    sim->u_end = next_array(&at, nu);
+    sim->y_work = next_array(&at, (size_t)m->count[AM_OUTPUT]);
+    sim->x = next_array(&at, nx);
+    sim->x_work = next_array(&at, nx);
+    sim->k = next_array(&at, 4 * nx);
+    sim->var = next_array(&at, m->total[AM_VARIABLE]);
+    sim->slot = next_array(&at, values_of(m));
+    sim->sum = next_array(&at, m->total[AM_TARGET]);
+    sim->memory = next_array(&at, m->memories);
+    sim->memory_before = next_array(&at, m->memories);
+    sim->work = next_array(&at, m->works);
+    sim->last_power = next_array(&at, LAST_POWER);
+    sim->fraction = next_array(&at, 4 * (size_t)m->first_bench[STAGES]);
+    sim->below = next_array(&at, na);
+    sim->above = next_array(&at, na);
+    sim->stand = (stand_t *)next_array(&at,
+                                       sizeof(stand_t) / sizeof(double) * m->first_bench[STAGES]);
+    sim->packed = next_array(&at, m->corners);
+    sim->wake = (uint64_t *)next_array(&at, m->first_packet[STAGES * WAYS]);
     sim->cell = (uint32_t *)at;
-    sim->outer = sim->cell + na;
-    sim->corner = sim->outer + na;
+    sim->end_cell = sim->cell + na;
+    sim->corner = sim->end_cell + na;
     sim->lists = lay_lists(m, sim->corner + m->bundles);
     sim->scale = sim->par + m->total[AM_PARAMETER];
     sim->exponent = sim->scale + m->terms;

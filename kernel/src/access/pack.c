@@ -6,13 +6,13 @@
 #include "read_catalogue.h"
 #include "read_tables.h"
 #include "read_terms.h"
-#include "versions.h"
+#include "processor.h"
 
 #include <math.h>
 #include <stdlib.h>
 
-/* One zeroed piece of memory for the arrays of the model, carved in order. */
-static bool reserve(reader *r) {
+/* One zeroed block of memory for the arrays of the model, carved in order. */
+static bool allocate_model(reader *r) {
     am_model *m = r->model;
     m->axes = (uint32_t)r->count[AXES];
     m->bundles = (uint32_t)r->count[BUNDLES];
@@ -33,13 +33,13 @@ static bool reserve(reader *r) {
     m->axis = calloc(m->axes + 1, sizeof *m->axis);
     m->cell = calloc(r->count[POINTS] + 3 * (size_t)m->axes + 1, sizeof *m->cell);
     m->bundle = calloc(m->bundles + 1, sizeof *m->bundle);
-    m->quad = calloc(m->bundles + 1, sizeof *m->quad);
+    m->packet = calloc(m->bundles + 1, sizeof *m->packet);
     m->bench = calloc(m->axes + 1, sizeof *m->bench);
     m->term = calloc(m->terms + 1, sizeof *m->term);
     m->implicit = calloc(m->terms + 1, sizeof *m->implicit);
     m->late = calloc(m->terms + 1, sizeof *m->late);
     m->power = calloc(m->terms + 1, sizeof *m->power);
-    const bool tables = m->variable && m->axis && m->cell && m->bundle && m->quad && m->bench;
+    const bool tables = m->variable && m->axis && m->cell && m->bundle && m->packet && m->bench;
     const bool terms = m->term && m->implicit && m->late && m->power;
     return (tables && terms) || refuse_block(r, "model block: no memory");
 }
@@ -69,12 +69,12 @@ static bool read_geometry(reader *r) {
 }
 
 static bool read_block(reader *r, const unsigned char *bytes, size_t n) {
-    if (!open_block(r, bytes, n) || !reserve(r) || !read_geometry(r)) return false;
+    if (!open_block(r, bytes, n) || !allocate_model(r) || !read_geometry(r)) return false;
     for (int kind = AM_INPUT; kind <= AM_VARIABLE; kind++) {
         if (!read_entries(r, INPUTS + kind, (am_kind)kind)) return false;
     }
-    if (!read_items(r) || !lay_out(r) || !read_variables(r) || !read_axes(r) || !read_bundles(r)
-        || !read_terms(r)) {
+    if (!read_items(r) || !find_group_starts(r) || !read_variables(r) || !read_axes(r)
+        || !read_bundles(r) || !read_terms(r)) {
         return false;
     }
     return check_names(r, AM_INPUT, 0) && check_names(r, AM_OUTPUT, 0)
@@ -88,7 +88,7 @@ am_model *am_load(const void *bytes, size_t n, char *err, size_t nerr) {
     if (err && nerr) err[0] = 0;
     if (read_block(&r, bytes, n)) {
         r.model->sim_bytes = sim_size(r.model);
-        r.model->versions = best_versions();
+        r.model->lanes = lanes_here();
         return r.model;
     }
     am_free(r.model);
@@ -101,7 +101,7 @@ void am_free(am_model *model) {
     free(model->variable);
     free(model->axis);
     free(model->bundle);
-    free(model->quad);
+    free(model->packet);
     free(model->bench);
     free(model->term);
     free(model->implicit);

@@ -79,7 +79,7 @@ bool read_items(reader *r) {
 }
 
 /* Where the names of each group begin. */
-bool lay_out(reader *r) {
+bool find_group_starts(reader *r) {
     am_model *m = r->model;
     for (int kind = 0; kind < NAMED_KINDS; kind++) {
         uint32_t next = kind == AM_VARIABLE; /* variable 0 is the constant 1 */

@@ -2,7 +2,7 @@
 #include "read_tables.h"
 
 #include "error.h"
-#include "quads.h"
+#include "packets.h"
 
 #include <math.h>
 #include <string.h>
@@ -54,7 +54,7 @@ static void lay_cells(const double *p, uint32_t count, bool linear, cell_t *to) 
     to[count + 2] = (cell_t){.from = FARTHEST};
 }
 
-static void seat_axes(am_model *m) {
+static void group_axes(am_model *m) {
     uint32_t n = 0;
     for (int stage = 0; stage < STAGES; stage++) {
         m->first_bench[stage] = n;
@@ -65,7 +65,7 @@ static void seat_axes(am_model *m) {
                 *bench = (bench_t){.axis = {UINT32_MAX, UINT32_MAX, UINT32_MAX, UINT32_MAX}};
             bench->variable[k] = m->axis[i].variable;
             bench->axis[k] = i;
-            m->axis[i].seat = 4 * (n - 1) + k;
+            m->axis[i].fraction = 4 * (n - 1) + k;
         }
     }
     m->first_bench[STAGES] = n;
@@ -115,13 +115,13 @@ bool read_axes(reader *r) {
         e->flags = record[i].linear ? AM_LINEAR : 0;
     }
     while (stage < STAGES) m->first_axis[++stage] = m->axes;
-    seat_axes(m);
+    group_axes(m);
     return true;
 }
 
 static uint64_t mark_of(const am_model *m, uint32_t stage, uint32_t axis) {
-    const uint32_t seat = m->axis[axis].seat - 4 * m->first_bench[stage];
-    return 1ull << seat % (4 * MARKED_BENCHES);
+    const uint32_t fraction = m->axis[axis].fraction - 4 * m->first_bench[stage];
+    return 1ull << fraction % (4 * MARKED_BENCHES);
 }
 
 /* Axes and nodes of a bundle of a stage. */
@@ -188,7 +188,7 @@ bool read_bundles(reader *r) {
         r->first_slot[stage] = slot;
     }
     m->slots = slot + SPILL * m->bundles;
-    lay_quads(m);
+    make_packets(m);
     if (!all_finite(r->at[NODES], r->count[NODES])) {
         return refuse_block(r, "model block: a table node is not finite");
     }

@@ -4,7 +4,7 @@
 #include <float.h>
 #include <math.h>
 
-static bool factor(const reader *r, uint32_t reference, uint32_t *code) {
+static bool read_factor(const reader *r, uint32_t reference, uint32_t *code) {
     if (reference > r->count[VARIABLES]) return false;
     *code = reference ? r->model->variable[reference - 1] : A_ONE;
     return true;
@@ -33,8 +33,8 @@ static bool note_implicit(reader *r, uint32_t i) {
             name);
     }
     if ((first || second) && t->target >= COEFFICIENTS) {
-        return refuse_block(
-            r, "model block: term %s cannot depend on alphadothat, betadothat, dnz", name);
+        return refuse_block(r, "model block: term %s cannot depend on alphadothat, betadothat, dnz",
+                            name);
     }
     if (!first && !second) return true;
     const bool bare = (first ? t->v2 : t->v1) == A_ONE && !(t->K1 | t->K2 | t->power);
@@ -53,7 +53,7 @@ static bool read_power(reader *r, const term_record *b, term_t *t, const char *n
     am_model *m = r->model;
     uint32_t code;
     if (!b->power) return true;
-    if (!factor(r, b->power, &code) || !known_there(r, b->power, b->target)
+    if (!read_factor(r, b->power, &code) || !known_there(r, b->power, b->target)
         || is_implicit(code)) {
         return refuse_block(r, "model block: term %s has a power of an unknown variable", name);
     }
@@ -161,8 +161,8 @@ static bool check_late(reader *r, uint32_t i, const uint32_t level[COEFFICIENTS]
     const char *name = m->entry[AM_TERM][i].name;
     if (foreign(m, t->v1) || foreign(m, t->v2)
         || (t->power && foreign(m, m->power[t->power - 1].variable))) {
-        return refuse_block(
-            r, "model block: term %s depends on a coefficient of other force axes", name);
+        return refuse_block(r, "model block: term %s depends on a coefficient of other force axes",
+                            name);
     }
     if (own && (is_implicit(t->v1) || is_implicit(t->v2))) {
         return refuse_block(r,
@@ -306,7 +306,7 @@ static bool read_term(reader *r, uint32_t i) {
     }
     *t = (term_t){
         .K1 = slot[0], .K2 = slot[1], .T = slot[2], .v1 = A_ONE, .v2 = A_ONE, .target = b->target};
-    if (!factor(r, b->v1, &t->v1) || !factor(r, b->v2, &t->v2)) {
+    if (!read_factor(r, b->v1, &t->v1) || !read_factor(r, b->v2, &t->v2)) {
         return refuse_block(r, "model block: term %s refers to an unknown variable", e->name);
     }
     for (int k = 0; k < 2; k++) {

@@ -9,6 +9,9 @@ static inline real clamp(real x, real low, real high) {
     return PICK(x < low, low, PICK(x > high, high, x));
 }
 
+/* 1, -1, or 0 for zero and NaN. */
+static inline real sign_of(real x) { return PICK(x > 0.0, 1.0, PICK(x < 0.0, -1.0, 0.0)); }
+
 static inline real dot(const real a[3], const real b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }

@@ -1,5 +1,5 @@
 /* The knots of a piecewise linear signal, oldest first.  A knot on the line between its neighbours
- * is not kept, so the line is the same for any steps that describe the same signal; knots older
+ * is not stored, so the line is the same for any steps that describe the same signal; knots older
  * than the delay are dropped.  With more than DELAY_KNOTS / 2 knots within the delay the finest
  * are thinned. */
 #include "delay.h"

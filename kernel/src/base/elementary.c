@@ -66,7 +66,7 @@ static uint64_t two_over_pi(int from) {
                  : TWO_OVER_PI[word];
 }
 
-static inline uint64_t multiply(uint64_t a, uint64_t b, uint64_t *high) {
+static inline uint64_t multiply_wide(uint64_t a, uint64_t b, uint64_t *high) {
     const unsigned __int128 p = (unsigned __int128)a * b;
     *high = (uint64_t)(p >> 64);
     return (uint64_t)p;
@@ -81,8 +81,8 @@ static pair_t reduce_large(double x, unsigned *quarter) {
     const int e = (int)(bits >> 52 & 0x7ff) - 1075;
     const int from = e - 2;
     uint64_t high, carry;
-    uint64_t low = multiply(m, two_over_pi(from + 128), &carry);
-    uint64_t middle = multiply(m, two_over_pi(from + 64), &high);
+    uint64_t low = multiply_wide(m, two_over_pi(from + 128), &carry);
+    uint64_t middle = multiply_wide(m, two_over_pi(from + 64), &high);
     middle += carry;
     high += middle < carry;
     high += m * two_over_pi(from);
@@ -125,7 +125,7 @@ static pair_t reduce_large(double x, unsigned *quarter) {
 
 /* x less the nearest multiple of pi/2, x >= 0: Cody and Waite (1980) in three parts, where these
  * have enough bits. */
-static inline pair_t reduce(double x, unsigned *quarter) {
+static inline pair_t reduce_quarters(double x, unsigned *quarter) {
     *quarter = 0;
     if (x <= 0.25 * PI.high) return (pair_t){x, 0.0};
     if (x < 0x1p20) {
@@ -156,7 +156,7 @@ double am_sin(double x) {
     if (!is_finite(x)) return NAN;
     if (fabs(x) < 0x1p-27) return x;
     unsigned quarter;
-    const pair_t y = reduce(fabs(x), &quarter);
+    const pair_t y = reduce_quarters(fabs(x), &quarter);
     const pair_t z = square(y);
     const double s = (quarter & 1 ? cosine(y, z) : sine(y, z)).high;
     return (quarter > 1) != (x < 0.0) ? -s : s;
@@ -165,7 +165,7 @@ double am_sin(double x) {
 double am_cos(double x) {
     if (!is_finite(x)) return NAN;
     unsigned quarter;
-    const pair_t y = reduce(fabs(x), &quarter);
+    const pair_t y = reduce_quarters(fabs(x), &quarter);
     const pair_t z = square(y);
     const double c = (quarter & 1 ? sine(y, z) : cosine(y, z)).high;
     return quarter == 1 || quarter == 2 ? -c : c;
@@ -178,7 +178,7 @@ void am_sincos(double x, double *sine_of, double *cosine_of) {
         return;
     }
     unsigned quarter;
-    const pair_t y = reduce(fabs(x), &quarter);
+    const pair_t y = reduce_quarters(fabs(x), &quarter);
     const pair_t z = square(y);
     const double s = sine(y, z).high;
     const double c = cosine(y, z).high;
@@ -192,7 +192,7 @@ double am_tan(double x) {
     if (!is_finite(x)) return NAN;
     if (fabs(x) < 0x1p-27) return x;
     unsigned quarter;
-    const pair_t y = reduce(fabs(x), &quarter);
+    const pair_t y = reduce_quarters(fabs(x), &quarter);
     const pair_t z = square(y);
     const pair_t s = sine(y, z);
     const pair_t c = cosine(y, z);

@@ -1,10 +1,10 @@
-/* Elementary functions of the kernel's own: the same bits on every platform, which no two
- * mathematical libraries give.
+/* Elementary functions of the kernel's own: the same bits on every platform, on which no two
+ * mathematical libraries agree.
  *
  * Double precision, round to nearest, no fused multiply-add (-ffp-contract=off), only + - * /
  * and sqrt.  Every function is within 1 ulp of the exact value for every argument (measured:
- * docs/explanation/simulation/kernel.md) and treats NaN, infinities, signed zeros and subnormal numbers as C11 annex F
- * states; every NaN that comes out of numbers is the same NaN. */
+ * docs/explanation/simulation/kernel.md) and treats NaN, infinities, signed zeros and subnormal
+ * numbers as C11 annex F states; every NaN that comes out of numbers is the same NaN. */
 #ifndef AEROMATCH_ELEMENTARY_H
 #define AEROMATCH_ELEMENTARY_H
 

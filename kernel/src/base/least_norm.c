@@ -12,8 +12,8 @@
  * the residual: struts and tyres that are iterated leave 1e-19 to 2e-14, and steps in that scatter
  * lead nowhere, however many are made. */
 #define ROUNDING 1e-13
-/* The slopes are kept after a step that moves no unknown further than SMALL and leaves no more than
- * WELL of the sum of squares. */
+/* The slopes are used again after a step that moves no unknown further than SMALL and leaves no
+ * more than WELL of the sum of squares. */
 #define SMALL 1e-2
 #define WELL 1e-3
 
@@ -148,18 +148,18 @@ double least_norm(const system_t *s, double *z) {
     double r[LARGEST_SYSTEM];
     double lambda = 1e-6;
     double size = evaluate(s, z, r);
-    bool kept = false;
+    bool reuse = false;
     for (int i = 0; i < STEPS && size > NOTHING; i++) {
         const double before = size;
         const double damping = lambda;
         if (i == 0 || s->nearest) differences(s, z, J);
-        else if (!kept) one_sided(s, z, r, J);
-        const int attempts = kept || size < ROUNDING ? 1 : ATTEMPTS;
+        else if (!reuse) one_sided(s, z, r, J);
+        const int attempts = reuse || size < ROUNDING ? 1 : ATTEMPTS;
         const double moved = improve(s, J, attempts, z, r, &size, &lambda);
-        if (moved < 0.0 && !kept) break;
+        if (moved < 0.0 && !reuse) break;
         if (moved < 0.0) lambda = damping; /* by slopes of here */
         else if (size < ROUNDING && size > 0.5 * before) break;
-        kept = !s->nearest && moved >= 0.0 && moved < SMALL && size < WELL * before;
+        reuse = !s->nearest && moved >= 0.0 && moved < SMALL && size < WELL * before;
     }
     return size;
 }

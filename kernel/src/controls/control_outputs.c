@@ -1,11 +1,10 @@
 /* What the pilot feels: the force that holds or moves each circuit, and its parts. */
 #include "control_outputs.h"
 
+#include "algebra.h"
 #include "control_drive.h"
 
 #include <string.h>
-
-static real sign(real x) { return PICK(x > 0.0, 1.0, PICK(x < 0.0, -1.0, 0.0)); }
 
 /* Inertia, dampers and friction on a body of a circuit that is driven, against its motion. */
 static real resistance(const linkage_t *c, const real *d, int i, real friction) {
@@ -22,7 +21,7 @@ static void complete(const flight_t *sim, const linkage_t *c, const loads_t *at,
             d[D_ACCELERATION + i] = d[D_ACCELERATION];
         }
         if (surfaces || i == 0) {
-            d[D_FRICTION + i] = c->friction[i] * sign(d[D_RATE + i]);
+            d[D_FRICTION + i] = c->friction[i] * sign_of(d[D_RATE + i]);
             d[D_STOP + i] = 0.0;
         }
     }
@@ -52,7 +51,7 @@ static void write_circuit(flight_t *sim, uint32_t item, real *y) {
     real stop = 0.0;
     if (sim->controls != FORCE_DRIVEN) {
         complete(sim, &c, &at, d);
-        force = p[P_CIRCUIT_PRELOAD] * sign(d[D_TRAVEL] - circuit_neutral(sim, item, sim->u));
+        force = p[P_CIRCUIT_PRELOAD] * sign_of(d[D_TRAVEL] - circuit_neutral(sim, item, sim->u));
         for (int i = 0; i < c.bodies; i++) {
             force += resistance(&c, d, i, d[D_FRICTION + i]) - at.on[i];
         }

@@ -1,7 +1,7 @@
 /* Time stepping of bodies with dry friction and unilateral stops, set-valued, on the level of
  * velocities.
  *
- * Over a piece of length h the mean velocity w = (v + v+) / 2 solves the midpoint rule with the
+ * Over a interval of length h the mean velocity w = (v + v+) / 2 solves the midpoint rule with the
  * friction law at w:
  *
  *     M (v+ - v) / h = f - K (q + h w / 2) - W w - r
@@ -10,36 +10,36 @@
  *
  * The matrix is positive definite and the graphs of r are monotone, so there is one solution,
  * and it is found exactly.  With v+ = 2 w - v the energy of masses and springs changes by the
- * work of f minus h (W w + r) w: friction and dampers only take. A body that sticks (w = 0)
+ * work of f minus h (W w + r) w: friction and dampers only remove it. A body that sticks (w = 0)
  * comes out with v+ = 0, a body that meets a stop with v+ = -restitution times its speed; both
- * only take kinetic energy, since M is diagonal.  A body at rest whose friction suffices has q+
+ * only remove kinetic energy, since M is diagonal.  A body at rest whose friction suffices has q+
  * = q and v+ = 0 to the last bit.
  *
- * Reversals, passages through neutral and impacts are located and end the piece (switching
+ * Reversals, passages through neutral and impacts are located and end the interval (switching
  * points of Studer, Leine and Glocker, Int. J. Numer. Meth. Engng 76, 2008), which keeps the
  * second order of the midpoint rule.  When a sub-step holds more than MAX_EVENTS of them its
- * rest is done in one piece, less accurate but no less dissipative.  Scheme without switching
+ * rest is done in one interval, less accurate but no less dissipative.  Scheme without switching
  * points: Acary and Brogliato, Numerical Methods for Nonsmooth Dynamical Systems, 2008. */
 #include "linkage.h"
 
-#include "linkage_piece.h"
+#include "linkage_interval.h"
 
 #include <math.h>
 
 #define MAX_EVENTS 16
-#define SHORTEST 1e-13 /* part of a piece within which an event happens at once */
+#define SHORTEST 1e-13 /* part of an interval within which an event happens at once */
 
 typedef enum { NOTHING, REVERSAL, HIGH_STOP, LOW_STOP, NEUTRAL } kind_t;
 typedef struct {
     kind_t kind;
     int body;
-    /* value at the start and at the end of the piece; zero is where it happens */
+    /* value at the start and at the end of the interval; zero is where it happens */
     double start, end;
 } event_t;
 
-/* A value whose change of sign is an event in the piece.  Friction,
+/* A value whose change of sign is an event in the interval.  Friction,
  * preload and stop are those before the event, so that the value is smooth in h. */
-static event_t event_of(const linkage_t *c, const motion_t *m, const piece_t *p, kind_t kind,
+static event_t event_of(const linkage_t *c, const motion_t *m, const interval_t *p, kind_t kind,
                         int i) {
     const double v = m->v[i];
     const double q = m->q[i];
@@ -67,7 +67,7 @@ static bool happens(const event_t *e) {
 
 static double part_of(const event_t *e) { return e->start / (e->start - e->end); }
 
-static event_t first_event(const linkage_t *c, const motion_t *m, const piece_t *p) {
+static event_t first_event(const linkage_t *c, const motion_t *m, const interval_t *p) {
     event_t first = {NOTHING, 0, 0.0, 0.0};
     for (int i = c->driven ? 1 : 0; i < c->bodies; i++) {
         for (kind_t kind = REVERSAL; kind <= (i == 0 ? NEUTRAL : LOW_STOP); kind++) {
@@ -78,10 +78,10 @@ static event_t first_event(const linkage_t *c, const motion_t *m, const piece_t 
     return first;
 }
 
-/* Shorten the piece so that it ends with the event: regula falsi with halved weights.  False
+/* Shorten the interval so that it ends with the event: regula falsi with halved weights.  False
  * when the search fails. */
 static bool end_at(const linkage_t *c, const motion_t *m, double t, const event_t *first,
-                   piece_t *p) {
+                   interval_t *p) {
     const double least = SHORTEST * p->h;
     double h0 = 0.0;
     double h1 = p->h;
@@ -89,7 +89,7 @@ static bool end_at(const linkage_t *c, const motion_t *m, double t, const event_
     double e1 = first->end;
     for (int iteration = 0, side = 0; iteration < 40; iteration++) {
         const double h = fmax(h0 + (h1 - h0) * (e0 / (e0 - e1)), least);
-        solve_piece(c, m, t, h, p);
+        solve_interval(c, m, t, h, p);
         const event_t e = event_of(c, m, p, first->kind, first->body);
         if (fabs(e.end) <= 1e-12 * fabs(first->start)
             || (h == least && (e.end > 0.0) != (e0 > 0.0))) {
@@ -110,22 +110,24 @@ static bool end_at(const linkage_t *c, const motion_t *m, double t, const event_
     return false;
 }
 
-static double give_up(const linkage_t *c, motion_t *m, int i, double v) {
+static double change_velocity(const linkage_t *c, motion_t *m, int i, double v) {
     const double lost = 0.5 * c->mass[i] * (m->v[i] * m->v[i] - v * v);
     m->v[i] = v;
     return lost;
 }
 
 /* Velocity of a body after it sticks or meets a stop. */
-static void hold_back(const linkage_t *c, motion_t *m, const piece_t *p, int i) {
+static void hold_back(const linkage_t *c, motion_t *m, const interval_t *p, int i) {
     const double w = p->w[i];
     const bool held = p->threshold[i] > 0.0 || (i == 0 && c->preload > 0.0 && p->to_neutral == 0.0);
-    if (w == p->high[i]) m->lost[2] += give_up(c, m, i, -c->restitution * fmax(m->v[i], 0.0));
-    else if (w == p->low[i]) m->lost[2] += give_up(c, m, i, -c->restitution * fmin(m->v[i], 0.0));
-    else if (w == 0.0 && held) m->lost[0] += give_up(c, m, i, 0.0);
+    if (w == p->high[i])
+        m->lost[2] += change_velocity(c, m, i, -c->restitution * fmax(m->v[i], 0.0));
+    else if (w == p->low[i])
+        m->lost[2] += change_velocity(c, m, i, -c->restitution * fmin(m->v[i], 0.0));
+    else if (w == 0.0 && held) m->lost[0] += change_velocity(c, m, i, 0.0);
 }
 
-static void accept(const linkage_t *c, motion_t *m, const piece_t *p) {
+static void accept(const linkage_t *c, motion_t *m, const interval_t *p) {
     const double from = m->q[0] - c->neutral;
     for (int i = 0; i < c->bodies; i++) {
         const double w = p->w[i];
@@ -149,25 +151,25 @@ static void accept(const linkage_t *c, motion_t *m, const piece_t *p) {
 }
 
 /* Put what the event is about exactly to where it happens; it is within rounding of it. */
-static void take_event(const linkage_t *c, motion_t *m, const event_t *e) {
+static void apply_event(const linkage_t *c, motion_t *m, const event_t *e) {
     const int i = e->body;
     if (e->kind == REVERSAL) {
-        m->lost[0] += give_up(c, m, i, 0.0);
+        m->lost[0] += change_velocity(c, m, i, 0.0);
     } else if (e->kind == NEUTRAL) {
         m->q[i] = c->neutral;
     } else {
         const bool up = e->kind == HIGH_STOP;
         m->q[i] = up ? c->high[i] : c->low[i];
         if (up ? m->v[i] > 0.0 : m->v[i] < 0.0) {
-            m->lost[2] += give_up(c, m, i, -c->restitution * m->v[i]);
+            m->lost[2] += change_velocity(c, m, i, -c->restitution * m->v[i]);
         }
     }
 }
 
 void linkage_part(const linkage_t *c, motion_t *m, double t, double h) {
-    piece_t p;
+    interval_t p;
     for (int events = 0; h > 0.0; events++) {
-        solve_piece(c, m, t, h, &p);
+        solve_interval(c, m, t, h, &p);
         const event_t e = first_event(c, m, &p);
         if (e.kind == NOTHING || events == MAX_EVENTS) {
             accept(c, m, &p);
@@ -180,7 +182,7 @@ void linkage_part(const linkage_t *c, motion_t *m, double t, double h) {
             t += p.h;
             h -= p.h;
         }
-        if (there) take_event(c, m, &e);
+        if (there) apply_event(c, m, &e);
     }
 }
 

@@ -70,7 +70,7 @@ static int refuse(am_sim *sim, int code, const char *rule) {
     return bad_parameter(sim, place(sim->model, AM_PARAMETER, G_WEATHER, 0) + (uint32_t)code, rule);
 }
 
-static bool whole(double x, double low, double high) {
+static bool is_whole_between(double x, double low, double high) {
     return x >= low && x <= high && x == floor(x);
 }
 
@@ -79,7 +79,7 @@ static int check_profile(am_sim *sim, const double *par) {
     if (!(par[P_WIND_ROUGHNESS] > 0.0 && par[P_WIND_ROUGHNESS] < LOG_LOW)) {
         return refuse(sim, P_WIND_ROUGHNESS, "between 0 and 0.9144 m");
     }
-    if (!whole(par[P_WIND_ROWS], 0.0, WIND_ROWS)) {
+    if (!is_whole_between(par[P_WIND_ROWS], 0.0, WIND_ROWS)) {
         return refuse(sim, P_WIND_ROWS, "a whole number from 0 to 8");
     }
     for (int i = 1; i < (int)par[P_WIND_ROWS]; i++) {
@@ -100,13 +100,13 @@ int weather_check(am_sim *sim) {
     if (status != AM_OK) return status;
     sim->windy = par[P_WIND_W20] > 0.0 || par[P_WIND_ROWS] > 0.0 || par[P_TURBULENCE] != 0.0
                  || gusty(par);
-    if (!whole(par[P_TURBULENCE], 0.0, 1.0)) {
+    if (!is_whole_between(par[P_TURBULENCE], 0.0, 1.0)) {
         return refuse(sim, P_TURBULENCE, "0 (none) or 1 (Dryden)");
     }
-    if (!whole(par[P_SEED], 0.0, MAX_SEED)) {
+    if (!is_whole_between(par[P_SEED], 0.0, MAX_SEED)) {
         return refuse(sim, P_SEED, "a whole number from 0 to 2^53");
     }
-    if (!whole(par[P_SEVERITY], 0.0, 7.0)) {
+    if (!is_whole_between(par[P_SEVERITY], 0.0, 7.0)) {
         return refuse(sim, P_SEVERITY, "a whole number from 0 (none aloft) to 7");
     }
     if (!(par[P_TURBULENCE_STEP] >= 1e-3 && par[P_TURBULENCE_STEP] <= 1.0)) {
@@ -118,7 +118,7 @@ int weather_check(am_sim *sim) {
             return refuse(sim, P_L_U + i, "positive, or negative for that of the model");
         }
     }
-    if (!whole(par[P_GUST_HOLD], 0.0, 1.0)) {
+    if (!is_whole_between(par[P_GUST_HOLD], 0.0, 1.0)) {
         return refuse(sim, P_GUST_HOLD, "0 (falls again) or 1 (stays)");
     }
     if (!(par[P_GUST_RISE] > 0.0)) return refuse(sim, P_GUST_RISE, "positive");
@@ -269,7 +269,7 @@ static double second_order(double x, double z1, double z2, double s[2]) {
 
 /* y less its low-passed value over a step x = dt/T in which y rises by `rise`, exact for linear
  * y; over T it is the rate of the low-passed value. */
-static void follow(double x, double rise, double *lag) {
+static void follow_lag(double x, double rise, double *lag) {
     const double decay = am_exp(-x);
     *lag = decay * *lag + rise * (x > 1e-8 ? (1.0 - decay) / x : 1.0);
 }
@@ -294,8 +294,8 @@ static void next_point(am_sim *sim, const double *par, const double *u, double *
     first_order(turn / 4.0, z[5], s + 5);
     right[3] = f.sigma[2] * sqrt(0.1 * PI * PI / (b * f.L[2]))
                * am_pow(PI * f.L[2] / (4.0 * b), 1.0 / 6.0) * s[5];
-    follow(turn / 3.0, right[1] - d[D_LEFT + 1], d + D_LAG);
-    follow(turn / 4.0, right[2] - d[D_LEFT + 2], d + D_LAG + 1);
+    follow_lag(turn / 3.0, right[1] - d[D_LEFT + 1], d + D_LAG);
+    follow_lag(turn / 4.0, right[2] - d[D_LEFT + 2], d + D_LAG + 1);
     right[4] = -PI / (4.0 * b) * d[D_LAG + 1];
     right[5] = PI / (3.0 * b) * d[D_LAG];
 }
@@ -336,7 +336,7 @@ void weather_start(am_sim *sim, double t) {
 
 bool weather_memory_valid(const am_sim *sim) {
     const double *d = memory_of(sim, G_WEATHER, 0);
-    return fabs(d[D_GRID_START]) <= LATEST && whole(d[D_GRID_INDEX], -1.0, 1e15);
+    return fabs(d[D_GRID_START]) <= LATEST && is_whole_between(d[D_GRID_INDEX], -1.0, 1e15);
 }
 
 void weather_advance(am_sim *sim, double t, double h, const double *u0, const double *u1) {

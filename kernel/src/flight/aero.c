@@ -7,7 +7,7 @@
 #include "aero.h"
 
 #include "algebra.h"
-#include "table.h"
+#include "look_up.h"
 #include "terms.h"
 
 #include <math.h>
@@ -94,8 +94,7 @@ static void flow_rate(const now_r *now, uint32_t kind, real row[3]) {
 }
 
 /* An implicit variable is apart + row . force / mass; returns apart. */
-static real implicit_row(const flight_t *sim, uint32_t kind, const real free_fall[3],
-                           real row[3]) {
+static real implicit_row(const flight_t *sim, uint32_t kind, const real free_fall[3], real row[3]) {
     const now_r *now = &sim->now;
     if (A_ALPHADOTHAT + kind == A_DNZ) {
         row[0] = row[1] = 0.0;
@@ -117,7 +116,7 @@ static void row_to_lift_drag(const now_r *now, const real row[3], real factor, r
 }
 
 /* A x = x in place, without pivoting: A is the unit matrix minus small couplings. */
-static inline void eliminate(real A[IMPLICIT][IMPLICIT], real x[IMPLICIT], uint32_t n) {
+static inline void solve_couplings(real A[IMPLICIT][IMPLICIT], real x[IMPLICIT], uint32_t n) {
     real per[IMPLICIT];
     for (uint32_t k = 0; k < n; k++) {
         per[k] = 1.0 / A[k][k];
@@ -149,8 +148,7 @@ static inline void find_slopes(flight_t *sim, real slope[IMPLICIT][COEFFICIENTS]
     }
     for (const implicit_t *t = m->implicit, *end = t + m->implicits; t < end; t++) {
         real *to = slope[n == 1 ? 0 : t->place];
-        to[t->target] += t->bare ? sim->scale[t->term] * sim->slot[t->T]
-                                 : term_value(sim, t->term);
+        to[t->target] += t->bare ? sim->scale[t->term] * sim->slot[t->T] : term_value(sim, t->term);
     }
     for (uint32_t j = 0; j < n; j++) to_lift_drag(sim, slope[j]);
 }
@@ -172,7 +170,7 @@ __attribute__((always_inline)) static inline void add_implicit(flight_t *sim, co
         for (uint32_t j = 0; j < n; j++) A[i][j] = (double)(i == j) - dot(gain[i], slope[j]);
     }
     for (uint32_t i = 0; i < n; i++) x[i] += dot(gain[i], c);
-    eliminate(A, x, n);
+    solve_couplings(A, x, n);
     for (uint32_t j = 0; j < n; j++) {
         sim->var[A_ALPHADOTHAT + m->unknown[j]] = x[j];
         for (int k = 0; k < COEFFICIENTS; k++) c[k] += slope[j][k] * x[j];

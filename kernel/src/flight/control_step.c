@@ -51,8 +51,6 @@ static void probe(flight_t *sim, uint32_t item, const real *u, const real *q, co
 
 #if LANES == 1
 
-static double sign(double x) { return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : 0.0; }
-
 /* ---- start ----------------------------------------------------------------------------------- */
 
 static void hold_between_stops(const linkage_t *c, double *q) {
@@ -108,7 +106,7 @@ static double holding_force(am_sim *sim, uint32_t item, const double *q) {
     const double *p = par_of(sim, G_CIRCUIT, item);
     loads_t at;
     circuit_loads(sim, item, sim->x, sim->u, q, circuit_offset(sim, item), &at);
-    double force = p[P_CIRCUIT_PRELOAD] * sign(q[0] - circuit_neutral(sim, item, sim->u));
+    double force = p[P_CIRCUIT_PRELOAD] * sign_of(q[0] - circuit_neutral(sim, item, sim->u));
     for (int i = 0; i < LINKAGE_BODIES; i++) force -= at.on[i];
     return force;
 }
@@ -140,7 +138,7 @@ static void start_travel(am_sim *sim, uint32_t item) {
 }
 
 /* At rest: cables stretched by the loads, and in mode 2 the force that the record lacks. */
-static void settle(am_sim *sim, uint32_t item) {
+static void start_at_rest(am_sim *sim, uint32_t item) {
     const double *p = par_of(sim, G_CIRCUIT, item);
     const double *u = input_of(sim, sim->u, G_CIRCUIT, item);
     double *d = memory_of(sim, G_CIRCUIT, item);
@@ -162,7 +160,7 @@ void control_start(am_sim *sim) {
     if (!any_moves(sim)) return;
     derivative(sim, sim->x, sim->u, scratch_slope(sim));
     for (uint32_t i = 0; i < circuits(sim); i++) {
-        if (circuit_moves(sim, i)) settle(sim, i);
+        if (circuit_moves(sim, i)) start_at_rest(sim, i);
     }
 }
 
@@ -200,7 +198,7 @@ static void end_course(flight_t *sim, uint32_t item, const real *x, const real *
 #if LANES == 1
 
 /* The derivative at the start of a step, unless the last call left it. */
-static void find_start(am_sim *sim, double t, const double *u0) {
+static void one_find_start(am_sim *sim, double t, const double *u0) {
     const size_t size = sizeof(double) * (size_t)sim->model->count[AM_INPUT];
     if (sim->fresh && memcmp(u0, sim->u, size) == 0) return;
     sim->part = 0.0;
@@ -210,8 +208,8 @@ static void find_start(am_sim *sim, double t, const double *u0) {
 }
 
 /* A circuit of one simulation. */
-static void move_bodies(const flight_t *sim, uint32_t item, double h, const linkage_t *c,
-                        motion_t *m) {
+static void one_move_bodies(const flight_t *sim, uint32_t item, double h, const linkage_t *c,
+                            motion_t *m) {
     linkage_advance(c, m, h, sub_steps(h, par_of(sim, G_CIRCUIT, item)[P_CIRCUIT_STEP]));
 }
 
@@ -221,7 +219,7 @@ static void move_bodies(const flight_t *sim, uint32_t item, double h, const link
 static void find_courses(flight_t *sim, double t, double h, const real *u0, const real *u1,
                          loading_t *course) {
     const int n = am_state_count(sim->model);
-    find_start(sim, t, u0);
+    HOOK(find_start)(sim, t, u0);
     for (uint32_t i = 0; i < circuits(sim); i++) {
         real *d = memory_of(sim, G_CIRCUIT, i);
         if (!circuit_moves(sim, i)) continue;
@@ -266,7 +264,7 @@ static void advance_bodies(flight_t *sim, uint32_t item, double h, const loading
     c.drive = drive;
     memcpy(m.q, d + D_TRAVEL, sizeof m.q);
     memcpy(m.v, d + D_RATE, sizeof m.v);
-    move_bodies(sim, item, h, &c, &m);
+    HOOK(move_bodies)(sim, item, h, &c, &m);
     for (int i = 1; i < c.bodies; i++) d[D_ACCELERATION + i] = (m.v[i] - d[D_RATE + i]) / h;
     memcpy(d + D_TRAVEL, m.q, sizeof m.q);
     memcpy(d + D_RATE, m.v, sizeof m.v);
@@ -289,8 +287,8 @@ static inline void drive_circuit(flight_t *sim, uint32_t item, double h, real fr
     d[D_STEP] = h;
 }
 
-static void advance_circuit(flight_t *sim, uint32_t item, double h, const real *u0,
-                            const real *u1, const loading_t *course) {
+static void advance_circuit(flight_t *sim, uint32_t item, double h, const real *u0, const real *u1,
+                            const loading_t *course) {
     if (sim->controls == FORCE_DRIVEN) {
         advance_bodies(sim, item, h, course, (real)0.0);
         memory_of(sim, G_CIRCUIT, item)[D_STEP] = h;

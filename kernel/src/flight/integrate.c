@@ -72,7 +72,7 @@ int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1
         }
         memcpy(sim->x, sim->x_work, sizeof(double) * (size_t)am_state_count(sim->model));
     }
-    take_inputs(sim, u1);
+    store_inputs(sim, u1);
     return AM_OK;
 }
 

@@ -9,7 +9,7 @@
 #include "delay.h"
 #include "elementary.h"
 #include "error.h"
-#include "table.h"
+#include "look_up.h"
 #include "weather.h"
 
 #include <math.h>
@@ -17,7 +17,6 @@
 
 #pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
 
-#include "four_bits.h"
 #include "locate.h"
 
 #define look_up look_up_stage

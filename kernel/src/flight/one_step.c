@@ -12,19 +12,20 @@
 #include "engine.h"
 #include "weather.h"
 
-static void find_outers(am_sim *sim) {
-    sim->outers = 0;
+static void find_end_cells(am_sim *sim) {
+    sim->end_cells = 0;
     for (uint32_t i = 0; i < sim->model->axes; i++) {
-        if (sim->cell[i] == 0) sim->outer[sim->outers++] = 2 * i;
-        if (sim->cell[i] == sim->model->axis[i].cells - 1) sim->outer[sim->outers++] = 2 * i + 1;
+        if (sim->cell[i] == 0) sim->end_cell[sim->end_cells++] = 2 * i;
+        if (sim->cell[i] == sim->model->axis[i].cells - 1)
+            sim->end_cell[sim->end_cells++] = 2 * i + 1;
     }
 }
 
 void count_outside(am_sim *sim) {
-    if (sim->outers == RECOUNT) find_outers(sim);
-    for (uint32_t k = 0; k < sim->outers; k++) {
-        const uint32_t outer = sim->outer[k];
-        (outer & 1 ? sim->above : sim->below)[outer / 2] += 1.0;
+    if (sim->end_cells == RECOUNT) find_end_cells(sim);
+    for (uint32_t k = 0; k < sim->end_cells; k++) {
+        const uint32_t end_cell = sim->end_cell[k];
+        (end_cell & 1 ? sim->above : sim->below)[end_cell / 2] += 1.0;
     }
 }
 
@@ -38,23 +39,23 @@ void advance_memory(am_sim *sim, double t, double h, const double *u0, const dou
 
 #endif
 
-static void advance_parts(am_sim *sim, double t, double h, const double *u0, const double *u1) {
+static void one_advance_parts(am_sim *sim, double t, double h, const double *u0, const double *u1) {
     if (sim->model->memories) advance_memory(sim, t, h, u0, u1);
 }
 
-static bool keeps(const am_sim *sim, const double *u) {
+static bool one_can_reuse(const am_sim *sim, const double *u) {
     return sim->fresh && memcmp(u, sim->u, sizeof *u * (size_t)sim->model->count[AM_INPUT]) == 0;
 }
 
-static void first_slope(am_sim *sim, double t, double h, const double *u, bool kept) {
-    if (!kept || !sim->fresh) {
+static void one_first_slope(am_sim *sim, double t, double h, const double *u, bool reuse) {
+    if (!reuse || !sim->fresh) {
         slope(sim, t, h, 0.0, sim->x, u, sim->k);
         keep_anchor(sim, sim->x);
     }
     sim->fresh = false;
 }
 
-static void count_steps_outside(am_sim *sim, bool counts) {
+static void one_count_steps_outside(am_sim *sim, bool counts) {
     if (counts) count_outside(sim);
 }
 

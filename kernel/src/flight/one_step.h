@@ -8,7 +8,7 @@
  * that jumps at t clears sim->fresh, so that the first slope is found anew. */
 void advance_memory(am_sim *sim, double t, double h, const double *u0, const double *u1);
 
-/* Count a step in the outer cells of each axis. */
+/* Count a step of each axis that stands in an end cell, beyond its breakpoints. */
 void count_outside(am_sim *sim);
 
 /* Runge-Kutta from t to t + h, which leaves the new state in x_work; s0 ... s1 is the part of

@@ -19,13 +19,13 @@
 
 #if LANES == 1
 
-static double steps_outside(const am_sim *sim) {
+static double one_steps_outside(const am_sim *sim) {
     double steps = 0.0;
     for (uint32_t i = 0; i < sim->model->axes; i++) steps += sim->below[i] + sim->above[i];
     return steps;
 }
 
-static void part_outputs(am_sim *sim, double *y) {
+static void one_part_outputs(am_sim *sim, double *y) {
     weather_outputs(sim, y);
     fuel_outputs(sim, y);
     engine_outputs(sim, y);
@@ -93,9 +93,9 @@ void write_outputs(flight_t *sim, real *y) {
     y[Y_TRIM_THRUST] = sim->trim.thrust;
     y[Y_TRIM_THROTTLE] = sim->trim.throttle;
     memcpy(y + Y_TRIM_U_DOT, sim->trim.residual, sizeof sim->trim.residual);
-    y[Y_OUT_OF_RANGE] = steps_outside(sim);
+    y[Y_OUT_OF_RANGE] = HOOK(steps_outside)(sim);
     earth_outputs(sim, y);
-    part_outputs(sim, y);
+    HOOK(part_outputs)(sim, y);
 }
 
 #if LANES == 1

@@ -14,7 +14,7 @@
 
 #include "weather.h"
 
-static inline void wind_of(am_sim *sim, const double *u, double wind[3]) {
+static inline void one_wind_of(am_sim *sim, const double *u, double wind[3]) {
     double *work = work_of(sim, G_WEATHER, 0);
     if (air_moves(sim)) weather_wind(sim, u, wind);
     else plain_wind(par_of(sim, G_WEATHER, 0), u, &sim->now, work + W_WIND, work + W_GUST, wind);
@@ -22,7 +22,7 @@ static inline void wind_of(am_sim *sim, const double *u, double wind[3]) {
 
 #else
 
-static void wind_of(flight_t *f, const real *u, real wind[3]);
+static void HOOK(wind_of)(flight_t *f, const real *u, real wind[3]);
 
 #endif
 

@@ -56,7 +56,7 @@ static int check_sizes(am_sim *sim) {
     return AM_OK;
 }
 
-static bool whole(double value, int most) {
+static bool is_choice(double value, int most) {
     return value >= 0.0 && value <= most && value == floor(value);
 }
 
@@ -72,21 +72,21 @@ int prepare(am_sim *sim) {
     if (!(fabs(p[P_DELTA_T]) < 100.0)) {
         return bad_parameter(sim, P_DELTA_T, "between -100 and 100 K");
     }
-    if (!whole(p[P_EARTH], SPHERE_ROTATING)) {
+    if (!is_choice(p[P_EARTH], SPHERE_ROTATING)) {
         return bad_parameter(sim, P_EARTH,
                              "0 (flat), 1 (WGS-84), 2 (sphere at rest) or 3 (rotating sphere)");
     }
-    if (!whole(p[P_ENGINE], THRUST_DRIVEN)) {
+    if (!is_choice(p[P_ENGINE], THRUST_DRIVEN)) {
         return bad_parameter(sim, P_ENGINE, "0 (lever), 1 (N1) or 2 (thrust driven)");
     }
-    if (!whole(p[P_CONTROLS], FORCE_DRIVEN)) {
+    if (!is_choice(p[P_CONTROLS], FORCE_DRIVEN)) {
         return bad_parameter(sim, P_CONTROLS,
                              "0 (surfaces), 1 (cockpit positions) or 2 (pilot forces)");
     }
-    if (!whole(p[P_RATES], RATES_OF_EARTH)) {
+    if (!is_choice(p[P_RATES], RATES_OF_EARTH)) {
         return bad_parameter(sim, P_RATES, "0 (as gyros show them) or 1 (relative to the Earth)");
     }
-    if (!whole(p[P_TRIM], 3)) {
+    if (!is_choice(p[P_TRIM], 3)) {
         return bad_parameter(sim, P_TRIM,
                              "0 (none), 1 (thrust), 2 (throttle) or 3 (on the ground)");
     }

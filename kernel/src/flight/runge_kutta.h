@@ -62,13 +62,13 @@ static inline const real *inputs_at(const flight_t *sim, const real *u0, const r
     return u;
 }
 
-/* Of the unit that includes this: whether the last call left the derivative at the inputs u; the
- * discrete part of the submodels from t to t + h; the slope at the start of a step in k; steps
- * outside the tables. */
-static mask_t keeps(const flight_t *sim, const real *u);
-static void advance_parts(flight_t *sim, double t, double h, const real *u0, const real *u1);
-static void first_slope(flight_t *sim, double t, double h, const real *u, mask_t kept);
-static void count_steps_outside(flight_t *sim, mask_t counts);
+/* Parameters of this step, functions of the unit that includes it (one_step.c or laned_flight.h):
+ * whether the last call left the derivative at the inputs u; the discrete part of the submodels
+ * from t to t + h; the slope at the start of a step in k; steps outside the tables. */
+static mask_t HOOK(can_reuse)(const flight_t *sim, const real *u);
+static void HOOK(advance_parts)(flight_t *sim, double t, double h, const real *u0, const real *u1);
+static void HOOK(first_slope)(flight_t *sim, double t, double h, const real *u, mask_t reuse);
+static void HOOK(count_steps_outside)(flight_t *sim, mask_t counts);
 
 /* Leaves the new state in x_work; s0 ... s1 is the part of u0 ... u1 that this step from t
  * covers. */
@@ -85,13 +85,13 @@ static inline void runge_kutta(flight_t *sim, double t, double h, const real *u0
     const real *u_end = inputs_at(sim, u0, u1, s1, sim->u_end);
     const real *u = inputs_at(sim, u0, u1, s0, sim->u_work);
     /* cells of the start of the step: circuits that move look at its end */
-    const mask_t kept = keeps(sim, u);
-    count_steps_outside(sim, kept);
+    const mask_t reuse = HOOK(can_reuse)(sim, u);
+    HOOK(count_steps_outside)(sim, reuse);
     /* the discrete part goes first: it stands still in the derivatives of this step */
-    advance_parts(sim, t, h, u, u_end);
+    HOOK(advance_parts)(sim, t, h, u, u_end);
     /* the first slope, unless the last call left it */
-    first_slope(sim, t, h, u, kept);
-    count_steps_outside(sim, NOT(kept));
+    HOOK(first_slope)(sim, t, h, u, reuse);
+    HOOK(count_steps_outside)(sim, NOT(reuse));
     sim->anchored = sim->earth != FLAT_EARTH;
     /* two slopes at the middle, one at the end */
     u = inputs_at(sim, u0, u1, 0.5 * (s0 + s1), sim->u_work);
@@ -102,7 +102,7 @@ static inline void runge_kutta(flight_t *sim, double t, double h, const real *u0
     advance(n, x, h, k3, to);
     slope(sim, t, h, 1.0, to, u_end, k4);
     sim->anchored = false;
-    sim->last_power[0] = 0.0; /* a power from the anchor is not kept beyond the step */
+    sim->last_power[0] = 0.0; /* a power from the anchor does not hold beyond the step */
     combine(n, x, h, k1, to);
 }
 

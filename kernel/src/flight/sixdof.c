@@ -70,7 +70,7 @@ void set_flight_condition(flight_t *sim, const real *x, const real *u) {
     const anchor_r *anchor = sim->anchored ? &sim->anchor : NULL;
     atmosphere_at(&sim->atmosphere, anchor, now->h, &now->T, &now->p, &now->rho, &now->a);
     quaternion_matrix(x + X_Q0, now->C);
-    wind_of(sim, u, wind);
+    HOOK(wind_of)(sim, u, wind);
     const mask_t calm = (wind[0] == 0.0) & (wind[1] == 0.0) & (wind[2] == 0.0);
     for (int i = 0; i < 3; i++) air[i] = x[X_VX + i];
     /* in calm air the velocity need not wait for the axes */

@@ -55,7 +55,8 @@ double start_pitch(const am_sim *sim, double alpha, double beta) {
     return theta;
 }
 
-/* State from init.* with the given flow angles and pitch attitude; the submodels settle. */
+/* State from init.* with the given flow angles and pitch attitude; the submodels start
+ * in equilibrium. */
 void start_state(am_sim *sim, double alpha, double beta, double theta) {
     const double *p = sim->par;
     double *x = sim->x;

@@ -53,15 +53,14 @@ static inline mask_t all_nothing(const real *own, uint32_t n, mask_t clear) {
     return clear;
 }
 
-/* True when nothing can touch the ground at any attitude and no strut or tyre has anything left
- * to give back. */
+/* True when nothing can touch the ground at any attitude and every strut and tyre is back at its
+ * free length. */
 mask_t gear_clear(const flight_t *sim, const real *x) {
     const uint32_t n = items(sim->model, G_CONTACT);
     const real *cg = sim->now.cg;
     const real height = sim->now.h - sim->par[P_RUNWAY] - size_of(cg[0]) - size_of(cg[1])
                         - size_of(cg[2]);
-    return all_nothing(state_of(sim, x, G_CONTACT, 0), n * X_PER_CONTACT,
-                       NOT(height < sim->reach));
+    return all_nothing(state_of(sim, x, G_CONTACT, 0), n * X_PER_CONTACT, NOT(height < sim->reach));
 }
 
 static inline void stand_still(real *rate, uint32_t n) {
@@ -73,16 +72,16 @@ static inline void stand_still(real *rate, uint32_t n) {
 }
 
 /* Away from the ground only the steering moves. */
-void gear_away(flight_t *sim, const real *x, const real *u, real *dx) {
+void gear_off_ground(flight_t *sim, const real *x, const real *u, real *dx) {
     const steered_t airborne = {.side = 0.0};
     const uint32_t n = items(sim->model, G_CONTACT);
     real *found = work_of(sim, G_GEAR, 0);
     stand_still(rate_of(sim, dx, G_CONTACT, 0), X_PER_CONTACT * n);
-    if (!sim->away) {
+    if (!sim->off_ground) {
         memset(work_of(sim, G_CONTACT, 0), 0, sizeof(real) * W_PER_CONTACT * n);
         memset(found, 0, sizeof *found * W_PER_GEAR);
         for (uint32_t i = 0; i < n; i++) var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] = 0.0;
-        sim->away = true;
+        sim->off_ground = true;
     }
     evaluate_stage(sim, STAGE_GEAR);
     found[Y_GEAR_STEERING] = steering_angle(sim, x);
@@ -289,8 +288,7 @@ static void ground_forces(const flight_t *sim, uint32_t i, const place_t *at, co
 
 /* Forces of one contact and the rates of its states; none where all is clear of the ground. */
 static void contact_forces(flight_t *sim, uint32_t i, mask_t clear, const place_t *at,
-                           const real *x, const real *u, real *dx, tyre_t *tyre,
-                           contact_t *found) {
+                           const real *x, const real *u, real *dx, tyre_t *tyre, contact_t *found) {
     const real *p = par_of(sim, G_CONTACT, i);
     const real *own = state_of(sim, x, G_CONTACT, i);
     const real out = clamp(u[U_GEAR], (real)0.0, (real)1.0);
@@ -355,8 +353,8 @@ static void place_contacts(flight_t *sim, const real *x, mask_t clear, const rea
         const real *p = par_of(sim, G_CONTACT, i);
         const real s = state_of(sim, x, G_CONTACT, i)[X_CONTACT_STROKE];
         place_contact(sim, p, down, ground, angle * p[P_CONTACT_STEERING], at + i);
-        var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] =
-            PICK(clear, 0.0, compression(p, s, at[i].deflection));
+        var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] = PICK(
+            clear, 0.0, compression(p, s, at[i].deflection));
     }
     evaluate_stage(sim, STAGE_GEAR);
 }
@@ -367,7 +365,7 @@ static void ground_contact(flight_t *sim, mask_t clear, const real *x, const rea
     place_t at[MAX_ITEMS];
     steered_t wheel = {.side = 0.0};
     real down[3];
-    sim->away = false;
+    sim->off_ground = false;
     to_body(sim->now.C, sim->now.down, down);
     place_contacts(sim, x, clear, down, at);
     for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
@@ -394,7 +392,7 @@ void gear_forces(flight_t *sim, const real *x, const real *u, real F[3], real M[
     for (int k = 0; k < 3; k++) F[k] = M[k] = 0.0;
     if (!items(sim->model, G_GEAR)) return;
     const mask_t clear = gear_clear(sim, x);
-    if (EVERY(clear)) gear_away(sim, x, u, dx);
+    if (EVERY(clear)) gear_off_ground(sim, x, u, dx);
     else ground_contact(sim, clear, x, u, F, M, dx);
 }
 
@@ -403,9 +401,9 @@ void gear_forces(flight_t *sim, const real *x, const real *u, real F[3], real M[
 static int check_contact(am_sim *sim, const double *p) {
     static const int POSITIVE[] = {P_CONTACT_STROKE, P_CONTACT_SIDE, P_CONTACT_CORNERING_LOAD};
     static const int NOT_NEGATIVE[] = {
-        P_CONTACT_RADIUS,      P_CONTACT_STIFFNESS, P_CONTACT_PRELOAD,     P_CONTACT_DAMPING,
-        P_CONTACT_DAMPING_EXT, P_CONTACT_ORIFICE,   P_CONTACT_ORIFICE_EXT, P_CONTACT_TYRE,
-        P_CONTACT_CORNERING,   P_CONTACT_LOSS,      P_CONTACT_ROLLING,     P_CONTACT_BRAKE,
+        P_CONTACT_RADIUS,         P_CONTACT_STIFFNESS, P_CONTACT_PRELOAD,     P_CONTACT_DAMPING,
+        P_CONTACT_DAMPING_EXT,    P_CONTACT_ORIFICE,   P_CONTACT_ORIFICE_EXT, P_CONTACT_TYRE,
+        P_CONTACT_CORNERING,      P_CONTACT_LOSS,      P_CONTACT_ROLLING,     P_CONTACT_BRAKE,
         P_CONTACT_BRAKE_FRICTION, P_CONTACT_FRICTION};
     for (size_t k = 0; k < sizeof POSITIVE / sizeof *POSITIVE; k++) {
         if (!(p[POSITIVE[k]] > 0.0)) return bad_value(sim, p + POSITIVE[k], "positive");
@@ -425,7 +423,7 @@ static int check_contact(am_sim *sim, const double *p) {
         return bad_value(sim, p + P_CONTACT_CORNERING,
                          "positive for a wheel; a skid has a friction instead");
     }
-    /* more would give energy back where the rubber is renewed */
+    /* more would return energy where the rubber is renewed */
     if (p[P_CONTACT_LOSS] > 2.0 * TYRE_LAG) {
         return bad_value(sim, p + P_CONTACT_LOSS, "at most 0.04 s");
     }
@@ -473,7 +471,7 @@ int gear_check(am_sim *sim) {
         status = check_contact(sim, par_of(sim, G_CONTACT, i));
     }
     find_reach(sim);
-    sim->away = false;
+    sim->off_ground = false;
     return status;
 }
 
@@ -485,7 +483,7 @@ void gear_start(am_sim *sim) {
     const uint32_t n = items(sim->model, G_CONTACT);
     place_t at[MAX_ITEMS];
     double down[3], low[MAX_ITEMS], high[MAX_ITEMS];
-    sim->away = false;
+    sim->off_ground = false;
     steering_start(sim, sim->x);
     for (uint32_t i = 0; i < n; i++) {
         for (int k = 0; k < X_PER_CONTACT; k++) rate_of(sim, sim->x, G_CONTACT, i)[k] = 0.0;

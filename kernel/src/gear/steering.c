@@ -10,7 +10,7 @@
  *
  * LR-743 4.5.4 identified orders 2 and 4 and flew the quasi-static model.  The scrub moment is a
  * return map like that of the tyre: a wheel at rest stays where it is until the spring exceeds
- * mu Fz scrub, and keeps the rest when the pull ends; rolling takes it away over the relaxation
+ * mu Fz scrub, and holds the rest when the pull ends; rolling reduces it over the relaxation
  * length.  An airborne wheel follows the command, a castor centres. */
 #include "steering.h"
 

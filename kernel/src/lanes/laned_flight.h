@@ -22,7 +22,7 @@
 
 /* ---- arrays ---------------------------------------------------------------------------------- */
 
-static real *piece(real **at, size_t n) {
+static real *next_lane_array(real **at, size_t n) {
     real *from = *at;
     *at += n;
     return from;
@@ -42,29 +42,29 @@ static size_t reals(const am_model *m) {
 static size_t changed(const flight_t *f) { return (size_t)(f->fraction - f->par); }
 
 /* at: aligned memory of reals(m), and of what changes once more. */
-static void lay_out(flight_t *f, const am_model *m, real *at) {
+static void lay_out_lanes(flight_t *f, const am_model *m, real *at) {
     const size_t nu = (size_t)m->count[AM_INPUT];
     const size_t nx = (size_t)am_state_count(m);
     f->model = m;
-    f->par = piece(&at, (size_t)m->count[AM_PARAMETER]);
-    f->u = piece(&at, nu);
-    f->u_work = piece(&at, nu);
-    f->u_end = piece(&at, nu);
-    f->u0 = piece(&at, nu);
-    f->u1 = piece(&at, nu);
-    f->y_work = piece(&at, (size_t)m->count[AM_OUTPUT]);
-    f->x = piece(&at, nx);
-    f->x_work = piece(&at, nx);
-    f->k = piece(&at, 4 * nx);
-    f->var = piece(&at, m->total[AM_VARIABLE]);
-    f->slot = piece(&at, values_of(m));
-    f->sum = piece(&at, m->total[AM_TARGET]);
-    f->memory = piece(&at, m->memories);
-    f->work = piece(&at, m->works);
-    f->last_power = piece(&at, LAST_POWER);
-    f->fraction = piece(&at, m->axes);
-    f->cells = (cells_r *)piece(&at, sizeof(cells_r) / sizeof(real) * m->axes);
-    f->before = piece(&at, changed(f) + OWN);
+    f->par = next_lane_array(&at, (size_t)m->count[AM_PARAMETER]);
+    f->u = next_lane_array(&at, nu);
+    f->u_work = next_lane_array(&at, nu);
+    f->u_end = next_lane_array(&at, nu);
+    f->u0 = next_lane_array(&at, nu);
+    f->u1 = next_lane_array(&at, nu);
+    f->y_work = next_lane_array(&at, (size_t)m->count[AM_OUTPUT]);
+    f->x = next_lane_array(&at, nx);
+    f->x_work = next_lane_array(&at, nx);
+    f->k = next_lane_array(&at, 4 * nx);
+    f->var = next_lane_array(&at, m->total[AM_VARIABLE]);
+    f->slot = next_lane_array(&at, values_of(m));
+    f->sum = next_lane_array(&at, m->total[AM_TARGET]);
+    f->memory = next_lane_array(&at, m->memories);
+    f->work = next_lane_array(&at, m->works);
+    f->last_power = next_lane_array(&at, LAST_POWER);
+    f->fraction = next_lane_array(&at, m->axes);
+    f->cells = (cells_r *)next_lane_array(&at, sizeof(cells_r) / sizeof(real) * m->axes);
+    f->before = next_lane_array(&at, changed(f) + OWN);
     f->lists = lay_lists(m, (uint32_t *)at);
     f->shared = (bool *)((uint32_t *)at + LIST_WORDS(m));
     f->scale = f->par + m->total[AM_PARAMETER];
@@ -72,28 +72,29 @@ static void lay_out(flight_t *f, const am_model *m, real *at) {
 }
 
 /* A simulation that stands at the first sample, its outputs found. */
-static void board(flight_t *f, int l, am_sim *sim) {
+static void load_lane(flight_t *f, int l, am_sim *sim) {
     const am_model *m = f->model;
     const size_t nx = (size_t)am_state_count(m);
     f->lane[l] = sim;
-    take(sim->par, (size_t)m->count[AM_PARAMETER], l, f->par);
-    take(sim->u, (size_t)m->count[AM_INPUT], l, f->u);
-    take(sim->x, nx, l, f->x);
-    take(sim->k, nx, l, f->k);
-    take(sim->var, m->total[AM_VARIABLE], l, f->var);
-    take(sim->slot, values_of(m), l, f->slot);
-    take(sim->sum, m->total[AM_TARGET], l, f->sum);
+    copy_to_lane(sim->par, (size_t)m->count[AM_PARAMETER], l, f->par);
+    copy_to_lane(sim->u, (size_t)m->count[AM_INPUT], l, f->u);
+    copy_to_lane(sim->x, nx, l, f->x);
+    copy_to_lane(sim->k, nx, l, f->k);
+    copy_to_lane(sim->var, m->total[AM_VARIABLE], l, f->var);
+    copy_to_lane(sim->slot, values_of(m), l, f->slot);
+    copy_to_lane(sim->sum, m->total[AM_TARGET], l, f->sum);
     const uint32_t own = m->first_memory[G_FUEL];
-    take(sim->memory + own, m->memories - own, l, f->memory + own);
-    take(sim->work, m->works, l, f->work);
-    take(sim->last_power, LAST_POWER, l, f->last_power);
-    take((const double *)&sim->now, sizeof(now_t) / sizeof(double), l, (real *)&f->now);
-    take((const double *)&sim->atmosphere, 2 * LAYERS, l, (real *)&f->atmosphere);
-    take((const double *)&sim->standard, 2 * LAYERS, l, (real *)&f->standard);
-    take((const double *)&sim->anchor, sizeof(anchor_t) / sizeof(double), l, (real *)&f->anchor);
-    take((const double *)&sim->trim, sizeof(trim_t) / sizeof(double), l, (real *)&f->trim);
-    take(work_of(sim, G_WEATHER, 0) + W_WIND, 3, l, f->wind);
-    take(work_of(sim, G_WEATHER, 0) + W_GUST, 3, l, f->gust);
+    copy_to_lane(sim->memory + own, m->memories - own, l, f->memory + own);
+    copy_to_lane(sim->work, m->works, l, f->work);
+    copy_to_lane(sim->last_power, LAST_POWER, l, f->last_power);
+    copy_to_lane((const double *)&sim->now, sizeof(now_t) / sizeof(double), l, (real *)&f->now);
+    copy_to_lane((const double *)&sim->atmosphere, 2 * LAYERS, l, (real *)&f->atmosphere);
+    copy_to_lane((const double *)&sim->standard, 2 * LAYERS, l, (real *)&f->standard);
+    copy_to_lane((const double *)&sim->anchor, sizeof(anchor_t) / sizeof(double), l,
+                 (real *)&f->anchor);
+    copy_to_lane((const double *)&sim->trim, sizeof(trim_t) / sizeof(double), l, (real *)&f->trim);
+    copy_to_lane(work_of(sim, G_WEATHER, 0) + W_WIND, 3, l, f->wind);
+    copy_to_lane(work_of(sim, G_WEATHER, 0) + W_GUST, 3, l, f->gust);
     f->reach[l] = sim->reach;
     f->fresh[l] = sim->fresh ? -1 : 0;
     for (uint32_t i = 0; i < m->axes; i++) f->cells[i].from[l] = INFINITY; /* to be found */
@@ -114,24 +115,25 @@ static void repeat(flight_t *f, int from, int to) {
 /* ---- a step ---------------------------------------------------------------------------------- */
 
 /* Lanes whose last call left the derivative at the inputs u. */
-static mask_t keeps(const flight_t *f, const real *u) {
-    mask_t kept = f->fresh;
-    for (int i = 0; i < f->model->count[AM_INPUT]; i++) kept &= words_of(u[i]) == words_of(f->u[i]);
-    return kept;
+static mask_t laned_can_reuse(const flight_t *f, const real *u) {
+    mask_t reuse = f->fresh;
+    for (int i = 0; i < f->model->count[AM_INPUT]; i++)
+        reuse &= words_of(u[i]) == words_of(f->u[i]);
+    return reuse;
 }
 
-static void keep_lanes(mask_t kept, const real *before, size_t n, real *now) {
-    for (size_t i = 0; i < n; i++) now[i] = PICK(kept, before[i], now[i]);
+static void restore_lanes(mask_t reuse, const real *before, size_t n, real *now) {
+    for (size_t i = 0; i < n; i++) now[i] = PICK(reuse, before[i], now[i]);
 }
 
 /* As in control_step.c; lanes whose last call left the derivative keep it. */
-static void find_start(flight_t *f, double t, const real *u0) {
+static void laned_find_start(flight_t *f, double t, const real *u0) {
     const size_t n = changed(f);
     real *now = (real *)&f->now;
-    const mask_t kept = keeps(f, u0);
-    if (EVERY(kept)) return;
-    const bool some = ANY(kept);
-    const bool away = f->away;
+    const mask_t reuse = laned_can_reuse(f, u0);
+    if (EVERY(reuse)) return;
+    const bool some = ANY(reuse);
+    const bool off_ground = f->off_ground;
     if (some) {
         memcpy(f->before, f->par, sizeof(real) * n);
         memcpy(f->before + n, now, sizeof(real) * OWN);
@@ -140,11 +142,11 @@ static void find_start(flight_t *f, double t, const real *u0) {
     f->clock = t;
     derivative(f, f->x, u0, f->k);
     if (some) {
-        keep_lanes(kept, f->before, n, f->par);
-        keep_lanes(kept, f->before + n, OWN, now);
+        restore_lanes(reuse, f->before, n, f->par);
+        restore_lanes(reuse, f->before + n, OWN, now);
     }
-    f->away = f->away && (away || !some); /* of all lanes */
-    f->fresh &= kept;
+    f->off_ground = f->off_ground && (off_ground || !some); /* of all lanes */
+    f->fresh &= reuse;
 }
 
 static void advance_levers(flight_t *f, double t, double h, const real *u0, const real *u1) {
@@ -164,12 +166,13 @@ static void advance_weather(flight_t *f, double t, double h, const real *u0, con
     const size_t nu = (size_t)f->model->count[AM_INPUT];
     for (int l = 0; l < LANES && f->windy; l++) {
         am_sim *sim = f->lane[l];
-        give(f->x, (size_t)am_state_count(f->model), l, sim->x);
-        weather_advance(sim, t, h, give(u0, nu, l, sim->u_work), give(u1, nu, l, sim->u_end));
+        copy_from_lane(f->x, (size_t)am_state_count(f->model), l, sim->x);
+        weather_advance(sim, t, h, copy_from_lane(u0, nu, l, sim->u_work),
+                        copy_from_lane(u1, nu, l, sim->u_end));
     }
 }
 
-static void advance_parts(flight_t *f, double t, double h, const real *u0, const real *u1) {
+static void laned_advance_parts(flight_t *f, double t, double h, const real *u0, const real *u1) {
     advance_weather(f, t, h, u0, u1);
     advance_levers(f, t, h, u0, u1);
     control_advance(f, t, h, u0, u1);
@@ -177,11 +180,11 @@ static void advance_parts(flight_t *f, double t, double h, const real *u0, const
 
 /* Lanes whose last call left their slope keep it, and its anchor: wind at the end of a step and at
  * the start of the next one is the same but for rounding. */
-static void first_slope(flight_t *f, double t, double h, const real *u, mask_t kept) {
+static void laned_first_slope(flight_t *f, double t, double h, const real *u, mask_t reuse) {
     const int n = am_state_count(f->model);
-    kept &= f->fresh;
+    reuse &= f->fresh;
     f->fresh = 0;
-    if (EVERY(kept)) return;
+    if (EVERY(reuse)) return;
     real *k = f->k;
     real *before = f->k + n; /* the slope to come */
     const anchor_r stood = f->anchor;
@@ -189,13 +192,13 @@ static void first_slope(flight_t *f, double t, double h, const real *u, mask_t k
     memcpy(before, k, sizeof *k * (size_t)n);
     memcpy(power, f->last_power + A_POWER, sizeof power);
     slope(f, t, h, 0.0, f->x, u, k);
-    keep_lanes(kept, before, (size_t)n, k);
+    restore_lanes(reuse, before, (size_t)n, k);
     keep_anchor(f, f->x);
-    keep_lanes(kept, (const real *)&stood, sizeof stood / sizeof(real), (real *)&f->anchor);
-    keep_lanes(kept, power, A_POWER, f->last_power + A_POWER);
+    restore_lanes(reuse, (const real *)&stood, sizeof stood / sizeof(real), (real *)&f->anchor);
+    restore_lanes(reuse, power, A_POWER, f->last_power + A_POWER);
 }
 
-static void count_steps_outside(flight_t *f, mask_t counts) {
+static void laned_count_steps_outside(flight_t *f, mask_t counts) {
     for (int l = 0; l < LANES; l++) {
         if (counts[l]) count_outside(f->lane[l]);
     }
@@ -203,7 +206,7 @@ static void count_steps_outside(flight_t *f, mask_t counts) {
 
 /* ---- outputs --------------------------------------------------------------------------------- */
 
-static real steps_outside(const flight_t *f) {
+static real laned_steps_outside(const flight_t *f) {
     real steps = 0.0;
     for (int l = 0; l < LANES; l++) {
         const am_sim *sim = f->lane[l];
@@ -212,7 +215,7 @@ static real steps_outside(const flight_t *f) {
     return steps;
 }
 
-static void part_outputs(flight_t *f, real *y) {
+static void laned_part_outputs(flight_t *f, real *y) {
     air_outputs(&f->now, f->wind, f->gust, output_of(f, y, G_WEATHER, 0));
     fuel_outputs(f, y);
     engine_outputs(f, y);
@@ -250,7 +253,7 @@ static void end_runs(flight_t *f, course_t *course, am_kind kind, const real *va
         sim->time = f->time;
         const size_t run = g->run[l];
         g->status[run] = check_finite(
-            sim, kind, give(values, n, l, kind == AM_STATE ? sim->x_work : sim->y_work));
+            sim, kind, copy_from_lane(values, n, l, kind == AM_STATE ? sim->x_work : sim->y_work));
         memcpy(g->text[run], sim->text, AM_TEXT);
         course->flies[l] = false;
         course->flying--;
@@ -269,7 +272,7 @@ static void load_inputs(const flight_t *f, const course_t *course, size_t k, rea
     const size_t nu = (size_t)f->model->count[AM_INPUT];
     for (int l = 0; l < LANES; l++) {
         const size_t run = course->group->run[l < course->group->runs ? l : 0];
-        take(task->u + (run * (task->each_inputs != 0) * task->samples + k) * nu, nu, l, u);
+        copy_to_lane(task->u + (run * (task->each_inputs != 0) * task->samples + k) * nu, nu, l, u);
     }
 }
 
@@ -354,12 +357,12 @@ bool LANED(fly)(const group_t *g) {
     if (!memory) return false;
     const uintptr_t over = (uintptr_t)memory % sizeof(real);
     flight_t *f = (flight_t *)(memory + (over ? sizeof(real) - over : 0));
-    lay_out(f, m, (real *)(f + 1));
+    lay_out_lanes(f, m, (real *)(f + 1));
     for (int l = 0; l < LANES; l++) {
         course.flies[l] = l < g->runs;
-        board(f, l, g->sim[l]);
+        load_lane(f, l, g->sim[l]);
     }
-    board_patches(f);
+    load_patches(f);
     for (int stage = 0; stage < STAGES; stage++) find_shared(f, stage);
     list_terms(f);
     const am_sim *first = g->sim[0];

@@ -7,14 +7,14 @@
 
 #include "control_drive.h"
 #include "laned.h"
-#include "linkage_piece.h"
+#include "linkage_interval.h"
 
 static inline mask_t turns(real start, real end) {
     return ((start > 0.0) & (end < 0.0)) | ((start < 0.0) & (end > 0.0));
 }
 
-/* Lanes with an event of a body in the piece, as event_of and happens. */
-static mask_t events_of(const linkage_t *c, const motion_t *m, const piece_t *p, int i) {
+/* Lanes with an event of a body in the interval, as event_of and happens. */
+static mask_t events_of(const linkage_t *c, const motion_t *m, const interval_t *p, int i) {
     const real v = m->v[i];
     const real q = m->q[i];
     const real w = p->w[i];
@@ -34,13 +34,13 @@ static mask_t events_of(const linkage_t *c, const motion_t *m, const piece_t *p,
     return found | turns(start, to - c->neutral - drift * push);
 }
 
-static mask_t events(const linkage_t *c, const motion_t *m, const piece_t *p) {
+static mask_t lanes_with_event(const linkage_t *c, const motion_t *m, const interval_t *p) {
     mask_t found = everywhere(false);
     for (int i = c->driven ? 1 : 0; i < c->bodies; i++) found |= events_of(c, m, p, i);
     return found;
 }
 
-static void hold_back(const linkage_t *c, motion_t *m, const piece_t *p, int i) {
+static void laned_hold_back(const linkage_t *c, motion_t *m, const interval_t *p, int i) {
     const real w = p->w[i];
     const real v = m->v[i];
     mask_t held = p->threshold[i] > 0.0;
@@ -51,7 +51,7 @@ static void hold_back(const linkage_t *c, motion_t *m, const piece_t *p, int i) 
     m->v[i] = PICK(w == p->high[i], up, PICK(w == p->low[i], down, inside));
 }
 
-static void accept_piece(const linkage_t *c, motion_t *m, const piece_t *p) {
+static void laned_accept(const linkage_t *c, motion_t *m, const interval_t *p) {
     for (int i = 0; i < c->bodies; i++) {
         const real w = p->w[i];
         const real inside = m->q[i] + p->h * w;
@@ -61,7 +61,7 @@ static void accept_piece(const linkage_t *c, motion_t *m, const piece_t *p) {
         m->v[i] = 2.0 * w - m->v[i];
         if (i > 0 || !c->driven) {
             m->q[i] = clamp(m->q[i], c->low[i], c->high[i]);
-            hold_back(c, m, p, i);
+            laned_hold_back(c, m, p, i);
         }
     }
     if (c->driven) m->v[0] = c->drive;
@@ -73,27 +73,28 @@ static void advance_alone(const linkage_t *c, const motion_t *before, motion_t *
     one_linkage_t one = {.bodies = c->bodies, .driven = c->driven};
     one_motion_t motion;
     const size_t n = sizeof motion / sizeof(double);
-    give((const real *)c, offsetof(one_linkage_t, bodies) / sizeof(double), lane, (double *)&one);
-    give((const real *)before, n, lane, (double *)&motion);
+    copy_from_lane((const real *)c, offsetof(one_linkage_t, bodies) / sizeof(double), lane,
+                   (double *)&one);
+    copy_from_lane((const real *)before, n, lane, (double *)&motion);
     linkage_part(&one, &motion, t, h);
-    take((const double *)&motion, n, lane, (real *)after);
+    copy_to_lane((const double *)&motion, n, lane, (real *)after);
 }
 
 static void linkage_part_in_lanes(const linkage_t *c, motion_t *m, double t, double h) {
-    piece_t p;
+    interval_t p;
     motion_t after = *m;
-    solve_piece(c, m, t, h, &p);
-    const mask_t apart = events(c, m, &p);
-    accept_piece(c, &after, &p);
+    solve_interval(c, m, t, h, &p);
+    const mask_t apart = lanes_with_event(c, m, &p);
+    laned_accept(c, &after, &p);
     for (int l = 0; l < LANES && ANY(apart); l++) {
         if (apart[l]) advance_alone(c, m, &after, l, t, h);
     }
     *m = after;
 }
 
-/* A circuit through a step; lanes with parts of another length take them one by one. */
-static void move_bodies(const flight_t *f, uint32_t item, double h, const linkage_t *c,
-                        motion_t *m) {
+/* A circuit through a step; lanes with parts of another length go through them one by one. */
+static void laned_move_bodies(const flight_t *f, uint32_t item, double h, const linkage_t *c,
+                              motion_t *m) {
     const real longest = par_of(f, G_CIRCUIT, item)[P_CIRCUIT_STEP];
     const int parts = sub_steps(h, longest[0]);
     if (EVERY(longest == longest[0])) {

@@ -4,10 +4,10 @@
 #define AEROMATCH_LANED_PATCHES_H
 
 #include "laned.h"
-#include "table.h"
+#include "cells.h"
 
 /* A lane that later repeats another one repeats its values. */
-static void board_patches(flight_t *f) {
+static void load_patches(flight_t *f) {
     for (int l = 0; l < LANES; l++) {
         const am_sim *sim = f->lane[l];
         for (uint32_t i = 0; i < sim->patches; i++) f->change[i][l] = sim->patch[i].value;

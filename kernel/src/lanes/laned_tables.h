@@ -9,17 +9,18 @@
 #include "four.h"
 #include "laned.h"
 #include "laned_patches.h"
-#include "table.h"
+#include "cells.h"
+#include "look_up.h"
 
-/* As locate of table.c for one lane: the cell that holds x, which comes within reach. */
-static bool settle(flight_t *f, uint32_t i, int l, real *x) {
+/* As move_bench of cells.c for one lane: the cell that holds x, which comes within reach. */
+static bool move_to_cell_of(flight_t *f, uint32_t i, int l, real *x) {
     const axis_t *axis = &f->lane[l]->model->axis[i];
     cells_r *at = &f->cells[i];
     uint32_t *cell = &f->lane[l]->cell[i];
     (*x)[l] = within_reach((*x)[l]);
     const uint32_t found = find_cell(axis, (*x)[l]);
     const bool moved = found != *cell;
-    f->lane[l]->outers = RECOUNT;
+    f->lane[l]->end_cells = RECOUNT;
     const cell_t *c = &axis->cell[found];
     *cell = found;
     at->from[l] = c[0].from;
@@ -51,7 +52,7 @@ static void locate_lanes(flight_t *f, int stage) {
         real x = f->var[m->axis[i].variable];
         const mask_t in = (x >= c->from) & (x < c->to);
         for (int l = 0; l < LANES && !EVERY(in); l++) {
-            if (!in[l] && settle(f, i, l, &x)) any = moved[l] = true;
+            if (!in[l] && move_to_cell_of(f, i, l, &x)) any = moved[l] = true;
         }
         f->fraction[i] = c->start + (x - c->point) * c->per_step;
     }
@@ -91,19 +92,18 @@ __attribute__((always_inline)) static inline void find_weights(const flight_t *f
     }
 }
 
-#define ADD_PAIRS(value, axes)                         \
-    for (uint32_t n = 1u << (axes); n > 1; n /= 2) {   \
-        for (uint32_t i = 0; i < n / 2; i++) {         \
+#define ADD_PAIRS(value, axes)                          \
+    for (uint32_t n = 1u << (axes); n > 1; n /= 2) {    \
+        for (uint32_t i = 0; i < n / 2; i++) {          \
             value[i] = value[2 * i] + value[2 * i + 1]; \
-        }                                              \
+        }                                               \
     }
 
 /* All lanes in one cell. */
 __attribute__((always_inline)) static inline void interpolate_shared(const double *node,
                                                                      const bundle_t *bundle,
                                                                      uint32_t axes,
-                                                                     const corners_t *c,
-                                                                     real *to) {
+                                                                     const corners_t *c, real *to) {
     for (uint32_t t = 0; t < bundle->width; t++, node++) {
         real value[CORNERS];
         for (uint32_t i = 0; i < 1u << axes; i++) value[i] = c->weight[i] * node[c->offset[i]];
@@ -135,9 +135,10 @@ static inline void turn(const four from[4], four to[4]) {
     to[3] = __builtin_shufflevector(b, d, 2, 3, 6, 7);
 }
 
-__attribute__((always_inline)) static inline void interpolate_apart(
-    const double *const node[LANES], const bundle_t *bundle, uint32_t axes, const corners_t *c,
-    real *to) {
+__attribute__((always_inline)) static inline void interpolate_apart(const double *const node[LANES],
+                                                                    const bundle_t *bundle,
+                                                                    uint32_t axes,
+                                                                    const corners_t *c, real *to) {
     for (int l = 0; l < LANES; l += 4) {
         for (uint32_t t = 0; t < bundle->width; t += 4) {
             four value[4], turned[4];
@@ -151,8 +152,9 @@ __attribute__((always_inline)) static inline void interpolate_apart(
 }
 
 /* A table that is alone. */
-__attribute__((always_inline)) static inline real interpolate_alone(
-    const double *const node[LANES], uint32_t axes, const corners_t *c) {
+__attribute__((always_inline)) static inline real interpolate_alone(const double *const node[LANES],
+                                                                    uint32_t axes,
+                                                                    const corners_t *c) {
     real value[CORNERS];
     for (uint32_t i = 0; i < 1u << axes; i++) {
         real corner = 0.0;

@@ -43,7 +43,7 @@
 #define fuel_left LANED(fuel_left)
 #define fuel_outputs LANED(fuel_outputs)
 #define keep_anchor LANED(keep_anchor)
-#define gear_away LANED(gear_away)
+#define gear_off_ground LANED(gear_off_ground)
 #define gear_clear LANED(gear_clear)
 #define gear_forces LANED(gear_forces)
 #define gear_outputs LANED(gear_outputs)
@@ -75,6 +75,14 @@
 
 #endif
 
+/* A function over flight_t that a unit here calls and that is written twice: one_name for one
+ * simulation, laned_name (folder lanes) for several. */
+#if LANES == 1
+#define HOOK(name) one_##name
+#else
+#define HOOK(name) laned_##name
+#endif
+
 #if LANES == 1
 
 typedef am_sim flight_t;
@@ -104,7 +112,7 @@ typedef struct {
     real *memory; /* of fuel and circuits; the rest stands in each simulation */
     real *work;
     real *x_work, *k, *u_work, *u_end, *y_work, *u0, *u1;
-    real *before; /* room for the numbers of find_start (laned_flight.h) */
+    real *before;   /* room for the numbers of laned_find_start (laned_flight.h) */
     cells_r *cells; /* of each axis */
     bool *shared;   /* of each bundle: all lanes look at one cell of one model */
     lists_t lists;
@@ -119,9 +127,9 @@ typedef struct {
     mask_t fresh;
     double omega, time, clock, part;
     int earth, drive, controls;
-    bool anchored, away;
+    bool anchored, off_ground;
     uint32_t rotors; /* of any lane */
-    bool windy; /* the wind of a lane is more than its inputs and a shear */
+    bool windy;      /* the wind of a lane is more than its inputs and a shear */
     am_sim *lane[LANES];
 } flight_t;
 

@@ -1,4 +1,4 @@
-/* Fuel, names: what is on board and what it does to mass, centre of gravity and inertia. */
+/* Fuel, names: what is in the tanks and what it does to mass, centre of gravity and inertia. */
 #ifndef AEROMATCH_FUEL_NAMES_H
 #define AEROMATCH_FUEL_NAMES_H
 

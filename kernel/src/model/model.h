@@ -11,7 +11,7 @@
 #define AM_FORMAT 2
 #define MAX_AXES 4
 #define MAX_ENGINES 16
-#define MAX_ITEMS 16    /* of one group */
+#define MAX_ITEMS 16 /* of one group */
 #define MAX_SWITCHES 32
 #define G0 9.80665      /* standard gravity [m s-2] */
 #define V_FLOOR 1e-3    /* lower bound of V in reduced rates [m s-1] */
@@ -46,10 +46,11 @@ typedef struct {
 typedef struct {
     const cell_t *cell;
     uint32_t cells, count, variable;
-    uint32_t seat; /* of its fraction: the axes of a stage are located four at a time */
+    /* index of its fraction in am_sim: the axes of a stage are located four at a time */
+    uint32_t fraction;
 } axis_t;
 
-/* Variables of four axes, and which axes; an empty seat stands at the constant 1. */
+/* Variables of four axes, and which axes; an empty place has the constant 1. */
 typedef struct {
     uint32_t variable[4], axis[4];
 } bench_t;
@@ -89,15 +90,15 @@ typedef struct {
 typedef struct {
     uint64_t marks;   /* of all axes, and ALL_AXES */
     uint32_t corner;  /* where the corners begin */
-    uint32_t fours;   /* of a bundle; 0: four tables of several bundles */
+    uint32_t vectors; /* of four tables of a bundle; 0: four tables of several bundles */
     uint32_t tables;  /* of the four that exist */
     uint32_t slot[4]; /* of the four, or of the first of a bundle */
-    /* seats of their axes; those of a bundle are the same four times */
-    uint32_t seat[MAX_AXES][4];
+    /* indices of the fractions of their axes; those of a bundle are the same four times */
+    uint32_t fraction[MAX_AXES][4];
     uint32_t bundle[4], table[4]; /* of each: its bundle, and its place there */
-} quad_t;
+} packet_t;
 
-/* Quads of one way of look-up: so many axes, of several bundles or of one. */
+/* Packets of one way of look-up: so many axes, of several bundles or of one. */
 #define WAYS (2 * (MAX_AXES + 1))
 
 typedef struct {
@@ -124,16 +125,6 @@ typedef struct {
     double floor;
 } power_t;
 
-/* The loops over tables, in the version that the processor allows (versions.c), and how many
- * simulations it flies side by side at most: 1, 4 or 8 (lanes.h). */
-struct block;
-typedef struct {
-    void (*look_up)(am_sim *sim, int stage);
-    void (*evaluate)(const struct block *block, size_t rows, const double *v, double *coefficients,
-                     double *terms);
-    int lanes;
-} versions_t;
-
 struct am_model {
     unsigned char *block;
     const char *title, *meta;
@@ -154,9 +145,9 @@ struct am_model {
     cell_t *cell;
     const double *node;
     bundle_t *bundle;
-    quad_t *quad; /* of a stage by ways: where those of a way begin */
-    uint32_t first_quad[STAGES * WAYS + 1];
-    uint32_t corners; /* doubles that the corners of all cells take */
+    packet_t *packet; /* of a stage by ways: where those of a way begin */
+    uint32_t first_packet[STAGES * WAYS + 1];
+    uint32_t corners; /* doubles at the corners of all cells */
     bench_t *bench;
     uint32_t first_bench[STAGES + 1];
     term_t *term;
@@ -180,7 +171,7 @@ struct am_model {
     int force_axes;
     bool uses_phi;
     size_t sim_bytes;
-    versions_t versions;
+    int lanes; /* doubles that the processor has side by side: 1, 4 (AVX2), 8 (AVX-512) */
 };
 
 static inline uint32_t items(const am_model *m, int group) { return m->items[group]; }

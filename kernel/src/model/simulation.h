@@ -1,4 +1,4 @@
-/* A simulation: what moves, and the piece of each array that belongs to an item of a group. */
+/* A simulation: what moves, and the part of each array that belongs to an item of a group. */
 #ifndef AEROMATCH_SIMULATION_H
 #define AEROMATCH_SIMULATION_H
 
@@ -6,38 +6,38 @@
 
 #define A_POWER 3                /* base, exponent, value */
 #define LAST_POWER (2 * A_POWER) /* the last one, and that of the anchor */
-#define MAX_PATCHES 256 /* changed nodes, scales and offsets of tables in one simulation */
+#define MAX_PATCHES 256          /* changed nodes, scales and offsets of tables in one simulation */
 
 /* Layers of the standard atmosphere below 84.852 km (geopotential), moved by env.delta_T and
  * env.qnh. */
 #define LAYERS 7
-#define ATMOSPHERE(real) \
-    struct { \
+#define ATMOSPHERE(real)           \
+    struct {                       \
         real T[LAYERS], p[LAYERS]; \
     }
 
 /* What one evaluation of the derivative found; the outputs read it. */
-#define NOW(real) \
-    struct { \
-        real lat, lon, h;                /* lat and lon only after locate_angles */ \
-        real north[3], east[3], down[3]; /* in Earth axes */ \
-        real T, p, rho, a; \
-        real C[3][3]; /* Earth to body */ \
-        real u, v, w, V, Vxz, alpha, beta, mach, qbar; \
-        real per_V, per_Vxz; /* their reciprocals, 0 at rest */ \
-        real ca, sa, cb, sb; /* cosine and sine of alpha and beta */ \
-        real rate[3];        /* body rates relative to Earth and air */ \
-        real gust_rate[3];   /* rotation of the air about the body axes */ \
-        /* of the moment; cg from the moment reference point */ \
-        real mass, cg[3], J[3][3], J_inverse[3][3]; \
-        /* non-gravitational force, moment about the c.g., body axes */ \
-        real F[3], M[3]; \
-        /* d(u, v, w)/dt relative to the air, d(p, q, r)/dt */ \
-        real acceleration[3], angular[3]; \
-        real alpha_dot, beta_dot; \
+#define NOW(real)                                                                     \
+    struct {                                                                          \
+        real lat, lon, h;                /* lat and lon only after locate_angles */   \
+        real north[3], east[3], down[3]; /* in Earth axes */                          \
+        real T, p, rho, a;                                                            \
+        real C[3][3]; /* Earth to body */                                             \
+        real u, v, w, V, Vxz, alpha, beta, mach, qbar;                                \
+        real per_V, per_Vxz; /* their reciprocals, 0 at rest */                       \
+        real ca, sa, cb, sb; /* cosine and sine of alpha and beta */                  \
+        real rate[3];        /* body rates relative to Earth and air */               \
+        real gust_rate[3];   /* rotation of the air about the body axes */            \
+        /* of the moment; cg from the moment reference point */                       \
+        real mass, cg[3], J[3][3], J_inverse[3][3];                                   \
+        /* non-gravitational force, moment about the c.g., body axes */               \
+        real F[3], M[3];                                                              \
+        /* d(u, v, w)/dt relative to the air, d(p, q, r)/dt */                        \
+        real acceleration[3], angular[3];                                             \
+        real alpha_dot, beta_dot;                                                     \
         /* CL CD stability axes, CY body axis, Cl Cm Cn body axes at the reference */ \
-        real c[COEFFICIENTS]; \
-        real thrust[MAX_ENGINES]; \
+        real c[COEFFICIENTS];                                                         \
+        real thrust[MAX_ENGINES];                                                     \
     }
 
 /* A place, and the radii of curvature there plus its height, north-south and east-west; the air
@@ -48,8 +48,8 @@
         real H, T, per_T, p, u, v, w, Vxz, alpha, beta;                        \
     }
 
-#define TRIM(real) \
-    struct { \
+#define TRIM(real)                                                 \
+    struct {                                                       \
         real alpha, beta, delta[3], thrust, throttle, residual[6]; \
     }
 
@@ -132,7 +132,7 @@ typedef struct {
 
 #define RECOUNT UINT32_MAX
 
-/* The pointers lead into the same piece of memory, after the struct; am_copy copies everything
+/* The pointers lead into the same block of memory, after the struct; am_copy copies everything
  * from `now` on. */
 struct am_sim {
     const am_model *model;
@@ -143,12 +143,12 @@ struct am_sim {
     double *work;       /* what the submodels found in the last derivative */
     double *last_power; /* base (positive, zero before the first), exponent and value */
     double *x_work, *k, *u_work, *u_end, *y_work;
-    stand_t *stand;   /* of each bench */
-    uint32_t *cell;   /* of each axis */
-    uint32_t *outer;  /* axes that stand beyond their ends: 2 i below, 2 i + 1 above */
-    uint32_t *corner; /* of each bundle: the node that all its lower nodes make */
-    double *packed;   /* nodes at the corners of the cells that the quads stand in */
-    uint64_t *wake;   /* of each quad: marks of the axes that change it */
+    stand_t *stand;     /* of each bench */
+    uint32_t *cell;     /* of each axis */
+    uint32_t *end_cell; /* axes that stand beyond their ends: 2 i below, 2 i + 1 above */
+    uint32_t *corner;   /* of each bundle: the node that all its lower nodes make */
+    double *packed;     /* nodes at the corners of the cells that the packets stand in */
+    uint64_t *wake;     /* of each packet: marks of the axes that change it */
     lists_t lists;
     now_t now;
     atmosphere_t atmosphere, standard;
@@ -165,18 +165,18 @@ struct am_sim {
     /* now, slots and first slope k belong to the present x, u, memory and parameters */
     bool fresh;
     list_ends_t ends;
-    bool windy;       /* the wind is more than its inputs and a shear */
-    bool away;        /* from the ground in the last derivative: what the gear found is nothing */
-    double reach;     /* of all wheels and skids from the reference point [m] */
-    uint32_t rotors;  /* engines with rotors that have an angular momentum, as bits */
-    uint32_t outers; /* how many; RECOUNT: a cell has changed since they were counted */
-    uint32_t unknown; /* stages whose slots do not belong to their cells and fractions, as bits */
+    bool windy;         /* the wind is more than its inputs and a shear */
+    bool off_ground;    /* gear out of reach in the last derivative: it has no loads */
+    double reach;       /* of all wheels and skids from the reference point [m] */
+    uint32_t rotors;    /* engines with rotors that have an angular momentum, as bits */
+    uint32_t end_cells; /* how many; RECOUNT: a cell has changed since they were counted */
+    uint32_t unknown;   /* stages whose slots do not belong to their cells and fractions, as bits */
     uint32_t patches;
     char text[AM_TEXT];
     patch_t patch[MAX_PATCHES];
 };
 
-/* The piece of an array that belongs to an item, of a simulation or of several that fly side by
+/* The part of an array that belongs to an item, of a simulation or of several that fly side by
  * side (flight.h). */
 #define par_of(sim, group, item) ((sim)->par + place((sim)->model, AM_PARAMETER, group, item))
 #define var_of(sim, group, item) ((sim)->var + place((sim)->model, AM_VARIABLE, group, item))

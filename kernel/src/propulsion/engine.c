@@ -77,7 +77,7 @@ void engine_start(am_sim *sim, double t) {
     for (int pass = 0; pass < SETTLED && moved; pass++) {
         look_at_engines(sim, &in, sim->x, sim->u);
         moved = false;
-        for (uint32_t i = 0; i < n; i++) moved = spool_settle(sim, i, sim->x, sim->u) || moved;
+        for (uint32_t i = 0; i < n; i++) moved = spool_steady(sim, i, sim->x, sim->u) || moved;
     }
     look_at_engines(sim, &in, sim->x, sim->u);
     for (uint32_t i = 0; i < n; i++) {

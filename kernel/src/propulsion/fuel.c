@@ -1,7 +1,7 @@
 /* Mass properties of the moment.
  *
- * mass.* are those of the aircraft with init.fuel on board; what has been burnt since is taken
- * away:
+ * mass.* are those of the aircraft with init.fuel in the tanks; what has been burnt since is
+ * subtracted:
  *
  *     m = m0 - dm
  *     m c = m0 c0 - dS
@@ -63,7 +63,7 @@ static mask_t set_tensor(now_r *now, const real i[6]) {
     return (J[0][0] > 0.0) & (J[0][0] * J[1][1] - J[0][1] * J[1][0] > 0.0) & (det > 0.0);
 }
 
-/* Mass properties with `fuel` on board. */
+/* Mass properties with `fuel` in the tanks. */
 static mask_t set_mass(flight_t *sim, real fuel) {
     const real *p = sim->par;
     const real *cg0 = p + P_X_CG_B;

@@ -1,4 +1,4 @@
-/* Fuel on board and the mass properties of the moment. */
+/* Fuel in the tanks and the mass properties of the moment. */
 #ifndef AEROMATCH_FUEL_H
 #define AEROMATCH_FUEL_H
 
@@ -14,7 +14,7 @@ void mass_now(flight_t *sim, const real *x);
 
 mask_t fuel_left(const flight_t *sim, const real *x);
 
-/* Set the rate of the fuel on board from the flow to the engines [kg s-1]. */
+/* Set the rate of the fuel in the tanks from the flow to the engines [kg s-1]. */
 void burn_fuel(const flight_t *sim, const real *x, real flow, real *dx);
 
 void fuel_outputs(const flight_t *sim, real *y);

@@ -33,8 +33,8 @@ enum { N1, N2, SPOOLS };
 /* What one engine consists of, where it stands. */
 typedef struct {
     const real *par, *var, *state, *in, *sum;
-    uint64_t given;              /* targets that have terms, as bits */
-    real root_theta;             /* root of the temperature ratio */
+    uint64_t given;  /* targets that have terms, as bits */
+    real root_theta; /* root of the temperature ratio */
     mask_t fuel;
     bool n1_driven;
 } spool_t;
@@ -203,7 +203,7 @@ static inline real steady_itt(const spool_t *e) {
     return b * (e->sum[T_ITT] + theta * e->sum[T_CORRECTED_ITT]) + (1.0 - b) * theta * T_STANDARD;
 }
 
-/* plain: what the tables of thrust that is not corrected give. */
+/* plain: values of the tables of thrust that is not corrected. */
 static inline real thrust_of(const spool_t *e, real plain) {
     const real b = e->state[X_BURNING];
     const real lit = plain + e->var[A_PRESSURE_RATIO] * e->sum[T_CORRECTED_THRUST];
@@ -265,7 +265,7 @@ void spool_start(am_sim *sim, uint32_t i, double t) {
     s[X_ITT] = 0.0;
 }
 
-bool spool_settle(am_sim *sim, uint32_t i, double *x, const double *u) {
+bool spool_steady(am_sim *sim, uint32_t i, double *x, const double *u) {
     const spool_t e = spool_at(sim, i, x, u);
     double *s = rate_of(sim, x, G_SPOOL, i);
     bool moved = false;

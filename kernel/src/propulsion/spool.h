@@ -13,7 +13,7 @@ typedef struct {
     real momentum, torque;
 } deck_t;
 
-/* What all engines take in: ratios of total temperature and pressure to standard, and the root of
+/* The intake of all engines: ratios of total temperature and pressure to standard, and the root of
  * the former. */
 typedef struct {
     real theta, root_theta, delta;
@@ -24,7 +24,7 @@ int spool_check(am_sim *sim, uint32_t engine);
 void spool_start(am_sim *sim, uint32_t engine, double t);
 void spool_advance(am_sim *sim, uint32_t engine, double t, double h, double lever0, double lever1);
 /* one move to the steady state; false when it is there */
-bool spool_settle(am_sim *sim, uint32_t engine, double *x, const double *u);
+bool spool_steady(am_sim *sim, uint32_t engine, double *x, const double *u);
 intake_t spool_intake(const flight_t *sim);
 void spool_variables(flight_t *sim, uint32_t engine, const intake_t *in, const real *x,
                      const real *u);

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-int am_lanes(const am_model *model) { return model->versions.lanes; }
+int am_lanes(const am_model *model) { return model->lanes; }
 
 static const double *inputs_of(const am_batch_task *task, const am_model *m, size_t run) {
     return task->u + run * (task->each_inputs != 0) * task->samples * (size_t)m->count[AM_INPUT];
@@ -128,7 +128,7 @@ static bool finite_loops(const am_batch_task *task) {
 }
 
 /* Rising finite times, finite inputs and loops, so that only what a run computes can end it, and a
- * model whose equations take the same way in every run. */
+ * model whose equations have the same branches in every run. */
 static bool regular(const am_sim *base, const am_batch_task *task, size_t first, size_t last) {
     const am_model *m = base->model;
     const size_t n = task->samples * (size_t)m->count[AM_INPUT];
@@ -211,7 +211,7 @@ static int new_sims(am_sim **sim, const am_model *m, int n) {
 
 int am_batch(const am_sim *base, const am_batch_task *task, size_t first, size_t last, int *status,
              size_t *done, char (*text)[AM_TEXT]) {
-    const int most = base->model->versions.lanes;
+    const int most = base->model->lanes;
     const int wanted = task->lanes > 0 && task->lanes < most ? task->lanes : most;
     const bool together = wanted >= 4 && last - first > 1 && regular(base, task, first, last);
     const int lanes = !together ? 1 : wanted >= 8 ? 8 : 4;

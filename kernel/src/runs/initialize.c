@@ -3,7 +3,7 @@
 
 #include "prepare.h"
 #include "start.h"
-#include "table.h"
+#include "cells.h"
 
 #include <math.h>
 #include <string.h>

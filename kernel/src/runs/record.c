@@ -38,7 +38,7 @@ int am_record(am_sim *sim, size_t n, const double *t, const double *u, int hold,
                             t[0]);
             }
             sim->time = t[0];
-            if ((status = check_inputs(sim, u)) == AM_OK) take_inputs(sim, u);
+            if ((status = check_inputs(sim, u)) == AM_OK) store_inputs(sim, u);
         } else {
             const double *u0 = u + (k - 1) * nu;
             status = am_step(sim, t[k - 1], t[k] - t[k - 1], u0, hold ? u0 : u0 + nu);

@@ -9,7 +9,7 @@
 #include "elementary.h"
 #include "interpolate.h"
 #include "simulation.h"
-#include "table.h"
+#include "cells.h"
 
 #include <string.h>
 
@@ -31,7 +31,7 @@ typedef struct block {
 static inline double *column_of(double *columns, uint32_t i) { return columns + (size_t)i * ROWS; }
 
 /* Rows beyond the last repeat it. */
-static void take_rows(const block_t *b, const double *v, size_t rows) {
+static void copy_rows(const block_t *b, const double *v, size_t rows) {
     const size_t n = (size_t)b->sim->model->count[AM_VARIABLE];
     for (size_t i = 0; i < n; i++) {
         double *to = b->variable + i * ROWS;
@@ -224,7 +224,7 @@ static void coefficient_rows(const block_t *b, size_t rows, double *to) {
 static inline void evaluate_block(const block_t *b, size_t rows, const double *v,
                                   double *coefficients, double *terms) {
     const am_model *m = b->sim->model;
-    take_rows(b, v, rows);
+    copy_rows(b, v, rows);
     for (uint32_t i = 0; i < m->axes; i++) locate_rows(b, i);
     for (uint32_t i = 0; i < m->bundles; i++) look_up_rows(b, &m->bundle[i]);
     for (uint32_t i = 0; i < m->terms; i++) term_rows(b, i);

@@ -1,14 +1,15 @@
 /* The aero model alone, for many rows of variables. */
 #include "block.h"
 
-#include "table.h"
+#include "look_up.h"
+#include "tables_avx2.h"
 #include "terms.h"
 
 #include <stdlib.h>
 
 #define FEW 16 /* rows for which a block is not worth it */
 
-static void *reserve(block_t *b, const am_sim *sim) {
+static void *allocate_block(block_t *b, const am_sim *sim) {
     const am_model *m = sim->model;
     const size_t columns = 1 + (size_t)m->count[AM_VARIABLE] + m->axes + m->slots + m->terms;
     double *at = malloc((columns * ROWS + m->slots + SPILL) * sizeof(double)
@@ -47,16 +48,22 @@ static void evaluate_row(am_sim *sim, const double *v, double *coefficients, dou
     }
 }
 
+static void evaluate_rows(const block_t *b, size_t rows, const double *v, double *coefficients,
+                          double *terms) {
+    if (has_avx2(b->sim->model)) evaluate_avx2(b, rows, v, coefficients, terms);
+    else evaluate_block(b, rows, v, coefficients, terms);
+}
+
 int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, double *terms) {
     const am_model *m = sim->model;
     const size_t nv = (size_t)m->count[AM_VARIABLE];
     block_t block;
-    void *memory = n < FEW || sim->patches ? NULL : reserve(&block, sim);
-    sim->fresh = sim->away = false;
+    void *memory = n < FEW || sim->patches ? NULL : allocate_block(&block, sim);
+    sim->fresh = sim->off_ground = false;
     for (size_t k = 0; k < n; k += memory ? ROWS : 1) {
         double *c = coefficients ? coefficients + k * COEFFICIENTS : NULL;
         double *t = terms ? terms + k * m->terms : NULL;
-        if (memory) m->versions.evaluate(&block, n - k < ROWS ? n - k : ROWS, v + k * nv, c, t);
+        if (memory) evaluate_rows(&block, n - k < ROWS ? n - k : ROWS, v + k * nv, c, t);
         else evaluate_row(sim, v + k * nv, c, t);
     }
     free(memory);

@@ -1,4 +1,5 @@
-/* Multilinear interpolation in a cell of a bundle: the one formula of table.c and evaluate.c.
+/* Multilinear interpolation in a cell of a bundle: the one formula of flights (locate.h) and of
+ * many rows (block.h).
  *
  * A bundle is taken four tables at a time.  The last four go beyond its width: they read the
  * next node, or the SPILL doubles after the last one, and write up to SPILL values that nobody
@@ -78,7 +79,7 @@ __attribute__((always_inline)) static inline void interpolate(const bundle_t *bu
     else interpolate_over(4, width, bundle, n, fraction, step, to);
 }
 
-/* ---- quads of a flight ----------------------------------------------------------------------- */
+/* ---- packets of a flight --------------------------------------------------------------------- */
 
 /* The same operations in the same order: a corner weighs the product over the axes, first axis
  * first, and the corners are added in pairs. */
@@ -107,37 +108,36 @@ __attribute__((always_inline)) static inline four add_corners(uint32_t axes, con
     return value[0];
 }
 
-/* Quads of one way that an axis of `changed` leads through. */
+/* Packets of one way that an axis of `changed` leads through. */
 __attribute__((always_inline)) static inline void interpolate_way(am_sim *sim, int stage,
                                                                   uint32_t axes, bool mixed,
                                                                   uint64_t changed) {
     const am_model *m = sim->model;
-    const uint32_t *first = m->first_quad + (uint32_t)stage * WAYS + 2 * axes + !mixed;
+    const uint32_t *first = m->first_packet + (uint32_t)stage * WAYS + 2 * axes + !mixed;
     const double *fraction = sim->fraction;
     double *slot = sim->slot;
     for (uint32_t i = first[0], end = first[1]; i < end; i++) {
-        const quad_t *quad = &m->quad[i];
-        const double *corner = sim->packed + quad->corner;
+        const packet_t *packet = &m->packet[i];
+        const double *corner = sim->packed + packet->corner;
         four f[MAX_AXES], w[CORNERS];
         if (!(sim->wake[i] & changed)) continue;
         for (uint32_t k = 0; k < axes; k++) {
-            const uint32_t *seat = quad->seat[k];
+            const uint32_t *at = packet->fraction[k];
             if (mixed) {
-                f[k] = (four){fraction[seat[0]], fraction[seat[1]], fraction[seat[2]],
-                              fraction[seat[3]]};
+                f[k] = (four){fraction[at[0]], fraction[at[1]], fraction[at[2]], fraction[at[3]]};
             } else {
-                const double one = fraction[seat[0]];
+                const double one = fraction[at[0]];
                 f[k] = (four){one, one, one, one};
             }
         }
         weigh_corners(axes, f, w);
         if (mixed) {
             const four value = add_corners(axes, w, corner);
-            for (int t = 0; t < 4; t++) slot[quad->slot[t]] = value[t];
+            for (int t = 0; t < 4; t++) slot[packet->slot[t]] = value[t];
             continue;
         }
-        double *to = slot + quad->slot[0];
-        for (const double *last = corner + quad->fours * (4ull << axes); corner < last;
+        double *to = slot + packet->slot[0];
+        for (const double *last = corner + packet->vectors * (4ull << axes); corner < last;
              corner += 4ull << axes, to += 4) {
             PUT(to) = add_corners(axes, w, corner);
         }

@@ -4,17 +4,17 @@
 
 #include "interpolate.h"
 #include "nodes.h"
-#include "quads.h"
-#include "table.h"
+#include "packets.h"
+#include "cells.h"
 
-/* One bit of each of four truth values; a unit for a processor that has an instruction for it
- * defines its own. */
-#ifndef FOUR_BITS
+/* One bit of each of four truth values; AVX has an instruction for it. */
 static inline uint32_t four_bits(four_counts yes) {
+#ifdef AGAIN
+    return (uint32_t)__builtin_ia32_movmskpd256((four)yes);
+#else
     return (uint32_t)((yes[0] & 1) | (yes[1] & 2) | (yes[2] & 4) | (yes[3] & 8));
-}
-#define FOUR_BITS four_bits
 #endif
+}
 
 static inline four variables_of(const am_sim *sim, const bench_t *bench) {
     const double *var = sim->var;
@@ -40,10 +40,10 @@ __attribute__((noinline)) static uint64_t move_on(am_sim *sim, int stage, bool a
     uint32_t shift = 0;
     for (uint32_t i = m->first_bench[stage]; i < m->first_bench[stage + 1]; i++) {
         four x = variables_of(sim, &m->bench[i]);
-        if (anew || FOUR_BITS(within_cells(&sim->stand[i], x)) != 15) {
+        if (anew || four_bits(within_cells(&sim->stand[i], x)) != 15) {
             moved |= (uint64_t)move_bench(sim, i, (double *)&x) << shift;
             left |= 15ull << shift;
-            lost |= FOUR_BITS(x != x);
+            lost |= four_bits(x != x);
             PUT(sim->fraction + 4 * (size_t)i) = fractions_of(&sim->stand[i], x);
         }
         shift = (shift + 4) % (4 * MARKED_BENCHES);
@@ -59,7 +59,7 @@ __attribute__((noinline)) static uint64_t move_on(am_sim *sim, int stage, bool a
 }
 
 /* Where the axes of a stage stand; returns the marks of those that stand elsewhere than before. */
-static inline uint64_t locate(am_sim *sim, int stage) {
+static inline uint64_t locate_axes(am_sim *sim, int stage) {
     const am_model *m = sim->model;
     const uint32_t first = m->first_bench[stage];
     const stand_t *stand = sim->stand + first;
@@ -72,20 +72,20 @@ static inline uint64_t locate(am_sim *sim, int stage) {
         const four x = variables_of(sim, bench);
         const four part = fractions_of(stand, x);
         within &= within_cells(stand, x);
-        changed |= (uint64_t)FOUR_BITS((four_counts)part != *(const four_counts *)fraction)
+        changed |= (uint64_t)four_bits((four_counts)part != *(const four_counts *)fraction)
                    << shift;
         PUT(fraction) = part;
         shift = (shift + 4) % (4 * MARKED_BENCHES);
     }
     const bool anew = sim->unknown >> stage & 1;
-    if (FOUR_BITS(within) != 15 || anew) changed |= move_on(sim, stage, anew);
+    if (four_bits(within) != 15 || anew) changed |= move_on(sim, stage, anew);
     return changed;
 }
 
 static inline void look_up_stage(am_sim *sim, int stage) {
     const am_model *m = sim->model;
     if (m->first_bundle[stage] == m->first_bundle[stage + 1]) return;
-    uint64_t changed = locate(sim, stage);
+    uint64_t changed = locate_axes(sim, stage);
     /* patches change the values of the slots in place */
     if (sim->patches) changed |= ALL_AXES;
     if (changed) interpolate_stage(sim, stage, changed);

@@ -14,7 +14,7 @@
 
 enum { SCALE, OFFSET, PER_SLOT };
 
-static uint32_t catalogued(const am_model *m) { return (uint32_t)m->count[AM_PARAMETER]; }
+static uint32_t listed_parameters(const am_model *m) { return (uint32_t)m->count[AM_PARAMETER]; }
 
 /* The bundle whose tables write a slot; the number of bundles for a gap, which no table does. */
 static uint32_t bundle_of_slot(const am_model *m, uint32_t slot) {
@@ -37,8 +37,8 @@ static uint32_t stage_of_bundle(const am_model *m, uint32_t bundle) {
 
 /* What a parameter index beyond the catalogue means; false when there is no such parameter. */
 static bool decode(const am_model *m, uint32_t index, patch_t *patch) {
-    if (index < catalogued(m)) return false;
-    uint32_t rest = index - catalogued(m);
+    if (index < listed_parameters(m)) return false;
+    uint32_t rest = index - listed_parameters(m);
     for (uint32_t b = 0; b < m->bundles; b++) {
         const bundle_t *bundle = &m->bundle[b];
         const uint32_t n = node_count(m, bundle);
@@ -134,7 +134,7 @@ static double weight(const am_sim *sim, const patch_t *patch) {
     for (uint32_t k = 0; k < bundle->axes; k++) {
         const uint32_t cell = lower_node(&sim->model->axis[bundle->axis[k]],
                                          sim->cell[bundle->axis[k]]);
-        const double f = sim->fraction[sim->model->axis[bundle->axis[k]].seat];
+        const double f = sim->fraction[sim->model->axis[bundle->axis[k]].fraction];
         w *= patch->at[k] == cell ? 1.0 - f : patch->at[k] == cell + 1 ? f : 0.0;
     }
     return w;
@@ -175,7 +175,7 @@ static uint32_t slot_named(const am_model *m, const char *name, const char **res
 static int node_named(const am_model *m, uint32_t slot, const char *rest) {
     const uint32_t b = bundle_of_slot(m, slot);
     const bundle_t *bundle = &m->bundle[b];
-    uint32_t first = catalogued(m);
+    uint32_t first = listed_parameters(m);
     uint32_t node = 0;
     for (uint32_t i = 0; i < b; i++) first += node_count(m, &m->bundle[i]);
     for (uint32_t k = 0; k < bundle->axes; k++) {
@@ -201,7 +201,7 @@ int find_table_parameter(const am_model *m, const char *name) {
     if (slot == 0) return -1;
     if (kind == 0) return node_named(m, slot, rest);
     if (*rest) return -1;
-    uint32_t first = catalogued(m);
+    uint32_t first = listed_parameters(m);
     for (uint32_t i = 0; i < m->bundles; i++) first += node_count(m, &m->bundle[i]);
     return (int)(first + PER_SLOT * (slot - 1) + (kind == 1 ? SCALE : OFFSET));
 }

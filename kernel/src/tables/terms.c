@@ -1,7 +1,7 @@
 /* Terms of a stage and their sums. */
 #include "terms.h"
 
-#include "table.h"
+#include "look_up.h"
 
 #define WAIT 256 /* evaluations for which a switch is off before its terms are no longer listed */
 
@@ -29,7 +29,7 @@ static uint32_t list_product(flight_t *sim, int stage, uint32_t i) {
     const lists_t *to = &sim->lists;
     list_ends_t *end = &sim->ends;
     if (t->power) {
-        to->powered[end->powered[stage]++] = (powered_t){i,     t->T,  t->v1, t->v2,
+        to->powered[end->powered[stage]++] = (powered_t){i,     t->T,  t->v1,       t->v2,
                                                          t->K1, t->K2, t->power - 1};
     } else if (t->K2) {
         to->mixed[end->mixed[stage]++] = i;
@@ -69,8 +69,8 @@ static bool may_be_infinite(const flight_t *sim, const term_t *t) {
     return !falls || sim->model->power[t->power - 1].floor < 1e-30;
 }
 
-/* Zero by a switch of ends.off or by its scale.  A scale does not take out a power factor: its
- * value is kept for the terms behind it, whose bits must not depend on what other lanes leave
+/* Zero by a switch of ends.off or by its scale.  A scale does not remove a power factor: its
+ * value is stored for the terms behind it, whose bits must not depend on what other lanes leave
  * out. */
 static bool is_zero(const flight_t *sim, uint32_t i) {
     const term_t *t = &sim->model->term[i];
@@ -112,7 +112,7 @@ void list_terms(flight_t *sim) {
 }
 
 /* The lists of the coefficients for the switches that are off now.  Terms that are listed and zero
- * only take time, so one that goes off and on from step to step stays. */
+ * only cost time, so one that goes off and on from step to step stays. */
 __attribute__((noinline)) static void follow_switches(flight_t *sim, uint32_t off) {
     list_ends_t *end = &sim->ends;
     if (!(end->off & ~off) && ++end->waited < WAIT) return;

@@ -24,7 +24,7 @@ static inline real power_near(const flight_t *sim, real base, real s) {
     return EVERY(near) ? series : PICK(near, series, POW(base, s));
 }
 
-/* max(w, floor)^exponent of the power factor at a place; the last one is kept, since the terms of
+/* max(w, floor)^exponent of the power factor at a place; the last one is stored, since the terms of
  * an effect share it. */
 static inline real power_value(const flight_t *sim, uint32_t place) {
     const power_t *power = &sim->model->power[place];

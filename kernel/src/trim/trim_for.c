@@ -114,7 +114,7 @@ static void move(am_sim *sim, const am_trim_task *given, const double *z, bool s
 /* Deflections of the tyres that no longer change: rolling they carry rolling resistance, brakes and
  * slip; at rest what exceeds brake and friction runs back, else its damping would appear as a
  * force. */
-static void settle_tyres(am_sim *sim) {
+static void relax_tyres(am_sim *sim) {
     double most = INFINITY;
     for (int pass = 0; pass < PASSES && most > STILL; pass++) {
         derivative(sim, sim->x, sim->u, sim->k);
@@ -140,7 +140,7 @@ static int attempt(study_t *study, const double *z) {
     if (status != AM_OK) return status;
     start_on_path(study);
     move(sim, study->given, z, true);
-    if (study->given->path == AM_PATH_GROUND) settle_tyres(sim);
+    if (study->given->path == AM_PATH_GROUND) relax_tyres(sim);
     accelerations(sim, sim->trim.residual);
     sim->fresh = true;
     return study->y ? am_outputs(sim, study->y) : AM_OK;

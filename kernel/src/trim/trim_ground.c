@@ -41,7 +41,7 @@ static void add_tyres(const am_sim *sim, unknowns_t *to) {
     }
 }
 
-static int balance(am_sim *sim) {
+static int balance_on_ground(am_sim *sim) {
     static const int STANDING[] = {Y_TRIM_U_DOT, Y_TRIM_V_DOT, Y_TRIM_W_DOT,
                                    Y_TRIM_P_DOT, Y_TRIM_Q_DOT, Y_TRIM_R_DOT};
     static const int ROLLING[] = {AM_GOAL_CLIMB, Y_TRIM_P_DOT, Y_TRIM_Q_DOT};
@@ -69,7 +69,7 @@ static int balance(am_sim *sim) {
 
 int trim_on_ground(am_sim *sim) {
     double *p = sim->par;
-    double kept[P_R + 1];
+    double stored[P_R + 1];
     if (!items(sim->model, G_CONTACT)) {
         return fail(
             sim, AM_BAD_VALUE,
@@ -81,9 +81,9 @@ int trim_on_ground(am_sim *sim) {
                     "mode.trim = 3 stands on the ground, but the input gear is %g; extend it (1)",
                     sim->u[U_GEAR]);
     }
-    memcpy(kept, p, sizeof kept);
-    const int status = balance(sim);
-    memcpy(p, kept, sizeof kept);
+    memcpy(stored, p, sizeof stored);
+    const int status = balance_on_ground(sim);
+    memcpy(p, stored, sizeof stored);
     sim->prepared = sim->fresh = false;
     return status;
 }

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import struct
 
 import pytest
 
 from flightmech.errors import SchemaError
 from flightmech.fmu_export.fmu_file import find_libraries, place_libraries
+from flightmech.simulation.kernel import load_kernel
 
 ALL = {
     "x86_64-linux": b"A",
@@ -61,3 +63,18 @@ def test_linux_on_arm_alone_needs_fmi3():
 def test_no_library_states_how_to_get_one(tmp_path):
     with pytest.raises(SchemaError, match=r"no compiled kernel .* run 'python hatch_build.py'"):
         find_libraries(tmp_path)
+
+
+def test_an_fmu_carries_the_functions_of_the_standard_and_nothing_else():
+    """Names that a library exports stand between zero bytes, on macOS with an underscore."""
+    for platform, content in find_libraries().items():
+        found = set(re.findall(rb"\0_?((?:am_|fmi[23])\w+)(?=\0)", content))
+        interface = sorted(name for name in found if name.startswith(b"am_"))
+        assert not interface, f"{platform}: {interface}"
+        assert {b"fmi2DoStep", b"fmi2GetDerivatives", b"fmi3DoStep"} <= found, platform
+
+
+def test_python_loads_a_library_without_the_standard():
+    kernel = load_kernel()
+    assert hasattr(kernel, "am_batch")
+    assert not hasattr(kernel, "fmi3DoStep")

@@ -20,7 +20,7 @@ static inline void add_scaled(int n, double x, const double *row, double *to) {
 
 /* Cholesky factor of the lower half of S, in place, and one over its pivots; the row that has no
  * positive pivot, or n. */
-static int factor(int n, double *S, double *per_pivot) {
+static int factor_cholesky(int n, double *S, double *per_pivot) {
     for (int i = 0; i < n; i++) {
         double *row = S + i * n;
         for (int j = 0; j < i; j++) {
@@ -73,7 +73,7 @@ static inline void add_products(int n, int step, const double *left, double sign
 }
 
 /* V = the block of a sample (rows) with the next one (columns). */
-static void take_block(const am_normal *e, size_t k, double *V) {
+static void copy_transposed(const am_normal *e, size_t k, double *V) {
     const int n = e->states;
     const double *O = e->O + k * n * n;
     for (int i = 0; i < n; i++) {
@@ -93,9 +93,10 @@ static inline void add_tile(int n, double sign, int a, const double *left, int b
     for (int i = 0; i < 4; i++) PUT(to + (size_t)i * c) += sign * sum[i];
 }
 
-/* What the elimination of a sample takes off the next one; width in fours. */
-static void reduce(int n, const double *V, int width, const double *right, double *S,
-                   double *next) {
+/* Subtract from the next sample what the elimination of one leaves there; width: vectors of
+ * four. */
+static void reduce_next(int n, const double *V, int width, const double *right, double *S,
+                        double *next) {
     for (int j = 0; j < n; j++) add_products(n, n, V + j, -1.0, n, V, j + 1, S + j * n);
     int j = 0;
     for (; j + 4 <= n; j += 4) {
@@ -108,7 +109,7 @@ static void reduce(int n, const double *V, int width, const double *right, doubl
     }
 }
 
-/* What it adds to the sums of the border, the lower half by fours. */
+/* What it adds to the sums of the border, the lower half by vectors of four. */
 static void add_to_border(int n, int width, const double *right, double *border) {
     for (int j = 0; j < width; j += 4) {
         double *to = border + (size_t)j * width;
@@ -117,8 +118,8 @@ static void add_to_border(int n, int width, const double *right, double *border)
     }
 }
 
-static long long eliminate(const am_normal *e, size_t samples, double *L, double *V, double *right,
-                           double *border) {
+static long long eliminate_samples(const am_normal *e, size_t samples, double *L, double *V,
+                                   double *right, double *border) {
     const int n = e->states;
     const int width = (e->constants + 4) / 4 * 4;
     double per_pivot[AM_MOST_UNKNOWNS];
@@ -133,14 +134,14 @@ static long long eliminate(const am_normal *e, size_t samples, double *L, double
         double *S = L + k * n * n;
         double *block = V + k * n * n;
         double *here = right + k * n * width;
-        const int failed = factor(n, S, per_pivot);
+        const int failed = factor_cholesky(n, S, per_pivot);
         if (failed < n) return (long long)k * n + failed;
         forward(n, S, per_pivot, width, here);
         add_to_border(n, width, here, border);
         if (k + 1 == samples) break;
-        take_block(e, k, block);
+        copy_transposed(e, k, block);
         forward(n, S, per_pivot, n, block);
-        reduce(n, block, width, here, S + n * n, here + (size_t)n * width);
+        reduce_next(n, block, width, here, S + n * n, here + (size_t)n * width);
     }
     return -1;
 }

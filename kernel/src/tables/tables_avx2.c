@@ -1,19 +1,20 @@
 /* The loops over tables for x86-64 with AVX2; without fused multiply-add, which would round once
  * where others round twice. */
-#include "avx2.h"
+#if defined(__x86_64__) && !defined(AM_PLAIN)
+
+#define AGAIN avx2
+
+#include "tables_avx2.h"
 
 #include "elementary.h"
 #include "nodes.h"
 #include "simulation.h"
-#include "table.h"
+#include "cells.h"
 
 #include <math.h>
 #include <string.h>
 
-#if defined(__x86_64__)
 #pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
-
-#include "four_bits.h"
 
 #include "block.h"
 #include "locate.h"
@@ -26,4 +27,5 @@ void evaluate_avx2(const block_t *b, size_t rows, const double *v, double *coeff
 }
 
 #pragma clang attribute pop
+
 #endif

@@ -7,13 +7,13 @@
 #include <math.h>
 #include <string.h>
 
-static void multiply(const double matrix[3][3], const double v[3], double out[3]) {
+static void matrix_times_vector(const double matrix[3][3], const double v[3], double out[3]) {
     for (int i = 0; i < 3; i++) {
         out[i] = matrix[i][0] * v[0] + matrix[i][1] * v[1] + matrix[i][2] * v[2];
     }
 }
 
-static void cross(const double a[3], const double b[3], double out[3]) {
+static void vector_product(const double a[3], const double b[3], double out[3]) {
     out[0] = a[1] * b[2] - a[2] * b[1];
     out[1] = a[2] * b[0] - a[0] * b[2];
     out[2] = a[0] * b[1] - a[1] * b[0];
@@ -34,7 +34,7 @@ static void level_axes(const double *x, double out[3][3]) {
 }
 
 /* Vectors of level axes, seen in body axes. */
-static void to_body(const double level[3][3], const double v[3], double out[3]) {
+static void level_to_body(const double level[3][3], const double v[3], double out[3]) {
     for (int i = 0; i < 3; i++) {
         out[i] = level[0][i] * v[0] + level[1][i] * v[1] + level[2][i] * v[2];
     }

@@ -48,17 +48,17 @@ static void find_middle(const double *before, const double *after, double dt, mi
 static void path_residuals(const am_path *path, const double mean[6], const middle_t *m,
                            double r[PATH_ROWS], double needed[3]) {
     double carried[3], turning[3], shown[3], coriolis[3], rates[3], level[3];
-    multiply(path->transport, m->middle + 3, carried);
+    matrix_times_vector(path->transport, m->middle + 3, carried);
     for (int i = 0; i < 3; i++) {
         turning[i] = 2.0 * path->spin[i] + carried[i];
         shown[i] = carried[i] + path->sensed[i];
     }
-    cross(turning, m->middle + 3, coriolis);
+    vector_product(turning, m->middle + 3, coriolis);
     for (int i = 0; i < 3; i++) coriolis[i] += m->change[3 + i];
     coriolis[2] -= path->gravity - path->fall * (m->middle[6] - path->level);
-    multiply(m->body, coriolis, needed);
-    multiply(m->axis, m->change, rates);
-    multiply(m->body, shown, level);
+    matrix_times_vector(m->body, coriolis, needed);
+    matrix_times_vector(m->axis, m->change, rates);
+    matrix_times_vector(m->body, shown, level);
     for (int i = 0; i < 3; i++) {
         r[i] = rates[i] + level[i] - mean[i];
         r[3 + i] = needed[i] - mean[3 + i];
@@ -67,7 +67,8 @@ static void path_residuals(const am_path *path, const double mean[6], const midd
 }
 
 /* Add to A and B the derivatives by the middle (half of each) and the change of one unknown. */
-static inline void place(double by_middle, double by_change, double dt, double *A, double *B) {
+static inline void add_unknown(double by_middle, double by_change, double dt, double *A,
+                               double *B) {
     *A = by_middle / 2.0 - by_change / dt;
     *B = by_middle / 2.0 + by_change / dt;
 }
@@ -80,7 +81,7 @@ static void path_derivatives(const am_path *path, const middle_t *m, const doubl
     const double dt = path->dt;
     const double psi_dot = m->change[2];
     double rates[3];
-    multiply(m->axis, m->change, rates);
+    matrix_times_vector(m->axis, m->change, rates);
     const double change[3][2] = {{0.0, -m->ct * psi_dot},
                                  {rates[2], -m->sf * m->st * psi_dot},
                                  {-rates[1], -m->cf * m->st * psi_dot}};
@@ -88,15 +89,15 @@ static void path_derivatives(const am_path *path, const middle_t *m, const doubl
         for (int j = 0; j < 3; j++) {
             const double axis[3] = {m->axis[0][j], m->axis[1][j], m->axis[2][j]};
             double turn[3];
-            cross(needed, axis, turn);
-            place(j < 2 ? change[i][j] : 0.0, m->axis[i][j], dt, &A[i][j], &B[i][j]);
-            place(turn[i], 0.0, dt, &A[3 + i][j], &B[3 + i][j]);
-            place(0.0, m->body[i][j], dt, &A[3 + i][3 + j], &B[3 + i][3 + j]);
+            vector_product(needed, axis, turn);
+            add_unknown(j < 2 ? change[i][j] : 0.0, m->axis[i][j], dt, &A[i][j], &B[i][j]);
+            add_unknown(turn[i], 0.0, dt, &A[3 + i][j], &B[3 + i][j]);
+            add_unknown(0.0, m->body[i][j], dt, &A[3 + i][3 + j], &B[3 + i][3 + j]);
         }
-        place(path->fall * m->body[i][2], 0.0, dt, &A[3 + i][6], &B[3 + i][6]);
+        add_unknown(path->fall * m->body[i][2], 0.0, dt, &A[3 + i][6], &B[3 + i][6]);
     }
-    place(1.0, 0.0, dt, &A[6][5], &B[6][5]);
-    place(0.0, 1.0, dt, &A[6][6], &B[6][6]);
+    add_unknown(1.0, 0.0, dt, &A[6][5], &B[6][5]);
+    add_unknown(0.0, 1.0, dt, &A[6][6], &B[6][6]);
 }
 
 /* Means of rates and specific force over a step, cubics between samples. */
@@ -198,7 +199,7 @@ static void add_path_steps(const am_normal *e, const am_residual_group *group, s
         }
         behind[0] = behind[1];
     }
-    give_total(e, given, &sums);
+    add_total(e, given, &sums);
 }
 
 #endif

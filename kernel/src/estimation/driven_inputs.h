@@ -31,10 +31,10 @@ static void by_input(const am_drive *d, size_t k, int input, double rates[3], do
     }
     rates[i] = -d->gain[i] * (scaled ? omega[i] : 1.0);
     axis[i] = rates[i]; /* of omega x (omega x arm), which is taken off */
-    cross(omega, d->arm, lever);
-    cross(lever, axis, force);
-    cross(d->arm, axis, lever);
-    cross(omega, lever, across);
+    vector_product(omega, d->arm, lever);
+    vector_product(lever, axis, force);
+    vector_product(d->arm, axis, lever);
+    vector_product(omega, lever, across);
     for (int j = 0; j < 3; j++) force[j] += across[j];
 }
 

@@ -1,6 +1,6 @@
-/* Look-up of the tables of a stage. */
-#ifndef AEROMATCH_TABLE_H
-#define AEROMATCH_TABLE_H
+/* Where the axes of tables stand: cells and the corners that belong to them. */
+#ifndef AEROMATCH_CELLS_H
+#define AEROMATCH_CELLS_H
 
 #include "flight.h"
 
@@ -14,12 +14,9 @@ uint32_t move_bench(am_sim *sim, uint32_t bench, double x[4]);
 /* First node of the present cell of every bundle of a stage. */
 void find_corners(am_sim *sim, int stage);
 
-/* Values of all tables of a stage, from sim->var to sim->slot, changes of nodes included. */
-void look_up(flight_t *sim, int stage);
-
 /* First nodes of all bundles for cells that came from outside; a cell that is not there becomes the
  * first. */
-void settle_cells(am_sim *sim);
+void restore_cells(am_sim *sim);
 
 /* Cells of the start of a run: inside the range of every table. */
 void reset_cells(am_sim *sim);

@@ -13,7 +13,9 @@
 #include <stdbool.h>
 #include <string.h>
 
-enum { MOST_WIDE = 3 * AM_MOST_UNKNOWNS + 4 }; /* two samples, constants, residual; in fours */
+enum {
+    MOST_WIDE = 3 * AM_MOST_UNKNOWNS + 4
+}; /* two samples, constants, residual; vectors of four */
 
 /* Upper halves of the sums of z' z, of row i the columns from the four that holds i: over the rows
  * of one step, and over all. */
@@ -54,7 +56,7 @@ static void add_to_total(sums_t *p, int first) {
 }
 
 /* The sums over all, of the constants and the residual. */
-static void give_total(const am_normal *e, const am_residuals *given, const sums_t *p) {
+static void add_total(const am_normal *e, const am_residuals *given, const sums_t *p) {
     const int first = p->width - 1 - given->columns;
     const int last = p->width - 1;
     for (int i = 0; i < given->columns; i++) {
@@ -153,7 +155,7 @@ static void add_steps(const am_normal *e, const am_residual_group *group, size_t
         const double *J = given->J + k * rows * given->columns;
         add_step(e, given, k, given->states, given->r + k * rows, A, B, J, &sums);
     }
-    give_total(e, given, &sums);
+    add_total(e, given, &sums);
 }
 
 /* Derivatives of reading m by the state, row by row. */
@@ -186,7 +188,7 @@ static void add_readings(const am_normal *e, const am_residual_group *group, siz
         add_to_sample(e, given, &p, k + 1, 0, f);
         add_between(e, given, &p, k, f * (1.0 - f));
     }
-    give_total(e, given, &p);
+    add_total(e, given, &p);
 }
 
 #endif

@@ -1,13 +1,14 @@
-/* A piece of the motion of a circuit and its solution, of one run or of lanes: see linkage.c. */
-#ifndef AEROMATCH_LINKAGE_PIECE_H
-#define AEROMATCH_LINKAGE_PIECE_H
+/* An interval of the motion of a circuit and its solution, of one run or of lanes: see
+ * linkage.c. */
+#ifndef AEROMATCH_LINKAGE_INTERVAL_H
+#define AEROMATCH_LINKAGE_INTERVAL_H
 
 #include "algebra.h"
 #include "linkage_bodies.h"
 
 #define MOST_ROUNDS 100 /* of the velocity of body 0 */
 
-/* A piece of motion and its solution. */
+/* An interval of motion and its solution. */
 typedef struct {
     double h;
     real cable; /* what binds the velocities of body 0 and another */
@@ -16,13 +17,14 @@ typedef struct {
     real low[LINKAGE_BODIES], high[LINKAGE_BODIES], to_neutral;
     real w[LINKAGE_BODIES];
     real friction[LINKAGE_BODIES], stop[LINKAGE_BODIES], preload;
-} piece_t;
+} interval_t;
 
 static inline real signed_force(real size, real direction) {
     return PICK(direction > 0.0, size, -size);
 }
 
-static void set_up_piece(const linkage_t *c, const motion_t *m, double t, double h, piece_t *p) {
+static void set_up_interval(const linkage_t *c, const motion_t *m, double t, double h,
+                            interval_t *p) {
     p->h = h;
     p->cable = c->cable_damping + 0.5 * h * c->cable_stiffness;
     for (int i = 0; i < c->bodies; i++) {
@@ -49,7 +51,7 @@ static void set_up_piece(const linkage_t *c, const motion_t *m, double t, double
 
 /* Solution w of a w + friction Sgn(w) + preload Sgn(w - neutral) = b, between the stops of body
  * 0. */
-static inline real balance(const piece_t *p, real a, real b, real preload) {
+static inline real balance(const interval_t *p, real a, real b, real preload) {
     const mask_t first = p->to_neutral < 0.0;
     const real p1 = PICK(first, p->to_neutral, 0.0);
     const real p2 = PICK(first, 0.0, p->to_neutral);
@@ -64,7 +66,7 @@ static inline real balance(const piece_t *p, real a, real b, real preload) {
 }
 
 /* Velocity of body i > 0, with friction alone, when body 0 has w0; *slope states how it follows. */
-static inline real follow(const piece_t *p, int i, real w0, real *slope) {
+static inline real follow_body(const interval_t *p, int i, real w0, real *slope) {
     const real pull = p->b[i] + p->cable * w0;
     const real R = p->threshold[i];
     const real w = clamp(PICK((pull + R) / p->a[i] < 0.0, (pull + R) / p->a[i],
@@ -77,7 +79,7 @@ static inline real follow(const piece_t *p, int i, real w0, real *slope) {
 }
 
 /* Newton on a monotone, piecewise linear equation for w of body 0; the bracket excludes cycles. */
-static real cockpit_velocity(const linkage_t *c, const piece_t *p, real guess) {
+static real cockpit_velocity(const linkage_t *c, const interval_t *p, real guess) {
     real w0 = clamp(guess, p->low[0], p->high[0]);
     real below = -HUGE_VAL;
     real above = HUGE_VAL;
@@ -87,7 +89,7 @@ static real cockpit_velocity(const linkage_t *c, const piece_t *p, real guess) {
         real b = p->b[0];
         real slope;
         for (int i = 1; i < c->bodies; i++) {
-            const real w = follow(p, i, w0, &slope);
+            const real w = follow_body(p, i, w0, &slope);
             a -= p->cable * slope;
             b += p->cable * (w - slope * w0);
         }
@@ -106,7 +108,7 @@ static real cockpit_velocity(const linkage_t *c, const piece_t *p, real guess) {
 
 /* What friction, preload and stop have in the reaction on a body; where several could hold it,
  * preload first and stop last. */
-static inline void split_reaction(const linkage_t *c, piece_t *p, int i, real reaction) {
+static inline void split_reaction(const linkage_t *c, interval_t *p, int i, real reaction) {
     const real w = p->w[i];
     const real R = p->threshold[i];
     const real P = i ? (real)0.0 : c->preload;
@@ -119,11 +121,11 @@ static inline void split_reaction(const linkage_t *c, piece_t *p, int i, real re
     if (i == 0) p->preload = preload;
 }
 
-static void solve_velocities(const linkage_t *c, const motion_t *m, piece_t *p) {
+static void solve_velocities(const linkage_t *c, const motion_t *m, interval_t *p) {
     real slope;
     for (bool again = true; again;) {
         p->w[0] = c->driven ? c->drive : cockpit_velocity(c, p, m->v[0]);
-        for (int i = 1; i < c->bodies; i++) p->w[i] = follow(p, i, p->w[0], &slope);
+        for (int i = 1; i < c->bodies; i++) p->w[i] = follow_body(p, i, p->w[0], &slope);
         again = false;
         for (int i = 0; i < c->bodies; i++) {
             /* broken out of stiction: solve once more with sliding friction */
@@ -134,8 +136,9 @@ static void solve_velocities(const linkage_t *c, const motion_t *m, piece_t *p) 
     }
 }
 
-static void solve_piece(const linkage_t *c, const motion_t *m, double t, double h, piece_t *p) {
-    set_up_piece(c, m, t, h, p);
+static void solve_interval(const linkage_t *c, const motion_t *m, double t, double h,
+                           interval_t *p) {
+    set_up_interval(c, m, t, h, p);
     solve_velocities(c, m, p);
     real reaction = p->b[0] - p->a[0] * p->w[0];
     for (int i = 1; i < c->bodies; i++) {

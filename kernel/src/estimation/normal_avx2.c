@@ -22,9 +22,9 @@ void add_groups_avx2(const am_normal *e, size_t samples, const am_residual_group
     add_groups(e, samples, group, groups);
 }
 
-long long eliminate_avx2(const am_normal *e, size_t samples, double *L, double *V, double *right,
-                         double *border) {
-    return eliminate(e, samples, L, V, right, border);
+long long eliminate_samples_avx2(const am_normal *e, size_t samples, double *L, double *V,
+                                 double *right, double *border) {
+    return eliminate_samples(e, samples, L, V, right, border);
 }
 
 void substitute_avx2(int states, size_t samples, const double *L, const double *V, size_t columns,
@@ -32,8 +32,9 @@ void substitute_avx2(int states, size_t samples, const double *L, const double *
     substitute(states, samples, L, V, columns, x);
 }
 
-void follow_avx2(const am_drive *d, size_t samples, const double *start, double *x, double *X) {
-    follow(d, samples, start, x, X);
+void follow_path_avx2(const am_drive *d, size_t samples, const double *start, double *x,
+                      double *X) {
+    follow_path(d, samples, start, x, X);
 }
 
 void add_driven_avx2(const am_driven *d, const am_residual_group *group, double *products,

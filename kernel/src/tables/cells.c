@@ -1,6 +1,6 @@
-/* Multilinear tables: each axis is located once, tables over the same axes lie side by side at
- * every node. */
-#include "table.h"
+/* The cells that the axes of multilinear tables stand in: each axis is located once, tables over
+ * the same axes lie side by side at every node. */
+#include "cells.h"
 
 #include "nodes.h"
 
@@ -23,7 +23,7 @@ uint32_t move_bench(am_sim *sim, uint32_t bench, double x[4]) {
     const am_model *m = sim->model;
     stand_t *stand = &sim->stand[bench];
     uint32_t moved = 0;
-    sim->outers = RECOUNT;
+    sim->end_cells = RECOUNT;
     for (int k = 0; k < 4; k++) {
         const uint32_t i = m->bench[bench].axis[k];
         if (i == UINT32_MAX) {
@@ -62,18 +62,16 @@ void find_corners(am_sim *sim, int stage) {
  * not counted as left. */
 void reset_cells(am_sim *sim) {
     for (uint32_t i = 0; i < sim->model->axes; i++) sim->cell[i] = 1;
-    settle_cells(sim);
+    restore_cells(sim);
 }
 
 /* After the cells came from outside. */
-void settle_cells(am_sim *sim) {
+void restore_cells(am_sim *sim) {
     const am_model *m = sim->model;
     for (uint32_t i = 0; i < m->axes; i++) {
         if (sim->cell[i] >= m->axis[i].cells) sim->cell[i] = 0;
     }
     for (int stage = 0; stage < STAGES; stage++) find_corners(sim, stage);
     sim->unknown = ~0u;
-    sim->outers = RECOUNT;
+    sim->end_cells = RECOUNT;
 }
-
-void look_up(am_sim *sim, int stage) { sim->model->versions.look_up(sim, stage); }

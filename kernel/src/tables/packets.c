@@ -1,10 +1,10 @@
 /* Tables four at a time: which stand together, and the corners of their cells.
  *
- * A wide bundle makes quads by itself.  Those of one to three tables share quads with others of as
- * many axes: a quad costs the same whether one of its tables is of use or four.  Most tables over
- * the height over ground are zero out of ground effect; they stand together, so that a flight up
- * there passes over them. */
-#include "quads.h"
+ * A wide bundle makes packets by itself.  Those of one to three tables share packets with others
+ * of as many axes: a packet costs the same whether one of its tables is of use or four.  Most
+ * tables over the height over ground are zero out of ground effect; they stand together, so that a
+ * flight up there passes over them. */
+#include "packets.h"
 
 #include <string.h>
 
@@ -21,84 +21,83 @@ static bool over_ground(const am_model *m, const bundle_t *bundle) {
     return false;
 }
 
-static void set_seats(const am_model *m, const bundle_t *bundle, uint32_t place, quad_t *to) {
+static void set_fractions_of(const am_model *m, const bundle_t *bundle, uint32_t place,
+                             packet_t *to) {
     for (uint32_t k = 0; k < bundle->axes; k++) {
-        to->seat[k][place] = m->axis[bundle->axis[k]].seat;
+        to->fraction[k][place] = m->axis[bundle->axis[k]].fraction;
     }
 }
 
-static void put_table(const am_model *m, uint32_t b, uint32_t table, quad_t *to) {
+static void put_table(const am_model *m, uint32_t b, uint32_t table, packet_t *to) {
     const bundle_t *bundle = &m->bundle[b];
     to->marks |= bundle->marks;
     to->bundle[to->tables] = b;
     to->table[to->tables] = table;
     to->slot[to->tables] = bundle->slot + table;
-    set_seats(m, bundle, to->tables++, to);
+    set_fractions_of(m, bundle, to->tables++, to);
 }
 
 /* Places without a table: what stands there is written beyond the first bundle. */
-static void fill_up(const am_model *m, quad_t *quad) {
-    const bundle_t *first = &m->bundle[quad->bundle[0]];
-    for (uint32_t i = quad->tables; i < 4; i++) {
-        set_seats(m, first, i, quad);
-        quad->slot[i] = first->slot + first->width + i - quad->tables;
+static void fill_up(const am_model *m, packet_t *packet) {
+    const bundle_t *first = &m->bundle[packet->bundle[0]];
+    for (uint32_t i = packet->tables; i < 4; i++) {
+        set_fractions_of(m, first, i, packet);
+        packet->slot[i] = first->slot + first->width + i - packet->tables;
     }
 }
 
-/* Where the quads that are being laid end. */
+/* How many packets and corners there are so far. */
 typedef struct {
-    uint32_t quads, corners;
+    uint32_t packets, corners;
 } laid_t;
 
-static quad_t *new_quad(am_model *m, uint32_t axes, uint32_t fours, laid_t *laid) {
-    quad_t *quad = &m->quad[laid->quads++];
-    quad->corner = laid->corners;
-    quad->fours = fours;
-    laid->corners += corners_of(axes) * (fours ? fours : 1);
-    return quad;
+static packet_t *new_packet(am_model *m, uint32_t axes, uint32_t vectors, laid_t *laid) {
+    packet_t *packet = &m->packet[laid->packets++];
+    packet->corner = laid->corners;
+    packet->vectors = vectors;
+    laid->corners += corners_of(axes) * (vectors ? vectors : 1);
+    return packet;
 }
 
-static bool is_wide(const bundle_t *bundle) {
-    return bundle->axes == 0 || bundle->width >= WIDE;
-}
+static bool is_wide(const bundle_t *bundle) { return bundle->axes == 0 || bundle->width >= WIDE; }
 
 /* Bundles that are not shared out. */
 static void lay_wide(am_model *m, uint32_t stage, uint32_t axes, laid_t *laid) {
     for (uint32_t i = m->first_bundle[stage]; i < m->first_bundle[stage + 1]; i++) {
         const bundle_t *bundle = &m->bundle[i];
         if (bundle->axes != axes || !is_wide(bundle)) continue;
-        quad_t *quad = new_quad(m, axes, (bundle->width + 3) / 4, laid);
-        put_table(m, i, 0, quad);
-        fill_up(m, quad);
+        packet_t *packet = new_packet(m, axes, (bundle->width + 3) / 4, laid);
+        put_table(m, i, 0, packet);
+        fill_up(m, packet);
     }
 }
 
 /* The others, or those of them over the height over ground. */
 static void lay_mixed(am_model *m, uint32_t stage, uint32_t axes, bool ground, laid_t *laid) {
-    quad_t *quad = NULL;
+    packet_t *packet = NULL;
     for (uint32_t i = m->first_bundle[stage]; i < m->first_bundle[stage + 1]; i++) {
         const bundle_t *bundle = &m->bundle[i];
         if (bundle->axes != axes || is_wide(bundle) || over_ground(m, bundle) != ground) continue;
         for (uint32_t t = 0; t < bundle->width; t++) {
-            if (!quad || quad->tables == 4) quad = new_quad(m, axes, 0, laid);
-            put_table(m, i, t, quad);
-            if (quad->tables < 4) fill_up(m, quad);
+            if (!packet || packet->tables == 4) packet = new_packet(m, axes, 0, laid);
+            put_table(m, i, t, packet);
+            if (packet->tables < 4) fill_up(m, packet);
         }
     }
 }
 
-void lay_quads(am_model *m) {
+void make_packets(am_model *m) {
     laid_t laid = {0, 0};
     for (uint32_t stage = 0; stage < STAGES; stage++) {
         for (uint32_t axes = 0; axes <= MAX_AXES; axes++) {
-            m->first_quad[stage * WAYS + 2 * axes] = laid.quads;
+            m->first_packet[stage * WAYS + 2 * axes] = laid.packets;
             lay_mixed(m, stage, axes, false, &laid);
             lay_mixed(m, stage, axes, true, &laid);
-            m->first_quad[stage * WAYS + 2 * axes + 1] = laid.quads;
+            m->first_packet[stage * WAYS + 2 * axes + 1] = laid.packets;
             lay_wide(m, stage, axes, &laid);
         }
     }
-    m->first_quad[STAGES * WAYS] = laid.quads;
+    m->first_packet[STAGES * WAYS] = laid.packets;
     m->corners = laid.corners;
 }
 
@@ -116,19 +115,19 @@ static void pack_table(const bundle_t *bundle, const double *node, double *to) {
     for (uint32_t i = 0; i < 1u << bundle->axes; i++) to[4 * i] = node[offset[i]];
 }
 
-static void pack_quad(const am_sim *sim, const quad_t *quad, double *to) {
+static void pack_packet(const am_sim *sim, const packet_t *packet, double *to) {
     const am_model *m = sim->model;
-    if (quad->fours) {
-        const bundle_t *bundle = &m->bundle[quad->bundle[0]];
-        const double *node = m->node + sim->corner[quad->bundle[0]];
+    if (packet->vectors) {
+        const bundle_t *bundle = &m->bundle[packet->bundle[0]];
+        const double *node = m->node + sim->corner[packet->bundle[0]];
         for (uint32_t t = 0; t < bundle->width; t++) {
             pack_table(bundle, node + t, to + t / 4 * corners_of(bundle->axes) + t % 4);
         }
         return;
     }
-    for (uint32_t i = 0; i < quad->tables; i++) {
-        const uint32_t b = quad->bundle[i];
-        pack_table(&m->bundle[b], m->node + sim->corner[b] + quad->table[i], to + i);
+    for (uint32_t i = 0; i < packet->tables; i++) {
+        const uint32_t b = packet->bundle[i];
+        pack_table(&m->bundle[b], m->node + sim->corner[b] + packet->table[i], to + i);
     }
 }
 
@@ -143,24 +142,24 @@ static bool all_zero(const double *corner, uint32_t n) {
     return bits == 0;
 }
 
-static void make_zero(am_sim *sim, const quad_t *quad) {
-    for (uint32_t i = 0; i < 4 * quad->fours; i++) sim->slot[quad->slot[0] + i] = 0.0;
-    for (uint32_t i = 0; i < 4; i++) sim->slot[quad->slot[i]] = 0.0;
+static void make_zero(am_sim *sim, const packet_t *packet) {
+    for (uint32_t i = 0; i < 4 * packet->vectors; i++) sim->slot[packet->slot[0] + i] = 0.0;
+    for (uint32_t i = 0; i < 4; i++) sim->slot[packet->slot[i]] = 0.0;
 }
 
 void pack_corners(am_sim *sim, int stage, uint64_t moved) {
     const am_model *m = sim->model;
-    const uint32_t *first = m->first_quad + (uint32_t)stage * WAYS;
+    const uint32_t *first = m->first_packet + (uint32_t)stage * WAYS;
     for (uint32_t way = 0; way < WAYS; way++) {
         for (uint32_t i = first[way]; i < first[way + 1]; i++) {
-            const quad_t *quad = &m->quad[i];
-            double *corner = sim->packed + quad->corner;
-            if (!(quad->marks & moved)) continue;
-            pack_quad(sim, quad, corner);
+            const packet_t *packet = &m->packet[i];
+            double *corner = sim->packed + packet->corner;
+            if (!(packet->marks & moved)) continue;
+            pack_packet(sim, packet, corner);
             /* values are changed in place by patches, and have to be found anew then */
-            const uint32_t n = corners_of(way / 2) * (quad->fours ? quad->fours : 1);
-            sim->wake[i] = all_zero(corner, n) ? ALL_AXES : quad->marks;
-            if (sim->wake[i] == ALL_AXES) make_zero(sim, quad);
+            const uint32_t n = corners_of(way / 2) * (packet->vectors ? packet->vectors : 1);
+            sim->wake[i] = all_zero(corner, n) ? ALL_AXES : packet->marks;
+            if (sim->wake[i] == ALL_AXES) make_zero(sim, packet);
         }
     }
 }

@@ -14,7 +14,8 @@ enum {
     PATH_ROWS = 7, /* attitude, velocity, height */
     DRIVEN_VANES = 2,
     DRIVEN_STATES = PATH_ROWS + DRIVEN_VANES,
-    DRIVEN_WIDE = (DRIVEN_STATES + AM_LAG + 1 + 3) / 4 * 4 /* start and every input, in fours */
+    DRIVEN_WIDE = (DRIVEN_STATES + AM_LAG + 1 + 3) / 4
+        * 4 /* start and every input, vectors of four */
 };
 
 /* The angle that a vane without lag would see, and its derivatives. */
@@ -30,7 +31,7 @@ static void see(const am_drive *d, size_t k, int vane, const double level[3][3],
     const int across = d->side[vane];
     const double *arm = d->vane_arm[vane];
     double local[3], axes[3][3], turn[3], row[3] = {0.0};
-    cross(d->path.rates + 3 * k, arm, local);
+    vector_product(d->path.rates + 3 * k, arm, local);
     for (int i = 0; i < 3; i++) local[i] += U[i];
     const double square = local[0] * local[0] + local[across] * local[across];
     s->angle = am_atan2(local[across], local[0]);
@@ -38,11 +39,11 @@ static void see(const am_drive *d, size_t k, int vane, const double level[3][3],
     row[across] = local[0] / (square > 1.0 ? square : 1.0);
     angle_axes(level, axes);
     for (int i = 0; i < 3; i++) {
-        cross(U, axes[i], turn);
+        vector_product(U, axes[i], turn);
         s->by[i] = row[0] * turn[0] + row[1] * turn[1] + row[2] * turn[2];
     }
-    multiply(level, row, s->by + 3);
-    cross(arm, row, s->by_rates);
+    matrix_times_vector(level, row, s->by + 3);
+    vector_product(arm, row, s->by_rates);
 }
 
 static void see_all(const am_drive *d, size_t k, const double *x, const double level[3][3],
@@ -52,7 +53,7 @@ static void see_all(const am_drive *d, size_t k, const double *x, const double l
         air[i] = x[3 + i] - d->wind[i];
         if (d->gusts) air[i] -= x[PATH_ROWS + d->vanes + i];
     }
-    to_body(level, air, U);
+    level_to_body(level, air, U);
     for (int i = 0; i < d->vanes; i++) see(d, k, i, level, U, sight + i);
 }
 
@@ -65,7 +66,7 @@ static double by_constant(const am_drive *d, size_t k, const sight_t *s, int inp
            * (input >= AM_SCALE ? d->path.rates[3 * k + (size_t)i] : 1.0);
 }
 
-/* The change of the angles by start and constants, of the columns `wide` in fours. */
+/* The change of the angles by start and constants, of `wide` columns, vectors of four. */
 static void see_change(const am_drive *d, size_t k, const sight_t *sight, int wide,
                        double X[][DRIVEN_WIDE], double seen[][DRIVEN_WIDE]) {
     for (int vane = 0; vane < d->vanes; vane++) {

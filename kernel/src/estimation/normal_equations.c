@@ -53,7 +53,7 @@ int am_add_residuals(const am_normal *e, size_t samples, const am_residual_group
 
 long long am_eliminate(const am_normal *e, size_t samples, double *L, double *V, double *right,
                        double *border) {
-    return BEST(eliminate, e, samples, L, V, right, border);
+    return BEST(eliminate_samples, e, samples, L, V, right, border);
 }
 
 void am_substitute(int states, size_t samples, const double *L, const double *V, size_t columns,
@@ -63,7 +63,7 @@ void am_substitute(int states, size_t samples, const double *L, const double *V,
 
 int am_follow(const am_drive *d, size_t samples, const double *start, double *x, double *X) {
     if (!sound(d, samples) || !plain(d)) return AM_BAD_ARGUMENT;
-    BEST(follow, d, samples, start, x, X);
+    BEST(follow_path, d, samples, start, x, X);
     return AM_OK;
 }
 

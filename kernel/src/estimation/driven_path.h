@@ -48,9 +48,9 @@ static void find_drive(const am_drive *d, size_t k, drive_t *out) {
     const double *x = path->x + k * d->states;
     double level[3][3], carried[3], turning[3];
     level_axes(x, level);
-    multiply(path->transport, x + 3, carried);
+    matrix_times_vector(path->transport, x + 3, carried);
     for (int i = 0; i < 3; i++) turning[i] = 2.0 * path->spin[i] + carried[i];
-    cross(x + 3, turning, out->pull);
+    vector_product(x + 3, turning, out->pull);
     out->pull[2] += path->gravity - path->fall * (x[6] - path->level);
     for (int i = 0; i < 3; i++) {
         double turn = 0.0;
@@ -91,7 +91,7 @@ static void matrix_of(const double q[4], double out[3][3]) {
     memcpy(out, rows, sizeof rows);
 }
 
-static void product(const double a[3][3], const double b[3][3], double out[3][3]) {
+static void matrix_product(const double a[3][3], const double b[3][3], double out[3][3]) {
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++)
             out[i][j] = a[i][0] * b[0][j] + a[i][1] * b[1][j] + a[i][2] * b[2][j];
@@ -112,7 +112,7 @@ static void find_angles(const double level[3][3], double heading, double x[3]) {
 static void follow_step(double dt, bool first, bool last, const drive_t a[4], place_t *p,
                         const double *x, double *next, double turn[3]) {
     double half[3], halfway[3], middle[3], rotation[3][3], q[4];
-    cross(a[1].rates, a[2].rates, turn);
+    vector_product(a[1].rates, a[2].rates, turn);
     for (int i = 0; i < 3; i++) {
         const double w = a[1].rates[i];
         const double v = a[2].rates[i];
@@ -125,13 +125,13 @@ static void follow_step(double dt, bool first, bool last, const drive_t a[4], pl
     }
     quaternion(half, q);
     matrix_of(q, rotation);
-    multiply(rotation, halfway, middle);
-    multiply(p->level, middle, halfway);
+    matrix_times_vector(rotation, halfway, middle);
+    matrix_times_vector(p->level, middle, halfway);
     quaternion(turn, q);
     turn_on(p->turned, q);
     matrix_of(p->turned, rotation);
-    product(p->first, rotation, p->level);
-    multiply(p->level, a[2].force, middle);
+    matrix_product(p->first, rotation, p->level);
+    matrix_times_vector(p->level, a[2].force, middle);
     for (int i = 0; i < 3; i++) {
         next[3 + i] = x[3 + i] + dt / 6.0 * (p->gain[i] + 4.0 * halfway[i] + middle[i])
                       + dt / 2.0 * (a[1].pull[i] + a[2].pull[i]);
@@ -179,7 +179,7 @@ static void change_slope(const am_drive *d, size_t k, const place_t *p, change_t
         double rates[3], force[3], level[3];
         if (d->input[j] >= AM_WIND) continue;
         by_input(d, k, d->input[j], rates, force);
-        multiply(p->level, force, level);
+        matrix_times_vector(p->level, force, level);
         for (int i = 0; i < 3; i++) c->slope[i][d->states + j] += level[i];
     }
 }
@@ -195,10 +195,10 @@ static void change_turn(const am_drive *d, size_t k, const double turn[3], const
         by_input(d, k, d->input[j], before, force);
         by_input(d, k + 1, d->input[j], after, force);
         for (int i = 0; i < 3; i++) before[i] = (before[i] + after[i]) / 2.0;
-        cross(turn, before, once);
-        cross(turn, once, twice);
+        vector_product(turn, before, once);
+        vector_product(turn, once, twice);
         for (int i = 0; i < 3; i++) before[i] += twice[i] / 6.0 - once[i] / 2.0;
-        multiply(level, before, after);
+        matrix_times_vector(level, before, after);
         for (int i = 0; i < 3; i++) c->delta[i][d->states + j] += d->path.dt * after[i];
     }
 }
@@ -227,7 +227,7 @@ static void begin_path(const am_drive *d, const double *start, place_t *p, chang
     for (int i = 0; i < 3; i++) p->turned[1 + i] = 0.0;
     level_axes(start, p->first);
     memcpy(p->level, p->first, sizeof p->level);
-    multiply(p->level, d->path.force, p->gain);
+    matrix_times_vector(p->level, d->path.force, p->gain);
     for (int i = 0; i < 3; i++) {
         /* the axes of phi, theta, psi in level axes: R W */
         c->delta[i][0] = p->level[i][0];
@@ -237,13 +237,14 @@ static void begin_path(const am_drive *d, const double *start, place_t *p, chang
     for (int i = 3; i < d->states; i++) c->X[i][i] = 1.0;
 }
 
-static void give_change(const am_drive *d, size_t k, const change_t *c, double *X) {
+static void store_change(const am_drive *d, size_t k, const change_t *c, double *X) {
     const size_t columns = (size_t)(d->states + d->inputs);
     double *to = X + k * columns * (size_t)d->states;
     for (int i = 0; i < d->states; i++, to += columns) memcpy(to, c->X[i], sizeof *to * columns);
 }
 
-static void follow(const am_drive *d, size_t samples, const double *start, double *x, double *X) {
+static void follow_path(const am_drive *d, size_t samples, const double *start, double *x,
+                        double *X) {
     place_t p;
     change_t c;
     sight_t sight[2][DRIVEN_VANES];
@@ -259,7 +260,7 @@ static void follow(const am_drive *d, size_t samples, const double *start, doubl
         change_attitude(p.level, &c);
         change_slope(d, 0, &p, &c);
         see_change(d, 0, sight[0], c.wide, c.X, c.seen);
-        give_change(d, 0, &c, X);
+        store_change(d, 0, &c, X);
     }
     for (size_t k = 0; k + 1 < samples; k++) {
         const bool last = k + 2 == samples;
@@ -272,7 +273,7 @@ static void follow(const am_drive *d, size_t samples, const double *start, doubl
         if (X) {
             change_path(d, k, turn, &p, &c);
             change_vanes(d, k, sight, x, c.wide, c.X, c.seen);
-            give_change(d, k + 1, &c, X);
+            store_change(d, k + 1, &c, X);
         }
         memcpy(sight[0], sight[1], sizeof *sight);
         memmove(a, a + 1, 3 * sizeof *a);

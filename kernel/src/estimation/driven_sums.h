@@ -30,7 +30,7 @@ static void find_row(const am_driven *d, const am_residual_group *group, size_t 
 }
 
 /* Both halves of the sums of products. */
-static void give_products(const sums_t *p, double *to) {
+static void add_both_halves(const sums_t *p, double *to) {
     for (int i = 0; i < p->width; i++) {
         for (int j = i; j < p->width; j++) {
             to[i * p->width + j] += p->sum[i * p->stride + j];
@@ -71,7 +71,8 @@ static void add_driven(const am_driven *d, const am_residual_group *group, doubl
             press(given->states, u, (1.0 - group->f[m]) * w, J, p.z, to);
             if (group->f[m] != 0.0) press(given->states, u, group->f[m] * w, J, p.z, to + sample);
         }
-        if (products) give_products(&p, products + (size_t)row * (size_t)(u + 1) * (size_t)(u + 1));
+        if (products)
+            add_both_halves(&p, products + (size_t)row * (size_t)(u + 1) * (size_t)(u + 1));
     }
 }
 
@@ -98,7 +99,7 @@ static void add_later(const am_drive *d, const place_t *p, const sight_t *sight,
         }
         const double speed[3] = {l->speed[0][j], l->speed[1][j], l->speed[2][j]};
         double lever[3];
-        cross(g, speed, lever);
+        vector_product(g, speed, lever);
         for (int i = 0; i < 3; i++) {
             l->turn[i][j] += by[0][i] * at[0] + by[1][i] * at[1] + by[2][i] * at[2] + dt * lever[i];
             l->speed[i][j] += at[3 + i];
@@ -119,7 +120,7 @@ static void add_noise(const am_drive *d, size_t samples, const double *x, int u,
     clear_products(&sums);
     for (size_t k = samples; k-- > 0;) {
         level_axes(x + k * (size_t)d->states, p.level);
-        multiply(p.level, d->path.force + 3 * k, p.gain);
+        matrix_times_vector(p.level, d->path.force + 3 * k, p.gain);
         see_all(d, k, x + k * (size_t)d->states, p.level, sight);
         add_later(d, &p, sight, u, pressed + k * (size_t)d->states * (size_t)u, &later);
         for (int i = 0; i < 6; i++) {
@@ -132,7 +133,7 @@ static void add_noise(const am_drive *d, size_t samples, const double *x, int u,
             add_products_of_row(&sums);
         }
     }
-    give_products(&sums, products);
+    add_both_halves(&sums, products);
 }
 
 #endif
