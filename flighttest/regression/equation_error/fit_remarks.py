@@ -1,7 +1,7 @@
 """What a regression's numbers do not show by themselves: whether they mean anything, and what may
 have spoilt them.
 
-Every threshold is a named constant with its reason next to it; docs/explanation/flight-test/regression.md states how often
+Every threshold is a named constant with its reason next to it; docs/evidence/identification.md states how often
 each speaks by chance.
 """
 
