@@ -167,6 +167,13 @@ def log_path(folder: Path, printed: str) -> None:
     assert all(np.isfinite(alpha).all() for alpha in found)
 
 
+def comparison_of_databases(folder: Path, printed: str) -> None:
+    """Flight changed the pitch damping by many standard errors, and the figures are there."""
+    assert "Cm/qhat" in printed
+    assert (folder / "lift.svg").stat().st_size > 0
+    assert any((folder / "folder").iterdir())
+
+
 def manoeuvres_of_a_record(folder: Path, printed: str) -> None:
     table = (folder / "manoeuvres.csv").read_text(encoding="utf-8")
     assert "3211" in table
@@ -230,7 +237,13 @@ CHECKS: dict[tuple[str, int], Check] = {
     ("docs/how-to/certify-a-report.md", 3): contains('Good "aeromatch" signature', "all as it was"),
     ("docs/how-to/own-fmu.md", 0): contains("delta_e"),
     ("docs/how-to/own-fmu.md", 2): own_fmu,
+    ("docs/how-to/compare-databases.md", 0): comparison_of_databases,
+    ("docs/how-to/compare-databases.md", 1): files(
+        "figures/figure-12.png", "figures-2/figure-12.pdf"
+    ),
     ("docs/how-to/convert-datcom-files.md", 0): contains("is not the plot file of other.out"),
+    ("docs/how-to/edit-a-database.md", 0): files("before.nc"),
+    ("docs/how-to/edit-a-database.md", 2): files("flown.nc", "d.nc"),
     ("docs/how-to/fit-a-manoeuvre.md", 0): files("02.nc"),
     ("docs/how-to/fit-a-manoeuvre.md", 3): output_error_of_a_manoeuvre,
     ("docs/how-to/reconstruct-a-flight.md", 0): files("record.png", "pitch.svg"),
