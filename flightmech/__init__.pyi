@@ -20,10 +20,10 @@ from .aircraft.writing import write_aircraft as write_aircraft
 from .flying_qualities.evaluation import characteristics as characteristics
 from .fmu_export.fmu_file import write_fmu as write_fmu
 from .simulation.batch import simulate_batch as simulate_batch
+from .simulation.closed_loop import simulate_closed_loop as simulate_closed_loop
 from .simulation.compiler import SimModel as SimModel
 from .simulation.compiler import compile as compile
 from .simulation.run import simulate as simulate
-from .simulation.run import simulate_closed_loop as simulate_closed_loop
 from .steady_flight.eigenmodes import modes as modes
 from .steady_flight.linear_model import linearize as linearize
 from .steady_flight.trim_search import start_of as start_of

@@ -86,7 +86,16 @@ _SPELT = {
     "minute": "min", "minutes": "min", "mins": "min", "hour": "h", "hours": "h", "hr": "h", "hrs": "h", "hertz": "Hz",
     "celsius": "degC", "fahrenheit": "degF", "rankine": "degR", "kelvin": "K", "percent": "%", "pct": "%", "prc": "%", "pph": "lb/h",
     "lbph": "lb/h", "gs": "g", "g's": "g", "gee": "g", "gees": "g", "-": "1", "--": "1", "none": "1", "nd": "1", "n/d": "1",
-    "unitless": "1", "dimensionless": "1", "nondim": "1", "ratio": "1", "fraction": "1", "bool": "1", "boolean": "1", "mach": "1",
+    **dict.fromkeys(("g0", "gn"), "g"),
+    **dict.fromkeys(("r/min", "rev/min", "revs/min", "rpms", "r.p.m", "u/min"), "rpm"),
+    **dict.fromkeys(("% rpm", "%rpm", "% n1", "%n1", "% n2", "%n2", "% open", "% mac", "%mac", "per cent"), "%"),
+    **dict.fromkeys(("degs",), "deg"), **dict.fromkeys(("rads",), "rad"),
+    **dict.fromkeys(("ft msl", "ft agl", "ft amsl", "feet msl", "feet agl", "ft qnh"), "ft"),
+    **dict.fromkeys(("m msl", "m agl", "m amsl"), "m"), "ft/mn": "ft/min", "kilonewtons": "kN",
+    **dict.fromkeys(("ms-1", "ms^-1"), "m/s"), **dict.fromkeys(("ms-2", "ms^-2"), "m/s2"), "degs-1": "deg/s", "rads-1": "rad/s",
+    **dict.fromkeys(("millisecond", "milliseconds", "millisec"), "ms"), **dict.fromkeys(("microsecond", "microseconds"), "us"),
+    "degrees c": "degC", "degrees f": "degF", "centigrade": "degC", "kgph": "kg/h", "kmph": "km/h", "km/h": "km/h", "kg/h": "kg/h",
+    "lb/h": "lb/h", "unitless": "1", "dimensionless": "1", "nondim": "1", "ratio": "1", "fraction": "1", "bool": "1", "boolean": "1", "mach": "1",
 }  # fmt: skip
 # the same, where the letter case decides or blanks, dots and hyphens stand between
 _CASED = {
@@ -117,7 +126,8 @@ _SIGNS = {
 # capitals of a heading, DEG or HPA; not KN, which may be knots or kilonewtons, nor MS
 _LOWER = {name.lower(): name for name in _BASE if len(name) > 1 and name not in ("kN", "ms", "MPa")}
 _OFFSET = {"degC": 273.15, "degF": 459.67 / 1.8}
-_FACTOR = re.compile(r"^(%|[A-Za-z]+|1)\^?(-?\d+)?$")
+_FACTOR = re.compile(r"^(%|[A-Za-z]+|1(?!\d))\^?(-?\d+)?$")
+_TENS = re.compile(r"^x?(10+)(?= *[A-Za-z])")  # 100 ft, x1000 lb: a multiple of a unit
 
 
 @cache
@@ -139,10 +149,14 @@ def known_unit(text: str) -> str:
         plain = plain[1:-1].strip()
     if plain in _BASE or plain in _UNCERTAIN:
         return plain
+    if tens := _TENS.match(plain):
+        return f"{tens[1]} {known_unit(plain[tens.end() :])}"
     if spelt := _CASED.get(plain) or _SPELT.get(plain.lower()):
         return spelt
     for sign, letters in _SIGNS.items():
         plain = plain.replace(sign, letters)
+    if spelt := _SPELT.get(plain.lower()):
+        return spelt
     if all(word in _BASE for word in plain.split()):
         return " ".join(plain.split())  # in lb: a moment of mass; in-lb: a moment of force
     if spelt := _WHOLE.get(re.sub(r"[ .*-]+", "", plain).lower()):
@@ -173,8 +187,10 @@ def _known_word(word: str) -> str | None:
 
 
 def fitted_unit(text: str, expected: str) -> str:
-    """Return a unit as `known_unit` does; a pound is one of force for a force or its moment, and
-    one of mass for a mass or its moment.
+    """Return a unit as `known_unit` does; what it means by itself or not is settled by the quantity.
+
+    A pound is one of force for a force, its moment or a pressure, and one of mass for a mass, its
+    moment or a flow; ``kph`` is kg/h for a flow; ``1/min`` of a rotation is a revolution per minute.
 
     Parameters
     ----------
@@ -186,8 +202,16 @@ def fitted_unit(text: str, expected: str) -> str:
     --------
     >>> fitted_unit("lbs", "N"), fitted_unit("lbf", "kg"), fitted_unit("ft lb", "N m"), fitted_unit("in-lb", "kg m")
     ('lbf', 'lb', 'ft lbf', 'lb in')
+    >>> fitted_unit("lb/in2", "Pa"), fitted_unit("1/min", "rad s-1"), fitted_unit("kph", "kg s-1")
+    ('lbf/in2', 'rpm', 'kg/h')
     """
     unit = known_unit(text)
+    if expected == "rad s-1" and unit in ("1/min", "min-1"):
+        return "rpm"
+    if expected == "kg s-1" and text.strip().lower() == "kph":
+        return "kg/h"
+    if expected == "Pa" and re.match(r"lb/(in|ft)2$", unit):
+        return unit.replace("lb", "lbf")
     pound = {"N": "lbf", "N m": "lbf", "kg": "lb", "kg m": "lb"}.get(expected)
     words = unit.split()
     if pound is None or not {"lb", "lbf"} & set(words) or set(words) - {"lb", "lbf", "ft", "in"}:
@@ -216,6 +240,8 @@ def parse_unit(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
     if text in _OFFSET:
         return _BASE[text][0], _BASE[text][1], _OFFSET[text]
     dimension, factor = [0, 0, 0, 0], 1.0
+    if tens := _TENS.match(text):
+        factor, text = float(tens[1]), text[tens.end() :].strip()
     for i, part in enumerate(text.split("/")):
         for word in re.split(r"[ *.]+", part.strip()):
             match = _FACTOR.match(word)

@@ -214,15 +214,21 @@ def front_page(names: dict) -> None:
 
 
 DOUBLET = ("t37_02_clean_cruise_5kft", 39.4, 46.0)  # doublet of 1.2 s each way
-PYTHON: dict[tuple[str, int], Callable[[dict], None]] = {("docs/index.md", 1): front_page}
+PYTHON: dict[tuple[str, int], Callable[[dict], None]] = {
+    ("README.md", 1): front_page,
+    ("docs/index.md", 1): front_page,
+}
 """Blocks of Python that are executed as printed, in a folder with the checkout's ``data``; the check gets the names that they leave."""
 
 FOR_READING = {
     ("docs/index.md", 0): "printed by ./run demo; tests/aeromatch/test_demo.py compares it",
+    ("docs/how-to/data-package.md", 1): "printed by package diff; "
+    "tests/aeromatch/delivery/test_package.py compares the models",
 }
 """Blocks that are no code."""
 
 CHECKS: dict[tuple[str, int], Check] = {
+    ("docs/how-to/data-package.md", 0): contains("hold"),
     ("docs/how-to/own-aircraft.md", 1): prior_of_own_aircraft,
     ("docs/how-to/own-aircraft.md", 2): fmu_of_own_aircraft,
     ("docs/how-to/own-aircraft.md", 3): project_of_own_aircraft,

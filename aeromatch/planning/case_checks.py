@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import xarray as xr
@@ -15,6 +16,7 @@ from aeromatch.planning import model_checks
 from aeromatch.planning.steps import run_collecting_problems
 from aeromatch.project.project import Project
 from flightmech.aircraft.aircraft import Aircraft
+from flightmech.simulation.compiler import SimModel
 from flightmech.support.kept_stages.content_hashes import FileContent
 from flightmech.support.kept_stages.stages import Kept, Stages
 from pom.cases.case import PomCase
@@ -54,19 +56,19 @@ class CaseChecks:
             Of the own models, by name; without databases only foreign models are checked.
         """
         problems: list[str] = []
-        own = model_checks.own_models(aircraft, databases, problems)
+        flown = {name: self._stages.given(one) for name, one in aircraft.items()}  # hashed once
+
+        @cache
+        def compiled(name: str) -> tuple[SimModel | None, list[str]]:
+            return model_checks.own_model(name, aircraft[name], databases[name])
+
+        problems += self._faults_of_models(databases, flown, lambda name: compiled(name)[1])
         foreign = model_checks.foreign_models(self._project, problems)
         laws = Models({})
-        # the engines of the final model may be identified, with tables that the aircraft file does
-        # not have
-        started = {
-            name: sim
-            for name, sim in own.items()
-            if name == "datcom" or self._project.engine is None
-        }
 
         def check(case: PomCase, states: xr.Dataset | None) -> list[str]:
             found: list[str] = []
+            own = {name: sim for name in databases if (sim := compiled(name)[0]) is not None}
             models = {name: kernel_model(name, sim) for name, sim in own.items()}
             if case.law:
                 law = run_collecting_problems(found, f"case {case.name}", laws.law_of, case)
@@ -84,11 +86,17 @@ class CaseChecks:
                 )
             if states is None:
                 return found
-            flown = {} if case.law else started  # the kernel flies no control law
+            # the kernel flies no control law; the engines of the final model may be identified, with
+            # tables that the aircraft file does not have
+            started = {
+                name: sim
+                for name, sim in own.items()
+                if not case.law and (name == "datcom" or self._project.engine is None)
+            }
             return [
                 *found,
                 *model_checks.ground_problems(aircraft["final"], case),
-                *start_problems(case, states, models, flown),
+                *start_problems(case, states, models, started),
             ]
 
         def compute(missing: list[str], put: Callable[..., None]) -> None:
@@ -100,7 +108,6 @@ class CaseChecks:
         items = {
             _label(cases, number): (case, windows[number]) for number, case in enumerate(cases)
         }
-        flown = {name: self._stages.given(one) for name, one in aircraft.items()}  # hashed once
         made_of = {
             "databases": databases,
             "aircraft": flown,
@@ -113,6 +120,28 @@ class CaseChecks:
         }
         found = self._stages.batch("case check", inputs, compute)
         return [*problems, *(text for kept in found.values() for text in kept.value)]
+
+    def _faults_of_models(
+        self,
+        databases: Mapping[str, Kept[xr.DataTree]],
+        aircraft: Mapping[str, Kept[Aircraft]],
+        faults_of: Callable[[str], list[str]],
+    ) -> list[str]:
+        """Return why own models cannot be compiled; one without a fault is compiled only when a
+        case is checked with it.
+        """
+
+        def compute(missing: list[str], put: Callable[..., None]) -> None:
+            for name in missing:
+                faults = faults_of(name)
+                put(name, faults, keep=not faults)
+
+        inputs = {
+            name: {"database": database, "aircraft": aircraft[name]}
+            for name, database in databases.items()
+        }
+        found = self._stages.batch("model check", inputs, compute)
+        return [text for kept in found.values() for text in kept.value]
 
     def _foreign(self) -> dict[str, list[FileContent | None]]:
         """Return the models from elsewhere with their tables of names as inputs of a stage."""

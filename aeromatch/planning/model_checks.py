@@ -37,24 +37,18 @@ _FORMED = (
 )  # at rest or far from the ground where not recorded
 
 
-def own_models(
-    aircraft: Mapping[str, Aircraft],
-    databases: Mapping[str, Kept[xr.DataTree]],
-    problems: list[str],
-) -> dict[str, flightmech.SimModel]:
-    """Return the models of the project by name as far as they can be compiled.
+def own_model(
+    name: str, aircraft: Aircraft, database: Kept[xr.DataTree]
+) -> tuple[flightmech.SimModel | None, list[str]]:
+    """Return a model of the project, compiled, and why it cannot be.
 
     The final model is compiled from the database before the flights; it has the same inputs,
     outputs and parameters.
     """
-    found = {}
-    for name, database in databases.items():
-        sim = run_collecting_problems(
-            problems, f"model {name}", flightmech.compile, aircraft[name], database.value
-        )
-        if sim is not None:
-            found[name] = sim
-    return found
+    faults: list[str] = []
+    return run_collecting_problems(
+        faults, f"model {name}", flightmech.compile, aircraft, database.value
+    ), faults
 
 
 def ground_problems(aircraft: Aircraft, case: PomCase) -> list[str]:

@@ -8,11 +8,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
+
 import aerodb
 import flightmech
 import pom
 from flightmech.support.kept_stages.content_hashes import FileContent
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
+from flightmech.support.kept_stages.store import StageStore
 from pom.diagnosis.sampling.sampled_replay import samples_of_case
 from pom.result import PomResult
 
@@ -152,12 +155,43 @@ def of_cases(
     return found
 
 
+FLIGHTS = "flights"
+"""Stage of the flights of single models: when one model changed, the others are not flown again, although every result is judged anew."""
+
+
+@dataclass(frozen=True)
+class StoredFlights:
+    """Flights in the store of a match, by a key of model and job (`pom.fmu.run_cache`).
+
+    Attributes
+    ----------
+    store : StageStore
+    fresh : bool
+        Whether all are flown, whatever is kept.
+    """
+
+    store: StageStore
+    fresh: bool = False
+
+    def read(self, key: str, shape: tuple[int, int]) -> np.ndarray | None:
+        """Return what is kept under a key; None when nothing is, or nothing of that shape."""
+        for values in () if self.fresh else self.store.read(FLIGHTS, key):
+            if values.shape == shape:
+                return values
+        return None
+
+    def write(self, key: str, values: np.ndarray) -> None:
+        """Keep an array under a key."""
+        self.store.write(FLIGHTS, key, values)
+
+
 def replay_cases(
     stages: Stages,
     inputs: Mapping[str, Mapping[str, Any]],
     cases: Sequence[Any],
     fmus: Mapping[str, Path],
     paths: Mapping[str, Kept[Any]],
+    scheduler: str | None = None,
     **options: Any,
 ) -> list[PomResult]:
     """Return the results of all cases in their order; those that are kept are neither flown nor
@@ -167,10 +201,13 @@ def replay_cases(
     ----------
     inputs : mapping of str to mapping
         From `of_cases`.
-    cases, fmus, paths, **options
+    cases, fmus, paths, scheduler, **options
         As `pom.replay_all`; paths as in `of_cases`.
     """
     named = {case.name: case for case in cases}
+    flights = None  # workers of a cluster do not have the store
+    if stages.store is not None and scheduler is None:
+        flights = StoredFlights(stages.store, stages.fresh)
 
     def compute(missing: list[str], put: Callable[..., None]) -> None:
         def progress(result: PomResult) -> None:
@@ -178,7 +215,13 @@ def replay_cases(
             put(result.case.name, result, keep=not result.failure)
 
         pom.replay_all(
-            [named[name] for name in missing], fmus, Values(paths), progress=progress, **options
+            [named[name] for name in missing],
+            fmus,
+            Values(paths),
+            scheduler=scheduler,
+            flights=flights,
+            progress=progress,
+            **options,
         )
 
     return [kept.value for kept in stages.batch("replay", inputs, compute).values()]

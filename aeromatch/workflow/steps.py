@@ -41,6 +41,7 @@ from aeromatch.workflow.submodels import (
     identified_ground_effect,
     raise_problems,
     spans_of,
+    terms_near_ground,
     with_engine,
 )
 from datcom_io.reading.reader import read_place
@@ -1046,15 +1047,21 @@ def _compared(
 
 def _ground_effect(found: Identified, final: Kept[xr.DataTree], stages: Stages) -> Kept[Any]:
     project, spans = found.project, found.windows.submodels
+    taken = {"database": final, "settings": project.ground_effect}
+    near = stages.one(
+        "terms near the ground", taken, lambda: terms_near_ground(project, final.value)
+    )
+    # by what it holds, not by how it is kept: a change of other coefficients ends here
+    neighbour = stages.given(near.value)
 
     def make() -> Any:
-        return identified_ground_effect(project, Values(found.data), spans, final.value)
+        return identified_ground_effect(project, Values(found.data), spans, neighbour.value)
 
     return stages.one(
         "ground effect",
         {
             "settings": project.ground_effect,
-            "database": final,
+            "database": neighbour,
             **_of(spans, "ground_effect.", found.data),
         },
         make,

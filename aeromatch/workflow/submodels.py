@@ -14,10 +14,12 @@ import pandas as pd
 import xarray as xr
 from joblib import Parallel, delayed
 
+import aerodb
 import flighttest
 from aeromatch.project.project import Project
 from aeromatch.project.sections import RecordSelection
 from flightmech.aircraft.aircraft import Aircraft
+from flightmech.build_up import required_coefficients
 from flightmech.errors import SchemaError, UnknownName
 from flighttest.records.sensors.instruments import pick_up_errors
 from flighttest.submodels.control_loading.loading import loading_of
@@ -322,6 +324,21 @@ def identified_ground_effect(
     return flighttest.identify_ground_effect(
         models, [part for _, part in parts], changed, database, asked.free_air == "held", names
     )
+
+
+def terms_near_ground(project: Project, database: xr.DataTree) -> xr.DataTree:
+    """Return what of a database the ground effect is identified next to: the terms of its
+    coefficients, and of coefficients that these depend on.
+    """
+    leaves, axes = aerodb.terms(database), str(database.attrs["force_axes"])
+    asked = project.ground_effect.models if project.ground_effect is not None else []
+    wanted = new = {flighttest.RegressionModel.parse(text).coefficient for text in asked}
+    while new:
+        own = [leaf for name, leaf in leaves.items() if name.split("/")[0] in new]
+        new = set().union(*(required_coefficients(leaf, axes) for leaf in own)) - wanted
+        wanted = wanted | new
+    taken = {name: leaf for name, leaf in leaves.items() if name.split("/")[0] in wanted}
+    return xr.DataTree.from_dict({"/": xr.Dataset(attrs={"force_axes": axes}), **taken})
 
 
 def identified_gear(

@@ -1,7 +1,6 @@
-"""Neutral points, manoeuvre points, elevator and stick force per g: longitudinal stability at
-constant speed and thrust.
+"""Neutral points, manoeuvre points, elevator and stick force per g, at constant speed and thrust.
 
-Moments are taken about the centre of gravity x, forces normal to the flight path; with n the load
+Moments are taken about the centre of gravity x, forces normal to the flight path.  With n the load
 factor there, in a pull-up dq = g dn / V and
 
     dL:  (CL_alpha + CT cos) dalpha + CL_q dqhat + CL_n dn + CL_de dde = CW dn
@@ -9,9 +8,9 @@ factor there, in a pull-up dq = g dn / V and
     dCh: Ch_alpha dalpha + Ch_q dqhat + Ch_n dn + Ch_de dde = 0                     elevator free
 
 All derivatives come from the tables at the trimmed flight.  Neutral points have Cm_alpha(x) = 0,
-with dde = -Ch_alpha/Ch_de dalpha when free; manoeuvre points have no elevator (fixed) or no hinge
-moment (free) per g.  Alpha is that at the c.g., as in the kernel, so a moved c.g. changes moments
-and no damping term.
+with dde = -Ch_alpha/Ch_de dalpha if the elevator is free.  Manoeuvre points have no elevator
+(fixed) or no hinge moment (free) per g.  Alpha is that at the c.g., as in the kernel.  Another c.g.
+therefore changes moments, but no damping term.
 
 References
 ----------
@@ -21,179 +20,163 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 
 import numpy as np
-import xarray as xr
 from scipy.optimize import root_scalar
 
-from flightmech.names import quantity_attributes
+from flightmech.flying_qualities.control_forces import column_force_slope
 from flightmech.steady_flight.flight_condition import Characteristic, absent_rows
 from flightmech.steady_flight.trim_point import Point
 from flightmech.units import G0
-
-COEFFICIENT = {"delta_e": "Ch_e", "delta_a": "Ch_a", "delta_r": "Ch_r"}
-
-
-def missing_for_force(point: Point, control: str) -> str:
-    """Return in words what a force on column, wheel or pedals lacks, "" when nothing."""
-    coefficient = COEFFICIENT[control]
-    if coefficient not in point.pair.hinges:
-        return f"the database has no hinge moments {coefficient}"
-    if control not in point.aircraft.controls:
-        return f"the aircraft file has no [control.{control}] with S_hinge, c_hinge and gearing"
-    return (
-        f"the aircraft file gives no gearing in [control.{control}]"
-        if point.aircraft.controls[control].gearing is None
-        else ""
-    )
-
-
-def force_factor(point: Point, control: str) -> float:
-    """Return the pilot force of a hinge-moment coefficient of one; `missing_for_force` has returned "". [N,
-    or N m of the wheel]
-    """
-    geometry = point.aircraft.controls[control]
-    return -float(geometry.gearing or 0.0) * point["qbar"] * geometry.S_hinge * geometry.c_hinge
-
-
-def column_force_slope(point: Point, changes: Mapping[str, float]) -> tuple[float, str]:
-    """Return the column force that small changes of model variables take at constant speed, or why
-    there is none. [N]
-    """
-    reason = missing_for_force(point, "delta_e")
-    if reason:
-        return 0.0, reason
-    change = sum(point.hinge_slope("Ch_e", name) * size for name, size in changes.items())
-    return force_factor(point, "delta_e") * change, ""
-
 
 GROUP = "longitudinal stability"
 NO_ELEVATOR = (
     "the elevator has no effect on the pitching moment: the database has no such term here"
 )
 NO_HINGE = "the database has no hinge moments Ch_e over the elevator deflection"
-_SMALL = 1e-9  # derivative that counts as zero
+SMALL = 1e-9  # derivative that counts as zero
+# Search of a c.g.: first step and tolerance, in mean chords.
+_CG_STEP, _CG_TOLERANCE = 0.1, 1e-10
+# Indices of the pitching moment and of the body forces among the six coefficients.
+_CX, _CZ, _CM = 0, 2, 4
 
 
 def longitudinal_rows(point: Point) -> list[Characteristic]:
-    """Return c.g., neutral and manoeuvre points, margins, elevator and stick force per g as rows."""
+    """Return c.g., neutral and manoeuvre points, margins, elevator and force per g as rows."""
     craft = point.aircraft
-    here = craft.x_ref_mac - point.cg[0] / craft.cbar
-    rows = [
+    # body x is forward, chords count backwards
+    cg = craft.x_ref_mac - point.cg[0] / craft.cbar
+    neutral_point = _find_cg(point, lambda x: point.body_slopes("alpha", x)[_CM])
+    # without an effect of the elevator the rows of control are absent
+    has_elevator = abs(point.body_slopes("delta_e")[_CM]) > SMALL
+    return [
         Characteristic(
             GROUP,
             "x_cg",
-            here,
-            "1",
-            "centre of gravity, chords behind the leading edge of the mean chord",
-        )
-    ]
-    fixed = _chords(point, lambda x: point.slope("alpha", x)[4])
-    rows += [
+            cg,
+            units="1",
+            remark="centre of gravity, chords behind the leading edge of the mean chord",
+        ),
         Characteristic(
             GROUP,
             "neutral_point_fixed",
-            fixed,
-            "1",
-            "elevator held, constant speed: Cm_alpha about it is zero",
+            neutral_point,
+            units="1",
+            remark="elevator held, constant speed: Cm_alpha about it is zero",
         ),
         Characteristic(
             GROUP,
             "static_margin_fixed",
-            fixed - here,
-            "1",
-            "neutral point minus c.g.: positive is stable",
+            neutral_point - cg,
+            units="1",
+            remark="neutral point minus c.g.: positive is stable",
         ),
-    ]
-    elevator = abs(point.slope("delta_e")[4]) > _SMALL
-    free = elevator and abs(hinge_moment_slope(point, "delta_e")) > _SMALL
-    return [
-        *rows,
-        *_manoeuvre_fixed(point, here, elevator),
-        *_free(point, here, elevator, free),
-        *_stick_force(point, elevator),
+        *_manoeuvre_fixed_rows(point, cg, has_elevator),
+        *_free_rows(point, cg, has_elevator),
+        *_stick_force_rows(point, has_elevator),
     ]
 
 
-def _manoeuvre_fixed(point: Point, here: float, elevator: bool) -> list[Characteristic]:
-    fixed = _chords(point, lambda x: pull_up(point, x, "held")[2])
+def _manoeuvre_fixed_rows(point: Point, cg: float, has_elevator: bool) -> list[Characteristic]:
+    """Return manoeuvre point and margin stick fixed, elevator and angle of attack per g."""
+    manoeuvre_point = _find_cg(point, lambda x: pull_up(point, x, "held")[2])
     rows = [
         Characteristic(
             GROUP,
             "manoeuvre_point_fixed",
-            fixed,
-            "1",
-            "no elevator per g in a pull-up at constant speed and thrust",
+            manoeuvre_point,
+            units="1",
+            remark="no elevator per g in a pull-up at constant speed and thrust",
         ),
         Characteristic(
-            GROUP, "manoeuvre_margin_fixed", fixed - here, "1", "manoeuvre point minus c.g."
+            GROUP,
+            "manoeuvre_margin_fixed",
+            manoeuvre_point - cg,
+            units="1",
+            remark="manoeuvre point minus c.g.",
         ),
     ]
-    names = {"elevator_per_g": "rad", "alpha_per_g": "rad"}
-    if not elevator:
+    if not has_elevator:
+        names = {"elevator_per_g": "rad", "alpha_per_g": "rad"}
         return [*rows, *absent_rows(GROUP, names, NO_ELEVATOR)]
-    alpha, elevator_angle, _ = pull_up(point, point.cg[0], "moved")
+    alpha, delta_e, _ = pull_up(point, point.cg[0], "moved")
     return [
         *rows,
         Characteristic(
             GROUP,
             "elevator_per_g",
-            elevator_angle,
-            "rad",
-            "per unit of load factor, pull-up; negative: trailing edge up pulls g",
+            delta_e,
+            units="rad",
+            remark="per unit of load factor, pull-up; negative: trailing edge up pulls g",
         ),
-        Characteristic(GROUP, "alpha_per_g", alpha, "rad", "per unit of load factor, pull-up"),
+        Characteristic(
+            GROUP, "alpha_per_g", alpha, units="rad", remark="per unit of load factor, pull-up"
+        ),
     ]
 
 
-def _free(point: Point, here: float, elevator: bool, free: bool) -> list[Characteristic]:
+def _free_rows(point: Point, cg: float, has_elevator: bool) -> list[Characteristic]:
+    """Return neutral and manoeuvre points and margins stick free."""
     names = {
         "neutral_point_free": "1",
         "static_margin_free": "1",
         "manoeuvre_point_free": "1",
         "manoeuvre_margin_free": "1",
     }
-    if not elevator or not free:
-        return absent_rows(GROUP, names, NO_HINGE if elevator else NO_ELEVATOR)
-    float_ = -hinge_moment_slope(point, "alpha") / hinge_moment_slope(point, "delta_e")
-    neutral = _chords(
-        point, lambda x: point.slope("alpha", x)[4] + float_ * point.slope("delta_e", x)[4]
-    )
-    manoeuvre = _chords(point, lambda x: pull_up(point, x, "free")[2])
+    if not has_elevator:
+        return absent_rows(GROUP, names, NO_ELEVATOR)
+    if not abs(hinge_moment_slope(point, "delta_e")) > SMALL:
+        return absent_rows(GROUP, names, NO_HINGE)
+    # Elevator per angle of attack without a hinge moment: -Ch_alpha / Ch_de.
+    floating = -hinge_moment_slope(point, "alpha") / hinge_moment_slope(point, "delta_e")
+
+    def free_slope(x: float) -> float:
+        by_alpha = point.body_slopes("alpha", x)[_CM]
+        return by_alpha + floating * point.body_slopes("delta_e", x)[_CM]
+
+    neutral_point = _find_cg(point, free_slope)
+    manoeuvre_point = _find_cg(point, lambda x: pull_up(point, x, "free")[2])
     return [
         Characteristic(
             GROUP,
             "neutral_point_free",
-            neutral,
-            "1",
-            f"elevator floats by {float_:.3g} rad per rad of alpha",
+            neutral_point,
+            units="1",
+            remark=f"elevator floats by {floating:.3g} rad per rad of alpha",
         ),
         Characteristic(
-            GROUP, "static_margin_free", neutral - here, "1", "neutral point minus c.g."
+            GROUP,
+            "static_margin_free",
+            neutral_point - cg,
+            units="1",
+            remark="neutral point minus c.g.",
         ),
         Characteristic(
             GROUP,
             "manoeuvre_point_free",
-            manoeuvre,
-            "1",
-            "no hinge moment per g, without bobweight and springs",
+            manoeuvre_point,
+            units="1",
+            remark="no hinge moment per g, without bobweight and springs",
         ),
         Characteristic(
-            GROUP, "manoeuvre_margin_free", manoeuvre - here, "1", "manoeuvre point minus c.g."
+            GROUP,
+            "manoeuvre_margin_free",
+            manoeuvre_point - cg,
+            units="1",
+            remark="manoeuvre point minus c.g.",
         ),
     ]
 
 
-def _stick_force(point: Point, elevator: bool) -> list[Characteristic]:
+def _stick_force_rows(point: Point, has_elevator: bool) -> list[Characteristic]:
     names = {"stick_force_per_g": "N"}
-    if not elevator:
+    if not has_elevator:
         return absent_rows(GROUP, names, NO_ELEVATOR)
     alpha, delta_e, _ = pull_up(point, point.cg[0], "moved")
-    qhat = G0 / point["V"] * 0.5 * point.aircraft.cbar / point["V"]
-    force, reason = column_force_slope(
-        point, {"alpha": alpha, "delta_e": delta_e, "qhat": qhat, "dnz": 1.0}
-    )
+    changes = {"alpha": alpha, "delta_e": delta_e, "qhat": _pitch_rate_per_g(point), "dnz": 1.0}
+    # hinge moments change with all four quantities of the pull-up
+    force, reason = column_force_slope(point, changes)
     if reason:
         return absent_rows(GROUP, names, reason)
     return [
@@ -201,8 +184,8 @@ def _stick_force(point: Point, elevator: bool) -> list[Characteristic]:
             GROUP,
             "stick_force_per_g",
             force,
-            "N",
-            "pull per unit of load factor, pull-up, without bobweight, springs and friction",
+            units="N",
+            remark="pull per unit of load factor, pull-up, without bobweight, springs and friction",
         )
     ]
 
@@ -212,9 +195,13 @@ def hinge_moment_slope(point: Point, variable: str) -> float:
     return point.hinge_slope("Ch_e", variable)
 
 
+def _pitch_rate_per_g(point: Point) -> float:
+    """Return dqhat per unit of load factor: g/V times cbar/2V. [1]"""
+    return G0 / point["V"] * 0.5 * point.aircraft.cbar / point["V"]
+
+
 def pull_up(point: Point, x_cg_b: float, elevator: str) -> tuple[float, float, float]:
-    """Return what one g of pull-up takes: alpha [rad], elevator [rad], and the residual pitching
-    moment [1].
+    """Return angle of attack and elevator per g [rad], and the residual pitching moment [1].
 
     Parameters
     ----------
@@ -223,37 +210,43 @@ def pull_up(point: Point, x_cg_b: float, elevator: str) -> tuple[float, float, f
     x_cg_b : float
         Centre of gravity forward of the moment reference point. [m]
     elevator : {"moved", "held", "free"}
-        Moved so that the moment vanishes, held, or floating without a hinge moment.
+        The elevator moves so that the moment vanishes, is fixed, or floats without a hinge moment.
     """
-    slopes = {name: point.slope(name, x_cg_b) for name in ("alpha", "qhat", "dnz", "delta_e")}
-    lift = {name: _lift(point, name, slope) for name, slope in slopes.items()}
-    qhat = G0 / point["V"] * 0.5 * point.aircraft.cbar / point["V"]
-    wanted = point.CW - lift["qhat"] * qhat - lift["dnz"]
-    moment = slopes["qhat"][4] * qhat + slopes["dnz"][4]
-    row, right = {
-        "moved": ([slopes["alpha"][4], slopes["delta_e"][4]], -moment),
-        "held": ([0.0, 1.0], 0.0),
-        "free": (
-            [hinge_moment_slope(point, "alpha"), hinge_moment_slope(point, "delta_e")],
-            -hinge_moment_slope(point, "qhat") * qhat - hinge_moment_slope(point, "dnz"),
-        ),
-    }[elevator]
-    alpha, delta_e = np.linalg.solve([[lift["alpha"], lift["delta_e"]], row], [wanted, right])
-    return (
-        float(alpha),
-        float(delta_e),
-        float(moment + slopes["alpha"][4] * alpha + slopes["delta_e"][4] * delta_e),
-    )
+    slopes, lift = {}, {}
+    for name in ("alpha", "qhat", "dnz", "delta_e"):
+        slopes[name] = point.body_slopes(name, x_cg_b)
+        lift[name] = _lift_slope(point, name, slopes[name])
+    qhat = _pitch_rate_per_g(point)
+    # terms of the equations dL and dM of the module that do not depend on alpha and elevator
+    lift_change = point.CW - lift["qhat"] * qhat - lift["dnz"]
+    moment = slopes["qhat"][_CM] * qhat + slopes["dnz"][_CM]
+    if elevator == "moved":  # dM
+        condition = [slopes["alpha"][_CM], slopes["delta_e"][_CM]]
+        condition_change = -moment
+    elif elevator == "held":
+        condition = [0.0, 1.0]
+        condition_change = 0.0
+    elif elevator == "free":  # dCh
+        condition = [hinge_moment_slope(point, "alpha"), hinge_moment_slope(point, "delta_e")]
+        condition_change = -hinge_moment_slope(point, "qhat") * qhat
+        condition_change -= hinge_moment_slope(point, "dnz")
+    else:
+        raise ValueError(f"elevator is {elevator!r}; allowed: moved, held, free")
+    matrix = [[lift["alpha"], lift["delta_e"]], condition]
+    alpha, delta_e = np.linalg.solve(matrix, [lift_change, condition_change])
+    residual = moment + slopes["alpha"][_CM] * alpha + slopes["delta_e"][_CM] * delta_e
+    return float(alpha), float(delta_e), float(residual)
 
 
-def _lift(point: Point, variable: str, slope: np.ndarray) -> float:
+def _lift_slope(point: Point, variable: str, slope: np.ndarray) -> float:
     """Return the slope of the force normal to the flight path over qbar S."""
     alpha = point["alpha"]
     s, c = np.sin(alpha), np.cos(alpha)
-    normal = slope[0] * s - slope[2] * c
+    normal = slope[_CX] * s - slope[_CZ] * c
     if variable != "alpha":
         return normal
-    CX, _, CZ, *_ = point.body()
+    # with alpha the body axes turn against the path, and with them aerodynamic force and thrust
+    CX, _, CZ, *_ = point.body_coefficients()
     CX_T, CZ_T = thrust_coefficients(point)
     return normal + (CX + CX_T) * c + (CZ + CZ_T) * s
 
@@ -263,162 +256,23 @@ def thrust_coefficients(point: Point) -> tuple[float, float]:
     force = np.zeros(3)
     for number, engine in enumerate(point.aircraft.engines, 1):
         force += point[f"engine{number}.thrust"] * np.array(engine.direction)
+    # thrust along body y does not act in the plane of symmetry
     x, _, z = force / (point["qbar"] * point.aircraft.S)
     return float(x), float(z)
 
 
-def _chords(point: Point, residual: Callable[[float], float]) -> float:
-    """Return the c.g. at which `residual` is zero, chords behind the leading edge; linear unless
-    terms depend on the c.g.
+def _find_cg(point: Point, residual: Callable[[float], float]) -> float:
+    """Return the c.g. at which `residual` is zero, in chords behind the leading edge.
+
+    The residual is linear in the c.g. unless terms depend on it.
     """
     craft = point.aircraft
-    found = root_scalar(
+    search = root_scalar(
         residual,
         x0=point.cg[0],
-        x1=point.cg[0] - 0.1 * craft.cbar,
+        x1=point.cg[0] - _CG_STEP * craft.cbar,
         method="secant",
-        xtol=1e-10 * craft.cbar,
+        xtol=_CG_TOLERANCE * craft.cbar,
         maxiter=50,
     )
-    return craft.x_ref_mac - float(found.root) / craft.cbar
-
-
-TRIM_CURVES = "trim over speed"
-_NUDGE = 1e-3  # of the speed, for slopes along trimmed flights
-
-
-def trim_curves(point: Point, speeds: Sequence[float] | np.ndarray) -> xr.Dataset:
-    """Return trimmed straight flights at the path angle and configuration of a point.
-
-    Parameters
-    ----------
-    point : Point
-        The flight.
-    speeds : array (V,)
-        True airspeeds, rising. [m s-1]
-
-    Returns
-    -------
-    Dataset (V,)
-        ``alpha theta delta_e`` [rad], ``thrust`` of all engines [N], ``throttle`` [1] when thrust
-        comes from tables, ``CL``, ``CD``, ``F_column`` as the tab stands and ``F_column_trimmed``
-        with the force trimmed out at the speed of the point [N], both absent without hinge moments;
-        NaN where no steady flight is found.
-    """
-    flights = [point.at(init__V=float(V)) for V in speeds]
-    columns: dict[str, list[float]] = {
-        name: [flight[name] for flight in flights] for name in ("alpha", "theta", "CL", "CD")
-    }
-    columns["delta_e"] = [flight["applied.delta_e"] for flight in flights]
-    columns["thrust"] = [flight.thrust for flight in flights]
-    if _throttled(point):
-        columns["throttle"] = [flight.variables["engine1.throttle"] for flight in flights]
-    if not missing_for_force(point, "delta_e"):
-        columns["F_column"] = [_force(flight, 0.0) for flight in flights]
-        columns["F_column_trimmed"] = [_force(flight, _hinge(point)) for flight in flights]
-    steady = np.array([flight.is_trimmed for flight in flights])
-    named = {"F_column_trimmed": "F_column"}
-    data = {
-        name: ("V", np.where(steady, values, np.nan), quantity_attributes(named.get(name, name)))
-        for name, values in columns.items()
-    }
-    return xr.Dataset(
-        data,
-        {"V": ("V", np.asarray(speeds, float), quantity_attributes("V"))},
-        attrs={"title": point.aircraft.name},
-    )
-
-
-def speed_stability(point: Point) -> list[Characteristic]:
-    """Return the slopes of elevator and column force over speed, and the neutral point that the
-    trim curve shows, as rows.
-    """
-    slope = _elevator_slope(point)
-    if abs(point.slope("delta_e")[4]) < 1e-9:
-        rows = absent_rows(
-            TRIM_CURVES, {"delta_e_per_V": "rad s m-1", "neutral_point_trim": "1"}, NO_ELEVATOR
-        )
-    else:
-        rows = [
-            Characteristic(
-                TRIM_CURVES,
-                "delta_e_per_V",
-                slope,
-                "rad s m-1",
-                "along trimmed flights; positive (trailing edge down to fly faster) is stable",
-            )
-        ]
-        rows += _neutral_point(point)
-    forces = {"F_column": "N", "F_column_per_V": "N s m-1"}
-    reason = missing_for_force(point, "delta_e")
-    if reason:
-        return [*rows, *absent_rows(TRIM_CURVES, forces, reason)]
-    low, high = (_force(flight, _hinge(point)) for flight in _neighbours(point))
-    return [
-        *rows,
-        Characteristic(TRIM_CURVES, "F_column", _force(point, 0.0), "N", "pull, as the tab stands"),
-        Characteristic(
-            TRIM_CURVES,
-            "F_column_per_V",
-            (high - low) / (2.0 * _NUDGE * point["V"]),
-            "N s m-1",
-            "trimmed out at this speed; push to fly faster is negative",
-        ),
-    ]
-
-
-def _neutral_point(point: Point) -> list[Characteristic]:
-    craft = point.aircraft
-
-    def residual(x: float) -> float:
-        return _elevator_slope(point.at(mass__x_cg_b=x))
-
-    found = root_scalar(
-        residual,
-        x0=point.cg[0],
-        x1=point.cg[0] - 0.05 * craft.cbar,
-        method="secant",
-        xtol=1e-6 * craft.cbar,
-        maxiter=30,
-    )
-    if not (found.converged and point.at(mass__x_cg_b=float(found.root)).is_trimmed):
-        return absent_rows(
-            TRIM_CURVES,
-            {"neutral_point_trim": "1"},
-            "no c.g. within trim makes the elevator independent of speed",
-        )
-    text = (
-        "c.g. for which trimmed flights need no elevator over speed: with thrust, Mach number "
-        "and drag"
-    )
-    return [
-        Characteristic(
-            TRIM_CURVES,
-            "neutral_point_trim",
-            craft.x_ref_mac - float(found.root) / craft.cbar,
-            "1",
-            text,
-        )
-    ]
-
-
-def _elevator_slope(point: Point) -> float:
-    low, high = _neighbours(point)
-    return (high["applied.delta_e"] - low["applied.delta_e"]) / (2.0 * _NUDGE * point["V"])
-
-
-def _neighbours(point: Point) -> tuple[Point, Point]:
-    V = point["V"]
-    return point.at(init__V=(1.0 - _NUDGE) * V), point.at(init__V=(1.0 + _NUDGE) * V)
-
-
-def _hinge(point: Point) -> float:
-    return point.hinge("Ch_e") or 0.0
-
-
-def _force(flight: Point, trimmed_out: float) -> float:
-    return force_factor(flight, "delta_e") * (_hinge(flight) - trimmed_out)
-
-
-def _throttled(point: Point) -> bool:
-    return bool(point.aircraft.engines) and point.parameter("mode.engine") == 0.0
+    return craft.x_ref_mac - float(search.root) / craft.cbar

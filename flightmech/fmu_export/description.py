@@ -1,10 +1,10 @@
-"""What an FMU describes of a model: its variables, as both standards see them."""
+"""Variables of an FMU, in the terms of FMI 2.0 and FMI 3.0."""
 
 from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -22,12 +22,12 @@ from flightmech.simulation.kernel import (
 if TYPE_CHECKING:
     from flightmech.simulation.compiler import SimModel
 
-# value references: base of the kind + index in the catalogue, as in kernel/shell/fmu.h
+# Value reference = base of the causality + index in the catalogue, as in kernel/shell/fmu.h.
 BASE = {"input": 1000, "output": 10000, "state": 50000, "derivative": 60000, "parameter": 100000}
 TIME = 0
 REPLAY = {"replay.n": 70000, "replay.t": 70001, "replay.u": 70002, "replay.y": 70003}
 
-# the values that an enumeration of the kernel can take; names as importers show them
+# Values of the enumerations of the kernel, with the names that importers show.
 CHOICES = {
     "mode.earth": {"flat": 0, "WGS84_rotating": 1, "sphere_at_rest": 2, "sphere_rotating": 3},
     "mode.engine": {"lever": 0, "N1": 1, "thrust": 2},
@@ -38,13 +38,13 @@ CHOICES = {
     "runway.condition": {"dry": 0, "wet": 1, "icy": 2},
 }
 
-# typical sizes by unit, for the tolerances of an importer's solver, as in kernel/shell/exchange.c
+# Typical sizes by unit, for the tolerances of an importer's solver, as in kernel/shell/exchange.c.
 NOMINAL = {"m": 1000.0, "m s-1": 100.0, "rad s-1": 0.1, "rad": 0.1, "N": 1e4, "kg": 1000.0}
 
-# states 0 ... 12 of every model, in the order of kernel.h
+# States 0 ... 12 of every model, in the order of kernel.h.
 _POSITION, _VELOCITY, _ATTITUDE, _RATES = range(3), range(3, 6), range(6, 10), range(10, 13)
 
-# what the kinematics alone fix, no submodel can change it: output to the states it depends on
+# Outputs that depend on the kinematics alone, whatever the submodels are: their states.
 _KINEMATIC = {
     **dict.fromkeys(("lat", "lon", "h", "rho", "p_static", "temperature"), (*_POSITION,)),
     **dict.fromkeys(("vn", "ve", "vd", "hdot", "gamma"), (*_POSITION, *_VELOCITY)),
@@ -62,21 +62,22 @@ class FmuVariable:
     Attributes
     ----------
     causality : str
-        ``input``, ``output``, ``parameter``, or ``state`` and ``derivative``, which the standards
-        call local.
+        ``input``, ``output``, ``parameter``, or ``state`` and ``derivative``, which are local
+        variables in the standards.
     reference : int
         Value reference.
     start, low, high, nominal : float or None
-        Start value of inputs and parameters; limits and typical size where there are any. [units]
+        Start value of inputs and parameters, limits and typical size; None if there is none.
+        [units]
     fixed : bool
-        A parameter that acts at initialisation only.
+        Whether a parameter acts at initialisation only.
     integer : bool
-        An enumeration, or a whole number.
+        Whether the values are integers, as those of an enumeration.
     state : int or None
-        Of a derivative: the reference of its state.
+        Reference of the state, for a derivative.
     dependencies : tuple of int or None
-        References of the states and inputs that an output or derivative depends on; None: on all of
-        them.
+        References of the states and inputs that an output or derivative depends on. None means all
+        of them.
     """
 
     name: str
@@ -104,8 +105,9 @@ class FmuVariable:
 
 @dataclass(frozen=True)
 class Description:
-    """What both standards describe of a model; `token` ties the description to
-    ``resources/model.bin``.
+    """Contents of a model description.
+
+    `token` is the hash of ``resources/model.bin``, `step` the default step of the model [s].
     """
 
     title: str
@@ -116,16 +118,17 @@ class Description:
     variables: tuple[FmuVariable, ...]
 
     def __post_init__(self) -> None:
-        bad = [
-            v.name
-            for v in self.variables
-            if v.causality != "derivative" and not _STRUCTURED.fullmatch(v.name)
-        ]
-        if bad:
-            hint = "letters, digits and underscores, parts joined by dots; rename the term"
-            raise SchemaError(
-                "model description", [f"{name!r} is no FMI variable name: {hint}" for name in bad]
+        problems = []
+        for variable in self.variables:
+            # the name of a derivative, der(...), is made from that of its state
+            if variable.causality == "derivative" or _STRUCTURED.fullmatch(variable.name):
+                continue
+            problems.append(
+                f"{variable.name!r} is not an FMI variable name: letters, digits and underscores, "
+                f"parts joined by dots; rename the term"
             )
+        if problems:
+            raise SchemaError("model description", problems)
 
     def of(self, causality: str) -> list[FmuVariable]:
         """Return the variables of one causality, in the order of the kernel."""
@@ -133,16 +136,23 @@ class Description:
 
 
 def describe_model(sim: SimModel, token: str, tool: str) -> Description:
-    """Return the interface of a model: all inputs, outputs, parameters and states of its catalogue."""
+    """Return the interface of a model: all inputs, outputs, parameters and states."""
     parameters = sim.entries(PARAMETER)
     step = next(row.value for row in parameters if row.name == "mode.step")
-    variables = (
-        *(_scalar("input", i, row) for i, row in enumerate(sim.entries(INPUT))),
-        *(_scalar("output", i, row) for i, row in enumerate(sim.entries(OUTPUT))),
-        *(_scalar("parameter", i, row) for i, row in enumerate(parameters)),
-        *_states(sim.entries(STATE)),
+    rows = {"input": sim.entries(INPUT), "output": sim.entries(OUTPUT), "parameter": parameters}
+    variables = []
+    for causality, entries in rows.items():
+        for index, entry in enumerate(entries):
+            variables.append(_make_variable(causality, index, entry))
+    variables += _make_states(sim.entries(STATE))
+    return Description(
+        title=sim.title,
+        identifier=to_c_identifier(sim.title),
+        token=token,
+        tool=tool,
+        step=step,
+        variables=tuple(variables),
     )
-    return Description(sim.title, to_c_identifier(sim.title), token, tool, step, variables)
 
 
 def to_c_identifier(title: str) -> str:
@@ -150,7 +160,7 @@ def to_c_identifier(title: str) -> str:
 
     Examples
     --------
-    >>> identifier("T-37B (final)")
+    >>> to_c_identifier("T-37B (final)")
     'T_37B_final'
     """
     name = re.sub(r"\W+", "_", title, flags=re.ASCII).strip("_")
@@ -171,53 +181,70 @@ def rate_units(units: str) -> str:
     return "s-1" if units == "1" else f"{units} s-1"
 
 
-def _scalar(causality: str, index: int, row: CatalogueEntry) -> FmuVariable:
-    low, high = (
-        None if abs(limit) >= sys.float_info.max else limit for limit in (row.low, row.high)
+def _make_variable(causality: str, index: int, row: CatalogueEntry) -> FmuVariable:
+    """Return the variable of a row of the catalogue."""
+    variable = FmuVariable(
+        name=row.name,
+        causality=causality,
+        reference=BASE[causality] + index,
+        units=row.units,
+        display_units=row.display_units,
+        description=row.description,
+        start=row.value,
+        low=_to_limit(row.low),
+        high=_to_limit(row.high),
+        fixed=bool(row.flags & FIXED),
+        integer=bool(row.flags & INTEGER),
+        nominal=NOMINAL.get(row.units),
     )
-    return FmuVariable(
-        row.name,
-        causality,
-        BASE[causality] + index,
-        row.units,
-        row.display_units,
-        row.description,
-        None if causality == "output" else row.value,
-        low,
-        high,
-        bool(row.flags & FIXED),
-        bool(row.flags & INTEGER),
-        None if causality == "parameter" else NOMINAL.get(row.units),
-        dependencies=_references(_KINEMATIC.get(row.name)) if causality == "output" else None,
-    )
+    if causality == "output":
+        dependencies = _to_references(_KINEMATIC.get(row.name))
+        return replace(variable, start=None, dependencies=dependencies)
+    if causality == "parameter":
+        return replace(variable, nominal=None)
+    return variable
 
 
-def _states(rows: Sequence[CatalogueEntry]) -> Iterator[FmuVariable]:
-    names = [
-        f"state.{row.name.removeprefix('state.')}" for row in rows
-    ]  # a state may be called like an output
+def _to_limit(value: float) -> float | None:
+    """Return a limit of the catalogue; the largest float of the kernel means no limit."""
+    return None if abs(value) >= sys.float_info.max else value
+
+
+def _make_states(rows: Sequence[CatalogueEntry]) -> list[FmuVariable]:
+    """Return the states, then their derivatives in the same order."""
+    states, derivatives = [], []
     for i, row in enumerate(rows):
-        yield replace(_scalar("state", i, row), name=names[i], start=None)
-    for i, row in enumerate(rows):
-        units, text = rate_units(row.units), f"time derivative of {row.description}"
-        reference, state = BASE["derivative"] + i, BASE["state"] + i
-        yield FmuVariable(
-            f"der({names[i]})",
-            "derivative",
-            reference,
-            units,
-            units,
-            text,
-            state=state,
-            dependencies=_references(_rate_of(i)),
+        # A state may have the name of an output. The prefix makes the names different.
+        name = f"state.{row.name.removeprefix('state.')}"
+        state = replace(_make_variable("state", i, row), name=name, start=None)
+        states.append(state)
+        units = rate_units(row.units)
+        derivatives.append(
+            FmuVariable(
+                name=f"der({name})",
+                causality="derivative",
+                reference=BASE["derivative"] + i,
+                units=units,
+                display_units=units,
+                description=f"time derivative of {row.description}",
+                state=state.reference,
+                dependencies=_to_references(_rate_dependencies(i)),
+            )
         )
+    return [*states, *derivatives]
 
 
-def _rate_of(state: int) -> tuple[int, ...] | None:
+def _rate_dependencies(state: int) -> tuple[int, ...] | None:
+    """Return the states that the rate of a state depends on; None means all of them."""
+    # Position and attitude follow from the kinematics. Submodels act on all other rates.
     if state in _POSITION:
         return (_VELOCITY[state],)
-    return (*_ATTITUDE, *_RATES) if state in _ATTITUDE else None
+    if state in _ATTITUDE:
+        return (*_ATTITUDE, *_RATES)
+    return None
 
 
-def _references(states: tuple[int, ...] | None) -> tuple[int, ...] | None:
-    return None if states is None else tuple(BASE["state"] + i for i in states)
+def _to_references(states: tuple[int, ...] | None) -> tuple[int, ...] | None:
+    if states is None:
+        return None
+    return tuple(BASE["state"] + state for state in states)

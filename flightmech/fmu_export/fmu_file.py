@@ -1,8 +1,8 @@
-"""A compiled model as a Functional Mock-up Unit: the kernel's libraries, the model block, and what
-the standard wants to know.
+"""Functional Mock-up Units: writing of a compiled model, and reading of any FMU.
 
-Writing needs no compiler: the libraries are those the package was built with, the aircraft is
-``resources/model.bin``. The same model gives the same bytes.
+An FMU contains the libraries of the kernel, the model block and the files of the standard.  Writing
+does not need a compiler: the libraries come from the installed package, and the aircraft is
+``resources/model.bin``.  The same model gives the same bytes.
 """
 
 from __future__ import annotations
@@ -21,9 +21,11 @@ from typing import TYPE_CHECKING, Any
 
 from flightmech.errors import ParseError, SchemaError
 from flightmech.fmu_export.description import Description, describe_model
-from flightmech.fmu_export.documentation import PageAxis, make_term_figures, render_documentation
+from flightmech.fmu_export.documentation import PageAxis, render_documentation
 from flightmech.fmu_export.model_description import render_model_description
-from flightmech.simulation.kernel import AXIS, FOLDER, LINEAR, SUFFIX
+from flightmech.fmu_export.term_plots import make_term_figures
+from flightmech.simulation.kernel import AXIS, LINEAR
+from flightmech.simulation.kernel_library import FOLDER, SUFFIX
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.input_files import file_kind
 
@@ -37,27 +39,26 @@ FMI2_FOLDER = {
     "aarch64-darwin": "darwin64",
 }
 
-# Mach-O universal binary: big-endian header, <mach-o/fat.h>; processor types of <mach/machine.h>,
-# alignment 2**14
+# Mach-O universal binary: big-endian header of <mach-o/fat.h>.
 _FAT_MAGIC = 0xCAFEBABE
+# Type and subtype of the processor, <mach/machine.h>.
 _PROCESSOR = {"x86_64-darwin": (0x01000007, 3), "aarch64-darwin": (0x0100000C, 0)}
-_ALIGNMENT = 14
+_ALIGNMENT = 14  # power of two to which each library is aligned
 
 
 def find_libraries(folder: Path = FOLDER) -> dict[str, bytes]:
-    """Return the libraries found, by platform such as ``x86_64-linux``.
+    """Return the compiled libraries by platform, such as ``x86_64-linux``.
 
     Raises
     ------
     SchemaError
-        When there is none.
+        The folder contains no library.
     """
-    found = {
-        path.parent.name: path.read_bytes()
-        for suffix in SUFFIX.values()
-        for path in sorted(folder.glob(f"*/*{suffix}"))
-    }
-    if not found:
+    libraries = {}
+    for suffix in SUFFIX.values():
+        for path in sorted(folder.glob(f"*/*{suffix}")):
+            libraries[path.parent.name] = path.read_bytes()
+    if not libraries:
         raise SchemaError(
             "FMU",
             [
@@ -65,55 +66,59 @@ def find_libraries(folder: Path = FOLDER) -> dict[str, bytes]:
                 f"hatch_build.py' in a checkout"
             ],
         )
-    return found
+    return libraries
 
 
 def place_libraries(
     libraries: Mapping[str, bytes], identifier: str, version: str
 ) -> dict[str, bytes]:
-    """Return the files of the folder ``binaries`` by their place in the FMU.
+    """Return the files of the folder ``binaries`` by their path in the FMU.
 
     Parameters
     ----------
     libraries : mapping of str to bytes
         Libraries by platform, from `find_libraries`.
     identifier : str
-        Model identifier: the file name that importers look for.
+        Model identifier: importers search for this file name.
     version : {"2.0", "3.0"}
         FMI version.
 
     Raises
     ------
     SchemaError
-        When FMI `version` has no folder for any of the libraries.
+        The FMI version has no folder for any of the libraries.
     """
+    files = {}
     if version == "3.0":
-        return {
-            f"binaries/{name}/{identifier}{_suffix(name)}": data for name, data in libraries.items()
-        }
-    known = {name: data for name, data in libraries.items() if name in FMI2_FOLDER}
-    if not known:
+        for platform, data in libraries.items():
+            files[f"binaries/{platform}/{identifier}{_suffix(platform)}"] = data
+        return files
+
+    supported = {name: data for name, data in libraries.items() if name in FMI2_FOLDER}
+    if not supported:
         raise SchemaError(
             "FMU", [f"FMI 2.0 has no folder for {', '.join(libraries)}; write FMI 3.0"]
         )
-    mac = {name: data for name, data in known.items() if name in _PROCESSOR}
+    # FMI 2.0 has one folder for macOS, so that libraries of several processors become one file.
+    # Both platforms then have the same path below.
+    mac = {name: data for name, data in supported.items() if name in _PROCESSOR}
     if len(mac) > 1:
-        known = {name: data for name, data in known.items() if name not in mac} | {
-            next(iter(mac)): join_universal(mac)
-        }
-    return {
-        f"binaries/{FMI2_FOLDER[name]}/{identifier}{_suffix(name)}": data
-        for name, data in known.items()
-    }
+        supported |= dict.fromkeys(mac, join_universal(mac))
+    for platform, data in supported.items():
+        files[f"binaries/{FMI2_FOLDER[platform]}/{identifier}{_suffix(platform)}"] = data
+    return files
 
 
 def join_universal(libraries: Mapping[str, bytes]) -> bytes:
     """Return the macOS libraries of several processors joined into one universal binary."""
+    # The header has one entry per library: processor, offset, size. Libraries follow, aligned.
     step = 1 << _ALIGNMENT
     header, body = struct.pack(">II", _FAT_MAGIC, len(libraries)), b""
     offset = step
     for name, data in sorted(libraries.items()):
-        header += struct.pack(">IIIII", *_PROCESSOR[name], offset, len(data), _ALIGNMENT)
+        processor, subtype = _PROCESSOR[name]
+        entry = (processor, subtype, offset, len(data), _ALIGNMENT)
+        header += struct.pack(">IIIII", *entry)
         body += data + bytes(-len(data) % step)
         offset = step + len(body)
     return header.ljust(step, b"\0") + body
@@ -123,26 +128,26 @@ def _suffix(name: str) -> str:
     return SUFFIX[name.split("-")[1]]
 
 
-# of a structured name (FMI 2.0.2, section 2.2.9), without quotes
+# Part of a structured name without quotes (FMI 2.0.2, section 2.2.9).
 _PART = r"[A-Za-z_]\w*(?:\[\d+(?:,\d+)*\])?"
 _PLAIN_NAME = re.compile(rf"{_PART}(?:\.{_PART})*|der\({_PART}(?:\.{_PART})*(?:,\d+)?\)", re.ASCII)
 
 
 def read_fmu(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return what an FMU of any vendor states about itself.
+    """Return the contents of the model description of an FMU of any vendor.
 
     Returns
     -------
     dict
-        ``model``, ``fmi``, ``token``, ``platforms`` (those that it has a library for), ``platform``
-        of this machine, ``runs_here``, ``variables`` (list of dict: ``name causality variability
-        type unit display_unit start description``) and ``findings``, the problems that FMPy's
-        validation sees.
+        ``model``, ``fmi``, ``token``, ``platforms`` (with a library in the FMU), ``platform`` of
+        this machine, ``runs_here``, ``variables`` (list of dict: ``name causality variability type
+        unit display_unit start description``) and ``findings``, the problems from FMPy's
+        validation.
 
     Raises
     ------
     ParseError
-        The file is no FMU.
+        The file is not an FMU.
     """
     import fmpy
 
@@ -151,13 +156,11 @@ def read_fmu(path: str | os.PathLike[str]) -> dict[str, Any]:
         platforms = sorted(fmpy.supported_platforms(str(path)))
     except Exception as error:  # FMPy raises plain exceptions
         kind = file_kind(path)
-        found = f"a damaged FMU ({error})" if kind.startswith("a zip") else kind
-        raise ParseError(
-            str(path),
-            0,
-            found,
-            "an FMU: a zip archive with a modelDescription.xml of FMI 1.0, 2.0 or 3.0",
-        ) from error
+        if kind.startswith("a zip"):
+            kind = f"a damaged FMU ({error})"
+        allowed = "an FMU: a zip archive with a modelDescription.xml of FMI 1.0, 2.0 or 3.0"
+        raise ParseError(str(path), 0, kind, allowed) from error
+    names = [variable.name for variable in model.modelVariables]
     return {
         "model": model.modelName,
         "fmi": model.fmiVersion,
@@ -165,19 +168,18 @@ def read_fmu(path: str | os.PathLike[str]) -> dict[str, Any]:
         "platforms": platforms,
         "platform": fmpy.platform,
         "runs_here": fmpy.platform in platforms,
-        "variables": [_row(v) for v in model.modelVariables],
-        "findings": _findings(str(path), [v.name for v in model.modelVariables]),
+        "variables": [_variable_row(variable) for variable in model.modelVariables],
+        "findings": _validate(str(path), names),
     }
 
 
-def _findings(path: str, names: Iterable[str]) -> list[str]:
-    """Return what FMPy's validation finds; it parses every name by a grammar, for 2 ms each, which
-    plain names are known to follow.
-    """
+def _validate(path: str, names: Iterable[str]) -> list[str]:
+    """Return the problems of FMPy's validation, without its slow check of plain names."""
     from fmpy import read_model_description
     from fmpy.model_description import ValidationError
     from fmpy.validation import validate_fmu
 
+    # FMPy parses every name by a grammar. A plain name follows this grammar.
     if _has_backslashes(path) or not all(map(_PLAIN_NAME.fullmatch, names)):
         return validate_fmu(path)
     try:
@@ -199,16 +201,16 @@ def _has_backslashes(path: str) -> bool:
         return any("\\" in file.orig_filename for file in archive.filelist)
 
 
-def _row(v: Any) -> dict[str, Any]:
+def _variable_row(variable: Any) -> dict[str, Any]:
     return {
-        "name": v.name,
-        "causality": v.causality,
-        "variability": v.variability,
-        "type": v.type,
-        "unit": v.unit,
-        "display_unit": v.displayUnit,
-        "start": v.start,
-        "description": v.description,
+        "name": variable.name,
+        "causality": variable.causality,
+        "variability": variable.variability,
+        "type": variable.type,
+        "unit": variable.unit,
+        "display_unit": variable.displayUnit,
+        "start": variable.start,
+        "description": variable.description,
     }
 
 
@@ -216,8 +218,9 @@ VERSIONS = ("2.0", "3.0")
 
 
 def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0") -> Path:
-    """Write a model as an FMU for co-simulation and model exchange; the file is written atomically
-    (completely or not at all).
+    """Write a model as an FMU for co-simulation and model exchange.
+
+    The file is written atomically (completely or not at all).
 
     Parameters
     ----------
@@ -226,8 +229,8 @@ def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0")
     path : path
         The FMU to write.
     version : {"2.0", "3.0"}
-        FMI version.  FMI 2.0 takes derivatives of inputs; FMI 3.0 flies whole records in one step
-        and runs on Linux on ARM, too.
+        FMI version.  FMI 2.0 accepts derivatives of inputs.  FMI 3.0 replays complete records in
+        one step and also runs on Linux on ARM.
 
     Returns
     -------
@@ -237,53 +240,60 @@ def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0")
     Raises
     ------
     SchemaError
-        Unknown version, a term name that no importer takes, or no compiled kernel.
+        Unknown version, a term name that is not an FMI name, or no compiled kernel.
     """
     if version not in VERSIONS:
         raise SchemaError("FMU", [f"FMI version {version!r}; allowed: {', '.join(VERSIONS)}"])
-    description = describe_model(sim, sha256(sim.block).hexdigest(), _tool())
+    description = describe_model(sim, sha256(sim.block).hexdigest(), _tool_name())
     files = {
         "modelDescription.xml": render_model_description(description, version),
         "resources/model.bin": sim.block,
-        "documentation/index.html": _documentation(sim, description).encode(),
-        **_license(),
+        "documentation/index.html": document_model(sim, description).encode(),
+        **_license_files(),
         **place_libraries(find_libraries(), description.identifier, version),
     }
     with written_atomically(path) as part:
-        part.write_bytes(_zip(files))
+        part.write_bytes(_make_archive(files))
     return Path(path)
 
 
-def _documentation(sim: SimModel, description: Description) -> str:
-    axes = [
-        PageAxis(row.name, row.units, row.low, row.high, "linear" if row.flags & LINEAR else "held")
-        for row in sim.entries(AXIS)
-    ]
-    return render_documentation(description, sim.terms, axes, sim.meta, make_term_figures(sim))
+def document_model(sim: SimModel, description: Description) -> str:
+    """Return the documentation page of a model."""
+    axes = []
+    for row in sim.entries(AXIS):
+        outside = "linear" if row.flags & LINEAR else "held"
+        axes.append(PageAxis(row.name, row.units, row.low, row.high, outside=outside))
+    return render_documentation(
+        description, sim.terms, axes=axes, meta=sim.meta, figures=make_term_figures(sim)
+    )
 
 
-def _zip(files: Mapping[str, bytes]) -> bytes:
+def _make_archive(files: Mapping[str, bytes]) -> bytes:
     """Return an archive whose bytes depend on the content only."""
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w") as zf:
         for name in sorted(files):
-            info = zipfile.ZipInfo(name)  # dated 1980-01-01
-            info.create_system = 3  # Unix, on every system
-            info.external_attr = (0o100755 if name.startswith("binaries/") else 0o100644) << 16
-            zf.writestr(info, files[name], zipfile.ZIP_DEFLATED, 9)
+            # The date is 1980-01-01 and the system is Unix, whatever machine writes the file.
+            info = zipfile.ZipInfo(name)
+            info.create_system = 3
+            mode = 0o100755 if name.startswith("binaries/") else 0o100644
+            info.external_attr = mode << 16  # the upper 16 bits are the Unix file mode
+            zf.writestr(info, files[name], compress_type=zipfile.ZIP_DEFLATED, compresslevel=9)
     return archive.getvalue()
 
 
-def _license() -> dict[str, bytes]:
-    """Return the licence of the libraries, which whoever passes them on has to pass on as well."""
+def _license_files() -> dict[str, bytes]:
+    """Return the licence of the libraries, which every copy of an FMU must contain."""
     try:
         text = distribution("aeromatch").read_text("licenses/LICENSE")
     except PackageNotFoundError:
-        text = None
-    return {"documentation/licenses/aeromatch-kernel.txt": text.encode()} if text else {}
+        return {}
+    if not text:
+        return {}
+    return {"documentation/licenses/aeromatch-kernel.txt": text.encode()}
 
 
-def _tool() -> str:
+def _tool_name() -> str:
     try:
         return f"aeromatch {installed('aeromatch')}"
     except PackageNotFoundError:

@@ -2,8 +2,9 @@
 
 References
 ----------
-.. [FMI2] Functional Mock-up Interface for Model Exchange and Co-Simulation 2.0, 2014, section 2.2, 3.3 and 4.3.
-.. [FMI3] Functional Mock-up Interface 3.0, 2022, section 2.4, 3.3 and 4.3.
+.. [FMI2] Functional Mock-up Interface for Model Exchange and Co-Simulation 2.0, 2014, sections 2.2,
+   3.3 and 4.3.
+.. [FMI3] Functional Mock-up Interface 3.0, 2022, sections 2.4, 3.3 and 4.3.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ from flightmech.errors import SchemaError
 from flightmech.fmu_export.description import CHOICES, REPLAY, TIME, Description, FmuVariable
 from flightmech.units import parse_unit
 
-# relative tolerance for the importer's solver: the position is Earth-centred, 1e-9 of it are 6 mm
+# Relative tolerance for the importer's solver. The position is Earth-centred: 1e-9 of it is 6 mm.
 TOLERANCE = 1e-9
-
+# Largest integers of the two standards.
+_INT32_MAX, _INT64_MAX = 2**31 - 1, 2**63 - 1
 _PARTIAL = ("providesDirectionalDerivatives", "providesAdjointDerivatives")
 _INTERFACES: dict[str, dict[str, tuple[str, ...]]] = {
     "2.0": {
@@ -74,42 +76,59 @@ def render_model_description(description: Description, version: str) -> bytes:
         ET.SubElement(
             root, kind, {"modelIdentifier": description.identifier, **dict.fromkeys(names, "true")}
         )
-    _units(root, description.variables)
-    (_fmi2 if version == "2.0" else _fmi3)(root, description)
+    _add_units(root, description.variables)
+    if version == "2.0":
+        _add_fmi2_variables(root, description)
+    else:
+        _add_fmi3_variables(root, description)
     ET.indent(root)
     return ET.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
 
 
-def _fmi2(root: ET.Element, description: Description) -> None:
-    _experiment(root, description)
-    place = {v.reference: str(i) for i, v in enumerate(description.variables, 1)}
+def _add_fmi2_variables(root: ET.Element, description: Description) -> None:
+    """Add the variables and the model structure of FMI 2.0."""
+    _add_experiment(root, description)
     variables = ET.SubElement(root, "ModelVariables")
-    for v in description.variables:
-        scalar = ET.SubElement(variables, "ScalarVariable", _head(v))
-        if (
-            v.name in CHOICES
-        ):  # importers that leave out enumerations, such as libcosim, know integers
-            scalar.set("description", _with_choices(v.description, CHOICES[v.name]))
-        if v.name in CHOICES or v.integer:
-            ET.SubElement(scalar, "Integer", _integer(v, 2**31 - 1))
+    # FMI 2.0 refers to a variable by its number in the file, from 1.
+    numbers = {}
+    for number, variable in enumerate(description.variables, 1):
+        numbers[variable.reference] = str(number)
+    for variable in description.variables:
+        scalar = ET.SubElement(variables, "ScalarVariable", _common_attributes(variable))
+        if variable.name in CHOICES:
+            # Some importers, such as libcosim, do not support enumerations but integers.
+            text = _describe_choices(variable.description, CHOICES[variable.name])
+            scalar.set("description", text)
+        if variable.name in CHOICES or variable.integer:
+            ET.SubElement(scalar, "Integer", _integer_attributes(variable, _INT32_MAX))
         else:
-            ET.SubElement(
-                scalar, "Real", {**_real(v), **({"derivative": place[v.state]} if v.state else {})}
-            )
+            attributes = _real_attributes(variable)
+            if variable.state:
+                attributes["derivative"] = numbers[variable.state]
+            ET.SubElement(scalar, "Real", attributes)
+
     structure = ET.SubElement(root, "ModelStructure")
-    for part, unknowns in _parts(description, ("Outputs", "Derivatives", "InitialUnknowns")):
-        element = ET.SubElement(structure, part) if unknowns else structure
-        for v in unknowns:
-            ET.SubElement(
-                element, "Unknown", {"index": place[v.reference], **_dependencies(part, v, place)}
-            )
+    for part, unknowns in _structure_parts(
+        description, ("Outputs", "Derivatives", "InitialUnknowns")
+    ):
+        if not unknowns:
+            continue
+        element = ET.SubElement(structure, part)
+        for variable in unknowns:
+            attributes = {"index": numbers[variable.reference]}
+            attributes |= _dependency_attributes(part, variable, numbers)
+            ET.SubElement(element, "Unknown", attributes)
 
 
-def _fmi3(root: ET.Element, description: Description) -> None:
+def _add_fmi3_variables(root: ET.Element, description: Description) -> None:
+    """Add the types, the variables and the model structure of FMI 3.0."""
     types = ET.SubElement(root, "TypeDefinitions")
-    for name, items in _enumerations(description):
-        _items(ET.SubElement(types, "EnumerationType", name=name), items)
-    _experiment(root, description)
+    for variable in description.variables:
+        if variable.name in CHOICES:
+            parent = ET.SubElement(types, "EnumerationType", name=variable.name)
+            for name, value in CHOICES[variable.name].items():
+                ET.SubElement(parent, "Item", name=name, value=str(value))
+    _add_experiment(root, description)
     variables = ET.SubElement(root, "ModelVariables")
     time = {
         "name": "time",
@@ -117,168 +136,162 @@ def _fmi3(root: ET.Element, description: Description) -> None:
         "causality": "independent",
         "variability": "continuous",
         "unit": "s",
+        "description": "simulated time",
     }
-    ET.SubElement(variables, "Float64", {**time, "description": "simulated time"})
-    for v in description.variables:
-        if v.name in CHOICES:
-            ET.SubElement(
-                variables, "Enumeration", {**_head(v), "declaredType": v.name, "start": _whole(v)}
-            )
-        elif v.integer:
-            ET.SubElement(variables, "Int64", {**_head(v), **_integer(v, 2**63 - 1)})
+    ET.SubElement(variables, "Float64", time)
+    for variable in description.variables:
+        attributes = _common_attributes(variable)
+        if variable.name in CHOICES:
+            attributes |= {"declaredType": variable.name, "start": _integer_start(variable)}
+            ET.SubElement(variables, "Enumeration", attributes)
+        elif variable.integer:
+            attributes |= _integer_attributes(variable, _INT64_MAX)
+            ET.SubElement(variables, "Int64", attributes)
         else:
-            ET.SubElement(
-                variables,
-                "Float64",
-                {**_head(v), **_real(v), **({"derivative": str(v.state)} if v.state else {})},
-            )
-    _replay(variables, description)
-    place = {v.reference: str(v.reference) for v in description.variables}
+            attributes |= _real_attributes(variable)
+            if variable.state:
+                attributes["derivative"] = str(variable.state)
+            ET.SubElement(variables, "Float64", attributes)
+    _add_replay(variables, description)
+
+    # FMI 3.0 refers to a variable by its value reference.
+    references = {v.reference: str(v.reference) for v in description.variables}
     structure = ET.SubElement(root, "ModelStructure")
-    for part, unknowns in _parts(
+    for part, unknowns in _structure_parts(
         description, ("Output", "ContinuousStateDerivative", "InitialUnknown")
     ):
-        for v in unknowns:
-            ET.SubElement(
-                structure,
-                part,
-                {"valueReference": place[v.reference], **_dependencies(part, v, place)},
-            )
+        for variable in unknowns:
+            attributes = {"valueReference": references[variable.reference]}
+            attributes |= _dependency_attributes(part, variable, references)
+            ET.SubElement(structure, part, attributes)
         if part in ("Output", "InitialUnknown"):
             ET.SubElement(structure, part, valueReference=str(REPLAY["replay.y"]))
 
 
-def _replay(variables: ET.Element, description: Description) -> None:
-    """Add the arrays by which a whole record is flown in one step."""
+def _add_replay(variables: ET.Element, description: Description) -> None:
+    """Add the arrays with which one step replays a complete record."""
     inputs, outputs = description.of("input"), description.of("output")
-    n = {
+    # A structural parameter is the first dimension of all arrays.
+    sample_count = {
         "name": "replay.n",
         "valueReference": str(REPLAY["replay.n"]),
         "causality": "structuralParameter",
         "variability": "fixed",
+        "description": "samples of a replay; 1: no replay",
+        "min": "1",
+        "start": "1",
     }
-    ET.SubElement(
-        variables,
-        "UInt64",
-        {**n, "description": "samples of a replay; 1: no replay", "min": "1", "start": "1"},
-    )
-    arrays: tuple[tuple[str, dict[str, str], int], ...] = (
-        (
-            "replay.t",
-            {
-                "unit": "s",
-                "start": "0.0",
-                "description": "times of the samples, rising; one step goes from the first to the "
-                "last",
-            },
-            0,
-        ),
-        (
-            "replay.u",
-            {
-                "start": " ".join(repr(v.start) for v in inputs),
-                "description": "inputs of every sample, linear between them, SI; columns are the "
-                "inputs in the order of this file",
-            },
-            len(inputs),
-        ),
-        (
-            "replay.y",
-            {
-                "description": "outputs of every sample, SI; columns are the other outputs in the "
-                "order of this file"
-            },
-            len(outputs),
-        ),
-    )
-    for name, attributes, columns in arrays:
-        kind = (
-            {"causality": "output", "variability": "discrete", "initial": "calculated"}
-            if name == "replay.y"
-            else {}
-        )
-        head = {
-            "name": name,
-            "valueReference": str(REPLAY[name]),
-            "causality": "parameter",
-            "variability": "tunable",
-            **kind,
-        }
-        array = ET.SubElement(variables, "Float64", {**head, **attributes})
-        ET.SubElement(array, "Dimension", valueReference=str(REPLAY["replay.n"]))
-        if columns:
-            ET.SubElement(array, "Dimension", start=str(columns))
-
-
-def _head(v: FmuVariable) -> dict[str, str]:
-    head = {
-        "name": v.name,
-        "valueReference": str(v.reference),
-        "description": v.description,
-        "causality": "local" if v.causality in _LOCAL else v.causality,
-        "variability": v.variability,
+    ET.SubElement(variables, "UInt64", sample_count)
+    tunable = {"causality": "parameter", "variability": "tunable"}
+    # One step reads times and inputs of all samples, and writes all outputs.
+    times = {
+        **tunable,
+        "unit": "s",
+        "start": "0.0",
+        "description": "times of the samples, rising; one step goes from the first to the last",
     }
-    return head | ({"initial": "calculated"} if v.causality in _LOCAL else {})
+    _add_replay_array(variables, "replay.t", times, columns=0)
+    samples = {
+        **tunable,
+        "start": " ".join(repr(variable.start) for variable in inputs),
+        "description": "inputs of every sample, linear between them, SI; columns are the inputs in "
+        "the order of this file",
+    }
+    _add_replay_array(variables, "replay.u", samples, columns=len(inputs))
+    results = {
+        "causality": "output",
+        "variability": "discrete",
+        "initial": "calculated",
+        "description": "outputs of every sample, SI; columns are the other outputs in the order of "
+        "this file",
+    }
+    _add_replay_array(variables, "replay.y", results, columns=len(outputs))
 
 
-def _real(v: FmuVariable) -> dict[str, str]:
-    found = {"unit": v.units}
-    if v.display_units != v.units:
-        found["displayUnit"] = v.display_units
-    for key, value in (("min", v.low), ("max", v.high), ("nominal", v.nominal), ("start", v.start)):
+def _add_replay_array(
+    variables: ET.Element, name: str, attributes: dict[str, str], columns: int
+) -> None:
+    """Add an array (sample, column), or (sample,) without columns."""
+    head = {"name": name, "valueReference": str(REPLAY[name])}
+    array = ET.SubElement(variables, "Float64", {**head, **attributes})
+    ET.SubElement(array, "Dimension", valueReference=str(REPLAY["replay.n"]))
+    if columns:
+        ET.SubElement(array, "Dimension", start=str(columns))
+
+
+def _common_attributes(variable: FmuVariable) -> dict[str, str]:
+    """Return the attributes that variables of all types have."""
+    # states and derivatives are local variables in both standards
+    local = variable.causality in _LOCAL
+    attributes = {
+        "name": variable.name,
+        "valueReference": str(variable.reference),
+        "description": variable.description,
+        "causality": "local" if local else variable.causality,
+        "variability": variable.variability,
+    }
+    if local:
+        attributes["initial"] = "calculated"
+    return attributes
+
+
+def _real_attributes(variable: FmuVariable) -> dict[str, str]:
+    attributes = {"unit": variable.units}
+    if variable.display_units != variable.units:
+        attributes["displayUnit"] = variable.display_units
+    numbers = {
+        "min": variable.low,
+        "max": variable.high,
+        "nominal": variable.nominal,
+        "start": variable.start,
+    }
+    for key, value in numbers.items():
         if value is not None:
-            found[key] = repr(value)
-    return found
+            attributes[key] = repr(value)
+    return attributes
 
 
-def _whole(v: FmuVariable) -> str:
-    return str(int(v.start or 0.0))
+def _integer_start(variable: FmuVariable) -> str:
+    return str(int(variable.start or 0.0))
 
 
-def _integer(v: FmuVariable, most: int) -> dict[str, str]:
-    limits = {
-        key: str(int(min(value, most)))
-        for key, value in (("min", v.low), ("max", v.high))
-        if value is not None
-    }
-    return {**limits, "start": _whole(v)}
+def _integer_attributes(variable: FmuVariable, largest: int) -> dict[str, str]:
+    """Return limits and start of an integer; `largest` is that of the type."""
+    attributes = {}
+    for key, value in (("min", variable.low), ("max", variable.high)):
+        if value is not None:
+            attributes[key] = str(int(min(value, largest)))
+    attributes["start"] = _integer_start(variable)
+    return attributes
 
 
-def _parts(
+def _structure_parts(
     description: Description, names: Sequence[str]
 ) -> Iterable[tuple[str, list[FmuVariable]]]:
-    outputs, derivatives, states = (
-        description.of(causality) for causality in ("output", "derivative", "state")
-    )
-    return zip(names, (outputs, derivatives, [*outputs, *states, *derivatives]), strict=True)
+    """Return the unknowns of each part of the model structure: outputs, derivatives, initial."""
+    outputs, derivatives = description.of("output"), description.of("derivative")
+    initial = [*outputs, *description.of("state"), *derivatives]
+    return zip(names, (outputs, derivatives, initial), strict=True)
 
 
-def _dependencies(part: str, v: FmuVariable, place: dict[int, str]) -> dict[str, str]:
-    """Return what an unknown depends on while time runs; at the start a trim makes everything
-    depend on everything.
-    """
-    if v.dependencies is None or part.startswith("Initial"):
+def _dependency_attributes(
+    part: str, variable: FmuVariable, indices: dict[int, str]
+) -> dict[str, str]:
+    """Return the dependencies of an unknown, or no attribute if it depends on all variables."""
+    # at the start a trim makes every unknown depend on every variable
+    if variable.dependencies is None or part.startswith("Initial"):
         return {}
-    return {"dependencies": " ".join(place[reference] for reference in v.dependencies)}
+    return {"dependencies": " ".join(indices[reference] for reference in variable.dependencies)}
 
 
-def _enumerations(description: Description) -> Iterable[tuple[str, dict[str, int]]]:
-    return ((v.name, CHOICES[v.name]) for v in description.variables if v.name in CHOICES)
-
-
-def _with_choices(text: str, items: dict[str, int]) -> str:
+def _describe_choices(text: str, choices: dict[str, int]) -> str:
     """Return the description of a choice with its values."""
-    return "; ".join(
-        filter(None, [text, ", ".join(f"{value} {name}" for name, value in items.items())])
-    )
+    values = ", ".join(f"{value} {name}" for name, value in choices.items())
+    return "; ".join(filter(None, [text, values]))
 
 
-def _items(parent: ET.Element, items: dict[str, int]) -> None:
-    for name, value in items.items():
-        ET.SubElement(parent, "Item", name=name, value=str(value))
-
-
-def _experiment(root: ET.Element, description: Description) -> None:
+def _add_experiment(root: ET.Element, description: Description) -> None:
+    """Add the log category and the default experiment."""
     categories = ET.SubElement(root, "LogCategories")
     ET.SubElement(
         categories,
@@ -295,29 +308,26 @@ def _experiment(root: ET.Element, description: Description) -> None:
     )
 
 
-def _units(root: ET.Element, variables: Sequence[FmuVariable]) -> None:
-    """Define every unit in use by its base units, and every display unit by its factor to them."""
-    used: dict[str, set[str]] = {"s": set()}
-    for v in variables:
-        used.setdefault(v.units, set()).add(v.display_units)
+def _add_units(root: ET.Element, variables: Sequence[FmuVariable]) -> None:
+    """Add every unit with its base units, and its display units with their factors."""
+    display_units: dict[str, set[str]] = {"s": set()}
+    for variable in variables:
+        display_units.setdefault(variable.units, set()).add(variable.display_units)
     definitions = ET.SubElement(root, "UnitDefinitions")
-    for units, displays in sorted(used.items()):
+    for units, displays in sorted(display_units.items()):
         unit = ET.SubElement(definitions, "Unit", name=units)
         ET.SubElement(unit, "BaseUnit", base_units(units))
         for display in sorted(displays - {units}):
-            _, factor, offset = parse_unit(
-                display
-            )  # SI = value * factor + offset; FMI: display = SI * factor + offset
+            # units module: SI = value * factor + offset; FMI: display = SI * factor + offset
+            _, factor, offset = parse_unit(display)
             attributes = {"name": display, "factor": repr(1.0 / factor)}
-            ET.SubElement(
-                unit,
-                "DisplayUnit",
-                {**attributes, "offset": repr(-offset / factor)} if offset else attributes,
-            )
+            if offset:
+                attributes["offset"] = repr(-offset / factor)
+            ET.SubElement(unit, "DisplayUnit", attributes)
 
 
 def base_units(units: str) -> dict[str, str]:
-    """Return the exponents of an SI unit as FMI names them, zeros left out.
+    """Return the exponents of an SI unit with the names of FMI, without zeros.
 
     Examples
     --------
@@ -330,6 +340,7 @@ def base_units(units: str) -> dict[str, str]:
             "model description",
             [f"{units!r} is not an SI unit; the catalogue of the kernel holds SI units only"],
         )
+    # the dimension has no angle: exponents of rad come from the text, where no number means 1
     radians = sum(int(power or 1) for power in re.findall(r"\brad\^?(-?\d*)", units))
     exponents = dict(zip(("m", "kg", "s", "K", "rad"), (*dimension, radians), strict=True))
     return {name: str(power) for name, power in exponents.items() if power}

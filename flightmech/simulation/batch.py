@@ -1,4 +1,4 @@
-"""Many runs of one record, each with its own parameters, on all processors."""
+"""Many runs of one record with different parameters, on all processors."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import ctypes
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from ctypes import POINTER, byref, c_double, c_int, c_size_t
+from ctypes import POINTER, byref, c_size_t
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +14,14 @@ import xarray as xr
 
 from flightmech.errors import SchemaError, SimulationError
 from flightmech.simulation.compiler import SimModel
-from flightmech.simulation.kernel import OUTPUT, Simulation, load_kernel
+from flightmech.simulation.kernel import OUTPUT, Simulation
+from flightmech.simulation.kernel_library import (
+    DOUBLES,
+    INTEGERS,
+    BatchTaskStruct,
+    LoopStruct,
+    load_kernel,
+)
 from flightmech.simulation.run import (
     check_hold,
     index_of_parameter,
@@ -24,28 +31,27 @@ from flightmech.simulation.run import (
     read_time,
 )
 
-_TEXT = 200  # AM_TEXT of kernel.h
-# samples of all runs, 2 to 10 ms of work, below which threads of their own cost more than they save
-_ALONE = 10_000
-
-
 MOST_LOOPS = 16  # AM_MOST_LOOPS of kernel.h
+_TEXT_SIZE = 200  # AM_TEXT of kernel.h: size of the text of a failure [bytes]
+# Samples of all runs below which the start of threads takes longer than it saves.
+_SINGLE_THREAD = 10_000
 
 
 class ControlLoop(NamedTuple):
-    """A loop that is closed sample by sample: ``gain e + integral * Int e dt`` is added to an
-    input, e = target - output.
+    """A proportional and integral loop, closed at each sample.
+
+    ``gain e + integral * Int e dt`` is added to an input, with e = target - output.
 
     Attributes
     ----------
     input, output : str
+        Names of the input and of the output.
     gain, integral, limit : float
-        Of the correction, which is at most `limit` in size. [input / output], [input / output / s],
-        [input]
+        Gains, and largest size of the correction. [input / output], [input / output / s], [input]
     target : array (time,)
-        What the output shall be. [SI]
+        Target of the output. [SI]
     turns : bool
-        Whether the output is an angle, whose error is taken below half a turn.
+        Whether the output is an angle. Its error is then reduced to less than half a turn.
     """
 
     input: str
@@ -55,41 +61,6 @@ class ControlLoop(NamedTuple):
     limit: float
     target: np.ndarray
     turns: bool = False
-
-
-class _LoopStruct(ctypes.Structure):
-    """``am_loop`` of kernel.h."""
-
-    _fields_ = [
-        ("input", c_int),
-        ("output", c_int),
-        ("turns", c_int),
-        ("gain", c_double),
-        ("integral", c_double),
-        ("limit", c_double),
-        ("target", POINTER(c_double)),
-    ]
-
-
-class _Task(ctypes.Structure):
-    """``am_batch_task`` of kernel.h."""
-
-    _fields_ = [
-        ("samples", c_size_t),
-        ("parameters", c_size_t),
-        ("outputs", c_size_t),
-        ("t", POINTER(c_double)),
-        ("u", POINTER(c_double)),
-        ("parameter", POINTER(c_int)),
-        ("values", POINTER(c_double)),
-        ("output", POINTER(c_int)),
-        ("y", POINTER(c_double)),
-        ("hold", c_int),
-        ("each_inputs", c_int),
-        ("lanes", c_int),
-        ("loops", c_size_t),
-        ("loop", POINTER(_LoopStruct)),
-    ]
 
 
 def simulate_batch(
@@ -106,34 +77,34 @@ def simulate_batch(
 ) -> xr.Dataset:
     """Simulate one record many times with different parameters.
 
-    The runs share the compiled model and are flown by threads, in each of them several side by side
-    in the lanes of the processor; a run's result depends on neither number.
+    The runs share the compiled model.  Each thread computes several runs at once in the lanes of
+    the processor.  The result of a run depends neither on the number of threads nor on that of
+    lanes.
 
     Parameters
     ----------
     sim : SimModel
         The compiled model.
     inputs, parameters, hold, step
-        As in `simulate`; they hold for all runs, but that a variable of `inputs` may have the
-        dimensions (run, time).
+        As in `simulate`, for all runs. A variable of `inputs` may also have the dimensions (run,
+        time).
     varied : mapping of str to array (run,)
         The parameters that differ: any parameter of the model, or a part of a table,
         ``node.CL.basic[3,1]``, ``table.CL.basic`` (its scale), ``offset.CL.gear.K1``. [SI]
     outputs : sequence of str, optional
-        What is returned; all outputs without it.
+        Outputs to return. Default: all.
     threads : int, optional
-        Without it one per processor, and one alone for a small batch.
+        Number of threads. Default: one per processor, or one for a small batch.
     failed : {"raise", "nan"}
-        What a run that fails does: raise, or leave NaN behind the last good sample and its reason
-        in ``failure``.
+        Effect of a run that fails: an error, or NaN after the last good sample with the reason in
+        ``failure``.
     lanes : int, optional
-        Most runs side by side: as many as the processor has lanes for (0), one after the other (1),
-        or 4.
+        Largest number of runs at once in a thread: that of the lanes of the processor (0), 1, or 4.
 
     Returns
     -------
     Dataset (run, time)
-        The chosen outputs; ``failure`` (run,) is empty for a run that went through.
+        The chosen outputs. ``failure`` (run,) is empty for a complete run.
 
     Raises
     ------
@@ -147,32 +118,40 @@ def simulate_batch(
     check_hold(hold)
     if failed not in ("raise", "nan"):
         raise ValueError(f"failed is {failed!r}; allowed: raise, nan")
-    values = _table(varied)
+    # values (run, parameter)
+    values = _join_columns(varied)
     time = read_time(inputs)
     constant = {"mode.step": step, **(parameters or {})}
-    u = read_inputs(sim, inputs, constant, len(time), len(values))
-    y, done, texts = fly_batch(
-        sim, time, u, list(varied), values, constant, outputs, hold, threads, lanes
+    u = read_inputs(sim, inputs, constant, count=len(time), runs=len(values))
+    y, done, failures = fly_batch(
+        sim,
+        time,
+        u=u,
+        varied=list(varied),
+        values=values,
+        constant=constant,
+        outputs=outputs,
+        hold=hold,
+        threads=threads,
+        lanes=lanes,
     )
+    # a text means that the run failed; its time is that of the first missing sample
     if failed == "raise":
-        for run in (run for run, text in enumerate(texts) if text):
-            raise SimulationError(
-                f"run {run}: {texts[run]}", float(time[min(done[run], len(time) - 1)])
-            )
-    chosen = output_indices(sim, outputs)
-    rows = [sim.entries(OUTPUT)[i] for i in chosen]
-    columns: dict[str, Any] = {
-        row.name: (("run", "time"), y[:, :, k], output_attributes(row))
-        for k, row in enumerate(rows)
-    }
-    columns["failure"] = ("run", np.array(texts, object), {"long_name": "why a run ended early"})
-    coords = {
-        "time": ("time", time, {"units": "s"}),
-        **{name: ("run", values[:, k]) for k, name in enumerate(varied)},
-    }
-    return xr.Dataset(
-        columns, coords, {"title": sim.title, "step": float(constant["mode.step"]), "hold": hold}
-    )
+        for run, text in enumerate(failures):
+            if text:
+                failure_time = float(time[min(done[run], len(time) - 1)])
+                raise SimulationError(f"run {run}: {text}", failure_time)
+    columns: dict[str, Any] = {}
+    for k, i in enumerate(output_indices(sim, outputs)):
+        row = sim.entries(OUTPUT)[i]
+        columns[row.name] = (("run", "time"), y[:, :, k], output_attributes(row))
+    meaning = {"long_name": "why a run ended early"}
+    columns["failure"] = ("run", np.array(failures, object), meaning)
+    coords: dict[str, Any] = {"time": ("time", time, {"units": "s"})}
+    for k, name in enumerate(varied):
+        coords[name] = ("run", values[:, k])
+    attributes = {"title": sim.title, "step": float(constant["mode.step"]), "hold": hold}
+    return xr.Dataset(columns, coords, attributes)
 
 
 def fly_batch(
@@ -188,8 +167,9 @@ def fly_batch(
     lanes: int = 0,
     loops: Sequence[ControlLoop] = (),
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Fly a batch on plain arrays, as `simulate_batch` does with names and checks around it: for
-    many small batches.
+    """Simulate a batch on plain arrays, without the checks of `simulate_batch`.
+
+    It is for many small batches.
 
     Parameters
     ----------
@@ -202,106 +182,166 @@ def fly_batch(
         The parameters that differ.
     constant : mapping of str to float
         Parameters of all runs.
-    loops : sequence of Loop
-        At most `MOST_LOOPS`; a correction is in force from its sample to the next, at both ends of
-        the step.
+    loops : sequence of ControlLoop
+        At most `MOST_LOOPS`. A correction acts from its sample to the next, at both ends of the
+        step.
 
     Returns
     -------
     y : array (run, time, output)
-        NaN behind the last good sample of a run that failed.
+        NaN after the last good sample of a run that failed.
     done : array of int (run,)
-        Good samples.
+        Numbers of good samples.
     failures : list of str
-        Empty for a run that went through.
+        Empty for a complete run.
     """
+    base = _make_base(sim, constant)
+    task = _BatchTask(
+        sim,
+        time,
+        u=u,
+        parameters=[index_of_parameter(sim, name) for name in varied],
+        values=values,
+        chosen=output_indices(sim, outputs),
+        is_constant=hold == "zero",
+        lanes=lanes,
+        loops=loops,
+    )
+    task.run(base, threads)
+    # the kernel does not write samples after a failure
+    for run in np.flatnonzero(task.status):
+        task.y[run, task.done[run] :] = np.nan
+    return task.y, task.done.astype(int), task.failures()
+
+
+def _make_base(sim: SimModel, constant: Mapping[str, float]) -> Simulation:
+    """Return a simulation with the parameters of all runs, of which every run is a copy."""
     base = Simulation(sim.model)
     for name, value in constant.items():
         if name not in sim.inputs:
             base.set_parameter(index_of_parameter(sim, name), float(value))
-    chosen, changed = (
-        output_indices(sim, outputs),
-        [index_of_parameter(sim, name) for name in varied],
-    )
-    held = output_indices(sim, [one.output for one in loops]).tolist()
-    targets = [
-        np.ascontiguousarray(np.broadcast_to(one.target, time.shape), float) for one in loops
-    ]  # kept while they are flown
-    closed = [
-        _LoopStruct(
-            sim.inputs.index(one.input),
-            output,
-            one.turns,
-            *one[2:5],
-            target.ctypes.data_as(POINTER(c_double)),
-        )
-        for one, output, target in zip(loops, held, targets, strict=True)
-    ]
-    y, status, done, texts = _fly(
-        base, time, u, changed, values, chosen, hold, threads, lanes, closed
-    )
-    for run in np.flatnonzero(status):
-        y[run, done[run] :] = np.nan
-    return y, done, texts
+    return base
 
 
-def _table(varied: Mapping[str, Sequence[float] | np.ndarray]) -> np.ndarray:
-    """Return the values (run, parameter)."""
+def _join_columns(varied: Mapping[str, Sequence[float] | np.ndarray]) -> np.ndarray:
+    """Return the values (run, parameter) of the varied parameters."""
     lengths = {name: np.size(column) for name, column in varied.items()}
     if not lengths or len(set(lengths.values())) != 1:
-        found = ", ".join(f"{name} {n}" for name, n in lengths.items()) or "none"
+        text = ", ".join(f"{name} {length}" for name, length in lengths.items()) or "none"
         raise SchemaError(
             "varied parameters",
-            [f"every parameter needs one value per run; lengths found: {found}"],
+            [f"every parameter needs one value per run; lengths found: {text}"],
         )
-    return np.ascontiguousarray(
-        np.column_stack([np.asarray(column, float).ravel() for column in varied.values()])
-    )
+    columns = [np.asarray(column, float).ravel() for column in varied.values()]
+    return np.ascontiguousarray(np.column_stack(columns))
 
 
-def _fly(base, time, u, parameter, values, chosen, hold, threads, lanes, loops):
-    runs, samples = len(values), len(time)
-    y = np.empty((runs, samples, len(chosen)))
-    status, done = np.zeros(runs, np.intc), np.zeros(runs, np.uintp)
-    texts = ctypes.create_string_buffer(runs * _TEXT)
-    arrays = [np.ascontiguousarray(time), np.ascontiguousarray(u), np.array(parameter, np.intc)]
-    arrays += [np.ascontiguousarray(values, float), np.array(chosen, np.intc), y]
-    t, inputs, names, table, output, result = (
-        a.ctypes.data_as(POINTER(c_int if a.dtype == np.intc else c_double)) for a in arrays
-    )
-    modes = int(hold == "zero"), int(u.ndim == 3), lanes
-    task = _Task(
-        samples,
-        len(parameter),
-        len(chosen),
-        t,
-        inputs,
-        names,
-        table,
-        output,
-        result,
-        *modes,
-        len(loops),
-        (_LoopStruct * len(loops))(*loops),
-    )
-    width = load_kernel().am_lanes(base.model.handle)
-    statuses, counts = status.ctypes.data_as(POINTER(c_int)), done.ctypes.data_as(POINTER(c_size_t))
+class _BatchTask:
+    """The task of a batch for the kernel, with the arrays that it reads and writes.
 
-    def fly(first: int) -> None:
-        if load_kernel().am_batch(
-            base.handle, byref(task), first, min(first + width, runs), statuses, counts, texts
-        ):
-            raise MemoryError("no memory for a simulation of the batch")
+    `y` (run, time, output) are the outputs, `status` (run,) is not zero for a failure, and `done`
+    (run,) are the numbers of good samples.
+    """
 
-    if runs <= width or (threads is None and runs * samples < _ALONE):
-        for first in range(0, runs, width):
-            fly(first)
-    else:
-        with ThreadPoolExecutor(max(1, min(runs, threads or os.cpu_count() or 1))) as pool:
-            list(pool.map(fly, range(0, runs, width)))
-    raw = texts.raw
-    found = [
-        raw[k * _TEXT : (k + 1) * _TEXT].split(b"\0", 1)[0].decode(errors="replace")
-        for k in range(runs)
-    ]
-    return y, status, done.astype(int), found
+    def __init__(
+        self,
+        sim: SimModel,
+        time: np.ndarray,
+        *,
+        u: np.ndarray,
+        parameters: Sequence[int],
+        values: np.ndarray,
+        chosen: np.ndarray,
+        is_constant: bool,
+        lanes: int,
+        loops: Sequence[ControlLoop],
+    ):
+        self.runs, self.samples = len(values), len(time)
+        self.y = np.empty((self.runs, self.samples, len(chosen)))
+        self.status = np.zeros(self.runs, np.intc)
+        self.done = np.zeros(self.runs, np.uintp)
+        self.texts = ctypes.create_string_buffer(self.runs * _TEXT_SIZE)
+        # attributes: the arrays must stay in memory as long as the task
+        self.time = np.ascontiguousarray(time)
+        self.inputs = np.ascontiguousarray(u)
+        self.parameters = np.array(parameters, np.intc)
+        self.values = np.ascontiguousarray(values, float)
+        self.chosen = np.array(chosen, np.intc)
+        self.targets = [
+            np.ascontiguousarray(np.broadcast_to(loop.target, time.shape), float) for loop in loops
+        ]
+        # the structure has pointers to all these arrays
+        structs = _pack_loops(sim, loops, self.targets)
+        self.struct = BatchTaskStruct(
+            samples=self.samples,
+            parameters=len(parameters),
+            outputs=len(chosen),
+            t=self.time.ctypes.data_as(DOUBLES),
+            u=self.inputs.ctypes.data_as(DOUBLES),
+            parameter=self.parameters.ctypes.data_as(INTEGERS),
+            values=self.values.ctypes.data_as(DOUBLES),
+            output=self.chosen.ctypes.data_as(INTEGERS),
+            y=self.y.ctypes.data_as(DOUBLES),
+            # 1: inputs are constant between samples, 0: linear
+            hold=int(is_constant),
+            # 1: every run has inputs of its own, (run, time, inputs)
+            each_inputs=int(u.ndim == 3),
+            lanes=lanes,
+            loops=len(structs),
+            loop=(LoopStruct * len(structs))(*structs),
+        )
+
+    def run(self, base: Simulation, threads: int | None) -> None:
+        """Simulate all runs, from copies of `base`."""
+        kernel = load_kernel()
+        # the kernel computes `width` runs in one call
+        width = kernel.am_lanes(base.model.handle)
+        status = self.status.ctypes.data_as(INTEGERS)
+        done = self.done.ctypes.data_as(POINTER(c_size_t))
+
+        def run_group(first: int) -> None:
+            runs = (first, min(first + width, self.runs))
+            results = (status, done, self.texts)
+            if kernel.am_batch(base.handle, byref(self.struct), *runs, *results):
+                raise MemoryError("no memory for a simulation of the batch")
+
+        groups = range(0, self.runs, width)
+        is_small = threads is None and self.runs * self.samples < _SINGLE_THREAD
+        if self.runs <= width or is_small:
+            for first in groups:
+                run_group(first)
+            return
+        workers = min(self.runs, threads or os.cpu_count() or 1)
+        with ThreadPoolExecutor(max(1, workers)) as pool:
+            list(pool.map(run_group, groups))  # list raises the errors of the threads
+
+    def failures(self) -> list[str]:
+        """Return the text of each run, empty for a complete run."""
+        raw = self.texts.raw
+        texts = []
+        for start in range(0, len(raw), _TEXT_SIZE):
+            # texts have a fixed size and end with a zero byte
+            text = raw[start : start + _TEXT_SIZE].split(b"\0", 1)[0]
+            texts.append(text.decode(errors="replace"))
+        return texts[: self.runs]
+
+
+def _pack_loops(
+    sim: SimModel, loops: Sequence[ControlLoop], targets: Sequence[np.ndarray]
+) -> list[LoopStruct]:
+    """Return the structures of loops, with pointers to their targets."""
+    structs = []
+    outputs = output_indices(sim, [loop.output for loop in loops]).tolist()
+    for loop, output, target in zip(loops, outputs, targets, strict=True):
+        structs.append(
+            LoopStruct(
+                input=sim.inputs.index(loop.input),
+                output=output,
+                turns=loop.turns,
+                gain=loop.gain,
+                integral=loop.integral,
+                limit=loop.limit,
+                target=target.ctypes.data_as(DOUBLES),
+            )
+        )
+    return structs

@@ -1,17 +1,17 @@
 """Names, units and start values of the inputs, outputs and parameters of a simulation model.
 
-The kernel defines which names there are and in which order; this module defines what they mean.
-The rows travel inside the compiled block, so that an FMU needs no second list.
+The kernel defines the names and their order.  This module defines their meaning.  The rows are part
+of the compiled block, so that an FMU does not need a second list.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.names import lookup
 from flightmech.simulation import submodels
+from flightmech.simulation.catalogue_row import MOST, make_row, make_vocabulary_row
 from flightmech.simulation.kernel import (
     FIXED,
     INPUT,
@@ -25,13 +25,13 @@ from flightmech.simulation.kernel import (
     list_name_groups,
 )
 
-MOST = sys.float_info.max
-
+# Accelerations that are not in the vocabulary: units, description.
 _RATES = {
     "u_dot": ("m s-2", "acceleration along body x, relative to the air"),
     "v_dot": ("m s-2", "acceleration along body y, relative to the air"),
     "w_dot": ("m s-2", "acceleration along body z, relative to the air"),
 }
+# Units, display units, description, start value.
 _ENVIRONMENT = {
     "delta_T": ("K", "K", "temperature offset from the standard atmosphere", 0.0),
     "qnh": (
@@ -43,15 +43,24 @@ _ENVIRONMENT = {
     ),
     "runway_elevation": ("m", "ft", "height of the runway over mean sea level", 0.0),
 }
-_AXES = "of the Earth axes"
+_QUATERNION = ("1", "attitude quaternion, Earth to body axes")
+# States of the rigid body: units, description.
 _STATES = {
-    **{axis: ("m", f"position along {axis} {_AXES}") for axis in "xyz"},
-    **{f"v{axis}": ("m s-1", f"velocity along {axis} {_AXES}") for axis in "xyz"},
-    **{f"q{i}": ("1", "attitude quaternion, Earth to body axes") for i in range(4)},
+    "x": ("m", "position along x of the Earth axes"),
+    "y": ("m", "position along y of the Earth axes"),
+    "z": ("m", "position along z of the Earth axes"),
+    "vx": ("m s-1", "velocity along x of the Earth axes"),
+    "vy": ("m s-1", "velocity along y of the Earth axes"),
+    "vz": ("m s-1", "velocity along z of the Earth axes"),
+    "q0": _QUATERNION,
+    "q1": _QUATERNION,
+    "q2": _QUATERNION,
+    "q3": _QUATERNION,
     "p": ("rad s-1", "roll rate relative to inertial space"),
     "q": ("rad s-1", "pitch rate relative to inertial space"),
     "r": ("rad s-1", "yaw rate relative to inertial space"),
 }
+# Description, start value, limits.
 _MODES = {
     "earth": ("0 flat, 1 WGS-84 rotating, 2 sphere at rest, 3 rotating sphere", 1.0, 0.0, 3.0),
     "engine": ("0 the lever drives, 1 N1, 2 thrust_drive", 0.0, 0.0, 2.0),
@@ -75,7 +84,7 @@ _MODES = {
         3.0,
     ),
 }
-_START = {"V": 100.0, "h": 1000.0}
+_START = {"V": 100.0, "h": 1000.0}  # start values of init.*; zero for the others
 _START_NOTES = {
     "gamma": ", used by the trim only",
     "theta": ", not used by the trim",
@@ -85,12 +94,17 @@ _START_NOTES = {
 
 
 def expand_names(kind: int, items: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return the names of one kind in the order of a block; `items` are those of `submodels.items`."""
-    return [name for _, _, name in _expanded(kind, items)]
+    """Return the names of one kind in the order of a block.
+
+    `items` are those of `submodels.submodel_items`.
+    """
+    return [name for _, _, name in _expand_patterns(kind, items)]
 
 
-def _expanded(kind: int, items: Mapping[str, Sequence[str]]) -> Iterator[tuple[str, str, str]]:
-    """Return group, item and name."""
+def _expand_patterns(
+    kind: int, items: Mapping[str, Sequence[str]]
+) -> Iterator[tuple[str, str, str]]:
+    """Return group, item and name of every name; an item replaces the star of a pattern."""
     for group in list_name_groups():
         patterns = [row.pattern for row in computable_names(kind) if row.group == group]
         for item in items.get(group, ()):
@@ -99,30 +113,30 @@ def _expanded(kind: int, items: Mapping[str, Sequence[str]]) -> Iterator[tuple[s
 
 
 def stages_by_name(kind: int, items: Mapping[str, Sequence[str]]) -> dict[str, int]:
-    """Return the stage of every variable or target (`flightmech.simulation.kernel`: VARIABLE,
-    TARGET) by its name.
+    """Return the stage of every variable or target by its name.
+
+    `kind` is VARIABLE or TARGET of `flightmech.simulation.kernel`.
     """
-    stage = {(row.group, row.pattern): row.stage for row in computable_names(kind)}
-    return {
-        pattern.replace("*", item): at
-        for (group, pattern), at in stage.items()
-        for item in items.get(group, ())
-    }
+    stages = {}
+    for row in computable_names(kind):
+        for item in items.get(row.group, ()):
+            stages[row.pattern.replace("*", item)] = row.stage
+    return stages
 
 
 def input_rows(aircraft: Aircraft) -> list[CatalogueEntry]:
-    """Return the rows of the inputs; their range is the travel of the control."""
-    return _rows(INPUT, aircraft, _input)
+    """Return the rows of the inputs. Their range is the travel of the control."""
+    return _list_rows(INPUT, aircraft, _input_row)
 
 
 def output_rows(aircraft: Aircraft) -> list[CatalogueEntry]:
     """Return the rows of the outputs."""
-    return _rows(OUTPUT, aircraft, lambda name, _: _output(name))
+    return _list_rows(OUTPUT, aircraft, lambda name, _: _output_row(name))
 
 
 def state_rows(aircraft: Aircraft) -> list[CatalogueEntry]:
     """Return the rows of the states."""
-    return _rows(STATE, aircraft, lambda name, _: _state(name))
+    return _list_rows(STATE, aircraft, lambda name, _: _state_row(name))
 
 
 def parameter_rows(
@@ -130,42 +144,37 @@ def parameter_rows(
 ) -> list[CatalogueEntry]:
     """Return the rows of the parameters.
 
-    `terms` are names such as ``CL/gear``, in the order of the kernel; `powers` are the exponents of
-    those with a power factor.
+    `terms` are names such as ``CL/gear``, in the order of the kernel. `powers` are the exponents of
+    the terms with a power factor.
     """
-    rows = _rows(PARAMETER, aircraft, _parameter)
-    rows += [
-        CatalogueEntry(scale_name(name), "1", "1", f"scale of the term {name}", 1.0, -MOST, MOST, 0)
-        for name in terms
-    ]
-    return rows + [
-        CatalogueEntry(
-            power_name(name),
-            "1",
-            "1",
-            f"exponent of the power factor of {name}",
-            value,
-            -MOST,
-            MOST,
-            0,
-        )
-        for name, value in powers.items()
-    ]
-
-
-def _rows(
-    kind: int, aircraft: Aircraft, core: Callable[[str, Aircraft], CatalogueEntry]
-) -> list[CatalogueEntry]:
-    return [
-        submodels.submodel_row(kind, group, item, name, aircraft) if group else core(name, aircraft)
-        for group, item, name in _expanded(kind, submodels.submodel_items(aircraft))
-    ]
+    rows = _list_rows(PARAMETER, aircraft, _parameter_row)
+    for term in terms:
+        rows.append(make_row(scale_name(term), "1", f"scale of the term {term}", value=1.0))
+    for term, exponent in powers.items():
+        text = f"exponent of the power factor of {term}"
+        rows.append(make_row(power_name(term), "1", text, value=exponent))
+    return rows
 
 
 def variable_rows(names: Sequence[str], aircraft: Aircraft) -> list[CatalogueEntry]:
     """Return the rows of model variables."""
-    rows = {row.name: row for row in _rows(VARIABLE, aircraft, lambda name, _: _row(name, name))}
+    rows = {}
+    for row in _list_rows(VARIABLE, aircraft, lambda name, _: make_vocabulary_row(name, name)):
+        rows[row.name] = row
     return [rows[name] for name in names]
+
+
+def _list_rows(
+    kind: int, aircraft: Aircraft, make_core_row: Callable[[str, Aircraft], CatalogueEntry]
+) -> list[CatalogueEntry]:
+    """Return the rows of one kind: those of the core, and those of the submodels."""
+    rows = []
+    for group, item, name in _expand_patterns(kind, submodels.submodel_items(aircraft)):
+        if group:
+            rows.append(submodels.submodel_row(kind, group, item, name=name, aircraft=aircraft))
+        else:
+            rows.append(make_core_row(name, aircraft))
+    return rows
 
 
 def scale_name(term: str) -> str:
@@ -184,138 +193,98 @@ def power_name(term: str) -> str:
     return "power." + term.replace("/", ".")
 
 
-def _row(
-    name: str,
-    like: str,
-    description: str = "",
-    value: float = 0.0,
-    low: float = -MOST,
-    high: float = MOST,
-    flags: int = 0,
-) -> CatalogueEntry:
-    row = lookup(like)
-    sign = f", positive {row.sign}" if row.sign else ""
-    return CatalogueEntry(
-        name,
-        row.units,
-        row.display_units,
-        description or row.long_name + sign,
-        value,
-        low,
-        high,
-        flags,
-    )
-
-
-def _input(name: str, aircraft: Aircraft) -> CatalogueEntry:
+def _input_row(name: str, aircraft: Aircraft) -> CatalogueEntry:
+    # gear and speedbrake are parts of their travel
     default = (0.0, 1.0) if name in ("gear", "speedbrake") else (-MOST, MOST)
     low, high = aircraft.limits.get(name, default)
-    return _row(name, name, low=low, high=high)
+    return make_vocabulary_row(name, name, low=low, high=high)
 
 
-def _state(name: str) -> CatalogueEntry:
+def _state_row(name: str) -> CatalogueEntry:
     quantity = name.removeprefix("state.")
     units, text = _STATES[quantity]
-    return CatalogueEntry(
-        name,
-        units,
-        lookup(quantity).display_units if quantity in "pqr" else units,
-        text,
-        0.0,
-        -MOST,
-        MOST,
-        0,
-    )
+    display_units = units
+    if quantity in "pqr":
+        display_units = lookup(quantity).display_units
+    return make_row(name, units, text, display_units=display_units)
 
 
-def _output(name: str) -> CatalogueEntry:
+def _output_row(name: str) -> CatalogueEntry:
     group, _, quantity = name.rpartition(".")
     if name == "out_of_range":
-        return CatalogueEntry(
-            name,
-            "1",
-            "1",
-            "internal steps times axes outside the tables since the start",
-            0.0,
-            -MOST,
-            MOST,
-            0,
-        )
+        text = "internal steps times axes outside the tables since the start"
+        return make_row(name, "1", text)
+    # input plus biases, as it acts on the aircraft
     if group == "applied":
-        return _row(name, quantity, f"{lookup(quantity).long_name} as applied: input and biases")
+        text = f"{lookup(quantity).long_name} as applied: input and biases"
+        return make_vocabulary_row(name, quantity, text)
     if group == "trim" and quantity.endswith("_dot"):
-        return _rate(name, quantity, "left by the trim")
+        return _rate_row(name, quantity, "left by the trim")
     if group == "trim":
-        found = "found by the trim" if quantity in ("alpha", "beta") else "bias found by the trim"
-        return _row(name, quantity, f"{lookup(quantity).long_name}, {found}")
-    return _row(name, name)
+        # the trim computes angles themselves, but controls and power as biases on the inputs
+        remark = "found by the trim" if quantity in ("alpha", "beta") else "bias found by the trim"
+        return make_vocabulary_row(name, quantity, f"{lookup(quantity).long_name}, {remark}")
+    return make_vocabulary_row(name, name)
 
 
-def _rate(name: str, quantity: str, remark: str) -> CatalogueEntry:
+def _rate_row(name: str, quantity: str, remark: str) -> CatalogueEntry:
+    """Return the row of an acceleration; that of ``init.*`` acts at the start only."""
+    flags = FIXED if name.startswith("init.") else 0
     if quantity in _RATES:
         units, text = _RATES[quantity]
-        return CatalogueEntry(
-            name,
-            units,
-            units,
-            f"{text}, {remark}",
-            0.0,
-            -MOST,
-            MOST,
-            FIXED if name.startswith("init.") else 0,
-        )
-    return _row(
-        name,
-        quantity,
-        f"{lookup(quantity).long_name}, {remark}",
-        flags=FIXED if name.startswith("init.") else 0,
-    )
+        return make_row(name, units, f"{text}, {remark}", flags=flags)
+    text = f"{lookup(quantity).long_name}, {remark}"
+    return make_vocabulary_row(name, quantity, text, flags=flags)
 
 
-def _parameter(name: str, aircraft: Aircraft) -> CatalogueEntry:
+def _parameter_row(name: str, aircraft: Aircraft) -> CatalogueEntry:
     group, _, quantity = name.partition(".")
     if group == "init":
-        return _initial(name, quantity)
+        return _start_row(name, quantity)
     if group == "mass":
-        cg = dict(zip(("x_cg_b", "y_cg_b", "z_cg_b"), aircraft.cg, strict=True))
-        return _row(
-            name, quantity, value=cg[quantity] if quantity in cg else getattr(aircraft, quantity)
-        )
+        # the aircraft has the centre of gravity as a vector
+        values = dict(zip(("x_cg_b", "y_cg_b", "z_cg_b"), aircraft.cg, strict=True))
+        if quantity not in values:
+            values[quantity] = getattr(aircraft, quantity)
+        return make_vocabulary_row(name, quantity, value=values[quantity])
     if group == "env":
-        units, display, text, value = _ENVIRONMENT[quantity]
-        return CatalogueEntry(name, units, display, text, value, -MOST, MOST, 0)
+        units, display_units, text, value = _ENVIRONMENT[quantity]
+        return make_row(name, units, text, display_units=display_units, value=value)
     if group == "bias":
-        whose = " of each engine" if quantity in ("thrust", "throttle") else ""
-        return _row(name, quantity, f"added to the {lookup(quantity).long_name}{whose}")
-    return _mode(name, quantity, aircraft)
+        text = f"added to the {lookup(quantity).long_name}"
+        if quantity in ("thrust", "throttle"):
+            text += " of each engine"
+        return make_vocabulary_row(name, quantity, text)
+    return _mode_row(name, quantity, aircraft)
 
 
-def _initial(name: str, quantity: str) -> CatalogueEntry:
+def _start_row(name: str, quantity: str) -> CatalogueEntry:
+    """Return the row of a start value ``init.*``."""
     if quantity.endswith("_dot"):
-        return _rate(name, quantity, "wanted by the trim")
+        return _rate_row(name, quantity, "wanted by the trim")
     if quantity == "phi_range":
-        return CatalogueEntry(
+        return make_row(
             name,
             "rad",
-            "deg",
             "bank angle by which the trim may leave init.phi",
-            0.0,
-            0.0,
-            0.5,
-            FIXED,
+            display_units="deg",
+            low=0.0,
+            high=0.5,
+            flags=FIXED,
         )
     text = f"{lookup(quantity).long_name} at the start{_START_NOTES.get(quantity, '')}"
-    return _row(name, quantity, text, value=_START.get(quantity, 0.0), flags=FIXED)
+    value = _START.get(quantity, 0.0)
+    return make_vocabulary_row(name, quantity, text, value=value, flags=FIXED)
 
 
-def _mode(name: str, quantity: str, aircraft: Aircraft) -> CatalogueEntry:
+def _mode_row(name: str, quantity: str, aircraft: Aircraft) -> CatalogueEntry:
     if quantity == "step":
-        return CatalogueEntry(
-            name, "s", "s", "largest internal step of the integration", 0.01, 1e-6, 1.0, FIXED
-        )
+        text = "largest internal step of the integration"
+        return make_row(name, "s", text, value=0.01, low=1e-6, high=1.0, flags=FIXED)
     text, value, low, high = _MODES[quantity]
-    if quantity == "engine" and any(
-        engine.thrust is None and engine.deck is None for engine in aircraft.engines
-    ):
-        value = 2.0
-    return CatalogueEntry(name, "1", "1", text, value, low, high, FIXED | INTEGER)
+    if quantity == "engine":
+        # an engine without tables has no lever: recorded thrust drives it
+        for engine in aircraft.engines:
+            if engine.thrust is None and engine.deck is None:
+                value = 2.0
+    return make_row(name, "1", text, value=value, low=low, high=high, flags=FIXED | INTEGER)

@@ -1,11 +1,12 @@
-"""Aircraft and tree of terms to one immutable block that the kernel flies; the same two give the
-same bytes.
+"""Compiler of an aircraft and its database to one immutable block for the kernel.
+
+The same aircraft and the same database give the same bytes.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -14,9 +15,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flightmech.aircraft.aircraft import Aircraft, read_aircraft, reference_in
-from flightmech.build_up import COEFFICIENTS, evaluation_levels, term_level, used_coefficients
-from flightmech.errors import ParseError, SchemaError, UnknownName
+from flightmech.aircraft.aircraft import Aircraft, read_aircraft
+from flightmech.build_up import evaluation_levels, term_level
+from flightmech.errors import ParseError, SchemaError
 from flightmech.names import lookup
 from flightmech.simulation import catalogue, submodels
 from flightmech.simulation.kernel import (
@@ -32,24 +33,16 @@ from flightmech.simulation.kernel import (
     KernelModel,
 )
 from flightmech.simulation.model_block import FORCES, MOMENTS, Packer, Term, list_table_axes
+from flightmech.simulation.model_checks import HINGES, check_leaf, check_root, get_force_axes
 from flightmech.simulation.submodels.devices import with_devices
 from flightmech.support.hdf5_seal import demand_self_contained, read_if_sealed
 from flightmech.support.input_files import file_kind
 from flightmech.support.netcdf_trees import GROUPS, read_netcdf_tree
-from flightmech.terms import (
-    SOURCES,
-    check_term,
-    list_model_variables,
-    list_regressors,
-    power_factor,
-)
+from flightmech.terms import SOURCES, list_model_variables, power_factor
 from flightmech.units import from_si
 
-IMPLICIT = ("alphadothat", "betadothat", "dnz")
-_AGREE = 1e-6  # relative: what a unit conversion and a netCDF round trip may change
-_NEAR = 1e-4  # of the chord: two places of the moment reference that count as one
-_ONE = "of which only one can be solved for in a term"
-_HINGES = ("Ch_e", "Ch_a", "Ch_r")
+# Largest value that a parameter can be set to, as in prepare.c of the kernel.
+_LARGEST_PARAMETER = 1e16
 
 
 @dataclass(frozen=True)
@@ -59,7 +52,7 @@ class SimModel:
     Parameters
     ----------
     block : bytes
-        What the kernel loads; ``resources/model.bin`` of an FMU.
+        The block for the kernel. It is also ``resources/model.bin`` of an FMU.
     """
 
     block: bytes = field(repr=False)
@@ -70,8 +63,9 @@ class SimModel:
         return KernelModel(self.block)
 
     def entries(self, kind: int) -> tuple[CatalogueEntry, ...]:
-        """Return names, units, descriptions, start values and ranges of one kind
-        (`flightmech.simulation.kernel`: INPUT ... AXIS).
+        """Return names, units, descriptions, start values and ranges of one kind.
+
+        The kinds are INPUT ... AXIS of `flightmech.simulation.kernel`.
         """
         return self.model.entries(kind)
 
@@ -107,7 +101,7 @@ class SimModel:
 
     @cached_property
     def axes(self) -> tuple[str, ...]:
-        """Names of the table axes; a name appears once per set of breakpoints."""
+        """Names of the table axes. A name appears once per set of breakpoints."""
         return _names(self.entries(AXIS))
 
     @property
@@ -117,9 +111,7 @@ class SimModel:
 
     @property
     def meta(self) -> dict[str, Any]:
-        """Provenance: force axes, attributes of the database; range, sources and remarks of each
-        term.
-        """
+        """Provenance: force axes, attributes of the database, and the texts of each term."""
         return json.loads(self.model.meta)
 
     def __getstate__(self) -> dict[str, bytes]:
@@ -143,293 +135,214 @@ def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
     Raises
     ------
     SchemaError
-        With all problems: faults of a term, an axis or regressor that the simulation does not know,
-        a geometry that differs from the aircraft's.
+        With all problems: faults of a term, an axis or regressor that is not a model variable, a
+        geometry that differs from that of the aircraft.
     """
-    aircraft = with_devices(
-        aircraft, {name for leaf in _leaves(db) for name in list_model_variables(leaf)}
-    )
-    found = _collect(aircraft, db)
-    problems = _root_problems(aircraft, db)
-    known = catalogue.stages_by_name(VARIABLE, submodels.submodel_items(aircraft))
-    problems += [
-        text for term in found for text in _leaf_problems(term.name, term.leaf, term.stage, known)
-    ]
+    names: set[str] = set()
+    for leaf in _list_leaves(db):
+        names |= list_model_variables(leaf)
+    # a control that only the tables use becomes an input of its own
+    aircraft = with_devices(aircraft, names)
+    terms = _collect_terms(aircraft, db)
+    problems = check_root(aircraft, db)
+    stages = catalogue.stages_by_name(VARIABLE, submodels.submodel_items(aircraft))
+    for term in terms:
+        problems += check_leaf(term.name, term.leaf, term.stage, stages=stages)
     if not problems:
-        found, problems = _in_order(found, _force_axes(db))
+        terms, problems = _assign_levels(terms, get_force_axes(db))
     if problems:
         raise SchemaError(f"model of {aircraft.name}", problems)
-    block = Packer(aircraft, found, _force_axes(db), _meta(db, found)).pack()
-    KernelModel(block)  # the kernel accepts it, or states why not
+    packer = Packer(aircraft, terms, force_axes=get_force_axes(db), meta=_describe_model(db, terms))
+    block = packer.pack()
+    KernelModel(block)  # raises if the kernel does not accept the block
     return SimModel(block)
 
 
-_LARGEST = 1e16  # of a parameter that is set, as in prepare.c of the kernel
-
-
-def changed_parameters(one: Aircraft, other: Aircraft) -> dict[str, tuple[float, float]] | None:
-    """Return the parameters whose start values make the model of `other` of that of `one`, and
-    back, with any database.
+def changed_parameters(first: Aircraft, second: Aircraft) -> dict[str, tuple[float, float]] | None:
+    """Return the start values that differ between the models of two aircraft, with any database.
 
     Parameters
     ----------
-    one, other : Aircraft
+    first, second : Aircraft
 
     Returns
     -------
     dict of str to (float, float), or None
-        Name to start values in the models of both; empty for equal models.  None where more than
-        start values differs: tables, names, ranges, geometry; or where one states that there is no
-        limit, which cannot be set. [SI]
+        Name to start values in the models of both; empty for equal models.  None if more than
+        start values differs: tables, names, ranges, geometry.  None also if one aircraft has no
+        limit where the other has one, since such a value cannot be set. [SI]
     """
-    geometry = [(a.S, a.cbar, a.b, a.x_ref_mac, a.name) for a in (one, other)]
-    names = [
-        [
-            catalogue.input_rows(a),
-            catalogue.output_rows(a),
-            catalogue.state_rows(a),
-            submodels.submodel_items(a),
-        ]
-        for a in (one, other)
-    ]
-    rows = [catalogue.parameter_rows(a, (), {}) for a in (one, other)]
-    ranges = [[row._replace(value=0.0) for row in found] for found in rows]
-    tables = [list(submodels.submodel_terms(a)) for a in (one, other)]
-    if (
-        geometry[0] != geometry[1]
-        or names[0] != names[1]
-        or ranges[0] != ranges[1]
-        or len(tables[0]) != len(tables[1])
+    if not _have_equal_structure(first, second):
+        return None
+    changes = {}
+    rows = zip(_default_parameters(first), _default_parameters(second), strict=True)
+    for before, after in rows:
+        if before.value == after.value:
+            continue
+        # values beyond this magnitude mean that there is no limit
+        settable = [abs(row.value) <= _LARGEST_PARAMETER for row in (before, after)]
+        if not all(settable):
+            return None
+        changes[before.name] = before.value, after.value
+    return changes
+
+
+def _have_equal_structure(first: Aircraft, second: Aircraft) -> bool:
+    """Return whether the models of two aircraft differ in start values only."""
+    for attribute in ("S", "cbar", "b", "x_ref_mac", "name"):
+        if getattr(first, attribute) != getattr(second, attribute):
+            return False
+    for list_rows in (
+        catalogue.input_rows,
+        catalogue.output_rows,
+        catalogue.state_rows,
+        submodels.submodel_items,
     ):
-        return None
-    if not all(a[:2] == b[:2] and a[2].identical(b[2]) for a, b in zip(*tables, strict=True)):
-        return None
-    changed = {
-        before.name: (before.value, after.value)
-        for before, after in zip(*rows, strict=True)
-        if before.value != after.value
-    }
-    return (
-        changed
-        if all(abs(value) <= _LARGEST for values in changed.values() for value in values)
-        else None
-    )
+        if list_rows(first) != list_rows(second):
+            return False
+    # ranges, units and names of the parameters, whatever their values are
+    first_rows = [row._replace(value=0.0) for row in _default_parameters(first)]
+    second_rows = [row._replace(value=0.0) for row in _default_parameters(second)]
+    return first_rows == second_rows and _have_equal_tables(first, second)
+
+
+def _have_equal_tables(first: Aircraft, second: Aircraft) -> bool:
+    """Return whether the submodels of two aircraft have identical tables."""
+    first_terms = list(submodels.submodel_terms(first))
+    second_terms = list(submodels.submodel_terms(second))
+    if len(first_terms) != len(second_terms):
+        return False
+    pairs = zip(first_terms, second_terms, strict=True)
+    return all(before[:2] == after[:2] and before[2].identical(after[2]) for before, after in pairs)
+
+
+def _default_parameters(aircraft: Aircraft) -> list[CatalogueEntry]:
+    """Return the parameters of a model without a database."""
+    return catalogue.parameter_rows(aircraft, (), {})
 
 
 def _names(entries: tuple[CatalogueEntry, ...]) -> tuple[str, ...]:
     return tuple(entry.name for entry in entries)
 
 
-def _force_axes(db: xr.DataTree) -> str:
-    return str(db.attrs.get("force_axes", "stability"))
-
-
-def _leaves(db: xr.DataTree) -> Iterator[xr.Dataset]:
+def _list_leaves(db: xr.DataTree) -> Iterator[xr.Dataset]:
     """Return the terms of all coefficients."""
     for coefficient in db.children.values():
-        if coefficient.name not in GROUPS:
-            yield from (node.dataset for node in coefficient.children.values() if "value" in node)
+        if coefficient.name in GROUPS:
+            continue
+        for node in coefficient.children.values():
+            if "value" in node:
+                yield node.dataset
 
 
-def _collect(aircraft: Aircraft, db: xr.DataTree) -> list[Term]:
+def _collect_terms(aircraft: Aircraft, db: xr.DataTree) -> list[Term]:
     """Return all terms in the order of their evaluation."""
     items = submodels.submodel_items(aircraft)
-    stage, number = (
-        catalogue.stages_by_name(TARGET, items),
-        {name: i for i, name in enumerate(catalogue.expand_names(TARGET, items))},
-    )
-    forces = FORCES.get(_force_axes(db), FORCES["stability"])
-    found = [
-        Term(stage[target], number[target], name, leaf)
-        for target, name, leaf in submodels.submodel_terms(aircraft)
-    ]
-    for target, coefficient in zip(
-        (*FORCES["stability"], *MOMENTS, *_HINGES), (*forces, *MOMENTS, *_HINGES), strict=True
-    ):
-        if coefficient in db.children:
-            for contribution in sorted(db[coefficient].children):
-                leaf = db[coefficient][contribution].to_dataset()
-                found.append(
-                    Term(stage[target], number[target], f"{coefficient}/{contribution}", leaf)
-                )
-    return sorted(found, key=lambda term: term[:2])
+    stages = catalogue.stages_by_name(TARGET, items)
+    numbers = {}
+    for number, name in enumerate(catalogue.expand_names(TARGET, items)):
+        numbers[name] = number
+    terms = []
+    for target, name, leaf in submodels.submodel_terms(aircraft):
+        terms.append(Term(stages[target], numbers[target], name, leaf=leaf))
+    # The kernel has one target per force, with the name it has in stability axes.
+    forces = FORCES.get(get_force_axes(db), FORCES["stability"])
+    targets = (*FORCES["stability"], *MOMENTS, *HINGES)
+    for target, coefficient in zip(targets, (*forces, *MOMENTS, *HINGES), strict=True):
+        if coefficient not in db.children:
+            continue
+        for contribution in sorted(db[coefficient].children):
+            leaf = db[coefficient][contribution].to_dataset()
+            name = f"{coefficient}/{contribution}"
+            terms.append(Term(stages[target], numbers[target], name, leaf=leaf))
+    # sorted is stable: terms of one target keep their order
+    return sorted(terms, key=lambda term: term[:2])
 
 
-def _in_order(found: list[Term], force_axes: str) -> tuple[list[Term], list[str]]:
-    """Return the terms with their levels, and the loops among coefficients."""
-    of, problems = evaluation_levels({term.name: term.leaf for term in found}, force_axes)
-    return [term._replace(level=term_level(term.leaf, of, force_axes)) for term in found], problems
+def _assign_levels(terms: list[Term], force_axes: str) -> tuple[list[Term], list[str]]:
+    """Return the terms with their levels, and the loops among coefficients as problems."""
+    leaves = {term.name: term.leaf for term in terms}
+    levels, problems = evaluation_levels(leaves, force_axes)
+    with_levels = []
+    for term in terms:
+        with_levels.append(term._replace(level=term_level(term.leaf, levels, force_axes)))
+    return with_levels, problems
 
 
-def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
-    problems = []
-    axes = _force_axes(db)
-    if axes not in FORCES:
-        problems.append(f"attribute force_axes is {axes!r}; allowed: {', '.join(FORCES)}")
-        axes = "stability"
-    for name in map(str, db.children):
-        if name not in (*FORCES[axes], *MOMENTS, *_HINGES, *GROUPS):
-            allowed = ", ".join((*FORCES[axes], *MOMENTS))
-            problems.append(
-                f"/{name} is no coefficient; with force_axes {axes} there are {allowed}"
-            )
-    problems += [
-        f"/{path} holds a table; a term lies at /<coefficient>/<contribution>, this one "
-        f"would not fly"
-        for path in _astray(db)
-    ]
-    for name in ("S", "cbar", "b"):
-        if name in db.attrs and not np.isclose(
-            float(db.attrs[name]), getattr(aircraft, name), rtol=_AGREE, atol=0.0
-        ):
-            problems.append(
-                f"{name} is {float(db.attrs[name]):.8g} in the database and "
-                f"{getattr(aircraft, name):.8g} in the aircraft; they must agree"
-            )
-    for name, own in zip(
-        ("x_ref", "y_ref", "z_ref"), reference_in(aircraft, db.attrs), strict=True
-    ):
-        if name in db.attrs and not np.isclose(
-            float(db.attrs[name]), own, rtol=_AGREE, atol=1e-4 * aircraft.cbar
-        ):
-            problems.append(
-                f"{name} is {float(db.attrs[name]):.6g} m in the database and {own:.6g} m in "
-                f"the aircraft; move the moment reference"
-            )
-    return problems
-
-
-def _astray(db: xr.DataTree) -> Iterator[str]:
-    for path, node in db.subtree_with_keys:
-        if path.count("/") != 1 and path.split("/")[0] not in GROUPS and node.data_vars:
-            yield path
-
-
-def _leaf_problems(name: str, leaf: xr.Dataset, stage: int, known: Mapping[str, int]) -> list[str]:
-    problems = check_term(leaf)
-    if problems:
-        return [f"{name}: {text}" for text in problems]
-    problems += [
-        f"{name}: {text}"
-        for axis in list_table_axes(leaf)
-        for text in _axis_problems(axis, known, stage)
-    ]
-    words, factor = list_regressors(leaf), power_factor(leaf)
-    problems += [
-        f"{name}: regressor: {text}"
-        for word in words
-        for text in _variable_problems(word, known, stage)
-    ]
-    if factor:
-        problems += [
-            f"{name}: power: {text}" for text in _axis_problems(factor.variable, known, stage)
-        ]
-    if used_coefficients(leaf) and words and set(words) & set(IMPLICIT):
-        problems.append(
-            f"{name}: depends on {', '.join(sorted(used_coefficients(leaf)))} and on "
-            f"{', '.join(sorted(set(words) & set(IMPLICIT)))}, {_ONE}"
-        )
-    if sum(word in IMPLICIT for word in words) > 1:
-        problems.append(
-            f"{name}: regressors {' '.join(words)}: only one of {', '.join(IMPLICIT)} can be "
-            f"solved for in a term"
-        )
-    return problems
-
-
-def _axis_problems(axis: str, known: Mapping[str, int], stage: int) -> list[str]:
-    if axis in IMPLICIT:
-        return [f"{axis} cannot be an axis, the simulation solves for it; make it a regressor"]
-    return [f"axis: {text}" for text in _variable_problems(axis, known, stage)]
-
-
-def _variable_problems(name: str, known: Mapping[str, int], stage: int) -> list[str]:
-    if name not in known:
-        hint = (
-            "write engine1.throttle or engine1.thrust for one engine"
-            if name in ("throttle", "thrust")
-            else ""
-        )
-        return [str(UnknownName(name, list(known), "model variable of the simulation", hint))]
-    if name in COEFFICIENTS and stage > known[name]:
-        return [f"only terms of {', '.join(COEFFICIENTS)} can depend on {name}"]
-    if known[name] > stage and not (name in COEFFICIENTS and stage == known[name] - 1):
-        return [f"{name} is found only after this table is evaluated; it cannot depend on it"]
-    return []
-
-
-def _meta(db: xr.DataTree, terms: list[Term]) -> str:
-    # numbers read from a file are NumPy's own
-    attributes = {
-        key: item.item() if isinstance(item, np.generic) else item for key, item in db.attrs.items()
-    }
-    plain = {key: item for key, item in attributes.items() if isinstance(item, str | int | float)}
-    texts = {t.name: _texts(t.leaf) for t in terms}
+def _describe_model(db: xr.DataTree, terms: list[Term]) -> str:
+    """Return the provenance of a model as JSON text."""
+    attributes = {}
+    for key, item in db.attrs.items():
+        if isinstance(item, np.generic):  # a number from a file
+            item = item.item()
+        if isinstance(item, str | int | float):
+            attributes[key] = item
+    texts = {term.name: _describe_term(term.leaf) for term in terms}
     return json.dumps(
-        {"database": plain, "force_axes": _force_axes(db), "terms": texts},
+        {"database": attributes, "force_axes": get_force_axes(db), "terms": texts},
         sort_keys=True,
         ensure_ascii=False,
     )
 
 
-def _texts(leaf: xr.Dataset) -> dict[str, str]:
-    """Return what a reader of the model should know of a term."""
-    found = {
-        "axes": ", ".join(_extent(leaf, axis) for axis in list_table_axes(leaf)),
-        "source": _sources(leaf),
+def _describe_term(leaf: xr.Dataset) -> dict[str, str]:
+    """Return axes, sources and remarks of a term, without empty texts."""
+    texts = {
+        "axes": ", ".join(_describe_axis(leaf, axis) for axis in list_table_axes(leaf)),
+        "source": _count_sources(leaf),
+        "power": str(power_factor(leaf) or ""),
     }
-    found |= {key: str(leaf.attrs.get(key, "")) for key in ("regressors", "references", "comment")}
-    found["power"] = str(power_factor(leaf) or "")
-    return {key: text for key, text in found.items() if text}
+    for key in ("regressors", "references", "comment"):
+        texts[key] = str(leaf.attrs.get(key, ""))
+    return {key: text for key, text in texts.items() if text}
 
 
-def _extent(leaf: xr.Dataset, axis: str) -> str:
+def _describe_axis(leaf: xr.Dataset, axis: str) -> str:
     """Return range, display unit and number of the breakpoints: ``alpha -8 ... 20 deg (19)``."""
     points, unit = leaf.variables[axis].values, lookup(axis).display_units
-    ends = " ... ".join(
-        f"{from_si(float(x), unit):.4g}" for x in dict.fromkeys((points[0], points[-1]))
-    )
-    return f"{axis} {ends}{'' if unit == '1' else ' ' + unit} ({len(points)})"
+    text = f"{axis} {from_si(float(points[0]), unit):.4g}"
+    if points[-1] != points[0]:
+        text += f" ... {from_si(float(points[-1]), unit):.4g}"
+    if unit != "1":
+        text += f" {unit}"
+    return f"{text} ({len(points)})"
 
 
-def _sources(leaf: xr.Dataset) -> str:
-    """Return how many nodes come from where: ``datcom 30, flight 6``."""
+def _count_sources(leaf: xr.Dataset) -> str:
+    """Return the number of nodes from each source: ``datcom 30, flight 6``."""
     if "source" not in leaf:
         return ""
-    counts = {
-        word: int((leaf.variables["source"].values == flag).sum())
-        for flag, word in enumerate(SOURCES)
-    }
-    return ", ".join(f"{word} {count}" for word, count in counts.items() if count)
+    texts = []
+    for flag, source in enumerate(SOURCES):
+        count = int((leaf.variables["source"].values == flag).sum())
+        if count:
+            texts.append(f"{source} {count}")
+    return ", ".join(texts)
 
 
 def compile_files(aircraft: str, database: str) -> SimModel:
     """Return the model of an aircraft file (TOML) and a database file (netCDF)."""
-
-    compile_model = compile
-
-    return compile_model(read_aircraft(aircraft), _open(database))
+    return compile(read_aircraft(aircraft), _open_database(database))
 
 
-def _open(database: str) -> xr.DataTree:
-    """Return the tree of a database file; `aerodb`, which writes it, stands to the right of this
-    package.
+def _open_database(database: str) -> xr.DataTree:
+    """Return the tree of a database file.
+
+    `aerodb`, which writes the file, comes after this package, so that it cannot be imported.
     """
-
     demand_self_contained(database)
     read_if_sealed(Path(database), "a database; build or copy it again")
     try:
         tree, problems = read_netcdf_tree(Path(database))
     except SchemaError as error:
         raise SchemaError(database, error.problems) from None
-    except (
-        Exception
-    ) as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
+    # for a damaged file HDF5 raises OSError, KeyError, RuntimeError, ValueError ...
+    except Exception as error:
         raise ParseError(
             database,
             0,
             file_kind(database),
-            "an aero database, netCDF-4 as `aeromatch db build` writes it",
+            expected="an aero database, netCDF-4 as `aeromatch db build` writes it",
         ) from error
     if problems:
         raise SchemaError(database, problems)

@@ -1,63 +1,42 @@
-"""Flight paths between gyros and accelerometers, for the kernel: ``am_drive`` of kernel.h, and the
-path that they drive from its start.
+"""Flight paths from inertial measurements, computed by the kernel.
+
+Gyros and accelerometers drive a path from its start: ``am_drive`` of kernel.h.
 """
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
-from ctypes import POINTER, byref, c_double, c_int, c_ubyte
+from ctypes import POINTER, byref, c_int, c_ubyte
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flightmech.simulation.kernel import _checked, _doubles, _pointer, load_kernel
+from flightmech.simulation.kernel_library import (
+    DriveStruct,
+    PathStruct,
+    check_array,
+    double_pointer,
+    load_kernel,
+)
 
-BIAS, SCALE, WIND, LAG = 0, 6, 12, 15  # AM_BIAS and the others of kernel.h
-
-
-class _Path(ctypes.Structure):
-    """``am_path``: pointers to states, rates and specific force, the step and what surrounds the
-    path.
-    """
-
-    _fields_ = [(name, _doubles) for name in ("x", "rates", "force")]
-    _fields_ += [(name, c_double) for name in ("dt", "gravity", "fall", "level")]
-    _fields_ += [("spin", c_double * 3), ("transport", c_double * 9), ("sensed", c_double * 3)]
-
-    def __init__(self, x, rates, force, dt: float, around: Surroundings):
-        super().__init__(x, rates, force, dt, around.gravity, around.fall, around.level)
-        self.spin[:], self.sensed[:] = around.spin.tolist(), around.sensed.tolist()
-        self.transport[:] = around.transport.ravel().tolist()
-
-
-class DriveStruct(ctypes.Structure):
-    """``am_drive``."""
-
-    _fields_ = (
-        [("path", _Path)]
-        + [(name, c_int) for name in ("states", "inputs", "vanes", "gusts")]
-        + [("side", c_int * 2)]
-    )
-    _fields_ += [("input", POINTER(c_int)), ("slow", POINTER(c_ubyte)), ("sensed", _doubles)]
-    _fields_ += [("gain", c_double * 6), ("arm", c_double * 3), ("wind", c_double * 3)]
-    _fields_ += [("vane_arm", c_double * 6), ("lag", c_double * 3), ("lag_slope", c_double * 3)]
+# First input of each kind: AM_BIAS, AM_SCALE, AM_WIND and AM_LAG of kernel.h.
+BIAS, SCALE, WIND, LAG = 0, 6, 12, 15
 
 
 class Surroundings(NamedTuple):
-    """What a flight path passes through.
+    """Earth and gravity along a flight path.
 
     Attributes
     ----------
     gravity, fall, level : float
-        Gravity at the height `level` [m s-2], what it loses per metre [s-2], and that height [m].
+        Gravity at the height `level` [m s-2], its decrease per metre [s-2], and that height [m].
     spin : array (3,)
         Rate of the Earth, north-east-down. [rad s-1]
     transport : array (3, 3)
-        ``transport @ v`` is the rate at which the level axes turn because they are carried along.
+        ``transport @ v`` is the transport rate: the level axes turn as they move over the Earth.
         [m-1]
     sensed : array (3,)
-        Rate of the Earth as far as the gyros show it, north-east-down. [rad s-1]
+        Rate of the Earth in the readings of the gyros, north-east-down. [rad s-1]
     """
 
     gravity: float
@@ -69,7 +48,7 @@ class Surroundings(NamedTuple):
 
 
 class Inertial(NamedTuple):
-    """An inertial unit, free of the errors of its constants.
+    """Readings of an inertial unit, corrected for the errors of its constants.
 
     Attributes
     ----------
@@ -78,11 +57,11 @@ class Inertial(NamedTuple):
     force : array (N, 3)
         Specific force at the c.g. [m s-2]
     sensed : array (N, 3)
-        The same where the accelerometers sit.
+        Specific force at the accelerometers. [m s-2]
     gain : array (6,)
         1/(1 + scale error) of gyros and accelerometers.
     arm : array (3,)
-        The unit from the c.g. [m]
+        Position of the unit from the c.g. [m]
     """
 
     rates: np.ndarray
@@ -93,19 +72,19 @@ class Inertial(NamedTuple):
 
 
 class Vanes(NamedTuple):
-    """Vanes behind a first-order lag, in air that moves steadily.
+    """Vanes with a first-order lag, in a steady wind.
 
     Attributes
     ----------
     side : sequence of int
-        1 of a vane that shows atan(v/u), 2 of one that shows atan(w/u); two vanes at most.
+        1 for a vane that measures atan(v/u), 2 for a vane that measures atan(w/u). At most two.
     arms : array (vanes, 3)
-        From the c.g. [m]
+        Positions from the c.g. [m]
     wind : array (3,)
         North, east, down. [m s-1]
     lag, lag_slope : array (3,)
         Weights of the state before, the angle before and the angle after a step, and their
-        derivatives by the time constant.
+        derivatives with respect to the time constant.
     """
 
     side: Sequence[int]
@@ -116,31 +95,34 @@ class Vanes(NamedTuple):
 
 
 class DrivenPath:
-    """A stretch of uniform samples with the inertial unit and the vanes that belong to it.
+    """A sequence of uniform samples with the readings of its inertial unit and its vanes.
 
     Parameters
     ----------
     inertial : Inertial
     x : array (N, n)
         States: phi, theta, psi [rad], velocity north, east, down [m s-1], height [m], the lagged
-        angles of the vanes [rad]; others may follow.  For `follow`, a path from which gravity,
-        Coriolis acceleration and the turning of the level axes are taken.
+        angles of the vanes [rad]; others may follow.  `follow` computes gravity, Coriolis
+        acceleration and transport rate from this path.
     dt : float
-        [s]
+        Time between samples. [s]
     around : Surroundings
+        Earth and gravity.
     inputs : sequence of int
-        Constants to which derivatives are wanted, each once: `BIAS` + i and `SCALE` + i of p, q, r
-        and of the specific force forward, right, down, `WIND` + i, `LAG`.
+        Constants of the derivatives, each once: `BIAS` + i and `SCALE` + i of p, q, r and of the
+        specific force forward, right, down, `WIND` + i, `LAG`.
     vanes : Vanes
     gusts : bool
-        Whether the states behind the vanes are gusts north, east, down. [m s-1]
+        Whether the states after those of the vanes are gusts north, east, down. [m s-1]
     slow : array of bool (N - 1,), optional
-        Steps over which the vanes hang freely.
+        Steps whose airspeed is too low to move the vanes.
 
     Attributes
     ----------
     inertial, x, dt, around, inputs, vanes, gusts, slow
-        As given.
+        The arguments.
+    drive : DriveStruct
+        The structure for the kernel.
     samples, states : int
         N and n.
 
@@ -162,80 +144,92 @@ class DrivenPath:
         slow: np.ndarray | None = None,
     ):
         self.samples, self.states = x.shape
-        rates, force, sensed = (_checked(item, (self.samples, 3)) for item in inertial[:3])
-        self.inertial = Inertial(
-            rates, force, sensed, _checked(inertial.gain, (6,)), _checked(inertial.arm, (3,))
-        )
-        self.x, self.dt, self.around, self.inputs, self.gusts = (
-            _checked(x, x.shape),
-            dt,
-            around,
-            list(inputs),
-            gusts,
-        )
-        wind, lag, lag_slope = (_checked(item, (3,)) for item in vanes[2:])
-        self.vanes = Vanes(
-            list(vanes.side), _checked(vanes.arms, (len(vanes.side), 3)), wind, lag, lag_slope
-        )
-        self.slow = (
-            np.zeros(self.samples - 1, np.uint8)
-            if slow is None
-            else np.ascontiguousarray(slow, np.uint8)
-        )
+        # arrays are attributes: the structure for the kernel has pointers to them
+        self.x, self.dt, self.around = check_array(x, x.shape), dt, around
+        self.inputs, self.gusts = list(inputs), gusts
+        self.inertial = _check_inertial(inertial, self.samples)
+        self.vanes = _check_vanes(vanes)
+        if slow is None:
+            slow = np.zeros(self.samples - 1)
+        self.slow = np.ascontiguousarray(slow, np.uint8)
         if self.slow.shape != (self.samples - 1,):
             raise ValueError(
                 f"array has the shape {self.slow.shape}, expected {(self.samples - 1,)}"
             )
-        d = self.drive = DriveStruct(
-            _Path(_pointer(self.x), _pointer(rates), _pointer(force), dt, around)
+        self.drive = self._pack_drive()
+
+    def _pack_drive(self) -> DriveStruct:
+        """Return the structure for the kernel; its pointers are those of the arrays of the path."""
+        # pointers into arrays that the path holds
+        drive = DriveStruct(self._pack_path())
+        drive.states, drive.inputs = self.states, len(self.inputs)
+        drive.vanes, drive.gusts = len(self.vanes.side), self.gusts
+        drive.input = (c_int * drive.inputs)(*self.inputs)
+        drive.slow = self.slow.ctypes.data_as(POINTER(c_ubyte))
+        drive.sensed = double_pointer(self.inertial.sensed)
+        # arrays inside the structure
+        drive.side[: drive.vanes] = self.vanes.side
+        drive.gain[:] = self.inertial.gain.tolist()
+        drive.arm[:] = self.inertial.arm.tolist()
+        drive.wind[:] = self.vanes.wind.tolist()
+        drive.lag[:] = self.vanes.lag.tolist()
+        drive.lag_slope[:] = self.vanes.lag_slope.tolist()
+        drive.vane_arm[: 3 * drive.vanes] = self.vanes.arms.ravel().tolist()
+        return drive
+
+    def _pack_path(self) -> PathStruct:
+        around = self.around
+        path = PathStruct(
+            x=double_pointer(self.x),
+            rates=double_pointer(self.inertial.rates),
+            force=double_pointer(self.inertial.force),
+            dt=self.dt,
+            gravity=around.gravity,
+            fall=around.fall,
+            level=around.level,
         )
-        d.states, d.inputs, d.vanes, d.gusts = (
-            self.states,
-            len(self.inputs),
-            len(self.vanes.side),
-            gusts,
-        )
-        d.input, d.slow = (
-            (c_int * d.inputs)(*self.inputs),
-            self.slow.ctypes.data_as(POINTER(c_ubyte)),
-        )
-        d.sensed = _pointer(sensed)
-        d.side[: d.vanes] = self.vanes.side
-        d.gain[:], d.arm[:] = self.inertial.gain.tolist(), self.inertial.arm.tolist()
-        d.wind[:], d.lag[:], d.lag_slope[:] = wind.tolist(), lag.tolist(), lag_slope.tolist()
-        d.vane_arm[: 3 * d.vanes] = self.vanes.arms.ravel().tolist()
+        # the kernel has the matrix row by row
+        path.spin[:], path.sensed[:] = around.spin.tolist(), around.sensed.tolist()
+        path.transport[:] = around.transport.ravel().tolist()
+        return path
 
     def follow(self, start: np.ndarray, x: np.ndarray, X: np.ndarray | None = None) -> None:
-        """Write the path from start (n,) into x (N, n), and its derivatives by start and inputs
-        into X (N, n, n + inputs).
+        """Compute the path from a start, and its derivatives.
+
+        Parameters
+        ----------
+        start : array (n,)
+            First state.
+        x : array (N, n)
+            The path is written into it.
+        X : array (N, n, n + inputs), optional
+            The derivatives with respect to start and inputs are written into it.
 
         Notes
         -----
-        Rates and accelerations are cubics between samples, attitude takes the fourth-order Magnus step, velocity Simpson's rule over
-        it; height and sensitivities the trapezoidal rule (1e-5 of their size at 50 Hz).  Straight lines between samples would
-        take (omega dt)^2/12 off what oscillates with omega: 1e-3 at 0.9 Hz and 50 samples per second, found again in the vane factors.
+        Rates and accelerations are cubics between samples.  Attitude uses the fourth-order Magnus
+        step, velocity Simpson's rule over it, height and sensitivities the trapezoidal rule (1e-5
+        of their size at 50 Hz).  Straight lines between samples would reduce an oscillation of
+        frequency omega by (omega dt)^2/12: 1e-3 at 0.9 Hz and 50 samples per second.  The error
+        would appear in the vane factors.
         """
-        out = output_pointer(x, (self.samples, self.states))
-        columns = (
-            None
-            if X is None
-            else output_pointer(X, (self.samples, self.states, self.states + len(self.inputs)))
-        )
-        self._demand(
+        # the kernel writes into the arrays of the caller, which must therefore be contiguous
+        path = output_pointer(x, (self.samples, self.states))
+        derivatives = None
+        if X is not None:
+            columns = self.states + len(self.inputs)
+            derivatives = output_pointer(X, (self.samples, self.states, columns))
+        first = check_array(start, (self.states,))
+        self._check(
             load_kernel().am_follow(
-                byref(self.drive),
-                self.samples,
-                _pointer(_checked(start, (self.states,))),
-                out,
-                columns,
+                byref(self.drive), self.samples, double_pointer(first), path, derivatives
             )
         )
 
     def add_noise(
         self, x: np.ndarray, noise: np.ndarray, pressed: np.ndarray, products: np.ndarray
     ) -> None:
-        """Add to products (u, u) the covariance that the noise of the inertial unit gives to the
-        sum of `pressed`.
+        """Add the covariance of sums that the noise of the inertial unit causes.
 
         Parameters
         ----------
@@ -244,27 +238,52 @@ class DrivenPath:
         noise : array (6,)
             One sigma of each sample of rates and specific force. [rad s-1], [m s-2]
         pressed : array (N, n, u)
-            Derivatives by the state of u sums; they act on the states of vanes without lag.
+            Derivatives of u sums with respect to the states; they act on the states of vanes
+            without lag.
         products : array (u, u)
+            The covariance of the sums is added to it.
         """
         unknowns = pressed.shape[-1]
-        given = (
-            _pointer(_checked(x, (self.samples, self.states))),
-            unknowns,
-            _pointer(_checked(noise, (6,))),
+        # inputs are converted; the covariance is added to the array of the caller
+        path = check_array(x, (self.samples, self.states))
+        sigma = check_array(noise, (6,))
+        derivatives = check_array(pressed, (self.samples, self.states, unknowns))
+        covariance = output_pointer(products, (unknowns, unknowns))
+        inputs = (double_pointer(path), unknowns, double_pointer(sigma))
+        self._check(
+            load_kernel().am_add_noise(
+                byref(self.drive), self.samples, *inputs, double_pointer(derivatives), covariance
+            )
         )
-        pointers = (
-            _pointer(_checked(pressed, (self.samples, self.states, unknowns))),
-            output_pointer(products, (unknowns, unknowns)),
-        )
-        self._demand(load_kernel().am_add_noise(byref(self.drive), self.samples, *given, *pointers))
 
-    def _demand(self, code: int) -> None:
+    def _check(self, code: int) -> None:
         if code:
             raise ValueError(
                 f"the kernel follows no path of {self.samples} samples, {self.states} states "
                 f"and these inputs or sums"
             )
+
+
+def _check_inertial(inertial: Inertial, samples: int) -> Inertial:
+    """Return an inertial unit with contiguous arrays of the right shapes."""
+    return Inertial(
+        rates=check_array(inertial.rates, (samples, 3)),
+        force=check_array(inertial.force, (samples, 3)),
+        sensed=check_array(inertial.sensed, (samples, 3)),
+        gain=check_array(inertial.gain, (6,)),
+        arm=check_array(inertial.arm, (3,)),
+    )
+
+
+def _check_vanes(vanes: Vanes) -> Vanes:
+    """Return vanes with contiguous arrays of the right shapes."""
+    return Vanes(
+        side=list(vanes.side),
+        arms=check_array(vanes.arms, (len(vanes.side), 3)),
+        wind=check_array(vanes.wind, (3,)),
+        lag=check_array(vanes.lag, (3,)),
+        lag_slope=check_array(vanes.lag_slope, (3,)),
+    )
 
 
 def output_pointer(array: np.ndarray, shape: tuple[int, ...]) -> Any:
@@ -274,4 +293,4 @@ def output_pointer(array: np.ndarray, shape: tuple[int, ...]) -> Any:
             f"array of {array.dtype} has the shape {array.shape}, expected contiguous "
             f"doubles {shape}"
         )
-    return _pointer(array)
+    return double_pointer(array)

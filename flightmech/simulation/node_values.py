@@ -1,4 +1,4 @@
-"""Values in the tables of a compiled model, read and exchanged without compiling it again."""
+"""Values in the tables of a compiled model, read and replaced without another compilation."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from flightmech.errors import SchemaError
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import PARAMETER
 
-# the header of a block (`packer`): checksum of all that follows it, number of sections, then offset
-# and count of every section
+# Header of a block (`model_block`): the checksum, the first byte that it covers (the number of
+# sections), then offset and count of every section.
 _CHECKSUM, _CHECKED, _DIRECTORY = 24, 28, 32
-_NODES = 9  # the section with the nodes of all tables
+_NODE_SECTION = 9  # number of the section with the nodes of all tables
 
 
 def table_values(sim: SimModel, shapes: Mapping[str, Sequence[int]]) -> dict[str, np.ndarray]:
@@ -36,18 +36,17 @@ def table_values(sim: SimModel, shapes: Mapping[str, Sequence[int]]) -> dict[str
     Raises
     ------
     SchemaError
-        A term that the model does not have, or not with a table of that shape; all of them.
+        With all terms that the model does not have, or not with a table of that shape.
     """
-    nodes = _nodes(sim.block)
-    return {name: nodes[place] for name, place in _places(sim, shapes).items()}
+    nodes = _view_nodes(sim.block)
+    return {name: nodes[indices] for name, indices in _find_nodes(sim, shapes).items()}
 
 
 def with_table_values(sim: SimModel, tables: Mapping[str, np.ndarray]) -> SimModel:
-    """Return a compiled model with other values at the nodes of some tables; axes and all else
-    stay.
+    """Return a compiled model with other values at the nodes of some tables.
 
-    What `flightmech.compile` would make of a database with these values, in a hundredth of its
-    time.
+    Axes and all other contents are those of the model.  The result is equal to a compilation of a
+    database with these values, and is faster.
 
     Parameters
     ----------
@@ -60,70 +59,72 @@ def with_table_values(sim: SimModel, tables: Mapping[str, np.ndarray]) -> SimMod
     SchemaError
         As `table_values`, and values that are not finite.
     """
-    places = _places(sim, {name: np.shape(values) for name, values in tables.items()})
-    faulty = [
-        f"{name} holds values that are not finite"
-        for name, values in tables.items()
-        if not np.isfinite(values).all()
-    ]
-    if faulty:
-        raise SchemaError("values of tables", faulty)
+    indices = _find_nodes(sim, {name: np.shape(values) for name, values in tables.items()})
+    problems = []
+    for name, values in tables.items():
+        if not np.isfinite(values).all():
+            problems.append(f"{name} holds values that are not finite")
+    if problems:
+        raise SchemaError("values of tables", problems)
     block = bytearray(sim.block)
-    nodes = _nodes(block)
-    for name, place in places.items():
-        nodes[place] = tables[name]
+    nodes = _view_nodes(block)
+    for name, positions in indices.items():
+        nodes[positions] = tables[name]
     struct.pack_into("<I", block, _CHECKSUM, zlib.crc32(memoryview(block)[_CHECKED:]))
-    found = SimModel(bytes(block))
-    found.model.share_entries(sim.model)
-    return found
+    changed = SimModel(bytes(block))
+    changed.model.share_entries(sim.model)
+    return changed
 
 
 def nodes_digest(sim: SimModel) -> str:
-    """Return the SHA-256 of the values at the nodes of all tables: models whose files were written
-    and read again have the same.
+    """Return the SHA-256 of the values at the nodes of all tables.
+
+    It does not change if the model is written to a file and read again.
     """
-    return hashlib.sha256(_nodes(sim.block).tobytes()).hexdigest()
+    return hashlib.sha256(_view_nodes(sim.block).tobytes()).hexdigest()
 
 
-def _nodes(block: bytes | bytearray) -> np.ndarray:
-    start, count = struct.unpack_from("<2Q", block, _DIRECTORY + 16 * _NODES)
-    return np.frombuffer(block, "<f8", count, start)
+def _view_nodes(block: bytes | bytearray) -> np.ndarray:
+    """Return the nodes of all tables as a view of the block."""
+    start, count = struct.unpack_from("<2Q", block, _DIRECTORY + 16 * _NODE_SECTION)
+    return np.frombuffer(block, "<f8", count=count, offset=start)
 
 
-def _places(sim: SimModel, shapes: Mapping[str, Sequence[int]]) -> dict[str, np.ndarray]:
-    """Return where the nodes of tables stand in the section; tables with the same axes lie side by
-    side there.
-    """
-    found, faulty = {}, []
+def _find_nodes(sim: SimModel, shapes: Mapping[str, Sequence[int]]) -> dict[str, np.ndarray]:
+    """Return the indices of the nodes of tables in their section."""
+    indices, problems = {}, []
     for name, shape in shapes.items():
-        first, last = (
-            _index(sim, name, [0] * len(shape)),
-            _index(sim, name, [count - 1 for count in shape]),
-        )
-        if min(first, last) < 0 or _longer(sim, name, shape):
-            faulty.append(
-                f"the model has no term {name} with a table of "
-                f"{' x '.join(map(str, shape)) or 'one'} nodes"
-            )
+        first = _find_node(sim, name, [0] * len(shape))
+        last = _find_node(sim, name, [count - 1 for count in shape])
+        if min(first, last) < 0 or _has_more_nodes(sim, name, shape):
+            size_text = " x ".join(map(str, shape)) or "one"
+            problems.append(f"the model has no term {name} with a table of {size_text} nodes")
             continue
+        # Tables with the same axes are adjacent at each node. The distance between nodes of one
+        # table is therefore constant.
         size = int(np.prod(shape, dtype=int))
-        apart = (last - first) // max(size - 1, 1)
-        found[name] = first - len(sim.parameters) + apart * np.arange(size).reshape(tuple(shape))
-    if faulty:
-        raise SchemaError("tables of the model", faulty)
-    return found
+        stride = (last - first) // max(size - 1, 1)
+        offsets = stride * np.arange(size)
+        # nodes follow the named parameters of the model
+        indices[name] = (first - len(sim.parameters) + offsets).reshape(tuple(shape))
+    if problems:
+        raise SchemaError("tables of the model", problems)
+    return indices
 
 
-def _longer(sim: SimModel, name: str, shape: Sequence[int]) -> bool:
-    """Whether an axis of a table has more nodes than stated."""
-    beyond = [
-        [count if axis == k else 0 for axis in range(len(shape))] for k, count in enumerate(shape)
-    ]
-    return any(_index(sim, name, at) >= 0 for at in beyond)
+def _has_more_nodes(sim: SimModel, name: str, shape: Sequence[int]) -> bool:
+    """Return whether an axis of a table has more nodes than stated."""
+    for axis, count in enumerate(shape):
+        indices = [0] * len(shape)
+        indices[axis] = count
+        if _find_node(sim, name, indices) >= 0:
+            return True
+    return False
 
 
-def _index(sim: SimModel, name: str, at: Sequence[int]) -> int:
-    """Return the index of a node among all parameters; -1 when there is none."""
-    return sim.model.find(
-        PARAMETER, f"node.{name.replace('/', '.')}" + (f"[{','.join(map(str, at))}]" if at else "")
-    )
+def _find_node(sim: SimModel, name: str, indices: Sequence[int]) -> int:
+    """Return the index of a node among all parameters, or -1."""
+    parameter = f"node.{name.replace('/', '.')}"
+    if indices:
+        parameter += f"[{','.join(map(str, indices))}]"
+    return sim.model.find(PARAMETER, parameter)

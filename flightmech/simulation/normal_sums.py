@@ -1,44 +1,38 @@
-"""Sums of the normal equations of a trajectory, by the kernel: what ``am_add_residuals`` of
-kernel.h adds.
+"""Sums of the normal equations of a trajectory, computed by the kernel.
+
+The residuals of steps between samples and of readings are those of ``am_add_residuals`` of
+kernel.h.  Unknowns are n states at each of N samples, and nc constants.
 """
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from ctypes import POINTER, byref, c_int, c_longlong, c_size_t, pointer
+from ctypes import POINTER, byref, c_longlong, pointer
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flightmech.simulation.driven_path import DrivenPath, DriveStruct, output_pointer
-from flightmech.simulation.kernel import _checked, _doubles, _pointer, load_kernel
+from flightmech.simulation.driven_path import DrivenPath, output_pointer
+from flightmech.simulation.kernel_library import (
+    INTEGERS,
+    DrivenStruct,
+    GroupStruct,
+    ResidualsStruct,
+    SumsStruct,
+    check_array,
+    double_pointer,
+    load_kernel,
+)
+
+_LANES = 4  # columns of the elimination are a multiple of this number
 
 
-class _Sums(ctypes.Structure):
-    _fields_ = [("states", c_int), ("constants", c_int)] + [
-        (name, _doubles) for name in ("D", "O", "G", "C", "gx", "gc", "cost")
-    ]
+class _ResidualGroup(NamedTuple):
+    """A structure for the kernel, and the arrays that must stay in memory for it."""
 
-
-class _Driven(ctypes.Structure):
-    _fields_ = [("states", c_int), ("columns", c_int), ("unknowns", c_int), ("X", _doubles)]
-
-
-class _Residuals(ctypes.Structure):
-    _fields_ = [("rows", c_int), ("states", c_int), ("columns", c_int), ("column", POINTER(c_int))]
-    _fields_ += [(name, _doubles) for name in ("r", "weight", "J")]
-
-
-class _Group(ctypes.Structure):
-    _fields_ = [("given", _Residuals), ("count", c_size_t), ("A", _doubles), ("B", _doubles)]
-    _fields_ += [
-        ("drive", POINTER(DriveStruct)),
-        ("same", c_int),
-        ("k", POINTER(c_longlong)),
-        ("f", _doubles),
-    ]
+    struct: GroupStruct
+    arrays: tuple[Any, ...]
 
 
 class NormalSums:
@@ -54,62 +48,71 @@ class NormalSums:
     D, O : array (N, n, n), (N - 1, n, n)
         Blocks of a sample, and of the next sample (rows) with it (columns).
     G : array (N, n, nc)
+        Blocks of the states (rows) with the constants (columns).
     C : array (nc, nc)
+        Block of the constants.
     gx, gc : array (N, n), (nc,)
         Half of the gradient.
     """
 
     def __init__(self, samples: int, states: int, constants: int):
-        self.D, self.O = (
-            np.empty((samples, states, states)),
-            np.empty((samples - 1, states, states)),
-        )
-        self.G, self.C = np.empty((samples, states, constants)), np.empty((constants, constants))
+        # np.empty may use large pages. np.zeros would leave the first access of each small page
+        # to the sums.
+        self.D = np.empty((samples, states, states))
+        self.O = np.empty((samples - 1, states, states))
+        self.G = np.empty((samples, states, constants))
+        self.C = np.empty((constants, constants))
         self.gx, self.gc = np.empty((samples, states)), np.empty(constants)
         self._cost = np.empty(1)
-        # np.zeros would leave the first touch of each small page to the sums; np.empty takes large
-        # ones where there are any
         self.clear()
-        arrays = (self.D, self.O, self.G, self.C, self.gx, self.gc, self._cost)
-        self._sums = _Sums(states, constants, *(array.ctypes.data_as(_doubles) for array in arrays))
-        self._rest: Elimination | None = None
-        self._waiting: list[tuple[_Group, Any]] | None = None
+        pointers = map(double_pointer, self._arrays)
+        self._sums = SumsStruct(states, constants, *pointers)
+        self._elimination: Elimination | None = None
+        self._collected: list[_ResidualGroup] | None = None
+
+    @property
+    def _arrays(self) -> tuple[np.ndarray, ...]:
+        return self.D, self.O, self.G, self.C, self.gx, self.gc, self._cost
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Add what is added inside only at the end, all residuals of a stretch of samples before
-        the next: the sums stay in the cache.
+        """Collect the residual groups of the block, and add them in one pass at its end.
+
+        The kernel then adds all residuals of a range of samples before the next range, so that the
+        sums stay in the cache.
         """
-        waiting: list[tuple[_Group, Any]] = []
-        self._waiting = waiting
+        groups: list[_ResidualGroup] = []
+        self._collected = groups
         try:
             yield
         finally:
-            self._waiting = None
-        self._add(waiting)
+            self._collected = None
+        self._add(groups)
 
-    def _add(self, groups: list[tuple[_Group, Any]]) -> None:
-        array = (_Group * len(groups))(*(group for group, _ in groups))
-        if load_kernel().am_add_residuals(byref(self._sums), len(self.D), array, len(groups)):
-            sizes = f"{self._sums.states} states and {self._sums.constants} constants"
+    def _add(self, groups: Sequence[_ResidualGroup]) -> None:
+        structs = (GroupStruct * len(groups))(*[group.struct for group in groups])
+        samples = len(self.D)
+        if load_kernel().am_add_residuals(byref(self._sums), samples, structs, len(groups)):
             raise ValueError(
-                f"{sizes}: more than the kernel sums at once, 32; or a path with an unknown input"
+                f"{self._sums.states} states and {self._sums.constants} constants: more than the "
+                f"kernel sums at once, 32; or a path with an unknown input"
             )
 
-    def _take(self, group: _Group, *kept: Any) -> None:
-        if self._waiting is None:
-            self._add([(group, kept)])
+    def _add_or_collect(self, group: _ResidualGroup) -> None:
+        if self._collected is None:
+            self._add([group])
         else:
-            self._waiting.append((group, kept))
+            self._collected.append(group)
 
     def clear(self) -> None:
-        """Set all sums to zero: memory in use costs less than new memory."""
-        for array in (self.D, self.O, self.G, self.C, self.gx, self.gc, self._cost):
+        """Set all sums to zero. It is faster than new arrays."""
+        for array in self._arrays:
             array.fill(0.0)
 
-    def take_room(self, other: NormalSums) -> None:
-        """Take over the memory of the elimination of sums of the same size."""
-        self._rest, other._rest = other._rest or self._rest, None
+    def take_room(self, source: NormalSums) -> None:
+        """Reuse the memory of the elimination of sums of the same size."""
+        self._elimination = source._elimination or self._elimination
+        source._elimination = None
 
     @property
     def cost(self) -> float:
@@ -129,42 +132,48 @@ class NormalSums:
         columns: np.ndarray,
         J: np.ndarray,
     ) -> None:
-        """Add residuals between neighbours.
+        """Add residuals between adjacent samples.
 
         Parameters
         ----------
         r, weight : array (N - 1, m)
-            The residuals are r times their weight; so are the derivatives.
+            The residuals are r times their weight, and so are the derivatives.
         A, B : array (N - 1, m, q)
-            Derivatives by the first q of the state before and after.
+            Derivatives with respect to the first q states before and after the step.
         columns : array of int (p,)
             The constants involved, each once.
         J : array (N - 1, m, p)
-            Derivatives by them.
+            Derivatives with respect to these constants.
         """
-        given, kept = _given(r, weight, A.shape[-1], self._among(columns), J)
-        A, B = (_checked(item, (len(self.D) - 1, r.shape[1], A.shape[-1])) for item in (A, B))
-        self._take(_Group(given, len(r), _pointer(A), _pointer(B)), kept, A, B)
+        # the arrays stay in memory with the group
+        residuals, arrays = _pack_residuals(
+            r, weight, A.shape[-1], columns=self._check_columns(columns), J=J
+        )
+        shape = (len(self.D) - 1, r.shape[1], A.shape[-1])
+        before, after = check_array(A, shape), check_array(B, shape)
+        struct = GroupStruct(residuals, len(r), double_pointer(before), double_pointer(after))
+        self._add_or_collect(_ResidualGroup(struct, (*arrays, before, after)))
 
     def path_steps(self, path: DrivenPath, weight, columns) -> None:
-        """Add what inertial unit and vanes would have to be wrong by between the samples of a path.
+        """Add the errors of inertial unit and vanes that explain each step of a path.
 
-        In body axes at the middle of the step, R and the rates W of the angles taken there, rates and force being their means over it::
+        In body axes at the middle of the step, with R and the rates W of the angles at that
+        attitude, and with rates and force as their means over the step, the residuals are::
 
             W (angles_k+1 - angles_k)/dt + R' (transport v + sensed) - rates
             R' [(v_k+1 - v_k)/dt + (2 spin + transport v) x v - g] - force
             (h_k+1 - h_k)/dt + v_down
 
-        and of each vane y_k+1 - E y_k - c0 angle_k - c1 angle_k+1, or y_k+1 - y_k where it hangs
-        freely.
+        and of each vane y_k+1 - E y_k - c0 angle_k - c1 angle_k+1, or y_k+1 - y_k in the slow
+        steps of the path.
 
         Parameters
         ----------
         path : DrivenPath
         weight : array (N - 1, 7 + vanes)
-            A step whose first weight is zero parts two windows.
+            A step whose first weight is zero separates two windows.
         columns : array of int (p,)
-            The places among the constants of the inputs of `path`.
+            Positions of the inputs of `path` among the constants.
         """
         rows, samples = 7 + len(path.vanes.side), len(self.D)
         if (path.samples, path.states) != self.D.shape[:2]:
@@ -172,99 +181,125 @@ class NormalSums:
                 f"path of {path.samples} samples and {path.states} states, expected "
                 f"{samples} and {self.D.shape[1]}"
             )
-        weight, column = _checked(weight, (samples - 1, rows)), self._among(columns)
-        pointers = column.ctypes.data_as(POINTER(c_int)), None, _pointer(weight), None
-        given = _Residuals(rows, rows + 3 * path.gusts, len(column), *pointers)
-        self._take(_Group(given, samples - 1, drive=pointer(path.drive)), weight, column, path)
+        weight = check_array(weight, (samples - 1, rows))
+        column = self._check_columns(columns)
+        # the kernel computes residuals and derivatives from the path
+        residuals = ResidualsStruct(
+            rows=rows,
+            states=rows + 3 * path.gusts,
+            columns=len(column),
+            column=column.ctypes.data_as(INTEGERS),
+            weight=double_pointer(weight),
+        )
+        struct = GroupStruct(residuals, samples - 1, drive=pointer(path.drive))
+        self._add_or_collect(_ResidualGroup(struct, (weight, column, path)))
 
     def readings(self, r, weight, k, f, A, columns, J) -> None:
-        """Add residuals of readings at (1 - f) x_k + f x_k+1: k and f (M,), the others as in
-        `steps` with M for N - 1.
+        """Add residuals of readings at (1 - f) x_k + f x_k+1.
 
-        A may be that of a single reading, which all others share.
+        k and f are (M,), and the other arguments are as in `steps` with M in place of N - 1. A may
+        have the derivatives of a single reading, which then hold for all readings.
         """
-        group, kept = _reading_group(r, k, f, A, self._among(columns), J, weight, len(self.D))
-        self._take(group, kept)
+        readings = Readings(r, k, f, A=A, columns=self._check_columns(columns), J=J)
+        self._add_or_collect(_pack_readings(readings, weight, len(self.D)))
 
     def eliminate(self) -> Elimination:
-        """Return the normal equations with the states eliminated, T = F F'; the next call writes
-        over what it returns.
+        """Return the normal equations with the states eliminated, T = F F'.
+
+        The next call overwrites the result.
 
         Raises
         ------
         LinAlgError
-            With sample and state that nothing determines, as its arguments.
+            A state is not determined. The arguments are the sample and the state.
         """
         samples, states, constants = self.G.shape
-        rest = self._rest = self._rest or Elimination(samples, states, constants)
-        rest.products.fill(0.0)
-        failed = load_kernel().am_eliminate(
-            byref(self._sums),
-            samples,
-            *map(_pointer, (rest.L, rest.V, rest.columns, rest.products)),
-        )
+        if self._elimination is None:
+            self._elimination = Elimination(samples, states, constants)
+        result = self._elimination
+        result.products.fill(0.0)
+        pointers = map(double_pointer, (result.L, result.V, result.columns, result.products))
+        failed = load_kernel().am_eliminate(byref(self._sums), samples, *pointers)
+        # a failure is the number of the state among all states of all samples
         if failed >= 0:
             raise np.linalg.LinAlgError(*divmod(failed, states))
-        return rest
+        return result
 
-    def _among(self, columns) -> np.ndarray:
+    def _check_columns(self, columns) -> np.ndarray:
         column = np.ascontiguousarray(columns, np.intc)
         if len(column) and not 0 <= column.min() <= column.max() < len(self.C):
             raise IndexError(f"constants {column.min()} ... {column.max()} of {len(self.C)}")
         return column
 
 
-def _given(r, weight, states: int, columns, J) -> tuple[_Residuals, Any]:
+def _pack_residuals(
+    r, weight, states: int, columns, J
+) -> tuple[ResidualsStruct, tuple[np.ndarray, ...]]:
+    """Return the structure of residuals, and the arrays of its pointers."""
     r = np.ascontiguousarray(r, float)
+    # one weight may hold for all residuals of a row
     weight = np.ascontiguousarray(np.broadcast_to(weight, r.shape), float)
     column = np.ascontiguousarray(columns, np.intc)
-    J = _checked(J, (*r.shape, len(column)))
-    pointers = column.ctypes.data_as(POINTER(c_int)), _pointer(r), _pointer(weight), _pointer(J)
-    return _Residuals(r.shape[1], states, len(column), *pointers), (r, weight, column, J)
-
-
-def _reading_group(r, k, f, A, columns, J, weight, samples: int) -> tuple[_Group, Any]:
-    """Return readings as the kernel takes them, and what has to stay in memory for it; arguments as
-    in `NormalSums.readings`.
-    """
-    given, kept = _given(r, weight, A.shape[-1], columns, J)
-    before, share, same = np.ascontiguousarray(k, np.int64), _checked(f, (len(r),)), len(A) == 1
-    A = _checked(A, (1 if same else len(r), r.shape[1], A.shape[-1]))
-    last = before + (share != 0.0)
-    if len(before) != len(r) or (len(before) and not 0 <= before.min() <= last.max() < samples):
-        raise IndexError(
-            f"{len(r)} readings at samples {before.min()} ... {last.max()} of {samples}"
-        )
-    places = before.ctypes.data_as(POINTER(c_longlong))
-    return _Group(given, len(before), _pointer(A), same=same, k=places, f=_pointer(share)), (
-        kept,
-        before,
-        share,
-        A,
+    J = check_array(J, (*r.shape, len(column)))
+    struct = ResidualsStruct(
+        rows=r.shape[1],
+        states=states,
+        columns=len(column),
+        column=column.ctypes.data_as(INTEGERS),
+        r=double_pointer(r),
+        weight=double_pointer(weight),
+        J=double_pointer(J),
     )
+    return struct, (r, weight, column, J)
+
+
+def _pack_readings(readings: Readings, weight, samples: int) -> _ResidualGroup:
+    """Return the group of the readings of a sensor along a path of `samples` samples."""
+    count, states = len(readings.r), readings.A.shape[-1]
+    residuals, arrays = _pack_residuals(
+        readings.r, weight, states, columns=readings.columns, J=readings.J
+    )
+    before = np.ascontiguousarray(readings.k, np.int64)
+    fraction = check_array(readings.f, (count,))
+    # one set of derivatives may hold for all readings
+    same = len(readings.A) == 1
+    A = check_array(readings.A, (1 if same else count, readings.r.shape[1], states))
+    # a reading at a sample does not use the next sample
+    last = before + (fraction != 0.0)
+    if len(before) != count or (len(before) and not 0 <= before.min() <= last.max() < samples):
+        raise IndexError(
+            f"{count} readings at samples {before.min()} ... {last.max()} of {samples}"
+        )
+    struct = GroupStruct(
+        residuals,
+        len(before),
+        A=double_pointer(A),
+        same=same,
+        k=before.ctypes.data_as(POINTER(c_longlong)),
+        f=double_pointer(fraction),
+    )
+    return _ResidualGroup(struct, (*arrays, before, fraction, A))
 
 
 class Elimination:
-    """What `NormalSums.eliminate` leaves.
+    """Result of `NormalSums.eliminate`.
 
     Attributes
     ----------
     L, V : array (N, n, n)
         Diagonal blocks of the factor, and the transposed blocks below them.
     columns : array (N, n, width)
-        F^-1 [G, gx] and zeros up to a width of fours.
+        F^-1 [G, gx] and zeros up to a width that is a multiple of four.
     products : array (width, width)
         Lower half of the products of these columns.
     """
 
     def __init__(self, samples: int, states: int, constants: int):
         self.L, self.V = np.empty((samples, states, states)), np.empty((samples, states, states))
-        width = (constants + 4) // 4 * 4
-        self.columns, self.products, self._used = (
-            np.empty((samples, states, width)),
-            np.empty((width, width)),
-            constants + 1,
-        )
+        self._used = constants + 1
+        width = (constants + _LANES) // _LANES * _LANES
+        self.columns = np.empty((samples, states, width))
+        self.products = np.empty((width, width))
 
     @property
     def right(self) -> np.ndarray:
@@ -274,14 +309,17 @@ class Elimination:
     @property
     def border(self) -> np.ndarray:
         """Products of the columns of F^-1 [G, gx] (nc + 1, nc + 1)."""
+        # the kernel computes the lower half only
         low = self.products[: self._used, : self._used]
         return np.tril(low) + np.tril(low, -1).T
 
     def along(self, directions: np.ndarray) -> np.ndarray:
-        """Return F^-1 [G, gx] times directions of constants and right-hand side (nc + 1, m), (N, n,
-        m).
+        """Return F^-1 [G, gx] times directions (nc + 1, m) as an array (N, n, m).
+
+        A direction has one number per constant, and one for the right-hand side.
         """
         samples, states, width = self.columns.shape
+        # the last columns are zeros, so that their directions do not matter
         full = np.zeros((width, directions.shape[1]))
         full[: self._used] = directions
         return (self.columns.reshape(-1, width) @ full).reshape(samples, states, -1)
@@ -289,14 +327,10 @@ class Elimination:
     def back(self, x: np.ndarray) -> np.ndarray:
         """Return F'^-1 x (N, n, any), written over x."""
         samples, states, columns = x.shape
-        load_kernel().am_substitute(
-            states,
-            samples,
-            _pointer(self.L),
-            _pointer(self.V),
-            columns,
-            _pointer(_checked(x, x.shape)),
-        )
+        # back substitution with the transposed factor, in place
+        factor = double_pointer(self.L), double_pointer(self.V)
+        right = double_pointer(check_array(x, x.shape))
+        load_kernel().am_substitute(states, samples, *factor, columns, right)
         return x
 
 
@@ -308,13 +342,13 @@ class Readings(NamedTuple):
     r : array (M, m)
         Model minus reading.
     k, f : array (M,)
-        They are at (1 - f) x_k + f x_k+1.
+        The readings are at (1 - f) x_k + f x_k+1.
     A : array (M, m, q) or (1, m, q)
-        Derivative by the first q of the state there, of each reading or of all.
+        Derivative with respect to the first q states there, of each reading or of all.
     columns : array of int (p,)
-        Places of constants among the unknowns, -1 of those that stay.
+        Positions of constants among the unknowns, -1 for constants that are fixed.
     J : array (M, m, p)
-        Derivative by them.
+        Derivative with respect to these constants.
     """
 
     r: np.ndarray
@@ -326,49 +360,70 @@ class Readings(NamedTuple):
 
 
 def driven_products(X: np.ndarray, unknowns: int, readings: Readings) -> np.ndarray:
-    """Return for each channel of a sensor the sums of products of its derivatives by the unknowns
-    and its residual, (m, u + 1, u + 1).
+    """Return sums of products of derivatives and residual of each channel (m, u + 1, u + 1).
 
     Parameters
     ----------
     X : array (N, n, columns)
-        Derivatives of the path, see `DrivenPath.follow` of `driven_path`; its columns are the first
-        of the unknowns.
+        Derivatives of the path, see `DrivenPath.follow` of `driven_path`. Its columns are the first
+        unknowns.
     unknowns : int
         u.
     readings : Readings
     """
     products = np.zeros((readings.r.shape[1], unknowns + 1, unknowns + 1))
-    _add(X, unknowns, readings, 0.0, products, None, None)
+    _add_driven(X, unknowns, readings, products=products)
     return products
 
 
 def driven_series(
     X: np.ndarray, unknowns: int, readings: Readings, weight: np.ndarray, pressed: np.ndarray
 ) -> np.ndarray:
-    """Return the derivatives of each channel by the unknowns (m, u, M), and add their squares times
-    weight (m,) by the state to pressed.
+    """Return the derivatives of each channel with respect to the unknowns (m, u, M).
 
-    Arguments as in `driven_products`; pressed (N, n, u) takes J' weight^2 A, J the derivatives by
-    the state and A those by the unknowns.
+    Parameters
+    ----------
+    X, unknowns, readings
+        As in `driven_products`.
+    weight : array (m,)
+        Weights of the channels.
+    pressed : array (N, n, u)
+        The sum of J' weight^2 A is added to it, J the derivatives with respect to the state, A
+        those with respect to the unknowns.
     """
     series = np.zeros((readings.r.shape[1], unknowns, len(readings.r)))
-    _add(X, unknowns, readings, weight, None, series, pressed)
+    _add_driven(X, unknowns, readings, weight=weight, series=series, pressed=pressed)
     return series
 
 
-def _add(X, unknowns: int, readings: Readings, weight, products, series, pressed) -> None:
+def _add_driven(
+    X: np.ndarray,
+    unknowns: int,
+    readings: Readings,
+    *,
+    weight: np.ndarray | float = 0.0,
+    products: np.ndarray | None = None,
+    series: np.ndarray | None = None,
+    pressed: np.ndarray | None = None,
+) -> None:
+    """Add the sums of readings along a driven path to arrays; None omits a sum."""
     samples, states, columns = X.shape
-    group, kept = _reading_group(*readings, weight, samples)
+    group = _pack_readings(readings, weight, samples)
+    # -1 marks a constant that is not an unknown
     low, high = min(readings.columns, default=-1), max(readings.columns, default=-1)
     if not (-1 <= low <= high < unknowns and columns <= unknowns):
         raise IndexError(f"{columns} columns and constants {low} ... {high} of {unknowns} unknowns")
-    driven = _Driven(states, columns, unknowns, _pointer(_checked(X, X.shape)))
-    out = None if pressed is None else output_pointer(pressed, (samples, states, unknowns))
-    sums = (None if item is None else _pointer(item) for item in (products, series))
-    if load_kernel().am_add_driven(byref(driven), byref(group), *sums, out):
+    derivatives = check_array(X, X.shape)
+    driven = DrivenStruct(states, columns, unknowns, double_pointer(derivatives))
+    products_pointer = None if products is None else double_pointer(products)
+    series_pointer = None if series is None else double_pointer(series)
+    pressed_pointer = None
+    if pressed is not None:
+        pressed_pointer = output_pointer(pressed, (samples, states, unknowns))
+    sums = (products_pointer, series_pointer, pressed_pointer)
+    # `group` holds the arrays of its structure until the end of this function
+    if load_kernel().am_add_driven(byref(driven), byref(group.struct), *sums):
         raise ValueError(
             f"{unknowns} unknowns or {readings.A.shape[-1]} states: more than the kernel "
             f"sums at once, 96 and {states}"
         )
-    del kept

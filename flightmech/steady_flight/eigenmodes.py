@@ -1,15 +1,14 @@
-"""Modes of a linear model: which motion an eigenvalue is, and what a pilot or a test row requires
-of it.
+"""Modes of a linear model: names of the motions, with frequency, damping and remarks.
 
-A mode is recognised by participation, p_ki = l_ki v_ki with the left and right eigenvectors scaled
-to l_i v_i = 1 [Perez]: the part that state k has in mode i.  It does not depend on the units of the
-states nor on their order, and its sum over the states of a mode is one.  Eigenvalues and states are
-matched one to one so that the sum of participations becomes largest; the states that fall to a mode
-give its name.
+Participation identifies a mode: p_ki = l_ki v_ki with the left and right eigenvectors scaled to
+l_i v_i = 1 [Perez].  It is the part of state k in mode i.  It does not depend on the units of the
+states or on their order, and its sum over the states of a mode is one.  Each eigenvalue is assigned
+to one state, so that the sum of participations is largest.  The states of a mode give its name.
 
 References
 ----------
-.. [Perez] Perez-Arriaga, Verghese and Schweppe, Selective modal analysis, IEEE Trans. PAS-101 (1982), 3117.
+.. [Perez] Perez-Arriaga, Verghese and Schweppe, Selective modal analysis, IEEE Trans. PAS-101
+   (1982), 3117.
 .. [Etkin] Etkin, Dynamics of Atmospheric Flight, 1972, chapter 9.
 """
 
@@ -22,13 +21,11 @@ import pandas as pd
 import xarray as xr
 from scipy.optimize import linear_sum_assignment
 
-PHUGOID, SHORT_PERIOD, DUTCH_ROLL, ROLL, SPIRAL = (
-    "phugoid",
-    "short period",
-    "Dutch roll",
-    "roll",
-    "spiral",
-)
+PHUGOID = "phugoid"
+SHORT_PERIOD = "short period"
+DUTCH_ROLL = "Dutch roll"
+ROLL = "roll"
+SPIRAL = "spiral"
 COLUMNS = (
     "mode",
     "real",
@@ -66,22 +63,30 @@ _MERGED = {
     frozenset({ROLL, SPIRAL}): "roll-spiral oscillation",
     frozenset({PHUGOID, SHORT_PERIOD}): "third oscillation",
 }
-_REAL = 1e-9  # of the modulus: an imaginary part below it is rounding
-_ZERO = 1e-9  # of the fastest: an eigenvalue below it is zero
-_CLEAR = 0.6  # participation of a mode's own states below which others are named
-_WORTH_NAMING = 0.1
+_OSCILLATIONS = (PHUGOID, SHORT_PERIOD, DUTCH_ROLL)  # motions that are usually a conjugate pair
+_REAL = 1e-9  # imaginary part that is rounding, of the modulus of an eigenvalue
+_ZERO = 1e-9  # eigenvalue that counts as zero, of the fastest one
+# Participation of the states of a mode below which a remark names the other states.
+_CLEAR = 0.6
+_WORTH_NAMING = 0.1  # smallest participation in texts
 _DEFECTIVE = 1e10  # condition of the eigenvectors beyond which eigenvalues count as repeated
 
 
-class _Eigen(NamedTuple):
-    """One real eigenvalue, or a conjugate pair by the one with positive frequency; `share`
-    (states,) are participations.
+class _Eigenmode(NamedTuple):
+    """A real eigenvalue, or the eigenvalue of positive frequency of a conjugate pair.
+
+    `participation` is (states,), and `states` are the states assigned to the mode.
     """
 
     value: complex
     vector: np.ndarray
-    share: np.ndarray
+    participation: np.ndarray
     states: tuple[str, ...]
+
+    @property
+    def motions(self) -> set[str]:
+        """Motions of the assigned states."""
+        return {_motion_of_state(state) for state in self.states}
 
 
 def modes(linear: xr.Dataset) -> pd.DataFrame:
@@ -90,135 +95,155 @@ def modes(linear: xr.Dataset) -> pd.DataFrame:
     Parameters
     ----------
     linear : Dataset
-        As from `linearize` or `linear.subset`.
+        As from `linearize` or `subset`.
 
     Returns
     -------
     DataFrame
         One row per real eigenvalue or conjugate pair, fastest first; columns `COLUMNS`, units in
         ``attrs["units"]``.  ``mode`` is ``phugoid``, ``short period``, ``Dutch roll``, ``roll``,
-        ``spiral``, ``height``, ``heading``, ``engine``, ``fuel`` or ``gear``; a motion that has
-        fallen apart into two real ones appears twice with ``aperiodic`` in its remark; a pair made
-        of two motions is the ``third oscillation`` (phugoid and short period), the ``roll-spiral
+        ``spiral``, ``height``, ``heading``, ``engine``, ``fuel`` or ``gear``.  An oscillation that
+        has become two real modes appears twice with ``aperiodic`` in its remark.  A pair of two
+        motions is the ``third oscillation`` (phugoid and short period), the ``roll-spiral
         oscillation``, or ``coupled``.  ``period`` is NaN without oscillation, ``t_half`` NaN for a
-        growing motion, ``t_double`` for a decaying one; ``damping_ratio`` is -real/omega_n, so -1
-        for an aperiodic divergence. ``phi_beta`` is the ratio of bank to sideslip in a lateral
-        oscillation.  ``participation`` lists the states above 0.1.
+        growing motion, ``t_double`` NaN for a decaying motion.  ``damping_ratio`` is -real/omega_n,
+        so -1 for an aperiodic divergence.  ``phi_beta`` is the ratio of bank to sideslip in a
+        lateral oscillation.  ``participation`` lists the states above 0.1.
 
     Notes
     -----
-    Where eigenvectors are parallel (repeated eigenvalues, as at the very point where a pair becomes real) participations lose
-    their meaning; the remark then states so.
+    If eigenvectors are parallel, participations have no meaning, and the remark states this.  That
+    happens for repeated eigenvalues, as at the point where a pair becomes real.
     """
     names = [str(name) for name in linear["state"].values]
-    found = _eigen(linear["A"].values, names)
-    rows = [_row(item, names) for item in sorted(found, key=lambda item: -abs(item.value))]
+    eigenmodes = _compute_eigenmodes(linear["A"].values, names)
+    eigenmodes.sort(key=lambda mode: -abs(mode.value))
+    rows = [_make_row(mode, names) for mode in eigenmodes]
     frame = pd.DataFrame(rows, columns=list(COLUMNS))
     frame.attrs = {"units": dict(UNITS), "condition": linear.attrs.get("condition", "")}
     return frame
 
 
-def _eigen(A: np.ndarray, names: list[str]) -> list[_Eigen]:
+def _compute_eigenmodes(A: np.ndarray, names: list[str]) -> list[_Eigenmode]:
+    """Return one entry per real eigenvalue or conjugate pair of A, with its assigned states."""
     values, V = np.linalg.eig(A)
+    # eigenvalues of heading, height and the like are rounding, not instability
     values = np.where(np.abs(values) < _ZERO * np.abs(values).max(initial=0.0), 0.0, values)
+    # participations |l_ki v_ki|, (state, mode); rows of the inverse are the left eigenvectors
     V = V.astype(complex)
-    left = np.linalg.pinv(V)
-    share = np.abs(left.T * V)
-    share /= np.maximum(share.sum(axis=0), np.finfo(float).tiny)
-    owner = {
-        int(mode): names[state] for state, mode in zip(*linear_sum_assignment(-share), strict=True)
-    }
-    repeated = np.linalg.cond(V) > _DEFECTIVE
-    found = []
+    left_vectors = np.linalg.pinv(V)
+    participation = np.abs(left_vectors.T * V)
+    participation /= np.maximum(participation.sum(axis=0), np.finfo(float).tiny)
+    if np.linalg.cond(V) > _DEFECTIVE:
+        displayed = np.full(participation.shape, np.nan)
+    else:
+        displayed = participation
+    # one state for each eigenvalue, so that the sum of participations is largest
+    state_of_mode = {}
+    for state, mode in zip(*linear_sum_assignment(-participation), strict=True):
+        state_of_mode[int(mode)] = names[state]
+
+    eigenmodes = []
     for i, value in enumerate(values):
-        oscillates = abs(value.imag) > _REAL * abs(value)
-        if oscillates and value.imag < 0.0:
-            continue
-        conjugate = int(np.argmin(np.abs(values - value.conjugate()))) if oscillates else i
-        states = (owner[i], owner[conjugate]) if oscillates else (owner[i],)
-        value = value if oscillates else complex(value.real)
-        found.append(
-            _Eigen(value, V[:, i], np.full(len(names), np.nan) if repeated else share[:, i], states)
-        )
-    return found
+        if abs(value.imag) <= _REAL * abs(value):
+            states: tuple[str, ...] = (state_of_mode[i],)
+            eigenmodes.append(_Eigenmode(complex(value.real), V[:, i], displayed[:, i], states))
+        elif value.imag > 0.0:
+            conjugate = int(np.argmin(np.abs(values - value.conjugate())))
+            states = (state_of_mode[i], state_of_mode[conjugate])
+            eigenmodes.append(_Eigenmode(value, V[:, i], displayed[:, i], states))
+    return eigenmodes
 
 
-def _row(item: _Eigen, names: list[str]) -> dict[str, object]:
-    value, pair = item.value, item.value.imag != 0.0
-    omega_n = abs(value)
-    mode, remarks = _name(item)
+def _make_row(mode: _Eigenmode, names: list[str]) -> dict[str, object]:
+    """Return the columns of a mode; a column without a value is missing, and becomes NaN."""
+    value, omega_n = mode.value, abs(mode.value)
+    name, remarks = _name_mode(mode)
+    # An amplitude halves or doubles in ln(2) over the rate of decay or growth.
     decay = -value.real
     row: dict[str, object] = {
-        "mode": mode,
+        "mode": name,
         "real": value.real,
         "imag": value.imag,
         "omega_n": omega_n,
+        "damping_ratio": np.nan,
+        "period": np.nan,
+        "t_half": np.nan,
+        "t_double": np.nan,
+        "phi_beta": np.nan,
     }
-    row["damping_ratio"] = decay / omega_n if omega_n > 0.0 else np.nan
-    row["period"] = 2.0 * np.pi / value.imag if pair else np.nan
-    row["t_half"] = np.log(2.0) / decay if decay > 0.0 else np.nan
-    row["t_double"] = -np.log(2.0) / decay if decay < 0.0 else np.nan
-    row["phi_beta"] = _ratio(item, names) if pair else np.nan
-    shares = sorted(zip(item.share, names, strict=True), reverse=True)
-    row["participation"] = " ".join(
-        f"{name} {share:.2f}" for share, name in shares if share >= _WORTH_NAMING
-    )
-    row["remark"] = "; ".join([*remarks, *_shared(item, names)])
+    if omega_n > 0.0:
+        row["damping_ratio"] = decay / omega_n
+    if decay > 0.0:
+        row["t_half"] = np.log(2.0) / decay
+    elif decay < 0.0:
+        row["t_double"] = -np.log(2.0) / decay
+    if value.imag != 0.0:
+        row["period"] = 2.0 * np.pi / value.imag
+        row["phi_beta"] = _bank_per_sideslip(mode, names)
+    row["participation"] = _describe_participation(mode, names)
+    row["remark"] = "; ".join([*remarks, *_remark_on_others(mode, names)])
     return row
 
 
-def _motion(state: str) -> str:
+def _describe_participation(mode: _Eigenmode, names: list[str]) -> str:
+    """Return the states with the largest participation, largest first."""
+    texts = []
+    for share, name in sorted(zip(mode.participation, names, strict=True), reverse=True):
+        if share >= _WORTH_NAMING:
+            texts.append(f"{name} {share:.2f}")
+    return " ".join(texts)
+
+
+def _motion_of_state(state: str) -> str:
+    if state in _MOTION:
+        return _MOTION[state]
     group = state.partition(".")[0]
-    return _MOTION.get(state) or ("engine" if group.startswith("engine") else group)
+    return "engine" if group.startswith("engine") else group
 
 
-def _name(item: _Eigen) -> tuple[str, list[str]]:
-    motions = {_motion(state) for state in item.states}
-    unstable = ["unstable"] if item.value.real > 0.0 else []
-    if item.value.imag == 0.0:
-        (motion,) = motions
-        apart = motion in (PHUGOID, SHORT_PERIOD, DUTCH_ROLL)
-        return motion, [*unstable, *(["aperiodic"] if apart else [])]
-    if len(motions) == 1:
-        (motion,) = motions
-        return (
-            (motion, unstable)
-            if motion in (PHUGOID, SHORT_PERIOD, DUTCH_ROLL)
-            else ("coupled", [*unstable, f"of {motion} alone"])
-        )
-    merged = _MERGED.get(frozenset(motions), "coupled")
-    return merged, [*unstable, f"merged of {' and '.join(sorted(motions))}"]
+def _name_mode(mode: _Eigenmode) -> tuple[str, list[str]]:
+    """Return the name of a mode and remarks on its stability and its motions."""
+    motions = sorted(mode.motions)
+    remarks = []
+    if mode.value.real > 0.0:
+        remarks.append("unstable")
+    # a real eigenvalue has one state
+    if mode.value.imag == 0.0:
+        if motions[0] in _OSCILLATIONS:
+            remarks.append("aperiodic")
+        return motions[0], remarks
+    # a pair of states of different motions
+    if len(motions) > 1:
+        name = _MERGED.get(frozenset(motions), "coupled")
+        return name, [*remarks, f"merged of {' and '.join(motions)}"]
+    if motions[0] in _OSCILLATIONS:
+        return motions[0], remarks
+    return "coupled", [*remarks, f"of {motions[0]} alone"]
 
 
-def _shared(item: _Eigen, names: list[str]) -> list[str]:
-    """Return a remark when others than the mode's own states take part in it."""
-    if np.isnan(item.share).any():
+def _remark_on_others(mode: _Eigenmode, names: list[str]) -> list[str]:
+    """Return a remark if states of other motions take part in a mode."""
+    if np.isnan(mode.participation).any():
         return ["repeated eigenvalues: the name is a guess"]
-    own = {_motion(state) for state in item.states}
-    part = {
-        motion: sum(s for s, name in zip(item.share, names, strict=True) if _motion(name) == motion)
-        for motion in map(_motion, names)
-    }
-    if sum(part[motion] for motion in own) >= _CLEAR:
+    # sum of the participations of the states of each motion
+    shares: dict[str, float] = {}
+    for name, share in zip(names, mode.participation, strict=True):
+        motion = _motion_of_state(name)
+        shares[motion] = shares.get(motion, 0.0) + share
+    if sum(shares[motion] for motion in mode.motions) >= _CLEAR:
         return []
-    others = sorted(
-        (
-            (share, motion)
-            for motion, share in part.items()
-            if motion not in own and share >= _WORTH_NAMING
-        ),
-        reverse=True,
-    )
-    return (
-        [f"with {', '.join(f'{motion} {share:.2f}' for share, motion in others)}"] if others else []
-    )
+    texts = []
+    for share, motion in sorted(zip(shares.values(), shares, strict=True), reverse=True):
+        if motion not in mode.motions and share >= _WORTH_NAMING:
+            texts.append(f"{motion} {share:.2f}")
+    return [f"with {', '.join(texts)}"] if texts else []
 
 
-def _ratio(item: _Eigen, names: list[str]) -> float:
-    if (
-        "phi" not in names
-        or "beta" not in names
-        or not {_motion(state) for state in item.states} & {DUTCH_ROLL, ROLL, SPIRAL}
-    ):
+def _bank_per_sideslip(mode: _Eigenmode, names: list[str]) -> float:
+    """Return |phi| / |beta| of the eigenvector of a lateral mode, else NaN."""
+    if "phi" not in names or "beta" not in names:
         return np.nan
-    return float(abs(item.vector[names.index("phi")] / item.vector[names.index("beta")]))
+    if not mode.motions & {DUTCH_ROLL, ROLL, SPIRAL}:
+        return np.nan
+    return float(abs(mode.vector[names.index("phi")] / mode.vector[names.index("beta")]))

@@ -1,18 +1,19 @@
-"""The linear model of a compiled aircraft about a steady flight, by central differences of the
-derivative that flies.
+"""The linear model of a compiled aircraft about a steady flight.
 
-States and inputs are moved one at a time, everything else is held, and the kernel gives the rates.
-A step of eps^(1/3) of the size of a variable (6e-6 rad, 6e-6 of the speed) balances what is cut
-off, h^2 f'''/6, against what is rounded off, eps f / h: both stay near 1e-10 of the entry.  A
-second pass with half the step gives ``error``, so that the reader sees it.
+Central differences of the derivative of the simulation give the matrices.  States and inputs change
+one at a time, all others are constant, and the kernel returns the rates.  A step of eps^(1/3) of
+the size of a variable (6e-6 rad, 6e-6 of the speed) balances the truncation error h^2 f'''/6
+against the rounding error eps f / h.  Both stay near 1e-10 of the entry.  A second pass with half
+the step gives ``error``.
 
-In addition to the rigid body any state of the submodels can be chosen: thrust and spools of the
-engines, fuel, tyres.  What is not chosen follows at once where the start of a run settles it
-(engines) and stands still otherwise (fuel, landing gear).  Control circuits with friction are no
-states: the surfaces are held where the trim left them.
+In addition to the rigid body, any state of the submodels may be chosen: thrust and spools of the
+engines, fuel, tyres.  A state that is not chosen takes its steady value at once, if the start of a
+run computes it (engines).  Otherwise it is constant (fuel, landing gear).  Control circuits with
+friction are not states: the surfaces are constant at their trimmed positions.
 
-The tables are piecewise linear: the slope is that of the cell the flight is in.  On a breakpoint,
-where it jumps, the mean of both sides comes out and attribute ``kinks`` states for which variable.
+The tables are piecewise linear: the slope is that of the cell of the flight.  On a breakpoint,
+where the slope jumps, the result is the mean of both sides, and attribute ``kinks`` names the
+variable.
 """
 
 from __future__ import annotations
@@ -26,42 +27,53 @@ import xarray as xr
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import quantity_attributes
 from flightmech.simulation.compiler import SimModel
-from flightmech.simulation.kernel import OUTPUT, PARAMETER, STATE, Simulation
-from flightmech.simulation.run import constant_inputs, initialise_run
-from flightmech.steady_flight.trim_request import DRIVES, RIGID
-from flightmech.steady_flight.trim_search import default_trim_mode
+from flightmech.simulation.kernel import OUTPUT
+from flightmech.steady_flight.linear_plant import (
+    BIASES,
+    RIGID_STATES,
+    SURFACES,
+    Plant,
+    parameter_value,
+    submodel_states,
+    trim_plant,
+)
+from flightmech.steady_flight.trim_request import DRIVES
 from flightmech.units import G0
 
-LONGITUDINAL = ("V", "alpha", "q", "theta", "h")
-LATERAL = ("beta", "p", "r", "phi", "psi")
 STATES = ("V", "alpha", "q", "theta", "beta", "p", "r", "phi")
 OUTPUTS = ("nz", "ay", "gamma")
-_ALLOWED = (*LONGITUDINAL, *LATERAL)
+LONGITUDINAL = ("V", "alpha", "q", "theta", "h")
+LATERAL = ("beta", "p", "r", "phi", "psi")
 _LATERAL_INPUTS = ("delta_a", "delta_r", "delta_ta", "delta_tr")
 _LATERAL_OUTPUTS = (*LATERAL, "ay", "v", "p_dot", "r_dot", "beta_dot", "CY", "Cl", "Cn")
-_FOUND = ("delta_e", "delta_a", "delta_r", "thrust", "throttle")  # biases that a trim finds
-_STEP = float(np.finfo(float).eps ** (1.0 / 3.0))
-_HEIGHT = 1e4  # over which the air changes by its own size [m]
-_TYRE = 0.1  # deflection of a tyre [m]
-_HOT = 1e3  # turbine temperature [K]
+_STEP = float(np.finfo(float).eps ** (1.0 / 3.0))  # of the size of a variable
+_AIR_SCALE = 1e4  # height over which the density of the air changes by its own size [m]
+# sizes of states and inputs of submodels
+_TYRE_SIZE = 0.1  # deflection of a tyre [m]
+_TURBINE_SIZE = 1e3  # turbine temperature [K]
 _CIRCUITS = ("column", "wheel", "pedal")
-_SURFACES = ("delta_e", "delta_a", "delta_r")
-# of the largest entry of a row: smallest difference of one-sided slopes that counts as a kink
-_JUMP = 1e-6
-_NOISE = 0.1  # of the size of a rate, per size of a variable: slopes below it are rounding
+# Smallest difference of one-sided slopes that counts as a kink, of the largest entry of a row.
+_KINK = 1e-6
+# Slope that is rounding, of the size of a rate, per size of a variable.
+_ROUNDING_SLOPE = 0.1
+# The difference of one-sided slopes with half the step, in terms of that with the full step, is
+# 0.5 for a smooth function and 1 for a kink.
+_KINK_RATIO = 0.75
+# Dimensions of the matrices.
+_DIMENSIONS = {
+    "A": ("state", "state_"),
+    "B": ("state", "input"),
+    "C": ("output", "state_"),
+    "D": ("output", "input"),
+}
 
 
-class _Plant(NamedTuple):
-    """A trimmed simulation and the point about which it is moved."""
+class _Jacobian(NamedTuple):
+    """Slopes (rate or output, column), their changes with half the step, and a flag per column."""
 
-    sim: SimModel
-    run: Simulation
-    states: tuple[str, ...]
-    x: np.ndarray
-    u: np.ndarray
-    trimmed: dict[str, float]
-    places: dict[str, tuple[int, str]]
-    state: np.ndarray
+    slopes: np.ndarray
+    errors: np.ndarray
+    kinks: np.ndarray
 
 
 def linearize(
@@ -80,69 +92,87 @@ def linearize(
         The compiled model.
     parameters : mapping of str to float, optional
         Condition, as in `trim` without a kind: ``{"init.V": 90.0, "init.h": 1500.0, "delta_f":
-        0.6}``; ``mode.trim`` 0 takes the state of ``init.*`` as it is, so that `start_of` of a
-        trimmed turn or climb gives the linear model about it. [SI]
+        0.6}``. With ``mode.trim`` 0 the flight starts in the state of ``init.*``, so that
+        `start_of` of a trimmed turn or climb gives the linear model about it. [SI]
     states : sequence of str
-        Any of ``V alpha q theta h beta p r phi psi``; a state left out is held.  Also any state of
-        the submodels, by its name without ``state.``: ``engine1.thrust engine1.n1 fuel`` ...;
-        without those of the engines thrust follows speed, height and throttle at once.
+        Any of ``V alpha q theta h beta p r phi psi``. Other rigid-body states are constant. Also
+        any state of the submodels, by its name without ``state.``: ``engine1.thrust engine1.n1
+        fuel`` ... Without states of the engines, thrust follows speed, height and throttle at
+        once.
     inputs : sequence of str, optional
-        Inputs of the model; elevator, aileron, rudder and what drives the engines unless given.
-        The wind is a steady one: a gust is a jump of ``alpha`` or ``beta``.
+        Inputs of the model. Default: elevator, aileron, rudder and the inputs that drive the
+        engines. The wind is a steady wind: a gust is a jump of ``alpha`` or ``beta``.
     outputs : sequence of str
         Outputs of the model.
     steps : mapping of str to float, optional
-        Steps of single states or inputs instead of the derived ones [SI]: a step of the size of a
-        manoeuvre averages the cells of the tables that the manoeuvre crosses.
+        Steps of single states or inputs in place of the computed steps [SI]. A step of the size of
+        a manoeuvre averages the cells of the tables that the manoeuvre crosses.
 
     Returns
     -------
     Dataset
         ``A (state, state_)``, ``B (state, input)``, ``C (output, state_)``, ``D (output, input)``:
         rate of the state = A dx + B du, output = C dx + D du.  ``x``, ``u``, ``y`` is the point,
-        ``x_dot`` what remains after the trim; ``A_error`` ... ``D_error`` the change of each entry
-        with half the step; ``state_units`` ... the units [SI].  Attributes ``title``,
-        ``condition``, ``kinks``, ``left_out`` (states of the submodels that were not chosen),
-        ``held`` (what is no state: control circuits).
+        ``x_dot`` the remaining rate after the trim.  ``A_error`` ... ``D_error`` is the change of
+        each entry with half the step.  ``state_units`` ... are the units [SI].  Attributes
+        ``title``, ``condition``, ``kinks``, ``left_out`` (states of the submodels that were not
+        chosen), ``held`` (control circuits, which are not states).
 
     Raises
     ------
     UnknownName
         A state, input, output or parameter that the model does not have.
     SchemaError
-        A rotating Earth is requested, or a step that is not positive.
+        A rotating Earth, or a step that is not positive.
     SimulationError
         The condition has no meaning.
     """
-    chosen = tuple(_default_inputs(sim, parameters or {}) if inputs is None else inputs)
-    _demand(states, (*_ALLOWED, *_submodel_states(sim)), "state")
-    _demand(chosen, sim.inputs, "input")
-    _demand(outputs, sim.outputs, "output")
-    _demand(steps or {}, (*states, *chosen), "state or input")
-    plant = _plant(sim, dict(parameters or {}), tuple(states))
-    sizes = np.array(
-        [*(_size(plant, name) for name in states), *(_input_size(plant, name) for name in chosen)]
-    )
-    given = np.array([(steps or {}).get(name, np.nan) for name in (*states, *chosen)])
-    if (given <= 0.0).any():
+    parameters = dict(parameters or {})
+    steps = dict(steps or {})
+    if inputs is None:
+        inputs = _default_inputs(sim, parameters)
+    _check_names(sim, states, inputs, outputs=outputs, steps=steps)
+    plant = trim_plant(sim, parameters, tuple(states))
+    jacobian = _compute_jacobian(plant, inputs, outputs, steps=steps)
+    return _make_dataset(plant, tuple(inputs), tuple(outputs), jacobian=jacobian)
+
+
+def _compute_jacobian(
+    plant: Plant, inputs: Sequence[str], outputs: Sequence[str], steps: Mapping[str, float]
+) -> _Jacobian:
+    """Return the slopes of rates and outputs over all states and some inputs."""
+    names = (*plant.states, *inputs)
+    sizes = [_state_size(plant, name) for name in plant.states]
+    sizes += [_input_size(plant, name) for name in inputs]
+    increments = _difference_steps(steps, names, np.array(sizes))
+    # Columns of the point (x, u) that change: all states, and the chosen inputs among all inputs.
+    state_count = len(plant.states)
+    columns = list(range(state_count))
+    columns += [state_count + plant.sim.inputs.index(name) for name in inputs]
+    return _differentiate(plant, outputs, columns, steps=increments, sizes=np.array(sizes))
+
+
+def _difference_steps(
+    steps: Mapping[str, float], names: Sequence[str], sizes: np.ndarray
+) -> np.ndarray:
+    """Return the step of each variable: the requested one, or one from its size."""
+    requested = np.array([steps.get(name, np.nan) for name in names])
+    if (requested <= 0.0).any():
         raise SchemaError(
             "steps",
             [
                 f"{name} is {step!r}; give a positive step"
-                for name, step in (steps or {}).items()
+                for name, step in steps.items()
                 if not step > 0.0
             ],
         )
-    h = np.where(np.isnan(given), _STEP * sizes, given)
-    columns = [*range(len(states)), *(len(states) + sim.inputs.index(name) for name in chosen)]
-    jacobian, error, kinks = _differences(plant, outputs, columns, h, sizes)
-    names = np.array([*states, *chosen])
-    return _dataset(plant, chosen, tuple(outputs), jacobian, error, " ".join(names[kinks]))
+    return np.where(np.isnan(requested), _STEP * sizes, requested)
 
 
 def subset(linear: xr.Dataset, which: str) -> xr.Dataset:
-    """Return the longitudinal or the lateral-directional part of a linear model; the cross-coupling
-    is left out.
+    """Return the longitudinal or the lateral-directional part of a linear model.
+
+    The part does not contain the cross-coupling.
 
     Parameters
     ----------
@@ -154,9 +184,9 @@ def subset(linear: xr.Dataset, which: str) -> xr.Dataset:
     Returns
     -------
     Dataset
-        Of the same form.  Attribute ``coupling`` is the largest entry of A that was cut away, as a
-        part of the largest natural frequency, states scaled to equal speeds; zero in a symmetric
-        flight of a symmetric aircraft.
+        Of the same form.  Attribute ``coupling`` is the largest neglected entry of A, divided by
+        the largest natural frequency, with states scaled to equal speeds.  It is zero in a
+        symmetric flight of a symmetric aircraft.
     """
     if which not in ("longitudinal", "lateral"):
         raise ValueError(f"which is {which!r}; allowed: longitudinal, lateral")
@@ -171,260 +201,192 @@ def subset(linear: xr.Dataset, which: str) -> xr.Dataset:
 
 
 def _coupling(linear: xr.Dataset, states: Sequence[str]) -> float:
-    names, units = (
-        [str(item) for item in linear[column].values] for column in ("state", "state_units")
-    )
-    V, weight = linear.attrs["V"], linear.attrs["weight"]
-    size = np.array(
-        [
-            V if name in ("V", "h") else _submodel_size(unit, weight)
-            for name, unit in zip(names, units, strict=True)
-        ]
-    )
+    """Return the largest entry of A outside a set of states over the largest eigenvalue."""
+    names = [str(name) for name in linear["state"].values]
+    units = [str(unit) for unit in linear["state_units"].values]
+    sizes = []
+    for name, unit in zip(names, units, strict=True):
+        if name in ("V", "h"):
+            sizes.append(linear.attrs["V"])
+        else:
+            sizes.append(_submodel_size(unit, linear.attrs["weight"]))
+    size = np.array(sizes)
+    # scaled states x / size: every entry of A is then a rate in 1/s
     A = linear["A"].values / size[:, None] * size[None, :]
     inside = np.isin(names, states)
-    cut = np.abs(A[np.ix_(inside, ~inside)]).max(initial=0.0)
-    return float(cut / max(np.abs(np.linalg.eigvals(A)).max(initial=0.0), np.finfo(float).tiny))
+    neglected = np.abs(A[np.ix_(inside, ~inside)]).max(initial=0.0)
+    fastest = np.abs(np.linalg.eigvals(A)).max(initial=0.0)
+    return float(neglected / max(fastest, np.finfo(float).tiny))
 
 
-def _demand(names: Iterable[str], allowed: Sequence[str], what: str) -> None:
+def _check_names(
+    sim: SimModel,
+    states: Sequence[str],
+    inputs: Sequence[str],
+    *,
+    outputs: Sequence[str],
+    steps: Iterable[str],
+) -> None:
+    """Raise UnknownName for the first name that the model does not have."""
+    _require_names(states, (*RIGID_STATES, *submodel_states(sim)), "state")
+    _require_names(inputs, sim.inputs, "input")
+    _require_names(outputs, sim.outputs, "output")
+    _require_names(steps, (*states, *inputs), "state or input")
+
+
+def _require_names(names: Iterable[str], allowed: Sequence[str], what: str) -> None:
     for name in names:
         if name not in allowed:
             raise UnknownName(name, allowed, what)
 
 
-def _submodel_states(sim: SimModel) -> dict[str, tuple[int, str]]:
-    """Return place and units of the states other than those of the rigid body, by their names
-    without ``state.``.
-    """
-    rows = enumerate(sim.entries(STATE))
-    return {row.name.removeprefix("state."): (i, row.units) for i, row in rows if i >= RIGID}
-
-
-def _mode(sim: SimModel, parameters: Mapping[str, float], name: str) -> float:
-    return float(
-        parameters.get(name, next(row.value for row in sim.entries(PARAMETER) if row.name == name))
-    )
-
-
 def _default_inputs(sim: SimModel, parameters: Mapping[str, float]) -> list[str]:
-    drive = DRIVES.get(_mode(sim, parameters, "mode.engine"), "throttle")
-    return [
-        *_SURFACES,
-        *(name for name in sim.inputs if name.startswith("engine") and name.endswith(f".{drive}")),
-    ]
+    """Return the surfaces and the inputs that drive the engines."""
+    mode = parameter_value(sim, parameters, "mode.engine")
+    drive = DRIVES.get(mode, "throttle")
+    inputs = list(SURFACES)
+    for name in sim.inputs:
+        if name.startswith("engine") and name.endswith(f".{drive}"):
+            inputs.append(name)
+    return inputs
 
 
-def _plant(sim: SimModel, parameters: dict[str, float], states: tuple[str, ...]) -> _Plant:
-    """Trim, and freeze what was found as biases, so that every later start of the kernel is at a
-    state we choose.
-    """
-    if parameters.setdefault("mode.earth", 0.0) != 0.0:
-        earth = f"mode.earth is {parameters['mode.earth']:g}"
-        raise SchemaError(
-            "linear model",
-            [
-                f"{earth}; a linear model is about a steady flight over a flat Earth, leave "
-                f"it out or give 0"
-            ],
-        )
-    places = _submodel_states(sim)
-    if not any(name in states for name in places if name.endswith(".thrust")):
-        parameters |= {name: 0.0 for name in sim.parameters if name.endswith(".time_constant")}
-    start = {"mode.trim": default_trim_mode(sim, parameters), **parameters}
-    run = initialise_run(sim, start, constant_inputs(sim, start))
-    trimmed, state = dict(zip(sim.outputs, map(float, run.outputs()), strict=True)), run.state
-    values = {**parameters, "mode.trim": 0.0, "mode.controls": 0.0}
-    values |= {f"init.{name}": trimmed[name] for name in _ALLOWED}
-    for name in _FOUND:
-        values[f"bias.{name}"] = _mode(sim, parameters, f"bias.{name}") + trimmed[f"trim.{name}"]
-    values |= {name: trimmed[f"applied.{name}"] - values[f"bias.{name}"] for name in _SURFACES}
-    u = constant_inputs(sim, values)
-    x = np.array([state[places[name][0]] if name in places else trimmed[name] for name in states])
-    return _Plant(sim, initialise_run(sim, values, u), states, x, u, trimmed, places, state)
-
-
-def _rates(plant: _Plant, x: np.ndarray, u: np.ndarray, outputs: Sequence[str]) -> np.ndarray:
-    """Return the rates of the states and the outputs at a state and an input."""
-    sim, run, places = plant.sim, plant.run, plant.places
-    point = dict(zip(plant.states, map(float, x), strict=True))
-    for name in point.keys() - places.keys():
-        run.set_parameter(sim.parameters.index(f"init.{name}"), point[name])
-    run.set_inputs(u)
-    run.initialize()
-    state = run.state
-    for name, (at, _) in places.items():
-        state[at] = (
-            point[name]
-            if name in point
-            else plant.state[at]
-            if name.startswith("gear.")
-            else state[at]
-        )
-    run.state = state
-    y = dict(zip(sim.outputs, run.outputs(), strict=True))
-    slopes = run.derivative(state, u)
-    return np.array(
-        [
-            *(slopes[places[name][0]] if name in places else _rate(y, name) for name in point),
-            *(y[name] for name in outputs),
-        ]
-    )
-
-
-def _rate(y: Mapping[str, float], state: str) -> float:
-    sf, cf, st, ct = np.sin(y["phi"]), np.cos(y["phi"]), np.sin(y["theta"]), np.cos(y["theta"])
-    if state == "V":
-        force = y["u"] * y["ax"] + y["v"] * y["ay"] + y["w"] * y["az"]
-        return (force + G0 * (-y["u"] * st + y["v"] * ct * sf + y["w"] * ct * cf)) / y["V"]
-    if state == "h":
-        return y["hdot"]
-    if state == "theta":
-        return y["q"] * cf - y["r"] * sf
-    turn = (y["q"] * sf + y["r"] * cf) / ct
-    return (
-        {"psi": turn, "phi": y["p"] + turn * st}[state]
-        if state in ("phi", "psi")
-        else y[f"{state}_dot"]
-    )
-
-
-def _size(plant: _Plant, name: str) -> float:
-    """Return the size of a state: over which the rates change by their own size."""
-    if name in plant.places:
-        return _submodel_size(plant.places[name][1], _weight(plant))
-    return plant.trimmed["V"] if name == "V" else _HEIGHT if name == "h" else 1.0
+def _state_size(plant: Plant, name: str) -> float:
+    """Return the size of a state: the change over which the rates change by their own size."""
+    if name in plant.submodels:
+        return _submodel_size(plant.submodels[name].units, plant.weight)
+    return {"V": plant.trimmed["V"], "h": _AIR_SCALE}.get(name, 1.0)
 
 
 def _submodel_size(units: str, weight: float) -> float:
-    return {"N": weight, "kg": weight / G0, "K": _HOT, "m": _TYRE}.get(units, 1.0)
+    sizes = {"N": weight, "kg": weight / G0, "K": _TURBINE_SIZE, "m": _TYRE_SIZE}
+    return sizes.get(units, 1.0)
 
 
-def _input_size(plant: _Plant, name: str) -> float:
-    return (
-        plant.trimmed["V"]
-        if name.startswith("wind")
-        else _weight(plant)
-        if name.endswith(".thrust_drive")
-        else 1.0
-    )
+def _input_size(plant: Plant, name: str) -> float:
+    if name.startswith("wind"):
+        return plant.trimmed["V"]
+    if name.endswith(".thrust_drive"):
+        return plant.weight
+    return 1.0
 
 
-def _weight(plant: _Plant) -> float:
-    return plant.run.parameter(plant.sim.parameters.index("mass.mass")) * G0
+def _differentiate(
+    plant: Plant,
+    outputs: Sequence[str],
+    columns: Sequence[int],
+    *,
+    steps: np.ndarray,
+    sizes: np.ndarray,
+) -> _Jacobian:
+    """Return the central differences of rates and outputs with respect to some columns of (x, u).
 
-
-def _differences(
-    plant: _Plant, outputs: Sequence[str], columns: Sequence[int], h: np.ndarray, sizes: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the Jacobian, its change with half the step, and which columns have one-sided slopes
-    that differ.
+    A column has a kink if its one-sided slopes differ.
     """
-    nx, z = len(plant.x), np.concatenate([plant.x, plant.u])
+    state_count = len(plant.x)
+    point = np.concatenate([plant.x, plant.u])
 
-    def at(column: int, step: float) -> np.ndarray:
-        moved = z.copy()
-        moved[column] += step
-        return _rates(plant, moved[:nx], moved[nx:], outputs)
+    def rates_at(column: int, increment: float) -> np.ndarray:
+        changed = point.copy()
+        changed[column] += increment
+        return plant.rates(changed[:state_count], changed[state_count:], outputs)
 
-    middle = at(0, 0.0)
-    whole, half, jump, half_jump = (np.empty((len(middle), len(columns))) for _ in range(4))
-    for k, (column, step) in enumerate(zip(columns, h, strict=True)):
-        for slope, bend, size in ((whole, jump, step), (half, half_jump, step / 2.0)):
-            up, down = at(column, size), at(column, -size)
-            slope[:, k] = (up - down) / (2.0 * size)
-            bend[:, k] = np.abs(up - 2.0 * middle + down) / size
-    # the jump of a smooth function halves with the step, that of a kink stays
-    largest = np.abs(whole * sizes).max(axis=1) + _NOISE * np.maximum(np.abs(middle), 1.0)
-    large = half_jump * sizes > _JUMP * largest[:, None]
-    return whole, np.abs(whole - half), (large & (half_jump > 0.75 * jump)).any(axis=0)
+    middle = rates_at(0, 0.0)
+    shape = (len(middle), len(columns))
+    # index 0: the full step, index 1: half the step
+    slopes = np.empty((2, *shape))
+    differences = np.empty((2, *shape))
+    for k, (column, step) in enumerate(zip(columns, steps, strict=True)):
+        for pass_number, size in enumerate((step, step / 2.0)):
+            upper = rates_at(column, size)
+            lower = rates_at(column, -size)
+            slopes[pass_number, :, k] = (upper - lower) / (2.0 * size)
+            # slope above the point minus the slope below it
+            differences[pass_number, :, k] = np.abs(upper - 2.0 * middle + lower) / size
+
+    # The difference of a smooth function halves with the step, that of a kink does not change.
+    largest = np.abs(slopes[0] * sizes).max(axis=1)
+    largest = largest + _ROUNDING_SLOPE * np.maximum(np.abs(middle), 1.0)
+    large = differences[1] * sizes > _KINK * largest[:, None]
+    constant = differences[1] > _KINK_RATIO * differences[0]
+    return _Jacobian(slopes[0], np.abs(slopes[0] - slopes[1]), (large & constant).any(axis=0))
 
 
-def _dataset(
-    plant: _Plant,
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    J: np.ndarray,
-    error: np.ndarray,
-    kinks: str,
+def _make_dataset(
+    plant: Plant, inputs: tuple[str, ...], outputs: tuple[str, ...], jacobian: _Jacobian
 ) -> xr.Dataset:
-    nx = len(plant.states)
-    blocks = {
-        "A": (slice(nx), slice(nx)),
-        "B": (slice(nx), slice(nx, None)),
-        "C": (slice(nx, None), slice(nx)),
-    }
-    blocks["D"] = (slice(nx, None), slice(nx, None))
-    dims = {
-        "A": ("state", "state_"),
-        "B": ("state", "input"),
-        "C": ("output", "state_"),
-        "D": ("output", "input"),
-    }
-    data: dict[str, tuple] = {name: (dims[name], J[block]) for name, block in blocks.items()}
-    data |= {f"{name}_error": (dims[name], error[block]) for name, block in blocks.items()}
-    y = plant.trimmed
-    units = {row.name: row.units for row in plant.sim.entries(OUTPUT)}
+    """Return the matrices, the point and the units as a dataset."""
+    # rows: rates of the states, then outputs; columns: states, then inputs
+    first, last = slice(len(plant.states)), slice(len(plant.states), None)
+    blocks = {"A": (first, first), "B": (first, last), "C": (last, first), "D": (last, last)}
+    data: dict[str, tuple] = {}
+    for name, block in blocks.items():
+        data[name] = _DIMENSIONS[name], jacobian.slopes[block]
+    for name, block in blocks.items():
+        data[f"{name}_error"] = _DIMENSIONS[name], jacobian.errors[block]
+
+    trimmed = plant.trimmed
     data["x"] = "state", plant.x
-    data["x_dot"] = "state", _rates(plant, plant.x, plant.u, ())
-    data["u"] = "input", np.array([_applied(plant, name) for name in inputs])
-    data["y"] = "output", np.array([y[name] for name in outputs])
-    data["state_units"] = (
-        "state",
-        np.array(
-            [
-                plant.places[name][1]
-                if name in plant.places
-                else quantity_attributes(name)["units"]
-                for name in plant.states
-            ],
-            object,
-        ),
-    )
-    data["input_units"] = (
-        "input",
-        np.array([quantity_attributes(_quantity(name))["units"] for name in inputs], object),
-    )
-    data["output_units"] = "output", np.array([units[name] for name in outputs], object)
+    data["x_dot"] = "state", plant.rates(plant.x, plant.u, ())
+    data["u"] = "input", np.array([_applied_input(plant, name) for name in inputs])
+    data["y"] = "output", np.array([trimmed[name] for name in outputs])
+
+    output_units = {row.name: row.units for row in plant.sim.entries(OUTPUT)}
+    state_units = [_state_units(plant, name) for name in plant.states]
+    data["state_units"] = "state", np.array(state_units, object)
+    input_units = [quantity_attributes(_quantity(name))["units"] for name in inputs]
+    data["input_units"] = "input", np.array(input_units, object)
+    data["output_units"] = "output", np.array([output_units[name] for name in outputs], object)
     coords = {
         "state": list(plant.states),
         "state_": list(plant.states),
         "input": list(inputs),
         "output": list(outputs),
     }
+    names = np.array([*plant.states, *inputs])
+    return xr.Dataset(data, coords, attrs=_describe_model(plant, names[jacobian.kinks]))
+
+
+def _describe_model(plant: Plant, kinks: Iterable[str]) -> dict[str, str | float]:
+    """Return the attributes of a linear model; `kinks` are names of states and inputs."""
+    trimmed = plant.trimmed
     condition = (
-        f"V {y['V']:.6g} m/s, h {y['h']:.6g} m, alpha {np.degrees(y['alpha']):.4g} deg, "
-        f"gamma {np.degrees(y['gamma']):.4g} deg"
+        f"V {trimmed['V']:.6g} m/s, h {trimmed['h']:.6g} m, "
+        f"alpha {np.degrees(trimmed['alpha']):.4g} deg, "
+        f"gamma {np.degrees(trimmed['gamma']):.4g} deg"
     )
-    numbers = {"V": y["V"], "weight": _weight(plant)}
-    left_out = " ".join(name for name in plant.places if name not in plant.states)
-    texts = {
+    return {
         "title": plant.sim.title,
         "condition": condition,
-        "kinks": kinks,
-        "left_out": left_out,
-        "held": _held(plant),
+        "kinks": " ".join(kinks),
+        "left_out": " ".join(name for name in plant.submodels if name not in plant.states),
+        "held": _describe_circuits(plant),
+        "V": trimmed["V"],
+        "weight": plant.weight,
     }
-    return xr.Dataset(data, coords, attrs={**texts, **numbers})
 
 
-def _held(plant: _Plant) -> str:
+def _describe_circuits(plant: Plant) -> str:
     circuits = [name for name in _CIRCUITS if f"{name}.mass" in plant.sim.parameters]
-    return (
-        f"control circuits of {', '.join(circuits)}: surfaces held where the trim left them"
-        if circuits
-        else ""
-    )
+    if not circuits:
+        return ""
+    return f"control circuits of {', '.join(circuits)}: surfaces held where the trim left them"
 
 
-def _applied(plant: _Plant, name: str) -> float:
-    """Return an input as it acts: what was given, and what the trim found."""
+def _state_units(plant: Plant, name: str) -> str:
+    if name in plant.submodels:
+        return plant.submodels[name].units
+    return quantity_attributes(name)["units"]
+
+
+def _applied_input(plant: Plant, name: str) -> float:
+    """Return an input as it acts: its value plus the bias of the trim."""
     if f"applied.{name}" in plant.sim.outputs:
         return plant.trimmed[f"applied.{name}"]
-    kind = _quantity(name).rpartition(".")[2]
-    bias = (
-        plant.run.parameter(plant.sim.parameters.index(f"bias.{kind}")) if kind in _FOUND else 0.0
-    )
+    quantity = _quantity(name).rpartition(".")[2]
+    bias = 0.0
+    if quantity in BIASES:
+        bias = plant.run.parameter(plant.sim.parameters.index(f"bias.{quantity}"))
     return float(plant.u[plant.sim.inputs.index(name)]) + bias
 
 

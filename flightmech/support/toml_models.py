@@ -26,7 +26,11 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 class Strict(BaseModel):
     """Base of all file models: frozen, and an unknown key is an error."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    # most models are parts of one that reads a file, or of a file that a command does not read:
+    # each is built when it first reads something
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, arbitrary_types_allowed=True, defer_build=True
+    )
 
 
 def make_si_type(units: str) -> Any:

@@ -23,8 +23,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.stats import chi2
 
 from flightmech.errors import AeromatchWarning
 from flighttest.maximum_likelihood.search import (
@@ -71,7 +71,7 @@ def innovation_coupling(innovations: np.ndarray, block: float) -> np.ndarray:
         r = e[lag:].T @ e[: count - lag] / count  # of output a after output b
         share = count**2 * r**2 / (count - lag)
         found += share + share.T if lag else share
-    limit = chi2.isf(CHANCE / (outputs * (outputs - 1) // 2), 2 * lags + 1)
+    limit = scipy.stats.chi2.isf(CHANCE / (outputs * (outputs - 1) // 2), 2 * lags + 1)
     np.fill_diagonal(found, 0.0)
     return found / limit
 

@@ -9,9 +9,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.linalg import expm, solve_discrete_are
-from scipy.linalg.lapack import dtbtrs
 
 from flightmech.errors import SchemaError, UnknownName
 
@@ -241,7 +240,7 @@ def steady_filter(
     whole = np.zeros((n + 2 * (m + 1), n + 2 * (m + 1)))
     whole[:n, :n], whole[:n, n : n + m], whole[:n, n + m] = A, B, drift
     whole[n : n + m + 1, n + m + 1 :] = np.eye(m + 1) / step
-    made = expm(whole * step)
+    made = scipy.linalg.expm(whole * step)
     F, level, ramp = made[:n, :n], made[:n, n : n + m + 1], made[:n, n + m + 1 :]
     R = np.diag(noise**2)
     if not intensity.any():
@@ -250,9 +249,9 @@ def steady_filter(
         )
     paired = np.zeros((2 * n, 2 * n))
     paired[:n, :n], paired[:n, n:], paired[n:, n:] = -A, np.diag(intensity**2), A.T
-    spread = expm(paired * step)
+    spread = scipy.linalg.expm(paired * step)
     Q = F @ spread[:n, n:]
-    P = solve_discrete_are(F.T, C.T, 0.5 * (Q + Q.T), R)
+    P = scipy.linalg.solve_discrete_are(F.T, C.T, 0.5 * (Q + Q.T), R)
     S = C @ P @ C.T + R
     K = np.linalg.solve(S, C @ P).T
     return Filter(F, level[:, :m] - ramp[:, :m], ramp[:, :m], level[:, m], C, D, K, 0.5 * (S + S.T))
@@ -349,5 +348,5 @@ def solve_recursion(M: np.ndarray, drive: np.ndarray, start: np.ndarray) -> np.n
     for i, j in np.ndindex(n, n):
         band[n + i - j, j : steps * n : n] = -M[i, j]
     x = np.concatenate([start[:, None], drive], axis=1).reshape(runs, -1)
-    x, _ = dtbtrs(band, x.T, uplo="L", diag="U", overwrite_b=1)
+    x, _ = scipy.linalg.lapack.dtbtrs(band, x.T, uplo="L", diag="U", overwrite_b=1)
     return x.T.reshape(runs, steps + 1, n)

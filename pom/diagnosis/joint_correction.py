@@ -29,8 +29,11 @@ from pom.cases.case import PomCase
 from pom.diagnosis.diagnosis import DiagnosisRows, diagnose_bench
 from pom.diagnosis.kept_diagnosis import Diagnosed, LateBench
 from pom.diagnosis.screening import screen_idle_terms
-from pom.diagnosis.swap_runs import MATCHED, SwapBench
+from pom.diagnosis.swap_runs import MATCHED, Judged, SwapBench
 from pom.diagnosis.term_swaps import SwapModels, corrected_terms
+
+SWAPS = "swaps"
+"""Stage of what the swaps of a case gave, by their content: with another final model only those are flown that take what changed of it."""
 
 LEAST_SHARE = 4
 """Cases that keep a process busy for some times as long as its start takes."""
@@ -142,18 +145,34 @@ def diagnosed_cases(
         for case in sorted(cases, key=_length, reverse=True)
     }
     named = {case.name: case for case in cases}
+    # a swap depends on what it takes of the final model, not on the rest of it
+    at_start = {"a-priori database": prior, "a-priori aircraft": apriori}
+    if apriori.value is None:  # then it is that of the final model
+        at_start["a-priori aircraft"] = aircraft
+    swaps = {case.name: {"case": case, "record": paths[case.name], **at_start} for case in cases}
+    diagnosed: list[str] = []
+    made: dict[str, SwapBench] | None = {} if threads else None
 
     def arguments(name: str) -> tuple[Any, ...]:
-        return named[name], mixed.value if threads else parcel.value, paths[name].value
+        diagnosed.append(name)
+        nothing: dict[str, Judged] = {}
+        before = stages.recall(SWAPS, swaps[name], nothing) if stages.store is not None else None
+        models = mixed.value if threads else parcel.value
+        return named[name], models, paths[name].value, before, made
 
     found = stages.each(
         "diagnosis", inputs, _diagnosed, arguments, jobs if threads else processes, threads
     )
+    for name in diagnosed:
+        stages.remember(SWAPS, swaps[name], found[name].value.by_content())
     benches: dict[str, LateBench] = {}
     for case in cases:
 
         def make(case: PomCase = case) -> SwapBench:
-            return SwapBench.of(case, mixed.value[case.name], paths[case.name].value)
+            if made and case.name in made:
+                return made[case.name]
+            step = found[case.name].value.step
+            return SwapBench.of(case, mixed.value[case.name], paths[case.name].value, step=step)
 
         benches[case.name] = LateBench(
             found[case.name].value, stages.recall("judgements", inputs[case.name], {}), make
@@ -166,12 +185,21 @@ def diagnosed_cases(
     return tables
 
 
-def _diagnosed(case: PomCase, models: Mapping[str, SwapModels] | bytes, path: Any) -> Diagnosed:
+def _diagnosed(
+    case: PomCase,
+    models: Mapping[str, SwapModels] | bytes,
+    path: Any,
+    before: Mapping[str, Judged] | None,
+    made: dict[str, SwapBench] | None,
+) -> Diagnosed:
     """Return what is kept of a diagnosis; models by name of the case, as a parcel in another
-    process.
+    process, and what an earlier job flew (`SwapBench.before`).  In this process `made` gets the bench.
     """
     mixed = _unpacked(models) if isinstance(models, bytes) else models
-    return Diagnosed.of(*_ranked(case, mixed[case.name], path, {}))
+    bench = SwapBench.of(case, mixed[case.name], path, before)
+    if made is not None:
+        made[case.name] = bench
+    return Diagnosed.of(bench, diagnose_bench(bench))
 
 
 def rank_all(

@@ -5,7 +5,7 @@ something new has to be flown.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from threading import Lock
 
 import pandas as pd
@@ -29,17 +29,28 @@ class Diagnosed:
     idle : dict of str to float
         As `SwapBench.idle`.
     known : dict of frozenset of str to Judged
+    contents : dict of str to frozenset of str
+        As `SwapBench.contents`.
+    step : float or None
+        As `SwapBench.step`: who makes the bench again need not look for it.
     """
 
     table: pd.DataFrame
     names: tuple[str, ...]
     idle: dict[str, float]
     known: Known
+    contents: dict[str, frozenset[str]] = field(default_factory=dict)
+    step: float | None = None
 
     @classmethod
     def of(cls, bench: SwapBench, table: pd.DataFrame) -> Diagnosed:
         """Return what is kept of a bench and its table."""
-        return cls(table, bench.names, dict(bench.idle), dict(bench.known))
+        known, contents = dict(bench.known), dict(bench.contents)
+        return cls(table, bench.names, dict(bench.idle), known, contents, bench.step)
+
+    def by_content(self) -> dict[str, Judged]:
+        """Return what was flown by its content, for a job with another final model."""
+        return {content: self.known[choice] for content, choice in self.contents.items()}
 
 
 class LateBench:

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -217,6 +218,9 @@ class Judged:
         How far the judged outputs are from those of the a-priori model: largest rms of a channel
         over that of its mismatch (a-priori model less flight, or less final model, the larger), or
         a tenth of a trim over its limit; infinite for a run that failed. [1]
+    change : dict of str to float
+        By judged output: rms of its difference from that of the a-priori model, of which `moved` is
+        made; empty for a run that failed. [SI]
     """
 
     verdict: str
@@ -224,6 +228,7 @@ class Judged:
     ratio: dict[str, float]
     total: float
     moved: float = np.inf
+    change: dict[str, float] = field(default_factory=dict, repr=False)
 
     @property
     def matched(self) -> bool:
@@ -283,6 +288,13 @@ class SwapBench:
         as `Judged.moved`: a choice takes all of them or none, whichever is nearer.
     known : dict of frozenset of str to Judged
         What was flown, by choice.
+    before : dict of str to Judged or None
+        What an earlier job flew, by the content of the choice; it is not flown again.  None: nobody
+        needs contents.
+    contents : dict of str to frozenset of str
+        Choices by all that decides their flights next to case and a-priori model.
+    step : float or None
+        Longest step of `flown`, 0 for that of the models themselves; None: to be found. [s]
     """
 
     case: PomCase
@@ -298,13 +310,23 @@ class SwapBench:
     idle: dict[str, float] = field(default_factory=dict)
     _match: Comparison = field(init=False, repr=False)
     known: dict[frozenset[str], Judged] = field(default_factory=dict, repr=False)
+    before: Mapping[str, Judged] | None = field(default=None, repr=False)
+    contents: dict[str, frozenset[str]] = field(default_factory=dict, repr=False)
+    step: float | None = None
     _start: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     _size: dict[str, float] = field(default_factory=dict, repr=False)
 
     @classmethod
-    def of(cls, case: PomCase, models: SwapModels, path: Any) -> SwapBench:
+    def of(
+        cls,
+        case: PomCase,
+        models: SwapModels,
+        path: Any,
+        before: Mapping[str, Judged] | None = None,
+        step: float | None = None,
+    ) -> SwapBench:
         """Return the bench of a case, on which both models are flown already; `path` as in
-        `replay`.
+        `replay`, `step` of a bench of the same case and models where there was one.
 
         Raises
         ------
@@ -337,6 +359,8 @@ class SwapBench:
             models,
             terms,
             parts,
+            before=before,
+            step=step,
         )
 
     def __post_init__(self) -> None:
@@ -363,9 +387,31 @@ class SwapBench:
         keys = [
             frozenset(choice) if exact else nearest_choice(choice, self.idle) for choice in choices
         ]
+        self._recall(key for key in dict.fromkeys(keys) if key not in self.known)
         for key, flown in self._fly(key for key in dict.fromkeys(keys) if key not in self.known):
             self.known[key] = self._judge(*flown)
         return [self.known[key] for key in keys]
+
+    def _recall(self, choices: Iterable[frozenset[str]]) -> None:
+        """Take over what an earlier job flew with the same content."""
+        if self.before is None:
+            return
+        for choice in choices:
+            content = self._content(choice)
+            self.contents[content] = choice
+            if (found := self.before.get(content)) is not None:
+                # the scale of what moved is that of the final model, which may be another one
+                moved = self._moved(found.change) if found.change else found.moved
+                self.known[choice] = replace(found, moved=moved)
+
+    def _content(self, choice: frozenset[str]) -> str:
+        """Return the hash of all that decides the flight of a choice next to the case and the
+        a-priori model: longest step, and what is taken of the final model.
+        """
+        content = self.models.content
+        steps = f"{self.flown.time.size} {self.flown.parameters.get('mode.step')}"
+        taken = "".join(content[name] for name in sorted(choice))
+        return sha256(f"{steps} {content['']}{taken}".encode()).hexdigest()
 
     def _fly(
         self, choices: Iterable[frozenset[str]]
@@ -385,19 +431,7 @@ class SwapBench:
         """
         for names in ((), self.names):  # a swap may make no aircraft, the models themselves have to
             self.models.compiled(self.models.compiled_parts(names))
-        ends = self._ends()
-        if "mode.step" not in self.job.parameters:
-            for step in GROUND_STEPS if _touching(self.case, self.flight.raw) else LONG_STEPS:
-                self.flown = thin_job(self.job, step)
-                longer = self._ends()
-                if all(
-                    _agree(one, other) for (_, one), (_, other) in zip(ends, longer, strict=True)
-                ):
-                    ends = longer
-                    break
-            else:
-                self.flown = self.job
-        (start, prior), (end, final) = ends
+        (start, prior), (end, final) = self._ends_with_long_steps()
         self.known.update({frozenset(): prior, frozenset(self.names): final})
         for name, values in start.items():
             if name.startswith("trim."):
@@ -411,6 +445,25 @@ class SwapBench:
                     values,
                     float(np.fmax.reduce([0.0, *(rms(_apart(name, values, o)) for o in others)])),
                 )
+
+    def _ends_with_long_steps(self) -> list[tuple[dict[str, np.ndarray], Judged]]:
+        """Return `_ends` with the longest steps that judge both models alike, which are found here
+        unless they are known.
+        """
+        if self.step is not None:
+            self.flown = thin_job(self.job, self.step) if self.step else self.job
+            return self._ends()
+        self.step, ends = 0.0, self._ends()
+        if "mode.step" in self.job.parameters:
+            return ends
+        for step in GROUND_STEPS if _touching(self.case, self.flight.raw) else LONG_STEPS:
+            self.flown = thin_job(self.job, step)
+            longer = self._ends()
+            if all(_agree(one, other) for (_, one), (_, other) in zip(ends, longer, strict=True)):
+                self.step = step
+                return longer
+        self.flown = self.job
+        return ends
 
     def _ends(self) -> list[tuple[dict[str, np.ndarray], Judged]]:
         """Return outputs and judgement of the a-priori model and of the final one."""
@@ -471,18 +524,24 @@ class SwapBench:
             counted = float(np.fmin(mismatch[criterion.name], CEILING))
             groups[criterion.group] = min(groups.get(criterion.group, CEILING), counted)
         total = float(np.sqrt(np.mean(np.square(list(groups.values()))))) if groups else np.nan
-        moved = np.inf if failure else self._moved(outputs)
-        return Judged(
-            status_of(group_verdicts(self.case, verdicts), exceeded), mismatch, ratio, total, moved
-        )
+        change = {} if failure else self._changes(outputs)
+        moved = np.inf if failure else self._moved(change)
+        verdict = status_of(group_verdicts(self.case, verdicts), exceeded)
+        return Judged(verdict, mismatch, ratio, total, moved, change)
 
-    def _moved(self, outputs: Mapping[str, np.ndarray]) -> float:
-        """Return how far the outputs are from those of the a-priori model."""
+    def _changes(self, outputs: Mapping[str, np.ndarray]) -> dict[str, float]:
+        """Return the rms by which outputs differ from those of the a-priori model."""
+        return {
+            name: float(rms(_apart(name, outputs[name][: start.size], start)))
+            if name in outputs
+            else np.inf
+            for name, start in self._start.items()
+        }
+
+    def _moved(self, changes: Mapping[str, float]) -> float:
+        """Return how far outputs are from those of the a-priori model."""
         found = 0.0
-        for name, start in self._start.items():
-            change = (
-                rms(_apart(name, outputs[name][: start.size], start)) if name in outputs else np.inf
-            )
+        for name, change in changes.items():
             if change != 0.0:
                 found = max(
                     found,

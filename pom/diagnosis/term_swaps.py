@@ -21,6 +21,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.parts import different_parts, swap_parts
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.simulation.compiler import changed_parameters
+from flightmech.support.kept_stages.content_hashes import content_hash
 
 # what a configuration or a control is made of: terms with one of these among their axes or
 # regressors make a group
@@ -32,6 +33,7 @@ _PARTS_OF = {
     "fuel": "fuel",
 }
 _SUBMODELS = tuple(_PARTS_OF)
+_RULES = ("regressors", "outside", "power", "exponent", "floor")
 
 
 def differing_terms(prior: xr.DataTree, final: xr.DataTree) -> list[str]:
@@ -46,11 +48,14 @@ def _same(a: xr.Dataset | None, b: xr.Dataset | None) -> bool:
     if a is None or b is None:
         return False
     tables = [name for name in ("value", "K1", "K2") if name in a or name in b]
-    rules = all(
-        a.attrs.get(key) == b.attrs.get(key)
-        for key in ("regressors", "outside", "power", "exponent", "floor")
+    return _rules(a) == _rules(b) and all(
+        name in a and name in b and a[name].equals(b[name]) for name in tables
     )
-    return rules and all(name in a and name in b and a[name].equals(b[name]) for name in tables)
+
+
+def _rules(leaf: xr.Dataset) -> dict[str, Any]:
+    """Return what makes a contribution of the table of a term."""
+    return {key: leaf.attrs.get(key) for key in _RULES}
 
 
 def groups_of(
@@ -431,6 +436,32 @@ class SwapModels:
         for name in names:
             chosen |= final.get(name, {})
         return chosen
+
+    @cached_property
+    def content(self) -> dict[str, str]:
+        """The hash of what each term or part of the final model flies, by name; by the empty name
+        that of what every mixture has: the form of all terms, and what differs.
+        """
+        leaves = aerodb.terms(self.final)
+        found = {name: content_hash(name, leaves.get(name)) for name in self.terms}
+        found |= {name: content_hash(name, self._flown_part(name)) for name in self.parts}
+        forms = {
+            name: ({str(axis): leaf[axis].values for axis in leaf.dims}, _rules(leaf))
+            for name, leaf in aerodb.terms(self.both).items()
+        }
+        return found | {"": content_hash(forms, self.terms, self.parts, sorted(self.constants))}
+
+    def _flown_part(self, name: str) -> Any:
+        """Return what a part of the final aircraft flies: its constants, else an aircraft that
+        differs in nothing else from the a-priori one; the final one where there is none such.
+        """
+        if name in self.constants:
+            return self.constants[name]
+        try:
+            aircraft = swap_parts(*self.aircraft, [name])
+        except SchemaError:
+            aircraft = self.aircraft[1]
+        return replace(aircraft, history="")
 
     @cached_property
     def _values(self) -> tuple[dict[str, float], dict[str, dict[str, float]]]:

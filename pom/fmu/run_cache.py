@@ -9,7 +9,7 @@ import io
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -38,6 +38,16 @@ class FileState(NamedTuple):
         """
         found = os.stat(path)
         return cls(found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
+
+
+class KeptFlights(Protocol):
+    """Where flights are kept by key, such as `RunCache`."""
+
+    def read(self, key: str, shape: tuple[int, int]) -> np.ndarray | None:
+        """Return what is kept under a key; None when nothing is, or nothing of that shape."""
+
+    def write(self, key: str, values: np.ndarray) -> None:
+        """Keep an array under a key."""
 
 
 _DIGEST = hashlib.sha256().digest_size

@@ -22,7 +22,7 @@ from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob, is_recorded
 from pom.fmu.description import check_interface, demand_platform, read_fmu_interface
 from pom.fmu.process import hire_worker
-from pom.fmu.run_cache import FileState, RunCache
+from pom.fmu.run_cache import FileState, KeptFlights
 from pom.fmu.variable_map import Fmu, Links, links_of
 from pom.fmu.worker.messages import moved_controls
 from pom.tolerances.channels import WRAPPED
@@ -134,7 +134,7 @@ def fly_job(
     job: ReplayJob,
     wanted: Collection[str],
     timeout: float,
-    store: RunCache | None = None,
+    store: KeptFlights | None = None,
 ) -> tuple[Found, str]:
     """Fly a job by a model in its child process.
 
@@ -146,7 +146,7 @@ def fly_job(
         Canonical names of outputs; those that the model has are returned.
     timeout : float
         Wall time allowed. [s]
-    store : Store, optional
+    store : KeptFlights, optional
         Where flights are kept; one that is there is not flown again.
 
     Returns

@@ -25,7 +25,7 @@ from flightmech.support.kept_stages.program import hash_installation
 from flightmech.support.kept_stages.sharing import open_cluster
 from pom.cases.case import PomCase
 from pom.cases.reference_states import read_path_states
-from pom.fmu.run_cache import RunCache
+from pom.fmu.run_cache import KeptFlights, RunCache
 from pom.fmu.simulate import FmuModel, Models
 from pom.judging.measures.modal import mode_table
 from pom.replaying.caches import KeptResults, KeptStates, ResultKeys
@@ -123,6 +123,7 @@ def replay_all(
     jobs: int = -1,
     scheduler: str | None = None,
     resume: str | Path | None = None,
+    flights: KeptFlights | None = None,
     timeout: float = 60.0,
     evidence: xr.DataTree | None = None,
     progress: Callable[[PomResult], None] | None = None,
@@ -152,6 +153,8 @@ def replay_all(
         given and of the program that flew it; reconstructed records likewise; and results of which
         every flight went well, by all that they depend on (`pom.replaying.caches`).  What is there
         is neither flown nor judged again.
+    flights : KeptFlights, optional
+        Where flights alone are kept, without `resume`; no worker of a cluster has it.
     timeout : float
         Wall time allowed per model and case. [s]
     evidence : DataTree, optional
@@ -197,7 +200,7 @@ def replay_all(
         plans = _plans([case for case, _ in new], paths, records, jobs, pool)
         _check(plans, models)
         names_kept = [key if by_content.hold(case) else "" for case, key in new]
-        store = RunCache(folder) if folder is not None else None
+        store = RunCache(folder) if folder is not None else flights
         calls = (
             (plan, models.of(plan.case), timeout, store, evidence, kept, key)
             for plan, key in zip(_let_go(plans), names_kept, strict=True)
@@ -259,7 +262,7 @@ def _performed(
     plan: ReplayPlan,
     models: Mapping[str, FmuModel],
     timeout: float,
-    store: RunCache | None,
+    store: KeptFlights | None,
     evidence: xr.DataTree | None,
     kept: KeptResults,
     key: str,

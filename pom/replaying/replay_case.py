@@ -18,7 +18,7 @@ from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob, initial_configuration, job_of
 from pom.cases.reference_states import CALIBRATION, flight_states
 from pom.fmu.description import check_interface
-from pom.fmu.run_cache import RunCache
+from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import FmuModel, Models, check_law, fly_job
 from pom.judging.beyond_the_bands import Evidence, evidence_remarks, watch_channels
 from pom.judging.signals import Comparison, RunSignals, signals_of_run, traces_of
@@ -161,7 +161,7 @@ def perform_plan(
     plan: ReplayPlan,
     models: Mapping[str, FmuModel],
     timeout: float,
-    store: RunCache | None = None,
+    store: KeptFlights | None = None,
     evidence: xr.DataTree | None = None,
 ) -> PomResult:
     """Fly a checked plan by every model and judge it; parameters as `replay` and `fly_job`."""

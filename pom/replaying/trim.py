@@ -19,7 +19,7 @@ from flightmech.units import DEGREE, POUND_FORCE, from_si
 from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob
 from pom.cases.resolve import BIASES, LIMIT_UNITS, REMAINDERS
-from pom.fmu.run_cache import RunCache
+from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import FmuModel, fly_job
 from pom.judging.signals import trace_of
 from pom.result import PomResult
@@ -228,7 +228,7 @@ def solve_trim_surfaces(
     names: Sequence[str],
     model: FmuModel,
     timeout: float,
-    store: RunCache | None = None,
+    store: KeptFlights | None = None,
 ) -> tuple[ReplayJob, tuple[RowRemark, ...], str]:
     """Return a job whose trim surfaces hold the recorded forces, for one model.
 

@@ -343,8 +343,9 @@ def write_report(
         shown = kept
     elif kept:
         shown = with_kept(shown, restore_chapters(kept), chapters)
+    as_kept = shown.kept()  # once: that of a programme has megabytes
     archive, names = (
-        Archive(results, title, revision, made_from, diagnoses, paper or "", logs, shown.kept()),
+        Archive(results, title, revision, made_from, diagnoses, paper or "", logs, as_kept),
         case_keys(results),
     )
     heading = CommonHeading(title, revision, len(results), made_from, bool(shown.databases))
@@ -400,7 +401,7 @@ def write_report(
                 inputs = {
                     "cases": on_paper,
                     "names": names,
-                    "common": [*common[:-2], shown.kept(), tuned],
+                    "common": [*common[:-2], as_kept, tuned],
                 }
                 inputs |= {"drawings": _contents(drawings), "results": results}
                 paged = stages.one("report pdf", inputs, printed).value

@@ -165,6 +165,25 @@ def test_ground_effect_through_its_section_next_to_the_database():
     )
 
 
+def test_next_to_the_ground_effect_stand_its_coefficients_and_those_that_they_depend_on():
+    table, polar = (
+        make_term([0.4, 0.9], {"alpha": [0.0, 0.1]}),
+        make_term([0.02, 0.1], {"CL": [0.0, 1.0]}),
+    )
+    leaves = {"/CL/basic": table, "/CD/polar": polar, "/CY/beta": table, "/Cm/basic": table}
+    database = xr.DataTree.from_dict(leaves)
+    database.attrs = {"force_axes": "stability", "title": "of any fit"}
+
+    def taken(*models):
+        asked = SimpleNamespace(ground_effect=SimpleNamespace(models=models))
+        return submodels.terms_near_ground(asked, database)
+
+    assert [leaf.path for leaf in taken("CD = 1 + alpha").leaves] == ["/CL/basic", "/CD/polar"]
+    assert [leaf.path for leaf in taken("Cm = 1").leaves] == ["/Cm/basic"]
+    assert taken("CL = 1").attrs == {"force_axes": "stability"}
+    assert taken("CL = 1")["CL/basic"].to_dataset().identical(table)
+
+
 def test_nothing_is_identified_that_nobody_requests():
     project = SimpleNamespace(engine=None, controls={}, gear=None, ground_effect=None, points={})
     assert submodels.identified_engine(project, CRAFT, {}, {}) is None

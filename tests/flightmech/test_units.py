@@ -136,3 +136,36 @@ def test_a_spelling_with_two_meanings_is_refused_and_a_pound_goes_by_its_quantit
     assert [fitted_unit("lbs", unit) for unit in ("N", "kg", "m")] == ["lbf", "lb", "lb"]
     assert fitted_unit("lbf", "kg") == "lb"
     assert parse_unit("°C") == parse_unit("degC")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected", "factor"),
+    [
+        ("100 ft", "m", 30.48),
+        ("x1000 lb", "kg", 453.59237),
+        ("100ft", "m", 30.48),
+        ("lb/in2", "Pa", 6894.757293),
+        ("lbs/ft^2", "Pa", 47.88025898),
+        ("1/min", "rad s-1", 0.10471976),
+        ("min-1", "rad s-1", 0.10471976),
+        ("rev/min", "rad s-1", 0.10471976),
+        ("kph", "kg s-1", 1.0 / 3600.0),
+        ("kph", "m s-1", 1.0 / 3.6),
+        ("m s⁻¹", "m s-1", 1.0),
+        ("ms⁻²", "m s-2", 1.0),
+        ("°s⁻¹", "rad s-1", 0.017453293),
+        ("g’s", "m s-2", 9.80665),
+        ("g0", "m s-2", 9.80665),
+        ("% RPM", "1", 0.01),
+        ("ft MSL", "m", 0.3048),
+    ],
+)
+def test_units_in_headings(text, expected, factor):
+    unit = fitted_unit(text, expected)
+    assert to_si(1.0, unit, expected) == pytest.approx(factor, rel=1e-7)
+
+
+@pytest.mark.parametrize("text", ["10", "100", "12 ft", "m 2", "10 100 ft", "KN"])
+def test_numbers_are_no_units(text):
+    with pytest.raises(UnitError):
+        parse_unit(text)

@@ -281,6 +281,6 @@ def test_the_kernel_checks_the_order_by_itself(
             term._replace(level=term_level(term.leaf, of, force_axes) + shift) for term in found
         ], []
 
-    monkeypatch.setattr("flightmech.simulation.compiler._in_order", unchecked)
+    monkeypatch.setattr("flightmech.simulation.compiler._assign_levels", unchecked)
     with pytest.raises(SchemaError, match=text):
         flightmech.compile(make_aircraft(engines=()), make_tree(leaves))

@@ -14,7 +14,8 @@ import xarray as xr
 import flightmech
 from flightmech.errors import UnknownName
 from flightmech.simulation.batch import ControlLoop, fly_batch
-from flightmech.simulation.kernel import PARAMETER, load_kernel
+from flightmech.simulation.kernel import PARAMETER
+from flightmech.simulation.kernel_library import load_kernel
 from flightmech.simulation.run import read_inputs
 
 MODELS = Path(__file__).parents[2] / "kernel" / "fuzz" / "models.py"

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from flightmech.errors import SimulationError
-from flightmech.simulation.kernel import Simulation, load_kernel
+from flightmech.simulation.kernel import Simulation
+from flightmech.simulation.kernel_library import load_kernel
 
 AM_BAD_INDEX, AM_NOT_FINITE = 1, 3
 NOT_FINITE = pytest.mark.parametrize(

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from flightmech.simulation.driven_path import DrivenPath, Inertial, Surroundings, Vanes
-from flightmech.simulation.kernel import _SIGNATURES, INPUT, PARAMETER, TERM
+from flightmech.simulation.kernel import INPUT, PARAMETER, TERM
+from flightmech.simulation.kernel_library import SIGNATURES
 from flightmech.simulation.normal_sums import NormalSums, Readings, driven_products, driven_series
 
 pytest.importorskip(
@@ -104,7 +105,7 @@ def eliminated(library: ctypes.CDLL, monkeypatch) -> list[bytes]:
     """
     monkeypatch.setattr("flightmech.simulation.normal_sums.load_kernel", lambda: library)
     for name in ("am_add_residuals", "am_eliminate", "am_substitute"):
-        getattr(library, name).restype, getattr(library, name).argtypes = _SIGNATURES[name]
+        getattr(library, name).restype, getattr(library, name).argtypes = SIGNATURES[name]
     rng = np.random.default_rng(6)
     sums = NormalSums(20, 9, 10)
     r, A, B, J = (rng.normal(size=size) for size in ((19, 7), (19, 7, 7), (19, 7, 7), (19, 7, 5)))
@@ -166,7 +167,7 @@ def followed(library: ctypes.CDLL, monkeypatch) -> list[bytes]:
     for module in ("driven_path", "normal_sums"):
         monkeypatch.setattr(f"flightmech.simulation.{module}.load_kernel", lambda: library)
     for name in ("am_follow", "am_add_driven", "am_add_noise"):
-        getattr(library, name).restype, getattr(library, name).argtypes = _SIGNATURES[name]
+        getattr(library, name).restype, getattr(library, name).argtypes = SIGNATURES[name]
     rng = np.random.default_rng(7)
     rates, force, before = (
         0.1 * rng.normal(size=(30, 3)),

@@ -1,9 +1,9 @@
-"""The submodels other than the aerodynamics: each module defines what its groups of names mean for
-an aircraft.
+"""The submodels other than the aerodynamics, one module each.
 
-A module has ``items(aircraft)``, the items of its groups, ``row(kind, group, item, name,
-aircraft)``, the catalogue row of a
-name, and ``terms(aircraft)``, its tables as (target, name of the term, leaf)."""
+A module defines its groups of names for an aircraft.  ``items(aircraft)`` returns the items of its
+groups.  ``row(kind, group, item, name, aircraft)`` returns the catalogue row of a name.
+``terms(aircraft)`` returns its tables as (target, name of the term, leaf).
+"""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from flightmech.simulation.kernel import CatalogueEntry
 
 MODULES = (weather, engine, fuel, landing_gear, controls, devices, earth_axes)
-_OWNER = {
+# Module of each group of names.
+_MODULE_OF_GROUP = {
     "weather": weather,
     "engine": engine,
     "spool": engine,
@@ -41,18 +42,19 @@ _OWNER = {
 
 
 def submodel_items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
-    """Return the names of the items of every group; the core and groups of one item have the empty
-    name.
+    """Return the names of the items of every group.
+
+    The core and groups with a single item have an empty name.
     """
-    found: dict[str, tuple[str, ...]] = {"": ("",)}
+    names: dict[str, tuple[str, ...]] = {"": ("",)}
     for module in MODULES:
-        found |= module.items(aircraft)
-    return found
+        names |= module.items(aircraft)
+    return names
 
 
 def submodel_row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the catalogue row of a name of a group."""
-    return _OWNER[group].row(kind, group, item, name, aircraft)
+    return _MODULE_OF_GROUP[group].row(kind, group, item, name=name, aircraft=aircraft)
 
 
 def submodel_terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:

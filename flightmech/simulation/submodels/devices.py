@@ -1,6 +1,4 @@
-"""Catalogue rows of further controls: those that the tables of a database use and the core does not
-name.
-"""
+"""Catalogue rows of further controls, which the tables of a database use and the core does not."""
 
 from __future__ import annotations
 
@@ -9,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from flightmech.aircraft.controls import DEVICE
-from flightmech.aircraft.fuel import MOST
 from flightmech.names import lookup
+from flightmech.simulation.catalogue_row import MOST, make_vocabulary_row
 from flightmech.simulation.kernel import CatalogueEntry
 
 if TYPE_CHECKING:
@@ -20,35 +18,30 @@ if TYPE_CHECKING:
 
 
 def with_devices(aircraft: Aircraft, variables: Iterable[str]) -> Aircraft:
-    """Return the aircraft with a travel for every device among model variables; without one in its
-    file a device has no limits.
+    """Return the aircraft with a travel for every device among model variables.
+
+    A device without limits in the aircraft file has no limits.
     """
-    found = sorted(
-        name for name in set(variables) - set(aircraft.limits) if name.startswith(DEVICE)
-    )
-    return (
-        replace(aircraft, limits={**aircraft.limits, **dict.fromkeys(found, (-MOST, MOST))})
-        if found
-        else aircraft
-    )
+    missing = [name for name in set(variables) - set(aircraft.limits) if name.startswith(DEVICE)]
+    if not missing:
+        return aircraft
+    limits = {**aircraft.limits, **dict.fromkeys(sorted(missing), (-MOST, MOST))}
+    return replace(aircraft, limits=limits)
 
 
 def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
     """Return the devices of the aircraft: those whose travel it has."""
-    return {
-        "device": tuple(
-            name.removeprefix(DEVICE) for name in sorted(aircraft.limits) if name.startswith(DEVICE)
-        )
-    }
+    devices = [name for name in sorted(aircraft.limits) if name.startswith(DEVICE)]
+    return {"device": tuple(name.removeprefix(DEVICE) for name in devices)}
 
 
 def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the catalogue row of a device, as input and as model variable."""
-    like, (low, high) = lookup(name), aircraft.limits[name]
-    text = (
-        f"{like.long_name.partition(' of ')[0]} of {item.partition('.')[0]}, positive {like.sign}"
-    )
-    return CatalogueEntry(name, like.units, like.display_units, text, 0.0, low, high, 0)
+    entry, (low, high) = lookup(name), aircraft.limits[name]
+    # long_name is "deflection of ..."; the item replaces the general name of the device
+    quantity, device = entry.long_name.partition(" of ")[0], item.partition(".")[0]
+    text = f"{quantity} of {device}, positive {entry.sign}"
+    return make_vocabulary_row(name, name, text, low=low, high=high)
 
 
 def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:

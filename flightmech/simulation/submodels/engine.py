@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from flightmech.aircraft.engine import MOST, OWN, Engine
 from flightmech.errors import SchemaError
-from flightmech.names import lookup
+from flightmech.simulation.catalogue_row import make_row, make_vocabulary_row
 from flightmech.simulation.kernel import INPUT, OUTPUT, STATE, VARIABLE, CatalogueEntry
 from flightmech.terms import list_regressors
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from flightmech.aircraft.aircraft import Aircraft
 
-# quantity: unit, unit for people, description, least value
+# Constants of engine and spools: units, display units, description, least value.
 _CONSTANTS: dict[str, tuple[str, str, str, float]] = {
     "time_constant": ("s", "s", "first-order lag of the thrust", 0.0),
     "angular_momentum": (
@@ -41,36 +41,38 @@ _CONSTANTS: dict[str, tuple[str, str, str, float]] = {
     "n1_inertia": ("kg m2", "kg m2", "moment of inertia of the n1 rotor", 0.0),
     "n2_inertia": ("kg m2", "kg m2", "moment of inertia of the n2 rotor", 0.0),
 }
+# Inputs that drive the engine: quantity of the vocabulary, description.
 _DRIVES = {
     "thrust_drive": ("thrust", "net thrust that drives when mode.engine is 2"),
     "n1_drive": ("n1", "n1 that drives when mode.engine is 1"),
 }
+# Inputs that are 0 or 1.
 _SWITCHES = ("cutoff", "starter", "ignition", "flameout")
 
 
 def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
-    """Return the items of the groups: engines are numbered from 1, all have spools or none has.
+    """Return the items of the groups: numbers of the engines from 1, with or without spools.
 
     Raises
     ------
     SchemaError
-        Some engines have a deck and some have none.
+        Some engines have a deck, and others do not.
     """
-    numbers = tuple(str(number) for number in range(1, len(aircraft.engines) + 1))
-    without = [
-        number
-        for number, engine in zip(numbers, aircraft.engines, strict=True)
-        if engine.deck is None
-    ]
-    if without and len(without) < len(numbers):
+    numbers, without_deck = [], []
+    for number, engine in enumerate(aircraft.engines, 1):
+        numbers.append(str(number))
+        if engine.deck is None:
+            without_deck.append(str(number))
+    if without_deck and len(without_deck) < len(numbers):
         raise SchemaError(
             aircraft.name,
             [
-                f"engine {', '.join(without)} has no deck and others have one; give every "
+                f"engine {', '.join(without_deck)} has no deck and others have one; give every "
                 f"engine one or none"
             ],
         )
-    return {"engine": numbers, "spool": () if without else numbers}
+    spools = () if without_deck else tuple(numbers)
+    return {"engine": tuple(numbers), "spool": spools}
 
 
 def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
@@ -78,73 +80,58 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Cata
     word = name.rsplit(".", 1)[-1]
     engine = aircraft.engines[int(item) - 1]
     if word in _DRIVES:
-        like, text = _DRIVES[word]
-        return _like(name, like)._replace(description=text)
+        quantity, text = _DRIVES[word]
+        return make_vocabulary_row(name, quantity, text)
     if kind == INPUT:
-        return _like(
-            name,
-            word,
-            *((0.0, 1.0) if word in _SWITCHES else aircraft.limits.get(word, (0.0, 1.0))),
-        )
+        low, high = aircraft.limits.get(word, (0.0, 1.0))
+        if word in _SWITCHES:
+            low, high = 0.0, 1.0
+        return make_vocabulary_row(name, word, low=low, high=high)
     if kind in (OUTPUT, STATE, VARIABLE):
-        return _like(name, word)
+        return make_vocabulary_row(name, word)
     if word in _CONSTANTS:
-        units, display, text, low = _CONSTANTS[word]
-        return CatalogueEntry(
-            name,
-            units,
-            display,
-            text,
-            getattr(engine if hasattr(engine, word) else engine.deck, word),
-            low,
-            MOST,
-            0,
-        )
-    return _geometry(name, word, engine)
+        units, display_units, text, low = _CONSTANTS[word]
+        # constants of the spools are those of the deck
+        owner = engine if hasattr(engine, word) else engine.deck
+        value = getattr(owner, word)
+        return make_row(name, units, text, display_units=display_units, value=value, low=low)
+    return _geometry_row(name, word, engine)
 
 
-def _geometry(name: str, word: str, engine: Engine) -> CatalogueEntry:
+def _geometry_row(name: str, word: str, engine: Engine) -> CatalogueEntry:
+    """Return the row of a component of direction, position or inlet."""
     axis = word.removesuffix("_inlet")[-1]
+    index = "xyz".index(axis)
     if word.startswith("direction"):
-        return CatalogueEntry(
-            name,
-            "1",
-            "1",
-            f"direction of the thrust, body {axis}",
-            engine.direction["xyz".index(axis)],
-            -1.0,
-            1.0,
-            0,
-        )
-    at_inlet = word.endswith("_inlet") and engine.deck is not None and engine.deck.inlet is not None
-    at = engine.deck.inlet if at_inlet else engine.position  # type: ignore[union-attr]
-    what = "ram drag" if word.endswith("_inlet") else "thrust"
-    text = f"place of the {what} from the moment reference point, body {axis}"
-    return CatalogueEntry(name, "m", "m", text, at["xyz".index(axis)], -MOST, MOST, 0)  # type: ignore[index]
+        text = f"direction of the thrust, body {axis}"
+        return make_row(name, "1", text, value=engine.direction[index], low=-1.0, high=1.0)
+    position, force = engine.position, "thrust"
+    if word.endswith("_inlet"):
+        force = "ram drag"
+        # the ram drag acts at the thrust if the deck does not give an inlet
+        if engine.deck is not None and engine.deck.inlet is not None:
+            position = engine.deck.inlet
+    text = f"place of the {force} from the moment reference point, body {axis}"
+    return make_row(name, "m", text, value=position[index])
 
 
 def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:
     """Return the tables of thrust and of the decks."""
     for number, engine in enumerate(aircraft.engines, 1):
-        tables = {} if engine.thrust is None else {"thrust": engine.thrust}
-        for target, leaf in (tables if engine.deck is None else engine.deck.tables).items():
-            yield (
-                f"engine{number}.{target}",
-                f"engine{number}/{target}",
-                _renamed(leaf, {name: f"engine{number}.{name}" for name in OWN}),
-            )
+        tables: Mapping[str, xr.Dataset] = {}
+        if engine.deck is not None:
+            tables = engine.deck.tables
+        elif engine.thrust is not None:
+            tables = {"thrust": engine.thrust}
+        # variables of an engine have its number in the model: engine1.throttle
+        names = {name: f"engine{number}.{name}" for name in OWN}
+        for target, leaf in tables.items():
+            renamed = _rename_variables(leaf, names)
+            yield f"engine{number}.{target}", f"engine{number}/{target}", renamed
 
 
-def _like(name: str, quantity_: str, low: float = -MOST, high: float = MOST) -> CatalogueEntry:
-    found = lookup(quantity_)
-    sign = f", positive {found.sign}" if found.sign else ""
-    return CatalogueEntry(
-        name, found.units, found.display_units, found.long_name + sign, 0.0, low, high, 0
-    )
-
-
-def _renamed(leaf: xr.Dataset, own: Mapping[str, str]) -> xr.Dataset:
-    renamed = leaf.rename({name: new for name, new in own.items() if name in leaf.dims})
-    return renamed.assign_attrs(
-        regressors=" ".join(own.get(word, word) for word in list_regressors(leaf))
-    )
+def _rename_variables(leaf: xr.Dataset, names: Mapping[str, str]) -> xr.Dataset:
+    """Rename axes and regressors of a table."""
+    axes = {name: new for name, new in names.items() if name in leaf.dims}
+    regressors = [names.get(name, name) for name in list_regressors(leaf)]
+    return leaf.rename(axes).assign_attrs(regressors=" ".join(regressors))

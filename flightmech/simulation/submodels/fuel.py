@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from flightmech.aircraft.fuel import MOST
 from flightmech.names import lookup
+from flightmech.simulation.catalogue_row import make_row, make_vocabulary_row
 from flightmech.simulation.kernel import FIXED, PARAMETER, CatalogueEntry
 
 if TYPE_CHECKING:
@@ -25,35 +25,21 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Cata
     fuel, word = aircraft.fuel, name.rsplit(".", 1)[-1]
     assert fuel is not None, "names of the group fuel are requested only where there is fuel"
     if kind == PARAMETER and name == "init.fuel":
-        return CatalogueEntry(
-            name,
-            "kg",
-            "lb",
-            "fuel on board at the start, part of mass.mass",
-            fuel.mass,
-            0.0,
-            MOST,
-            FIXED,
-        )
+        text = "fuel on board at the start, part of mass.mass"
+        return make_row(name, "kg", text, display_units="lb", value=fuel.mass, low=0.0, flags=FIXED)
     if kind == PARAMETER:
         text = f"place of the fuel as a mass point from the moment reference point, body {word}"
-        return CatalogueEntry(
-            name, "m", "m", text, fuel.position["xyz".index(word)], -MOST, MOST, 0
-        )
-    found = lookup(word)
-    return CatalogueEntry(
-        name,
-        found.units,
-        found.display_units,
-        f"{found.long_name}{' of the moment' if word != 'fuel' else ''}",
-        0.0,
-        -MOST,
-        MOST,
-        0,
-    )
+        return make_row(name, "m", text, value=fuel.position["xyz".index(word)])
+    # mass, centre of gravity and inertia of the aircraft change with the fuel
+    text = lookup(word).long_name
+    if word != "fuel":
+        text += " of the moment"
+    return make_vocabulary_row(name, word, text)
 
 
 def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:
     """Return the tables."""
-    for name, leaf in ({} if aircraft.fuel is None else aircraft.fuel.tables).items():
+    if aircraft.fuel is None:
+        return
+    for name, leaf in aircraft.fuel.tables.items():
         yield f"fuel.{name}", f"fuel/{name}", leaf

@@ -1,16 +1,15 @@
-"""Catalogue rows of the landing gear: what its inputs, outputs, states and parameters mean."""
+"""Catalogue rows and tables of the landing gear."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from flightmech.simulation.catalogue_row import MOST, make_row
 from flightmech.simulation.kernel import (
     FIXED,
     INPUT,
     INTEGER,
-    OUTPUT,
     PARAMETER,
     STATE,
     CatalogueEntry,
@@ -22,23 +21,19 @@ if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
     from flightmech.aircraft.landing_gear import Contact, LandingGear
 
-MOST = sys.float_info.max
-
-# name: units, display units, description
+# Tables below: units, display units, description by name; _RUNWAY has no display units.
 _INPUTS = {
     "delta_nw": ("rad", "deg", "nose-wheel steering command, positive to the right"),
     "brake_left": ("1", "1", "left brake pedal, 0 free, 1 full"),
     "brake_right": ("1", "1", "right brake pedal, 0 free, 1 full"),
 }
 _GEAR_OUTPUTS = {
-    **{
-        f"gear.F{axis}": ("N", "N", f"force of the ground on the aircraft along body {axis}")
-        for axis in "xyz"
-    },
-    **{
-        f"gear.M{axis}": ("N m", "N m", f"moment of the ground about the c.g., body {axis}")
-        for axis in "xyz"
-    },
+    "gear.Fx": ("N", "N", "force of the ground on the aircraft along body x"),
+    "gear.Fy": ("N", "N", "force of the ground on the aircraft along body y"),
+    "gear.Fz": ("N", "N", "force of the ground on the aircraft along body z"),
+    "gear.Mx": ("N m", "N m", "moment of the ground about the c.g., body x"),
+    "gear.My": ("N m", "N m", "moment of the ground about the c.g., body y"),
+    "gear.Mz": ("N m", "N m", "moment of the ground about the c.g., body z"),
     "gear.steering": ("rad", "deg", "steering angle of the nose wheel, positive to the right"),
     "gear.steering_moment": (
         "N m",
@@ -80,6 +75,7 @@ _RUNWAY = {
     "mu_icy": ("1", "greatest friction of a tyre over load, icy runway"),
     "skid_ratio": ("1", "friction of a locked wheel over the greatest friction"),
 }
+# Parameters that may be negative.
 _SIGNED = (
     "mu_wet_0",
     "mu_wet_1",
@@ -113,14 +109,9 @@ _STEERING = {
     "arm_inertia": ("kg m2", "kg m2", "moment of inertia of the arm, order 4"),
 }
 _CONTACT = {
-    **{
-        axis: (
-            "m",
-            "m",
-            f"lowest point of the unloaded leg from the moment reference point, body {axis}",
-        )
-        for axis in "xyz"
-    },
+    "x": ("m", "m", "lowest point of the unloaded leg from the moment reference point, body x"),
+    "y": ("m", "m", "lowest point of the unloaded leg from the moment reference point, body y"),
+    "z": ("m", "m", "lowest point of the unloaded leg from the moment reference point, body z"),
     "radius": ("m", "m", "radius of the unloaded tyre"),
     "stiffness": ("N m-1", "N m-1", "strut force over compression"),
     "preload": ("N", "N", "strut force at no compression"),
@@ -142,96 +133,81 @@ _CONTACT = {
     "retracts": ("1", "1", "1: carries in proportion to the input gear"),
 }
 
+# Upper limits of parameters of a contact.
+_HIGHEST = {"retracts": 1.0, "loss": 0.04}
+
 
 def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> CatalogueEntry:
     """Return the catalogue row of a name of the gear or of a contact."""
-    assert aircraft.gear is not None
+    gear = aircraft.gear
+    assert gear is not None
     word = name.rsplit(".", 1)[-1]
     if kind == PARAMETER:
-        contact = next(
-            (contact for contact in aircraft.gear.contacts if contact.name == item), None
-        )
-        return (
-            _gear_parameter(name, word, aircraft.gear)
-            if contact is None
-            else _contact_parameter(name, word, contact)
-        )
+        # a parameter belongs to a contact if the item is one, else to the gear
+        for contact in gear.contacts:
+            if contact.name == item:
+                return _contact_parameter_row(name, word, contact)
+        return _gear_parameter_row(name, word, gear)
     if kind == INPUT:
-        units, display, text = _INPUTS[name]
-        limit = aircraft.gear.steering.limit
-        return CatalogueEntry(
-            name,
-            units,
-            display,
-            text,
-            0.0,
-            *((-limit, limit) if name == "delta_nw" else (0.0, 1.0)),
-            0,
-        )
+        units, display_units, text = _INPUTS[name]
+        low, high = 0.0, 1.0
+        if name == "delta_nw":
+            low, high = -gear.steering.limit, gear.steering.limit
+        return make_row(name, units, text, display_units=display_units, low=low, high=high)
+    # weight on wheels
     if name == f"wow_{item}":
-        return CatalogueEntry(name, "1", "1", f"{item} on the ground, 1 yes", 0.0, 0.0, 1.0, 0)
-    if kind == STATE:
-        units, display, text = (_GEAR_STATES if group == "gear" else _CONTACT_STATES)[word]
-    elif kind == OUTPUT and group == "gear":
-        units, display, text = _GEAR_OUTPUTS[name]
-    else:
-        units, display, text = _CONTACT_OUTPUTS[word]
-    return CatalogueEntry(
-        name, units, display, text if group == "gear" else f"{item}: {text}", 0.0, -MOST, MOST, 0
-    )
+        return make_row(name, "1", f"{item} on the ground, 1 yes", low=0.0, high=1.0)
+    if group == "gear":
+        table = _GEAR_STATES[word] if kind == STATE else _GEAR_OUTPUTS[name]
+        units, display_units, text = table
+        return make_row(name, units, text, display_units=display_units)
+    table = _CONTACT_STATES[word] if kind == STATE else _CONTACT_OUTPUTS[word]
+    units, display_units, text = table
+    return make_row(name, units, f"{item}: {text}", display_units=display_units)
 
 
-def _gear_parameter(name: str, word: str, gear: LandingGear) -> CatalogueEntry:
+def _gear_parameter_row(name: str, word: str, gear: LandingGear) -> CatalogueEntry:
+    """Return the row of a parameter of runway, brakes or steering."""
     if name == "runway.condition":
-        return CatalogueEntry(
-            name, "1", "1", "0 dry, 1 wet, 2 icy", float(gear.condition), 0.0, 2.0, INTEGER
-        )
+        text, condition = "0 dry, 1 wet, 2 icy", float(gear.condition)
+        return make_row(name, "1", text, value=condition, low=0.0, high=2.0, flags=INTEGER)
     if name == "gear.antiskid":
-        return CatalogueEntry(
-            name,
-            "1",
-            "1",
-            "part of the friction that the anti-skid system uses; 0 none",
-            gear.antiskid,
-            0.0,
-            1.0,
-            0,
-        )
+        text = "part of the friction that the anti-skid system uses; 0 none"
+        return make_row(name, "1", text, value=gear.antiskid, low=0.0, high=1.0)
     if name == "steering.order":
-        return CatalogueEntry(
-            name,
-            "1",
-            "1",
-            "0 quasi-static, 2 one mass, 4 two masses",
-            float(gear.steering.order),
-            0.0,
-            4.0,
-            INTEGER | FIXED,
-        )
+        text, order = "0 quasi-static, 2 one mass, 4 two masses", float(gear.steering.order)
+        flags = INTEGER | FIXED
+        return make_row(name, "1", text, value=order, low=0.0, high=4.0, flags=flags)
     low = -MOST if word in _SIGNED else 0.0
     if name.startswith("steering."):
-        return CatalogueEntry(name, *_STEERING[word], getattr(gear.steering, word), low, MOST, 0)
+        units, display_units, text = _STEERING[word]
+        value = getattr(gear.steering, word)
+        return make_row(name, units, text, display_units=display_units, value=value, low=low)
     units, text = _RUNWAY[word]
-    value = gear.mu_wet[int(word[-1])] if word.startswith("mu_wet") else getattr(gear, word)
-    return CatalogueEntry(
-        name, units, units, text, value, low, 1.0 if word == "skid_ratio" else MOST, 0
-    )
+    # mu_wet_0 ... mu_wet_3 are the coefficients of one polynomial
+    if word.startswith("mu_wet"):
+        value = gear.mu_wet[int(word[-1])]
+    else:
+        value = getattr(gear, word)
+    high = 1.0 if word == "skid_ratio" else MOST
+    return make_row(name, units, text, value=value, low=low, high=high)
 
 
-def _contact_parameter(name: str, word: str, contact: Contact) -> CatalogueEntry:
-    units, display, text = _CONTACT[word]
-    place = dict(zip("xyz", contact.position, strict=True))
-    value = place[word] if word in place else float(getattr(contact, word))
-    high = {"retracts": 1.0, "loss": 0.04}.get(word, MOST)
-    return CatalogueEntry(
+def _contact_parameter_row(name: str, word: str, contact: Contact) -> CatalogueEntry:
+    units, display_units, text = _CONTACT[word]
+    if word in "xyz":
+        value = contact.position["xyz".index(word)]
+    else:
+        value = float(getattr(contact, word))
+    return make_row(
         name,
         units,
-        display,
         f"{contact.name}: {text}",
-        value,
-        -MOST if word in _SIGNED else 0.0,
-        high,
-        INTEGER if word == "retracts" else 0,
+        display_units=display_units,
+        value=value,
+        low=-MOST if word in _SIGNED else 0.0,
+        high=_HIGHEST.get(word, MOST),
+        flags=INTEGER if word == "retracts" else 0,
     )
 
 
@@ -244,7 +220,9 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
 
 def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:
     """Return the strut tables."""
-    for contact in aircraft.gear.contacts if aircraft.gear else ():
+    if aircraft.gear is None:
+        return
+    for contact in aircraft.gear.contacts:
         if contact.strut is not None:
             leaf = contact.strut.rename({"compression": f"gear.{contact.name}.compression"})
             yield f"gear.{contact.name}.strut", f"gear.{contact.name}/strut", leaf

@@ -17,6 +17,11 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, AeromatchWarning, SchemaError
 from flightmech.units import DEGREE
 from flighttest.reconstruction.problem.assembly import assemble_problem
+from flighttest.reconstruction.quality.checks.clock_scale import (
+    clock_findings,
+    clock_scale,
+    on_seconds,
+)
 from flighttest.reconstruction.quality.checks.control_response import (
     answer_findings,
     axis_excitation,
@@ -46,6 +51,7 @@ from flighttest.reconstruction.quality.checks.signals import (
     at_cg,
     resample_channels,
 )
+from flighttest.reconstruction.quality.declarations.air_temperature import temperature_findings
 from flighttest.reconstruction.quality.declarations.aircraft import (
     geometry_findings,
     inertia_findings,
@@ -95,7 +101,7 @@ def assess(
 
     Notes
     -----
-    In order: clocks and samples of each channel; columns that stand for two channels; kinematics and air data, with the search for
+    In order: unit of the clock; clocks and samples of each channel; columns that stand for two channels; kinematics and air data, with the search for
     the mistake that explains what does not agree; then, with such mistakes undone, headings, the aircraft file, scale errors, delays,
     the answers to the controls, and excitation.
 
@@ -105,16 +111,20 @@ def assess(
     """
     stated = aircraft is not None and (aircraft.instruments or "instruments" in record.attrs)
     specification = instruments_of(aircraft, record.attrs) if stated else None
+    scale = clock_scale(record)
+    record = on_seconds(record, scale)
     faults = faults_of(record)
     signals = resample_channels(record, faults)
     table = channel_table(record)
-    findings = flag_findings(faults) + channel_findings(record, table, specification)
+    findings = clock_findings(scale) + flag_findings(faults)
+    findings += channel_findings(record, table, specification)
     shared, wrong = column_findings(record, signals)
     explanations, corrected, comparisons = find_mistakes(signals.without(wrong))
     mistaken = [channel for explanation in explanations for channel in explanation.repair.channels]
     findings += (
         shared + heading_findings(record, corrected, mistaken) + pressure_height_findings(corrected)
     )
+    findings += temperature_findings(corrected, record)
     findings += kinematic_findings(explanations, comparisons, corrected, record)
     places = _places(specification, aircraft)
     moved = at_cg(corrected, places)
@@ -201,7 +211,7 @@ def _of_aircraft(
     weight, no_weight = weight_findings(moved, aircraft, record, database)
     product, no_product = product_findings(moved, aircraft)
     shape = geometry_findings(aircraft)
-    if shape:
+    if any(finding.severity != "note" for finding in shape):
         weight = []  # they judge by S and b, which are wrong
     rows = [
         ("weight", "mass, and lift", no_weight),

@@ -20,6 +20,7 @@ from flighttest.records.readers.bus_words import Arinc429, label_tables, words_o
 from flighttest.records.readers.columns import column_called, unit_of_column
 from flighttest.records.readers.name_map import Clock, NameMap, Utc
 from flighttest.records.readers.recording import LeftOut, RecordedTable, clock_name
+from flighttest.records.readers.times_of_day import seconds_of_digits
 from flighttest.records.signals.conditioning import GAP
 from flighttest.records.signals.sample_flags import MOST, Flag
 
@@ -276,11 +277,16 @@ class Clocks:
                 f"give its rate"
             )
             raise UnknownName(column or "time", part.columns, "time column", hint)
-        return (
-            np.asarray(part.columns[column], float),
-            clock.seconds(unit_of_column(part, column, "time")),
-            column,
-        )
+        raw = np.asarray(part.columns[column], float)
+        scale = clock.seconds(unit_of_column(part, column, "time"))
+        if scale == 1.0 and (seconds := seconds_of_digits(raw)) is not None:
+            note = (
+                f"clock {column}: hours, minutes and seconds in one number (hhmmss), read as "
+                f"seconds of the day"
+            )
+            self.notes += [] if note in self.notes else [note]
+            raw = seconds
+        return raw, scale, column
 
     def _own_column(self, wanted: str | None, table: str) -> str | None:
         """Return the column that ``[time] column`` names in a table; None without one, and for the

@@ -26,8 +26,10 @@ from flighttest.records.readers.recording import (
     Recording,
     clock_name,
 )
+from flighttest.records.readers.times_of_day import seconds_of_digits
 
 _HEAD = re.compile(r"^(.*\S)\s*[\[({]\s*([^\])}]*?)\s*[\])}]$")
+_DEGREES = re.compile(r"^(.*[A-Za-z0-9])[\s_]*([°º˚]\S*)$")  # AOA °, Roll Rate °/s
 _COMMA = re.compile(r"^(.*\S)\s*,\s*([^,\s][^,]*)$")
 _WORDS = re.compile(r"[A-Z]+(?![a-z])\d*|[A-Z]?[a-z]+\d*|\d+|%")
 SENSES = {
@@ -71,7 +73,7 @@ def split_heading(text: str) -> tuple[str, str]:
     """
     match = _HEAD.match(text)
     if match is None:
-        match = _COMMA.match(text)
+        match = _COMMA.match(text) or _DEGREES.match(text)
         return (
             (match[1], match[2])
             if match and not match[2].isdigit() and _is_unit(match[2])
@@ -169,13 +171,15 @@ def words_of(text: str) -> list[str]:
 
 
 def split_headings(texts: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """Return names and units of the headings of a table; headings that would share a name keep all
-    of their text.
+    """Return names and units of the headings of a table; different headings that would share a name
+    keep all of their text.
     """
     parts = [split_heading(text) for text in texts]
-    short = [name for name, _ in parts]
+    written: dict[str, set[str]] = {}
+    for (name, _), text in zip(parts, texts, strict=True):
+        written.setdefault(name, set()).add(text)
     names = [
-        name if short.count(name) == 1 else text
+        name if len(written[name]) == 1 else text
         for (name, _), text in zip(parts, texts, strict=True)
     ]
     return names, {
@@ -304,4 +308,6 @@ def _stamps(table: RecordedTable, path: str | Path) -> np.ndarray:
             str(path), [f"no clock; expected a column {', '.join(CLOCK_NAMES)} in seconds"]
         )
     unit = table.units.get(name, "s")
-    return np.asarray(to_si(np.asarray(table.columns[name], float), unit, "s"))
+    stamps = np.asarray(to_si(np.asarray(table.columns[name], float), unit, "s"))
+    seconds = seconds_of_digits(stamps)
+    return stamps if seconds is None else seconds

@@ -168,7 +168,7 @@ _CLOCK_WORDS = (
     ),
 )
 _UNIT_OF_A_CLOCK = re.compile(
-    r"[\s_]*[(\[]?(s|sec|secs|seconds|ms|us|hh:mm:ss\S*)[)\]]?$", re.IGNORECASE
+    r"[\s_]*[(\[]?(s|sec|secs|seconds|ms|us|hh:mm:ss\S*|hhmmss)[)\]]?$", re.IGNORECASE
 )
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 WIDEST = 4096  # columns that one two-dimensional array may give; an image has more
@@ -298,17 +298,19 @@ def clock_name(columns: Mapping[str, Any]) -> str | None:
         return plain
     words = {_clock_word(name): name for name in reversed(list(columns))}
     candidates = [words[word] for word in _CLOCK_WORDS if word in words]
-    return next((name for name in candidates if _rises(columns[name])), None)
+    return next((name for name in candidates if rises(columns[name])), None)
 
 
 def _clock_word(name: str) -> str:
     """Return a name in lower case without its group, unit and separators."""
-    own = re.split(r"[./]", name)[-1].strip()
+    bare = re.sub(r"\s*[(\[]hhmmss\S*[)\]]$", "", name, flags=re.IGNORECASE)
+    own = re.split(r"[./]", bare)[-1].strip()
     plain = _UNIT_OF_A_CLOCK.sub("", own) or own
     return re.sub(r"[^a-z0-9]", "", plain.lower())
 
 
-def _rises(values: Any) -> bool:
+def rises(values: Any) -> bool:
+    """Return whether a column rises in 19 of 20 steps."""
     try:
         stamps = np.asarray(values, float)
     except (ValueError, TypeError):

@@ -44,7 +44,6 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
-from scipy.linalg import solve_triangular
 
 
 @dataclass(frozen=True)
@@ -120,7 +119,7 @@ class Disturbance:
         """Return one stretch of the disturbance, (size,), stationary from its first sample on."""
         a, p = self.coefficients, len(self.reflections)
         e = np.sqrt(self.variance) * rng.normal(size=max(size, p))
-        first = solve_triangular(self._whitening, e[:p], lower=True) if p else e[:0]
+        first = scipy.linalg.solve_triangular(self._whitening, e[:p], lower=True) if p else e[:0]
         later = (
             scipy.signal.lfilter([1.0], a, e[p:], zi=_history(a, first))[0] if size > p else e[:0]
         )

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.linalg import block_diag
 
 from flightmech.aircraft.controls import Circuit
 from flightmech.errors import IdentificationError
@@ -153,7 +153,7 @@ class _Fit:
         if self.cable is None:
             return self.slid.estimates
         T, both = self._division(), (self.slid.estimates, self.cable.estimates)
-        C = block_diag(*(one["covariance"].values for one in both))
+        C = scipy.linalg.block_diag(*(one["covariance"].values for one in both))
         theta = np.concatenate([one["estimate"].values for one in both])
         nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(theta), 0)))
         return least_squares.regression_estimates(

@@ -20,8 +20,8 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.interpolate import PchipInterpolator
 
 from flightmech.aircraft.engine import EngineDeck
 from flightmech.errors import IdentificationError
@@ -425,7 +425,9 @@ class _Spool:
             constants = {"lever_delay": (float(theta[0]), float(np.sqrt(C[0, 0])))} | constants
         first = self.places[f"{self.name}_command"].start
         places = np.arange(first, first + len(self.lever))
-        steep = PchipInterpolator(self.lever, theta[places]).derivative()(self.lever)
+        steep = scipy.interpolate.PchipInterpolator(self.lever, theta[places]).derivative()(
+            self.lever
+        )
         C[places, places] += (steep * noisy) ** 2
         tables = {
             table: EngineCurve.of(self.axes(table), partial(self._table, table), theta, C)

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 import xarray as xr
-from scipy.interpolate import PchipInterpolator
 
 from flightmech.aircraft.engine import EngineDeck
 from flightmech.errors import IdentificationError
@@ -148,7 +148,7 @@ def identify_start(records: Sequence[xr.Dataset]) -> StartFit:
     single = [name for name in unknowns if not name.startswith("ln")]
 
     def times(theta: np.ndarray) -> np.ndarray:
-        return np.exp(PchipInterpolator(knots, theta[len(single) :])(at))
+        return np.exp(scipy.interpolate.PchipInterpolator(knots, theta[len(single) :])(at))
 
     def parameters(theta: np.ndarray) -> dict[str, float]:
         return {
@@ -217,7 +217,9 @@ def _flows(deck: EngineDeck, records: Sequence[xr.Dataset], knots: np.ndarray):
         unknowns["itt_time"] = Unknown(0.5, 5.0, bench.STEP, 30.0)
 
     def curve(k: int):
-        return lambda theta: PchipInterpolator(knots, theta[k * count : (k + 1) * count])(at)
+        return lambda theta: scipy.interpolate.PchipInterpolator(
+            knots, theta[k * count : (k + 1) * count]
+        )(at)
 
     def parameters(theta: np.ndarray) -> dict[str, float]:
         nodes = [bench.as_nodes(name, curve(k)(theta)) for k, name in enumerate(outputs)]

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import scipy
 import xarray as xr
 from pydantic import BeforeValidator, Field, WithJsonSchema
-from scipy.interpolate import PchipInterpolator
 
 from flightmech.errors import AeromatchError, IdentificationError
 from flightmech.names import lookup
@@ -204,7 +204,9 @@ class EngineTable2D:
         x, *_ = self.axes.values()
         s = (x - x[0]) / (x[-1] - x[0])
         place = len(self.knots)
-        value = PchipInterpolator(self.knots, theta[:place])(x).reshape(-1, *[1] * len(self.over))
+        value = scipy.interpolate.PchipInterpolator(self.knots, theta[:place])(x).reshape(
+            -1, *[1] * len(self.over)
+        )
         for k, points in enumerate(self.over.values()):
             ends = np.vstack(
                 [np.zeros(2), theta[place : place + 2 * (len(points) - 1)].reshape(-1, 2)]

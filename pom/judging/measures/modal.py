@@ -21,8 +21,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.linalg.lapack import dgeqrf, dorgqr, dtrtrs
-from scipy.optimize import leastsq
+import scipy
 
 from flightmech.support.arrays import rms
 from flightmech.units import DEGREE
@@ -173,7 +172,9 @@ class _Projection:
         np.multiply(t, B * cosine - A * sine, out=moved[1])
         scaled = t * self.rest
         c, s = float(cosine @ scaled), float(sine @ scaled)
-        turned, _ = dtrtrs(self.R, np.array([[0.0, 0.0], [0.0, 0.0], [-c, -s], [-s, c]]), trans=1)
+        turned, _ = scipy.linalg.lapack.dtrtrs(
+            self.R, np.array([[0.0, 0.0], [0.0, 0.0], [-c, -s], [-s, c]]), trans=1
+        )
         return self.Q @ (self.Q.T @ moved.T - turned) - moved.T
 
 
@@ -187,11 +188,11 @@ def _project(t: np.ndarray, y: np.ndarray, sigma: float, wd: float) -> _Projecti
     angle = wd * t
     np.multiply(decay, np.cos(angle), out=X[2])
     np.multiply(decay, np.sin(angle), out=X[3])
-    factors, tau, _, _ = dgeqrf(X.T)
-    Q, _, _ = dorgqr(factors, tau)
+    factors, tau, _, _ = scipy.linalg.lapack.dgeqrf(X.T)
+    Q, _, _ = scipy.linalg.lapack.dorgqr(factors, tau)
     R = factors[:4]
     share = Q.T @ y
-    theta, singular = dtrtrs(R, share)
+    theta, singular = scipy.linalg.lapack.dtrtrs(R, share)
     if singular:
         raise np.linalg.LinAlgError("Singular matrix")
     return _Projection(t, X.T, Q, R, theta, y - Q @ share)
@@ -207,7 +208,7 @@ def _settled(
     )  # residual and derivative come one after the other
     # MINPACK itself: its caller `scipy.optimize.least_squares` takes a fifth of the time of a fit
     # of so few numbers
-    (sigma, wd), *_ = leastsq(
+    (sigma, wd), *_ = scipy.optimize.leastsq(
         lambda x: at(*x.tolist()).rest,
         start,
         Dfun=lambda x: at(*x.tolist()).jacobian,

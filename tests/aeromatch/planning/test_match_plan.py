@@ -234,6 +234,7 @@ def test_only_what_changed_is_checked_again(copy, tmp_path):
         "record look": 2,
         "a-priori database": 1,
         "opened database": 1,
+        "model check": 2,
         "case check": 2,
     }
     assert planned(project) == (first, {})

@@ -648,12 +648,14 @@ def test_speeds_that_cannot_be_trimmed_are_no_fault_of_the_search():
     """A table may be such that level flights between two speeds have no trim: the highest level
     speed is absent with the reason.
     """
-    from flightmech.flying_qualities.performance import _fastest, _root
+    from flightmech.flying_qualities.climb import fastest_level_rows, find_zero
 
-    row = _fastest(
+    row = fastest_level_rows(
         lambda V: 2.0 if V < 120.0 else np.nan if V < 150.0 else -1.0, 100.0, (40.0, 180.0)
     )[0]
     assert np.isnan(row.value)
     assert row.absent == "not every level flight from 100 to 180 m/s can be trimmed"
-    assert _fastest(lambda V: 150.0 - V, 100.0, (40.0, 180.0))[0].value == pytest.approx(150.0)
-    assert np.isnan(_root(lambda V: np.nan, 0.0, 1.0, 1e-3))
+    assert fastest_level_rows(lambda V: 150.0 - V, 100.0, (40.0, 180.0))[0].value == pytest.approx(
+        150.0
+    )
+    assert np.isnan(find_zero(lambda V: np.nan, 0.0, 1.0, 1e-3))

@@ -112,5 +112,5 @@ def test_identifier(title, expected):
 
 def test_a_name_that_no_importer_takes_is_refused():
     bad = FmuVariable("term.CL.flap 40", "parameter", 100003, "1", "1", "", 1.0)
-    with pytest.raises(SchemaError, match=r"'term.CL.flap 40' is no FMI variable name"):
+    with pytest.raises(SchemaError, match=r"'term.CL.flap 40' is not an FMI variable name"):
         Description("x", "x", "0", "aeromatch", 0.01, (*VARIABLES, bad))

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 
 from flightmech.fmu_export.description import Description, FmuVariable, describe_model
 from flightmech.fmu_export.documentation import PageAxis, render_documentation
-from flightmech.fmu_export.fmu_file import _documentation
+from flightmech.fmu_export.fmu_file import document_model
 from flightmech.simulation.kernel import STATE
 
 DESCRIPTION = Description(
@@ -99,7 +99,7 @@ def test_variables_show_si_and_display_units():
 
 
 def test_submodels_are_reported_with_their_items(trainer):
-    page = _documentation(trainer, describe_model(trainer, "ab12", "aeromatch"))
+    page = document_model(trainer, describe_model(trainer, "ab12", "aeromatch"))
     row = next(line for line in page.split("\n") if line.startswith("<tr><td>engine</td>"))
     assert row.startswith(
         "<tr><td>engine</td><td>1</td><td>thrust and its lever arm, first-order lag</td>"
@@ -120,7 +120,7 @@ def kinds(sim):
 
 
 def test_the_page_holds_no_link_to_the_outside(trainer):
-    page = _documentation(trainer, describe_model(trainer, "ab12", "aeromatch"))
+    page = document_model(trainer, describe_model(trainer, "ab12", "aeromatch"))
     assert not re.search(r"(src|href)=[\"'](?!#)", page)
     anchors = set(re.findall(r'href="#([^"]+)"', page))
     assert anchors == set(re.findall(r'<h2 id="([^"]+)"', page))

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.fmu_export.documentation import (
+from flightmech.fmu_export.term_plots import (
     BOTTOM,
     HEIGHT,
     LEFT,

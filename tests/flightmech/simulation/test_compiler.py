@@ -60,7 +60,7 @@ def test_all_problems_at_once():
     text = "\n".join(problems)
     for part in (
         "S is 16 in the database and 15 in the aircraft",
-        "/CX is no coefficient; with force_axes stability there are CL, CD, CY, Cl, Cm, Cn",
+        "/CX is not a coefficient; with force_axes stability there are CL, CD, CY, Cl, Cm, Cn",
         "CL/a: axis: unknown model variable of the simulation 'V_cas'",
         "CL/b: regressor: unknown model variable of the simulation 'fuel_flow'",
         "Cm/d: alphadothat cannot be an axis, the simulation solves for it; make it a regressor",

@@ -4,8 +4,6 @@ not plain.
 
 import copy
 import pickle
-import subprocess
-import sys
 from typing import Annotated, Literal
 
 import pytest
@@ -121,17 +119,3 @@ def test_the_schema_is_that_of_the_model():
         },
     }
     assert schema["properties"]["rows"]["examples"] == [[[1, 2]]]
-
-
-def test_a_plain_name_map_is_read_without_pydantic(tmp_path):
-    (tmp_path / "names.toml").write_text(
-        '[imu]\nq = { column = "rate", unit = "deg/s", delay = "60 ms", table = [[0, 1], [1, '
-        "2.5]] }\n"
-    )
-    code = (
-        "import sys; from flighttest.records.readers.name_map import read_names; "
-        "read_names(sys.argv[1]); sys.exit('pydantic' in sys.modules)"
-    )
-    assert (
-        subprocess.run([sys.executable, "-c", code, str(tmp_path / "names.toml")]).returncode == 0
-    )

@@ -49,3 +49,84 @@ def test_a_time_of_day_that_repeats_is_no_clock_where_another_column_rises(tmp_p
     assert flighttest.read(tmp_path / "a.csv", tmp_path / "n.toml")["air"].attrs[
         "rate"
     ] == pytest.approx(4.0)
+
+
+def packed(seconds):
+    """Return the digits of hours, minutes and seconds of a time of day."""
+    whole, day = np.floor(seconds), np.mod(np.floor(seconds), 86400.0)
+    digits = day // 3600.0 * 10000.0 + day % 3600.0 // 60.0 * 100.0 + day % 60.0
+    return digits + np.round(seconds - whole, 6)
+
+
+@pytest.mark.parametrize("heading", ["UTC", "GPS Time (hhmmss.ss)", "time"])
+@pytest.mark.parametrize("start", [37353.0, 86390.0], ids=["morning", "midnight"])
+def test_time_of_day_in_one_number(tmp_path, heading, start):
+    truth = start + 0.05 * np.arange(2000)
+    lines = [f"{heading},alpha", *(f"{stamp:09.2f},1" for stamp in packed(truth))]
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    (tmp_path / "n.toml").write_text(NAMES)
+    record = flighttest.read(tmp_path / "a.csv", tmp_path / "n.toml")
+    np.testing.assert_allclose(record["air/time"].values, truth, atol=1e-6)
+    assert "hhmmss" in record.attrs["notes"]
+    assert not record["air"].attrs["gaps"]
+
+
+@pytest.mark.parametrize(
+    "stamps",
+    [0.05 * np.arange(2000), np.r_[np.arange(60.0), 100.0 + np.arange(80.0)]],
+    ids=["seconds", "seconds with a gap"],
+)
+def test_seconds_are_no_time_of_day_in_one_number(tmp_path, stamps):
+    (tmp_path / "a.csv").write_text("\n".join(["time,alpha", *(f"{t},1" for t in stamps)]))
+    (tmp_path / "n.toml").write_text(NAMES)
+    record = flighttest.read(tmp_path / "a.csv", tmp_path / "n.toml")
+    np.testing.assert_allclose(record["air/time"].values, stamps)
+
+
+def test_stamps_that_begin_with_blank_cells(tmp_path):
+    lines = ["UTC,alpha", ",1", ",1", *(f"10:22:3{i},1" for i in range(5))]
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    (tmp_path / "n.toml").write_text(NAMES)
+    record = flighttest.read(tmp_path / "a.csv", tmp_path / "n.toml")
+    np.testing.assert_allclose(record["air/time"].values, 37350.0 + np.arange(5))
+
+
+FORMS = {
+    "day, month, year": ["17/05/2024 {h:02d}:{m:02d}:{s:06.3f}", 0.0],
+    "month, day, year with PM": ["5/17/2024 {t:d}:{m:02d}:{s:06.3f} {half}", 0.0],
+    "points": ["17.05.2024 {h:02d}:{m:02d}:{s:06.3f}", 0.0],
+    "year first": ["2024/05/17 {h:02d}:{m:02d}:{s:06.3f}", 0.0],
+    "without leading zeros": ["{h:d}:{m:d}:{s:.3f}", 0.0],
+    "minutes and seconds": ["{m:02d}:{s:06.3f}", 12 * 3600.0],
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_dates_of_any_order_and_times_of_12_hours(tmp_path, form):
+    text, hours_lost = FORMS[form]
+    truth = 12 * 3600.0 + 3590.0 + 0.05 * np.arange(400)  # past 13:00
+    lines = ["UTC,alpha"]
+    for t in truth:
+        h, m, s = int(t // 3600), int(t % 3600 // 60), t % 60
+        half = "PM" if h >= 12 else "AM"
+        lines.append(f"{text.format(h=h, m=m, s=s, t=(h - 1) % 12 + 1, half=half)},1")
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    (tmp_path / "n.toml").write_text(NAMES)
+    record = flighttest.read(tmp_path / "a.csv", tmp_path / "n.toml")
+    np.testing.assert_allclose(record["air/time"].values, truth - hours_lost, atol=1e-6)
+
+
+def test_a_new_date_is_a_new_day(tmp_path):
+    stamps = ["31.12.2024 23:59:59.5", "01.01.2025 00:00:00.0", "01.01.2025 00:00:00.5"]
+    (tmp_path / "a.csv").write_text("\n".join(["UTC,alpha", *(f"{t},1" for t in stamps)]))
+    (tmp_path / "n.toml").write_text(NAMES)
+    record = flighttest.read(tmp_path / "a.csv", tmp_path / "n.toml")
+    np.testing.assert_allclose(np.diff(record["air/time"].values), 0.5)
+
+
+def test_date_and_time_in_two_columns(tmp_path):
+    lines = ["Date,UTC,alpha", *(f"2024-05-17,10:22:3{i},1" for i in range(5))]
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    (tmp_path / "n.toml").write_text(NAMES)
+    record = flighttest.read(tmp_path / "a.csv", tmp_path / "n.toml")
+    np.testing.assert_allclose(record["air/time"].values, 37350.0 + np.arange(5))

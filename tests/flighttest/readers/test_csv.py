@@ -173,7 +173,7 @@ def test_cells_and_rows_without_end(tmp_path, monkeypatch):
     ("text", "word"),
     [
         ("1,2\n3,4\n", "one line of column names"),
-        ("time,alpha,alpha\n0,1,2\n", "two columns called 'alpha'"),
+        ("time,alpha,alpha\n0,1,2\n1,1,2\n", "2 columns 'alpha' of different content"),
         (b"time,alpha\n" + b"0,1\n" * 2000 + bytes(3000), "line 2002: found zero bytes"),
         (
             gzip.compress(b"time,alpha\n" + b"0,1\n" * 9000, mtime=0)[:60],

@@ -167,7 +167,7 @@ def test_the_marks_of_a_record_are_the_start(tmp_path, monkeypatch):
     record = xr.DataTree(
         xr.Dataset(attrs={"manoeuvres": '[{"manoeuvre": "trim", "start": 0, "end": 3}]'})
     )
-    monkeypatch.setattr("flighttest.records.record.read", lambda *_: record)
+    monkeypatch.setattr("flighttest.cli.actions.records.read", lambda *_: record)
     (tmp_path / "run_1.nc").write_text("")
     found = marks(
         tmp_path,

@@ -54,6 +54,10 @@ _ACTIVE, _AROUND = (
 _MOVED = 1.0 * DEGREE  # total movement without which a delay is not informative
 _EFFECT = ("surface", "rate", "effect", "stderr", "ratio", "R2", "movement")
 _TIMING = ("lead", "lead_stderr", "gained", "explained", "bound", "sign", "other")
+_FLOW_DELAYS = np.arange(
+    0.1, 3.05, 0.1
+)  # s that a flow angle may be late where a surface looks reversed
+_LESS = 0.8  # of what is unexplained must then be left
 _FLOW = {"alpha_vane", "beta_vane"}
 _EXPLAINED = 0.4  # R2 that the equation must reach about the movements with the best delay
 _MOVES = 0.05 * DEGREE  # rms of quick movement that makes an input
@@ -106,14 +110,15 @@ def control_responses(signals: ResampledChannels) -> pd.DataFrame:
     -------
     DataFrame
         One row per surface that moves: ``surface rate effect stderr ratio R2 movement lead
-        lead_stderr gained explained bound sign other``; effect is the angular acceleration per
+        lead_stderr gained explained bound sign other flow_late``; effect is the angular acceleration per
         radian at the mean dynamic pressure of the flight [s-2], with the surface at the time at
         which it acts, stderr that of coloured residuals, movement the range between 0.5 and 99.5 %
         [rad].  Lead is the time by which the surface is recorded before it acts and lead_stderr its
         standard error [s], infinite where it lies at the end of the search (bound); gained the R2
         that delaying it gains, explained the R2 with that delay, both about the movements of the
         surface.  Sign is that of the effect, 0 where the other sign with the lead `other` [s]
-        explains the motion as well: see `surface_timing`.
+        explains the motion as well: see `surface_timing`.  Where the surface looks reversed, flow_late
+        is the delay of the flow angle with which it does not [s]; else 0.
 
     Notes
     -----
@@ -145,7 +150,7 @@ def control_responses(signals: ResampledChannels) -> pd.DataFrame:
         rest = [equation for equation in tried if equation != clearest]
     return pd.DataFrame(
         [found[equation] for equation in EQUATIONS if equation in found],
-        columns=[*_EFFECT, *_TIMING],
+        columns=[*_EFFECT, *_TIMING, "flow_late"],
     )
 
 
@@ -191,6 +196,10 @@ def _answer(equation: Equation, signals: ResampledChannels) -> tuple[tuple, floa
     effect, stderr, R2 = fit
     if not complete and np.sign(effect) != timing.sign:
         timing = replace(timing, sign=0)
+    flow_late = 0.0
+    if effect > 0.0 and complete:
+        left = _LESS * (1.0 - timing.explained)
+        flow_late = _flow_delay(y, others, columns, surface, (signals.time, active), left)
     row = (
         equation.surface,
         equation.rate,
@@ -200,8 +209,35 @@ def _answer(equation: Equation, signals: ResampledChannels) -> tuple[tuple, floa
         R2,
         movement,
         *astuple(timing),
+        flow_late,
     )
     return row, timing.gained / max(1.0 - timing.explained, 1e-12) if displaced else 0.0
+
+
+def _flow_delay(
+    y: np.ndarray,
+    others: list[str],
+    columns: list[np.ndarray],
+    surface: np.ndarray,
+    place: tuple[np.ndarray, np.ndarray],
+    most: float,
+) -> float:
+    """Return the delay of the flow angles with which a surface that looks reversed acts as the
+    convention states and less than `most` of the variance is left; 0 without one. [s]
+    """
+    time, active = place
+    found = 0.0
+    for delay in _FLOW_DELAYS:
+        moved = [
+            np.interp(time + delay, time, column) if name in _FLOW else column
+            for name, column in zip(others, columns, strict=True)
+        ]
+        X = np.stack([column[active] for column in (*moved, surface)], axis=1)
+        theta = np.linalg.lstsq(X, y[active], rcond=1e-10)[0]
+        left = float(np.var(y[active] - X @ theta) / max(np.var(y[active]), 1e-300))
+        if theta[-1] < 0.0 and left < most:
+            found, most = float(delay), left
+    return found
 
 
 def _about_movements(surface: np.ndarray, mask: np.ndarray, step: float) -> np.ndarray:
@@ -225,7 +261,7 @@ def pilot_to_surface(signals: ResampledChannels) -> pd.DataFrame:
     """Return how each surface follows the pilot's control: ``control surface expected correlation
     delay position``.
 
-    The correlation is the largest within a second of delay, and `delay` [s] is that by which the
+    The correlation is the largest within two seconds of delay, and `delay` [s] is that by which the
     surface is recorded after the control; the expected sign is kept where it correlates nearly as
     well, because half a period of delay looks like the opposite sign.
     """
@@ -280,12 +316,12 @@ def answer_findings(
     """
     found = []
     for row in iterate_rows(table):
-        others = next(equation.others for equation in EQUATIONS if equation.surface == row.surface)
+        others = _others_of(row.surface)
         complete, untimely = (
             not (set(others) & _FLOW) - set(signals.values),
             set(others) & set(late),
         )
-        timed = complete and not untimely
+        timed = complete and not untimely and row.flow_late == 0.0
         seen = row.R2 >= _LOWEST_R2 and abs(row.ratio) >= SIGNIFICANT
         wrong = _surface(row, record, not untimely) if seen else []
         found += wrong
@@ -302,10 +338,33 @@ def _surface(row, record: xr.DataTree, timed: bool) -> list[Finding]:
     """
     name, names = row.surface, (row.surface, row.rate)
     evidence = {"effect": row.effect, "stderr": row.stderr, "R2": row.R2}
+    flow = next((other for other in _others_of(name) if other in _FLOW), "")
     measured = (
         f"{row.rate}_dot = {row.effect:+.3g} 1/s2 per rad of {name}, {abs(row.ratio):.0f} "
         f"standard errors"
     )
+    if row.effect > 0.0 and row.flow_late > 0.0 and row.movement > _MOVED:
+        late = f"{1e3 * row.flow_late:.0f} ms"
+        text = (
+            f"{flow} is recorded about {late} late, or {name} has the wrong sign: with that "
+            f"delay {name} moves the aeroplane as the "
+            f"convention states and more of {row.rate}_dot is explained than at any other "
+            f"time of {name}; without it {measured}"
+        )
+        remedy = (
+            f"compare {flow} with attitude and climb, or with another record; "
+            f"{add_delay_line(record, flow, delay=row.flow_late)}"
+        )
+        return [
+            Finding(
+                "warning",
+                "lag",
+                (flow, name, row.rate),
+                text,
+                remedy,
+                evidence={**evidence, "flow_late": row.flow_late},
+            )
+        ]
     if row.effect > 0.0 and row.sign > 0:
         tried = f"no delay up to {LONGEST:g} s explains as much"
         text = f"{name} has the wrong sign: positive {name} {_WORDS[name]}; {measured}; {tried}"
@@ -349,6 +408,10 @@ def _surface(row, record: xr.DataTree, timed: bool) -> list[Finding]:
             )
         ]
     return []
+
+
+def _others_of(surface: str) -> tuple[str, ...]:
+    return next(equation.others for equation in EQUATIONS if equation.surface == surface)
 
 
 def _when(lead: float) -> str:

@@ -134,7 +134,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     **{name: _SPEED for name in ("V", "V_cas", "V_eas")},
     **{name: (-700.0, 700.0) for name in ("vn", "ve", "vd")},
     "hdot": (-200.0, 200.0), "mach": (-0.1, 3.0), "h_baro": (-600.0, 25000.0), "h_gps": (-600.0, 25000.0),
-    "p_static": (2000.0, 110000.0), "q_c": (-2000.0, 150000.0), "temperature": (170.0, 340.0),
+    "p_static": (2000.0, 110000.0), "q_c": (-2000.0, 150000.0), "temperature": (170.0, 340.0), "mass": (0.01, 1e6),
 }  # fmt: skip
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 
-LONGEST = 1.0  # s, either way, that a surface is looked for
+LONGEST = 2.0  # s, either way, that a surface is looked for
 _STEP = 0.025  # s
 _SHIFTS = _STEP * np.arange(-round(LONGEST / _STEP), round(LONGEST / _STEP) + 1)
 _USUAL, _RARE = (

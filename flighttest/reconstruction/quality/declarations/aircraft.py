@@ -27,6 +27,11 @@ from flightmech.errors import AeromatchError
 from flightmech.units import DEGREE, FOOT, G0, POUND, SLUG
 from flighttest.reconstruction.quality.checks.control_response import SIGNIFICANT
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels, lowpass_if_possible
+from flighttest.reconstruction.quality.declarations.airship import (
+    CARRIED,
+    airship_findings,
+    floats,
+)
 from flighttest.reconstruction.quality.finding import Finding, map_entry
 from flighttest.records.signals.differentiation import derivative
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
@@ -76,10 +81,11 @@ def geometry_findings(aircraft: Aircraft) -> list[Finding]:
     aircraft : Aircraft
         Its S [m2], cbar [m] and b [m] are read.
     """
+    if _is_airship(aircraft):
+        return airship_findings(aircraft)
     S, cbar, b = aircraft.S, aircraft.cbar, aircraft.b
     ratio, aspect = S / (b * cbar), b**2 / S
-    usual = _RATIO[0] <= ratio <= _RATIO[1] and _ASPECT[0] <= aspect <= _ASPECT[1]
-    if usual and cbar <= b:
+    if _is_usual(S, cbar, b) and cbar <= b:
         return []
     faults = (
         [f"S/(b cbar) is {ratio:.3g} (wings have {_RATIO[0]:g} to {_RATIO[1]:g})"]
@@ -105,6 +111,16 @@ def geometry_findings(aircraft: Aircraft) -> list[Finding]:
             "error" if certain else "warning", "geometry", names, text, remedy, evidence=evidence
         )
     ]
+
+
+def _is_usual(S: float, cbar: float, b: float) -> bool:
+    return _RATIO[0] <= S / (b * cbar) <= _RATIO[1] and _ASPECT[0] <= b**2 / S <= _ASPECT[1]
+
+
+def _is_airship(aircraft: Aircraft) -> bool:
+    """Whether an aircraft floats and its lengths are not those of a wing."""
+    S, cbar, b = aircraft.S, aircraft.cbar, aircraft.b
+    return not (_is_usual(S, cbar, b) and cbar < b) and floats(aircraft)
 
 
 def inertia_findings(aircraft: Aircraft) -> list[Finding]:
@@ -170,7 +186,7 @@ def _is_body(aircraft: Aircraft, moments: dict[str, float]) -> bool:
 
 
 def _odd_radii(aircraft: Aircraft, moments: dict[str, float]) -> Iterator[tuple[str, str]]:
-    half = 0.5 * aircraft.b
+    half = 0.5 * max(aircraft.b, aircraft.cbar)  # of an airship the length
     for name, moment in moments.items():
         low, high = _ROLL if name == "Ixx" else _OTHERS
         radius = sqrt(moment / aircraft.mass) / half
@@ -410,7 +426,9 @@ def weight_findings(
     not_checked : str
         Why the lift shows nothing, empty where it does.
     """
-    slope, level, why = _lift(signals, aircraft, database)
+    slope, level, why = (
+        (None, None, CARRIED) if _is_airship(aircraft) else _lift(signals, aircraft, database)
+    )
     recorded = (
         float(np.median(signals["mass"][signals.flying]))
         if "mass" in signals and signals.flying.any()

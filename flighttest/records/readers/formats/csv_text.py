@@ -15,7 +15,6 @@ import gzip
 import io
 import os
 import re
-from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice, pairwise
@@ -35,6 +34,7 @@ from flightmech.support.input_files import (
     read_bytes,
 )
 from flighttest.records.readers.columns import split_headings
+from flighttest.records.readers.formats.csv_headings import own_names, without_copies
 from flighttest.records.readers.formats.csv_words import (
     is_csv_number,
     is_missing,
@@ -49,6 +49,7 @@ from flighttest.records.readers.recording import (
     Recording,
     clock_name,
     decoding_errors,
+    rises,
 )
 
 _DIGIT = re.compile(r"^[-+]?\.?\d")
@@ -75,7 +76,7 @@ def read(path: Path, names: NameMap) -> Recording:
         heading.
     """
     raw, notes = _text(path)
-    heads, units, begin, separator = _heading(raw, path)
+    heads, shared, units, begin, separator = _heading(raw, path)
     texts, decimal = _text_columns(raw, begin, heads, separator, path)
     if decimal == ",":
         notes += ("numbers with decimal commas",)
@@ -108,14 +109,19 @@ def read(path: Path, names: NameMap) -> Recording:
         else:
             columns[name], notes = numbers, (*notes, note)
     columns = {name: columns[name] for name in heads if name in columns}
-    stamps: np.ndarray | None = None
-    for name in [name for name in columns if name in texts]:
+    columns, copies, ambiguous = without_copies(columns, units, shared, TABLE)
+    notes, left_out = (*notes, *copies), [*left_out, *ambiguous]
+    texts |= {head for head, called in shared.items() if called[0] in texts}
+    stamped = [name for name in columns if name in texts]
+    for name in stamped:
         columns[name], start = seconds_of(columns[name], name, path)
         units[name] = "s"
-        if stamps is None and clock_name(columns) is None:
-            stamps = columns[name]
         if start:
             facts["start"] = start
+    # a column of stamps is the clock where none is called so: the first that rises, not a mere date
+    stamps: np.ndarray | None = None
+    if stamped and clock_name(columns) is None:
+        stamps = columns[next(filter(lambda name: rises(columns[name]), stamped), stamped[0])]
     return Recording(
         "csv",
         {TABLE: RecordedTable(columns, units, stamps)},
@@ -183,9 +189,11 @@ def _lines(raw: bytes, start: int = 0, number: int = 1) -> Iterator[tuple[int, i
         start, number = end + 1, number + 1
 
 
-def _heading(raw: bytes, path: Path) -> tuple[list[str], dict[str, str], int, str]:
-    """Return the column names, their units, the byte where the numbers begin, and what parts the
-    columns.
+def _heading(
+    raw: bytes, path: Path
+) -> tuple[list[str], dict[str, list[str]], dict[str, str], int, str]:
+    """Return the column names, those that share a heading, their units, the byte where the numbers
+    begin, and what parts the columns.
     """
     lines = _lines(raw)
     top = next(lines, None)
@@ -202,19 +210,20 @@ def _heading(raw: bytes, path: Path) -> tuple[list[str], dict[str, str], int, st
             f"numbers ({', '.join(cells[:3])}) where names belong",
             "one line of column names at the top",
         )
-    heads, units = split_headings(cells)
-    if len(set(heads)) < len(heads):
-        twice = Counter(heads).most_common(1)[0][0]
-        raise ParseError(
-            str(path), top[0], f"two columns called {twice!r}", "a name of its own for every column"
-        )
+    short, of_headings = split_headings(cells)
+    heads, shared = own_names(short)
+    units = {
+        head: of_headings[name]
+        for head, name in zip(heads, short, strict=True)
+        if name in of_headings
+    }
     begin, second = top[2], next(lines, None)
     if second is not None:
         row = _cells(second[3], separator, path, second[0])
         if len(row) == len(heads) and _are_units(row):
             units.update(zip(heads, row, strict=True))
             begin = second[2]
-    return heads, units, begin, separator
+    return heads, shared, units, begin, separator
 
 
 def _are_units(row: list[str]) -> bool:
@@ -237,13 +246,15 @@ def _cells(text: str, separator: str, path: Path, number: int) -> list[str]:
 def _text_columns(
     raw: bytes, begin: int, heads: list[str], separator: str, path: Path
 ) -> tuple[set[str], str]:
-    """Return the columns whose first cell is a time of day or a date, and the decimal mark: a comma
-    where the first lines have one.
+    """Return the columns whose first filled cell is a time of day or a date, and the decimal mark: a
+    comma where the first lines have one.
     """
     lines = islice(_lines(raw, begin, raw.count(b"\n", 0, begin) + 1), _LOOKED_AT)
     rows = [_cells(text, separator, path, number) for number, _, _, text in lines]
     texts = {
-        head for head, cell in zip(heads, rows[0] if rows else (), strict=False) if is_stamp(cell)
+        head
+        for head, *cells in zip(heads, *rows, strict=False)
+        if is_stamp(next((cell for cell in cells if not is_missing(cell)), ""))
     }
     commas = separator != "," and any(
         _DECIMAL_COMMA.match(cell) and not _THOUSANDS.match(cell) for row in rows for cell in row

@@ -19,8 +19,16 @@ import pandas as pd
 from flightmech.errors import ParseError
 from flighttest.records.readers.recording import LeftOut
 
-_DAY_TIME = re.compile(r"^(?:(?:\d{4}:)?(\d{1,3})[:\s])?(\d{1,2}):(\d{2}):(\d{2})(?:[.,:](\d+))?$")
+_DAY_TIME = re.compile(
+    r"^(?:(?:\d{4}:)?(\d{1,3})[:\s])?(\d{1,2}):(\d{1,2}):(\d{1,2})(?:[.,:](\d+))?Z?$"
+)
 _PARTS_OF_A_SECOND = re.compile(r"^(\d{1,2}):(\d{2}):(\d{2}):(\d+)$")
+_SHORT_TIME = re.compile(r"^(\d{1,3}):(\d{2}[.,]\d+)$")  # minutes and seconds, without hours
+# a date of any order before a time of day, AM or PM behind it
+_DATED = re.compile(
+    r"^(?:(\d{1,4}[/.-]\d{1,2}[/.-]\d{1,4}),?[ "
+    r"T]+)?(\d{1,2}):(\d{1,2}):(\d{1,2}(?:[.,]\d+)?)\s*([AaPp]\.?[Mm]\.?)?$"
+)
 _ISO = re.compile(r"^\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}(:\d{2}([.,:]\d*)?)?)?(Z|[+-]\d{2}:?\d{2})?$")
 _LIKE_A_NUMBER = re.compile(r"^[-+]?[\d.,' ]*\d[\d.,' eE+-]*$")
 _MOST_WORDS = 0.5  # share of the filled cells; a column with more words is text
@@ -49,7 +57,7 @@ def is_csv_number(cell: str, decimal: str = ".") -> bool:
 
 def is_stamp(cell: str) -> bool:
     """Return whether a cell is a time of day or a date."""
-    return bool(_DAY_TIME.match(cell) or _ISO.match(cell))
+    return any(form.match(cell) for form in (_DAY_TIME, _ISO, _SHORT_TIME, _DATED))
 
 
 def numbers_of(
@@ -130,6 +138,8 @@ def seconds_of(cells: np.ndarray, name: str, path: Path) -> tuple[np.ndarray, st
     first = next((text for text in texts if text), "")
     if _ISO.match(first):
         return _seconds_of_dates(texts, name, path)
+    if not _DAY_TIME.match(first):
+        return _seconds_after_dates(texts, name, path), ""
     four = [match for match in map(_PARTS_OF_A_SECOND.match, texts) if match]
     parts = any(len(match[4]) != 2 or int(match[4]) > 59 or int(match[2]) > 23 for match in four)
     seconds = np.full(len(texts), np.nan)
@@ -156,6 +166,40 @@ def seconds_of(cells: np.ndarray, name: str, path: Path) -> tuple[np.ndarray, st
             + float(f"{whole}.{rest or 0}")
         )
     return seconds, ""
+
+
+def _seconds_after_dates(texts: list[str], name: str, path: Path) -> np.ndarray:
+    """Return seconds of times of day behind dates whose order of day and month is not known, of 12
+    hours with AM and PM, or of minutes and seconds alone. [s]
+
+    A date is only compared with the one before it: where it changes, a day has passed.
+    """
+    seconds, day, before = np.full(len(texts), np.nan), 0, ""
+    for i, text in enumerate(texts):
+        if not text:
+            continue
+        short, match = _SHORT_TIME.match(text), _DATED.match(text)
+        if short:
+            seconds[i] = int(short[1]) * 60.0 + float(short[2].replace(",", "."))
+            continue
+        if match is None:
+            raise ParseError(
+                str(path),
+                0,
+                f"{text!r} in column {name!r}, row {i + 1} of the numbers",
+                "a date and hours:minutes:seconds in every line",
+            )
+        date, hours, half = match[1] or "", int(match[2]), (match[5] or "").lower()
+        if half:
+            hours = hours % 12 + 12 * half.startswith("p")
+        day, before = day + (bool(before) and date != before), date
+        seconds[i] = (
+            86400.0 * day
+            + hours * 3600.0
+            + int(match[3]) * 60.0
+            + float(match[4].replace(",", "."))
+        )
+    return seconds
 
 
 def _seconds_of_dates(texts: list[str], name: str, path: Path) -> tuple[np.ndarray, str]:

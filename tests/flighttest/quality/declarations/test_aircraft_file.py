@@ -69,6 +69,37 @@ def test_odd_but_real_shapes_are_no_error(shape):
     assert [finding.severity for finding in geometry_findings(shape)] == ["warning"]
 
 
+# Zeppelin NT, 75 m long, 14.1 m across, 8225 m3; SS class, 43.7 m, 9.1 m, 1700 m3
+AIRSHIPS = {
+    "two thirds of the volume, one length": (407.0, 75.0, 75.0, 8040.0),
+    "two thirds of the volume, its cube root": (407.0, 20.2, 20.2, 8040.0),
+    "two thirds of the volume, length and diameter": (407.0, 75.0, 14.1, 8040.0),
+    "length taken as the span": (407.0, 14.1, 75.0, 8040.0),
+    "plan": (1000.0, 75.0, 14.1, 8040.0),
+    "cross-section": (65.0, 43.7, 9.1, 1433.0),
+    "cross-section, one length": (65.0, 43.7, 43.7, 1433.0),
+}
+
+
+@pytest.mark.parametrize("name", AIRSHIPS)
+def test_airships_are_not_judged_as_wings(name):
+    S, cbar, b, mass = AIRSHIPS[name]
+    (finding,) = geometry_findings(Shape(S, cbar, b, mass))
+    assert (finding.severity, finding.name) == ("note", "geometry:S+cbar+b")
+    heavy = geometry_findings(Shape(S, cbar, b, 20.0 * mass))  # an aeroplane of the same figures
+    assert [one.severity for one in heavy] != ["note"]
+
+
+def test_radii_of_gyration_of_an_airship_are_over_its_length():
+    hull = Shape(407.0, 75.0, 14.1, 8040.0, 200e3, 2.4e6, 2.4e6)
+    assert inertia_findings(hull) == []
+
+
+def test_span_typed_twice_is_no_airship():
+    for S, _, b, mass in AEROPLANES.values():
+        assert not any(one.severity == "note" for one in geometry_findings(Shape(S, b, b, mass)))
+
+
 # mass, span, Ixx, Iyy, Izz, Ixz: public figures
 INERTIAS = {
     "Cessna 182": (1034.0, 10.91, 2827.0, 1913.0, 4169.0, -39.0),

@@ -1,0 +1,90 @@
+"""Thrust of the engines at full throttle, and how its tables depend on height."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.simulation.run import constant_inputs, initialise_run
+from flightmech.steady_flight.trim_point import Point
+
+NO_THRUST = "the aircraft file gives an engine neither a thrust table nor a deck"
+# Tables of a deck that decide the thrust at full throttle: thrust and governed spool speeds.
+_FULL_THROTTLE_TABLES = (
+    "thrust",
+    "corrected_thrust",
+    "n1_command",
+    "n2_command",
+    "corrected_n1_command",
+    "corrected_n2_command",
+)
+
+
+class Heights(NamedTuple):
+    """How thrust depends on height.
+
+    `end` is the last height of the tables [m], infinite if no table has a height axis. `lapses` is
+    true if the thrust of all engines is proportional to the pressure.
+    """
+
+    end: float
+    lapses: bool
+
+
+def has_thrust(aircraft: Aircraft) -> bool:
+    """Return whether there are engines and each has a thrust table or a deck."""
+    return bool(aircraft.engines) and all(
+        engine.thrust is not None or engine.deck is not None for engine in aircraft.engines
+    )
+
+
+def burns_fuel(aircraft: Aircraft) -> bool:
+    """Return whether there are engines and each has a deck with a fuel flow."""
+    for engine in aircraft.engines:
+        if engine.deck is None:
+            return False
+        if not {"fuel_flow", "corrected_fuel_flow"} & set(engine.deck.tables):
+            return False
+    return bool(aircraft.engines)
+
+
+def full_thrust(flight: Point) -> np.ndarray:
+    """Return the net thrust (engine,) at full throttle, at the speed and height of a flight. [N]
+
+    The spools have settled.
+    """
+    numbers = range(1, len(flight.aircraft.engines) + 1)
+    # The bias of the lever is added by the kernel. It is subtracted here, so that the lever ends
+    # at its limit.
+    _, highest_lever = flight.aircraft.limits.get("throttle", (0.0, 1.0))
+    lever = highest_lever - flight.parameter("bias.throttle")
+    levers = {f"engine{number}.throttle": lever for number in numbers}
+    attitude = {"init.alpha": flight["alpha"], "init.beta": flight["beta"]}
+    # mode.engine 0: levers drive the engines; mode.trim 0: the flight starts in the state of init.*
+    values = {**flight.parameters, **attitude, **levers, "mode.engine": 0.0, "mode.trim": 0.0}
+    outputs = initialise_run(flight.sim, values, constant_inputs(flight.sim, values)).outputs()
+    indices = [flight.sim.outputs.index(f"engine{number}.thrust") for number in numbers]
+    return np.array([outputs[index] for index in indices])
+
+
+def thrust_over_height(aircraft: Aircraft) -> Heights:
+    """Return the height dependence of full thrust; its end is that of the shortest table."""
+    tables: list[xr.Dataset] = []
+    lapses = []
+    for engine in aircraft.engines:
+        deck: Mapping[str, xr.Dataset] = {}
+        if engine.deck is not None:
+            deck = engine.deck.tables
+        tables += [deck[name] for name in _FULL_THROTTLE_TABLES if name in deck]
+        if engine.thrust is not None:
+            tables.append(engine.thrust)
+        lapses.append("corrected_thrust" in deck)
+    end = np.inf
+    for table in tables:
+        if "h" in table.coords and table["h"].size > 1:
+            end = min(end, float(table["h"][-1]))
+    return Heights(end, all(lapses))
