@@ -243,6 +243,7 @@ CHECKS: dict[tuple[str, int], Check] = {
     ("docs/how-to/certify-a-report.md", 3): contains('Good "aeromatch" signature', "all as it was"),
     ("docs/how-to/own-fmu.md", 0): contains("delta_e"),
     ("docs/how-to/own-fmu.md", 2): own_fmu,
+    ("docs/how-to/check-a-record.md", 0): contains("sound: 0 errors"),
     ("docs/how-to/compare-databases.md", 0): comparison_of_databases,
     ("docs/how-to/compare-databases.md", 1): files(
         "figures/figure-12.png", "figures-2/figure-12.pdf"
