@@ -21,17 +21,10 @@ import xarray as xr
 from timing import best  # next to this file
 
 from flighttest.regression.equation_error.model import term_regressors
-from flighttest.regression.model_structure.candidates import (
-    OrthogonalBasis,
-    candidate_equations,
-    monomials,
-)
-from flighttest.regression.model_structure.search import (
-    GAIN,
-    Rating,
-    select_orthogonal,
-    select_stepwise,
-)
+from flighttest.regression.model_structure.candidates import candidate_equations, monomials
+from flighttest.regression.model_structure.orthogonal_basis import OrthogonalBasis
+from flighttest.regression.model_structure.rating import Rating
+from flighttest.regression.model_structure.search import GAIN, select_orthogonal, select_stepwise
 
 VARIABLES = [
     "alpha",
@@ -100,16 +93,16 @@ def forward(data: xr.Dataset) -> list[str]:
     """
     problem = candidate_equations("CL", CANDIDATES, data, None)
     work = OrthogonalBasis(problem.X, problem.z)
-    work.take(0)
+    work.add(0)
     rate = Rating(problem)
     while True:
         gains = work.gains()
-        j = work.best(gains)
+        j = work.best_candidate(gains)
         if gains[j] <= rate.least(STOP, work.rss - gains[j]):
             break
-        work.take(j)
+        work.add(j)
     work.estimates()
-    return [problem.terms[j] for j in work.taken]
+    return [problem.terms[j] for j in work.chosen]
 
 
 def greedy(data: xr.Dataset) -> list[str]:

@@ -31,7 +31,7 @@ from spin_recording import draw_errors
 import flightmech
 from flighttest.flight_programme.input_design.input_shapes import InputAxis, multisine
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.regression.uncertainty.significance import validation_report, validation_table
+from flighttest.regression.uncertainty.prediction_errors import validation_report, validation_table
 from flighttest.special_tests.spin.polynomial_models import (
     Polynomial,
     polynomial_database,

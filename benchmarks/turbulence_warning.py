@@ -31,7 +31,7 @@ import flightmech
 import flighttest
 from flightmech.errors import AeromatchWarning
 from flighttest.maximum_likelihood.result import OutputError
-from flighttest.maximum_likelihood.search import Unknown
+from flighttest.maximum_likelihood.unknowns import Unknown
 
 STEP, SPEED, SCALE = 0.04, 100.0, 150.0
 

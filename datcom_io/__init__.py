@@ -4,9 +4,16 @@
 >>> listing = datcom_io.read("t37_clean.out")           # doctest: +SKIP
 >>> listing.case_names                                  # doctest: +SKIP
 ['T-37 OWN DECK CLEAN AIRCRAFT']
->>> listing[0].block("static")                          # the printed table, units in attrs  # doctest: +SKIP
->>> clean = listing[0].to_datatree()                    # SI, radians, canonical names           # doctest: +SKIP
->>> clean["static"]["CL"].sel(condition=0)              # doctest: +SKIP"""
+
+The printed table, with its units in ``attrs``:
+
+>>> listing[0].block("static")                          # doctest: +SKIP
+
+The same in SI and radians, under canonical names:
+
+>>> clean = listing[0].to_datatree()                    # doctest: +SKIP
+>>> clean["static"]["CL"].sel(condition=0)              # doctest: +SKIP
+"""
 
 from flightmech.support.imports import attach_stub
 

@@ -1,8 +1,8 @@
-"""One printed field to a number and a flag.
+"""Reading of one printed field as a number and a flag.
 
-The program keeps three sentinels, 1E-30, 2E-30 and -1E-30, which a formatter turns into the words
-``NDM`` and ``NA`` and into a blank; pages written without that formatter leak them as numbers.  A
-field that is too narrow prints asterisks.
+The program keeps three sentinels for missing numbers: 1E-30, 2E-30 and -1E-30.  Its formatter
+prints them as the words ``NDM`` and ``NA`` and as a blank.  Pages written without that formatter
+print them as numbers.  A field that is too narrow prints asterisks.
 """
 
 from __future__ import annotations
@@ -18,14 +18,18 @@ OK, NDM, NA, BLANK, FILLED, OVERFLOW, NOT_A_NUMBER, SENTINEL, ABSENT, SUSPECT = 
 FLAGS = ("ok", "NDM", "NA", "blank", "filled", "overflow", "nan", "sentinel", "absent", "suspect")
 """Meaning of the flag codes 0 ... 9.
 
-``ok`` a number; ``NDM`` no DATCOM method; ``NA`` method not applicable; ``blank`` nothing printed; ``filled`` taken from the
-first row of a column that is constant in alpha; ``overflow`` asterisks; ``nan`` the program's arithmetic failed;
-``sentinel`` the program's code for a missing number, printed as a number; ``absent`` no such row or page in the listing;
-``suspect`` a number that a known fault of the program makes wrong, for example by what it carries over from the deflection before.
+``ok`` a number; ``NDM`` no DATCOM method; ``NA`` method not applicable; ``blank`` nothing printed;
+``filled`` taken from the first row of a column that is constant in alpha; ``overflow`` asterisks;
+``nan`` the arithmetic of the program failed; ``sentinel`` a code for a missing number, printed as
+a number; ``absent`` no such row or page in the listing; ``suspect`` a number that a known fault of
+the program makes wrong, for example by what it carries over from the deflection before.
 """
 
-_LARGEST_SENTINEL = 1.0001e-28  # a sentinel times a unit factor: 3.2808E-30 is seen
+# Bound of a sentinel times a unit factor; the largest one seen is 3.2808E-30.
+_LARGEST_SENTINEL = 1.0001e-28
+# A number with D as exponent letter, or without a letter: 5.800-002.
 _NO_LETTER = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+))(?:[Dd]([-+]?\d+)|([-+]\d+))")
+# NaN and infinity as some compilers print them: -1.#IND, 1.#QNAN.
 _FAILED = re.compile(r"[-+]?(?:\d*\.?#(?:IND|QNAN|SNAN|INF)\d*|1\.#\w+)", re.IGNORECASE)
 _WORDS = {"": BLANK, "NDM": NDM, "NA": NA}
 
@@ -36,8 +40,9 @@ def is_number_flag(flags: np.ndarray) -> np.ndarray:
 
 
 def read_cell(text: str) -> tuple[float, int] | None:
-    """Return value and flag of a printed field; None when it is neither a number nor one of the
-    program's words.
+    """Return value and flag of a printed field.
+
+    The result is None when the field is neither a number nor one of the words of the program.
 
     Examples
     --------
@@ -56,33 +61,38 @@ def read_cell(text: str) -> tuple[float, int] | None:
 
 
 def read_cells(texts: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Return values and flags of many fields, each as `read_cell` does; NaN and ``ok`` where a text
-    is no cell.
+    """Return values and flags of many fields, each as `read_cell` does.
+
+    A text that is not a cell gets NaN and ``ok``.
     """
-    values: list[float] = []
-    words: list[int] = []
-    rest = iter(texts)
-    while len(values) < len(texts):
+    numbers: list[float] = []
+    word_indices: list[int] = []
+    pending = iter(texts)
+    # map(float, ...) stops at the first word; the loop notes its index and goes on behind it.
+    while len(numbers) < len(texts):
         try:
-            for value in map(float, rest):
-                values.append(value)  # one by one: those before a word are kept
+            # One append for each number keeps the numbers before a word.
+            for number in map(float, pending):
+                numbers.append(number)
         except ValueError:
-            words.append(len(values))
-            values.append(0.0)
-    found, flags = np.array(values, float), np.zeros(len(values), np.uint8)
-    flags[(np.abs(found) < _LARGEST_SENTINEL) & (found != 0.0)] = SENTINEL
-    flags[~np.isfinite(found)] = NOT_A_NUMBER
-    for i in words:
-        found[i], flags[i] = _read_word(texts[i].strip()) or (math.nan, OK)
-    return found, flags
+            word_indices.append(len(numbers))
+            numbers.append(0.0)
+    values, flags = np.array(numbers, float), np.zeros(len(numbers), np.uint8)
+    flags[(np.abs(values) < _LARGEST_SENTINEL) & (values != 0.0)] = SENTINEL
+    flags[~np.isfinite(values)] = NOT_A_NUMBER
+    for i in word_indices:
+        values[i], flags[i] = _read_word(texts[i].strip()) or (math.nan, OK)
+    return values, flags
 
 
 def _read_word(word: str) -> tuple[float, int] | None:
+    """Return value and flag of a field that float() rejects."""
     if word in _WORDS:
         return math.nan, _WORDS[word]
     if not word.strip("*"):
         return math.nan, OVERFLOW
-    if number := _NO_LETTER.fullmatch(word):
+    number = _NO_LETTER.fullmatch(word)
+    if number:
         return read_cell(f"{number[1]}e{number[2] or number[3]}")
     if _FAILED.fullmatch(word):
         return math.nan, NOT_A_NUMBER

@@ -1,9 +1,11 @@
-"""A listing and its cases, with their conversions to data frames and arrays; what is printed of a
-case is `PrintedCase`.
+"""A listing and its cases, with their conversions to data frames and arrays.
+
+The print of a case is `PrintedCase`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -17,26 +19,32 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-_MOST_NAMED, _MOST_LETTERS = (
-    25,
-    60,
-)  # in the text that represents a listing: names, and letters of each
+# In the text that represents a listing: number of names, and of letters of each name.
+_MOST_NAMES, _MOST_LETTERS = 25, 60
 
 
 def shorten_name(name: str) -> str:
     """Return a name of at most `_MOST_LETTERS` letters."""
-    return name if len(name) <= _MOST_LETTERS else f"{name[: _MOST_LETTERS - 3]}..."
+    if len(name) <= _MOST_LETTERS:
+        return name
+    return f"{name[: _MOST_LETTERS - 3]}..."
 
 
 class Case(PrintedCase):
-    """One case, which can be had as data frames and as arrays; attributes are those of
-    `PrintedCase`.
+    """One case with its conversions to data frames and arrays.
+
+    The attributes are those of `PrintedCase`.
     """
 
     def __repr__(self) -> str:
         """Return number, name and the kinds of tables of the case as text."""
-        tables = dict.fromkeys(table.name for page in self.pages for table in page.tables)
-        names = f"{', '.join(list(tables)[:_MOST_NAMED]) or 'none'}{', ...' if len(tables) > _MOST_NAMED else ''}"
+        # Kinds of tables in the order of the print, each once.
+        kinds: dict[str, None] = {}
+        for page in self.pages:
+            kinds |= dict.fromkeys(table.name for table in page.tables)
+        names = ", ".join(list(kinds)[:_MOST_NAMES]) or "none"
+        if len(kinds) > _MOST_NAMES:
+            names += ", ..."
         return (
             f"<Case {self.ordinal} {shorten_name(self.name)!r}: pages {len(self.pages)}, "
             f"messages {len(self.messages)}; tables: {names}>"
@@ -104,16 +112,17 @@ class Case(PrintedCase):
     def plot(
         self, coefficients: Sequence[str] = ("CL", "CD", "Cm"), configuration: str | None = None
     ) -> Figure:
-        """Return a figure of static coefficients over alpha, a curve for each Mach number, altitude
-        and height above ground.
+        """Return a figure of static coefficients over alpha.
+
+        It has a curve for each Mach number, altitude and height above ground.
 
         Parameters
         ----------
         coefficients : sequence of str
             Printed over alpha: ``CL CD Cm CN CA CL_alpha Cm_alpha CY_beta Cn_beta Cl_beta xcp``.
         configuration : str, optional
-            Of the configurations of a build-up, such as ``WING-BODY``; the most complete one
-            without it.
+            One of the configurations of a build-up, such as ``WING-BODY``.  Default: the most
+            complete one.
 
         Raises
         ------
@@ -165,21 +174,26 @@ class Listing:
     @property
     def pages(self) -> list[Page]:
         """All pages, in order."""
-        return [page for case in self.cases for page in case.pages]
+        pages: list[Page] = []
+        for case in self.cases:
+            pages += case.pages
+        return pages
 
     @property
     def unparsed(self) -> list[Page]:
-        """Pages on which nothing was understood: the program, or another build of it, prints a kind
-        that is not known here.
+        """Pages on which nothing was understood.
+
+        The program, or another build of it, prints a kind of page that the reader does not have.
         """
         return [page for page in self.pages if not page.parsed]
 
     @property
     def messages(self) -> list[ListingMessage]:
         """All messages, of the file and of its cases, by line."""
-        return sorted(
-            [*self.own_messages, *(message for case in self.cases for message in case.messages)]
-        )
+        messages = list(self.own_messages)
+        for case in self.cases:
+            messages += case.messages
+        return sorted(messages)
 
     def __len__(self) -> int:
         return len(self.cases)
@@ -188,90 +202,82 @@ class Listing:
         return iter(self.cases)
 
     def __getitem__(self, key: str | int) -> Case:
-        """Return a case by its place from 0 (int); or by its name, its number from 1 or a part of
-        the name that no other has (str).
+        """Return a case by its index from 0 (int), or by its name or number (str).
 
-        Capital and small letters count as equal in a part of a name.
+        The number counts from 1.  In place of the name, a part that no other name has is enough;
+        capital and small letters count as equal in it.
         """
         if isinstance(key, int):
             if not -len(self) <= key < len(self):
-                raise UnknownName(
-                    str(key), map(str, range(len(self))), f"case number of {self.file}"
-                )
+                indices = map(str, range(len(self)))
+                raise UnknownName(str(key), indices, f"case number of {self.file}")
             return self.cases[key]
-        found = [case for case in self.cases if case.name == key]
-        found = found or [case for case in self.cases if str(case.ordinal) == key]
-        found = found or [
-            case for case in self.cases if key.strip() and key.lower() in case.name.lower()
-        ]
-        if len(found) == 1:
-            return found[0]
-        if found:
-            cases = ", ".join(f"{case.ordinal} {case.name!r}" for case in found)
-            raise SchemaError(
-                self.file,
-                [
-                    f"several cases have {key!r} in their name: {cases}; give the number, or "
-                    f"more of the name"
-                ],
-            )
-        raise UnknownName(
-            key,
-            self.case_names,
-            f"case of {self.file}",
-            "give its number from 1, its name or a part of the name",
+        matches = self._match_cases(key)
+        if len(matches) == 1:
+            return matches[0]
+        if not matches:
+            hint = "give its number from 1, its name or a part of the name"
+            raise UnknownName(key, self.case_names, f"case of {self.file}", hint)
+        names = ", ".join(f"{case.ordinal} {case.name!r}" for case in matches)
+        problem = (
+            f"several cases have {key!r} in their name: {names}; give the number, or "
+            f"more of the name"
         )
+        raise SchemaError(self.file, [problem])
+
+    def _match_cases(self, key: str) -> list[Case]:
+        """Return the cases with a name, or else with a number, or else with a part of a name."""
+        # An exact name counts before a number, a number before a part of a name.
+        matches = [case for case in self.cases if case.name == key]
+        if not matches:
+            matches = [case for case in self.cases if str(case.ordinal) == key]
+        if not matches and key.strip():
+            matches = [case for case in self.cases if key.lower() in case.name.lower()]
+        return matches
 
     def __repr__(self) -> str:
-        """Return file, size and the names of the cases as text; those beyond the first
-        `_MOST_NAMED` are counted.
+        """Return file, size and the names of the cases as text.
+
+        Names beyond the first `_MOST_NAMES` are counted.
         """
-        names = [shorten_name(case.name) for case in self.cases[:_MOST_NAMED]]
-        more = f", and {len(self.cases) - len(names)} more" if len(self.cases) > len(names) else ""
+        names = [shorten_name(case.name) for case in self.cases[:_MOST_NAMES]]
+        text = ", ".join(map(repr, names))
+        if len(self.cases) > len(names):
+            text += f", and {len(self.cases) - len(names)} more"
         counts = (
             f"runs {self.runs}, lines {self.line_count}, not understood {len(self.unread)}, "
             f"messages {len(self.messages)}"
         )
-        return (
-            f"<Listing {shorten_name(self.file)!r}: {counts}; cases {len(self.cases)}: "
-            f"{', '.join(map(repr, names))}{more}>"
-        )
+        return f"<Listing {shorten_name(self.file)!r}: {counts}; cases {len(self.cases)}: {text}>"
 
     def _repr_html_(self) -> str:
         """Return the cases as a table for a notebook."""
-
         rows = []
         for case in self.cases:
-            machs = sorted(
-                {mach for page in case.pages if (mach := page.condition("mach")) == mach}
-            )  # those that are numbers
-            span = (
-                " ... ".join(f"{mach:g}" for mach in dict.fromkeys((machs[0], machs[-1])))
-                if machs
-                else ""
+            # Only some kinds of page have a configuration.
+            configurations = dict.fromkeys(page.configuration for page in case.pages)
+            configurations.pop("", None)
+            row = (
+                case.ordinal,
+                case.name,
+                ", ".join(configurations),
+                _mach_span(case),
+                len(case.pages),
+                len(case.messages),
             )
-            configurations = dict.fromkeys(
-                page.configuration for page in case.pages if page.configuration
-            )
-            rows.append(
-                (
-                    case.ordinal,
-                    case.name,
-                    ", ".join(configurations),
-                    span,
-                    len(case.pages),
-                    len(case.messages),
-                )
-            )
+            rows.append(row)
         columns = ("", "case", "configuration", "Mach number", "pages", "messages")
-        notes = [f"{len(self.unread)} lines were not understood"] if self.unread else []
+        notes = []
+        if self.unread:
+            notes.append(f"{len(self.unread)} lines were not understood")
         return html_table(f"Digital DATCOM listing {self.file}", columns, rows, notes)
 
     def plot(
         self, coefficients: Sequence[str] = ("CL", "CD", "Cm"), configuration: str | None = None
     ) -> Figure:
-        """Return a figure of static coefficients over alpha, a row for each case that prints them;
-        arguments and errors as `Case.plot`.
+        """Return a figure of static coefficients over alpha, a row for each case that prints them.
+
+        Arguments and errors are those of `Case.plot`.
         """
         from datcom_io.arrays.figure import coefficient_figure
 
@@ -291,21 +297,32 @@ class Listing:
         return make_cell_frame(self)
 
     def to_datatree(self, *, fill_transonic: bool = False) -> xr.DataTree:
-        """Return all cases that have tables, one child per case (see `Case.to_datatree`); ``/`` in
-        a name becomes ``|``.
+        """Return all cases that have tables, one child per case (see `Case.to_datatree`).
+
+        ``/`` in a name becomes ``|``.
         """
         from datcom_io.arrays.trees import listing_tree
 
         return listing_tree(self, self.file, self.runs, fill_transonic=fill_transonic)
 
 
-class DamagedListing(ParseError):
-    """A listing that is damaged or cut; ``listing`` holds everything complete before the fault.
+def _mach_span(case: Case) -> str:
+    """Return the smallest and the largest printed Mach number of a case, empty without any."""
+    machs = {page.condition("mach") for page in case.pages}
+    numbers = sorted(mach for mach in machs if not math.isnan(mach))
+    if not numbers:
+        return ""
+    ends = dict.fromkeys((numbers[0], numbers[-1]))
+    return " ... ".join(f"{mach:g}" for mach in ends)
 
-    Its pages are those that ``partial=True`` gives up to the same line, the page with the fault
-    without the table that is damaged.
+
+class DamagedListing(ParseError):
+    """A damaged or truncated listing; ``listing`` holds everything complete before the fault.
+
+    Its pages are those that ``partial=True`` gives up to the same line.  The page with the fault
+    lacks the damaged table.
     """
 
-    def __init__(self, file: str, line: int, found: str, expected: str, listing: Listing):
-        super().__init__(file, line, found, expected)
+    def __init__(self, file: str, line: int, problem: str, expected: str, listing: Listing):
+        super().__init__(file, line, problem, expected)
         self.listing = listing

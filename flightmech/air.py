@@ -1,9 +1,9 @@
-"""Standard atmosphere and airspeeds on arrays.
+"""Standard atmosphere, and conversions between airspeeds, on arrays.
 
-US Standard Atmosphere 1976 below 84.852 km of geopotential height, with the constants of ISO 2533
-(R = 287.05287 J kg-1 K-1).  A temperature offset moves every layer and the pressure follows
-hydrostatically, as in the kernel.  Air is a perfect gas with a ratio of specific heats of 1.4;
-behind Mach 1 the pitot tube sees a normal shock.
+The atmosphere is the US Standard Atmosphere 1976 below 84.852 km of geopotential height, with the
+constants of ISO 2533 (R = 287.05287 J kg-1 K-1). A temperature offset applies to all layers, and
+the pressure follows from hydrostatic equilibrium, as in the kernel. Air is a perfect gas with a
+ratio of specific heats of 1.4. Above Mach 1 there is a normal shock in front of the pitot tube.
 
 References
 ----------
@@ -21,14 +21,19 @@ from numpy.typing import ArrayLike
 
 from flightmech.units import G0
 
+# gas constant [J kg-1 K-1] and ratio of specific heats [1] of air
 R_AIR = 287.05287
 GAMMA = 1.4
+# temperature [K], pressure [Pa], density [kg m-3] and speed of sound [m s-1] at sea level
 T_SEA, P_SEA = 288.15, 101325.0
 RHO_SEA = P_SEA / (R_AIR * T_SEA)
 A_SEA = float(np.sqrt(GAMMA * R_AIR * T_SEA))
+# [m]
 _EARTH_RADIUS = 6356766.0
+# base of each layer in geopotential height [m], temperature gradient [K m-1]
 _BASE = np.array([0.0, 11000.0, 20000.0, 32000.0, 47000.0, 51000.0, 71000.0])
 _GRADIENT = np.array([-0.0065, 0.0, 0.001, 0.0028, 0.0, -0.0028, -0.002])
+# limits of the geopotential height [m]
 _LOWEST, _TOP = -5000.0, 84852.0
 
 
@@ -47,8 +52,7 @@ def atmosphere(h: ArrayLike, delta_T: float = 0.0, qnh: float = P_SEA) -> Air:
     Parameters
     ----------
     h : array
-        Geometric height over mean sea level; values beyond -5 ... 84.8 km (geopotential) take those
-        of the end. [m]
+        Geometric height above mean sea level, limited to -5 ... 84.8 km (geopotential). [m]
     delta_T : float
         Temperature offset from the standard, positive warmer. [K]
     qnh : float
@@ -66,6 +70,7 @@ def atmosphere(h: ArrayLike, delta_T: float = 0.0, qnh: float = P_SEA) -> Air:
     """
     T_base, p_base = _layers(delta_T, qnh)
     h = np.asarray(h, float)
+    # geopotential height from geometric height
     H = np.clip(_EARTH_RADIUS * h / (_EARTH_RADIUS + h), _LOWEST, _TOP)
     layer = np.maximum(np.searchsorted(_BASE, H, side="left") - 1, 0)
     T = T_base[layer] + _GRADIENT[layer] * (H - _BASE[layer])
@@ -74,8 +79,9 @@ def atmosphere(h: ArrayLike, delta_T: float = 0.0, qnh: float = P_SEA) -> Air:
 
 
 def pressure_altitude(p: ArrayLike) -> np.ndarray:
-    """Return the geopotential height at which the standard atmosphere has the pressure `p` [Pa];
-    the altimeter at 1013.25 hPa. [m]
+    """Return the height at which the standard atmosphere has the pressure `p` [Pa]. [m]
+
+    The height is geopotential. It is the reading of an altimeter set to 1013.25 hPa.
 
     Examples
     --------
@@ -86,24 +92,25 @@ def pressure_altitude(p: ArrayLike) -> np.ndarray:
     T_base, p_base = _layers(0.0, P_SEA)
     layer = np.maximum(np.searchsorted(-p_base, -p, side="left") - 1, 0)
     T, L, ratio = T_base[layer], _GRADIENT[layer], p / p_base[layer]
+    # Inverse of _pressure. The formula of a layer with a gradient divides by zero if L is zero.
     with np.errstate(divide="ignore", invalid="ignore"):
         sloped = T / L * (ratio ** (-R_AIR * L / G0) - 1.0)
     return _BASE[layer] + np.where(L == 0.0, -R_AIR * T / G0 * np.log(ratio), sloped)
 
 
 def sea_level_pressure(qnh: float, elevation: float, delta_T: float = 0.0) -> float:
-    """Return the pressure at mean sea level under which an altimeter set to `qnh` reads the
-    elevation of the runway on it.
+    """Return the pressure at mean sea level that corresponds to an altimeter setting. [Pa]
 
-    A QNH is reduced from the runway by the standard atmosphere, the air above it is not standard;
-    the two agree at sea level. What it gives is the parameter ``env.qnh`` of a simulation.
+    An altimeter set to `qnh` shows the elevation of the runway on the runway. The QNH is reduced to
+    sea level with the standard atmosphere, but the actual air has a temperature offset. The result
+    is the parameter ``env.qnh`` of a simulation.
 
     Parameters
     ----------
     qnh : float
         Altimeter setting. [Pa]
     elevation : float
-        Of the runway. [m]
+        Elevation of the runway. [m]
     delta_T : float
         Temperature offset. [K]
 
@@ -112,12 +119,16 @@ def sea_level_pressure(qnh: float, elevation: float, delta_T: float = 0.0) -> fl
     >>> round(sea_level_pressure(101325.0, 1500.0, 20.0))
     100123
     """
-    standard, present = (float(atmosphere(elevation, offset).p_static) for offset in (0.0, delta_T))
-    return qnh * standard / present
+    # pressures at the runway for the same pressure at sea level
+    standard = float(atmosphere(elevation, 0.0).p_static)
+    actual = float(atmosphere(elevation, delta_T).p_static)
+    return qnh * standard / actual
 
 
 def impact_pressure(mach: ArrayLike, p: ArrayLike) -> np.ndarray:
-    """Return pitot minus static pressure: isentropic below Mach 1, Rayleigh's formula above. [Pa]
+    """Return the impact pressure, the difference of pitot and static pressure. [Pa]
+
+    The formula is isentropic up to Mach 1, and Rayleigh's formula above.
 
     Parameters
     ----------
@@ -131,25 +142,28 @@ def impact_pressure(mach: ArrayLike, p: ArrayLike) -> np.ndarray:
     .. [Gracey] eq. (A12) and (A13).
     """
     M2 = np.square(np.asarray(mach, float))
-    above = np.maximum(M2, 1.0)
-    shock = (1.2 * above) ** 3.5 * (6.0 / (7.0 * above - 1.0)) ** 2.5
+    # Rayleigh's formula is evaluated at Mach 1 where it does not apply, so that it stays finite
+    supersonic = np.maximum(M2, 1.0)
+    shock = (1.2 * supersonic) ** 3.5 * (6.0 / (7.0 * supersonic - 1.0)) ** 2.5
     return np.asarray(p, float) * (np.where(M2 <= 1.0, (1.0 + 0.2 * M2) ** 3.5, shock) - 1.0)
 
 
 def mach_number(q_c: ArrayLike, p: ArrayLike) -> np.ndarray:
-    """Return the Mach number from impact and static pressure [Pa], the inverse of
-    `impact_pressure`.
+    """Return the Mach number from impact and static pressure [Pa].
+
+    This is the inverse of `impact_pressure`.
     """
+    # ratio of pitot to static pressure
     ratio = 1.0 + np.asarray(q_c, float) / np.asarray(p, float)
     mach = np.sqrt(5.0 * np.maximum(ratio ** (1.0 / 3.5) - 1.0, 0.0))
     if np.any(mach > 1.0):
-        # Rayleigh's formula solved for the leading Mach number: a contraction by 0.42 at M = 1,
-        # less above
-        above = np.maximum(mach, 1.0)
+        # Fixed-point iteration of Rayleigh's formula, solved for the first factor M. It contracts
+        # by 0.42 per step at M = 1 and faster above, so 40 steps reach rounding.
+        supersonic = np.maximum(mach, 1.0)
         for _ in range(40):
-            above = np.sqrt(ratio * (7.0 - 1.0 / above**2) ** 2.5 / (6.0**2.5 * 1.2**3.5))
-            above = np.maximum(above, 1.0)
-        mach = np.where(mach > 1.0, above, mach)
+            supersonic = np.sqrt(ratio * (7.0 - 1.0 / supersonic**2) ** 2.5 / (6.0**2.5 * 1.2**3.5))
+            supersonic = np.maximum(supersonic, 1.0)
+        mach = np.where(mach > 1.0, supersonic, mach)
     return mach
 
 
@@ -159,8 +173,9 @@ def calibrated_airspeed(q_c: ArrayLike) -> np.ndarray:
 
 
 def impact_pressure_at(V_cas: ArrayLike) -> np.ndarray:
-    """Return the impact pressure at a calibrated airspeed [m s-1], the inverse of
-    `calibrated_airspeed`. [Pa]
+    """Return the impact pressure at a calibrated airspeed [m s-1]. [Pa]
+
+    This is the inverse of `calibrated_airspeed`.
     """
     return impact_pressure(np.asarray(V_cas, float) / A_SEA, P_SEA)
 
@@ -207,7 +222,7 @@ def _layers(delta_T: float, qnh: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _pressure(p_base, T_base, gradient, dH):
-    """Hydrostatic pressure over a layer base: [US76] eq. (33a) and (33b)."""
+    """Return the pressure at the height dH above the base of a layer, [US76] eq. (33a), (33b)."""
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         sloped = ((T_base + gradient * dH) / T_base) ** (-G0 / (R_AIR * gradient))
     return p_base * np.where(gradient == 0.0, np.exp(-G0 * dH / (R_AIR * T_base)), sloped)

@@ -1,8 +1,7 @@
-"""Axis changes on arrays: Euler angles and quaternions, stability and body axes, moment transfer,
-lever arms.
+"""Axis transformations of arrays: attitude, stability and body axes, moment transfer, lever arms.
 
-Body axes x forward, y right, z down; stability axes are body axes turned by alpha about y.  Vectors
-run along the last axis of an array; angles broadcast against the leading axes.
+Body axes have x forward, y right and z down. Stability axes are body axes turned by alpha about y.
+The components of a vector are the last axis of an array. Angles broadcast against the leading axes.
 
 References
 ----------
@@ -28,26 +27,22 @@ class Euler(NamedTuple):
 
 
 def matrix_from_euler(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> np.ndarray:
-    """Return the matrix (..., 3, 3) that turns north-east-down to body axes. [Etkin] eq. (4.5,4)
+    """Return the matrix (..., 3, 3) from north-east-down to body axes. [Etkin] eq. (4.5,4)
 
     Examples
     --------
-    Heading east, the nose points along +east:
+    At heading east the nose points along +east:
 
-    >>> (rotation(0.0, 0.0, np.pi / 2)[0] @ [0.0, 1.0, 0.0]).tolist()
+    >>> (matrix_from_euler(0.0, 0.0, np.pi / 2)[0] @ [0.0, 1.0, 0.0]).tolist()
     1.0
     """
     phi, theta, psi = np.broadcast_arrays(
         *(np.asarray(angle, float) for angle in (phi, theta, psi))
     )
-    cf, sf, ct, st, cp, sp = (
-        np.cos(phi),
-        np.sin(phi),
-        np.cos(theta),
-        np.sin(theta),
-        np.cos(psi),
-        np.sin(psi),
-    )
+    # cosine and sine of phi (f), theta (t) and psi (p)
+    cf, sf = np.cos(phi), np.sin(phi)
+    ct, st = np.cos(theta), np.sin(theta)
+    cp, sp = np.cos(psi), np.sin(psi)
     rows = (
         (ct * cp, ct * sp, -st),
         (sf * st * cp - cf * sp, sf * st * sp + cf * cp, sf * ct),
@@ -57,39 +52,44 @@ def matrix_from_euler(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> np.nd
 
 
 def euler_from_matrix(C: ArrayLike) -> Euler:
-    """Return the Euler angles of a rotation (..., 3, 3); theta in -pi/2 ... pi/2, phi and psi in
-    -pi ... pi.
+    """Return the Euler angles of a rotation (..., 3, 3).
+
+    theta lies in -pi/2 ... pi/2, phi and psi in -pi ... pi.
     """
     C = np.asarray(C, float)
+    phi = np.arctan2(C[..., 1, 2], C[..., 2, 2])
+    # arctan2 with the horizontal length is accurate near theta = +-pi/2, where arcsin is not
     theta = np.arctan2(-C[..., 0, 2], np.hypot(C[..., 0, 0], C[..., 0, 1]))
-    return Euler(
-        np.arctan2(C[..., 1, 2], C[..., 2, 2]), theta, np.arctan2(C[..., 0, 1], C[..., 0, 0])
-    )
+    psi = np.arctan2(C[..., 0, 1], C[..., 0, 0])
+    return Euler(phi, theta, psi)
 
 
 def quaternion_from_matrix(C: ArrayLike) -> np.ndarray:
-    """Return the unit quaternion (..., 4), scalar first and not negative, of a rotation (..., 3,
-    3).
-    """
+    """Return the unit quaternion (..., 4) of a rotation (..., 3, 3).
 
+    The scalar part is the first component, and it is not negative.
+    """
     C = np.asarray(C, float)
-    turned = Rotation.from_matrix(np.swapaxes(C.reshape(-1, 3, 3), 1, 2)).as_quat(canonical=True)
-    return np.roll(turned, 1, axis=-1).reshape(*C.shape[:-2], 4)
+    # SciPy rotates vectors, C rotates axes: one matrix is the transpose of the other. SciPy has the
+    # scalar part last.
+    transposed = np.swapaxes(C.reshape(-1, 3, 3), 1, 2)
+    scalar_last = Rotation.from_matrix(transposed).as_quat(canonical=True)
+    return np.roll(scalar_last, 1, axis=-1).reshape(*C.shape[:-2], 4)
 
 
 def matrix_from_quaternion(q: ArrayLike) -> np.ndarray:
-    """Return the rotation (..., 3, 3) of a quaternion (..., 4), scalar first; its length does not
-    matter.
-    """
-
+    """Return the rotation (..., 3, 3) of a quaternion (..., 4) of any length, scalar first."""
     q = np.asarray(q, float)
-    turned = Rotation.from_quat(np.roll(q.reshape(-1, 4), -1, axis=-1)).as_matrix()
-    return np.swapaxes(turned, 1, 2).reshape(*q.shape[:-1], 3, 3)
+    # conventions of SciPy: see quaternion_from_matrix
+    scalar_last = np.roll(q.reshape(-1, 4), -1, axis=-1)
+    transposed = Rotation.from_quat(scalar_last).as_matrix()
+    return np.swapaxes(transposed, 1, 2).reshape(*q.shape[:-1], 3, 3)
 
 
 def stability_to_body(vector: ArrayLike, alpha: ArrayLike) -> np.ndarray:
-    """Return a vector (..., 3) of stability axes in body axes, e.g. (CX, CY, CZ) of (-CD, CY, -CL)
-    or (Cl, Cm, Cn).
+    """Return a vector (..., 3) of stability axes in body axes.
+
+    Examples are (-CD, CY, -CL), which gives (CX, CY, CZ), and the moments (Cl, Cm, Cn).
     """
     x, y, z = np.moveaxis(np.asarray(vector, float), -1, 0)
     c, s = np.cos(alpha), np.sin(alpha)
@@ -102,10 +102,9 @@ def to_stability(vector: ArrayLike, alpha: ArrayLike) -> np.ndarray:
 
 
 def lift_drag(CX: ArrayLike, CZ: ArrayLike, alpha: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Return lift and drag coefficient of the body-axis force coefficients CX (forward) and CZ
-    (down).
-    """
-    CX, CZ, c, s = np.asarray(CX, float), np.asarray(CZ, float), np.cos(alpha), np.sin(alpha)
+    """Return CL and CD from the force coefficients CX (forward) and CZ (down) in body axes."""
+    CX, CZ = np.asarray(CX, float), np.asarray(CZ, float)
+    c, s = np.cos(alpha), np.sin(alpha)
     return CX * s - CZ * c, -CX * c - CZ * s
 
 
@@ -122,7 +121,7 @@ def rate_derivatives_to_body(derivatives: ArrayLike, alpha: ArrayLike) -> np.nda
     Returns
     -------
     array (..., 2, 2)
-        The same in body axes: moments and rates turn together, T D T'.
+        The derivatives in body axes, T D T', because moments and rates turn together.
 
     Examples
     --------
@@ -130,6 +129,7 @@ def rate_derivatives_to_body(derivatives: ArrayLike, alpha: ArrayLike) -> np.nda
     [[-0.15, 0.03], [-0.1, -0.4]]
     """
     c, s = np.cos(np.asarray(alpha, float)), np.sin(np.asarray(alpha, float))
+    # rotation of the components (x, z) from stability to body axes
     T = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
     return T @ np.asarray(derivatives, float) @ np.swapaxes(T, -1, -2)
 
@@ -148,7 +148,7 @@ def transfer_moment(
 
     Examples
     --------
-    A force up, one metre ahead of the new point, pitches the nose up:
+    An upward force one metre ahead of the new point gives a nose-up moment:
 
     >>> transfer_moment([0, 0, 0], [0, 0, -1], [1, 0, 0], [0, 0, 0]).tolist()
     [0.0, 1.0, 0.0]
@@ -160,8 +160,7 @@ def transfer_moment(
 def acceleration_at(
     acceleration: ArrayLike, rate: ArrayLike, rate_dot: ArrayLike, position: ArrayLike
 ) -> np.ndarray:
-    """Return the specific force (..., 3) that an accelerometer at `position` from the c.g. shows.
-    [m s-2]
+    """Return the specific force (..., 3) at an accelerometer outside the c.g. [m s-2]
 
     Parameters
     ----------
@@ -170,13 +169,14 @@ def acceleration_at(
     rate, rate_dot : array (..., 3)
         p, q, r [rad s-1] and their rates [rad s-2].
     position : array (3,)
-        Of the sensor from the c.g., body axes; the opposite position leads back to the c.g. [m]
+        Sensor relative to the c.g., body axes. The negative position converts back. [m]
 
     References
     ----------
     .. [Klein2006] eq. (10.5).
     """
     w, arm = np.asarray(rate, float), np.asarray(position, float)
+    # tangential and centripetal acceleration
     return (
         np.asarray(acceleration, float)
         + np.cross(np.asarray(rate_dot, float), arm)
@@ -185,8 +185,9 @@ def acceleration_at(
 
 
 def velocity_at_position(velocity: ArrayLike, rate: ArrayLike, position: ArrayLike) -> np.ndarray:
-    """Return the air-relative velocity (..., 3) at `position` [m] from the c.g., as vanes and
-    probes feel it. [m s-1]
+    """Return the air-relative velocity (..., 3) at a vane or probe. [m s-1]
+
+    `position` is relative to the c.g. [m]
     """
     return np.asarray(velocity, float) + np.cross(
         np.asarray(rate, float), np.asarray(position, float)

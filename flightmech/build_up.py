@@ -1,11 +1,12 @@
-"""Which coefficients of a model depend on which, and the order in which they are evaluated.
+"""Dependences between the coefficients of a model, and the order of their evaluation.
 
-A term may have coefficients among its variables: the drag polar ``CD0 + k CL^2`` is a term of
-``CD`` with the regressors ``CL CL``, a measured polar a table of ``CD`` over ``CL``.  They are
-those of the same instant: all terms of ``CL`` are summed first, then those of ``CD``.  A *level* is
-the number of such steps: 0 for a coefficient whose terms depend on none, else one more than the
-highest of those that they depend on.  Coefficients that depend on each other in a loop have no
-order and are refused with the path of the loop.
+A term may have coefficients among its variables. For example, the drag polar ``CD0 + k CL^2`` is a
+term of ``CD`` with the regressors ``CL CL``, and a measured polar is a table of ``CD`` over ``CL``.
+The coefficients have their values at the same instant: all terms of ``CL`` are summed first, then
+the terms of ``CD``. The *level* of a coefficient is the number of such steps. It is 0 if its terms
+depend on no coefficient. Otherwise it is one more than the highest level among the coefficients
+that its terms depend on. Coefficients that depend on each other in a loop have no order. The loop
+is an error, and the message has its path.
 """
 
 from __future__ import annotations
@@ -21,27 +22,29 @@ if TYPE_CHECKING:
 
 _MOMENTS = ("Cl", "Cm", "Cn")
 FORCES = {"stability": ("CL", "CD", "CY"), "wind": ("CL", "CD", "CY"), "body": ("CX", "CY", "CZ")}
-COEFFICIENTS = (
-    "CL",
-    "CD",
-    "CY",
-    *_MOMENTS,
-    "CX",
-    "CZ",
-)  # that a term may depend on, as far as its model has them
+# coefficients that a term may depend on, if its model has them
+COEFFICIENTS = ("CL", "CD", "CY", *_MOMENTS, "CX", "CZ")
 
 
 def coefficient_inputs(force_axes: str) -> dict[str, tuple[str, ...]]:
-    """Return the coefficients that terms of a model may depend on, and those of the model that each
-    is made of.
+    """Return the coefficients that terms may depend on, and the inputs of each.
+
+    The inputs are the coefficients of the model from which the coefficient is computed.
 
     Examples
     --------
-    >>> made_of("body")["CL"]
+    >>> coefficient_inputs("body")["CL"]
     ('CX', 'CZ')
     """
-    found: dict[str, tuple[str, ...]] = {name: (name,) for name in (*FORCES[force_axes], *_MOMENTS)}
-    return found | {"CL": ("CX", "CZ"), "CD": ("CX", "CZ")} if force_axes == "body" else found
+    inputs: dict[str, tuple[str, ...]] = {name: (name,) for name in _model_coefficients(force_axes)}
+    if force_axes == "body":
+        # lift and drag are the components of CX and CZ in stability axes
+        inputs |= {"CL": ("CX", "CZ"), "CD": ("CX", "CZ")}
+    return inputs
+
+
+def _model_coefficients(force_axes: str) -> tuple[str, ...]:
+    return (*FORCES[force_axes], *_MOMENTS)
 
 
 def used_coefficients(leaf: xr.Dataset) -> set[str]:
@@ -50,72 +53,99 @@ def used_coefficients(leaf: xr.Dataset) -> set[str]:
 
 
 def required_coefficients(leaf: xr.Dataset, force_axes: str) -> set[str]:
-    """Return the coefficients of the model whose terms have to be summed before a term is
-    evaluated.
-    """
-    known = coefficient_inputs(force_axes)
-    return {part for name in used_coefficients(leaf) for part in known.get(name, ())}
+    """Return the coefficients of the model that must be complete before a term is evaluated."""
+    inputs = coefficient_inputs(force_axes)
+    required: set[str] = set()
+    for name in used_coefficients(leaf):
+        required.update(inputs.get(name, ()))
+    return required
 
 
 def evaluation_levels(
     leaves: Mapping[str, xr.Dataset], force_axes: str
 ) -> tuple[dict[str, int], list[str]]:
-    """Return the level of each coefficient and what stands against an order.
+    """Return the level of each coefficient, and the problems that prevent an order.
 
     Parameters
     ----------
     leaves : mapping of str to Dataset
-        Terms by name, ``"CD/polar"``; those of hinge moments and engines too.
+        Terms by name, ``"CD/polar"``, including the terms of hinge moments and engines.
     force_axes : {"stability", "wind", "body"}
         Axes of the forces.
 
     Returns
     -------
     levels : dict of str to int
-        By coefficient of the model; 0 for all when there are problems.
+        Level of each coefficient of the model. All levels are 0 if there are problems.
     problems : list of str
         Coefficients that the model does not have, and the first loop.
     """
-    known = coefficient_inputs(force_axes)
-    problems = [
-        f"{name}: depends on {word}, which a model with force_axes {force_axes} does not "
-        f"have; allowed: {', '.join(known)}"
-        for name, leaf in leaves.items()
-        for word in sorted(used_coefficients(leaf) - set(known))
-    ]
-    graph: dict[str, dict[str, str]] = {}
+    allowed = coefficient_inputs(force_axes)
+    problems = []
     for name, leaf in leaves.items():
-        for part in sorted(required_coefficients(leaf, force_axes)):
-            graph.setdefault(name.split("/")[0], {}).setdefault(part, name)
-    own = dict.fromkeys((*FORCES[force_axes], *_MOMENTS), 0)
-    loop = next((found for name in own if (found := _loop(graph, [name]))), [])
-    if loop:
-        terms = ", ".join(dict.fromkeys(graph[after][before] for before, after in pairwise(loop)))
-        problems.append(
-            f"{' -> '.join(loop)} (terms {terms}): a coefficient cannot depend on itself; "
-            f"take one of these terms out"
-        )
+        # a model with body axes has no CL, but CL can be computed from CX and CZ
+        for unknown in sorted(used_coefficients(leaf) - set(allowed)):
+            problems.append(
+                f"{name}: depends on {unknown}, which a model with force_axes {force_axes} does "
+                f"not have; allowed: {', '.join(allowed)}"
+            )
+    graph = _dependence_graph(leaves, force_axes)
+    coefficients = _model_coefficients(force_axes)
+    for name in coefficients:
+        if loop := _find_loop(graph, [name]):
+            problems.append(_describe_loop(graph, loop))
+            break
     if problems:
-        return own, problems
-    return {name: _level(graph, name) for name in own}, []
+        return dict.fromkeys(coefficients, 0), problems
+    return {name: _coefficient_level(graph, name) for name in coefficients}, []
 
 
 def term_level(leaf: xr.Dataset, of: Mapping[str, int], force_axes: str) -> int:
-    """Return the level of a term, given those of the coefficients: 0 when it depends on none."""
-    return max((of[part] + 1 for part in required_coefficients(leaf, force_axes)), default=0)
+    """Return the level of a term, 0 if it depends on no coefficient.
 
-
-def _loop(graph: Mapping[str, Mapping[str, str]], path: list[str]) -> list[str]:
-    """Return a loop back to the first coefficient of a path, from what is needed to what needs it;
-    empty when there is none.
+    Parameters
+    ----------
+    leaf : Dataset
+    of : mapping of str to int
+        Level of each coefficient.
+    force_axes : {"stability", "wind", "body"}
     """
-    for part in graph.get(path[-1], {}):
-        if part == path[0]:
-            return [part, *reversed(path)]
-        if part not in path and (found := _loop(graph, [*path, part])):
-            return found
+    return max((of[name] + 1 for name in required_coefficients(leaf, force_axes)), default=0)
+
+
+# by coefficient: the coefficients that its terms require, each with the first term that does
+_Graph = Mapping[str, Mapping[str, str]]
+
+
+def _dependence_graph(leaves: Mapping[str, xr.Dataset], force_axes: str) -> _Graph:
+    graph: dict[str, dict[str, str]] = {}
+    for name, leaf in leaves.items():
+        for required in sorted(required_coefficients(leaf, force_axes)):
+            graph.setdefault(name.split("/")[0], {}).setdefault(required, name)
+    return graph
+
+
+def _find_loop(graph: _Graph, path: list[str]) -> list[str]:
+    """Return a loop back to the first coefficient of a path, empty if there is none.
+
+    In the result each coefficient is required by the next one.
+    """
+    for required in graph.get(path[-1], {}):
+        if required == path[0]:
+            return [required, *reversed(path)]
+        if required not in path and (loop := _find_loop(graph, [*path, required])):
+            return loop
     return []
 
 
-def _level(graph: Mapping[str, Mapping[str, str]], name: str) -> int:
-    return max((_level(graph, part) + 1 for part in graph.get(name, {})), default=0)
+def _describe_loop(graph: _Graph, loop: list[str]) -> str:
+    terms = dict.fromkeys(graph[after][before] for before, after in pairwise(loop))
+    return (
+        f"{' -> '.join(loop)} (terms {', '.join(terms)}): a coefficient cannot depend on itself; "
+        f"take one of these terms out"
+    )
+
+
+def _coefficient_level(graph: _Graph, name: str) -> int:
+    required = graph.get(name, {})
+    return max((_coefficient_level(graph, item) + 1 for item in required), default=0)

@@ -1,7 +1,7 @@
-"""The exceptions of the package and its warning.
+"""Exceptions and the warning class of the product.
 
-Every text states what came, what is allowed and what to do.  A failed match, a poor fit or a term
-at its bound is a result and never an exception.
+Every message states what came, what is allowed and what to do. A failed match, a poor fit or a term
+at its bound is a result and not an exception.
 """
 
 from __future__ import annotations
@@ -12,16 +12,17 @@ from typing import Any
 
 
 class AeromatchError(Exception):
-    """Root of all errors that a user's input can cause; the command line turns it into exit code 2."""
+    """Base of all errors that an input can cause. The exit code of the command line is 2."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return what another process makes the same error of; an exception is else made anew of
-        its text alone.
+        """Return the parts from which pickle makes the same error in another process.
+
+        By default pickle would call the class with the text alone, and lose the attributes.
         """
-        return _as_raised, (type(self), self.args, self.__dict__)
+        return _restore_error, (type(self), self.args, self.__dict__)
 
 
-def _as_raised(
+def _restore_error(
     kind: type[AeromatchError], texts: tuple[Any, ...], state: dict[str, Any]
 ) -> AeromatchError:
     error = kind.__new__(kind, *texts)
@@ -30,28 +31,28 @@ def _as_raised(
 
 
 class ParseError(AeromatchError):
-    """A text file does not hold what its format demands.
+    """A text file does not follow its format.
 
     Parameters
     ----------
     file : str
         Name of the file, or ``"<text>"``.
     line : int
-        Line number, from 1; 0 when the fault belongs to the whole file.
+        Line number, from 1. The number 0 means the whole file.
     found : str
-        What stands there.
+        Content of the file at the fault.
     expected : str
-        What the format requires, and what to do.
+        Content that the format requires, and the remedy.
     """
 
     def __init__(self, file: str, line: int, found: str, expected: str):
         self.file, self.line, self.found, self.expected = str(file), line, found, expected
-        place = f"{file}, line {line}" if line else f"{file}"
-        super().__init__(f"{place}: found {found}; expected {expected}")
+        position = f"{file}, line {line}" if line else f"{file}"
+        super().__init__(f"{position}: found {found}; expected {expected}")
 
 
 class UnknownName(AeromatchError):
-    """A name that is not in the vocabulary or not in the file at hand."""
+    """A name that is not in the vocabulary, or not in the file that is read."""
 
     def __init__(self, name: str, allowed: Iterable[str], what: str = "name", hint: str = ""):
         self.name, self.allowed = name, sorted(allowed)
@@ -59,12 +60,17 @@ class UnknownName(AeromatchError):
         text = f"unknown {what} {name!r}"
         if near:
             text += f"; near it: {', '.join(near)}"
-        elif len(self.allowed) <= 40:
+        elif len(self.allowed) <= _MOST_ALLOWED:
             text += f"; allowed: {', '.join(self.allowed) or 'none'}"
-        super().__init__(text + (f"; {hint}" if hint else ""))
+        if hint:
+            text += f"; {hint}"
+        super().__init__(text)
 
 
-# other names of the field, in lower case without separators, and the symbol that this package uses
+# longest list of allowed names in a message
+_MOST_ALLOWED = 40
+
+# by symbol of this package: other names in the literature, in lower case without separators
 _SYNONYMS = {
     "cbar": "chord meanchord wingchord mac meanaerodynamicchord cref lref",
     "b": "span wingspan bref",
@@ -98,62 +104,72 @@ _SYNONYMS = {
     "Iyy": "iy",
     "Izz": "iz",
 }
-_SYMBOL = {name: symbol for symbol, names in _SYNONYMS.items() for name in names.split()}
+_SYMBOL: dict[str, str] = {}
+for _symbol, _names in _SYNONYMS.items():
+    _SYMBOL.update(dict.fromkeys(_names.split(), _symbol))
 
 
 def find_symbol(name: str) -> str | None:
-    """Return the symbol of this package for another name of the field, such as ``cbar`` for ``mean
-    chord``; None where none is known.
+    """Return the symbol of a quantity for another of its names, None if the name is unknown.
+
+    Examples
+    --------
+    >>> find_symbol("mean chord")
+    'cbar'
     """
     return _SYMBOL.get("".join(letter for letter in name.lower() if letter.isalnum()))
 
 
 def near_names(name: str, allowed: Iterable[str], count: int = 4, cutoff: float = 0.5) -> list[str]:
-    """Return the names a user may have meant: another name of the field for one of `allowed`, else
-    those spelt alike.
+    """Return the allowed names that a user may have meant.
+
+    A synonym of an allowed name gives this name alone. Otherwise the result is the allowed names of
+    similar spelling.
 
     Parameters
     ----------
     name : str
-        What came.
+        Unknown name.
     allowed : iterable of str
     count, cutoff
-        Of `difflib.get_close_matches`.
+        As in `difflib.get_close_matches`.
     """
-
     allowed = list(allowed)
+    # "reference.mean chord" can mean "reference.cbar"
     head, dot, tail = name.rpartition(".")
-    meant = f"{head}{dot}{find_symbol(tail)}"
-    return (
-        [meant]
-        if meant in allowed
-        else get_close_matches(name, dict.fromkeys(allowed), n=count, cutoff=cutoff)
-    )
+    synonym = f"{head}{dot}{find_symbol(tail)}"
+    if synonym in allowed:
+        return [synonym]
+    return get_close_matches(name, dict.fromkeys(allowed), n=count, cutoff=cutoff)
 
 
 class UnitError(AeromatchError):
     """A unit that is unknown or belongs to another quantity."""
 
 
-_MOST_SHOWN = 200  # problems in the text of an error; nobody reads more
+# largest number of problems in the text of an error
+_MOST_PROBLEMS = 200
 
 
 class SchemaError(AeromatchError):
-    """An object breaks its schema; ``problems`` holds every fault found, not only the first; the
-    text the first 200.
+    """An object does not follow its schema.
+
+    ``problems`` has all faults. The text has the first 200.
     """
 
     def __init__(self, what: str, problems: Sequence[str]):
         self.what, self.problems = what, list(problems)
         count = len(self.problems)
-        head = f"{what}: {count} problem{'s' if count != 1 else ''}"
-        shown = [f"\n  - {p}" for p in self.problems[:_MOST_SHOWN]]
-        more = f"\n  - and {count - _MOST_SHOWN} more" if count > _MOST_SHOWN else ""
-        super().__init__(head + "".join(shown) + more)
+        plural = "" if count == 1 else "s"
+        lines = [f"{what}: {count} problem{plural}"]
+        lines += [f"  - {problem}" for problem in self.problems[:_MOST_PROBLEMS]]
+        if count > _MOST_PROBLEMS:
+            lines.append(f"  - and {count - _MOST_PROBLEMS} more")
+        super().__init__("\n".join(lines))
 
 
 class OutOfRange(AeromatchError):
-    """Values outside the range of a table, a record or a limit; ``mask`` flags them."""
+    """Values outside the range of a table, a record or a limit. ``mask`` flags the values."""
 
     def __init__(self, text: str, mask=None):
         self.mask = mask
@@ -161,13 +177,14 @@ class OutOfRange(AeromatchError):
 
 
 class IdentificationError(AeromatchError):
-    """An estimate cannot be made: too few data, no excitation or a rank defect; the text names the
-    combination.
+    """An estimate is not possible: too few data, no excitation or a rank defect.
+
+    The text names the combination of parameters.
     """
 
 
 class SimulationError(AeromatchError):
-    """A simulation stopped; ``time`` states when. [s]"""
+    """A simulation stopped at ``time``. [s]"""
 
     def __init__(self, text: str, time: float = float("nan")):
         self.time = time
@@ -175,4 +192,4 @@ class SimulationError(AeromatchError):
 
 
 class AeromatchWarning(UserWarning):
-    """Something the user should know that did not stop the work."""
+    """A condition that the user should know, and that does not stop the work."""

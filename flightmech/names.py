@@ -1,8 +1,7 @@
-"""The vocabulary: every quantity's name, unit, positive sense and description, once for the whole
-product.
+"""Vocabulary of the product: name, unit, positive sense and description of each quantity.
 
-Names are the field's symbols in ASCII.  Angles are in radians.  ``S-119`` names are those of AIAA
-S-119 where one was found.  Quantities that exist once per engine take a prefix: ``engine1.thrust``.
+Names are the usual symbols in ASCII. Angles are in radians. Names of AIAA S-119 are listed for
+quantities that the standard defines. A quantity of one engine has a prefix: ``engine1.thrust``.
 """
 
 from __future__ import annotations
@@ -14,8 +13,9 @@ from flightmech.errors import UnknownName
 
 
 class Quantity(NamedTuple):
-    """One row of the vocabulary: name, SI unit, sign, description, AIAA S-119 name, unit for people
-    to read.
+    """One row of the vocabulary.
+
+    Its fields are name, SI unit, positive sense, description, AIAA S-119 name and display unit.
     """
 
     name: str
@@ -36,8 +36,9 @@ SIGNS = {
     "TED": "trailing edge down",
     "TEL": "trailing edge left",
 }
-"""Positive senses as the vocabulary abbreviates them (AIAA S-119), in words."""
+"""Meaning of the abbreviations of positive senses (AIAA S-119)."""
 
+# name, SI unit, positive sense, description, AIAA S-119 name, display unit
 # fmt: off
 _ROWS = [
     ("time", "s", "", "time from the start of the run", "time", "s"),
@@ -79,7 +80,7 @@ _ROWS = [
     ("az", "m s-2", "DN", "specific force at the c.g. along body z", "", "g"),
     ("nz", "1", "up", "load factor at the c.g., -az/g0", "", "1"),
     ("dnz", "1", "up", "load factor minus one", "", "1"),
-    # place and ground-relative motion
+    # position and ground-relative motion
     ("h", "m", "up", "height of the c.g. over mean sea level", "altitudeMsl", "ft"),
     ("h_agl", "m", "up", "height of the moment reference point over the runway", "", "ft"),
     ("runway_elevation", "m", "up", "height of the runway over mean sea level", "", "ft"),
@@ -237,19 +238,20 @@ _ROWS = [
 
 VOCABULARY: dict[str, Quantity] = {row[0]: Quantity(*row) for row in _ROWS}
 COEFFICIENTS = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
-ITEM = re.compile(
-    r"^(engine[1-9]\d*|gear\.\w+|joint\.\w+|device\.\w+|column|wheel|pedal)\."
-)  # what quantities of a submodel begin with
+# prefix of the quantities of a submodel
+ITEM = re.compile(r"^(engine[1-9]\d*|gear\.\w+|joint\.\w+|device\.\w+|column|wheel|pedal)\.")
 
 
 def lookup(name: str) -> Quantity:
-    """Return the vocabulary row of `name`; ``engine2.thrust`` gives the row of ``thrust``,
-    ``gear.nose.compression`` that of ``compression``, ``joint.wing.angle`` that of ``angle``.
+    """Return the row of `name` in the vocabulary.
+
+    The prefix of a submodel is ignored: ``engine2.thrust`` gives the row of ``thrust``, and
+    ``joint.wing.angle`` gives the row of ``angle``.
 
     Raises
     ------
     UnknownName
-        With the near names.
+        With names of similar spelling.
     """
     row = VOCABULARY.get(ITEM.sub("", name))
     if row is None:
@@ -258,7 +260,9 @@ def lookup(name: str) -> Quantity:
 
 
 def quantity_attributes(name: str) -> dict[str, str]:
-    """Return the attributes that a variable called `name` carries: units, sign and long_name."""
+    """Return the attributes of a variable of this name: units, long_name and, if defined, sign."""
     row = lookup(name)
-    found = {"units": row.units, "long_name": row.long_name}
-    return {**found, "sign": row.sign} if row.sign else found
+    attributes = {"units": row.units, "long_name": row.long_name}
+    if row.sign:
+        attributes["sign"] = row.sign
+    return attributes

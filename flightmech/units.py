@@ -1,7 +1,7 @@
-"""Exact unit factors and their parser: SI inside, other units at the edges only.
+"""Exact unit factors, and a parser of units. The product computes in SI units.
 
-Every factor is the definition (foot 0.3048 m, nautical mile 1852 m, pound 0.45359237 kg, standard
-gravity 9.80665 m/s2), never a rounded conversion.
+Every factor is the definition of the unit (foot 0.3048 m, nautical mile 1852 m, pound
+0.45359237 kg, standard gravity 9.80665 m/s2), not a rounded conversion.
 """
 
 from __future__ import annotations
@@ -23,10 +23,11 @@ G0 = 9.80665
 POUND_FORCE = POUND * G0
 SLUG = POUND_FORCE / FOOT
 DEGREE = math.pi / 180.0
-MERCURY = 13595.1 * G0  # Pa in a metre of mercury at 0 degC
+# pressure of a metre of mercury at 0 degC [Pa m-1]
+MERCURY = 13595.1 * G0
 
-# unit: (dimension as powers of m, kg, s, K; angles and fractions count as pure numbers), factor to
-# SI, offset
+# By unit: dimension as powers of (m, kg, s, K), and factor to SI. Angles and fractions are pure
+# numbers.
 _BASE: dict[str, tuple[tuple[int, int, int, int], float]] = {
     "1": ((0, 0, 0, 0), 1.0),
     "%": ((0, 0, 0, 0), 0.01),
@@ -73,31 +74,46 @@ _BASE: dict[str, tuple[tuple[int, int, int, int], float]] = {
     "degC": ((0, 0, 0, 1), 1.0),
     "degF": ((0, 0, 0, 1), 1.0 / 1.8),
 }
-# units as recorders and people write them, in lower case: the one list of the product
+# Other spellings in lower case, as recorders and people write them. Other modules use this list.
 _SPELT = {
-    "knot": "kt", "knots": "kt", "kts": "kt", "kn": "kt", "kias": "kt", "kcas": "kt", "ktas": "kt", "keas": "kt", "kgs": "kt",
-    "foot": "ft", "feet": "ft", "inch": "in", "inches": "in", "metre": "m", "metres": "m", "meter": "m", "meters": "m",
-    "nm": "nmi", "sm": "mi", "mile": "mi", "miles": "mi", "mph": "mi/h", "kmh": "km/h", "kph": "km/h", "mps": "m/s", "fps": "ft/s",
-    "fpm": "ft/min", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad", "dps": "deg/s", "degps": "deg/s",
-    "radps": "rad/s", "mps2": "m/s2", "fps2": "ft/s2", "pound": "lb", "pounds": "lb", "lbs": "lb", "lbm": "lb", "slugs": "slug",
-    "kilogram": "kg", "kilograms": "kg", "kgm": "kg", "newton": "N", "newtons": "N", "kilonewton": "kN", "lbsf": "lbf", "lbfs": "lbf",
-    "pascal": "Pa", "pascals": "Pa", "mbar": "hPa", "mbars": "hPa", "mb": "hPa", "millibar": "hPa", "millibars": "hPa", "psia": "psi",
-    "psid": "psi", "psig": "psi", "second": "s", "seconds": "s", "sec": "s", "secs": "s", "msec": "ms", "msecs": "ms", "usec": "us",
-    "minute": "min", "minutes": "min", "mins": "min", "hour": "h", "hours": "h", "hr": "h", "hrs": "h", "hertz": "Hz",
-    "celsius": "degC", "fahrenheit": "degF", "rankine": "degR", "kelvin": "K", "percent": "%", "pct": "%", "prc": "%", "pph": "lb/h",
-    "lbph": "lb/h", "gs": "g", "g's": "g", "gee": "g", "gees": "g", "-": "1", "--": "1", "none": "1", "nd": "1", "n/d": "1",
-    **dict.fromkeys(("g0", "gn"), "g"),
-    **dict.fromkeys(("r/min", "rev/min", "revs/min", "rpms", "r.p.m", "u/min"), "rpm"),
-    **dict.fromkeys(("% rpm", "%rpm", "% n1", "%n1", "% n2", "%n2", "% open", "% mac", "%mac", "per cent"), "%"),
-    **dict.fromkeys(("degs",), "deg"), **dict.fromkeys(("rads",), "rad"),
-    **dict.fromkeys(("ft msl", "ft agl", "ft amsl", "feet msl", "feet agl", "ft qnh"), "ft"),
-    **dict.fromkeys(("m msl", "m agl", "m amsl"), "m"), "ft/mn": "ft/min", "kilonewtons": "kN",
-    **dict.fromkeys(("ms-1", "ms^-1"), "m/s"), **dict.fromkeys(("ms-2", "ms^-2"), "m/s2"), "degs-1": "deg/s", "rads-1": "rad/s",
-    **dict.fromkeys(("millisecond", "milliseconds", "millisec"), "ms"), **dict.fromkeys(("microsecond", "microseconds"), "us"),
-    "degrees c": "degC", "degrees f": "degF", "centigrade": "degC", "kgph": "kg/h", "kmph": "km/h", "km/h": "km/h", "kg/h": "kg/h",
-    "lb/h": "lb/h", "unitless": "1", "dimensionless": "1", "nondim": "1", "ratio": "1", "fraction": "1", "bool": "1", "boolean": "1", "mach": "1",
+    "knot": "kt", "knots": "kt", "kts": "kt", "kn": "kt", "kias": "kt", "kcas": "kt",
+    "ktas": "kt", "keas": "kt", "kgs": "kt", "foot": "ft", "feet": "ft", "inch": "in",
+    "inches": "in", "metre": "m", "metres": "m", "meter": "m", "meters": "m", "nm": "nmi",
+    "sm": "mi", "mile": "mi", "miles": "mi", "mph": "mi/h", "kmh": "km/h", "kph": "km/h",
+    "mps": "m/s", "fps": "ft/s", "fpm": "ft/min", "degree": "deg", "degrees": "deg",
+    "radian": "rad", "radians": "rad", "dps": "deg/s", "degps": "deg/s", "radps": "rad/s",
+    "mps2": "m/s2", "fps2": "ft/s2", "pound": "lb", "pounds": "lb", "lbs": "lb", "lbm": "lb",
+    "slugs": "slug", "kilogram": "kg", "kilograms": "kg", "kgm": "kg", "newton": "N",
+    "newtons": "N", "kilonewton": "kN", "lbsf": "lbf", "lbfs": "lbf", "pascal": "Pa",
+    "pascals": "Pa", "mbar": "hPa", "mbars": "hPa", "mb": "hPa", "millibar": "hPa",
+    "millibars": "hPa", "psia": "psi", "psid": "psi", "psig": "psi", "second": "s",
+    "seconds": "s", "sec": "s", "secs": "s", "msec": "ms", "msecs": "ms", "usec": "us",
+    "minute": "min", "minutes": "min", "mins": "min", "hour": "h", "hours": "h", "hr": "h",
+    "hrs": "h", "hertz": "Hz", "celsius": "degC", "fahrenheit": "degF", "rankine": "degR",
+    "kelvin": "K", "percent": "%", "pct": "%", "prc": "%", "pph": "lb/h", "lbph": "lb/h",
+    "gs": "g", "g's": "g", "gee": "g", "gees": "g", "-": "1", "--": "1", "none": "1", "nd": "1",
+    "n/d": "1", "kilonewtons": "kN", "ft/mn": "ft/min", "degs-1": "deg/s", "rads-1": "rad/s",
+    "degrees c": "degC", "degrees f": "degF", "centigrade": "degC", "kgph": "kg/h",
+    "kmph": "km/h", "km/h": "km/h", "kg/h": "kg/h", "lb/h": "lb/h", "unitless": "1",
+    "dimensionless": "1", "nondim": "1", "ratio": "1", "fraction": "1", "bool": "1",
+    "boolean": "1", "mach": "1",
 }  # fmt: skip
-# the same, where the letter case decides or blanks, dots and hyphens stand between
+# several spellings of one unit, also with the reference of a height, or with the quantity
+for _unit, _spellings in {
+    "g": ("g0", "gn"),
+    "rpm": ("r/min", "rev/min", "revs/min", "rpms", "r.p.m", "u/min"),
+    "%": ("% rpm", "%rpm", "% n1", "%n1", "% n2", "%n2", "% open", "% mac", "%mac", "per cent"),
+    "deg": ("degs",),
+    "rad": ("rads",),
+    "ft": ("ft msl", "ft agl", "ft amsl", "feet msl", "feet agl", "ft qnh"),
+    "m": ("m msl", "m agl", "m amsl"),
+    "m/s": ("ms-1", "ms^-1"),
+    "m/s2": ("ms-2", "ms^-2"),
+    "ms": ("millisecond", "milliseconds", "millisec"),
+    "us": ("microsecond", "microseconds"),
+}.items():
+    _SPELT.update(dict.fromkeys(_spellings, _unit))
+# other spellings in which the case of the letters matters
 _CASED = {
     "Nm": "N m",
     "NM": "nmi",
@@ -109,35 +125,43 @@ _CASED = {
     "µs": "us",
     "μs": "us",
 }
-_WHOLE = {
+# other spellings in lower case, without spaces, dots, asterisks and hyphens
+_COMPACT = {
     **{f"deg{letter}": f"deg{letter.upper()}" for letter in "cfr"},
     **dict.fromkeys(("inhg", "inchhg", "incheshg", "inchesofmercury"), "inHg"),
     **dict.fromkeys(("mmhg", "torr"), "mmHg"),
     **dict.fromkeys(("ftlb", "lbft", "ftlbf", "lbfft", "ftlbs", "lbsft"), "lbf ft"),
     **dict.fromkeys(("inlb", "lbin", "inlbf", "lbfin", "inlbs"), "lbf in"),
 }
-_UNCERTAIN = {"KN": "kN or kt"}
-# misspelt units that errors explain
+# Ambiguous spellings are errors. The message lists the meanings.
+_AMBIGUOUS = {"KN": "kN or kt"}
+# misspelt units for which an error suggests the unit
 _MISSPELT = {"knott": "kt", "inche": "in", "kilo": "kg", "kmp": "km", "c": "degC", "n": "N"}
+# signs of Unicode, and other notations of powers and products
 _SIGNS = {
-    "℃": "degC", "℉": "degF", "°": "deg", "º": "deg", "˚": "deg", "⁻": "-", "−": "-", "¹": "1", "²": "2", "³": "3", "·": " ",
-    "⋅": " ", "×": " ", "**": "", "^": "", "’": "'", "′": "'",
+    "℃": "degC", "℉": "degF", "°": "deg", "º": "deg", "˚": "deg", "⁻": "-", "−": "-", "¹": "1",
+    "²": "2", "³": "3", "·": " ", "⋅": " ", "×": " ", "**": "", "^": "", "’": "'", "′": "'",
 }  # fmt: skip
-# capitals of a heading, DEG or HPA; not KN, which may be knots or kilonewtons, nor MS
+# Units in capital letters, such as DEG and HPA. KN can mean knots or kilonewtons, MS can mean
+# milliseconds or metres per second, and MPA can mean mPa: they are not accepted.
 _LOWER = {name.lower(): name for name in _BASE if len(name) > 1 and name not in ("kN", "ms", "MPa")}
+# value_SI = value * factor + offset
 _OFFSET = {"degC": 273.15, "degF": 459.67 / 1.8}
 _FACTOR = re.compile(r"^(%|[A-Za-z]+|1(?!\d))\^?(-?\d+)?$")
-_TENS = re.compile(r"^x?(10+)(?= *[A-Za-z])")  # 100 ft, x1000 lb: a multiple of a unit
+# a multiple of a unit, 100 ft or x1000 lb
+_MULTIPLE = re.compile(r"^x?(10+)(?= *[A-Za-z])")
 
 
 @cache
 def known_unit(text: str) -> str:
-    """Return a unit as `parse_unit` spells it; a text that means no unit is returned without its blanks.
+    """Return a unit in the spelling of `parse_unit`.
+
+    A text that is not a unit is returned without surrounding blanks.
 
     Parameters
     ----------
     text : str
-        As recorders and people write it, with or without brackets.
+        Any usual spelling, with or without brackets.
 
     Examples
     --------
@@ -147,50 +171,58 @@ def known_unit(text: str) -> str:
     plain = text.strip().removesuffix(".")
     if len(plain) > 1 and (plain[0], plain[-1]) in (("[", "]"), ("(", ")")):
         plain = plain[1:-1].strip()
-    if plain in _BASE or plain in _UNCERTAIN:
+    if plain in _BASE or plain in _AMBIGUOUS:
         return plain
-    if tens := _TENS.match(plain):
-        return f"{tens[1]} {known_unit(plain[tens.end() :])}"
-    if spelt := _CASED.get(plain) or _SPELT.get(plain.lower()):
-        return spelt
+    if multiple := _MULTIPLE.match(plain):
+        return f"{multiple[1]} {known_unit(plain[multiple.end() :])}"
+    if unit := _CASED.get(plain) or _SPELT.get(plain.lower()):
+        return unit
     for sign, letters in _SIGNS.items():
         plain = plain.replace(sign, letters)
-    if spelt := _SPELT.get(plain.lower()):
-        return spelt
+    # once more, for a spelling with Unicode signs
+    if unit := _SPELT.get(plain.lower()):
+        return unit
+    # before _COMPACT: "in lb" is a moment of mass, but "in-lb" is a moment of force
     if all(word in _BASE for word in plain.split()):
-        return " ".join(plain.split())  # in lb: a moment of mass; in-lb: a moment of force
-    if spelt := _WHOLE.get(re.sub(r"[ .*-]+", "", plain).lower()):
-        return spelt
+        return " ".join(plain.split())
+    if unit := _COMPACT.get(re.sub(r"[ .*-]+", "", plain).lower()):
+        return unit
     plain = re.sub(r"\s+per\s+", "/", plain)
-    plain = re.sub(r"(?<=[A-Za-z2-4])-(?=[A-Za-z])", " ", plain)  # slug-ft2, but not the power s-1
+    # the hyphen of a product, slug-ft2, but not the sign of a power, s-1
+    plain = re.sub(r"(?<=[A-Za-z2-4])-(?=[A-Za-z])", " ", plain)
     parts = []
     for part in plain.split("/"):
-        words = [_known_word(word) for word in re.split(r"[ *.]+", part.strip())]
-        if None in words:
+        factors = [_known_factor(word) for word in re.split(r"[ *.]+", part.strip())]
+        if None in factors:
             return text.strip()
-        parts.append(" ".join(str(word) for word in words))
+        parts.append(" ".join(map(str, factors)))
     return "/".join(parts)
 
 
-def _known_word(word: str) -> str | None:
-    """Return one factor of a unit as `parse_unit` spells it, None for a word that is no unit."""
+def _known_factor(word: str) -> str | None:
+    """Return one factor of a unit in the spelling of `parse_unit`, None if it is not a unit."""
     match = _FACTOR.match(word)
     if match is None:
         return None
     name, power = match.group(1), match.group(2) or ""
-    lower = name.lower()
-    if name in _UNCERTAIN:
+    if name in _AMBIGUOUS:
         return None
-    spelt = name if name in _BASE else _CASED.get(name) or _SPELT.get(lower) or _LOWER.get(lower)
-    # a quotient such as fps cannot take a power, nor stand behind a slash
-    return f"{spelt}{power}" if spelt in _BASE or (spelt and not power) else None
+    if name in _BASE:
+        return name + power
+    lower = name.lower()
+    unit = _CASED.get(name) or _SPELT.get(lower) or _LOWER.get(lower)
+    # a quotient such as fps (ft/s) cannot have a power
+    if unit is None or (power and unit not in _BASE):
+        return None
+    return unit + power
 
 
 def fitted_unit(text: str, expected: str) -> str:
-    """Return a unit as `known_unit` does; what it means by itself or not is settled by the quantity.
+    """Return a unit as `known_unit` does. The quantity decides ambiguous units.
 
-    A pound is one of force for a force, its moment or a pressure, and one of mass for a mass, its
-    moment or a flow; ``kph`` is kg/h for a flow; ``1/min`` of a rotation is a revolution per minute.
+    A pound is a unit of force in a force, its moment or a pressure, and a unit of mass in a mass,
+    its moment or a flow. ``kph`` is kg/h in a flow. ``1/min`` of a rotation is a revolution per
+    minute.
 
     Parameters
     ----------
@@ -213,16 +245,22 @@ def fitted_unit(text: str, expected: str) -> str:
     if expected == "Pa" and re.match(r"lb/(in|ft)2$", unit):
         return unit.replace("lb", "lbf")
     pound = {"N": "lbf", "N m": "lbf", "kg": "lb", "kg m": "lb"}.get(expected)
-    words = unit.split()
-    if pound is None or not {"lb", "lbf"} & set(words) or set(words) - {"lb", "lbf", "ft", "in"}:
+    factors = unit.split()
+    has_pound = not {"lb", "lbf"}.isdisjoint(factors)
+    if pound is None or not has_pound or set(factors) - {"lb", "lbf", "ft", "in"}:
         return unit
-    return " ".join(pound if word in ("lb", "lbf") else word for word in words)
+    replacement = {"lb": pound, "lbf": pound}
+    return " ".join(replacement.get(factor, factor) for factor in factors)
 
 
 @cache
 def parse_unit(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
-    """Return dimension, factor and offset of a unit text such as ``"deg/s"``, ``"kg m2"`` or ``"m
-    s-1"``.
+    """Return dimension, factor and offset of a unit.
+
+    Parameters
+    ----------
+    unit : str
+        For example ``"deg/s"``, ``"kg m2"`` or ``"m s-1"``.
 
     Returns
     -------
@@ -240,40 +278,42 @@ def parse_unit(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
     if text in _OFFSET:
         return _BASE[text][0], _BASE[text][1], _OFFSET[text]
     dimension, factor = [0, 0, 0, 0], 1.0
-    if tens := _TENS.match(text):
-        factor, text = float(tens[1]), text[tens.end() :].strip()
+    if multiple := _MULTIPLE.match(text):
+        factor, text = float(multiple[1]), text[multiple.end() :].strip()
+    # factors behind a slash, parts 1 and on, have a negative power
     for i, part in enumerate(text.split("/")):
         for word in re.split(r"[ *.]+", part.strip()):
             match = _FACTOR.match(word)
-            name, power = (match.group(1), int(match.group(2) or 1)) if match else ("", 0)
-            if name not in _BASE:
-                near = _near(word)
-                known = (
-                    f"known are {', '.join(sorted(_BASE))} and products, powers and "
-                    f"quotients of them"
-                )
-                raise UnitError(
-                    f"unknown unit {unit!r}; " + (f"near it: {near}" if near else known)
-                )
+            if match is None or match.group(1) not in _BASE:
+                raise UnitError(f"unknown unit {unit!r}; {_suggest_units(word)}")
+            name, power = match.group(1), int(match.group(2) or 1)
             if name in _OFFSET:
                 raise UnitError(
                     f"unit {unit!r}: {name} has an offset and cannot stand in a product; use K"
                 )
-            if i:
+            if i > 0:
                 power = -power
             dimension = [d + power * e for d, e in zip(dimension, _BASE[name][0], strict=True)]
             factor *= _BASE[name][1] ** power
     return (dimension[0], dimension[1], dimension[2], dimension[3]), factor, 0.0
 
 
-def _near(word: str) -> str:
-    """Return the unit that a word stands for or resembles, or nothing."""
+def _suggest_units(word: str) -> str:
+    """Return the part of an error message that suggests units in place of an unknown one."""
+    if near := _near_units(word):
+        return f"near it: {near}"
+    return f"known are {', '.join(sorted(_BASE))} and products, powers and quotients of them"
 
-    if word in _UNCERTAIN:
-        return _UNCERTAIN[word]
-    lower = word.lower()
-    power = "2" if lower.startswith("sq") else "3" if lower.startswith("cu") else ""
-    plain = lower.removeprefix("sq").removeprefix("cu") if power else lower
+
+def _near_units(word: str) -> str:
+    """Return units that a word can mean, as a text that may be empty."""
+    if word in _AMBIGUOUS:
+        return _AMBIGUOUS[word]
+    plain, power = word.lower(), ""
+    # prefixes of square and cubic units, "sqft" and "cuft"
+    for prefix, digit in (("sq", "2"), ("cu", "3")):
+        if not power and plain.startswith(prefix):
+            plain, power = plain.removeprefix(prefix), digit
     names = {**_SPELT, **_MISSPELT}
     name = names.get(plain) or names.get(plain.removesuffix("s"))
     if name:
@@ -284,7 +324,19 @@ def _near(word: str) -> str:
 
 
 def to_si(value, unit: str, expected: str | None = None):
-    """Convert `value` in `unit` to SI; with `expected` (an SI unit) the dimensions must agree.
+    """Convert `value` in `unit` to SI.
+
+    Parameters
+    ----------
+    value : float or array
+    unit : str
+    expected : str, optional
+        SI unit of the quantity, for a check of the dimension.
+
+    Raises
+    ------
+    UnitError
+        An unknown unit, or a unit of another quantity.
 
     Examples
     --------
@@ -311,22 +363,23 @@ _QUANTITY = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)
 
 
 def parse_quantity(text: str | float | int, expected: str) -> float:
-    """Return the SI value of a TOML entry: a bare number is SI, a string carries its unit.
+    """Return the SI value of a TOML entry. A bare number is SI, a text has its unit.
 
     Parameters
     ----------
     text : str or number
         ``"1.5 deg"``, ``"4000 ft"``, or a number in SI.
     expected : str
-        SI unit of the quantity, for the dimension check.
+        SI unit of the quantity, for the check of the dimension.
 
     Examples
     --------
-    >>> round(quantity("1.5 deg", "rad"), 6)
+    >>> round(parse_quantity("1.5 deg", "rad"), 6)
     0.02618
-    >>> quantity(3, "m")
+    >>> parse_quantity(3, "m")
     3.0
     """
+    # bool is a subclass of int
     if isinstance(text, bool):
         raise UnitError(
             f"found {text!r}; expected a number in {expected} or a text with a unit such as "

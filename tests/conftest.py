@@ -190,10 +190,9 @@ def mat_files_in_this_process(monkeypatch):
     """Read MAT files without the child process that protects users from a crash of SciPy: it takes
     half a second a file.
     """
-    from flightmech.support import mat_child
-    from flightmech.support import mat_files as mat_file
+    from flightmech.support import mat_files
 
-    monkeypatch.setattr(mat_file, "_answer", mat_child.decode_mat)
+    monkeypatch.setattr(mat_files, "_decode_in_child", mat_files.decode_mat)
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -246,7 +246,7 @@ CHECKS: dict[tuple[str, int], Check] = {
     ("docs/how-to/check-a-record.md", 0): contains("sound: 0 errors"),
     ("docs/how-to/compare-databases.md", 0): comparison_of_databases,
     ("docs/how-to/compare-databases.md", 1): files(
-        "figures/figure-12.png", "figures-2/figure-12.pdf"
+        "figures/figure-12.svg", "figures-2/figure-12.pdf"
     ),
     ("docs/how-to/convert-datcom-files.md", 0): contains("is not the plot file of other.out"),
     ("docs/how-to/edit-a-database.md", 0): files("before.nc"),

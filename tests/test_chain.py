@@ -25,6 +25,7 @@ ORDER = {
         "axes",
         "air",
         "support",
+        "term_checks",
         "terms",
         "aircraft",
         "build_up",

@@ -16,7 +16,7 @@ _EXPORTS = {
     "daveml": ("aerodb.exchange.daveml.exporter", "export_daveml"),
     "matlab": ("aerodb.exchange.tables.matlab", "export_matlab"),
     "csv": ("aerodb.exchange.tables.csv_terms", "export_csv"),
-    "checkcases": ("aerodb.exchange.tables.csv_terms", "export_checkcases"),
+    "checkcases": ("aerodb.exchange.tables.csv_checks", "export_checkcases"),
 }
 
 

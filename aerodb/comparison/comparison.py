@@ -1,11 +1,12 @@
-"""Two databases side by side: term by term and coefficient by coefficient, over a common grid or
-along a flight record.
+"""Comparison of two databases by term and by coefficient.
+
+It is over a common grid or along a flight record.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,10 +50,12 @@ COLUMNS = (
 )
 ALONG = ("share", "rms_left")
 _ROOT = ("force_axes", "S", "cbar", "b", "x_ref", "y_ref", "z_ref")
+_NUMBERS = 8  # columns of numbers of a row without a comparison
+_EQUAL = 1e-9  # relative difference of two equal differences
 
 
 class Side(NamedTuple):
-    """What one database gives at the samples: values and standard errors, each (samples,)."""
+    """Values and standard errors of one database at the samples, each (samples,)."""
 
     value: np.ndarray
     stderr: np.ndarray
@@ -70,280 +73,332 @@ def compare(a: xr.DataTree, b: xr.DataTree, conditions: Conditions | None = None
     a, b : DataTree
         The databases.
     conditions : mapping of str to array, optional
-        Samples to compare along, a Dataset of a manoeuvre or arrays that broadcast; samples with a
-        NaN in a variable that a term needs are left out, beyond a table both follow the rule of the
-        leaf, as the simulation does. Without them terms are compared over the union of the nodes of
-        both tables, without regressors, and coefficients over the grid of
-        `aerodb.comparison.conditions`. [SI]
+        Samples of the comparison: a Dataset of a manoeuvre or arrays that broadcast. [SI]
+        Samples with a NaN in a required variable are left out.  Beyond a table both databases
+        follow the rule of the leaf, as the simulation does.  Without conditions, terms are compared
+        over the union of the nodes of both tables, without regressors.  Coefficients are compared
+        over the grid of `aerodb.comparison.conditions`.
 
     Returns
     -------
     DataFrame, index ``term`` (``CL/basic`` ..., then ``CL`` ...)
-        ``found_in`` (``both``, ``a``, ``b``; what is missing counts as zero); ``max_difference``,
-        signed, and ``rms_difference``, over nodes or samples; the largest difference in standard
-        errors: ``max_in_stderr`` of `a` (of `b` where `a` lacks the term), ``max_in_stderr_b`` of
-        `b`, ``max_in_stderr_difference`` of the difference, and its root mean square
-        ``rms_in_stderr_difference``; where no standard error is stated nothing is counted, NaN
-        without any; ``value_a``, ``value_b`` and ``location`` where the largest difference stands;
-        ``note``. Along conditions also ``share``, the part of the mean square difference of the
-        coefficient that the term makes up, mean(d_i d) / mean(d d): all terms of a coefficient add
-        up to 1, a term that compensates others is negative; and ``rms_left``, the rms difference
-        that would be left if `a` took this one term from `b`. ``attrs["grid"]`` states the
+        ``found_in`` (``both``, ``a``, ``b``); a missing term counts as zero.  ``max_difference``,
+        signed, and ``rms_difference``, over nodes or samples.  Largest difference in standard
+        errors: ``max_in_stderr`` of `a` (of `b` if `a` lacks the term), ``max_in_stderr_b`` of `b`,
+        ``max_in_stderr_difference`` of the difference, and its root mean square
+        ``rms_in_stderr_difference``.  Nodes without a standard error do not count; the column is
+        NaN without any.  ``value_a``, ``value_b`` and ``location`` of the largest difference;
+        ``note``.  Along conditions also ``share`` and ``rms_left``.  ``share`` is the part of the
+        term in the mean square difference of the coefficient, mean(d_i d) / mean(d d).  The shares
+        of a coefficient add up to 1, and that of a compensating term is negative.  ``rms_left`` is
+        the rms difference after `a` has this term from `b`.  ``attrs["grid"]`` states the
         conditions of the coefficients.
 
     Warns
     -----
     AeromatchWarning
-        The databases state other axes, reference quantities or moment references: the numbers are
-        compared as they stand.
+        The databases have different axes, reference quantities or moment reference points; their
+        numbers are compared without conversion.
 
     Notes
     -----
-    Standard errors follow `aerodb.update.standard_errors`: node errors with the correlation of a-priori tables, terms independent.  That of
-    the difference takes `a` and `b` as independent; where `b` was identified with `a` as its prior, it is too wide.
+    Standard errors follow `aerodb.update.standard_errors`: node errors with the correlation of
+    a-priori tables, terms independent.  That of the difference treats `a` and `b` as independent.
+    If `b` was identified with `a` as its prior, it is too large.
     """
     _warn_of_references(a, b)
     ours, theirs = terms(a), terms(b)
-    names = [*ours, *(n for n in theirs if n not in ours)]
-    pairs = {name: (ours.get(name), theirs.get(name)) for name in names}
-    rows, grids = _on_nodes(pairs) if conditions is None else _along(pairs, conditions)
-    columns = COLUMNS if conditions is None else COLUMNS + ALONG
-    frame = pd.DataFrame.from_dict(rows, orient="index", columns=list(columns)).rename_axis("term")
-    frame.attrs["grid"] = grids
-    return frame
+    # Terms of the first database, then those that only the second has.
+    pairs = {}
+    for name in dict.fromkeys([*ours, *theirs]):
+        pairs[name] = ours.get(name), theirs.get(name)
+    columns: tuple[str, ...] = COLUMNS
+    if conditions is None:
+        rows, grids = _compare_on_nodes(pairs)
+    else:
+        columns = COLUMNS + ALONG
+        rows, grids = _compare_along(pairs, conditions)
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=list(columns))
+    table = table.rename_axis("term")
+    table.attrs["grid"] = grids
+    return table
 
 
 Pair = tuple[xr.Dataset | None, xr.Dataset | None]
 Rows = dict[str, list[Any]]
 
 
-def _on_nodes(pairs: Mapping[str, Pair]) -> tuple[Rows, dict[str, str]]:
+def _compare_on_nodes(pairs: Mapping[str, Pair]) -> tuple[Rows, dict[str, str]]:
+    """Return the rows of terms over their nodes and of coefficients over their grids."""
     rows = {name: _node_row(*pair) for name, pair in pairs.items()}
     grids: dict[str, str] = {}
     for coefficient, members in _by_coefficient(pairs).items():
-        rows[coefficient], words = _grid_row(members)
-        grids |= {coefficient: words} if words else {}
+        rows[coefficient], text = _grid_row(members)
+        if text:
+            grids[coefficient] = text
     return rows, grids
 
 
 def _grid_row(members: Mapping[str, Pair]) -> tuple[list[Any], str]:
-    """Return the row of a coefficient over its grid, and the grid in words."""
-    points = coefficient_points(
-        *([leaf for leaf in side if leaf is not None] for side in zip(*members.values()))
-    )
-    apart = [name for name, values in points.items() if not len(values)]
-    if apart:
-        return _nothing(_found_in(members), f"no common range of {', '.join(apart)}"), ""
+    """Return the row of a coefficient over its grid, and the grid as text."""
+    # The grid depends on the tables of both databases.
+    ours, theirs = zip(*members.values())
+    points = coefficient_points(_present(ours), _present(theirs))
+    without_range = [name for name, values in points.items() if not len(values)]
+    if without_range:
+        note = f"no common range of {', '.join(without_range)}"
+        return _empty_row(_coefficient_found_in(members), note), ""
     samples = coefficient_grid(points)
     count = max((len(x) for x in samples.values()), default=1)
-    a, b = (_total(side, count) for side in zip(*_contributions(members, samples, count).values()))
-    moving = [name for name, values in points.items() if len(values) > 1]
-    at_rest = {
-        name: neutral_value(name, points[name]) for name in moving if name not in ("mach", "alpha")
-    }
-    note = "; ".join([f"{count} conditions", *_assumptions(members)])
-    return _row(_found_in(members), a, b, _without_rest(samples, moving, at_rest), note), grid_text(
-        points
-    )
+    a, b = _total_sides(_contributions(members, samples, count), count)
+    varied = [name for name, values in points.items() if len(values) > 1]
+    # A location names Mach number and incidence, and the variable that is varied.
+    neutral = {}
+    for name in varied:
+        if name not in ("mach", "alpha"):
+            neutral[name] = neutral_value(name, points[name])
+    note = "; ".join([f"{count} conditions", *_missing_errors(members)])
+    location = _deflected_text(samples, varied, neutral)
+    row = _difference_row(_coefficient_found_in(members), a, b, location=location, note=note)
+    return row, grid_text(points)
 
 
-def _along(pairs: Mapping[str, Pair], conditions: Conditions) -> tuple[Rows, dict[str, str]]:
-    samples, count, prefix, left_out = select_covered_samples(
-        conditions, [leaf for pair in pairs.values() for leaf in pair if leaf is not None]
-    )
-    conditions_text = f"{count} samples" + (
-        f", {left_out} more with NaN left out" if left_out else ""
-    )
+def _compare_along(
+    pairs: Mapping[str, Pair], conditions: Conditions
+) -> tuple[Rows, dict[str, str]]:
+    """Return the rows of terms and coefficients at given conditions."""
+    leaves: list[xr.Dataset] = []
+    for pair in pairs.values():
+        leaves += _present(pair)
+    samples, count, prefix, left_out = select_covered_samples(conditions, leaves)
+    conditions_text = f"{count} samples"
+    if left_out:
+        conditions_text = f"{conditions_text}, {left_out} more with NaN left out"
+    # Keys in the order of the terms; the rows follow below.
     rows: Rows = {name: [] for name in pairs}
-    for coefficient, members in _by_coefficient(pairs).items():
+    groups = _by_coefficient(pairs)
+    for coefficient, members in groups.items():
         parts = _contributions(members, samples, count)
-        total_a, total_b = (_total(side, count) for side in zip(*parts.values()))
-        whole = total_b.value - total_a.value
+        total_a, total_b = _total_sides(parts, count)
+        total_difference = total_b.value - total_a.value
+        axes: set[str] = set()
         for name, (a, b) in parts.items():
-            used = order_names(
-                {
-                    v
-                    for leaf in members[name]
-                    if leaf is not None
-                    for v in _terms.list_model_variables(leaf)
-                }
-            )
-            row = _row(
+            variables: set[str] = set()
+            for leaf in _present(members[name]):
+                variables.update(_terms.list_model_variables(leaf))
+                axes.update(leaf_breakpoints(leaf))
+            row = _difference_row(
                 _pair_found_in(members[name]),
                 a,
                 b,
-                condition_text(samples, used, prefix),
-                count_samples_beyond(members[name], samples),
+                location=condition_text(samples, order_names(variables), prefix),
+                note=count_samples_beyond(members[name], samples),
             )
-            rows[name] = [*row, *_shares(b.value - a.value, whole)]
-        axes = order_names(
-            {
-                axis
-                for pair in members.values()
-                for leaf in pair
-                if leaf is not None
-                for axis in leaf_breakpoints(leaf)
-            }
+            rows[name] = [*row, *_shares(b.value - a.value, total_difference)]
+        row = _difference_row(
+            _coefficient_found_in(members),
+            total_a,
+            total_b,
+            location=condition_text(samples, order_names(axes), prefix),
+            note="; ".join([conditions_text, *_missing_errors(members)]),
         )
-        note = "; ".join([conditions_text, *_assumptions(members)])
-        rows[coefficient] = [
-            *_row(
-                _found_in(members), total_a, total_b, condition_text(samples, axes, prefix), note
-            ),
-            *_shares(whole, whole),
-        ]
-    return rows, dict.fromkeys(_by_coefficient(pairs), conditions_text)
+        rows[coefficient] = [*row, *_shares(total_difference, total_difference)]
+    return rows, dict.fromkeys(groups, conditions_text)
 
 
-def _shares(own: np.ndarray, whole: np.ndarray) -> tuple[float, float]:
-    """Return the share of one term in the mean square difference of its coefficient, and the rms
-    that is left without it.
-    """
-    share = float(np.mean(own * whole) / np.mean(whole**2)) if whole.any() else np.nan
-    return share, rms(whole - own)
+def _present(leaves: Iterable[xr.Dataset | None]) -> list[xr.Dataset]:
+    """Return the leaves that exist."""
+    return [leaf for leaf in leaves if leaf is not None]
+
+
+def _shares(difference: np.ndarray, total: np.ndarray) -> tuple[float, float]:
+    """Return the share of a term in the mean square difference, and the rms without the term."""
+    # Without any difference no term has a share.
+    share = np.nan
+    if total.any():
+        share = float(np.mean(difference * total) / np.mean(total**2))
+    return share, rms(total - difference)
 
 
 def _by_coefficient(pairs: Mapping[str, Pair]) -> dict[str, dict[str, Pair]]:
-    found: dict[str, dict[str, Pair]] = {}
+    """Return the pairs of terms grouped by coefficient."""
+    groups: dict[str, dict[str, Pair]] = {}
     for name, pair in pairs.items():
-        found.setdefault(name.split("/")[0], {})[name] = pair
-    return found
+        groups.setdefault(name.split("/")[0], {})[name] = pair
+    return groups
 
 
 def _node_row(ours: xr.Dataset | None, theirs: xr.Dataset | None) -> list[Any]:
-    if (
-        ours is not None
-        and theirs is not None
-        and _terms.list_multipliers(ours) != _terms.list_multipliers(theirs)
-    ):
-        here, there = (" ".join(_terms.list_multipliers(leaf)) or "none" for leaf in (ours, theirs))
-        return _nothing("both", f"regressors differ: {here} in a, {there} in b")
-    points = merge_leaf_breakpoints(leaf for leaf in (ours, theirs) if leaf is not None)
+    """Return the row of a term over the union of the nodes of both tables, without regressors."""
+    tables = []
+    for leaf in (ours, theirs):
+        if leaf is not None:
+            leaf = _terms.without_multipliers(leaf)
+        tables.append(leaf)
+    # Tables with different regressors have different units.
+    if ours is not None and theirs is not None:
+        regressors_a, regressors_b = _list_regressors(ours), _list_regressors(theirs)
+        if regressors_a != regressors_b:
+            note = f"regressors differ: {regressors_a} in a, {regressors_b} in b"
+            return _empty_row("both", note)
+    points = merge_leaf_breakpoints(_present((ours, theirs)))
     samples = mesh_samples(points)
-    count = int(np.prod([len(p) for p in points.values()]))
-    a, b = (
-        term_contribution(
-            leaf if leaf is None else _terms.without_multipliers(leaf), samples, count
-        )
-        for leaf in (ours, theirs)
-    )
-    return _row(_pair_found_in((ours, theirs)), a, b, condition_text(samples, points), "")
+    count = int(np.prod([len(values) for values in points.values()]))
+    a, b = (term_contribution(table, samples, count) for table in tables)
+    found_in = _pair_found_in((ours, theirs))
+    return _difference_row(found_in, a, b, location=condition_text(samples, points), note="")
+
+
+def _list_regressors(leaf: xr.Dataset) -> str:
+    """Return the multipliers of a table as text."""
+    return " ".join(_terms.list_multipliers(leaf)) or "none"
 
 
 def term_contribution(
     leaf: xr.Dataset | None, samples: Mapping[str, np.ndarray], count: int
 ) -> Side:
-    """Return what a term gives at the samples; nothing for a term that is missing."""
+    """Return the contribution of a term at the samples; zero for a missing term."""
     if leaf is None:
         return Side(np.zeros(count), np.zeros(count))
     B = _terms.basis(leaf, samples, "clamp")
-    return Side(
-        *(
-            np.broadcast_to(x, (count,))
-            for x in (B @ leaf["value"].values.ravel(), standard_errors(B, leaf))
-        )
-    )
+    value, stderr = B @ leaf["value"].values.ravel(), standard_errors(B, leaf)
+    # A term without variables has one row.
+    return Side(np.broadcast_to(value, (count,)), np.broadcast_to(stderr, (count,)))
 
 
 def _contributions(
     members: Mapping[str, Pair], samples: Mapping[str, np.ndarray], count: int
 ) -> dict[str, tuple[Side, Side]]:
-    return {
-        name: (term_contribution(ours, samples, count), term_contribution(theirs, samples, count))
-        for name, (ours, theirs) in members.items()
-    }
+    """Return the contributions of the terms of a coefficient in both databases."""
+    parts = {}
+    for name, (ours, theirs) in members.items():
+        a = term_contribution(ours, samples, count)
+        parts[name] = a, term_contribution(theirs, samples, count)
+    return parts
 
 
-def _total(parts: Sequence[Side], count: int) -> Side:
-    total = Side(np.zeros(count), np.zeros(count))
-    for part in parts:
-        total = total.plus(part)
-    return total
+def _total_sides(parts: Mapping[str, tuple[Side, Side]], count: int) -> tuple[Side, Side]:
+    """Return the sums of all contributions in both databases."""
+    zero = Side(np.zeros(count), np.zeros(count))
+    total_a, total_b = zero, zero
+    for a, b in parts.values():
+        total_a, total_b = total_a.plus(a), total_b.plus(b)
+    return total_a, total_b
 
 
-def _row(found_in: str, a: Side, b: Side, place: Place, note: str) -> list[Any]:
+def _difference_row(found_in: str, a: Side, b: Side, *, location: Place, note: str) -> list[Any]:
+    """Return a row of the comparison, in the order of `COLUMNS`."""
     d = b.value - a.value
     size = np.abs(d)
-    worst = int(
-        np.argmax(size >= size.max() * (1.0 - 1e-9))
-    )  # the first of equal ones, whatever the rounding
-    of_both = np.hypot(a.stderr, b.stderr)
-    ratios = [
-        _ratios(d, b.stderr if found_in == "b" else a.stderr),
-        _ratios(d, b.stderr),
-        _ratios(d, of_both),
-    ]
-    largest = [float(np.abs(r).max()) if len(r) else np.nan for r in ratios]
-    in_rms = rms(ratios[2]) if len(ratios[2]) else np.nan
-    where = place(worst) if d[worst] else ""
+    # The first of equal differences, whatever their rounding.
+    worst = int(np.argmax(size >= size.max() * (1.0 - _EQUAL)))
+    own_stderr = a.stderr
+    if found_in == "b":
+        own_stderr = b.stderr
+    # Standard errors of both databases are independent.
+    in_difference = _in_stderr(d, np.hypot(a.stderr, b.stderr))
+    rms_in_stderr, text = np.nan, ""
+    if len(in_difference):
+        rms_in_stderr = rms(in_difference)
+    if d[worst]:
+        text = location(worst)
     return [
         found_in,
         float(d[worst]),
         rms(d),
-        *largest,
-        in_rms,
+        _largest_size(_in_stderr(d, own_stderr)),
+        _largest_size(_in_stderr(d, b.stderr)),
+        _largest_size(in_difference),
+        rms_in_stderr,
         float(a.value[worst]),
         float(b.value[worst]),
-        where,
+        text,
         note,
     ]
 
 
-def _nothing(found_in: str, note: str) -> list[Any]:
-    return [found_in, *[np.nan] * 8, "", note]
+def _empty_row(found_in: str, note: str) -> list[Any]:
+    """Return a row without a comparison."""
+    return [found_in, *[np.nan] * _NUMBERS, "", note]
 
 
-def _ratios(d: np.ndarray, stderr: np.ndarray) -> np.ndarray:
-    known = stderr > 0
-    return d[known] / stderr[known]
+def _in_stderr(d: np.ndarray, stderr: np.ndarray) -> np.ndarray:
+    """Return differences in standard errors, of those with a standard error."""
+    uncertain = stderr > 0
+    return d[uncertain] / stderr[uncertain]
+
+
+def _largest_size(ratios: np.ndarray) -> float:
+    """Return the largest magnitude, NaN without any."""
+    if not len(ratios):
+        return np.nan
+    return float(np.abs(ratios).max())
 
 
 def _pair_found_in(pair: Pair) -> str:
-    return "b" if pair[0] is None else "a" if pair[1] is None else "both"
+    """Return which databases have a term: ``a``, ``b`` or ``both``."""
+    ours, theirs = pair
+    if ours is None:
+        return "b"
+    if theirs is None:
+        return "a"
+    return "both"
 
 
-def _found_in(members: Mapping[str, Pair]) -> str:
-    found = {_pair_found_in(pair) for pair in members.values()}
-    return found.pop() if len(found) == 1 else "both"
+def _coefficient_found_in(members: Mapping[str, Pair]) -> str:
+    """Return which databases have terms of a coefficient: ``a``, ``b`` or ``both``."""
+    places = {_pair_found_in(pair) for pair in members.values()}
+    if len(places) > 1:
+        return "both"
+    return places.pop()
 
 
-def _assumptions(members: Mapping[str, Pair]) -> list[str]:
-    """Return a text for each database in which terms state no standard error."""
+def _missing_errors(members: Mapping[str, Pair]) -> list[str]:
+    """Return a text for each database with terms without a standard error."""
     texts = []
     for side, leaves in zip("ab", zip(*members.values())):
-        count = sum(leaf is not None and "stderr" not in leaf for leaf in leaves)
+        count = sum("stderr" not in leaf for leaf in _present(leaves))
+        plural = ""
+        if count > 1:
+            plural = "s"
         if count:
-            texts.append(f"{count} term{'s' if count > 1 else ''} of {side} without standard error")
+            texts.append(f"{count} term{plural} of {side} without standard error")
     return texts
 
 
-def _without_rest(
-    samples: Mapping[str, np.ndarray], names: Sequence[str], at_rest: Mapping[str, float]
+def _deflected_text(
+    samples: Mapping[str, np.ndarray], names: Sequence[str], neutral: Mapping[str, float]
 ) -> Place:
-    def at(i: int) -> str:
-        shown = [n for n in names if n not in at_rest or samples[n][i] != at_rest[n]]
-        return ", ".join(f"{name} {display_text(name, samples[name][i])}" for name in shown)
+    """Return a function that gives the condition of a sample without neutral variables."""
 
-    return at
+    def describe(i: int) -> str:
+        texts = []
+        for name in names:
+            value = samples[name][i]
+            if name not in neutral or value != neutral[name]:
+                texts.append(f"{name} {display_text(name, value)}")
+        return ", ".join(texts)
+
+    return describe
 
 
 def _warn_of_references(a: xr.DataTree, b: xr.DataTree) -> None:
-    apart = [
-        f"{key} {a.attrs.get(key)} in a, {b.attrs.get(key)} in b"
-        for key in _ROOT
-        if not _same(a.attrs.get(key), b.attrs.get(key))
-    ]
-    if apart:
+    """Warn of reference quantities and axes that differ."""
+    differences = []
+    for key in _ROOT:
+        item_a, item_b = a.attrs.get(key), b.attrs.get(key)
+        if not _is_same(item_a, item_b):
+            differences.append(f"{key} {item_a} in a, {item_b} in b")
+    if differences:
         text = (
-            f"the databases do not refer to the same: {'; '.join(apart)}; the numbers are "
+            f"the databases do not refer to the same: {'; '.join(differences)}; the numbers are "
             f"compared as they stand"
         )
         warnings.warn(text, AeromatchWarning, stacklevel=3)
 
 
-def _same(here: Any, there: Any) -> bool:
-    return (
-        here == there
-        if isinstance(here, str) or here is None or there is None
-        else bool(np.isclose(here, there, rtol=1e-6, atol=1e-6))
-    )
+def _is_same(first: Any, second: Any) -> bool:
+    """Return whether two root attributes are equal, numbers within rounding."""
+    if isinstance(first, str) or first is None or second is None:
+        return first == second
+    return bool(np.isclose(first, second, rtol=1e-6, atol=1e-6))

@@ -1,4 +1,4 @@
-"""Conditions from a flight record: the samples at which databases are compared."""
+"""Conditions at which databases are compared: grids, and samples of a flight record."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from flightmech.names import VOCABULARY, lookup, quantity_attributes
 from flightmech.units import DEGREE, from_si
 
 TABLES = ("value", "K1", "K2")
-# ends of a variable that multiplies tables and is no axis of any: what brisk manoeuvres of a
-# trainer or business jet reach [SI]
+# Values of a variable that multiplies tables and is not an axis of any: the range of brisk
+# manoeuvres of a trainer or business jet. [SI]
 REACH: dict[str, tuple[float, ...]] = {
     "alpha": (-5 * DEGREE, 10 * DEGREE),
     "beta": (-10 * DEGREE, 10 * DEGREE),
@@ -54,12 +54,12 @@ Conditions = Mapping[str, Any] | xr.Dataset
 
 def leaf_breakpoints(leaf: xr.Dataset) -> dict[str, np.ndarray]:
     """Return the axes of all tables of a leaf with their breakpoints. [SI]"""
-    return {
-        str(axis): leaf[table][axis].values.astype(float)
-        for table in TABLES
-        if table in leaf
-        for axis in leaf[table].dims
-    }
+    points = {}
+    for table in TABLES:
+        if table in leaf:
+            for axis in leaf[table].dims:
+                points[str(axis)] = leaf[table][axis].values.astype(float)
+    return points
 
 
 def merge_leaf_breakpoints(leaves: Iterable[xr.Dataset]) -> dict[str, np.ndarray]:
@@ -73,78 +73,92 @@ def merge_leaf_breakpoints(leaves: Iterable[xr.Dataset]) -> dict[str, np.ndarray
 
 def mesh_samples(points: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the product of breakpoints as samples, each (samples,)."""
-    return (
-        dict(zip(points, (grid.ravel() for grid in np.meshgrid(*points.values(), indexing="ij"))))
-        if points
-        else {}
-    )
+    if not points:
+        return {}
+    grids = np.meshgrid(*points.values(), indexing="ij")
+    return {name: grid.ravel() for name, grid in zip(points, grids)}
 
 
 def neutral_value(name: str, points: np.ndarray) -> float:
-    """Return the value of a variable that is at rest: zero or what is nearest to it in range, the
-    highest `h_agl`: free air. [SI]
+    """Return the neutral value of a variable: zero, or the value in range nearest to it. [SI]
+
+    That of `h_agl` is the highest one, free air.
     """
-    return float(points[-1] if name == "h_agl" else np.clip(0.0, points[0], points[-1]))
+    if name == "h_agl":
+        return float(points[-1])
+    return float(np.clip(0.0, points[0], points[-1]))
 
 
 def coefficient_points(
     ours: Sequence[xr.Dataset], theirs: Sequence[xr.Dataset]
 ) -> dict[str, np.ndarray]:
-    """Return what the grid of a coefficient takes of every variable: the breakpoints of both in the
-    range that both cover.
+    """Return the values of every variable in the grid of a coefficient.
+
+    They are the breakpoints of both databases in the range that both cover.
 
     Returns
     -------
     dict of str to array
-        Empty arrays where the ranges do not meet; `REACH` for variables that are no axis of any
+        Empty arrays if the ranges do not overlap; `REACH` for variables that are not an axis of any
         table; 0 for others. [SI]
     """
-    of_a, of_b = merge_leaf_breakpoints(ours), merge_leaf_breakpoints(theirs)
-    found = {}
-    for name in sorted(
-        {v for leaf in [*ours, *theirs] for v in _terms.list_model_variables(leaf)},
-        key=_place_in_vocabulary,
-    ):
-        sides = [points[name] for points in (of_a, of_b) if name in points]
+    points_a, points_b = merge_leaf_breakpoints(ours), merge_leaf_breakpoints(theirs)
+    variables: set[str] = set()
+    for leaf in [*ours, *theirs]:
+        variables.update(_terms.list_model_variables(leaf))
+    selected = {}
+    for name in order_names(variables):
+        sides = [points[name] for points in (points_a, points_b) if name in points]
         if not sides:
-            found[name] = np.array(REACH.get(name, (0.0,)))
+            selected[name] = np.array(REACH.get(name, (0.0,)))
             continue
-        low, high = max(p[0] for p in sides), min(p[-1] for p in sides)
-        both = np.unique(np.concatenate([*sides, [low, high]]))
-        found[name] = both[(both >= low) & (both <= high)]
-    return found
+        # Both ends of the common range are breakpoints.
+        low = max(points[0] for points in sides)
+        high = min(points[-1] for points in sides)
+        union = np.unique(np.concatenate([*sides, [low, high]]))
+        selected[name] = union[(union >= low) & (union <= high)]
+    return selected
 
 
 def coefficient_grid(points: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the conditions at which a coefficient is compared, each (samples,). [SI]"""
+    """Return the conditions at which a coefficient is compared, each (samples,). [SI]
+
+    Mach number and incidence form a grid.  The other variables are varied in turn over it.
+    """
     full = {name: points[name] for name in _IN_FULL if name in points}
-    rest = {
-        name: neutral_value(name, values) for name, values in points.items() if name not in full
-    }
-    turns = [rest] + [
-        {**rest, name: float(x)}
-        for name, at_rest in rest.items()
-        for x in points[name]
-        if x != at_rest
-    ]
+    neutral = {}
+    for name, values in points.items():
+        if name not in full:
+            neutral[name] = neutral_value(name, values)
+    # All variables neutral, then each one at each of its other values.
+    turns = [neutral]
+    for name, neutral_point in neutral.items():
+        for x in points[name]:
+            if x != neutral_point:
+                turns.append({**neutral, name: float(x)})
+    # Without Mach number and incidence the grid has one condition.
     base = mesh_samples(full) or {"": np.zeros(1)}
     count = len(next(iter(base.values())))
-    grid = {name: np.tile(values, len(turns)) for name, values in base.items() if name}
-    return {
-        name: grid[name] if name in grid else np.repeat([turn[name] for turn in turns], count)
-        for name in points
-    }
+    grid = {}
+    for name in points:
+        if name in base:
+            grid[name] = np.tile(base[name], len(turns))
+        else:
+            grid[name] = np.repeat([turn[name] for turn in turns], count)
+    return grid
 
 
 def grid_text(points: Mapping[str, np.ndarray]) -> str:
-    """Return the grid of a coefficient in words: ranges in display units with the number of points."""
-    full = " x ".join(_range(name, points[name]) for name in _IN_FULL if name in points)
-    turns = ", ".join(
-        _range(name, values)
-        for name, values in points.items()
-        if name not in _IN_FULL and len(values) > 1
-    )
-    return " with, in turn, ".join(text for text in (full, turns) if text) or "one condition"
+    """Return the grid of a coefficient as text: ranges in display units, number of points."""
+    full, turns = [], []
+    for name in _IN_FULL:
+        if name in points:
+            full.append(_format_points(name, points[name]))
+    for name, values in points.items():
+        if name not in _IN_FULL and len(values) > 1:
+            turns.append(_format_points(name, values))
+    texts = filter(None, [" x ".join(full), ", ".join(turns)])
+    return " with, in turn, ".join(texts) or "one condition"
 
 
 def condition_text(
@@ -155,31 +169,45 @@ def condition_text(
     """Return a function that gives the condition of one sample in display units."""
     names = list(names)
 
-    def at(i: int) -> str:
-        where = ", ".join(f"{name} {display_text(name, samples[name][i])}" for name in names)
-        return where if prefix is None else ": ".join(text for text in (prefix(i), where) if text)
+    def describe(i: int) -> str:
+        text = ", ".join(f"{name} {display_text(name, samples[name][i])}" for name in names)
+        if prefix is None:
+            return text
+        return ": ".join(filter(None, [prefix(i), text]))
 
-    return at
+    return describe
 
 
 def order_names(names: Iterable[str]) -> list[str]:
     """Return names of variables, mach and alpha first, the others as the vocabulary has them."""
-    return sorted(names, key=_place_in_vocabulary)
+    return sorted(names, key=_vocabulary_order)
 
 
-def _place_in_vocabulary(name: str) -> tuple[int, int]:
-    first = _IN_FULL.index(name) if name in _IN_FULL else len(_IN_FULL)
-    return first, list(VOCABULARY).index(name) if name in VOCABULARY else len(VOCABULARY)
+def _vocabulary_order(name: str) -> tuple[int, int]:
+    """Return the sort key of a variable."""
+    # Names outside the vocabulary come last.
+    vocabulary = list(VOCABULARY)
+    first, second = len(_IN_FULL), len(vocabulary)
+    if name in _IN_FULL:
+        first = _IN_FULL.index(name)
+    if name in vocabulary:
+        second = vocabulary.index(name)
+    return first, second
 
 
-def _range(name: str, points: np.ndarray) -> str:
+def _format_points(name: str, points: np.ndarray) -> str:
+    """Return the range and the number of the values of a variable as text."""
     unit = lookup(name).display_units
     low, high = (plain_number(from_si(float(x), unit)) for x in (points[0], points[-1]))
-    span = low if len(points) == 1 else f"{low} ... {high}"
-    return f"{name} {span}{'' if unit == '1' else f' {unit}'} ({len(points)})"
+    text = f"{name} {low}"
+    if len(points) > 1:
+        text = f"{text} ... {high}"
+    if unit != "1":
+        text = f"{text} {unit}"
+    return f"{text} ({len(points)})"
 
 
-# what a record need not hold: devices at rest, the ground far away [SI]
+# Values of devices that a record may lack. [SI]
 AT_REST = {
     "gear": 0.0,
     "speedbrake": 0.0,
@@ -195,102 +223,93 @@ AT_REST = {
 def read_conditions(
     path: str | os.PathLike, *databases: xr.DataTree
 ) -> tuple[xr.Dataset, list[str]]:
-    """Return the conditions that databases need from a file of one clock.
+    """Return the conditions that databases need from a file with one time axis.
 
     Parameters
     ----------
     path : path
-        netCDF-4: a path as ``aeromatch flight reconstruct`` writes it (group ``states``), or a
-        manoeuvre of ``aeromatch flight cut``.
+        netCDF-4: a path from ``aeromatch flight reconstruct`` (group ``states``), or a manoeuvre of
+        ``aeromatch flight cut``.
     *databases : DataTree
-        Their variables must be in the file, with these exceptions: devices that were not recorded
-        are at rest, a record without `h_agl` is free air, `dnz` follows from `nz`.
+        Their variables must be in the file, with three exceptions.  Devices that are not recorded
+        are neutral.  A record without `h_agl` is in free air.  `dnz` follows from `nz`.
 
     Returns
     -------
     conditions : Dataset
-        With all variables of the databases. [SI]
+        All variables of the databases. [SI]
     notes : list of str
-        What was assumed, for a person to read.
+        Assumptions, one line each.
 
     Raises
     ------
+    FileNotFoundError
+        The file does not exist.
     ParseError
-        Not such a file.
+        The file is not of one of these kinds.
     UnknownName
         A variable that a table needs is not in the file.
     """
-    return fill_missing_devices(_read(Path(path)), *databases)
+    return fill_missing_devices(_read_states(Path(path)), *databases)
 
 
 def fill_missing_devices(
     conditions: xr.Dataset, *databases: xr.DataTree
 ) -> tuple[xr.Dataset, list[str]]:
-    """Return conditions with the devices that a record lacks at rest, and what was assumed; see
-    `read_conditions`.
-    """
+    """Return conditions with the missing devices of a record at rest, and the assumptions.
 
-    needed = {
-        (name, v)
-        for db in databases
-        for name, leaf in terms(db).items()
-        for v in _terms.list_model_variables(leaf)
-    }
+    See `read_conditions`.
+    """
+    needed: set[tuple[str, str]] = set()
+    for db in databases:
+        for term, leaf in terms(db).items():
+            needed.update((term, name) for name in _terms.list_model_variables(leaf))
     added: dict[str, Any] = {}
     notes: list[str] = []
-    summed: dict[str, str] = {}
+    # Coefficients that a term depends on, with the first such term.
+    coefficients: dict[str, str] = {}
     for term, name in sorted(needed):
         if name in conditions or name in added:
             continue
         if name == "dnz" and "nz" in conditions:
             added[name] = (conditions["nz"] - 1.0).assign_attrs(quantity_attributes(name))
-        elif name in AT_REST or name == "h_agl":
-            added[name] = ((), AT_REST.get(name, FREE_AIR), quantity_attributes(name))
-            taken = f"as {display_text(name, AT_REST[name])}" if name in AT_REST else "in free air"
-            notes.append(f"{name} is not in the record; taken {taken}")
+        elif name in AT_REST:
+            added[name] = ((), AT_REST[name], quantity_attributes(name))
+            value = display_text(name, AT_REST[name])
+            notes.append(f"{name} is not in the record; taken as {value}")
+        elif name == "h_agl":
+            added[name] = ((), FREE_AIR, quantity_attributes(name))
+            notes.append(f"{name} is not in the record; taken in free air")
         elif name in COEFFICIENTS:
-            summed.setdefault(name, term)
+            coefficients.setdefault(name, term)
         else:
-            raise UnknownName(
-                name,
-                map(str, conditions.variables),
-                "condition",
-                f"{term} needs it and the record does not hold it",
-            )
-    whole = conditions.assign(added)
-    found = {name: _summed(whole, name, term, databases) for name, term in summed.items()}
-    notes += [
-        f"{name} is not in the record; taken from the terms of the first database" for name in found
-    ]
-    whole = whole.assign(found)
-    return whole, notes
+            hint = f"{term} needs it and the record does not hold it"
+            raise UnknownName(name, map(str, conditions.variables), "condition", hint)
+    with_devices = conditions.assign(added)
+    sums = {}
+    for name, term in coefficients.items():
+        sums[name] = _sum_coefficient(with_devices, name, term, databases)
+        notes.append(f"{name} is not in the record; taken from the terms of the first database")
+    return with_devices.assign(sums), notes
 
 
-def _summed(
+def _sum_coefficient(
     conditions: xr.Dataset, name: str, term: str, databases: Iterable[xr.DataTree]
 ) -> xr.DataArray:
-    """Return a coefficient that the record does not hold as the first database with terms of it
-    gives it.
-    """
-
-    given = {str(variable): conditions[variable] for variable in conditions}
-    parts = next(
-        (contributions(db, name, given, "clamp") for db in databases if name in db.children), None
-    )
-    if parts is None:
-        raise UnknownName(
-            name,
-            map(str, conditions.variables),
-            "condition",
-            f"{term} needs it and neither record nor database holds it",
-        )
-    dims = ("time",) if "time" in conditions.dims else tuple(conditions.dims)
+    """Return a coefficient from the first database that has terms of it."""
+    with_terms = [db for db in databases if name in db.children]
+    if not with_terms:
+        hint = f"{term} needs it and neither record nor database holds it"
+        raise UnknownName(name, map(str, conditions.variables), "condition", hint)
+    variables = {str(variable): conditions[variable] for variable in conditions}
+    # Beyond a table the rule of the leaf applies, as in the simulation.
+    parts = contributions(with_terms[0], name, variables, "clamp")
+    dims = tuple(conditions.dims)
+    if "time" in conditions.dims:
+        dims = ("time",)
     shape = tuple(conditions.sizes[dim] for dim in dims)
-    return xr.DataArray(
-        np.broadcast_to(sum(parts.values()), shape).copy(),
-        dims=dims,
-        attrs=quantity_attributes(name),
-    )
+    value = np.broadcast_to(sum(parts.values()), shape).copy()
+    return xr.DataArray(value, dims=dims, attrs=quantity_attributes(name))
 
 
 def select_covered_samples(
@@ -312,9 +331,10 @@ def select_covered_samples(
     count : int
         Number of samples.
     name : callable
-        Number of a sample to ``"time 4.12 s"``, or ``"sample 7"`` for conditions without time.
+        Function of the number of a sample that returns ``"time 4.12 s"``, or ``"sample 7"`` for
+        conditions without time.
     left_out : int
-        Samples with a NaN.
+        Number of samples with a NaN.
 
     Raises
     ------
@@ -323,60 +343,69 @@ def select_covered_samples(
     OutOfRange
         No sample is left.
     """
-    wanted = sorted({name for leaf in leaves for name in _terms.list_model_variables(leaf)})
-    for name in wanted:
+    variables: set[str] = set()
+    for leaf in leaves:
+        variables.update(_terms.list_model_variables(leaf))
+    required = sorted(variables)
+    for name in required:
         if name not in conditions:
-            raise UnknownName(
-                name,
-                map(str, conditions),
-                "condition",
-                "a term needs it; pass it with the conditions",
-            )
-    names = [*wanted, *(["time"] if "time" in conditions else [])]
-    given = [conditions[name] for name in names]
-    if isinstance(conditions, xr.Dataset):
-        given = list(xr.broadcast(*given))
-    columns = (
-        dict(zip(names, (np.ravel(x).astype(float) for x in np.broadcast_arrays(*given))))
-        if names
-        else {}
-    )
-    size = len(columns[names[0]]) if names else 1
-    whole = np.ones(size, bool)
-    for name in wanted:
-        whole &= np.isfinite(columns[name])
-    if not whole.any():
+            hint = "a term needs it; pass it with the conditions"
+            raise UnknownName(name, map(str, conditions), "condition", hint)
+    names = list(required)
+    if "time" in conditions:
+        names.append("time")
+    columns = _broadcast_columns(conditions, names)
+    size = 1
+    if columns:
+        size = len(columns[names[0]])
+    complete = np.ones(size, bool)
+    for name in required:
+        complete &= np.isfinite(columns[name])
+    if not complete.any():
         raise OutOfRange(
-            f"no sample of {size} has a number in all of {', '.join(wanted)}; give "
+            f"no sample of {size} has a number in all of {', '.join(required)}; give "
             f"conditions without NaN",
-            ~whole,
+            ~complete,
         )
-    kept, numbers, time = (
-        {name: columns[name][whole] for name in wanted},
-        np.flatnonzero(whole),
-        columns.get("time"),
-    )
+    # Messages count the samples of the record, with those that are left out.
+    numbers, time = np.flatnonzero(complete), columns.get("time")
 
-    def called(i: int) -> str:
-        return (
-            f"sample {numbers[i]}"
-            if time is None
-            else f"time {display_text('time', time[numbers[i]])}"
-        )
+    def describe(i: int) -> str:
+        if time is None:
+            return f"sample {numbers[i]}"
+        return f"time {display_text('time', time[numbers[i]])}"
 
-    return kept, int(whole.sum()), called, int((~whole).sum())
+    samples = {name: columns[name][complete] for name in required}
+    return samples, int(complete.sum()), describe, int((~complete).sum())
+
+
+def _broadcast_columns(conditions: Conditions, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Return variables of conditions broadcast against each other, each (samples,)."""
+    if not names:
+        return {}
+    arrays = [conditions[name] for name in names]
+    # Arrays of a Dataset are broadcast by the names of their axes.
+    if isinstance(conditions, xr.Dataset):
+        arrays = list(xr.broadcast(*arrays))
+    columns = {}
+    for name, array in zip(names, np.broadcast_arrays(*arrays)):
+        columns[name] = np.ravel(array).astype(float)
+    return columns
 
 
 def count_samples_beyond(
     pair: Iterable[xr.Dataset | None], samples: Mapping[str, np.ndarray]
 ) -> str:
-    """Return a text that counts the samples beyond the tables of a term in `a` and `b`, empty when
-    all lie inside.
+    """Return a text with the number of samples beyond the tables of a term in `a` and `b`.
+
+    It is empty if all samples are inside.
     """
     texts = []
     for side, leaf in zip("ab", pair):
+        if leaf is None:
+            continue
         outside: Any = np.zeros(1, bool)
-        for axis, points in leaf_breakpoints(leaf).items() if leaf is not None else ():
+        for axis, points in leaf_breakpoints(leaf).items():
             outside = outside | (samples[axis] < points[0]) | (samples[axis] > points[-1])
         if outside.any():
             texts.append(
@@ -385,29 +414,32 @@ def count_samples_beyond(
     return "; ".join(texts)
 
 
-def _read(path: Path) -> xr.Dataset:
+def _read_states(path: Path) -> xr.Dataset:
+    """Return the states of a path, or a manoeuvre, from a file."""
     if not path.exists():
         raise FileNotFoundError(
             f"{path}: no such file; `aeromatch flight reconstruct` writes a path"
         )
     try:
-        with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
-            found = tree.load()
-    except (
-        Exception
-    ) as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
+        with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as file:
+            tree = file.load()
+    except Exception as error:
+        # A damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError and others.
         raise ParseError(
             str(path),
             0,
             f"no netCDF-4 file ({type(error).__name__}: {error})",
             "a path of `aeromatch flight reconstruct`",
         ) from error
-    data = found["states"] if "states" in found.children else found
+    # A manoeuvre has its variables at the root.
+    data = tree
+    if "states" in tree.children:
+        data = tree.children["states"]
     if "alpha" not in data.data_vars:
-        names = ", ".join(map(str, [*data.data_vars, *data.children])) or "nothing"
-        wanted = (
+        contents = ", ".join(map(str, [*data.data_vars, *data.children])) or "nothing"
+        expected = (
             "states over one clock: a path of `aeromatch flight reconstruct`, or a "
             "manoeuvre that holds alpha and mach"
         )
-        raise ParseError(str(path), 0, names[:200], wanted)
+        raise ParseError(str(path), 0, contents[:200], expected)
     return data.to_dataset()

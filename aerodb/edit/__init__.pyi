@@ -2,6 +2,9 @@
 
 from .blending import blend as blend
 from .blending import consistency as consistency
+from .breakpoint_edits import extend as extend
+from .breakpoint_edits import regrid as regrid
+from .breakpoint_edits import regrid_error as regrid_error
 from .ground_effect import bank_in_ground_effect as bank_in_ground_effect
 from .ground_effect import factor_table as factor_table
 from .ground_effect import factor_table as factored
@@ -10,9 +13,6 @@ from .ground_effect import with_height_table as with_height_table
 from .reference_point import move_reference as move_reference
 from .rescaling import rescale as rescale
 from .table_edits import delete_terms as delete_terms
-from .table_edits import extend as extend
-from .table_edits import regrid as regrid
-from .table_edits import regrid_error as regrid_error
 from .table_edits import replace_terms as replace_terms
 from .table_edits import scale as scale
 from .table_edits import set_nodes as set_nodes

@@ -1,20 +1,27 @@
-"""Two databases of one aircraft joined, each with the weight that its standard errors give it.
+"""Blending of two databases of one aircraft by their standard errors.
 
-Rule ``inverse_variance`` takes every node of the union of the breakpoints by itself: with values v
-and standard errors s,
+Rule ``inverse_variance`` treats every node of the union of the breakpoints by itself.  With values
+v and standard errors s,
 
-    v = v_1 + s_1^2/(s_1^2 + s_2^2) (v_2 - v_1),    1/s^2 = 1/s_1^2 + 1/s_2^2,    chi2 = sum (v_2 - v_1)^2/(s_1^2 + s_2^2),
+    v = v_1 + s_1^2/(s_1^2 + s_2^2) (v_2 - v_1),    1/s^2 = 1/s_1^2 + 1/s_2^2
+    chi2 = sum (v_2 - v_1)^2/(s_1^2 + s_2^2)
 
-and rule ``correlated`` all nodes of a table together (mixed estimation [Theil1961]): the second
-table's own nodes are independent observations y = H v, R = diag(s_2^2), of the first, whose errors
-have the covariance P of `aerodb.update.correlation`,
+Rule ``correlated`` treats all nodes of a table together (mixed estimation [Theil1961]_).  The nodes
+of the second table are independent observations y = H v, R = diag(s_2^2), of the first table.  The
+errors of the first have the covariance P of `aerodb.update.correlation`.
 
-    G = P H' (H P H' + R)^-1,    v = v_1 + G (y - H v_1),    cov = P - G H P,    chi2 = (y - H v_1)' (H P H' + R)^-1 (y - H v_1).
+    G = P H' (H P H' + R)^-1,    v = v_1 + G (y - H v_1),    cov = P - G H P
+    chi2 = (y - H v_1)' (H P H' + R)^-1 (y - H v_1)
 
-The first assumes that DATCOM is in error at each node on its own; the second, that it is in error
-along the table, so that a correction reaches nodes that the second database does not have.  Along
-an axis that only the first has, a node of the second is compared with the mean of the first (in H),
-not counted once per breakpoint.
+The first rule assumes that DATCOM is in error at each node independently.  The second assumes that
+it is in error along the table, so that a correction reaches nodes that the second database does not
+have.  Along an axis that only the first has, a node of the second is compared with the mean of the
+first (in H).  It does not count once per breakpoint.
+
+References
+----------
+.. [Theil1961] Theil, Goldberger, On pure and mixed statistical estimation in economics, Int. Econ.
+   Rev. 2, 1961.
 """
 
 from __future__ import annotations
@@ -47,12 +54,13 @@ from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
 
 RULES = ("inverse_variance", "correlated")
-UNLIKELY = (
-    0.01  # probability of a chi-square below which two tables disagree by more than their errors
-)
-COUNTED = 0.9  # a node is of the second source where it brought the standard error below this share
+# Probability of chi-square below which two tables disagree by more than their errors.
+UNLIKELY = 0.01
+# A node has the second source if that reduced the standard error below this share.
+COUNTED = 0.9
 _SAME = ("S", "cbar", "b", "x_ref", "y_ref", "z_ref", "force_axes")
-_AGREE = 1e-6
+_AGREE = 1e-6  # relative and absolute difference of equal quantities
+_PSEUDO_INVERSE = 1e-12  # eigenvalue over the largest, below which it counts as zero
 COLUMNS = ("nodes", "chi2", "probability", "worst", "location")
 
 
@@ -64,30 +72,31 @@ def blend(
     *,
     note: str = "",
 ) -> xr.DataTree:
-    """Return a database with terms joined with those of another one, by their standard errors.
+    """Return a database with its terms blended with those of another one.
 
     Parameters
     ----------
     db : DataTree
-        The database, such as the prior; it is left as it is.
+        The database, such as the prior; it does not change.
     other : DataTree
-        New knowledge of the same terms, independent of `db`: a result of `tabulate` already holds
-        its prior and does not belong here.
+        Independent information on the same terms.  A result of `tabulate` already contains its
+        prior and is not independent.
     names : str or iterable of str, optional
-        Terms, or patterns; every term that both have unless given.
+        Terms, or patterns; the default is every common term.
     rule : {"inverse_variance", "correlated"}
         Nodes by themselves, or all nodes of a table together with the correlations of
         `aerodb.update.correlation` for `db`.
     note : str, optional
-        Why, for the history.
+        Reason for the change; stored in the history.
 
     Returns
     -------
     DataTree
-        Tables over the union of the breakpoints.  A standard error of zero means exact.  Where only
-        one table has a node it stands alone (with ``correlated``, corrected by its neighbours);
-        beyond both, `db` as the simulation continues it.  A node has the source of `other` where
-        that brought its standard error below 0.9 of the former one, else that of `db`.
+        Tables over the union of the breakpoints.  A standard error of zero means exact.  A node
+        that only one table has keeps its value (with ``correlated`` it is corrected by its
+        neighbours).  A node beyond both has the value of `db` by the rule of the leaf.  A node has
+        the source of `other` if that reduced its standard error below 0.9 of the former one, else
+        that of `db`.
 
     Raises
     ------
@@ -104,34 +113,37 @@ def blend(
 
     References
     ----------
-    .. [Theil1961] Theil, Goldberger, On pure and mixed statistical estimation in economics, Int. Econ. Rev. 2, 1961.
+    .. [Theil1961] Theil, Goldberger, On pure and mixed statistical estimation in economics, Int.
+    Econ. Rev. 2, 1961.
     """
-    pairs = _pairs(db, other, names, rule)
-    frame = _frame(pairs, rule)
+    pairs = _match_pairs(db, other, names, rule)
+    table = _compare_pairs(pairs, rule)
     leaves, problems = terms(db), []
     for name, pair in pairs.items():
         try:
-            new = _blended(pair, rule)
+            new = _blend_pair(pair, rule)
         except SchemaError as error:
             problems += [f"{name}: {fault}" for fault in error.problems]
             continue
-        row = frame.loc[name]
-        leaves[name] = add_history_line(
-            new, f"blend: {rule}, chi-square {row.chi2:.4g} of {row.nodes} nodes{note_suffix(note)}"
-        )
+        row = table.loc[name]
+        line = f"blend: {rule}, chi-square {row.chi2:.4g} of {row.nodes} nodes{note_suffix(note)}"
+        leaves[name] = add_history_line(new, line)
     if problems:
         raise SchemaError("blend", problems)
-    unlike = frame[frame["probability"] < UNLIKELY]
-    if len(unlike):
-        summary = [
-            f"{name} (chi-square {row.chi2:.4g} of {row.nodes} nodes, {row.worst:.3g} at "
+    # Disagreeing terms are blended nevertheless.
+    disagreements = []
+    for term, row in table[table["probability"] < UNLIKELY].iterrows():
+        disagreements.append(
+            f"{term} (chi-square {row.chi2:.4g} of {row.nodes} nodes, {row.worst:.3g} at "
             f"{row.location})"
-            for name, row in unlike.iterrows()
-        ]
-        text = f"blend: tables disagree by more than their standard errors: {'; '.join(summary)}"
+        )
+    if disagreements:
+        summary = "; ".join(disagreements)
+        text = f"blend: tables disagree by more than their standard errors: {summary}"
         warnings.warn(text, AeromatchWarning, stacklevel=2)
     title = str(other.attrs["title"])
-    return record_edit(db, leaves, "blend", f"{' '.join(pairs)} with {title!r}, {rule}", note)
+    summary = f"{' '.join(pairs)} with {title!r}, {rule}"
+    return record_edit(db, leaves, "blend", summary=summary, note=note)
 
 
 def consistency(
@@ -140,7 +152,7 @@ def consistency(
     names: str | Iterable[str] | None = None,
     rule: str = "inverse_variance",
 ) -> pd.DataFrame:
-    """Return how well two databases agree within their standard errors, before they are joined.
+    """Return the agreement of two databases within their standard errors, before blending.
 
     Parameters
     ----------
@@ -150,84 +162,95 @@ def consistency(
     Returns
     -------
     DataFrame, index ``term``
-        ``nodes`` (those of `other` within the table of `db`, unless both are exact there),
-        ``chi2``, its ``probability`` for as many nodes (which errors of `db` that go together along
-        a table make too small or too large unless the rule is ``correlated``), ``worst``, the
-        largest difference other - db in its standard error, signed, and ``location``.
+        ``nodes`` (number of nodes of `other` within the table of `db`, unless both are exact
+        there), ``chi2`` and its ``probability`` for as many nodes, ``worst`` (largest difference
+        other - db in its standard error, signed) and ``location``.  Correlated errors of `db` make
+        the probability too small or too large unless the rule is ``correlated``.
 
     Raises
     ------
     UnknownName, SchemaError
         As in `blend`.
     """
-    return _frame(_pairs(db, other, names, rule), rule)
+    return _compare_pairs(_match_pairs(db, other, names, rule), rule)
 
 
 @dataclass(frozen=True)
-class _Pair:
-    """A term as both have it, factors alike."""
+class _TermPair:
+    """A term of both databases, with equal factors."""
 
     ours: xr.Dataset
     theirs: xr.Dataset
 
 
-def _pairs(
+def _match_pairs(
     db: xr.DataTree, other: xr.DataTree, names: str | Iterable[str] | None, rule: str
-) -> dict[str, _Pair]:
+) -> dict[str, _TermPair]:
+    """Return the terms to blend by name; raise with all faults."""
     if rule not in RULES:
         raise UnknownName(rule, RULES, "rule")
+    # Faults of all terms are collected, unknown names raise at once.
     ours, theirs = terms(db), terms(other)
-    chosen = [name for name in ours if name in theirs] if names is None else match_names(db, names)
-    problems = [
-        f"{key} is {db.attrs[key]!r} here and {other.attrs[key]!r} there"
-        for key in _SAME
-        if not _agree(db.attrs[key], other.attrs[key])
-    ]
-    if not chosen:
+    if names is None:
+        selected = [name for name in ours if name in theirs]
+    else:
+        selected = match_names(db, names)
+    problems = []
+    for key in _SAME:
+        if not _is_same_quantity(db.attrs[key], other.attrs[key]):
+            problems.append(f"{key} is {db.attrs[key]!r} here and {other.attrs[key]!r} there")
+    if not selected:
         problems.append("the two have no term in common")
-    found = {}
-    for name in chosen:
+    pairs = {}
+    for name in selected:
         if name not in theirs:
             raise UnknownName(name, theirs, "term", "the other database does not have it")
-        pair = (ours[name], theirs[name])
-        problems += [
-            f"{name}: no stderr {where}; give one to every node"
-            for leaf, where in zip(pair, ("here", "there"))
-            if "stderr" not in leaf
-        ]
-        words = [" ".join(_terms.list_multipliers(leaf)) or "none" for leaf in pair]
-        if words[0] != words[1]:
-            problems.append(
-                f"{name}: regressors {words[0]} here and {words[1]} there; only tables of "
-                f"the same meaning can be joined"
-            )
-        found[name] = (
-            _Pair(*pair)
-            if same_factors(*pair)
-            else _Pair(fold_factors(pair[0]), fold_factors(pair[1]))
-        )
+        problems += _pair_faults(name, ours[name], theirs[name])
+        pair = _TermPair(ours[name], theirs[name])
+        # Different factors are multiplied into the tables.
+        if not same_factors(pair.ours, pair.theirs):
+            pair = _TermPair(fold_factors(pair.ours), fold_factors(pair.theirs))
+        pairs[name] = pair
     if problems:
         raise SchemaError("blend", problems)
-    return found
+    return pairs
 
 
-def _agree(first, second) -> bool:
-    return (
-        first == second
-        if isinstance(first, str)
-        else bool(np.isclose(float(first), float(second), rtol=_AGREE, atol=_AGREE))
-    )
+def _pair_faults(name: str, ours: xr.Dataset, theirs: xr.Dataset) -> list[str]:
+    """Return the reasons why two terms cannot be blended."""
+    problems = []
+    for leaf, location in ((ours, "here"), (theirs, "there")):
+        if "stderr" not in leaf:
+            problems.append(f"{name}: no stderr {location}; give one to every node")
+    our_regressors = " ".join(_terms.list_multipliers(ours)) or "none"
+    their_regressors = " ".join(_terms.list_multipliers(theirs)) or "none"
+    if our_regressors != their_regressors:
+        problems.append(
+            f"{name}: regressors {our_regressors} here and {their_regressors} there; only tables "
+            f"of the same meaning can be joined"
+        )
+    return problems
 
 
-def _frame(pairs: dict[str, _Pair], rule: str) -> pd.DataFrame:
-    rows = {name: _row(pair, rule) for name, pair in pairs.items()}
-    return pd.DataFrame.from_dict(rows, orient="index", columns=list(COLUMNS)).rename_axis("term")
+def _is_same_quantity(first, second) -> bool:
+    """Return whether two root attributes are equal, numbers within rounding."""
+    if isinstance(first, str):
+        return first == second
+    return bool(np.isclose(float(first), float(second), rtol=_AGREE, atol=_AGREE))
+
+
+def _compare_pairs(pairs: dict[str, _TermPair], rule: str) -> pd.DataFrame:
+    """Return the table of `consistency`."""
+    rows = {name: _consistency_row(pair, rule) for name, pair in pairs.items()}
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=list(COLUMNS))
+    return table.rename_axis("term")
 
 
 @dataclass(frozen=True)
-class _Observed:
-    """The nodes of theirs within ours as observations of ours: y = H g + e, cov(e) = diag(s^2), g
-    the nodes of a table.
+class _NodeObservations:
+    """Observations of our nodes g by the nodes of the other database within our table.
+
+    y = H g + e, cov(e) = diag(s^2).
     """
 
     points: dict[str, np.ndarray]
@@ -236,55 +259,70 @@ class _Observed:
     s: np.ndarray
 
 
-def _observed(table: xr.Dataset, pair: _Pair) -> _Observed:
-    """Return what theirs holds for `table`, which is ours on any grid."""
-    own, theirs = value_breakpoints(pair.ours), value_breakpoints(pair.theirs)
-    points = {axis: p[is_within(own[axis], p)] if axis in own else p for axis, p in theirs.items()}
-    rest = {axis: p for axis, p in value_breakpoints(table).items() if axis not in points}
-    count, nodes = (int(np.prod([len(p) for p in part.values()])) for part in (points, rest))
+def _observe_table(table: xr.Dataset, pair: _TermPair) -> _NodeObservations:
+    """Return the observations of `table`, which is our term on any grid."""
+    # Nodes of the other database beyond our table do not observe it.
+    our_points = value_breakpoints(pair.ours)
+    points = {}
+    for axis, axis_points in value_breakpoints(pair.theirs).items():
+        if axis in our_points:
+            axis_points = axis_points[is_within(our_points[axis], axis_points)]
+        points[axis] = axis_points
+    # Axes that only our table has: the mean along them is observed.
+    other_points = {}
+    for axis, axis_points in value_breakpoints(table).items():
+        if axis not in points:
+            other_points[axis] = axis_points
+    count = int(np.prod([len(axis_points) for axis_points in points.values()]))
+    repeats = int(np.prod([len(axis_points) for axis_points in other_points.values()]))
     size = table["value"].size
     if not count:
-        return _Observed(points, np.zeros((0, size)), np.zeros(0), np.zeros(0))
-    mesh = (
-        dict(zip([*points, *rest], np.meshgrid(*points.values(), *rest.values(), indexing="ij")))
-        if points or rest
-        else {}
+        return _NodeObservations(points, np.zeros((0, size)), y=np.zeros(0), s=np.zeros(0))
+    axes = {**points, **other_points}
+    samples = {}
+    if axes:
+        for axis, grid in zip(axes, np.meshgrid(*axes.values(), indexing="ij")):
+            samples[axis] = grid.ravel()
+    B = _terms.basis(_terms.without_multipliers(table[["value"]]), samples, "clamp").toarray()
+    # Mean over the axes that the other database does not have.
+    by_observation = np.broadcast_to(B, (count * repeats, size)).reshape(count, repeats, size)
+    theirs = pair.theirs.sel(points)
+    return _NodeObservations(
+        points=points,
+        H=by_observation.mean(axis=1),
+        y=theirs["value"].values.ravel(),
+        s=theirs["stderr"].values.ravel(),
     )
-    flat = {axis: grid.ravel() for axis, grid in mesh.items()}
-    B = _terms.basis(_terms.without_multipliers(table[["value"]]), flat, "clamp").toarray()
-    H = np.broadcast_to(B, (count * nodes, size)).reshape(count, nodes, size).mean(axis=1)
-    there = pair.theirs.sel(points)
-    return _Observed(points, H, there["value"].values.ravel(), there["stderr"].values.ravel())
 
 
-def _row(pair: _Pair, rule: str) -> tuple[int, float, float, float, str]:
-
-    seen = _observed(pair.ours, pair)
-    r = seen.y - seen.H @ pair.ours["value"].values.ravel()
-    total = (seen.H @ pair.ours["stderr"].values.ravel()) ** 2 + seen.s**2
-    known = total > 0.0
-    if not known.any():
+def _consistency_row(pair: _TermPair, rule: str) -> tuple[int, float, float, float, str]:
+    """Return the row of one term, in the order of `COLUMNS`."""
+    observed = _observe_table(pair.ours, pair)
+    r = observed.y - observed.H @ pair.ours["value"].values.ravel()
+    variance = (observed.H @ pair.ours["stderr"].values.ravel()) ** 2 + observed.s**2
+    # Nodes that are exact in both do not count.
+    uncertain = variance > 0.0
+    if not uncertain.any():
         return 0, 0.0, 1.0, float("nan"), ""
-    in_errors = np.divide(r, np.sqrt(total), out=np.zeros_like(r), where=known)
+    in_errors = np.divide(r, np.sqrt(variance), out=np.zeros_like(r), where=uncertain)
     worst = int(np.argmax(np.abs(in_errors)))
     if rule == "correlated":
-        H = seen.H[known]
-        A = H @ prior_covariance(pair.ours) @ H.T + np.diag(seen.s[known] ** 2)
-        chi2 = float(r[known] @ _inverse(A) @ r[known])
+        H = observed.H[uncertain]
+        A = H @ prior_covariance(pair.ours) @ H.T + np.diag(observed.s[uncertain] ** 2)
+        chi2 = float(r[uncertain] @ _invert_covariance(A) @ r[uncertain])
     else:
         chi2 = float((in_errors**2).sum())
-    count = int(known.sum())
-    at = np.unravel_index(worst, [len(p) for p in seen.points.values()]) if seen.points else ()
-    return (
-        count,
-        chi2,
-        float(chi2_distribution.sf(chi2, count)),
-        float(in_errors[worst]),
-        node_text(seen.points, [int(i) for i in at]),
-    )
+    count = int(uncertain.sum())
+    node: list[int] = []
+    if observed.points:
+        sizes = [len(axis_points) for axis_points in observed.points.values()]
+        node = list(map(int, np.unravel_index(worst, sizes)))
+    probability = float(chi2_distribution.sf(chi2, count))
+    return count, chi2, probability, float(in_errors[worst]), node_text(observed.points, node)
 
 
-def _blended(pair: _Pair, rule: str) -> xr.Dataset:
+def _blend_pair(pair: _TermPair, rule: str) -> xr.Dataset:
+    """Return the blended term over the union of the breakpoints."""
     points = union_axes(pair.ours, pair.theirs)
     if len(points) > _terms.MAX_AXES:
         raise SchemaError(
@@ -292,63 +330,77 @@ def _blended(pair: _Pair, rule: str) -> xr.Dataset:
             [f"the axes {' '.join(points)} of the two together are more than {_terms.MAX_AXES}"],
         )
     ours, theirs = regrid_leaf(pair.ours, points), regrid_leaf(pair.theirs, points)
-    inside = [_inside(leaf, points) for leaf in (pair.ours, pair.theirs)]
-    both, alone = inside[0] & inside[1], inside[1] & ~inside[0]
-    v1, v2 = (leaf["value"].values for leaf in (ours, theirs))
-    s1, s2 = (leaf["stderr"].values for leaf in (ours, theirs))
-    off = both & (s1 == 0.0) & (s2 == 0.0) & ~np.isclose(v1, v2, rtol=_AGREE, atol=1e-12)
-    if off.any():
-        at = node_text(points, [int(i) for i in np.argwhere(off)[0]])
+    in_ours, in_theirs = _is_inside(pair.ours, points), _is_inside(pair.theirs, points)
+    in_both, only_theirs = in_ours & in_theirs, in_theirs & ~in_ours
+    v1, v2 = ours["value"].values, theirs["value"].values
+    s1, s2 = ours["stderr"].values, theirs["stderr"].values
+    # Two exact nodes with different values cannot be blended.
+    differs = ~np.isclose(v1, v2, rtol=_AGREE, atol=1e-12)
+    contradiction = in_both & (s1 == 0.0) & (s2 == 0.0) & differs
+    if contradiction.any():
+        location = node_text(points, list(map(int, np.argwhere(contradiction)[0])))
         raise SchemaError(
             "blend",
             [
-                f"both are exact (standard error 0) and differ at {at} and "
-                f"{int(off.sum()) - 1} more nodes"
+                f"both are exact (standard error 0) and differ at {location} and "
+                f"{int(contradiction.sum()) - 1} more nodes"
             ],
         )
-    joined = _together(ours, pair) if rule == "correlated" else _apart(both, v2 - v1, s1, s2)
-    value = np.where(alone, v2, v1 + joined[0])
-    stderr = np.where(alone, s2, joined[1])
-    source = np.where(
-        alone | (both & (stderr < COUNTED * s1)), known_source(theirs), known_source(ours)
-    )
-    return with_table(ours, points, value, stderr, source)
+    # Correction of our values, and the standard errors after it.
+    if rule == "correlated":
+        correction, error = _correct_together(ours, pair)
+    else:
+        correction, error = _correct_nodes(in_both, v2 - v1, s1, s2)
+    value = np.where(only_theirs, v2, v1 + correction)
+    stderr = np.where(only_theirs, s2, error)
+    from_theirs = only_theirs | (in_both & (stderr < COUNTED * s1))
+    source = np.where(from_theirs, known_source(theirs), known_source(ours))
+    return with_table(ours, points, value=value, stderr=stderr, source=source)
 
 
-def _apart(
-    both: np.ndarray, r: np.ndarray, s1: np.ndarray, s2: np.ndarray
+def _correct_nodes(
+    in_both: np.ndarray, difference: np.ndarray, s1: np.ndarray, s2: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return correction and standard error of nodes by themselves; outside `both` none and the
-    first.
+    """Return correction and standard error of each node by itself.
+
+    A node that is not in both tables keeps its value and the first standard error.
     """
-    total = s1**2 + s2**2
-    share = np.divide(s1**2, total, out=np.zeros_like(r), where=both & (total > 0.0))
-    return share * r, np.where(both, np.sqrt(share) * s2, s1)
+    # Share s1^2 / (s1^2 + s2^2) of the difference; exact nodes are not corrected.
+    variance = s1**2 + s2**2
+    share = np.zeros_like(difference)
+    np.divide(s1**2, variance, out=share, where=in_both & (variance > 0.0))
+    return share * difference, np.where(in_both, np.sqrt(share) * s2, s1)
 
 
-def _together(ours: xr.Dataset, pair: _Pair) -> tuple[np.ndarray, np.ndarray]:
-    """Return correction and standard error of all nodes of a table at once."""
-    P, seen, shape = prior_covariance(ours), _observed(ours, pair), ours["value"].shape
-    A = seen.H @ P @ seen.H.T + np.diag(seen.s**2)
-    known = np.diag(A) > 0.0
-    G = P @ seen.H[known].T @ _inverse(A[np.ix_(known, known)])
-    step = G @ (seen.y - seen.H @ ours["value"].values.ravel())[known]
-    variance = np.diag(P) - np.einsum("ij,ij->i", G, P @ seen.H[known].T)
-    return step.reshape(shape), np.sqrt(np.maximum(variance, 0.0)).reshape(shape)
+def _correct_together(ours: xr.Dataset, pair: _TermPair) -> tuple[np.ndarray, np.ndarray]:
+    """Return correction and standard error of all nodes of a table together."""
+    P, observed = prior_covariance(ours), _observe_table(ours, pair)
+    shape = ours["value"].shape
+    A = observed.H @ P @ observed.H.T + np.diag(observed.s**2)
+    uncertain = np.diag(A) > 0.0
+    # G = P H' (H P H' + R)^-1; exact observations of exact nodes do not count.
+    H = observed.H[uncertain]
+    G = P @ H.T @ _invert_covariance(A[np.ix_(uncertain, uncertain)])
+    residual = (observed.y - observed.H @ ours["value"].values.ravel())[uncertain]
+    variance = np.diag(P) - np.einsum("ij,ij->i", G, P @ H.T)
+    stderr = np.sqrt(np.maximum(variance, 0.0))
+    return (G @ residual).reshape(shape), stderr.reshape(shape)
 
 
-def _inverse(A: np.ndarray) -> np.ndarray:
-    """Inverse of a covariance that may be singular, scaled to unit diagonal first."""
-    sd = np.sqrt(np.diag(A))
-    return np.linalg.pinv(A / np.outer(sd, sd), rcond=1e-12, hermitian=True) / np.outer(sd, sd)
+def _invert_covariance(A: np.ndarray) -> np.ndarray:
+    """Return the inverse of a covariance that may be singular, scaled to a unit diagonal first."""
+    scale = np.outer(np.sqrt(np.diag(A)), np.sqrt(np.diag(A)))
+    return np.linalg.pinv(A / scale, rcond=_PSEUDO_INVERSE, hermitian=True) / scale
 
 
-def _inside(leaf: xr.Dataset, points: dict[str, np.ndarray]) -> np.ndarray:
-    """Return which nodes of a grid lie within the table of a leaf."""
-    found = np.ones([len(p) for p in points.values()], bool)
-    for at, (axis, p) in enumerate(points.items()):
+def _is_inside(leaf: xr.Dataset, points: dict[str, np.ndarray]) -> np.ndarray:
+    """Return which nodes of a grid are within the table of a leaf, array of bool."""
+    inside = np.ones([len(axis_points) for axis_points in points.values()], bool)
+    for dimension, (axis, axis_points) in enumerate(points.items()):
         if axis in leaf["value"].dims:
-            found &= is_within(value_breakpoints(leaf)[axis], p).reshape(
-                [-1 if i == at else 1 for i in range(len(points))]
-            )
-    return found
+            # One axis of the grid, broadcast along the others.
+            along_axis = [1] * len(points)
+            along_axis[dimension] = -1
+            within = is_within(value_breakpoints(leaf)[axis], axis_points)
+            inside &= within.reshape(along_axis)
+    return inside

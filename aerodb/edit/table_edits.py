@@ -1,8 +1,8 @@
-"""Single tables changed by hand: scaled, shifted, put on other breakpoints, extended.
+"""Edits of terms: replaced, deleted, scaled, shifted, and single nodes set.
 
-Between its nodes every table stays multilinear: a factor table multiplies the nodes, after its own
-breakpoints were put in, so with axes in common a product in between is the straight line, not the
-parabola.  Numbers, and tables over other axes, act exactly.
+Every table stays multilinear between its nodes.  A factor table multiplies the nodes, after its
+breakpoints were added.  With common axes a product between the nodes is therefore a straight line
+and not a parabola.  Numbers, and tables over other axes, act exactly.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from aerodb.edit.breakpoint_edits import extend as extend  # importable from here as well
+from aerodb.edit.breakpoint_edits import regrid as regrid
+from aerodb.edit.breakpoint_edits import regrid_error as regrid_error
 from aerodb.store.grids import (
-    JUDGEMENT,
     demand_axis,
     factor_axes,
     fold_factors,
@@ -24,10 +26,7 @@ from aerodb.store.grids import (
     known_source,
     make_table_leaf,
     merge_breakpoints,
-    node_text,
     regrid_leaf,
-    rising_breakpoints,
-    union_axes,
     value_breakpoints,
     with_table,
 )
@@ -39,6 +38,9 @@ from aerodb.update.posterior import carry_covariance, without_posterior
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, OutOfRange, SchemaError, UnknownName
 
+# Difference from a breakpoint, relative to the axis, that is rounding of degrees or feet.
+_POINT_ROUNDING = 1e-6
+
 
 def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = "") -> xr.DataTree:
     """Return a database in which terms are replaced or added.
@@ -46,13 +48,13 @@ def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = ""
     Parameters
     ----------
     db : DataTree
-        The database; it is left as it is.
+        The database; it does not change.
     new : mapping of str to Dataset
-        Terms by name, ``"CL/gear"``; a name the database does not have is added and leaves its list
-        `update_absent`.  The ``notices`` of a `Tabulation` become lines of the history and the root
-        attribute ``notices``.
+        Terms by name, such as ``"CL/gear"``.  A new name is added to the database and removed from
+        its list of absent terms.  The ``notices`` of a `Tabulation` become lines of the history
+        and the root attribute ``notices``.
     note : str, optional
-        Why, for the history.
+        Reason for the change; stored in the history.
 
     Raises
     ------
@@ -60,42 +62,39 @@ def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = ""
         A term is faulty or its name is not ``<coefficient>/<contribution>``; all faults.
     """
     leaves = terms(db)
-    added = [name for name in new if name not in leaves]
-    taken = [name for name in new if name in leaves]
-    lines = {
-        name: f"replace_terms: {'replaced' if name in leaves else 'added'}{note_suffix(note)}"
-        for name in new
-    }
-    summary = [
-        f"{verb} {' '.join(names)}"
-        for verb, names in (("replaced", taken), ("added", added))
-        if names
-    ]
-    leaves |= {name: add_history_line(leaf, lines[name]) for name, leaf in new.items()}
+    changes: dict[str, list[str]] = {"replaced": [], "added": []}
+    for name, leaf in new.items():
+        verb = "added"
+        if name in leaves:
+            verb = "replaced"
+        changes[verb].append(name)
+        leaves[name] = add_history_line(leaf, f"replace_terms: {verb}{note_suffix(note)}")
+    summary = [f"{verb} {' '.join(names)}" for verb, names in changes.items() if names]
+    # Only a `Tabulation` has notices.
     notices = list(getattr(new, "notices", ()))
     attributes = {**update_absent(db, without=new), **with_notices(db.attrs, notices)}
     return record_edit(
         db,
         leaves,
         "replace_terms",
-        ", ".join(summary) or "nothing",
-        note,
-        attributes,
+        summary=", ".join(summary) or "nothing",
+        note=note,
+        attributes=attributes,
         lines=notices,
     )
 
 
 def delete_terms(db: xr.DataTree, names: str | Iterable[str], note: str = "") -> xr.DataTree:
-    """Return a database without some terms; their names go to its list `update_absent`.
+    """Return a database without some terms, whose names go to its list of absent terms.
 
     Parameters
     ----------
     db : DataTree
-        The database; it is left as it is.
+        The database; it does not change.
     names : str or iterable of str
         Terms, or patterns such as ``"*/speedbrake"``.
     note : str, optional
-        Why, such as "could not be identified".
+        Reason, such as "could not be identified"; stored in the history.
 
     Raises
     ------
@@ -104,34 +103,41 @@ def delete_terms(db: xr.DataTree, names: str | Iterable[str], note: str = "") ->
     SchemaError
         No term would be left.
     """
-    gone = match_names(db, names)
-    leaves = {name: leaf for name, leaf in terms(db).items() if name not in gone}
+    deleted = match_names(db, names)
+    leaves = {name: leaf for name, leaf in terms(db).items() if name not in deleted}
     return record_edit(
-        db, leaves, "delete_terms", " ".join(gone), note, update_absent(db, more=gone)
+        db,
+        leaves,
+        "delete_terms",
+        summary=" ".join(deleted),
+        note=note,
+        attributes=update_absent(db, more=deleted),
     )
 
 
 def match_names(db: xr.DataTree, names: str | Iterable[str]) -> list[str]:
-    """Return the names of the terms that a name, a pattern such as ``"Cm/*"``, or several of them
-    mean.
+    """Return the names of the terms that match names or patterns such as ``"Cm/*"``.
 
     Raises
     ------
     UnknownName
-        One of them means no term.
+        A name or pattern does not match any term.
     """
     leaves = list(terms(db))
-    found: dict[str, None] = {}
-    for name in [names] if isinstance(names, str) else names:
-        meant = [leaf for leaf in leaves if fnmatchcase(leaf, name)]
-        if not meant:
+    if isinstance(names, str):
+        names = [names]
+    matched: dict[str, None] = {}
+    for name in names:
+        matches = [leaf for leaf in leaves if fnmatchcase(leaf, name)]
+        if not matches:
             raise UnknownName(name, leaves, "term")
-        found |= dict.fromkeys(meant)
-    return list(found)
+        matched |= dict.fromkeys(matches)
+    return list(matched)
 
 
-# leaf and table on one grid to value, stderr, and the factor on the nodes that were there
-_Work = Callable[[xr.Dataset, xr.Dataset], tuple[np.ndarray, np.ndarray | None, np.ndarray | float]]
+# From a leaf and a table on one grid: new value and stderr, and the factor on the old nodes.
+_EditedNodes = tuple[np.ndarray, np.ndarray | None, np.ndarray | float]
+_NodeEdit = Callable[[xr.Dataset, xr.Dataset], _EditedNodes]
 
 
 def scale(
@@ -149,20 +155,20 @@ def scale(
     Parameters
     ----------
     db : DataTree
-        The database; it is left as it is.
+        The database; it does not change.
     names : str or iterable of str
         Terms, or patterns such as ``"*/gear"``.
     factor : float or array
         A number, or a table over `axes`. [1]
     axes : mapping of str to array, optional
-        Axis to the breakpoints of the factor, which is held beyond them; axes a term does not have
-        are added to it. [SI]
+        Breakpoints of the factor by axis.  The factor is constant beyond them.  Axes that a term
+        does not have are added to it. [SI]
     stderr : float or array
-        Standard error of the factor itself. [1]
+        Standard error of the factor. [1]
     source : {"judgement", "flight", "datcom"}
-        Where the factor comes from; nodes that it does not change keep their source.
+        Source of the factor; nodes that it does not change keep their source.
     note : str, optional
-        Why, for the history.
+        Reason for the change; stored in the history.
 
     Returns
     -------
@@ -173,20 +179,23 @@ def scale(
     Raises
     ------
     UnknownName
-        A term or an axis.
+        An unknown term or axis.
     SchemaError
         Breakpoints do not rise, shapes do not fit, or a table would have too many axes.
     """
-    by = make_table_leaf(factor, axes, stderr, "factor")
+    table = make_table_leaf(factor, axes, stderr, "factor")
+    return _edit_nodes(db, names, table, _scale_nodes, verb="scale", source=source, note=note)
 
-    def scaled(
-        leaf: xr.Dataset, times: xr.Dataset
-    ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
-        value, f, sd = leaf["value"].values, times["value"].values, times["stderr"].values
-        own = leaf["stderr"].values if "stderr" in leaf else 0.0
-        return f * value, np.hypot(f * own, sd * value) if "stderr" in leaf or sd.any() else None, f
 
-    return _worked(db, names, by, scaled, "scale", f"by {_described(by)}", source, note)
+def _scale_nodes(leaf: xr.Dataset, table: xr.Dataset) -> _EditedNodes:
+    """Return value and standard error of a leaf times a table on the same nodes."""
+    value, factor, sd = leaf["value"].values, table["value"].values, table["stderr"].values
+    if "stderr" in leaf:
+        return factor * value, np.hypot(factor * leaf["stderr"].values, sd * value), factor
+    # An exact factor does not give standard errors to a term without them.
+    if not sd.any():
+        return factor * value, None, factor
+    return factor * value, np.abs(sd * value), factor
 
 
 def shift(
@@ -206,12 +215,12 @@ def shift(
     db, names, axes, note
         As in `scale`.
     amount : float or array
-        A number, or a table over `axes`, in the unit of the table: per unit of its regressors,
+        A number, or a table over `axes`, in the unit of the table: per unit of its regressors and
         before its factors K1 and K2.
     stderr : float or array
         Standard error of the amount, in its unit; combined with that of the nodes as independent.
     source : {"judgement", "flight", "datcom"}
-        Where the amount comes from; nodes that it does not change keep their source.
+        Source of the amount; nodes that it does not change keep their source.
 
     Raises
     ------
@@ -221,166 +230,23 @@ def shift(
     Warns
     -----
     AeromatchWarning
-        Nodes that are zero by definition (value and standard error zero: an increment without its
-        cause) would no longer be.
+        Nodes that are zero by definition become different from zero.  Their value and standard
+        error were zero, as for an increment without its cause.
     """
-    by = make_table_leaf(amount, axes, stderr, "amount")
+    table = make_table_leaf(amount, axes, stderr, "amount")
     for name in match_names(db, names):
-        _warn_of_zeros(name, find_leaf(db, name), by)
-
-    def shifted(leaf: xr.Dataset, more: xr.Dataset) -> tuple[np.ndarray, np.ndarray | None, float]:
-        sd = more["stderr"].values
-        own = leaf["stderr"].values if "stderr" in leaf else 0.0
-        return (
-            leaf["value"].values + more["value"].values,
-            np.hypot(own, sd) if "stderr" in leaf or sd.any() else None,
-            1.0,
-        )
-
-    return _worked(db, names, by, shifted, "shift", f"by {_described(by)}", source, note)
+        _warn_of_zeros(name, find_leaf(db, name), table)
+    return _edit_nodes(db, names, table, _shift_nodes, verb="shift", source=source, note=note)
 
 
-def regrid(
-    db: xr.DataTree,
-    name: str,
-    breakpoints: Mapping[str, Any],
-    *,
-    tolerance: float | None = None,
-    note: str = "",
-) -> xr.DataTree:
-    """Return a database with a table on new breakpoints, its nodes read off the old one.
-
-    Parameters
-    ----------
-    db : DataTree
-        The database; it is left as it is.
-    name : str
-        The term.
-    breakpoints : mapping of str to array
-        Axis to all its new breakpoints, within the old range; other axes keep theirs. [SI]
-    tolerance : float, optional
-        Largest difference from the old table that is allowed; in the unit of the table.
-    note : str, optional
-        Why, for the history.
-
-    Returns
-    -------
-    DataTree
-        The largest difference, as `regrid_error` finds it, stands in the history.
-
-    Raises
-    ------
-    UnknownName
-        The term or an axis.
-    SchemaError
-        Breakpoints do not rise.
-    OutOfRange
-        Breakpoints beyond the table, or a difference above `tolerance`.
-    """
-    leaf = find_leaf(db, name)
-    new, error, at = _regridded(name, leaf, breakpoints)
-    if tolerance is not None and not error <= tolerance:
-        raise OutOfRange(
-            f"regrid {name}: the new table differs from the old one by up to {error:.4g} at "
-            f"{at}, allowed {tolerance:g}; "
-            "put breakpoints there or allow more"
-        )
-    counts = ", ".join(
-        f"{axis} {np.size(points)} for {leaf.sizes[axis]} breakpoints"
-        for axis, points in breakpoints.items()
-    )
-    summary = f"{counts}, differs by up to {error:.4g}{f' at {at}' if error else ''}"
-    leaves = terms(db) | {name: add_history_line(new, f"regrid: {summary}{note_suffix(note)}")}
-    return record_edit(db, leaves, "regrid", f"{name} on {summary}", note)
-
-
-def regrid_error(db: xr.DataTree, name: str, breakpoints: Mapping[str, Any]) -> float:
-    """Return by how much `regrid` would change a term at most, anywhere in the old table; in the
-    unit of the table.
-
-    Notes
-    -----
-    Both tables are multilinear between the breakpoints of the two together, so the largest difference stands at one of these nodes: the
-    number is exact, not an estimate.  Factors K1 and K2 count with their largest values; regressors do not count.
-    """
-    return _regridded(name, find_leaf(db, name), breakpoints)[1]
-
-
-def extend(
-    db: xr.DataTree,
-    name: str,
-    axis: str,
-    points: Any,
-    how: Any = "hold",
-    *,
-    stderr: Any = None,
-    note: str = "",
-) -> xr.DataTree:
-    """Return a database with a table that reaches further along one axis.
-
-    Parameters
-    ----------
-    db : DataTree
-        The database; it is left as it is.
-    name, axis : str
-        The term, and an axis of its table.
-    points : array
-        New breakpoints outside the old ones, on one side or both, rising. [SI]
-    how : {"hold", "linear"} or array
-        The end value, the straight line through the last two nodes, or the values: numbers along
-        `points`, or an array of the shape of the table with ``len(points)`` along the axis. Unit of
-        the table.
-    stderr : float or array, optional
-        Standard error of the new nodes, shaped as values; needed with values where the term has
-        standard errors.
-    note : str, optional
-        Why, for the history.
-
-    Returns
-    -------
-    DataTree
-        New nodes have the source ``judgement``.  Their standard error, unless given, at t times the
-        last interval beyond the end, with v_1, s_1 of the last node and v_2, s_2 of the one before:
-        hypot(s_1, t (v_1 - v_2)) of a value held, for the straight line may be true; hypot((1 + t)
-        s_1, t s_2) of the straight line.
-
-    Raises
-    ------
-    UnknownName
-        The term or the axis.
-    SchemaError
-        Points that do not rise or lie inside the table, values that do not fit, a line through a
-        single breakpoint, or no standard errors.
-    """
-    leaf = find_leaf(db, name)
-    demand_axis(name, leaf, axis)
-    old, new = leaf[axis].values.astype(float), rising_breakpoints(axis, points)
-    if is_within(old, new).any():
-        raise SchemaError(
-            f"extend {name}",
-            [
-                f"breakpoints of {axis} must lie outside {old[0]:.6g} ... {old[-1]:.6g}; "
-                f"regrid puts some inside"
-            ],
-        )
-    words = how if isinstance(how, str) else "given values"
-    value, sd = _beyond(name, leaf, axis, new, how)
-    if stderr is not None:
-        sd = _along(name, leaf, axis, new, stderr, "stderr")
-        if not (sd >= 0.0).all():
-            raise SchemaError(
-                f"extend {name}", ["stderr holds negative numbers or NaN; give zero or more"]
-            )
-    if "stderr" in leaf and sd is None:
-        raise SchemaError(
-            f"extend {name}", ["the term has standard errors; give stderr= with the values"]
-        )
-    if "stderr" not in leaf and stderr is not None:
-        raise SchemaError(f"extend {name}", ["the term has no standard errors; leave stderr= out"])
-    whole = _joined(leaf, axis, new, value, sd if "stderr" in leaf else None)
-    summary = f"{axis} to {', '.join(display_text(axis, x) for x in new)}, {words}"
-    leaves = terms(db) | {name: add_history_line(whole, f"extend: {summary}{note_suffix(note)}")}
-    return record_edit(db, leaves, "extend", f"{name} in {summary}", note)
+def _shift_nodes(leaf: xr.Dataset, table: xr.Dataset) -> _EditedNodes:
+    """Return value and standard error of a leaf plus a table on the same nodes."""
+    value, sd = leaf["value"].values + table["value"].values, table["stderr"].values
+    if "stderr" in leaf:
+        return value, np.hypot(leaf["stderr"].values, sd), 1.0
+    if not sd.any():
+        return value, None, 1.0
+    return value, np.abs(sd), 1.0
 
 
 def set_nodes(
@@ -393,275 +259,191 @@ def set_nodes(
     source: str = "judgement",
     note: str = "",
 ) -> xr.DataTree:
-    """Return a database with one node of a table, or the nodes along the axes that `at` leaves out,
-    set to a number.
+    """Return a database with one or several nodes of a table set to a number.
 
     Parameters
     ----------
     db : DataTree
-        The database; it is left as it is.
+        The database; it does not change.
     name : str
         The term.
     at : mapping of str to float
-        Axis to one of its breakpoints; an axis left out means all of its breakpoints. [SI]
+        One breakpoint by axis.  All breakpoints of an axis without an entry are meant. [SI]
     value : float
-        The number, in the unit of the table: per unit of its regressors, before its factors K1 and
-        K2.
+        The number, in the unit of the table: per unit of its regressors and before its factors K1
+        and K2.
     stderr : float, optional
-        Its standard error; left out, the nodes keep theirs.
+        Its standard error.  By default the nodes keep theirs.
     source : {"judgement", "flight", "datcom"}
-        Where the number comes from; a node that had it keeps its source.
+        Source of the number; a node that has the number already keeps its source.
     note : str, optional
-        Why, for the history.
+        Reason for the change; stored in the history.
 
     Raises
     ------
     UnknownName
-        The term or an axis.
+        An unknown term or axis.
     OutOfRange
-        A place where the table has no breakpoint.
+        The table has no breakpoint at a value of `at`.
     SchemaError
         Numbers that are not finite, a negative standard error, or one for a term that states none.
     """
     leaf = find_leaf(db, name)
     _demand_source("set_nodes", source)
-    faults = [] if np.isfinite(value) else [f"value is {value!r}; give a finite number"]
+    _demand_valid_number(name, leaf, value, stderr)
+    for axis in at:
+        demand_axis(name, leaf, axis)
+    # An axis without an entry selects all of its breakpoints.
+    node: list[int | slice] = []
+    location = []
+    for axis in value_breakpoints(leaf):
+        if axis in at:
+            node.append(_find_breakpoint(name, leaf, axis, at[axis]))
+            location.append(f"{axis} {display_text(axis, at[axis])}")
+        else:
+            node.append(slice(None))
+    selected = tuple(node)
+    # Values, standard errors and sources of the selected nodes.
+    before = leaf["value"].values
+    values, codes = before.copy(), known_source(leaf).copy()
+    values[selected] = value
+    errors, error_text = None, ""
+    if "stderr" in leaf:
+        errors = leaf["stderr"].values.copy()
+    if errors is not None and stderr is not None:
+        errors[selected] = stderr
+        error_text = f" +- {stderr:g}"
+    codes[values != before] = _terms.SOURCES.index(source)
+    points = value_breakpoints(leaf)
+    edited = with_table(leaf, points, value=values, stderr=errors, source=codes)
+    summary = (
+        f"at {', '.join(location) or 'all nodes'} to {value:g}{error_text}, "
+        f"was {_format_range(before[selected])}"
+    )
+    line = f"set_nodes: {summary}{note_suffix(note)}"
+    leaves = terms(db) | {name: add_history_line(_carry_if_valid(leaf, edited), line)}
+    return record_edit(db, leaves, "set_nodes", summary=f"{name} {summary}", note=note)
+
+
+def _demand_valid_number(name: str, leaf: xr.Dataset, value: float, stderr: float | None) -> None:
+    """Raise for a value that is not finite or a standard error that does not fit; all faults."""
+    faults = []
+    if not np.isfinite(value):
+        faults.append(f"value is {value!r}; give a finite number")
     if stderr is not None and not (np.isfinite(stderr) and stderr >= 0.0):
         faults.append(f"stderr is {stderr!r}; give zero or more")
     if stderr is not None and "stderr" not in leaf:
         faults.append("the term has no standard errors; leave stderr= out")
     if faults:
         raise SchemaError(f"set {name}", faults)
-    for axis in at:
-        demand_axis(name, leaf, axis)
-    node = tuple(
-        _breakpoint(name, leaf, axis, at[axis]) if axis in at else slice(None)
-        for axis in value_breakpoints(leaf)
-    )
-    before = leaf["value"].values
-    values, codes = before.copy(), known_source(leaf).copy()
-    values[node] = value
-    errors = leaf["stderr"].values.copy() if "stderr" in leaf else None
-    if errors is not None and stderr is not None:
-        errors[node] = stderr
-    codes[values != before] = _terms.SOURCES.index(source)
-    whole = with_table(leaf, value_breakpoints(leaf), values, errors, codes)
-    where = (
-        ", ".join(
-            f"{axis} {display_text(axis, at[axis])}"
-            for axis in value_breakpoints(leaf)
-            if axis in at
-        )
-        or "all nodes"
-    )
-    doubt = "" if stderr is None else f" +- {stderr:g}"
-    summary = f"at {where} to {value:g}{doubt}, was {_span_of(before[node])}"
-    leaves = terms(db) | {
-        name: add_history_line(
-            _still_joint(leaf, whole), f"set_nodes: {summary}{note_suffix(note)}"
-        )
-    }
-    return record_edit(db, leaves, "set_nodes", f"{name} {summary}", note)
 
 
-def _still_joint(leaf: xr.Dataset, whole: xr.Dataset) -> xr.Dataset:
-    """Return an edited leaf with the joint covariance of the one before; without it where a
-    standard error shrank below the stored one.
-    """
-    smaller = "stderr" in whole and bool((whole["stderr"].values < leaf["stderr"].values).any())
-    return without_posterior(whole) if smaller else carry_covariance(leaf, whole)
+def _carry_if_valid(leaf: xr.Dataset, edited: xr.Dataset) -> xr.Dataset:
+    """Return an edited leaf with the joint covariance, unless a standard error became smaller."""
+    # A smaller standard error contradicts the stored covariance, a larger one adds to it.
+    if "stderr" in edited and bool((edited["stderr"].values < leaf["stderr"].values).any()):
+        return without_posterior(edited)
+    return carry_covariance(leaf, edited)
 
 
-def _breakpoint(name: str, leaf: xr.Dataset, axis: str, at: float) -> int:
+def _find_breakpoint(name: str, leaf: xr.Dataset, axis: str, point: float) -> int:
+    """Return the index of a breakpoint, within the rounding of a number that a person writes."""
     points = leaf[axis].values.astype(float)
-    i = int(np.abs(points - at).argmin())
-    if not abs(points[i] - at) <= 1e-6 * max(
-        np.ptp(points), abs(at)
-    ):  # what a person writes in degrees or feet, not what a program does
-        known = ", ".join(display_text(axis, x) for x in points)
+    # The negated comparison also refuses NaN.
+    index = int(np.abs(points - point).argmin())
+    if not abs(points[index] - point) <= _POINT_ROUNDING * max(np.ptp(points), abs(point)):
+        existing = ", ".join(display_text(axis, x) for x in points)
         raise OutOfRange(
-            f"set {name}: no breakpoint at {axis} {display_text(axis, at)}; there are "
-            f"{known}; regrid puts one there"
+            f"set {name}: no breakpoint at {axis} {display_text(axis, point)}; there are "
+            f"{existing}; regrid puts one there"
         )
-    return i
+    return index
 
 
-def _worked(
+def _edit_nodes(
     db: xr.DataTree,
-    names,
-    by: xr.Dataset,
-    work: _Work,
+    names: str | Iterable[str],
+    table: xr.Dataset,
+    edit: _NodeEdit,
+    *,
     verb: str,
-    summary: str,
     source: str,
     note: str,
 ) -> xr.DataTree:
-    """Return a database with terms worked on node by node over their breakpoints and those of `by`."""
+    """Return a database with terms edited node by node, on the grid of term and table."""
     _demand_source(verb, source)
-    chosen, leaves = match_names(db, names), terms(db)
-    for name in chosen:
+    selected, leaves = match_names(db, names), terms(db)
+    summary = f"by {_describe_table(table)}"
+    for name in selected:
         try:
-            leaf, other = _common(leaves[name], by)
+            leaf, on_nodes = _on_common_grid(leaves[name], table)
         except SchemaError as error:
             raise SchemaError(f"{verb} {name}", error.problems) from None
-        value, stderr, times = work(leaf, other)
-        codes = np.where(
-            value == leaf["value"].values, known_source(leaf), _terms.SOURCES.index(source)
-        )
-        edited = carry_covariance(
-            leaves[name], with_table(leaf, value_breakpoints(leaf), value, stderr, codes), times
-        )
+        # Unchanged nodes keep their source.
+        value, stderr, factor = edit(leaf, on_nodes)
+        is_unchanged = value == leaf["value"].values
+        codes = np.where(is_unchanged, known_source(leaf), _terms.SOURCES.index(source))
+        points = value_breakpoints(leaf)
+        edited = with_table(leaf, points, value=value, stderr=stderr, source=codes)
+        edited = carry_covariance(leaves[name], edited, factor)
         leaves[name] = add_history_line(edited, f"{verb}: {summary}{note_suffix(note)}")
-    return record_edit(db, leaves, verb, f"{' '.join(chosen)} {summary}", note)
+    return record_edit(db, leaves, verb, summary=f"{' '.join(selected)} {summary}", note=note)
 
 
 def _demand_source(verb: str, source: str) -> None:
+    """Raise `SchemaError` for an unknown source."""
     if source not in _terms.SOURCES:
         raise SchemaError(verb, [f"source is {source!r}; allowed: {', '.join(_terms.SOURCES)}"])
 
 
-def _common(leaf: xr.Dataset, by: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
-    """Return leaf and table over one grid: the breakpoints of the leaf and those of the table
-    between them.
-    """
-    if factor_axes(leaf) & set(map(str, by["value"].dims)):
+def _on_common_grid(leaf: xr.Dataset, table: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
+    """Return leaf and table on the breakpoints of the leaf and those of the table between them."""
+    # A table over the axis of a factor cannot act on the nodes alone.
+    if factor_axes(leaf) & set(map(str, table["value"].dims)):
         leaf = fold_factors(leaf)
+    # Breakpoints of the table beyond those of the leaf would extend the leaf.
     points = value_breakpoints(leaf)
-    for axis, more in value_breakpoints(by).items():
-        points[axis] = (
-            merge_breakpoints(points[axis], more[is_within(points[axis], more)])
-            if axis in points
-            else more
-        )
+    for axis, additional in value_breakpoints(table).items():
+        if axis in points:
+            inside = additional[is_within(points[axis], additional)]
+            additional = merge_breakpoints(points[axis], inside)
+        points[axis] = additional
     if len(points) > _terms.MAX_AXES:
         raise SchemaError(
             "table",
             [f"would have the axes {' '.join(points)}; at most {_terms.MAX_AXES} are allowed"],
         )
-    return regrid_leaf(leaf, points), regrid_leaf(by, points)
+    return regrid_leaf(leaf, points), regrid_leaf(table, points)
 
 
-def _described(by: xr.Dataset) -> str:
-    value, sd = by["value"], by["stderr"].values
-    numbers = _span_of(value.values)
-    doubt = f" +- {sd.max():g}" if sd.any() else ""
-    over = f" over {' '.join(map(str, value.dims))}" if value.ndim else ""
-    return f"{numbers}{doubt}{over}"
+def _describe_table(table: xr.Dataset) -> str:
+    """Return range, standard error and axes of a table as text."""
+    value, sd = table["value"], table["stderr"].values
+    text = _format_range(value.values)
+    if sd.any():
+        text = f"{text} +- {sd.max():g}"
+    if value.ndim:
+        text = f"{text} over {' '.join(map(str, value.dims))}"
+    return text
 
 
-def _span_of(value: np.ndarray) -> str:
+def _format_range(value: np.ndarray) -> str:
+    """Return the range of values as text, a single number if all are equal."""
     low, high = float(np.min(value)), float(np.max(value))
-    return f"{low:g}" if low == high else f"{low:g} ... {high:g}"
+    if low == high:
+        return f"{low:g}"
+    return f"{low:g} ... {high:g}"
 
 
-def _warn_of_zeros(name: str, leaf: xr.Dataset, by: xr.Dataset) -> None:
+def _warn_of_zeros(name: str, leaf: xr.Dataset, table: xr.Dataset) -> None:
+    """Warn if nodes that are zero by definition become different from zero."""
     if "stderr" not in leaf:
         return
-    leaf, by = _common(leaf, by)
-    count = int(
-        (
-            (leaf["value"].values == 0.0)
-            & (leaf["stderr"].values == 0.0)
-            & (by["value"].values != 0.0)
-        ).sum()
-    )
+    leaf, on_nodes = _on_common_grid(leaf, table)
+    # Value and standard error of zero: zero by definition.
+    is_zero = (leaf["value"].values == 0.0) & (leaf["stderr"].values == 0.0)
+    count = int((is_zero & (on_nodes["value"].values != 0.0)).sum())
     if count:
-        text = (
-            f"shift: {count} nodes of {name} were zero by definition and no longer are; shift "
-            f"by a table that is zero there"
-        )
-        warnings.warn(text, AeromatchWarning, stacklevel=3)
-
-
-def _regridded(
-    name: str, leaf: xr.Dataset, breakpoints: Mapping[str, Any]
-) -> tuple[xr.Dataset, float, str]:
-    """Return the leaf on new breakpoints, the largest difference and where it stands."""
-    points = value_breakpoints(leaf)
-    for axis, wanted in breakpoints.items():
-        demand_axis(name, leaf, axis)
-        new = rising_breakpoints(axis, wanted)
-        off = new[~is_within(points[axis], new)]
-        if off.size:
-            reach = f"{points[axis][0]:.6g} ... {points[axis][-1]:.6g}"
-            raise OutOfRange(
-                f"regrid {name}: {axis} = {off[0]:.6g} lies outside {reach}; extend the table first"
-            )
-        points[axis] = new
-    new_leaf = regrid_leaf(leaf, points)
-    both = union_axes(leaf, new_leaf)
-    difference = np.abs(
-        regrid_leaf(new_leaf, both)["value"].values - regrid_leaf(leaf, both)["value"].values
-    )
-    node = np.unravel_index(int(np.argmax(difference)), difference.shape)
-    factors = np.prod([float(np.abs(leaf[key]).max()) for key in ("K1", "K2") if key in leaf])
-    return new_leaf, float(difference[node] * factors), node_text(both, [int(i) for i in node])
-
-
-def _beyond(
-    name: str, leaf: xr.Dataset, axis: str, new: np.ndarray, how: Any
-) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return values of nodes beyond the ends, and their standard errors where the rule gives them."""
-    if not isinstance(how, str):
-        return _along(name, leaf, axis, new, how, "values"), None
-    if how not in ("hold", "linear"):
-        raise SchemaError(
-            f"extend {name}", [f"how is {how!r}; allowed: hold, linear, or the values"]
-        )
-    at, old = leaf["value"].dims.index(axis), leaf[axis].values.astype(float)
-    if how == "linear" and len(old) == 1:
-        raise SchemaError(
-            f"extend {name}",
-            [f"{axis} has one breakpoint and no slope; hold the value or give numbers"],
-        )
-    value = np.moveaxis(leaf["value"].values, at, -1)
-    sd = np.moveaxis(leaf["stderr"].values, at, -1) if "stderr" in leaf else np.zeros_like(value)
-    end = np.where(new > old[-1], len(old) - 1, 0)
-    inner = np.clip(np.where(new > old[-1], len(old) - 2, 1), 0, len(old) - 1)
-    width = old[end] - old[inner]
-    t = np.divide(new - old[end], width, out=np.zeros(len(new)), where=width != 0)
-    rise = t * (value[..., end] - value[..., inner])
-    if how == "hold":
-        found, doubt = value[..., end], np.hypot(sd[..., end], rise)
-    else:
-        found, doubt = (
-            value[..., end] + rise,
-            np.hypot((1.0 + t) * sd[..., end], t * sd[..., inner]),
-        )
-    return np.moveaxis(found, -1, at), np.moveaxis(doubt, -1, at)
-
-
-def _along(
-    name: str, leaf: xr.Dataset, axis: str, new: np.ndarray, given: Any, what: str
-) -> np.ndarray:
-    """Return numbers given for new nodes in the shape of the table."""
-    at, array = leaf["value"].dims.index(axis), np.asarray(given, float)
-    shape = tuple(len(new) if i == at else size for i, size in enumerate(leaf["value"].shape))
-    if array.ndim == 1 and len(array) == len(new):
-        array = array.reshape([-1 if i == at else 1 for i in range(len(shape))])
-    if array.ndim not in (0, len(shape)) or any(
-        n not in (1, m) for n, m in zip(array.shape, shape)
-    ):
-        raise SchemaError(
-            f"extend {name}",
-            [
-                f"{what} have the shape {np.shape(given)}; give {len(new)} numbers along "
-                f"{axis}, or the shape {shape}"
-            ],
-        )
-    return np.broadcast_to(array, shape)
-
-
-def _joined(
-    leaf: xr.Dataset, axis: str, new: np.ndarray, value: np.ndarray, sd: np.ndarray | None
-) -> xr.Dataset:
-    at, old = leaf["value"].dims.index(axis), leaf[axis].values.astype(float)
-    order = np.argsort(np.concatenate([old, new]))
-
-    def whole(inside: np.ndarray, outside: np.ndarray) -> np.ndarray:
-        return np.concatenate([inside, outside], axis=at).take(order, axis=at)
-
-    points = value_breakpoints(leaf) | {axis: np.concatenate([old, new])[order]}
-    stderr = None if sd is None else whole(leaf["stderr"].values, sd)
-    source = whole(known_source(leaf), np.full(value.shape, JUDGEMENT, np.uint8))
-    return with_table(leaf, points, whole(leaf["value"].values, value), stderr, source)
+        text = f"shift: {count} nodes of {name} were zero by definition and no longer are"
+        advice = "shift by a table that is zero there"
+        warnings.warn(f"{text}; {advice}", AeromatchWarning, stacklevel=3)

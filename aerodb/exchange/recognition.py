@@ -1,4 +1,4 @@
-"""Which format a file has, by its content."""
+"""Recognition of the format of a database file by its content."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from aerodb.exchange.tables.csv_terms import INDEX
 from flightmech.errors import ParseError
 from flightmech.support.input_files import demand_regular
 
-# bytes in which the first element of an XML file must begin, comments and document type before it
+# Bytes in which the first element of an XML file must begin. Comments and document type precede it.
 _HEAD = 65_536
 _BEFORE = re.compile(rb"\s+|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^\[>]*(\[.*?\]\s*)?>", re.DOTALL)
 _ELEMENT = re.compile(rb"<(?:[\w.-]+:)?([\w.-]+)")
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _ROOTS = {b"DAVEfunc": "daveml", b"fdm_config": "jsbsim"}
 _KNOWN = (
     "a database (netCDF-4), a MAT file, a JSBSim or DAVE-ML file, or a folder of CSV files "
@@ -21,13 +22,12 @@ _KNOWN = (
 
 
 def recognise_format(path: Path) -> str:
-    """Return the format of a file or folder: ``netcdf``, ``matlab``, ``jsbsim``, ``daveml`` or
-    ``csv``.
+    """Return the format of a file or folder: netcdf, matlab, jsbsim, daveml or csv.
 
     Raises
     ------
     ParseError
-        None of these.
+        The file has another format.
     """
     if path.is_dir():
         if (path / INDEX).is_file():
@@ -36,11 +36,12 @@ def recognise_format(path: Path) -> str:
     demand_regular(path, _KNOWN)
     with path.open("rb") as file:
         head = file.read(_HEAD)
+    # A netCDF-4 file is an HDF5 file.
     if head.startswith(b"\x89HDF\r\n\x1a\n"):
         return "netcdf"
     if head.startswith(b"MATLAB "):
         return "matlab"
-    root = _root(head.removeprefix(b"\xef\xbb\xbf"))
+    root = _root_element(head.removeprefix(_BYTE_ORDER_MARK))
     if root in _ROOTS:
         return _ROOTS[root]
     if root:
@@ -52,10 +53,10 @@ def recognise_format(path: Path) -> str:
     raise ParseError(str(path), 0, f"the bytes {head[:16]!r}", _KNOWN)
 
 
-def _root(head: bytes) -> bytes:
-    """Return the name of the first element of an XML text, empty without one."""
-    place = 0
-    while match := _BEFORE.match(head, place):
-        place = match.end()
-    element = _ELEMENT.match(head, place)
+def _root_element(head: bytes) -> bytes:
+    """Return the name of the first element of an XML text; empty if there is none."""
+    position = 0
+    while match := _BEFORE.match(head, position):
+        position = match.end()
+    element = _ELEMENT.match(head, position)
     return element[1] if element else b""

@@ -1,9 +1,8 @@
-"""Untrusted XML files as plain elements with line numbers: nothing outside the file is opened,
-nothing is expanded.
+"""Reader of untrusted XML files as plain elements with line numbers.
 
-The parser is the expat of the standard library.  It loads no external document type and no entity,
-a declaration of an entity is refused, and size, depth and number of elements are limited, so that a
-hostile file costs little.
+The parser is the expat of the standard library.  The reader opens no file except the XML file and
+expands no entity: it loads no external document type, and refuses the declaration of an entity.
+Size, depth and number of elements are limited, so that a hostile file takes little time and memory.
 """
 
 from __future__ import annotations
@@ -23,14 +22,27 @@ MAX_BYTES = 2**27  # 180 tables of 10 000 nodes take a sixth of it
 MAX_DEPTH = 200
 MAX_ELEMENTS = 200_000  # a DAVE-ML model of 70 terms with 20 check cases has 8000
 _REQUIRED = "it there; the format requires it"
+_MOST_CHARACTERS = 40  # of a faulty text in a message
 
 
 @dataclass(slots=True)
 class Element:
-    """One element: name and attributes without namespace prefix, line of its start, children, and
-    its own text by line number.
+    """One element of an XML file.
 
-    A child leaves a blank in the text of its parent.
+    Parameters
+    ----------
+    file : str
+        Path of the file.
+    tag : str
+        Name without namespace prefix.
+    line : int
+        Line of its start.
+    attributes : dict of str to str
+        Attributes, names without namespace prefix.
+    children : list of Element
+        Child elements.
+    lines : dict of int to str
+        Text of the element by line number.  A child leaves a blank in it.
     """
 
     file: str
@@ -48,18 +60,21 @@ class Element:
     @property
     def number(self) -> float:
         """The text as one finite number."""
-        found = [value for _, row in self.numbers() for value in row]
-        if len(found) != 1:
-            raise self.error(f"<{self.tag}> with {len(found)} numbers", "one number")
-        return float(found[0])
+        numbers: list[float] = []
+        for _, row in self.numbers():
+            numbers += row.tolist()
+        if len(numbers) != 1:
+            raise self.error(f"<{self.tag}> with {len(numbers)} numbers", "one number")
+        return numbers[0]
 
     def numbers(self) -> list[tuple[int, np.ndarray]]:
-        """Return the numbers of each line of the text that has any, with its line number."""
-        return [
-            (at, np.array([self._finite(item, at) for item in items]))
-            for at, text in self.lines.items()
-            if (items := text.split())
-        ]
+        """Return line number and numbers of each line of the text that is not blank."""
+        rows = []
+        for line, text in self.lines.items():
+            parts = text.split()
+            if parts:
+                rows.append((line, np.array([self._parse_finite(part, line) for part in parts])))
+        return rows
 
     def all(self, *tags: str) -> list[Element]:
         """Return the children with one of these names, in order."""
@@ -71,10 +86,10 @@ class Element:
 
     def need(self, *tags: str) -> Element:
         """Return the first child with one of these names; a missing one raises `ParseError`."""
-        found = self.first(*tags)
-        if found is None:
+        child = self.first(*tags)
+        if child is None:
             raise self.error(f"<{self.tag}> without <{'> or <'.join(tags)}>", _REQUIRED)
-        return found
+        return child
 
     def attribute(self, name: str) -> str:
         """Return an attribute without blanks around it; a missing one raises `ParseError`."""
@@ -84,6 +99,7 @@ class Element:
 
     def walk(self) -> Iterator[Element]:
         """Yield the element and all below it, in the order of the file."""
+        # A stack in place of a recursion, so that the depth does not matter.
         stack = [self]
         while stack:
             element = stack.pop()
@@ -91,17 +107,20 @@ class Element:
             stack += reversed(element.children)
 
     def error(self, found: str, expected: str, line: int = 0) -> ParseError:
-        """Return a `ParseError` at a line of the file, that of the element unless given."""
+        """Return a `ParseError` at a line of the file; 0 is the line of the element."""
         return ParseError(self.file, line or self.line, found, expected)
 
-    def _finite(self, text: str, line: int) -> float:
+    def _parse_finite(self, text: str, line: int) -> float:
+        # Python reads 1_000 as a number, XML does not.
         try:
             value = float(text) if "_" not in text else math.nan
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
             raise self.error(
-                f"{text[:40]!r} in <{self.tag}>", "finite numbers separated by blanks", line
+                f"{text[:_MOST_CHARACTERS]!r} in <{self.tag}>",
+                "finite numbers separated by blanks",
+                line,
             )
         return value
 
@@ -114,22 +133,24 @@ def read_xml(path: str | os.PathLike, doctype: bool = False) -> Element:
     path : path
         The file.
     doctype : bool
-        Accept a document type declaration.  It is not loaded, and entities are refused in any case.
+        Whether a document type declaration is allowed.  It is not loaded, and entities are refused
+        in any case.
 
     Raises
     ------
     FileNotFoundError, PermissionError
         The file cannot be read.
     ParseError
-        With the line: not a regular file, not well-formed, a document type declaration, an entity,
-        or beyond `MAX_BYTES`, `MAX_DEPTH` or `MAX_ELEMENTS`.
+        The file is not a regular file or not well-formed, it has a document type declaration or an
+        entity, or it exceeds `MAX_BYTES`, `MAX_DEPTH` or `MAX_ELEMENTS`; with the line.
     """
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file; give an XML file")
     if not path.is_file():
         raise ParseError(str(path), 0, "not a regular file", "an XML file")
-    if (size := path.stat().st_size) > MAX_BYTES:
+    size = path.stat().st_size
+    if size > MAX_BYTES:
         raise ParseError(
             str(path), 0, f"a file of {size} bytes", f"at most {MAX_BYTES}; split the tables off"
         )
@@ -137,7 +158,7 @@ def read_xml(path: str | os.PathLike, doctype: bool = False) -> Element:
 
 
 class _Builder:
-    """Handlers of one parse."""
+    """Handlers of one parse: the root, the open elements and the number of elements."""
 
     def __init__(self, file: str, doctype: bool):
         self.file = file
@@ -145,7 +166,8 @@ class _Builder:
         self.open: list[Element] = []
         self.count = 0
         self.parser = expat.ParserCreate()
-        self.parser.buffer_text = False  # a buffered text has lost its line number
+        # A buffered text has no line numbers.
+        self.parser.buffer_text = False
         self.parser.StartElementHandler = self._start
         self.parser.EndElementHandler = self._end
         self.parser.CharacterDataHandler = self._text
@@ -166,10 +188,8 @@ class _Builder:
                 f"broken XML ({text})",
                 "well-formed XML; copy or correct the file",
             ) from None
-        except (
-            LookupError,
-            ValueError,
-        ) as error:  # an encoding that Python does not have, or one of several bytes a character
+        except (LookupError, ValueError) as error:
+            # Python does not have the encoding, or expat does not allow one of several bytes.
             raise ParseError(
                 self.file,
                 1,
@@ -194,10 +214,13 @@ class _Builder:
                 f"more than {MAX_ELEMENTS} elements",
                 "a smaller file; this one is damaged or hostile",
             )
-        kept = {
-            _local(key): text for key, text in attributes.items() if not key.startswith("xmlns")
-        }
-        element = Element(self.file, _local(name), self.parser.CurrentLineNumber, kept)
+        # Declarations of namespaces are not attributes of the format.
+        local_attributes = {}
+        for key, text in attributes.items():
+            if not key.startswith("xmlns"):
+                local_attributes[_local_name(key)] = text
+        line = self.parser.CurrentLineNumber
+        element = Element(self.file, _local_name(name), line, attributes=local_attributes)
         if self.open:
             self.open[-1].children.append(element)
         else:
@@ -206,13 +229,14 @@ class _Builder:
 
     def _end(self, name: str) -> None:
         self.open.pop()
+        # The blank separates the texts before and after the child.
         if self.open:
             self._text(" ")
 
     def _text(self, text: str) -> None:
-        own = self.open[-1].lines
+        lines = self.open[-1].lines
         for line, part in enumerate(text.split("\n"), self.parser.CurrentLineNumber):
-            own[line] = own.get(line, "") + part
+            lines[line] = lines.get(line, "") + part
 
     def _doctype(self, *_: object) -> None:
         raise self._error(
@@ -234,5 +258,6 @@ class _Builder:
         )
 
 
-def _local(name: str) -> str:
+def _local_name(name: str) -> str:
+    """Return a name without its namespace prefix."""
     return name.rsplit(":", 1)[-1]

@@ -1,8 +1,7 @@
-"""What all figures of databases share: line code, a sheet measured in inches, notes at its foot,
-files that repeat byte by byte.
+"""Common parts of the figures of databases: line code, sheet, notes, files with repeatable bytes.
 
-matplotlib is an extra of the installation; it is imported here and nowhere else, the other modules
-take its names from this one.
+matplotlib is an extra of the installation.  Only this module imports it, and the other modules
+import its names from this module.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator as MaxNLocator
 
 WIDTH = 7.48  # text width of A4 [in]
-LEFT, RIGHT = 0.72, 0.10
+LEFT, RIGHT = 0.72, 0.10  # margins [in]
 FORMATS = ("svg", "png", "pdf")
 _STYLE: dict[str, Any] = {
     "font.size": 7.0,
@@ -61,26 +60,28 @@ _STYLE: dict[str, Any] = {
     "svg.hashsalt": "aeromatch",
     "svg.fonttype": "path",
 }
+# Notes at the foot: size [pt], height of a line [in], characters in a line.
 FOOT_SIZE, FOOT_LINE, FOOT_CHARACTERS = 6.2, 0.115, 165
 
 
 class Pen(NamedTuple):
-    """How one database is drawn."""
+    """Line code of one database."""
 
     color: str
     dashes: Any
     width: float
 
 
-# line code of LR-743 Figs. 18 to 21, without a flight trace: a priori dotted, in between dashed,
-# the last one solid
+# Line code of LR-743 Figs. 18 to 21, without a flight trace: the first database, a priori, is
+# dotted, those between are dashed, the last one is solid.
 _FIRST, _LAST = Pen("#6e6e6e", (0, (1.2, 1.2)), 1.3), Pen("#0072b2", "-", 1.0)
 _BETWEEN = (
     Pen("#8a5a00", (0, (4.5, 2)), 1.0),
     Pen("#00664b", (0, (6, 1.5, 1.2, 1.5)), 1.0),
     Pen("#000000", (0, (2.5, 1)), 0.8),
 )
-# open as the prior gave it, filled where flight has touched it, a cross where an engineer decided
+# Marks of nodes by source: open for DATCOM, filled for flight, a cross for the judgement of an
+# engineer, a point if the source is not stated.
 MARKS: dict[int, dict[str, Any]] = {
     0: {"marker": "o", "markerfacecolor": "white"},
     1: {"marker": "o"},
@@ -90,37 +91,35 @@ MARKS: dict[int, dict[str, Any]] = {
 
 
 def database_pens(names: Sequence[str]) -> dict[str, Pen]:
-    """Return the line code of several databases in order: dotted, dashed ..., solid; a single one
-    is solid.
-    """
+    """Return the line code of databases in order: dotted, dashed ..., solid; one alone is solid."""
     if len(names) == 1:
         return {names[0]: _LAST}
     between = [_BETWEEN[i % len(_BETWEEN)] for i in range(len(names) - 2)]
-    return dict(zip(names, [_FIRST, *between, _LAST]))
+    return dict(zip(names, [_FIRST, *between, _LAST], strict=False))
 
 
 @contextmanager
 def drawing_style():
-    """Draw in the style of this package, whatever the user's own settings are."""
+    """Draw in the style of this package, independent of the settings of the user."""
     with style.context(["default", _STYLE]):
         yield
 
 
 class FigureSheet:
-    """A figure whose panels are placed in inches from its upper left corner."""
+    """A figure with positions in inches from its upper left corner."""
 
     def __init__(self, height: float):
         self.height = height
         self.figure = Figure(figsize=(WIDTH, height), facecolor="white")
 
     def panel(self, left: float, top: float, width: float, height: float) -> Axes:
-        """Return new axes."""
-        return self.figure.add_axes(
-            (left / WIDTH, 1.0 - (top + height) / self.height, width / WIDTH, height / self.height)
-        )
+        """Return new axes. [in]"""
+        # matplotlib counts in shares of the figure, from its lower left corner.
+        bottom = 1.0 - (top + height) / self.height
+        return self.figure.add_axes((left / WIDTH, bottom, width / WIDTH, height / self.height))
 
     def text(self, left: float, top: float, words: str, **looks: Any) -> None:
-        """Write words with their upper left corner at a place."""
+        """Write words with their upper left corner at a position. [in]"""
         self.figure.text(left / WIDTH, 1.0 - top / self.height, words, va="top", **looks)
 
     def head(self, title: str, lines: Iterable[str]) -> None:
@@ -152,31 +151,28 @@ class FigureSheet:
 
 
 def foot_lines(notes: Iterable[str]) -> list[str]:
-    """Return notes broken into lines of the sheet."""
-    return [
-        line
-        for note in notes
-        for line in textwrap.wrap(note, FOOT_CHARACTERS, break_long_words=False)
-    ]
+    """Return notes as lines of the width of the sheet."""
+    lines: list[str] = []
+    for note in notes:
+        lines += textwrap.wrap(note, FOOT_CHARACTERS, break_long_words=False)
+    return lines
 
 
 def foot_height(lines: Sequence[str]) -> float:
-    """Return the height that the lines take. [in]"""
+    """Return the height of the lines of notes. [in]"""
     return FOOT_LINE * len(lines) + 0.1
 
 
 def reference_notes(databases: Mapping[str, xr.DataTree]) -> list[str]:
-    """Return what every number refers to: areas, lengths, moment point, axes; once when all
-    databases agree.
-    """
+    """Return reference area, lengths, moment point and axes as notes, equal ones only once."""
     texts: dict[str, list[str]] = {}
     for name, db in databases.items():
-        a = db.attrs
-        point = ", ".join(number_text(float(a[key])) for key in ("x_ref", "y_ref", "z_ref"))
+        root = db.attrs
+        point = ", ".join(number_text(float(root[key])) for key in ("x_ref", "y_ref", "z_ref"))
         text = (
-            f"S = {number_text(a['S'])} m², cbar = {number_text(a['cbar'])} m, b = "
-            f"{number_text(a['b'])} m; moments about ({point}) m from the drawing "
-            f"datum (x forward, y right, z down); forces in {a['force_axes']} axes, moments "
+            f"S = {number_text(root['S'])} m², cbar = {number_text(root['cbar'])} m, b = "
+            f"{number_text(root['b'])} m; moments about ({point}) m from the drawing "
+            f"datum (x forward, y right, z down); forces in {root['force_axes']} axes, moments "
             f"and rates in body axes."
         )
         texts.setdefault(text, []).append(name)
@@ -215,22 +211,19 @@ def save_figure(figure: Figure, path: str | os.PathLike) -> None:
     figure : matplotlib Figure
         From `plot_term`, `plot_comparison` or `plot_difference`.
     path : path
-        Its suffix gives the format: ``.svg``, ``.png`` (200 dots per inch) or ``.pdf``.
+        The file.  Its suffix determines the format: ``.svg``, ``.png`` (200 dots per inch) or
+        ``.pdf``.
 
     Raises
     ------
     SchemaError
-        Another suffix.
+        The suffix is not allowed.
     """
     kind = Path(path).suffix.lower().lstrip(".")
     if kind not in FORMATS:
-        raise SchemaError(
-            str(path),
-            [
-                f"the suffix is {Path(path).suffix!r}; allowed: "
-                f"{', '.join(f'.{f}' for f in FORMATS)}"
-            ],
-        )
+        allowed = ", ".join(f".{name}" for name in FORMATS)
+        raise SchemaError(str(path), [f"the suffix is {Path(path).suffix!r}; allowed: {allowed}"])
+    # Without dates, and with a fixed salt of the identifiers, the bytes repeat.
     title = figure.get_label() or "figure"
     metadata: dict[str, dict[str, Any]] = {
         "svg": {"Date": None, "Creator": "aeromatch", "Title": title},
@@ -247,10 +240,15 @@ def save_figure(figure: Figure, path: str | os.PathLike) -> None:
 
 
 def axis_limits(values: Iterable[np.ndarray], zero: bool = False) -> tuple[float, float]:
-    """Return the limits of an axis that shows all values."""
-    finite = np.concatenate(
-        [np.ravel(v)[np.isfinite(np.ravel(v))] for v in values] + [np.zeros(int(zero))]
-    )
-    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
-    pad = 0.06 * (high - low) or 0.1 * abs(high) or 1.0
-    return low - pad, high + pad
+    """Return the limits of an axis that shows all finite values, and zero if `zero`."""
+    parts = [np.zeros(int(zero))]
+    for item in values:
+        flat = np.ravel(item)
+        parts.append(flat[np.isfinite(flat)])
+    finite = np.concatenate(parts)
+    low, high = 0.0, 1.0
+    if len(finite):
+        low, high = float(finite.min()), float(finite.max())
+    # A constant has no range, so its size or 1 determines the margin.
+    margin = 0.06 * (high - low) or 0.1 * abs(high) or 1.0
+    return low - margin, high + margin

@@ -1,4 +1,4 @@
-"""How quantities and terms are written in a figure: mathematical symbol, display unit, name of a file."""
+"""Symbols, display units and file names of quantities and terms in figures."""
 
 from __future__ import annotations
 
@@ -12,11 +12,7 @@ from flightmech.names import SIGNS, lookup
 from flightmech.units import from_si
 
 MINUS = "\N{MINUS SIGN}"
-
-
 _GREEK = ("alpha", "beta", "gamma", "delta", "theta", "phi", "psi", "rho")
-
-
 _SYMBOLS = {
     "mach": "M",
     "h_agl": r"h_\mathrm{AGL}",
@@ -31,15 +27,9 @@ _SYMBOLS = {
     "gear": r"\tau_\mathrm{gear}",
     "speedbrake": r"\tau_\mathrm{sb}",
 }
-
-
 _HAT = re.compile(r"^([pqr])hat$")
-
-
 _COEFFICIENT = re.compile(r"^C[A-Za-z](_[a-z]+)?$")
-
-
-# CL and Cl are one name to some file systems
+# Stems of file names. Some file systems do not distinguish CL and Cl.
 _FILES = {
     "CL": "lift",
     "CD": "drag",
@@ -53,8 +43,7 @@ _FILES = {
     "Ch_a": "hinge-aileron",
     "Ch_r": "hinge-rudder",
 }
-
-
+# Unit of the vocabulary: unit as it is printed.
 _PRINTED = {
     "1": "",
     "m s-1": "m/s",
@@ -66,28 +55,32 @@ _PRINTED = {
 
 
 def math_symbol(name: str) -> str:
-    """Return the symbol of a quantity or coefficient in mathematical notation, without dollar
-    signs.
+    """Return the symbol of a quantity or coefficient in TeX notation, without dollar signs.
 
     Examples
     --------
-    >>> symbol("delta_f"), symbol("qhat"), symbol("Cl")
+    >>> math_symbol("delta_f"), math_symbol("qhat"), math_symbol("Cl")
     ('\\\\delta_{f}', '\\\\hat{q}', 'C_{l}')
     """
     if name in _SYMBOLS:
         return _SYMBOLS[name]
-    if match := _HAT.match(name):
-        return rf"\hat{{{match.group(1)}}}"
+    hat = _HAT.match(name)
+    if hat:
+        return rf"\hat{{{hat[1]}}}"
     if _COEFFICIENT.match(name):
         return f"C_{{{name[1:].replace('_', ' ')}}}"
     head, _, tail = name.partition("_")
-    base = rf"\{head}" if head in _GREEK else head if len(head) == 1 else rf"\mathrm{{{head}}}"
+    base = head
+    if head in _GREEK:
+        base = rf"\{head}"
+    elif len(head) > 1:
+        # A word is upright, a single letter is italic.
+        base = rf"\mathrm{{{head}}}"
     return f"{base}_{{{tail}}}" if tail else base
 
 
 def term_symbol(term: str, regressors: Sequence[str]) -> str:
-    """Return the symbol of a term: ``C_L`` of CL/basic, a derivative by its regressors, else an
-    increment.
+    """Return the symbol of a term: ``C_L`` of CL/basic, a derivative, or an increment.
 
     Examples
     --------
@@ -96,16 +89,16 @@ def term_symbol(term: str, regressors: Sequence[str]) -> str:
     """
     coefficient, _, contribution = term.partition("/")
     letter = math_symbol(coefficient).removeprefix("C_{").removesuffix("}")
-    below = r"\,".join([letter, *(math_symbol(name) for name in regressors)])
+    subscript = r"\,".join([letter, *map(math_symbol, regressors)])
+    # A derivative has its regressor as subscript. Any other term has its name as well.
     if contribution == "basic" or (len(regressors) == 1 and contribution == regressors[0]):
-        return f"C_{{{below}}}"
-    words = contribution.replace("_", r"\ ")
-    return rf"\Delta C_{{{below},\,\mathrm{{{words}}}}}"
+        return f"C_{{{subscript}}}"
+    name = contribution.replace("_", r"\ ")
+    return rf"\Delta C_{{{subscript},\,\mathrm{{{name}}}}}"
 
 
 def derivative_unit(regressors: Sequence[str]) -> str:
-    """Return the unit of a table that regressors multiply: angles stay in radians, as everywhere in
-    a database.
+    """Return the unit of a table that regressors multiply; angles are in radians.
 
     Examples
     --------
@@ -117,19 +110,19 @@ def derivative_unit(regressors: Sequence[str]) -> str:
 
 
 def axis_label(name: str) -> str:
-    """Return symbol and display unit of a variable as an axis is labelled: ``$\\alpha$ [deg]``."""
-    unit = printed_unit(name)
-    return f"${math_symbol(name)}$" + f" [{unit or '1'}]"
+    """Return symbol and display unit of a variable as the label of an axis: ``$\\alpha$ [deg]``."""
+    return f"${math_symbol(name)}$ [{printed_unit(name) or '1'}]"
 
 
 def printed_unit(name: str) -> str:
-    """Return the display unit of a quantity as printed; nothing for a pure number."""
+    """Return the display unit of a quantity as printed; ``""`` for a pure number."""
     unit = lookup(name).display_units
     return _PRINTED.get(unit, unit)
 
 
 def to_printed_unit(name: str, si):
     """Return values of a quantity in its display unit."""
+    # The sum with 0.0 turns a negative zero into zero.
     return from_si(np.asarray(si, float), lookup(name).display_units) + 0.0
 
 
@@ -137,28 +130,24 @@ def value_with_symbol(name: str, si: float) -> str:
     """Return a value with its symbol: ``$M$ = 0.3``, ``$\\delta_{f}$ = 40 deg``."""
     if name == "h_agl" and si >= FREE_AIR:
         return "free air"
+    text = f"${math_symbol(name)}$ = {number_text(float(to_printed_unit(name, si)))}"
     unit = printed_unit(name)
-    return (
-        f"${math_symbol(name)}$ = "
-        f"{number_text(float(to_printed_unit(name, si)))}{f' {unit}' if unit else ''}"
-    )
+    return f"{text} {unit}" if unit else text
 
 
 def number_text(value: float) -> str:
-    """Return a number as printed: four significant digits or a whole number, a proper minus sign."""
+    """Return a number as printed: four significant digits or a whole number, with a minus sign."""
     return plain_number(value).replace("-", MINUS)
 
 
 def positive_sense(name: str) -> str:
-    """Return the positive sense of a quantity in words, empty where there is none."""
+    """Return the positive sense of a quantity in words, or ``""`` if it has none."""
     sign = lookup(name).sign
     return SIGNS.get(sign, sign).removeprefix("aircraft ")
 
 
 def file_stem(name: str) -> str:
-    """Return a file name for a term or coefficient: ``CL/basic`` becomes ``lift-basic``, ``Cl``
-    becomes ``roll``.
-    """
+    """Return the file stem of a term or coefficient: ``lift-basic`` for ``CL/basic``."""
     coefficient, _, contribution = name.partition("/")
     stem = _FILES.get(coefficient, coefficient.replace("_", "-"))
     return f"{stem}-{contribution}".replace("_", "-") if contribution else stem

@@ -1,12 +1,14 @@
-"""Hinge moments from SYMFLP pages and control-tab streams, for the loading of the controls.
+"""Effects of spoilers, differential tail and stabilizer, and hinge moments of the controls.
 
 A hinge-moment coefficient is referred to qbar and twice the moment of the control's area about its
-hinge line [DATCOM 6.1.6], both sides together: S_hinge c_hinge of the aircraft file.  Positive
-turns the trailing edge as a positive deflection does, so a control that blows back has negative
-slopes.
+hinge line [DATCOM 6.1.6], both sides together: S_hinge c_hinge of the aircraft file.  A positive
+hinge moment turns the trailing edge in the direction of a positive deflection.  A control that
+blows back therefore has negative slopes.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
@@ -17,7 +19,10 @@ from aerodb.store.effects import Effect, join_sentences
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE
 
-_LINEAR = 6.0 * DEGREE  # range of the tail's angle of attack over which its lift slope is taken
+_LINEAR = 6.0 * DEGREE  # largest angle of attack for the lift slope of the tail
+_AGREE = 0.02  # relative difference of two equal ratios of streams printed with three digits
+_LEAST_SLOPE = 1e-6  # slope of the geared tab, below which it is zero within rounding [1/rad]
+_NO_PLANE = (np.nan, np.nan)
 
 
 def spoiler_effect(given: Source, h_ref: float) -> Effect:
@@ -25,46 +30,47 @@ def spoiler_effect(given: Source, h_ref: float) -> Effect:
 
     Notes
     -----
-    The program prints a positive rolling and a positive yawing moment [DATCOM 6.2]: the wing with the spoiler goes down
-    and back, which is the right wing.  A spoiler on the left, positive ``delta_s``, gives the negative moments.
+    The program prints a positive rolling and a positive yawing moment [DATCOM 6.2]: the wing with
+    the spoiler moves down and back, and it is the right wing.  A spoiler on the left, positive
+    ``delta_s``, gives the negative moments.
     """
-    grid, page = (
-        at_height(given.grid("spoiler"), h_ref),
-        given.tree.children["spoiler"].to_dataset(inherit=False),
-    )
+    grid = at_height(given.grid("spoiler"), h_ref)
+    page = given.tree.children["spoiler"].to_dataset(inherit=False)
     if "ds_c" not in page.coords:
         raise SchemaError(given.role, ["the page names no spoiler height DS/C; give one with it"])
+    # Heights of the spoiler over the chord are the axis delta_s.
     height = np.asarray(page["ds_c"].values, float)
     if np.unique(height).size != height.size or (height < 0).any():
         raise SchemaError(
             given.role, [f"the spoiler heights {height.tolist()} are not different and positive"]
         )
-    grid = (
-        grid.drop_vars("ds_c", errors="ignore")
-        .assign_coords(deflection=height)
-        .rename(deflection="delta_s")
-        .sortby("delta_s")
-    )
-    tables = drop_empty_tables({c: grid[c] for c in ("Cl", "Cn")})
-    stale = float(np.abs(tables["Cl"].sel(delta_s=0.0)).max()) if (height == 0.0).any() else 0.0
-    if stale > 0.0:
+    grid = grid.drop_vars("ds_c", errors="ignore").assign_coords(deflection=height)
+    grid = grid.rename(deflection="delta_s").sortby("delta_s")
+    tables = drop_empty_tables({"Cl": grid["Cl"], "Cn": grid["Cn"]})
+    moment_at_zero = 0.0
+    if (height == 0.0).any():
+        moment_at_zero = float(np.abs(tables["Cl"].sel(delta_s=0.0)).max())
+    if moment_at_zero > 0.0:
         warn_user(
-            f"{given.role}: Cl {stale:.4g} is printed for a spoiler of no height: below some "
-            f"height the program's chart holds its end; "
+            f"{given.role}: Cl {moment_at_zero:.4g} is printed for a spoiler of no height: below "
+            f"some height the program's chart holds its end; "
             "no height counts as no moment, and small heights are as printed"
         )
-    note = (
-        f"{page.attrs.get('device', 'spoiler')}, wing-body, constant in alpha along stability axes"
-    )
-    both = {c: _both_sides(table) for c, table in tables.items()}
+    device = page.attrs.get("device", "spoiler")
+    note = f"{device}, wing-body, constant in alpha along stability axes"
     return Effect(
-        "spoiler", both, zeros={"delta_s": [0.0]}, references=given.place("spoiler"), comment=note
+        "spoiler",
+        {name: _both_sides(table) for name, table in tables.items()},
+        zeros={"delta_s": [0.0]},
+        references=given.place("spoiler"),
+        comment=note,
     )
 
 
 def differential_tail(given: Source, h_ref: float) -> Effect:
-    """Return the effect of ``delta_d`` = (right - left)/2 of the stabilizer halves on Cl, in
-    stability axes; Cn has no method.
+    """Return the effect of ``delta_d`` = (right - left)/2 of the stabilizer halves on Cl.
+
+    It is in stability axes.  Cn has no method.
     """
     grid = at_height(given.grid("asyflp"), h_ref)
     if grid.attrs.get("surface") != "tail":
@@ -75,32 +81,20 @@ def differential_tail(given: Source, h_ref: float) -> Effect:
                 "go to aileron="
             ],
         )
-    delta = (
-        0.5 * (grid["delta_right"] - grid["delta_left"]).values
-        if "delta_left" in grid.coords
-        else -0.5 * grid["delta_difference"].values
-    )
+    if "delta_left" in grid.coords:
+        delta = 0.5 * (grid["delta_right"] - grid["delta_left"]).values
+    else:
+        # This page prints left minus right.
+        delta = -0.5 * grid["delta_difference"].values
     if np.unique(delta).size != delta.size:
         raise SchemaError(
             given.role,
             ["two pairs of deflections have the same (right - left); give pairs that differ in it"],
         )
-    Cl, note = grid["Cl"], ""
-    if "Cl_transonic" in grid:
-        flat = Cl.isnull().all([d for d in Cl.dims if d != "mach"]) & grid["Cl_transonic"].notnull()
-        Cl = xr.where(flat, grid["Cl_transonic"], Cl)
-        if bool(flat.any()):
-            machs = " ".join(
-                f"{mach:g}" for mach in flat["mach"].values[flat.any("delta_pair").values]
-            )
-            note = f"mach {machs}: the page prints one value for all alphas"
-    drop = [name for name in Cl.coords if name not in Cl.dims]
-    Cl = (
-        Cl.drop_vars(drop)
-        .assign_coords(delta_pair=delta)
-        .rename(delta_pair="delta_d")
-        .sortby("delta_d")
-    )
+    Cl, note = _fill_transonic(grid)
+    other_coordinates = [name for name in Cl.coords if name not in Cl.dims]
+    Cl = Cl.drop_vars(other_coordinates).assign_coords(delta_pair=delta)
+    Cl = Cl.rename(delta_pair="delta_d").sortby("delta_d")
     return Effect(
         "differential_tail",
         {"Cl": from_zero(Cl, "delta_d")},
@@ -110,26 +104,43 @@ def differential_tail(given: Source, h_ref: float) -> Effect:
     )
 
 
+def _fill_transonic(grid: xr.Dataset) -> tuple[xr.DataArray, str]:
+    """Return Cl with the single transonic value at all alphas, and a note on these Mach numbers."""
+    Cl = grid["Cl"]
+    if "Cl_transonic" not in grid:
+        return Cl, ""
+    other_axes = [axis for axis in Cl.dims if axis != "mach"]
+    is_transonic = Cl.isnull().all(other_axes) & grid["Cl_transonic"].notnull()
+    Cl = xr.where(is_transonic, grid["Cl_transonic"], Cl)
+    if not bool(is_transonic.any()):
+        return Cl, ""
+    machs = is_transonic["mach"].values[is_transonic.any("delta_pair").values]
+    text = " ".join(f"{mach:g}" for mach in machs)
+    return Cl, f"mach {text}: the page prints one value for all alphas"
+
+
 def stabilizer_effect(given: Source, h_ref: float) -> Effect:
-    """Return the effect of an all-movable stabilizer, as ``delta_e`` from its rigged incidence, on
-    CL and Cm.
+    """Return the effect of an all-movable stabilizer on CL and Cm.
+
+    ``delta_e`` is its deflection from the rigged incidence.
 
     Notes
     -----
-    The page of trim with a stabilizer gives the tail alone: its lift over alpha without downwash, and lift, moment and incidence where
-    the aeroplane trims.  With eta = q_H/q of the downwash table
+    The page of trim with a stabilizer prints the lift of the tail over alpha without downwash, and
+    its lift, moment and incidence at trim.  With eta = q_H/q of the downwash table
 
         CL_delta_e = eta dCL_tail/dalpha,      Cm_delta_e = CL_delta_e x (Cm_tail / CL_tail at trim)
 
-    which gives CL_tail at trim back as CL_delta_e (alpha - epsilon + i) within the rounding of the
-    incidence.  Range: the linear one.
+    CL_delta_e (alpha - epsilon + i) reproduces CL_tail at trim within the rounding of the
+    incidence. The effect holds in the linear range.
     """
-    page, downwash = (
-        at_height(given.grid(leaf), h_ref) for leaf in ("trim_stabilizer", "downwash")
-    )
+    page = at_height(given.grid("trim_stabilizer"), h_ref)
+    downwash = at_height(given.grid("downwash"), h_ref)
+    # Slope over the linear range of incidence, with eta at the same incidences.
     near = page.sel(alpha=np.abs(page["alpha"]) <= _LINEAR)
     slope = near["CL_tail"].polyfit("alpha", 1)["polyfit_coefficients"].sel(degree=1, drop=True)
     eta = downwash["q_ratio"].sel(alpha=near["alpha"], method="nearest").mean("alpha")
+    # Arm Cm_tail / CL_tail by least squares over the trimmed alphas.
     lift, moment = page["CL_tail_trim"], page["Cm_tail_trim"]
     arm = (lift * moment).sum("alpha") / (lift**2).where(moment.notnull()).sum("alpha")
     tables = drop_empty_tables({"CL": eta * slope, "Cm": eta * slope * arm})
@@ -147,27 +158,21 @@ def stabilizer_effect(given: Source, h_ref: float) -> Effect:
         "elevator",
         tables,
         "delta_e",
-        judged={c: table.notnull() for c, table in tables.items()},
+        judged={name: table.notnull() for name, table in tables.items()},
         references=given.place("trim_stabilizer"),
         comment=comment,
     )
 
 
 def _both_sides(table: xr.DataArray) -> xr.DataArray:
-    """Return a table for spoilers on the left (positive) and on the right (negative), from that of
-    the right wing.
-    """
-    right = (
-        table.where(table["delta_s"] != 0.0, 0.0 * table)
-        if bool((table["delta_s"] == 0.0).any())
-        else from_zero(table, "delta_s")
-    )
-    up = right.sel(delta_s=right["delta_s"] > 0.0)
-    mirrored = up.assign_coords(delta_s=-up["delta_s"]).sortby("delta_s")
+    """Return a table for spoilers on the left (positive) and right (negative), from the right."""
+    right = from_zero(table, "delta_s")
+    # A printed moment at zero height does not exist: it is replaced, not subtracted.
+    if bool((table["delta_s"] == 0.0).any()):
+        right = table.where(table["delta_s"] != 0.0, 0.0 * table)
+    extended = right.sel(delta_s=right["delta_s"] > 0.0)
+    mirrored = extended.assign_coords(delta_s=-extended["delta_s"]).sortby("delta_s")
     return xr.concat([mirrored, -right], "delta_s")
-
-
-_AGREE = 0.02  # two ratios of streams printed with three digits
 
 
 def elevator_hinge(given: Source, clean: Source, h_ref: float) -> list[Effect]:
@@ -175,43 +180,43 @@ def elevator_hinge(given: Source, clean: Source, h_ref: float) -> list[Effect]:
 
     Notes
     -----
-    (CH)A is per angle of attack of the tail, so the table over the aeroplane's alpha is (CH)A (alpha - epsilon + i_H), with the downwash
-    of the listing and the incidence of its cards.  The dynamic pressure at the tail counts as that of the flight.
+    (CH)A is per angle of attack of the tail.  The table over the aeroplane's alpha is therefore
+    (CH)A (alpha - epsilon + i_H), with the downwash of the listing and the incidence of its cards.
+    The dynamic pressure at the tail counts as that of the flight.
     """
     grid = at_height(given.grid("symflp"), h_ref)
-    lines, found = given.place("symflp"), _deflection("Ch_e", grid, "delta_e", given)
-    slope = _slope("Ch_e", grid)
+    effects = _deflection_effects("Ch_e", grid, "delta_e", given)
+    slope = _alpha_slope("Ch_e", grid)
     if not slope:
-        return found
-    place = next(
-        (source for source in (given, clean) if source.has("downwash") and source.decks), None
-    )
-    if place is None:
+        return effects
+    with_downwash = [source for source in (given, clean) if source.has("downwash") and source.decks]
+    if not with_downwash:
         warn_user(
             f"{given.role}: (CH)A is per angle of attack of the tail, and no listing with "
             f"downwash is at hand; Ch_e/alpha is left absent"
         )
-        return found
-    epsilon = at_height(place.grid("downwash"), h_ref)["epsilon"]
-    epsilon = (
-        epsilon.interp(mach=slope["Ch_e"]["mach"])
-        if place is clean and epsilon.sizes["mach"] > 1
-        else epsilon
-    )
-    i_H = place.card("SYNTHS", "ALIH", 0.0) * DEGREE
+        return effects
+    source = with_downwash[0]
+    epsilon = at_height(source.grid("downwash"), h_ref)["epsilon"]
+    # The clean listing may have other Mach numbers.
+    if source is clean and epsilon.sizes["mach"] > 1:
+        epsilon = epsilon.interp(mach=slope["Ch_e"]["mach"])
+    i_H = source.card("SYNTHS", "ALIH", 0.0) * DEGREE
     table = slope["Ch_e"] * (epsilon["alpha"] - epsilon + i_H)
-    comment = f"(CH)A times the angle of attack of the tail, alpha - epsilon + {i_H / DEGREE:g} deg"
-    return [
-        Effect(
-            "alpha", {"Ch_e": table.transpose("mach", "alpha")}, references=lines, comment=comment
-        ),
-        *found,
-    ]
+    alpha_effect = Effect(
+        "alpha",
+        {"Ch_e": table.transpose("mach", "alpha")},
+        references=given.place("symflp"),
+        comment="(CH)A times the angle of attack of the tail, alpha - epsilon + "
+        f"{i_H / DEGREE:g} deg",
+    )
+    return [alpha_effect, *effects]
 
 
 def aileron_hinge(given: Source, h_ref: float) -> list[Effect]:
-    """Return the effects ``alpha`` and ``delta`` on Ch_a of one aileron, from SYMFLP pages of the
-    wing with the aileron's geometry.
+    """Return the effects ``alpha`` and ``delta`` on Ch_a of one aileron.
+
+    They come from SYMFLP pages of the wing with the geometry of the aileron.
     """
     grid = at_height(given.grid("symflp"), h_ref)
     if grid.attrs.get("surface") != "wing":
@@ -222,73 +227,81 @@ def aileron_hinge(given: Source, h_ref: float) -> list[Effect]:
                 "SYMFLP without tail"
             ],
         )
-    slope = _slope("Ch_a", grid)
-    comment = (
-        "one aileron; equal on both sides, so that it cancels at the wheel unless the "
-        "aeroplane rolls"
+    effects = _deflection_effects("Ch_a", grid, "delta_a", given)
+    slope = _alpha_slope("Ch_a", grid)
+    if not slope:
+        return effects
+    alpha_effect = Effect(
+        "alpha",
+        slope,
+        "alpha",
+        references=given.place("symflp"),
+        comment="one aileron; equal on both sides, so that it cancels at the wheel unless the "
+        "aeroplane rolls",
     )
-    found = _deflection("Ch_a", grid, "delta_a", given)
-    return (
-        [Effect("alpha", slope, "alpha", references=given.place("symflp"), comment=comment), *found]
-        if slope
-        else found
-    )
+    return [alpha_effect, *effects]
 
 
 def tab_effects(given: Source, h_ref: float, with_page: bool) -> list[Effect]:
-    """Return the effects ``tab`` and ``tab_gearing`` on Ch_e, and ``alpha`` and ``delta`` unless a
-    SYMFLP page gives them.
+    """Return the effects ``tab`` and ``tab_gearing`` on Ch_e, and perhaps ``alpha``, ``delta``.
 
     Parameters
     ----------
+    given : Source
+        Streams of CONTAB.
+    h_ref : float
+        Altitude of the basic tables. [m]
     with_page : bool
-        The terms ``alpha`` and ``delta`` come from the SYMFLP page already.
+        The terms ``alpha`` and ``delta`` come from a SYMFLP page, so that the streams are not used
+        for them.
 
     Notes
     -----
-    The streams are planes in alpha and deflection made of the engineer's own B1 to B4, D1 to D3 [routine CTABS]:
+    The streams are planes in alpha and deflection, made of the engineer's B1 to B4 and D1 to D3
+    [routine CTABS]:
 
-        locked = B1 delta + B3 alpha,      gearing = (...) delta + (...) alpha,      tab for no stick force = -locked / B4 (trim tab alone)
+        locked = B1 delta + B3 alpha
+        gearing = (...) delta + (...) alpha
+        tab for no stick force = -locked / B4 (trim tab alone)
 
-    With a control tab too the program prints +free / B4, and the stream of the free tab holds B1 +
-    D1 B2 / D2 where a tab without moment requires B1 - D1 B2 / D2: faults of sign.  So the free tab
-    is not used.
+    With a control tab too the program prints +free / B4.  The stream of the free tab contains
+    B1 + D1 B2 / D2, but a tab without moment requires B1 - D1 B2 / D2.  These are faults of sign.
+    The free tab is therefore not used.
     """
     grid = at_height(given.grid("tabs"), h_ref).isel(mach=0)
-    planes = {
-        name: _plane(grid[name], grid["one_decimal"])
-        for name in grid.data_vars
-        if str(name).startswith(("Ch_", "delta_"))
-    }
-    lines = _lines(given)
-    found = []
-    tab = _tab_effect(planes)
+    planes = {}
+    for name in map(str, grid.data_vars):
+        if name.startswith(("Ch_", "delta_")):
+            planes[name] = _fit_plane(grid[name], grid["one_decimal"])
+    references = _stream_lines(given)
+    effects = []
+    # B4 of the trim tab.
+    tab = _tab_effectiveness(planes)
     if np.isfinite(tab):
         comment = (
             "per deflection of the trim tab; the engineer's own B4 of CONTAB, from hinge "
             "moment over tab for no stick force"
         )
-        found.append(
-            Effect("tab", {"Ch_e": xr.DataArray(tab)}, "delta_t", references=lines, comment=comment)
-        )
+        table = {"Ch_e": xr.DataArray(tab)}
+        effects.append(Effect("tab", table, "delta_t", references=references, comment=comment))
     else:
         warn_user(
             f"{given.role}: hinge moment and tab for no stick force do not fit each other; "
             f"Ch_e/tab is left absent"
         )
-    per_alpha, per_delta = planes.get("Ch_tab_gearing", (np.nan, np.nan))
-    if np.isfinite(per_delta) and abs(per_delta) > 1e-6:
-        surface = (per_alpha * grid["alpha"] + per_delta * grid["delta"]).rename(delta="delta_e")
-        comment = "moment of the geared tab on the control; plane through the printed stream"
-        found.append(
-            Effect(
-                "tab_gearing",
-                {"Ch_e": surface.drop_vars(["mach"], errors="ignore")},
-                references=lines,
-                comment=comment,
-            )
+    # A slope of zero means that the deck has no geared tab.
+    per_alpha, per_delta = planes.get("Ch_tab_gearing", _NO_PLANE)
+    if np.isfinite(per_delta) and abs(per_delta) > _LEAST_SLOPE:
+        plane = (per_alpha * grid["alpha"] + per_delta * grid["delta"]).rename(delta="delta_e")
+        gearing = Effect(
+            "tab_gearing",
+            {"Ch_e": plane.drop_vars(["mach"], errors="ignore")},
+            references=references,
+            comment="moment of the geared tab on the control; plane through the printed stream",
         )
-    locked = planes.get("Ch_tab_locked", (np.nan, np.nan))
+        effects.append(gearing)
+    # B1 and B3, if no SYMFLP page has the moments of the elevator.
+    locked = planes.get("Ch_tab_locked", _NO_PLANE)
     if not with_page and np.isfinite(locked).all():
         comment = (
             "tab locked; the engineer's own B1 and B3 of CONTAB, angle of attack of the aeroplane"
@@ -297,87 +310,85 @@ def tab_effects(given: Source, h_ref: float, with_page: bool) -> list[Effect]:
             ("alpha", locked[0], "alpha"),
             ("delta", locked[1], "delta_e"),
         ):
-            found.append(
-                Effect(
-                    name,
-                    {"Ch_e": xr.DataArray(value)},
-                    regressor,
-                    references=lines,
-                    comment=comment,
-                )
-            )
-    return found
+            table = {"Ch_e": xr.DataArray(value)}
+            effects.append(Effect(name, table, regressor, references=references, comment=comment))
+    return effects
 
 
-def _deflection(coefficient: str, grid: xr.Dataset, axis: str, given: Source) -> list[Effect]:
-    """Return the effect ``delta``: (CH)D times the deflection, whose slope the program takes from
-    zero.
+def _deflection_effects(
+    coefficient: str, grid: xr.Dataset, axis: str, given: Source
+) -> list[Effect]:
+    """Return the effect ``delta``, none without a printed slope.
+
+    It is (CH)D times the deflection: the program takes the slope from zero.
     """
-    slope = drop_empty_tables(
-        {coefficient: grid["Ch_delta"].rename(delta=axis)} if "Ch_delta" in grid else {}
-    )
-    if not slope:
+    if "Ch_delta" not in grid or not bool(grid["Ch_delta"].notnull().any()):
         return []
-    table = slope[coefficient] * slope[coefficient][axis]
-    table = exact_zero(table, axis) if bool((table[axis] == 0.0).any()) else from_zero(table, axis)
-    return [
-        Effect(
-            "delta",
-            {coefficient: table.sortby(axis)},
-            zeros={axis: [0.0]},
-            references=given.place("symflp"),
-            comment="(CH)D times delta",
-        )
-    ]
-
-
-def _slope(coefficient: str, grid: xr.Dataset) -> dict[str, xr.DataArray]:
-    """Return (CH)A, which is printed once for all deflections."""
-    at = int(np.argmin(np.abs(grid["delta"].values)))
-    return drop_empty_tables(
-        {coefficient: grid["Ch_alpha"].isel(delta=at, drop=True)} if "Ch_alpha" in grid else {}
+    slope = grid["Ch_delta"].rename(delta=axis)
+    table = slope * slope[axis]
+    if bool((table[axis] == 0.0).any()):
+        table = exact_zero(table, axis)
+    else:
+        table = from_zero(table, axis)
+    effect = Effect(
+        "delta",
+        {coefficient: table.sortby(axis)},
+        zeros={axis: [0.0]},
+        references=given.place("symflp"),
+        comment="(CH)D times delta",
     )
+    return [effect]
 
 
-def _plane(stream: xr.DataArray, one_decimal: xr.DataArray) -> tuple[float, float]:
-    """Return the slopes of a stream per alpha and per deflection [1/rad], by the values printed
-    with three digits.
+def _alpha_slope(coefficient: str, grid: xr.Dataset) -> dict[str, xr.DataArray]:
+    """Return (CH)A, which is printed once for all deflections; empty without it."""
+    if "Ch_alpha" not in grid:
+        return {}
+    nearest = int(np.argmin(np.abs(grid["delta"].values)))
+    return drop_empty_tables({coefficient: grid["Ch_alpha"].isel(delta=nearest, drop=True)})
+
+
+def _fit_plane(stream: xr.DataArray, one_decimal: xr.DataArray) -> tuple[float, float]:
+    """Return the slopes of a stream per alpha and per deflection. [1/rad]
+
+    Only values printed with three digits are used.
     """
-    alpha, delta, rough = xr.broadcast(stream["alpha"], stream["delta"], one_decimal)
-    good = (rough == 0) & stream.transpose(*alpha.dims).notnull()
-    if int(good.sum()) < 3:
-        return np.nan, np.nan
-    A = np.column_stack([alpha.values[good.values], delta.values[good.values]])
-    slopes, *_ = np.linalg.lstsq(A, stream.transpose(*alpha.dims).values[good.values], rcond=None)
+    alpha, delta, is_rough = xr.broadcast(stream["alpha"], stream["delta"], one_decimal)
+    values = stream.transpose(*alpha.dims)
+    used = ((is_rough == 0) & values.notnull()).values
+    if int(used.sum()) < 3:
+        return _NO_PLANE
+    # Plane through the origin: no moment at zero incidence and deflection.
+    A = np.column_stack([alpha.values[used], delta.values[used]])
+    slopes, *_ = np.linalg.lstsq(A, values.values[used], rcond=None)
     return float(slopes[0]), float(slopes[1])
 
 
-def _tab_effect(planes: dict) -> float:
-    """Return B4 [1/rad] from the tab for no stick force and the hinge moment it balances, NaN where
-    they do not fit.
+def _tab_effectiveness(planes: Mapping[str, tuple[float, float]]) -> float:
+    """Return B4 from the tab for no stick force and the hinge moment that it balances. [1/rad]
+
+    It is NaN if both slopes do not give the same ratio.
     """
-    free_of_force = np.array(planes.get("delta_tab_trim", (np.nan, np.nan)))
-    for name, sign in (
-        ("Ch_tab_locked", -1.0),
-        ("Ch_tab_free", 1.0),
-    ):  # trim tab alone; with a control tab
-        ratios = sign * np.array(planes.get(name, (np.nan, np.nan))) / free_of_force
-        if (
-            np.isfinite(ratios).all()
-            and abs(ratios[0] - ratios[1]) <= _AGREE * np.abs(ratios).max()
-        ):
+    tab_slopes = np.array(planes.get("delta_tab_trim", _NO_PLANE))
+    # The first stream belongs to a trim tab alone, the second to one with a control tab.
+    for name, sign in (("Ch_tab_locked", -1.0), ("Ch_tab_free", 1.0)):
+        ratios = sign * np.array(planes.get(name, _NO_PLANE)) / tab_slopes
+        if not np.isfinite(ratios).all():
+            continue
+        if abs(ratios[0] - ratios[1]) <= _AGREE * np.abs(ratios).max():
             return float(ratios[1])
     return float("nan")
 
 
-def _lines(given: Source) -> str:
-    coords = given.tree["tabs"].coords
-    ends = [
-        int(end)
-        for name in coords
-        if str(name).startswith("lines_")
-        for text in coords[name].values.ravel()
-        for end in str(text).split("-")
-        if end.isdigit()
-    ]
-    return f"{given.file}, lines {min(ends)}-{max(ends)}" if ends else given.file
+def _stream_lines(given: Source) -> str:
+    """Return file and lines of the streams of CONTAB."""
+    coordinates = given.tree["tabs"].coords
+    numbers = []
+    for name in coordinates:
+        if not str(name).startswith("lines_"):
+            continue
+        for text in coordinates[name].values.ravel():
+            numbers += [int(number) for number in str(text).split("-") if number.isdigit()]
+    if not numbers:
+        return given.file
+    return f"{given.file}, lines {min(numbers)}-{max(numbers)}"

@@ -1,6 +1,4 @@
-"""Effects to terms: cells that are not printed filled or cut away, standard errors and sources
-given to every node.
-"""
+"""Terms of effects: tables without missing cells, with standard errors and sources."""
 
 from __future__ import annotations
 
@@ -16,9 +14,10 @@ from flightmech import terms as _terms
 from flightmech.units import DEGREE
 
 AXIS_ORDER = ("h", "h_agl", "delta_f", "mach", "alpha", "delta_e", "delta_a", "delta_s", "delta_d")
-_NONE = np.array([])
-# standard error of a node that is held or not the program's own, against the rule for printed ones
-_HELD = 2.0
+_NO_POINTS = np.array([])
+# Factor on the standard error of nodes that are extended or do not come from the program.
+_EXTENDED_ERROR = 2.0
+_LEAST_ROWS = 0.5  # share of the alphas of the best Mach number that a Mach number needs
 
 
 def terms_of_effect(
@@ -29,147 +28,192 @@ def terms_of_effect(
     Parameters
     ----------
     effect : Effect
-        Its tables may hold NaN where the listing prints no number.
+        Its tables may contain NaN where the listing prints no number.
     prior : PriorErrors
         Standard errors by term, class of method and regime.
     cover : mapping of str to (float, float)
-        Range that an axis must cover, where a table has it: ``mach`` and ``alpha``.
+        Range that an axis must cover if a table has it: ``mach`` and ``alpha``.
 
     Notes
     -----
-    A Mach number that prints less than half as many alphas as the best one is cut off (a transonic page prints one row), and so are
-    alphas that no Mach number prints.  A cell that is then missing takes the value of the nearest printed alpha of its Mach number,
-    interpolated between two; so do the ends of the range to cover.  This is what the simulation does beyond a table, but for each
-    Mach number by itself, and it keeps a flight in the range of the basic tables inside all tables.  Such nodes are marked as
-    judgement; those held in alpha, those held in Mach number into another speed regime (with a warning), and those that
-    `Effect.judged` flags have twice the standard error.
+    A Mach number with less than half as many printed alphas as the best one is removed (a transonic
+    page prints one row).  Alphas that no Mach number prints are removed as well.  A missing cell
+    takes the value of the nearest printed alpha of its Mach number, interpolated between two.  The
+    ends of the range to cover are filled in the same way.  The simulation does the same beyond a
+    table, but here each Mach number is treated by itself, and a flight in the range of the basic
+    tables stays inside all tables.  Such nodes are marked as judgement.  Twice the standard error
+    have nodes extended in alpha, nodes extended in Mach number into another speed regime (with a
+    warning), and nodes that `Effect.judged` marks.
     """
-    found: dict[str, xr.Dataset] = {}
-    carried: dict[tuple[float, float], list[str]] = {}
+    leaves: dict[str, xr.Dataset] = {}
+    # Names of the terms that are extended into another regime, by last Mach number and end.
+    extended: dict[tuple[float, float], list[str]] = {}
     for coefficient, table in effect.tables.items():
-        whole, printed, notes = fill_unprinted_cells(
-            table.transpose(*(axis for axis in AXIS_ORDER if axis in table.dims))
-        )
-        if not whole.size:
+        axes = [axis for axis in AXIS_ORDER if axis in table.dims]
+        filled, printed, notes = fill_unprinted_cells(table.transpose(*axes))
+        if not filled.size:
             continue
         name = f"{coefficient}/{effect.name}"
         if coefficient in effect.judged:
             printed = printed & ~effect.judged[coefficient].reindex_like(printed)
-        value, ends = extend_to_ranges(whole, cover)
-        far = _carried(whole, ends.get("mach", _NONE), prior)
-        for end in far:
-            carried.setdefault((float(whole["mach"].max()), float(end)), []).append(name)
-        held = ~extend_to_ranges(printed, cover)[0]
-        held = held | _among(value, "alpha", ends.get("alpha", _NONE)) | _among(value, "mach", far)
-        judged = held | _among(value, "mach", ends.get("mach", _NONE))
-        leaf = _terms.make_term(
-            value.values,
-            {str(axis): value[axis].values for axis in value.dims},
-            effect.regressor.split(),
-            stderr=_stderr(name, value, prior, effect.zeros)
-            * np.where(held.transpose(*value.dims), _HELD, 1.0),
-            source="datcom",
-            references=effect.references,
-            comment=join_sentences(
-                effect.comment,
-                *notes,
-                *(_range_text(axis, points) for axis, points in ends.items()),
-            ),
-            history=f"from_datcom: {name}",
+        value, ends = extend_to_ranges(filled, cover)
+        machs, alphas = ends.get("mach", _NO_POINTS), ends.get("alpha", _NO_POINTS)
+        far_machs = _machs_in_other_regime(filled, machs, prior)
+        for end in far_machs:
+            extended.setdefault((float(filled["mach"].max()), float(end)), []).append(name)
+        # Uncertain nodes have a larger error.  Other extended nodes are judgement only.
+        uncertain = ~extend_to_ranges(printed, cover)[0]
+        uncertain = uncertain | _is_at(value, "alpha", alphas) | _is_at(value, "mach", far_machs)
+        judged = uncertain | _is_at(value, "mach", machs)
+        for axis, points in ends.items():
+            notes += _describe_extension(axis, points)
+        leaves[name] = _make_leaf(
+            name, effect, value, uncertain=uncertain, judged=judged, prior=prior, notes=notes
         )
-        code = np.where(
-            judged.transpose(*value.dims), _terms.SOURCES.index("judgement"), leaf["source"]
-        ).astype(np.uint8)
-        found[name] = leaf.assign(source=leaf["source"].copy(data=code))
-    for (last, end), names in carried.items():
+    for (last, end), names in extended.items():
         warn_user(
             f"{' '.join(names)}: nothing is printed beyond Mach {last:g}; that value is held "
             f"to Mach {end:g}, another speed regime, "
             "with twice the standard error; delete or replace it if it matters there"
         )
-    return found
+    return leaves
 
 
-def _among(table: xr.DataArray, axis: str, points: np.ndarray) -> xr.DataArray | bool:
-    """Return a mask of the nodes that stand at some breakpoints of an axis."""
-    return table[axis].isin(list(points)) if axis in table.dims else False
+def _make_leaf(
+    name: str,
+    effect: Effect,
+    value: xr.DataArray,
+    *,
+    uncertain: xr.DataArray,
+    judged: xr.DataArray,
+    prior: PriorErrors,
+    notes: Sequence[str],
+) -> xr.Dataset:
+    """Return the leaf of one term with the standard error and the source of every node."""
+    factor = np.where(uncertain.transpose(*value.dims), _EXTENDED_ERROR, 1.0)
+    # All nodes are from DATCOM first, then the judged ones are marked.
+    leaf = _terms.make_term(
+        value.values,
+        {str(axis): value[axis].values for axis in value.dims},
+        effect.regressor.split(),
+        stderr=_node_stderr(name, value, prior, effect.zeros) * factor,
+        source="datcom",
+        references=effect.references,
+        comment=join_sentences(effect.comment, *notes),
+        history=f"from_datcom: {name}",
+    )
+    judgement = _terms.SOURCES.index("judgement")
+    code = np.where(judged.transpose(*value.dims), judgement, leaf["source"]).astype(np.uint8)
+    return leaf.assign(source=leaf["source"].copy(data=code))
+
+
+def _is_at(table: xr.DataArray, axis: str, points: np.ndarray) -> xr.DataArray | bool:
+    """Return a mask of the nodes at some breakpoints of an axis, False without the axis."""
+    if axis not in table.dims:
+        return False
+    return table[axis].isin(list(points))
 
 
 def fill_unprinted_cells(table: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray, list[str]]:
-    """Return a table without NaN, which of its cells are printed, and what was done; an empty one
-    when nothing is printed.
+    """Return a table without NaN, a mask of its printed cells, and notes on the changes.
+
+    The table is empty if nothing is printed.
     """
-    good = table.notnull()
-    if bool(good.all()):
-        return table, good, []
-    if not bool(good.any()):
-        return table.isel({table.dims[0]: slice(0, 0)}), good, []
+    printed = table.notnull()
+    if bool(printed.all()):
+        return table, printed, []
+    if not bool(printed.any()):
+        return table.isel({table.dims[0]: slice(0, 0)}), printed, []
     notes = []
     if "mach" in table.dims:
-        count = good.sum("alpha") if "alpha" in table.dims else good.astype(int)
-        count = count.min([d for d in count.dims if d != "mach"])
-        keep = count >= max(0.5 * float(count.max()), 1.0)
-        notes += _dropped(keep, "mach")
-        table, good = table.sel(mach=keep), good.sel(mach=keep)
+        # Least number of printed alphas over the other axes.
+        count = printed.astype(int)
+        if "alpha" in table.dims:
+            count = printed.sum("alpha")
+        count = count.min([axis for axis in count.dims if axis != "mach"])
+        kept_machs = count >= max(_LEAST_ROWS * float(count.max()), 1.0)
+        notes += _describe_removed(kept_machs, "mach")
+        table, printed = table.sel(mach=kept_machs), printed.sel(mach=kept_machs)
     if "alpha" in table.dims:
-        keep = good.any([d for d in good.dims if d != "alpha"])
-        notes += _dropped(keep, "alpha")
-        table, good = table.sel(alpha=keep), good.sel(alpha=keep)
-        missing = int((~good).sum())
+        kept_alphas = printed.any([axis for axis in printed.dims if axis != "alpha"])
+        notes += _describe_removed(kept_alphas, "alpha")
+        table, printed = table.sel(alpha=kept_alphas), printed.sel(alpha=kept_alphas)
+        missing = int((~printed).sum())
         if missing:
             notes.append(
-                f"{missing} of {good.size} cells are not printed: value of the nearest "
+                f"{missing} of {printed.size} cells are not printed: value of the nearest "
                 f"printed alpha held there"
             )
-            table = xr.apply_ufunc(
-                _nearest,
-                table["alpha"],
-                table,
-                input_core_dims=[["alpha"], ["alpha"]],
-                output_core_dims=[["alpha"]],
-                vectorize=True,
-            ).transpose(*table.dims)
-    return table, good, notes
+            table = _interpolate_alpha(table)
+    return table, printed, notes
 
 
-def _nearest(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    good = np.isfinite(y)
-    return np.interp(x, x[good], y[good]) if good.any() else y
+def _interpolate_alpha(table: xr.DataArray) -> xr.DataArray:
+    """Return a table whose missing cells are interpolated along alpha."""
+    filled = xr.apply_ufunc(
+        _fill_row,
+        table["alpha"],
+        table,
+        input_core_dims=[["alpha"], ["alpha"]],
+        output_core_dims=[["alpha"]],
+        vectorize=True,
+    )
+    return filled.transpose(*table.dims)
+
+
+def _fill_row(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return a row without NaN; beyond its numbers the nearest one holds."""
+    printed = np.isfinite(y)
+    if not printed.any():
+        return y
+    return np.interp(x, x[printed], y[printed])
 
 
 def extend_to_ranges(
     table: xr.DataArray, cover: Mapping[str, tuple[float, float]]
 ) -> tuple[xr.DataArray, dict[str, np.ndarray]]:
-    """Return a table whose axes cover ranges, the last values held, and the breakpoints that were
-    put in.
+    """Return a table whose axes cover ranges, and the added breakpoints by axis.
+
+    The value at an added breakpoint is that of the nearest one.
     """
     ends = {}
     for axis, (low, high) in cover.items():
         if axis not in table.dims:
             continue
+        # Ends inside the table are not added.
         points = table[axis].values
         ends[axis] = np.array([end for end in (low, high) if end < points[0] or end > points[-1]])
         table = table.reindex({axis: np.union1d(points, ends[axis])}, method="nearest")
     return table, ends
 
 
-def _dropped(keep: xr.DataArray, axis: str) -> list[str]:
-    gone = keep[axis].values[~keep.values]
-    return [f"{axis} {_words(axis, gone)} not printed"] if gone.size else []
+def _describe_removed(is_kept: xr.DataArray, axis: str) -> list[str]:
+    """Return a note on the breakpoints that are removed, none without any."""
+    removed = is_kept[axis].values[~is_kept.values]
+    if not removed.size:
+        return []
+    return [f"{axis} {_format_points(axis, removed)} not printed"]
 
 
-def _range_text(axis: str, points: np.ndarray) -> str:
-    return f"{axis} {_words(axis, points)}: value of the nearest one held" if points.size else ""
+def _describe_extension(axis: str, points: np.ndarray) -> list[str]:
+    """Return a note on the breakpoints that are added, none without any."""
+    if not points.size:
+        return []
+    return [f"{axis} {_format_points(axis, points)}: value of the nearest one held"]
 
 
-def _words(axis: str, points: np.ndarray) -> str:
-    scale, unit = (DEGREE, " deg") if axis == "alpha" else (1.0, "")
+def _format_points(axis: str, points: np.ndarray) -> str:
+    """Return breakpoints as text; alpha in degrees."""
+    scale, unit = 1.0, ""
+    if axis == "alpha":
+        scale, unit = DEGREE, " deg"
     return " ".join(f"{point / scale:.4g}" for point in points) + unit
 
 
-def _stderr(
+def _node_stderr(
     name: str, table: xr.DataArray, prior: PriorErrors, zeros: Mapping[str, Sequence[float]]
 ) -> np.ndarray:
+    """Return the standard error of every node; 0 where the effect is zero by definition."""
     stderr = prior.stderr(name, table)
     for axis, points in zeros.items():
         if axis in table.dims:
@@ -177,9 +221,12 @@ def _stderr(
     return stderr.transpose(*table.dims).values
 
 
-def _carried(printed: xr.DataArray, ends: np.ndarray, prior: PriorErrors) -> np.ndarray:
-    """Return the Mach numbers to which a value is carried from another speed regime."""
+def _machs_in_other_regime(
+    printed: xr.DataArray, ends: np.ndarray, prior: PriorErrors
+) -> np.ndarray:
+    """Return the added Mach numbers that lie in another speed regime than the last printed one."""
     if not ends.size:
         return ends
     last = float(printed["mach"].max())
-    return np.array([end for end in ends if end > last and prior.regime(end) != prior.regime(last)])
+    regime = prior.regime(last)
+    return np.array([end for end in ends if end > last and prior.regime(end) != regime])

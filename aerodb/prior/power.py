@@ -1,14 +1,14 @@
-"""Power effects from pages with JETPWR or PROPWR: what running engines do to the airflow, per
-thrust coefficient.
+"""Effects of engine power on the airflow, per thrust coefficient, from JETPWR or PROPWR pages.
 
-The program adds to its pages [routines JETPWE, PRPWEF]: the lift CT sin(alpha + i) of the thrust
-itself, its moment about the moment centre (-CT z/cbar), the normal force of inlet or propeller, and
-what jet or slipstream do to wing and tail; the drag of the thrust is not in it.  A simulation that
-lets the thrust act at the engines would count the first two twice, so they are taken off here.
+The program adds four parts to its pages [routines JETPWE, PRPWEF]: the lift CT sin(alpha + i) of
+the thrust force, its moment about the moment centre (-CT z/cbar), the normal force of inlet or
+propeller, and the effect of jet or slipstream on wing and tail.  The drag of the thrust is not
+included.  A simulation that applies the thrust force at the engines would count the first two parts
+twice, so that they are subtracted here.
 
-The rest is divided by the thrust coefficient of the deck and multiplies the regressor ``CT``: right
-at that thrust, linear in between and beyond by assumption (the inlet force does not grow with
-thrust, the downwash at the tail less than in proportion).
+The remainder is divided by the thrust coefficient of the deck and multiplies the regressor ``CT``.
+It is exact at that thrust and linear in CT by assumption (the inlet force does not grow with
+thrust, and the downwash at the tail grows less than in proportion).
 """
 
 from __future__ import annotations
@@ -26,19 +26,28 @@ from flightmech.units import DEGREE, FOOT, INCH
 
 _LENGTH = {"FT": FOOT, "IN": INCH, "M": 1.0, "CM": 0.01}
 _ROUNDING = {"CL": 1e-3, "CD": 1e-3, "Cm": 1e-4}  # of the difference of two prints
-# what jet or slipstream, inlet or propeller do to the coefficients, per unit of CT: root mean
-# square over alpha of the difference of pages
-# with and without power, thrust itself taken off; the larger of two jets (CL 0.145 and 0.037, Cm
-# 0.081 and 0.068) and of two propeller
-# aircraft (CL 0.237 and 0.166, CD 0.145 and 0.164, Cm 0.307 and 0.276), rounded
+# Size of the effect of power on the coefficients without the thrust force, per unit of CT: root
+# mean square over alpha of the difference of pages with and without power.  The larger of two jets
+# (CL 0.145 and 0.037, Cm 0.081 and 0.068) and of two propeller aircraft (CL 0.237 and 0.166, CD
+# 0.145 and 0.164, Cm 0.307 and 0.276), rounded.
 _INDUCED_BY_JET = {"CL": 0.15, "Cm": 0.1}  # JETPWE sets the drag increment to zero
 _INDUCED_BY_PROPELLER = {"CL": 0.25, "CD": 0.2, "Cm": 0.3}
 
 
 @dataclass(frozen=True)
 class Thrust:
-    """The thrust of a deck: coefficient of all engines T / (qbar S), incidence [rad], height of its
-    line over the moment centre [m].
+    """Thrust of a deck.
+
+    Attributes
+    ----------
+    CT : float
+        Thrust coefficient of all engines, T / (qbar S).
+    incidence : float
+        Incidence of the thrust line. [rad]
+    height : float
+        Height of the thrust line above the moment centre. [m]
+    jet : bool
+        Whether the engines are jets.
     """
 
     CT: float
@@ -47,8 +56,9 @@ class Thrust:
     jet: bool
 
     def itself(self, alpha: xr.DataArray, cbar: float) -> dict[str, xr.DataArray]:
-        """Return what the thrust itself adds to CL, CD, Cm of a powered page; `alpha` [rad], `cbar`
-        [m].
+        """Return the contribution of the thrust force to CL, CD, Cm of a powered page.
+
+        Incidence `alpha` in rad, chord `cbar` in m.
         """
         return {
             "CL": xr.DataArray(self.CT * np.sin(alpha + self.incidence)),
@@ -58,7 +68,7 @@ class Thrust:
 
     @property
     def words(self) -> str:
-        """What was taken off, for a comment."""
+        """Description of the subtracted thrust force, for a comment."""
         line = f"line {self.height:.3f} m above the moment centre"
         return f"thrust itself taken off (CT sin(alpha + {self.incidence / DEGREE:g} deg), {line})"
 
@@ -71,20 +81,17 @@ def stated_thrust(given: Source) -> Thrust:
     SchemaError
         No or two power namelists, no input cards, or a thrust coefficient of zero.
     """
-    names = {
-        name for deck in given.decks for name in ("JETPWR", "PROPWR") if name in deck.namelists
-    }
+    names: set[str] = set()
+    for deck in given.decks:
+        names.update({"JETPWR", "PROPWR"} & set(deck.namelists))
     if given.decks and len(names) != 1:
-        raise SchemaError(
-            given.role,
-            [
-                f"the input cards hold "
-                f"{' and '.join(sorted(names)) or 'no JETPWR or PROPWR'}; one of them is "
-                f"needed"
-            ],
-        )
+        namelists = " and ".join(sorted(names)) or "no JETPWR or PROPWR"
+        raise SchemaError(given.role, [f"the input cards hold {namelists}; one of them is needed"])
     jet = names == {"JETPWR"}
-    name, letter = ("JETPWR", "J") if jet else ("PROPWR", "P")
+    # The variables of both namelists differ in their last letter.
+    name, letter, height_card = "PROPWR", "P", "PHVLOC"
+    if jet:
+        name, letter, height_card = "JETPWR", "J", "JEVLOC"
     CT = given.card(name, f"NENGS{letter}") * given.card(name, f"THSTC{letter}")
     if not CT > 0.0:
         raise SchemaError(
@@ -92,43 +99,87 @@ def stated_thrust(given: Source) -> Thrust:
             [f"the thrust coefficient of the input cards is {CT:g}; a positive one is needed"],
         )
     incidence = given.card(name, f"AIETL{letter}", 0.0) * DEGREE
-    z = given.card(name, "JEVLOC" if jet else "PHVLOC", 0.0) - given.card("SYNTHS", "ZCG", 0.0)
+    # Height as the program computes it: for jets the distance of the line from the moment centre.
+    z = given.card(name, height_card, 0.0) - given.card("SYNTHS", "ZCG", 0.0)
     x = given.card(name, "JEALOC", 0.0) - given.card("SYNTHS", "XCG", 0.0)
-    height = np.cos(incidence) * z + np.sin(incidence) * x if jet else z  # as the program forms it
+    height = z
+    if jet:
+        height = np.cos(incidence) * z + np.sin(incidence) * x
     if jet and given.card(name, "JIALOC", 0.0) > given.card("SYNTHS", "XW", 0.0):
         warn_user(
             f"{given.role}: the inlet lies behind the apex of the wing, where the program "
             f"extrapolates its chart of the upwash before it; "
             "the normal force of the inlet in CL/power and Cm/power is doubtful"
         )
-    return Thrust(CT, incidence, float(height) * _LENGTH[given.decks[0].dim], jet)
+    unit = _LENGTH[given.decks[0].dim]
+    return Thrust(CT=CT, incidence=incidence, height=float(height) * unit, jet=jet)
 
 
 def power_effect(given: Source, clean: Source, h_ref: float) -> Effect:
-    """Return the effect ``power`` on CL, CD, Cm per unit of the thrust coefficient, without the
-    thrust force itself.
+    """Return the effect ``power`` on CL, CD, Cm per unit of the thrust coefficient.
+
+    The thrust force is not included.
+
+    Parameters
+    ----------
+    given, clean : Source
+        Pages with and without power.
+    h_ref : float
+        Altitude of the basic tables. [m]
+
+    Raises
+    ------
+    SchemaError
+        The pages differ in reference quantities, altitude, Mach numbers or angles of attack.
 
     Notes
     -----
-    A cell without value on the unpowered page is left out: the program prints the increment alone there.
+    A cell without a value on the unpowered page is left out: the program prints only the increment
+    there.
     """
     engine = stated_thrust(given)
-    other = [
-        key
-        for key, item in given.reference.items()
-        if not np.isclose(item, clean.reference[key], rtol=1e-6, atol=1e-9)
-    ]
-    if other:
+    powered, free = _matching_pages(given, clean, h_ref)
+    # JETPWE sets the drag increment to zero.
+    coefficients: tuple[str, ...] = ("CL", "CD", "Cm")
+    if engine.jet:
+        coefficients = ("CL", "Cm")
+    increments = {}
+    for name in coefficients:
+        table = powered[name] - free[name]
+        if float(np.abs(table).max()) > _ROUNDING[name]:
+            increments[name] = table
+    increments = drop_empty_tables(increments)
+    if not increments:
+        warn_user(
+            f"{given.role}: the powered pages are those without power; the power terms are "
+            f"left absent"
+        )
+    # The thrust force acts at the engines in a simulation.
+    force = engine.itself(powered["alpha"], given.reference["cbar"])
+    tables = {}
+    for name, table in increments.items():
+        tables[name] = (table - force[name]) / engine.CT
+    comment = f"{engine.words}; computed at CT = {engine.CT:g}, linear in CT by assumption"
+    return Effect("power", tables, "CT", references=given.place("static"), comment=comment)
+
+
+def _matching_pages(given: Source, clean: Source, h_ref: float) -> tuple[xr.Dataset, xr.Dataset]:
+    """Return the pages with and without power at one altitude and equal Mach numbers and alphas."""
+    differences = []
+    for key, item in given.reference.items():
+        if not np.isclose(item, clean.reference[key], rtol=1e-6, atol=1e-9):
+            differences.append(key)
+    if differences:
         raise SchemaError(
             given.role,
             [
-                f"{', '.join(other)} of the powered pages are not those of the clean ones; "
+                f"{', '.join(differences)} of the powered pages are not those of the clean ones; "
                 f"compute both with the same"
             ],
         )
-    pages = _pages(given)
+    pages, free = _undeflected_pages(given), _undeflected_pages(clean)
     h = float(pages["h"].sel(h=h_ref, method="nearest"))
-    powered, free = pages.sel(h=h, drop=True), _pages(clean)
+    powered = pages.sel(h=h, drop=True)
     if not np.isclose(free["h"], h, rtol=0.0, atol=1.0).any():
         raise SchemaError(
             given.role,
@@ -138,11 +189,10 @@ def power_effect(given: Source, clean: Source, h_ref: float) -> Effect:
             ],
         )
     free = free.sel(h=h, method="nearest", drop=True)
-    missing = [
-        f"{mach:g}"
-        for mach in powered["mach"].values
-        if not np.isclose(free["mach"], mach, rtol=0.0, atol=1e-6).any()
-    ]
+    missing = []
+    for mach in powered["mach"].values:
+        if not np.isclose(free["mach"], mach, rtol=0.0, atol=1e-6).any():
+            missing.append(f"{mach:g}")
     if missing:
         raise SchemaError(
             given.role,
@@ -162,27 +212,12 @@ def power_effect(given: Source, clean: Source, h_ref: float) -> Effect:
                 "schedule to both"
             ],
         )
-    free = free.assign_coords(alpha=powered["alpha"])
-    forces = (
-        ("CL", "Cm") if engine.jet else ("CL", "CD", "Cm")
-    )  # JETPWE sets the drag increment to zero
-    whole = {c: powered[c] - free[c] for c in forces}
-    itself = engine.itself(powered["alpha"], given.reference["cbar"])
-    tables = drop_empty_tables(
-        {c: table for c, table in whole.items() if float(np.abs(table).max()) > _ROUNDING[c]}
-    )
-    if not tables:
-        warn_user(
-            f"{given.role}: the powered pages are those without power; the power terms are "
-            f"left absent"
-        )
-    comment = f"{engine.words}; computed at CT = {engine.CT:g}, linear in CT by assumption"
-    rest = {c: (table - itself[c]) / engine.CT for c, table in tables.items()}
-    return Effect("power", rest, "CT", references=given.place("static"), comment=comment)
+    # Equal coordinates to the last bit, or the difference of the pages would drop cells.
+    return powered, free.assign_coords(alpha=powered["alpha"])
 
 
 def without_thrust(clean: Source, grid: xr.Dataset) -> tuple[xr.Dataset, str]:
-    """Return powered static pages without the thrust itself, and the remainder in words.
+    """Return powered static pages without the thrust force, and a description of the remainder.
 
     Parameters
     ----------
@@ -193,37 +228,43 @@ def without_thrust(clean: Source, grid: xr.Dataset) -> tuple[xr.Dataset, str]:
 
     Notes
     -----
-    CLA and CMA of a powered page are those without power.  Where one is missing, CL or CM has no value without power and the program prints
-    the increment alone there: such cells are taken out.  Lateral and dynamic derivatives are printed without power.
+    CLA and CMA of a powered page are those without power.  If one is missing, CL or CM has no value
+    without power, and the program prints only the increment there.  Such cells are
+    removed.  Lateral and dynamic derivatives are printed without power.
     """
     engine = stated_thrust(clean)
-    itself = engine.itself(grid["alpha"], clean.reference["cbar"])
+    force = engine.itself(grid["alpha"], clean.reference["cbar"])
     slopes = {"CL": "CL_alpha", "Cm": "Cm_alpha"}
-    tables = {
-        c: (grid[c] - itself[c]).where(grid[slopes[c]].notnull() if c in slopes else True)
-        for c in itself
-    }
-    kind, parts = (
-        ("jet", "inlet and jet") if engine.jet else ("propeller", "propeller and slipstream")
-    )
-    words = (
+    tables = {}
+    for name, contribution in force.items():
+        tables[name] = grid[name] - contribution
+        if name in slopes:
+            tables[name] = tables[name].where(grid[slopes[name]].notnull())
+    kind, parts = "propeller", "propeller and slipstream"
+    if engine.jet:
+        kind, parts = "jet", "inlet and jet"
+    description = (
         f"computed with {kind} power at CT = {engine.CT:g}: {engine.words}; what {parts} do "
         f"to the flow is in it, standard errors widened"
     )
-    return grid.assign(tables), words
+    return grid.assign(tables), description
 
 
 def with_power_in_it(prior: PriorErrors, clean: Source) -> PriorErrors:
-    """Return the rules with what the power does to the flow in the standard errors of CL, CD and Cm
-    ``basic``.
+    """Return the rules with the effect of power in the standard errors of the basic terms.
+
+    These are CL, CD and Cm ``basic``.
     """
     engine = stated_thrust(clean)
-    induced = _INDUCED_BY_JET if engine.jet else _INDUCED_BY_PROPELLER
-    return prior.widened({f"{c}/basic": engine.CT * size for c, size in induced.items()})
+    induced = _INDUCED_BY_PROPELLER
+    if engine.jet:
+        induced = _INDUCED_BY_JET
+    return prior.widened({f"{name}/basic": engine.CT * size for name, size in induced.items()})
 
 
-def _pages(place: Source) -> xr.Dataset:
-    grid = place.grid("static")
+def _undeflected_pages(source: Source) -> xr.Dataset:
+    """Return the static pages without deflection, which is the first one."""
+    grid = source.grid("static")
     for axis in ("delta_f", "delta_e"):
         if axis in grid.dims:
             grid = grid.isel({axis: 0}, drop=True)

@@ -1,14 +1,16 @@
-"""A-priori standard errors of DATCOM's estimates, by method class.
+"""A-priori standard errors of DATCOM's estimates, by term and class of method.
 
-The standard error of a node is ``factor * hypot(relative * |value|, absolute)``; nodes that are
-zero by definition (an increment at zero deflection, a ground effect at height) have none.  Relative
-and absolute figures go by term and are those of the subsonic methods; the factor goes by class of
-method (static, dynamic, control, ground, power, hinge) and speed regime.  The relative figures are
-the engineering defaults of the project's identification guide (``7.6 A-priori weighting``) where it
-names the derivative (marked g); the others, and all factors, are engineering judgement (j), set by
-the kind of method: fin-and-body build-ups, section data, charts of a few points, fairings between
-two regimes.  They are starting values, to be replaced by a project's own comparison of estimates
-with flight: pass ``stderr=`` to `aerodb.from_datcom`.
+The standard error of a node is ``factor * hypot(relative * |value|, absolute)``.  It is zero at
+nodes that are zero by definition (an increment at zero deflection, a ground effect at height).  The
+relative and absolute figures depend on the term and are those of the subsonic methods.  The factor
+depends on the class of method (static, dynamic, control, ground, power, hinge) and on the speed
+regime.
+
+Figures marked g are the engineering defaults of the project's identification guide (``7.6 A-priori
+weighting``).  The others (j), and all factors, are engineering judgement by the kind of method:
+fin-and-body build-ups, section data, charts of a few points, fairings between two regimes.  They
+are starting values.  Replace them by the results of a comparison of estimates with flight: pass
+``stderr=`` to `aerodb.from_datcom`.
 """
 
 from __future__ import annotations
@@ -23,12 +25,11 @@ import xarray as xr
 from flightmech.errors import SchemaError, UnknownName
 
 REGIMES = ("subsonic", "transonic", "supersonic")
-STMACH, TSMACH = (
-    0.6,
-    1.4,
-)  # where DATCOM ends its subsonic methods and starts its supersonic ones, unless the deck states otherwise
+# Last Mach number of DATCOM's subsonic methods and first one of its supersonic methods, unless the
+# deck states others.
+STMACH, TSMACH = 0.6, 1.4
 
-# term: (relative, absolute), subsonic; the absolute one in the unit of the table
+# By term: relative and absolute subsonic error, the latter in the unit of the table.
 PRIOR_ERRORS: dict[str, tuple[float, float]] = {
     # static
     "CL/basic": (0.08, 0.05),  # g: slope 8 %, CL0 0.05
@@ -65,10 +66,7 @@ PRIOR_ERRORS: dict[str, tuple[float, float]] = {
     "Cn/aileron": (1.0, 0.002),  # g; j: the estimate passes through zero with CL
     "Cl/spoiler": (0.5, 0.002),  # j: charts of section data, nothing at small heights
     "Cn/spoiler": (0.5, 0.001),  # j
-    "Cl/differential_tail": (
-        0.25,
-        0.0,
-    ),  # j: a little worse than the aileron, downwash of the other half
+    "Cl/differential_tail": (0.25, 0.0),  # j: worse than the aileron, downwash of the other half
     # ground
     "CL/ground": (0.3, 0.01),  # j: outside its linear range the program warns itself
     "CD/ground": (0.3, 0.003),  # j
@@ -84,10 +82,7 @@ PRIOR_ERRORS: dict[str, tuple[float, float]] = {
     "CD/power": (0.5, 0.02),  # j
     "Cm/power": (0.5, 0.02),  # j
     # hinge
-    "Ch_e/alpha": (
-        0.3,
-        0.02,
-    ),  # j: depends on gap, nose and boundary layer, which the charts do not know
+    "Ch_e/alpha": (0.3, 0.02),  # j: gap, nose and boundary layer are not in the charts
     "Ch_e/delta": (0.3, 0.0),  # j
     "Ch_e/tab": (0.1, 0.0),  # j: the engineer's own figure comes back
     "Ch_e/tab_gearing": (0.1, 0.0),  # j: as the tab
@@ -95,8 +90,8 @@ PRIOR_ERRORS: dict[str, tuple[float, float]] = {
     "Ch_a/delta": (0.3, 0.0),  # j
 }
 
-# class: factor in the transonic and in the supersonic regime, j throughout; ground and power
-# methods are subsonic ones
+# By class: factor in the transonic and in the supersonic regime, all by judgement.  The methods of
+# ground effect and power are subsonic.
 REGIME_FACTORS: dict[str, tuple[float, float]] = {
     "static": (2.0, 1.25),  # transonic: a fairing between the two others
     "dynamic": (2.0, 1.5),
@@ -117,8 +112,7 @@ _CLASS = {
 
 
 def method_class(term: str) -> str:
-    """Return the class of method a term of DATCOM comes from: ``static dynamic control ground power
-    hinge``.
+    """Return the class of the method of a term: ``static dynamic control ground power hinge``.
 
     Examples
     --------
@@ -126,19 +120,21 @@ def method_class(term: str) -> str:
     'dynamic'
     """
     coefficient, _, contribution = term.partition("/")
-    return "hinge" if coefficient.startswith("Ch_") else _CLASS[contribution]
+    if coefficient.startswith("Ch_"):
+        return "hinge"
+    return _CLASS[contribution]
 
 
 @dataclass(frozen=True)
 class PriorErrors:
-    """The rules in use: figures by term, factors by class, and where the regimes meet.
+    """Rules of the standard errors: figures by term, factors by class, limits of the regimes.
 
     Attributes
     ----------
     terms : dict of str to (float, float)
         Relative and absolute standard error. [1, unit of the table]
     factors : dict of str to (float, float)
-        Class of method to its factor in the transonic and the supersonic regime.
+        Factors in the transonic and the supersonic regime, by class of method.
     stmach, tsmach : float
         Last Mach number of the subsonic methods, first one of the supersonic methods.
     """
@@ -150,31 +146,36 @@ class PriorErrors:
 
     def regime(self, mach: float) -> str:
         """Return the speed regime of a Mach number."""
-        return (
-            REGIMES[0] if mach <= self.stmach else REGIMES[2] if mach >= self.tsmach else REGIMES[1]
-        )
+        if mach <= self.stmach:
+            return "subsonic"
+        if mach >= self.tsmach:
+            return "supersonic"
+        return "transonic"
 
     def widened(self, more: Mapping[str, float]) -> PriorErrors:
-        """Return the rules with a further absolute standard error of some terms, added in
-        quadrature. [unit of the table]
+        """Return the rules with a further absolute standard error of some terms.
+
+        It is added in quadrature. [unit of the table]
         """
-        wider = {
-            term: (self.terms[term][0], float(np.hypot(self.terms[term][1], size)))
-            for term, size in more.items()
-        }
-        return replace(self, terms={**self.terms, **wider})
+        terms = dict(self.terms)
+        for term, size in more.items():
+            relative, absolute = self.terms[term]
+            terms[term] = relative, float(np.hypot(absolute, size))
+        return replace(self, terms=terms)
 
     def stderr(self, term: str, table: xr.DataArray) -> xr.DataArray:
-        """Return the standard error of every node of a table; one without a Mach axis counts as
-        subsonic.
+        """Return the standard error of every node of a table.
+
+        A table without a Mach axis counts as subsonic.
         """
         relative, absolute = self.terms[term]
-        found = ((relative * table) ** 2 + absolute**2) ** 0.5
+        stderr = ((relative * table) ** 2 + absolute**2) ** 0.5
         if "mach" not in table.dims:
-            return found
+            return stderr
         factor = dict(zip(REGIMES, (1.0, *self.factors[method_class(term)])))
         mach = table["mach"].values
-        return found * xr.DataArray([factor[self.regime(m)] for m in mach], {"mach": mach}, "mach")
+        factors = [factor[self.regime(m)] for m in mach]
+        return stderr * xr.DataArray(factors, {"mach": mach}, "mach")
 
 
 def errors_with(
@@ -182,13 +183,13 @@ def errors_with(
     stmach: float = STMACH,
     tsmach: float = TSMACH,
 ) -> PriorErrors:
-    """Return the rules with a project's own figures laid over them.
+    """Return the rules with the figures of a project in place of some defaults.
 
     Parameters
     ----------
     overrides : mapping, optional
-        Term name to relative and absolute standard error, ``{"Cm/qhat": (0.5, 0.0)}`` [1, unit of
-        the table]; or regime and class to a factor, ``{"transonic static": 3.0}``.
+        Relative and absolute standard error by term, ``{"Cm/qhat": (0.5, 0.0)}`` [1, unit of the
+        table]; or a factor by regime and class, ``{"transonic static": 3.0}``.
     stmach, tsmach : float
         As in `PriorErrors`.
 
@@ -200,46 +201,43 @@ def errors_with(
         An entry that is not a pair of numbers, or not a number, zero or positive.
     """
     terms, factors = dict(PRIOR_ERRORS), dict(REGIME_FACTORS)
-    known = [f"{regime} {kind}" for regime in REGIMES[1:] for kind in factors]
+    regime_names = []
+    for regime in REGIMES[1:]:
+        regime_names += [f"{regime} {kind}" for kind in factors]
     for name, item in (overrides or {}).items():
         if name in terms:
-            terms[name] = _pair(name, item)
-        elif name in known:
+            terms[name] = _require_pair(name, item)
+        elif name in regime_names:
             regime, kind = name.split()
-            transonic, supersonic = factors[kind]
-            factors[kind] = (
-                (_factor(name, item), supersonic)
-                if regime == REGIMES[1]
-                else (transonic, _factor(name, item))
-            )
+            pair = list(factors[kind])
+            pair[REGIMES[1:].index(regime)] = _require_factor(name, item)
+            factors[kind] = pair[0], pair[1]
         else:
-            raise UnknownName(
-                name,
-                [*terms, *known],
-                "term",
-                "stderr= takes terms that a listing can give, and regimes with a class",
-            )
-    return PriorErrors(terms, factors, stmach, tsmach)
+            hint = "stderr= takes terms that a listing can give, and regimes with a class"
+            raise UnknownName(name, [*terms, *regime_names], "term", hint)
+    return PriorErrors(terms, factors, stmach=stmach, tsmach=tsmach)
 
 
-def _pair(name: str, item: object) -> tuple[float, float]:
-    if isinstance(item, tuple | list) and len(item) == 2 and _sound(item[0]) and _sound(item[1]):
-        return float(item[0]), float(item[1])
+def _require_pair(name: str, item: object) -> tuple[float, float]:
+    """Return a pair of standard errors; raise for anything else."""
+    if isinstance(item, tuple | list) and len(item) == 2:
+        relative, absolute = item
+        if _is_error(relative) and _is_error(absolute):
+            return float(relative), float(absolute)
     raise SchemaError(
         "stderr", [f"{name} is {item!r}; give (relative, absolute), two numbers of zero or more"]
     )
 
 
-def _factor(name: str, item: object) -> float:
-    if _sound(item):
+def _require_factor(name: str, item: object) -> float:
+    """Return a factor; raise for anything else."""
+    if _is_error(item):
         return float(item)
     raise SchemaError("stderr", [f"{name} is {item!r}; give a factor of zero or more"])
 
 
-def _sound(number: object) -> TypeGuard[float]:
-    return (
-        isinstance(number, int | float)
-        and not isinstance(number, bool)
-        and bool(np.isfinite(number))
-        and number >= 0
-    )
+def _is_error(number: object) -> TypeGuard[float]:
+    """Return whether an object is a finite number of zero or more."""
+    if isinstance(number, bool) or not isinstance(number, int | float):
+        return False
+    return bool(np.isfinite(number)) and number >= 0

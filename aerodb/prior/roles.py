@@ -1,8 +1,8 @@
-"""Which role the cases of listings play in `from_datcom`, from their own cards and headings."""
+"""Roles of the cases of listings in `from_datcom`, from their cards and headings."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,28 +11,44 @@ from datcom_io.decks.namelists import COUNTS
 from datcom_io.listing import Case
 from flightmech.errors import SchemaError
 
-_SPOILERS, _AILERON, _DIFFERENTIAL_TAIL = (1, 2, 3), 4, 5
-# what the program carries from condition to condition and from deflection to deflection: short runs
-# are the better ones
+_SPOILERS, _AILERON, _DIFFERENTIAL_TAIL = (1, 2, 3), 4, 5  # STYPE of ASYFLP
+# Roles in which the program carries results from condition to condition and from deflection to
+# deflection.  Their shortest runs are the most accurate.
 _DRIFTING = ("flaps", "elevator", "tabs", "aileron_hinge", "ground_flap")
-_OF_THE_DEFLECTION = (
-    "NDELTA",
-    *next(needed + others for name, _, needed, others in COUNTS if name == "SYMFLP"),
-)
-_OF_THE_RUN = ("FLTCON", "GRNDEF")  # namelists that do not make another aircraft or device
+_ASYMMETRIC_ROLES = ("aileron", "spoilers", "differential_tail")  # roles of the namelist ASYFLP
+_ASYMMETRIC_PAGES = {
+    "asyflp_roll",
+    "asyflp_tail",
+    "spoiler",
+    "spoiler_slot",
+    "spoiler_supersonic",
+}
+_RUN_NAMELISTS = ("FLTCON", "GRNDEF")  # namelists that do not change the aircraft or a device
+_DEVICE_NAMELISTS = ("SYMFLP", "CONTAB", "JETPWR", "PROPWR")
+
+
+def _deflection_variables() -> tuple[str, ...]:
+    """Return the variables of SYMFLP that depend on its deflections."""
+    for name, _, needed, others in COUNTS:
+        if name == "SYMFLP":
+            return ("NDELTA", *needed, *others)
+    raise LookupError("datcom_io.decks.namelists.COUNTS has no entry of SYMFLP")
+
+
+_DEFLECTION_VARIABLES = _deflection_variables()
 
 
 @dataclass(frozen=True)
 class CaseRole:
-    """What a case was taken for.
+    """Roles of a case, and the reason for them.
 
     Attributes
     ----------
     case : Case
     roles : tuple of str
-        Roles in `from_datcom`; empty when the case is left out.
+        Roles in `from_datcom`; empty if the case is not used.
     reason : str
-        The cards and headings that decided it.
+        The cards and headings that determine the roles.
     """
 
     case: Case
@@ -41,41 +57,52 @@ class CaseRole:
 
 
 def assign_roles(given: Iterable[Any]) -> list[CaseRole]:
-    """Return what each case of some listings is taken for.
+    """Return the roles of each case of some listings.
 
     Parameters
     ----------
     given : iterable of Listing or Case
-        What `datcom_io.split_deck` and `datcom_io.run_deck` left, or listings of several cases in
+        Results of `datcom_io.split_deck` and `datcom_io.run_deck`, or listings of several cases in
         any order.
 
     Returns
     -------
-    list of Assignment
-        In the order given.  The whole aeroplane is the configuration with the most components.  Of
-        cases that give the same conditions in one role the first is taken, with SYMFLP that of the
-        shortest run.  Where every case of the whole aeroplane has a deflection, the static pages of
-        the elevator cases are the clean ones: the program prints them without deflection.
+    list of CaseRole
+        In the order of the cases.  The whole aeroplane is the configuration with the most
+        components.  If several cases have the same conditions in one role, the first is used; with
+        SYMFLP that of the shortest run.  If every case of the whole aeroplane has a deflection, the
+        static pages of the elevator cases are the clean ones: the program prints them without
+        deflection.
 
     Raises
     ------
     SchemaError
         Cases of the whole aeroplane differ in their geometry: several aircraft.
     """
-    cases = [case for item in given for case in (item if hasattr(item, "cases") else [item])]
-    whole = max((_configuration(case) for case in cases), key=_components, default="")
-    hinges = {_stations(case, "ASYFLP") for case in cases if _style(case) == _AILERON}
-    found = [CaseRole(case, *_role(case, whole, hinges)) for case in cases]
-    if not any("clean" in item.roles for item in found):
-        found = _clean_among_others(found, whole)
-    _require_one_aircraft([item.case for item in found if "clean" in item.roles])
-    for role in dict.fromkeys(role for item in found for role in item.roles):
-        found = _without_repetitions(found, role)
-    return found
+    cases: list[Case] = []
+    for item in given:
+        cases += getattr(item, "cases", [item])
+    aeroplane = max(map(_fullest_configuration, cases), key=_count_components, default="")
+    # Span stations of the ailerons: a SYMFLP at the same stations gives their hinge moments.
+    hinges = {_span_stations(case, "ASYFLP") for case in cases if _style(case) == _AILERON}
+    assigned = []
+    for case in cases:
+        roles, reason = _find_roles(case, aeroplane, hinges)
+        assigned.append(CaseRole(case, roles, reason))
+    if not _cases_of_role(assigned, "clean"):
+        assigned = _assign_clean(assigned, aeroplane)
+    _require_one_aircraft([item.case for item in _cases_of_role(assigned, "clean")])
+    # Roles in order of appearance, each once.
+    present: dict[str, None] = {}
+    for item in assigned:
+        present.update(dict.fromkeys(item.roles))
+    for role in present:
+        assigned = _without_repetitions(assigned, role)
+    return assigned
 
 
 def by_role(found: Iterable[CaseRole]) -> dict[str, list[Case]]:
-    """Return the cases of each role, as `from_datcom` takes them."""
+    """Return the cases of each role, as arguments of `from_datcom`."""
     roles: dict[str, list[Case]] = {}
     for item in found:
         for role in item.roles:
@@ -83,202 +110,247 @@ def by_role(found: Iterable[CaseRole]) -> dict[str, list[Case]]:
     return roles
 
 
-def _role(
-    case: Case, whole: str, hinges: set[tuple[float | None, ...]]
+def _cases_of_role(assigned: Iterable[CaseRole], role: str) -> list[CaseRole]:
+    """Return the cases with a role."""
+    return [item for item in assigned if role in item.roles]
+
+
+def _find_roles(
+    case: Case, aeroplane: str, hinges: set[tuple[float | None, ...]]
 ) -> tuple[tuple[str, ...], str]:
-    """Return the roles of a case by itself, and why."""
-    printed = {item.name for page in case.pages for item in page.printed}
-    configuration = _configuration(case)
-    power = next((page.power for page in case.pages if page.power != "off"), "")
+    """Return the roles of a case by itself, and the reason."""
+    # Names of the printed tables, over all pages of the case.
+    printed: set[str] = set()
+    has_ground_page, power = False, ""
+    for page in case.pages:
+        printed.update(item.name for item in page.printed)
+        if page.ground_height != float("inf") and page.kind == "static":
+            has_ground_page = True
+        if page.power != "off" and not power:
+            power = page.power
+    configuration = _fullest_configuration(case)
+    # Power and ground pages also have static tables, so that they are decided first.
     if power:
-        return (
-            "power",
-        ), f"{'JETPWR' if power == 'jet' else 'PROPWR'}: {configuration} with {power} power"
-    if any(page.ground_height != float("inf") and page.kind == "static" for page in case.pages):
-        return _ground_role(case, configuration, whole)
-    if printed & {"asyflp_roll", "asyflp_tail", "spoiler", "spoiler_slot", "spoiler_supersonic"}:
-        style = _style(case)
-        role = (
-            "spoilers"
-            if style in _SPOILERS
-            else "differential_tail"
-            if style == _DIFFERENTIAL_TAIL
-            else "aileron"
-        )
-        return (role,), f"ASYFLP with STYPE {style}"
+        namelist = {"jet": "JETPWR"}.get(power, "PROPWR")
+        return ("power",), f"{namelist}: {configuration} with {power} power"
+    if has_ground_page:
+        return _find_ground_role(case, configuration, aeroplane)
+    if printed & _ASYMMETRIC_PAGES:
+        return _find_asymmetric_role(case)
     if "symflp" in printed:
-        return _flap_roles(case, printed, hinges)
+        return _find_flap_roles(case, printed, hinges)
     if "static" not in printed:
         return (), "prints no table of coefficients"
-    if configuration != whole:
-        return (), f"{configuration}: a part of {whole}"
-    movable = printed & {"trim_stabilizer", "trim_stabilizer_aircraft"}
-    return (
-        (("clean", "elevator"), f"{configuration}; TRIM with an all-movable stabilizer")
-        if movable
-        else (("clean",), configuration)
-    )
+    if configuration != aeroplane:
+        return (), f"{configuration}: a part of {aeroplane}"
+    if printed & {"trim_stabilizer", "trim_stabilizer_aircraft"}:
+        return ("clean", "elevator"), f"{configuration}; TRIM with an all-movable stabilizer"
+    return ("clean",), configuration
 
 
-def _ground_role(case: Case, configuration: str, whole: str) -> tuple[tuple[str, ...], str]:
+def _find_asymmetric_role(case: Case) -> tuple[tuple[str, ...], str]:
+    """Return the role of a case with ASYFLP, which its STYPE determines."""
+    style = _style(case)
+    role = "aileron"
+    if style in _SPOILERS:
+        role = "spoilers"
+    elif style == _DIFFERENTIAL_TAIL:
+        role = "differential_tail"
+    return (role,), f"ASYFLP with STYPE {style}"
+
+
+def _find_ground_role(
+    case: Case, configuration: str, aeroplane: str
+) -> tuple[tuple[str, ...], str]:
+    """Return the role of a case with GRNDEF."""
     if "SYMFLP" in case.deck.namelists:
+        # With a flap on the wing only the first deflection of a run is right.
         surface = control_surface(case.deck)
         reason = f"GRNDEF with SYMFLP on the {surface}"
+        if surface == "tail":
+            return ("ground_elevator",), reason
         if surface == "wing" and (case.deck.count("SYMFLP", "NDELTA") or 0) > 1:
             return (
                 (),
                 f"{reason}: only the first of several deflections of a run is right; run one "
                 f"at a time (datcom split)",
             )
-        return ("ground_elevator" if surface == "tail" else "ground_flap",), reason
-    if configuration != whole:
-        return (), f"GRNDEF with {configuration}: a part of {whole}"
+        return ("ground_flap",), reason
+    if configuration != aeroplane:
+        return (), f"GRNDEF with {configuration}: a part of {aeroplane}"
     return ("ground",), f"GRNDEF: {configuration}"
 
 
-def _flap_roles(
+def _find_flap_roles(
     case: Case, printed: set[str], hinges: set[tuple[float | None, ...]]
 ) -> tuple[tuple[str, ...], str]:
+    """Return the roles of a case with SYMFLP."""
     if control_surface(case.deck) == "wing":
-        if _stations(case, "SYMFLP") in hinges:
+        if _span_stations(case, "SYMFLP") in hinges:
             return ("aileron_hinge",), "SYMFLP on the wing at the span stations of the aileron"
         return ("flaps",), "SYMFLP on the wing"
-    tabs = any(name.startswith("tab_") for name in printed)
-    return (
-        (("elevator", "tabs"), "SYMFLP on the tail with CONTAB")
-        if tabs
-        else (("elevator",), "SYMFLP on the tail")
-    )
+    if any(name.startswith("tab_") for name in printed):
+        return ("elevator", "tabs"), "SYMFLP on the tail with CONTAB"
+    return ("elevator",), "SYMFLP on the tail"
 
 
-def _clean_among_others(found: list[CaseRole], whole: str) -> list[CaseRole]:
-    """Take the static pages of elevator cases, or the powered pages, for the clean ones."""
-    for role, why in (
+def _assign_clean(assigned: list[CaseRole], aeroplane: str) -> list[CaseRole]:
+    """Use the elevator cases, or else the powered cases, of the aeroplane as the clean ones."""
+    for role, reason in (
         ("elevator", "its static pages, without deflection"),
         ("power", "no case without power"),
     ):
-        usable = [
-            item for item in found if role in item.roles and _configuration(item.case) == whole
-        ]
-        if usable:
-            return [_also_clean(item, role, why) if item in usable else item for item in found]
-    return found
+        changed, is_changed = [], False
+        for item in assigned:
+            if role in item.roles and _fullest_configuration(item.case) == aeroplane:
+                item = _also_clean(item, role, reason)
+                is_changed = True
+            changed.append(item)
+        if is_changed:
+            return changed
+    return assigned
 
 
-def _also_clean(item: CaseRole, role: str, why: str) -> CaseRole:
-    roles = ("clean", *item.roles) if role == "elevator" else ("clean",)
-    return replace(item, roles=roles, reason=f"{item.reason}; clean: {why}")
+def _also_clean(item: CaseRole, role: str, reason: str) -> CaseRole:
+    """Return a case that is also clean; a powered one is clean only."""
+    roles: tuple[str, ...] = ("clean",)
+    if role == "elevator":
+        roles = ("clean", *item.roles)
+    return replace(item, roles=roles, reason=f"{item.reason}; clean: {reason}")
 
 
 def _require_one_aircraft(clean: list[Case]) -> None:
+    """Raise if the clean cases differ in their geometry."""
     for case in clean[1:]:
-        different = [name for name, one, other in _geometries(clean[0], case) if one != other]
-        if different:
+        differences = _geometry_differences(clean[0], case)
+        if differences:
             raise SchemaError(
                 "clean",
                 [
-                    f"several aircraft: {_words(clean[0])} {clean[0].name!r} and "
-                    f"{_words(case)} {case.name!r} differ in "
-                    f"{', '.join(different)}; give one with --clean FILE:CASE, or listings "
+                    f"several aircraft: {_case_label(clean[0])} {clean[0].name!r} and "
+                    f"{_case_label(case)} {case.name!r} differ in "
+                    f"{', '.join(differences)}; give one with --clean FILE:CASE, or listings "
                     f"of one aircraft only"
                 ],
             )
 
 
-def _geometries(one: Case, other: Case) -> Iterator[tuple[str, object, object]]:
-    first, second = _meaning(one), _meaning(other)
-    for name in dict.fromkeys([*first, *second]):
-        if name not in (*_OF_THE_RUN, "SYMFLP", "CONTAB", "JETPWR", "PROPWR"):
-            yield name, first.get(name), second.get(name)
+def _geometry_differences(first: Case, second: Case) -> list[str]:
+    """Return the namelists of the geometry in which two cases differ."""
+    # Flight conditions and devices may differ between cases of one aircraft.
+    first_cards, second_cards = _comparable_cards(first), _comparable_cards(second)
+    differences = []
+    for name in dict.fromkeys([*first_cards, *second_cards]):
+        if name in (*_RUN_NAMELISTS, *_DEVICE_NAMELISTS):
+            continue
+        if first_cards.get(name) != second_cards.get(name):
+            differences.append(name)
+    return differences
 
 
-def _without_repetitions(found: list[CaseRole], role: str) -> list[CaseRole]:
-    """Leave out cases whose conditions another case of the role gives, and other devices than the
-    first one.
+def _without_repetitions(assigned: list[CaseRole], role: str) -> list[CaseRole]:
+    """Remove a role from cases with repeated conditions, and from those of another device.
+
+    The device is that of the first case.
     """
-    inside = [item for item in found if role in item.roles]
-    device = {"aileron": "ASYFLP", "spoilers": "ASYFLP", "differential_tail": "ASYFLP"}.get(
-        role, "SYMFLP"
-    )
-    first = _shape(inside[0].case, device) if inside else None
-    taken: list[CaseRole] = []
-    left: dict[int, str] = {}
-    for item in sorted(
-        inside, key=lambda item: len(_places(item.case, role)) * (1 if role in _DRIFTING else -1)
-    ):
-        same = next(
-            (other for other in taken if _places(other.case, role) & _places(item.case, role)), None
-        )
-        if role != "clean" and _shape(item.case, device) != first:
-            left[id(item)] = (
-                f"left out as {role}: another {device} than in {_words(inside[0].case)}"
-            )
-        elif same is not None:
-            left[id(item)] = f"left out as {role}: conditions of {_words(same.case)}"
+    candidates = _cases_of_role(assigned, role)
+    if not candidates:
+        return assigned
+    device = "SYMFLP"
+    if role in _ASYMMETRIC_ROLES:
+        device = "ASYFLP"
+    first = candidates[0].case
+    cards = _device_cards(first, device)
+    # Cases with most conditions come first, in drifting roles those with fewest.
+    order = -1
+    if role in _DRIFTING:
+        order = 1
+    candidates.sort(key=lambda item: len(_conditions(item.case, role)) * order)
+    used: list[Case] = []
+    reasons: dict[int, str] = {}
+    for item in candidates:
+        repeated = _first_overlap(item.case, used, role)
+        if role != "clean" and _device_cards(item.case, device) != cards:
+            reasons[id(item)] = f"another {device} than in {_case_label(first)}"
+        elif repeated is not None:
+            reasons[id(item)] = f"conditions of {_case_label(repeated)}"
         else:
-            taken.append(item)
-    return [
-        replace(
-            item,
-            roles=tuple(other for other in item.roles if other != role),
-            reason=f"{item.reason}; {left[id(item)]}",
-        )
-        if id(item) in left
-        else item
-        for item in found
-    ]
+            used.append(item.case)
+    result = []
+    for item in assigned:
+        if id(item) in reasons:
+            roles = tuple(name for name in item.roles if name != role)
+            reason = f"{item.reason}; left out as {role}: {reasons[id(item)]}"
+            item = replace(item, roles=roles, reason=reason)
+        result.append(item)
+    return result
 
 
-def _words(case: Case) -> str:
+def _first_overlap(case: Case, used: Iterable[Case], role: str) -> Case | None:
+    """Return the first used case with a condition of another one, None without any."""
+    for earlier in used:
+        if _conditions(earlier, role) & _conditions(case, role):
+            return earlier
+    return None
+
+
+def _case_label(case: Case) -> str:
+    """Return file and number of a case, such as ``plus.out:2``."""
     return f"{case.file}:{case.ordinal}"
 
 
-def _meaning(case: Case) -> dict[str, Any]:
-    """Return the namelists of a case and its airfoil sections, comparable."""
+def _comparable_cards(case: Case) -> dict[str, Any]:
+    """Return the namelists of a case and its airfoil sections in comparable form."""
+    # Cards by value: the order and the format of numbers in the deck do not count.
     meaning = case.deck.meaning()
     namelists: Any = meaning["namelists"]
     return {**namelists, "NACA": meaning["sections"]}
 
 
-def _shape(case: Case, device: str) -> dict[str, Any]:
+def _device_cards(case: Case, device: str) -> dict[str, Any]:
     """Return the cards of a device without its deflections."""
-    group = _meaning(case).get(device) or {}
-    return {
-        name: values
-        for name, values in group.items()
-        if device != "SYMFLP" or name not in _OF_THE_DEFLECTION
-    }
+    cards = {}
+    for name, values in (_comparable_cards(case).get(device) or {}).items():
+        if device != "SYMFLP" or name not in _DEFLECTION_VARIABLES:
+            cards[name] = values
+    return cards
 
 
-def _places(case: Case, role: str) -> set[tuple[float, float, float]]:
-    """Return Mach numbers and altitudes of the pages, as printed, and the deflections of
-    symmetrical flaps. [1, of the deck, deg]
+def _conditions(case: Case, role: str) -> set[tuple[float, float, float]]:
+    """Return Mach number, altitude and deflection of all pages. [1, of the deck, deg]
+
+    The deflection is that of symmetrical flaps, and 0 in roles without them.
     """
-    pages = [page for page in case.pages if page.conditions is not None and page.printed]
-    deflections = case.deck.schedule("SYMFLP", "DELTA", "NDELTA") if role in _DRIFTING else []
-    return {
-        (page.condition("mach"), page.condition("h"), delta)
-        for page in pages
-        for delta in deflections or [0.0]
-    }
+    deflections = [0.0]
+    if role in _DRIFTING:
+        deflections = case.deck.schedule("SYMFLP", "DELTA", "NDELTA") or deflections
+    conditions = set()
+    for page in case.pages:
+        if page.conditions is None or not page.printed:
+            continue
+        for deflection in deflections:
+            conditions.add((page.condition("mach"), page.condition("h"), deflection))
+    return conditions
 
 
-def _configuration(case: Case) -> str:
+def _fullest_configuration(case: Case) -> str:
     """Return the configuration of the static pages with the most components."""
-    return max(
-        (page.configuration for page in case.pages if page.kind == "static"),
-        key=_components,
-        default="",
-    )
+    configurations = [page.configuration for page in case.pages if page.kind == "static"]
+    return max(configurations, key=_count_components, default="")
 
 
-def _components(configuration: str) -> int:
-    return len(configuration.split("-")) if configuration else 0
+def _count_components(configuration: str) -> int:
+    """Return the number of components of a configuration such as ``WING-BODY``."""
+    if not configuration:
+        return 0
+    return len(configuration.split("-"))
 
 
 def _style(case: Case) -> int:
+    """Return the STYPE of ASYFLP, 0 without it."""
     return round(case.deck.value("ASYFLP", "STYPE") or 0.0)
 
 
-def _stations(case: Case, namelist: str) -> tuple[float | None, ...]:
+def _span_stations(case: Case, namelist: str) -> tuple[float | None, ...]:
+    """Return the inner and outer span station of a flap. [of the deck]"""
     return case.deck.value(namelist, "SPANFI"), case.deck.value(namelist, "SPANFO")

@@ -1,6 +1,4 @@
-"""From DATCOM case trees to gridded tables: conditions to Mach and altitude, missing cells cut
-away, references kept.
-"""
+"""Gridded tables of DATCOM cases over Mach number and altitude, with their references."""
 
 from __future__ import annotations
 
@@ -24,13 +22,14 @@ _WITHOUT_POWER = (
     "power, or state `powered` (--powered) to use "
     "these pages with the thrust taken off and wider standard errors"
 )
-_SHOWN = 3  # differences of cases that are listed
-_KEPT = ("delta_left", "delta_right")
+_MOST_DIFFERENCES = 3  # differences of cases that a message lists
+# Coordinates of a grid that are not axes and are needed later.
+_PAIR_COORDINATES = ("delta_left", "delta_right")
 
 
 @dataclass(frozen=True)
 class Source:
-    """The cases that were given in one role, joined.
+    """The joined cases of one role.
 
     Attributes
     ----------
@@ -41,11 +40,11 @@ class Source:
     reference : dict
         ``S`` [m2], ``cbar``, ``b``, ``x_cg`` (aft), ``z_cg`` (up) [m].
     looped : frozenset of str
-        Leaves of which one program run computed several flight conditions.
+        Leaves with several flight conditions from one program run.
     decks : tuple of Deck
-        Input cards of the cases; empty where only trees were given.
+        Input cards of the cases; empty if only trees were given.
     powered : bool
-        Whether its pages are those with power effects.
+        Whether the pages with power effects are used.
     """
 
     role: str
@@ -61,33 +60,41 @@ class Source:
         return str(self.tree.attrs.get("file", ""))
 
     def has(self, leaf: str) -> bool:
-        """Return whether a leaf is there."""
+        """Return whether the cases have a leaf."""
         return leaf in self.tree.children
 
     def place(self, leaf: str) -> str:
-        """Return files and lines where the tables of a leaf stand."""
+        """Return files and lines of the tables of a leaf."""
         lines = self.tree[leaf].coords.get("lines")
-        ends = [
-            int(end)
-            for text in (lines.values.ravel() if lines is not None else ())
-            for end in re.findall(r"\d+", str(text))
-        ]
-        return f"{self.file}, lines {min(ends)}-{max(ends)}" if ends else self.file
+        if lines is None:
+            return self.file
+        # A text of lines is a range such as 120-180.
+        numbers: list[int] = []
+        for text in lines.values.ravel():
+            numbers += map(int, re.findall(r"\d+", str(text)))
+        if not numbers:
+            return self.file
+        return f"{self.file}, lines {min(numbers)}-{max(numbers)}"
 
     def card(self, namelist: str, variable: str, default: float | None = None) -> float:
-        """Return a number of the input cards, the same in all cases. [as in the deck]
+        """Return a number of the input cards that is the same in all cases. [as in the deck]
 
         Raises
         ------
         SchemaError
-            No cards came with the tables, the number is not given, or the cases differ in it.
+            The tables have no cards, the number is missing, or the cases differ in it.
         """
-        found = {
-            default if value is None else value
-            for value in (deck.value(namelist, variable) for deck in self.decks)
-        }
-        if len(found) == 1 and (value := found.pop()) is not None:
-            return value
+        # Cases without the number have the default.
+        values = set()
+        for deck in self.decks:
+            value = deck.value(namelist, variable)
+            if value is None:
+                value = default
+            values.add(value)
+        if len(values) == 1:
+            (value,) = values
+            if value is not None:
+                return value
         name = f"{namelist} {variable}"
         if not self.decks:
             raise SchemaError(
@@ -97,12 +104,11 @@ class Source:
                     f"or the Case itself"
                 ],
             )
+        number = "several values of"
+        if values == {None}:
+            number = "no"
         raise SchemaError(
-            self.role,
-            [
-                f"the input cards give {'no' if not found else 'several values of'} {name}; "
-                f"give cases of one deck"
-            ],
+            self.role, [f"the input cards give {number} {name}; give cases of one deck"]
         )
 
     @property
@@ -114,75 +120,95 @@ class Source:
 
     @property
     def configuration(self) -> str:
-        """Configuration of the static pages that are used, as printed: ``WING-BODY``; empty where
-        none is known.
-        """
+        """Configuration of the static pages, such as ``WING-BODY``; empty without any."""
         if not self.has("static"):
             return ""
-        pages = self._of_most_components("static")
-        return str(pages["configuration"].item()) if "configuration" in pages.coords else ""
+        pages = self._fullest_configuration("static")
+        if "configuration" not in pages.coords:
+            return ""
+        return str(pages["configuration"].item())
 
     def grid(self, leaf: str) -> xr.Dataset:
-        """Return a leaf over ``mach`` and ``h`` instead of ``condition``, of the configuration with
-        the most components.
+        """Return a leaf over ``mach`` and ``h`` in place of ``condition``.
+
+        It is that of the configuration with the most components.
 
         Raises
         ------
         SchemaError
-            There is no such leaf, its pages are computed with power where those without are needed
-            (or the reverse), or its conditions fill no grid.
+            The leaf is missing, its pages have power effects and those without are needed (or the
+            reverse), or its conditions do not fill a grid.
         """
         if not self.has(leaf):
             raise SchemaError(
                 self.role,
                 [f"the listing {self.file} holds no {leaf} table; give the case that prints it"],
             )
-        dataset = self._with_power(self._of_most_components(leaf))
+        # Mach number and altitude become axes of the grid.
+        dataset = self._select_power(self._fullest_configuration(leaf))
         try:
-            found = datcom_io.to_grid(_along_mach(dataset))
+            grid = datcom_io.to_grid(_along_mach(dataset))
         except SchemaError as error:
             raise SchemaError(
                 f"{self.role}, {leaf}",
                 [*error.problems, "run the deck with LOOP=2 and every Mach number once"],
             ) from None
-        return found.drop_vars(
-            [name for name in found.coords if name not in found.dims and name not in _KEPT]
-        )
+        unused = []
+        for name in grid.coords:
+            if name not in grid.dims and name not in _PAIR_COORDINATES:
+                unused.append(name)
+        return grid.drop_vars(unused)
 
-    def _of_most_components(self, leaf: str) -> xr.Dataset:
+    def _fullest_configuration(self, leaf: str) -> xr.Dataset:
+        """Return a leaf of the configuration with the most components."""
         dataset = self.tree.children[leaf].to_dataset(inherit=False)
         if "configuration" not in dataset.dims:
             return dataset
-        parts = [len(str(name).split("-")) for name in dataset["configuration"].values]
-        return dataset.isel(configuration=int(np.argmax(parts)))
+        # Components are separated by dashes: WING-BODY has two.
+        components = [len(str(name).split("-")) for name in dataset["configuration"].values]
+        return dataset.isel(configuration=int(np.argmax(components)))
 
-    def _with_power(self, dataset: xr.Dataset) -> xr.Dataset:
+    def _select_power(self, dataset: xr.Dataset) -> xr.Dataset:
+        """Return the pages with or without power effects, as `powered` states."""
         if "power" not in dataset.coords:
             return dataset
+        # A leaf has one kind of power, or an axis of several.
         kinds = [str(kind) for kind in np.atleast_1d(dataset["power"].values)]
-        wanted = [kind for kind in kinds if (kind != "off") == self.powered]
-        if len(wanted) != 1:
-            found = f"the pages of {self.file} are computed with power {' and '.join(kinds)}"
-            wish = "give one case with JETPWR or PROPWR" if self.powered else _WITHOUT_POWER
-            raise SchemaError(self.role, [f"{found}; {wish}"])
-        return (
-            dataset.sel(power=wanted[0], drop=True)
-            if "power" in dataset.dims
-            else dataset.drop_vars("power")
-        )
+        matching = [kind for kind in kinds if (kind != "off") == self.powered]
+        if len(matching) != 1:
+            advice = _WITHOUT_POWER
+            if self.powered:
+                advice = "give one case with JETPWR or PROPWR"
+            pages = f"the pages of {self.file} are computed with power {' and '.join(kinds)}"
+            raise SchemaError(self.role, [f"{pages}; {advice}"])
+        if "power" in dataset.dims:
+            return dataset.sel(power=matching[0], drop=True)
+        return dataset.drop_vars("power")
 
 
 def collect_source(role: str, given: Any, powered: bool = False) -> Source:
-    """Return what a listing, a case, a case tree or several of them hold; `powered`: its pages with
-    power effects are wanted.
+    """Return the joined tables of a listing, a case, a case tree or several of them.
+
+    Parameters
+    ----------
+    role : str
+        Role of the cases, for messages.
+    given : Listing, Case, case tree or nested list of them
+    powered : bool
+        Whether to use the pages with power effects.
 
     Raises
     ------
     SchemaError
         Reference quantities are missing, or cases differ in them or in their axes.
     """
-    parts = [(tree, deck) for tree, deck in _parts(given) if tree.children]
-    trees = [tree for tree, _ in parts]
+    trees, decks = [], []
+    for tree, deck in _case_trees(given):
+        if not tree.children:
+            continue
+        trees.append(tree)
+        if deck is not None:
+            decks.append(deck)
     if not trees:
         raise SchemaError(
             role,
@@ -191,125 +217,127 @@ def collect_source(role: str, given: Any, powered: bool = False) -> Source:
                 "list of them"
             ],
         )
-    problems = [
-        f"case {tree.attrs.get('case')} has no reference quantity {key}; give OPTINS and "
-        f"SYNTHS in the deck"
-        for tree in trees
-        for key in REFERENCES
-        if not np.isfinite(float(tree.attrs.get(key, np.nan)))
-    ]
+    _require_reference_quantities(role, trees)
+    joined = _join_trees(role, trees)
+    # Leaves that one run computed for several conditions: some results drift along them.
+    looped: set[str] = set()
+    for tree in trees:
+        for name, leaf in tree.children.items():
+            if leaf.sizes.get("condition", 1) > 1:
+                looped.add(name)
+    # The basic tables of the database come from this source: doubts are reported.
+    if role == "clean" and "static" in joined.children:
+        _warn_of_pairs(role, joined.children["static"].to_dataset(inherit=False))
+        _warn_of_suspects(role, joined)
+    return Source(
+        role=role,
+        tree=joined,
+        reference={key: float(joined.attrs[key]) for key in REFERENCES},
+        looped=frozenset(looped),
+        decks=tuple(decks),
+        powered=powered,
+    )
+
+
+def _require_reference_quantities(role: str, trees: Iterable[xr.DataTree]) -> None:
+    """Raise if a case lacks a reference quantity; all of them."""
+    problems = []
+    for tree in trees:
+        for key in REFERENCES:
+            if not np.isfinite(float(tree.attrs.get(key, np.nan))):
+                problems.append(
+                    f"case {tree.attrs.get('case')} has no reference quantity {key}; give OPTINS "
+                    f"and SYNTHS in the deck"
+                )
     if problems:
         raise SchemaError(role, problems)
+
+
+def _join_trees(role: str, trees: list[xr.DataTree]) -> xr.DataTree:
+    """Return the joined cases; raise with advice if they do not fit each other."""
     try:
-        joined = datcom_io.join(trees)
+        return datcom_io.join(trees)
     except SchemaError as error:
         hint = (
             "give cases of one kind and one aircraft (FILE:CASE), or let the roles be found "
             "from the listings (db build AIRCRAFT FILE)"
         )
         raise SchemaError(
-            f"{role}: {len(trees)} cases cannot be joined", [*error.problems[:_SHOWN], hint]
+            f"{role}: {len(trees)} cases cannot be joined",
+            [*error.problems[:_MOST_DIFFERENCES], hint],
         ) from None
-    decks = tuple(deck for _, deck in parts if deck is not None)
-    looped = {
-        name
-        for tree in trees
-        for name, leaf in tree.children.items()
-        if leaf.sizes.get("condition", 1) > 1
-    }
-    if role == "clean" and "static" in joined.children:
-        _report_pairs(role, joined.children["static"].to_dataset(inherit=False))
-        _report_suspects(role, joined)
-    return Source(
-        role,
-        joined,
-        {key: float(joined.attrs[key]) for key in REFERENCES},
-        frozenset(looped),
-        decks,
-        powered,
-    )
 
 
 def split_powered(given: Any) -> tuple[list[Any], list[Any]]:
-    """Return the cases or case trees without power effects, and those with."""
-    found: tuple[list[Any], list[Any]] = ([], [])
-    for item in _items(given):
-        found[_is_powered(item)].append(item)
-    return found
+    """Return the cases or case trees without power effects, and those with them."""
+    without_power, with_power = [], []
+    for item in _flatten_cases(given):
+        if _is_powered(item):
+            with_power.append(item)
+        else:
+            without_power.append(item)
+    return without_power, with_power
 
 
 def _is_powered(item: Any) -> bool:
-    if isinstance(item, xr.DataTree):
-        static = (
-            item.children["static"].to_dataset(inherit=False)
-            if "static" in item.children
-            else xr.Dataset()
-        )
-        return "power" in static.coords and bool((static["power"] != "off").any())
-    return any(page.power != "off" for page in item.pages)
+    """Return whether a case or case tree has pages with power effects."""
+    if not isinstance(item, xr.DataTree):
+        return any(page.power != "off" for page in item.pages)
+    if "static" not in item.children:
+        return False
+    static = item.children["static"].to_dataset(inherit=False)
+    return "power" in static.coords and bool((static["power"] != "off").any())
 
 
 def _along_mach(dataset: xr.Dataset) -> xr.Dataset:
-    """Return a leaf whose Mach numbers stand at an altitude each as if they stood at one, and any
-    other one as it is.
-    """
-    heights = dataset["h"].values
-    if not _paired(dataset):
+    """Return a leaf at one altitude if each Mach number has its own altitude; else unchanged."""
+    if not _has_own_altitudes(dataset):
         return dataset
-    return dataset.assign_coords(
-        h=(
-            "condition",
-            np.full(len(heights), np.sort(heights)[len(heights) // 2]),
-            dataset["h"].attrs,
-        )
-    )
+    # The middle altitude represents all of them.
+    heights = dataset["h"].values
+    middle = np.sort(heights)[len(heights) // 2]
+    h = ("condition", np.full(len(heights), middle), dataset["h"].attrs)
+    return dataset.assign_coords(h=h)
 
 
-def _paired(dataset: xr.Dataset) -> bool:
+def _has_own_altitudes(dataset: xr.Dataset) -> bool:
     """Return whether every Mach number occurs once, and not all at one altitude."""
     machs, heights = dataset["mach"].values, dataset["h"].values
-    return (
-        len(np.unique(machs)) == len(machs)
-        and len(np.unique(heights)) > 1
-        and bool(np.isfinite(heights).all())
-    )
+    if len(np.unique(machs)) != len(machs) or len(np.unique(heights)) <= 1:
+        return False
+    return bool(np.isfinite(heights).all())
 
 
-def _report_pairs(role: str, static: xr.Dataset) -> None:
-    if _paired(static):
-        places = ", ".join(
-            f"{mach:g} at {h:.0f} m" for mach, h in zip(static["mach"].values, static["h"].values)
-        )
+def _warn_of_pairs(role: str, static: xr.Dataset) -> None:
+    """Warn if each Mach number has its own altitude."""
+    if _has_own_altitudes(static):
+        pairs = zip(static["mach"].values, static["h"].values)
+        conditions = ", ".join(f"{mach:g} at {h:.0f} m" for mach, h in pairs)
         warn_user(
-            f"{role}: every Mach number stands at an altitude of its own ({places}); the "
+            f"{role}: every Mach number stands at an altitude of its own ({conditions}); the "
             f"tables go over Mach number alone"
         )
 
 
-def _report_suspects(role: str, joined: xr.DataTree) -> None:
-    """Warn of pages in free air without power that hold suspect cells; of those with power they are
-    taken out (`power`).
+def _warn_of_suspects(role: str, joined: xr.DataTree) -> None:
+    """Warn of suspect cells of pages in free air without power.
+
+    Those with power are removed elsewhere (`aerodb.prior.power`).
     """
     suspect = datcom_io.FLAGS.index("suspect")
-    leaves = [
-        joined.children[name].to_dataset(inherit=False)
-        for name in ("static", "dynamic")
-        if name in joined.children
-    ]
-    leaves = [
-        leaf.sel(ground_height=np.inf) if "ground_height" in leaf.dims else leaf for leaf in leaves
-    ]
-    leaves = [
-        leaf
-        for leaf in leaves
-        if "power" not in leaf.coords or bool((leaf["power"] == "off").all())
-    ]
-    count = sum(
-        int((leaf[name] == suspect).sum())
-        for leaf in leaves
-        for name in leaf.data_vars
-        if str(name).endswith("_flag")
-    )
+    count = 0
+    for leaf in ("static", "dynamic"):
+        if leaf not in joined.children:
+            continue
+        pages = joined.children[leaf].to_dataset(inherit=False)
+        # Only pages in free air without power are counted.
+        if "ground_height" in pages.dims:
+            pages = pages.sel(ground_height=np.inf)
+        if "power" in pages.coords and not bool((pages["power"] == "off").all()):
+            continue
+        for name in pages.data_vars:
+            if str(name).endswith("_flag"):
+                count += int((pages[name] == suspect).sum())
     if count:
         warn_user(
             f"{role}: {count} numbers of {joined.attrs.get('file')} are suspect; its "
@@ -318,25 +346,28 @@ def _report_suspects(role: str, joined: xr.DataTree) -> None:
 
 
 def drop_empty_tables(tables: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
-    """Return the tables that hold any number."""
+    """Return the tables that contain at least one number."""
     return {name: table for name, table in tables.items() if bool(table.notnull().any())}
 
 
-def _parts(given: Any) -> Iterator[tuple[xr.DataTree, Deck | None]]:
-    """Yield the case trees, with their input cards where they come from a listing."""
-    for item in _items(given):
-        yield (item, None) if isinstance(item, xr.DataTree) else (item.to_datatree(), item.deck)
+def _case_trees(given: Any) -> Iterator[tuple[xr.DataTree, Deck | None]]:
+    """Yield the case trees, with the input cards of those that come from a listing."""
+    for item in _flatten_cases(given):
+        if isinstance(item, xr.DataTree):
+            yield item, None
+        else:
+            yield item.to_datatree(), item.deck
 
 
-def _items(given: Any) -> Iterator[Any]:
-    """Yield the cases and case trees."""
-    if isinstance(given, xr.DataTree) or (
-        hasattr(given, "to_datatree") and not hasattr(given, "cases")
-    ):
+def _flatten_cases(given: Any) -> Iterator[Any]:
+    """Yield the cases and case trees of nested lists and listings."""
+    # A listing has cases and a tree of all of them: its cases are used.
+    is_case = hasattr(given, "to_datatree") and not hasattr(given, "cases")
+    if isinstance(given, xr.DataTree) or is_case:
         yield given
     elif isinstance(given, Iterable):
         for item in given:
-            yield from _items(item)
+            yield from _flatten_cases(item)
     else:
         raise SchemaError(
             "source",
@@ -348,5 +379,5 @@ def _items(given: Any) -> Iterator[Any]:
 
 
 def warn_user(text: str) -> None:
-    """Warn the user of something that does not stop the work."""
+    """Issue an `AeromatchWarning` at the caller of the calling function."""
     warnings.warn(text, AeromatchWarning, stacklevel=3)

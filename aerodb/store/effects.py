@@ -1,13 +1,13 @@
-"""One physical effect on all six coefficients at once, and what changes of reference do to it.
+"""Effects on all six coefficients at once, and their changes of reference.
 
-An effect is what one state, control or configuration does to the aeroplane: the tables of CL, CD,
-CY, Cl, Cm, Cn that share a contribution name and a regressor.  Changes of reference quantities, of
-axes and of the moment reference point act on forces and moments together, so they act on effects
-and not on single terms.
+An effect is the action of one state, control or configuration on the aeroplane.  It consists of the
+tables of CL, CD, CY, Cl, Cm, Cn that share a contribution name and a regressor.  Changes of
+reference quantities, of axes and of the moment reference point involve forces and moments together.
+They therefore apply to effects and not to single terms.
 
-Axes, as found on listings (see docs/explanation/database/aero-model.md): DATCOM's lift and drag, and its lateral moments
-and rates, belong to stability axes, body axes turned by alpha about y.  ``d`` is the vector from
-the new moment reference point to the old one, in body axes; it lies in the plane of symmetry.
+Axes of the listings (docs/explanation/database/aero-model.md): DATCOM's lift and drag, and its lateral moments and
+rates, refer to stability axes, which are body axes turned by alpha about y.  ``d`` is the vector
+from the new moment reference point to the old one, in body axes.  It lies in the plane of symmetry.
 """
 
 from __future__ import annotations
@@ -20,30 +20,34 @@ import xarray as xr
 
 from aerodb.store.templates import HINGE
 
+_ZERO = xr.DataArray(0.0)
+# Reference length of each moment, and of each reduced rate x l / 2V.
 _LENGTH = {"Cl": "b", "Cm": "cbar", "Cn": "b"}
 _RATE_LENGTH = {"phat": "b", "rhat": "b", "betadothat": "b", "qhat": "cbar", "alphadothat": "cbar"}
 
 
 @dataclass(frozen=True)
 class Effect:
-    """What one cause does to the coefficients.
+    """Effect of one cause on the coefficients.
 
     Attributes
     ----------
     name : str
         Contribution: ``basic``, ``qhat``, ``elevator`` ...
     tables : mapping of str to DataArray
-        Coefficient to table; a coefficient that is missing is zero.
+        Table by coefficient; a coefficient without a table is zero.
     regressor : str
         Variable that multiplies every table; empty for none.
     zeros : mapping of str to sequence of float
-        Axis to the breakpoints where the effect is zero by definition.
+        Breakpoints where the effect is zero by definition, by axis.
     judged : mapping of str to DataArray
-        Coefficient to a mask of the cells that are not the program's own numbers.
+        Mask of the cells whose numbers do not come from the program, by coefficient.
     references, comment : str
-        Where it comes from, what to know about it.
+        Origin of the effect, and a remark on it.
 
-    Cells the listing does not print are NaN here; `aerodb.prior.effect_to_terms` fills or cuts
+    Notes
+    -----
+    Cells that the listing does not print are NaN; `aerodb.prior.effect_to_terms` fills or removes
     them.
     """
 
@@ -62,23 +66,25 @@ class Effect:
 
 def join_sentences(*sentences: str) -> str:
     """Return sentences as one text, empty ones left out."""
-    return "; ".join(s for s in sentences if s)
+    return "; ".join(filter(None, sentences))
 
 
 def change_reference_quantities(
     effect: Effect, old: Mapping[str, float], new: Mapping[str, float]
 ) -> Effect:
-    """Return an effect made dimensionless with other reference quantities.
+    """Return an effect for other reference quantities.
 
     Parameters
     ----------
+    effect : Effect
     old, new : mapping
         ``S`` [m2], ``cbar`` and ``b`` [m].
 
     Notes
     -----
-    Forces scale with S, moments with S times their length; a derivative with respect to a reduced rate x l / 2V divides by l, one
-    with respect to the thrust coefficient T / (qbar S) multiplies by S.  Hinge moments have the reference of their control.
+    Coefficients of forces are divided by S, those of moments by S times their length.  A derivative
+    with respect to a reduced rate x l / 2V is divided by l.  One with respect to the thrust
+    coefficient T / (qbar S) is multiplied by S.  Hinge moments have the reference of their control.
     """
     rate = _RATE_LENGTH.get(effect.regressor)
     scaled = {}
@@ -86,7 +92,10 @@ def change_reference_quantities(
         if coefficient in HINGE:
             scaled[coefficient] = table
             continue
-        factor = 1.0 if effect.regressor == "CT" else old["S"] / new["S"]
+        # C_new = C_old (S l)_old / (S l)_new; the thrust coefficient contains S as well.
+        factor = old["S"] / new["S"]
+        if effect.regressor == "CT":
+            factor = 1.0
         if coefficient in _LENGTH:
             factor *= old[_LENGTH[coefficient]] / new[_LENGTH[coefficient]]
         if rate:
@@ -96,45 +105,59 @@ def change_reference_quantities(
 
 
 def rotate_rolling_to_body(effect: Effect, alpha: xr.DataArray) -> Effect:
-    """Return an effect of sideslip or of a roll control with its moments turned from stability to
-    body axes.
+    """Return an effect of sideslip or of a roll control with its moments in body axes.
 
     Parameters
     ----------
+    effect : Effect
+        With moments in stability axes.
     alpha : DataArray (alpha,)
-        Breakpoints for moments that do not depend on alpha themselves. [rad]
+        Breakpoints for moments that do not depend on alpha. [rad]
 
     Notes
     -----
-    Cl_b = Cl_s cos(alpha) - Cn_s sin(alpha),  Cn_b = Cl_s sin(alpha) + Cn_s cos(alpha).  A moment without a method, altogether or
-    at a Mach number, counts as zero in the other and stays absent.
+    Cl_b = Cl_s cos(alpha) - Cn_s sin(alpha),  Cn_b = Cl_s sin(alpha) + Cn_s cos(alpha).  A moment
+    without a method, at all or at a Mach number, counts as zero in the other moment and stays
+    absent.
     """
-    Cl, Cn = (effect.tables.get(c, xr.DataArray(0.0)) for c in ("Cl", "Cn"))
-    sin, cos = _sin_cos(_own_alpha(effect, alpha))
-    turned = {"Cl": Cl * cos - _known(Cn) * sin, "Cn": _known(Cl) * sin + Cn * cos}
-    return effect.with_tables({c: turned.get(c, table) for c, table in effect.tables.items()})
+    Cl, Cn = effect.tables.get("Cl", _ZERO), effect.tables.get("Cn", _ZERO)
+    sin, cos = _sin_cos(_alpha_of_effect(effect, alpha))
+    tables = dict(effect.tables)
+    if "Cl" in tables:
+        tables["Cl"] = Cl * cos - _fill_missing_mach(Cn) * sin
+    if "Cn" in tables:
+        tables["Cn"] = _fill_missing_mach(Cl) * sin + Cn * cos
+    return effect.with_tables(tables)
 
 
-def _known(table: xr.DataArray) -> xr.DataArray:
-    """Return a table with zeros at the Mach numbers where it holds no number at all."""
+def _fill_missing_mach(table: xr.DataArray) -> xr.DataArray:
+    """Return a table with zeros at the Mach numbers where it has no number at all."""
     if "mach" not in table.dims:
         return table
-    return table.where(table.notnull().any([d for d in table.dims if d != "mach"]), 0.0)
+    other_axes = [axis for axis in table.dims if axis != "mach"]
+    return table.where(table.notnull().any(other_axes), 0.0)
 
 
 def rates_to_body(roll: Effect, yaw: Effect) -> tuple[Effect, Effect]:
-    """Return the effects of phat and rhat with moments *and* rates turned from stability to body
-    axes.
+    """Return the effects of phat and rhat with moments and rates in body axes.
+
+    Parameters
+    ----------
+    roll, yaw : Effect
+        Effects of phat and rhat in stability axes.
 
     Notes
     -----
-    With T = [[cos, -sin], [sin, cos]] of alpha, (Cl, Cn)_b = T (Cl, Cn)_s and (p, r)_s = T' (p, r)_b, so the matrix of
-    derivatives turns as a tensor, T D T'.  The side force only sees the rates turn: CY_p of body axes is CY_p cos(alpha)
-    - CY_r sin(alpha).  A derivative without a method counts as zero in the others [LR743] 3.1 and stays absent; CY_r has none.
+    With T = [[cos, -sin], [sin, cos]] of alpha, (Cl, Cn)_b = T (Cl, Cn)_s and
+    (p, r)_s = T' (p, r)_b.  The matrix D of derivatives therefore transforms as a tensor, T D T'.
+    Only the rates of the side force turn: CY_p of body axes is CY_p cos(alpha) - CY_r
+    sin(alpha).  A derivative without a method counts as zero in the others (LR-743, section 3.1)
+    and stays absent. CY_r has no method.
     """
-    lp, np_ = (roll.tables.get(c, xr.DataArray(0.0)) for c in ("Cl", "Cn"))
-    lr, nr = (yaw.tables.get(c, xr.DataArray(0.0)) for c in ("Cl", "Cn"))
+    lp, np_ = roll.tables.get("Cl", _ZERO), roll.tables.get("Cn", _ZERO)
+    lr, nr = yaw.tables.get("Cl", _ZERO), yaw.tables.get("Cn", _ZERO)
     sin, cos = _sin_cos(lp + np_ + lr + nr)
+    # T D T' with D = [[lp, lr], [np, nr]].
     rolling = {
         "CY": roll.tables.get("CY", 0.0) * cos,
         "Cl": lp * cos**2 - (lr + np_) * sin * cos + nr * sin**2,
@@ -144,9 +167,8 @@ def rates_to_body(roll: Effect, yaw: Effect) -> tuple[Effect, Effect]:
         "Cl": lr * cos**2 + (lp - nr) * sin * cos - np_ * sin**2,
         "Cn": nr * cos**2 + (lr + np_) * sin * cos + lp * sin**2,
     }
-    return roll.with_tables({c: rolling[c] for c in roll.tables}), yaw.with_tables(
-        {c: yawing[c] for c in yaw.tables}
-    )
+    body_roll = roll.with_tables({name: rolling[name] for name in roll.tables})
+    return body_roll, yaw.with_tables({name: yawing[name] for name in yaw.tables})
 
 
 def transfer_moments(
@@ -156,18 +178,20 @@ def transfer_moments(
 
     Parameters
     ----------
+    effect : Effect
     d : (3,)
-        From the new point to the old one, body axes, y zero. [m]
+        Vector from the new point to the old one, body axes, y zero. [m]
     cbar, b : float
         Reference lengths. [m]
     alpha : DataArray (alpha,)
-        Breakpoints for forces that do not depend on alpha themselves. [rad]
+        Breakpoints for forces that do not depend on alpha. [rad]
     """
     dx, _, dz = d
     tables = dict(effect.tables)
     if "CL" in tables or "CD" in tables:
         CL, CD = tables.get("CL", 0.0), tables.get("CD", 0.0)
-        sin, cos = _sin_cos(_own_alpha(effect, alpha))
+        sin, cos = _sin_cos(_alpha_of_effect(effect, alpha))
+        # Stability to body axes: x forward, z down.
         CX, CZ = CL * sin - CD * cos, -CL * cos - CD * sin
         tables["Cm"] = tables.get("Cm", 0.0) + (dz * CX - dx * CZ) / cbar
     if "CY" in tables:
@@ -179,54 +203,71 @@ def transfer_moments(
 def rate_shift(
     basic: Effect, beta: Effect, d: Sequence[float], cbar: float, b: float
 ) -> dict[str, dict[str, xr.DataArray]]:
-    """Return what the flow angles at the new point add to the rate derivatives, by effect name and
-    coefficient.
+    """Return the change of the rate derivatives by a move of the reference point.
+
+    Parameters
+    ----------
+    basic, beta : Effect
+        Effects of incidence and of sideslip about the new point.
+    d : (3,)
+        Vector from the new point to the old one, body axes, y zero. [m]
+    cbar, b : float
+        Reference lengths. [m]
+
+    Returns
+    -------
+    dict of str to dict of str to DataArray
+        Added tables by effect name and coefficient.
 
     Notes
     -----
-    Rotating about the new point, the old one sees other flow angles and another airspeed,
+    In a rotation about the new point, the flow angles and the airspeed at the old point differ,
 
-        alpha_old - alpha = -q (dx cos(alpha) + dz sin(alpha)) / V,    beta_old - beta = (r dx - p dz) / V,
+        alpha_old - alpha = -q (dx cos(alpha) + dz sin(alpha)) / V,
+        beta_old - beta = (r dx - p dz) / V,
         V_old / V - 1 = q (dz cos(alpha) - dx sin(alpha)) / V,
 
-    and stability axes that are turned by the difference of alpha.  Exact to first order in the
-    rates.  `basic` and `beta` are those about the new point.
+    and the stability axes turn by the difference of alpha.  The change is exact to first order in
+    the rates.
     """
     dx, _, dz = d
     sin, cos = _sin_cos(next(iter(basic.tables.values())))
-    turned = 2.0 / cbar * -(dx * cos + dz * sin)  # alpha_old - alpha, and V_old / V - 1, per qhat
-    faster = 2.0 / cbar * (dz * cos - dx * sin)
-    zero = xr.DataArray(0.0)
-    tilt = {"CL": basic.tables.get("CD", zero), "CD": -basic.tables.get("CL", zero)}
-    qhat = {
-        c: (table.differentiate("alpha") + tilt.get(c, zero)) * turned + 2.0 * table * faster
-        for c, table in basic.tables.items()
-    }
-    return {
-        "qhat": qhat,
-        "phat": {c: table * (-2.0 * dz / b) for c, table in beta.tables.items()},
-        "rhat": {c: table * (2.0 * dx / b) for c, table in beta.tables.items()},
-    }
+    # alpha_old - alpha and V_old / V - 1 per unit of qhat = q cbar / 2V.
+    alpha_change = 2.0 / cbar * -(dx * cos + dz * sin)
+    speed_change = 2.0 / cbar * (dz * cos - dx * sin)
+    # Stability axes turn with alpha: lift gains the drag, drag loses the lift.
+    tilt = {"CL": basic.tables.get("CD", _ZERO), "CD": -basic.tables.get("CL", _ZERO)}
+    qhat = {}
+    for name, table in basic.tables.items():
+        slope = table.differentiate("alpha") + tilt.get(name, _ZERO)
+        qhat[name] = slope * alpha_change + 2.0 * table * speed_change
+    phat, rhat = {}, {}
+    for name, table in beta.tables.items():
+        phat[name] = table * (-2.0 * dz / b)
+        rhat[name] = table * (2.0 * dx / b)
+    return {"qhat": qhat, "phat": phat, "rhat": rhat}
 
 
 def with_added(effect: Effect, more: Mapping[str, xr.DataArray]) -> Effect:
-    """Return an effect with tables added to its own; a coefficient it lacks starts from zero."""
+    """Return an effect with added tables; a coefficient without a table starts from zero."""
     tables = dict(effect.tables)
     for coefficient, table in more.items():
-        tables[coefficient] = tables[coefficient] + table if coefficient in tables else table
+        if coefficient in tables:
+            table = tables[coefficient] + table
+        tables[coefficient] = table
     return effect.with_tables(tables)
 
 
-def _own_alpha(effect: Effect, alpha: xr.DataArray) -> xr.DataArray:
-    """Return the alpha axis of an effect's tables, or another one for tables without."""
-    return next(
-        (table["alpha"] for table in effect.tables.values() if "alpha" in table.dims), alpha
-    )
+def _alpha_of_effect(effect: Effect, default: xr.DataArray) -> xr.DataArray:
+    """Return the alpha axis of the tables of an effect, or the default if they have none."""
+    for table in effect.tables.values():
+        if "alpha" in table.dims:
+            return table["alpha"]
+    return default
 
 
 def _sin_cos(table: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:
     """Return sine and cosine of the alpha axis of a table."""
     alpha = table["alpha"].values
-    return xr.DataArray(np.sin(alpha), {"alpha": alpha}, "alpha"), xr.DataArray(
-        np.cos(alpha), {"alpha": alpha}, "alpha"
-    )
+    sin = xr.DataArray(np.sin(alpha), {"alpha": alpha}, "alpha")
+    return sin, xr.DataArray(np.cos(alpha), {"alpha": alpha}, "alpha")

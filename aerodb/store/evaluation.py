@@ -1,4 +1,4 @@
-"""Check cases that travel with a database: made, and tried when it is opened."""
+"""Evaluation of coefficients, and check cases that a database file contains."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flightmech.support.netcdf_trees import CHECKS
 def contributions(
     db: xr.DataTree, coefficient: str, conditions: Mapping[str, Any], outside: str = "raise"
 ) -> dict[str, np.ndarray]:
-    """Return what each term adds to a coefficient.
+    """Return the contribution of each term to a coefficient.
 
     Parameters
     ----------
@@ -29,96 +29,90 @@ def contributions(
     coefficient : str
         One of the database's coefficients, such as ``"CL"``, or a hinge moment, such as ``"Ch_e"``.
     conditions : mapping of str to array
-        Every variable the terms need, broadcast against each other; a Dataset of a manoeuvre will
-        do.  Coefficients that the terms depend on, such as ``CL`` in a drag polar, may be left out:
-        they are the sums of their own terms then, as in the simulation. [SI]
+        Every variable the terms need, broadcast against each other; also a Dataset of a manoeuvre.
+        Coefficients that the terms depend on, such as ``CL`` in a drag polar, may be omitted.  They
+        are then the sums of their terms, as in the simulation. [SI]
     outside : {"raise", "clamp"}
         Beyond a table: raise, or follow the rule of the leaf as the simulation does.
 
     Returns
     -------
     dict of str to array
-        By contribution: ``{"basic": ..., "flap": ...}``; each has the shape of the variables that
-        term uses. [1]
+        By contribution: ``{"basic": ..., "flap": ...}``.  Each has the shape of the variables of
+        its term. [1]
 
     Raises
     ------
     UnknownName
-        The coefficient, or a variable that is missing in `conditions`.
+        An unknown coefficient, or a variable that is missing in `conditions`.
     OutOfRange
-        With the name of the term, the axis, the range and the mask of samples.
+        A sample beyond a table; with the term, the axis, the range and the mask of samples.
     SchemaError
-        Coefficients that are not given depend on each other in a loop, with its path.
+        Omitted coefficients depend on each other in a loop; with its path.
     """
     allowed = (*database_coefficients(db), *HINGE)
     if coefficient not in allowed:
         raise UnknownName(coefficient, allowed, "coefficient")
-    leaves = terms(db.children[coefficient]) if coefficient in db.children else {}
-    conditions = _with_coefficients(db, leaves, coefficient, conditions, outside)
-    found = {}
-    places: dict[Any, Any] = {}
+    leaves: Mapping[str, xr.Dataset] = {}
+    if coefficient in db.children:
+        leaves = terms(db.children[coefficient])
+    conditions = _add_coefficients(db, leaves, coefficient, conditions=conditions, outside=outside)
+    parts = {}
+    # Positions in tables of equal axes, shared by the terms.
+    positions: dict[Any, Any] = {}
     for name, leaf in leaves.items():
         group, _, contribution = name.partition("/")
         if group != coefficient:
             continue
         try:
-            found[contribution] = _terms.evaluate_term(leaf, conditions, outside, places)
+            parts[contribution] = _terms.evaluate_term(leaf, conditions, outside, positions)
         except OutOfRange as error:
             raise OutOfRange(f"{name}: {error}", error.mask) from None
         except UnknownName as error:
-            raise UnknownName(
-                error.name,
-                error.allowed,
-                "condition",
-                f"the term {name} needs it; pass it with the conditions",
-            ) from None
-    return found
+            hint = f"the term {name} needs it; pass it with the conditions"
+            raise UnknownName(error.name, error.allowed, "condition", hint) from None
+    return parts
 
 
-def _with_coefficients(
+def _add_coefficients(
     db: xr.DataTree,
     leaves: Mapping[str, xr.Dataset],
     coefficient: str,
+    *,
     conditions: Mapping[str, Any],
     outside: str,
 ) -> Mapping[str, Any]:
-    """Return conditions with the coefficients that the terms `leaves` of a coefficient depend on
-    and that are not given.
-    """
-    wanted = {
-        word
-        for name, leaf in leaves.items()
-        if name.split("/")[0] == coefficient
-        for word in used_coefficients(leaf)
-    }
-    missing = sorted(wanted - {str(name) for name in conditions})
+    """Return conditions with the omitted coefficients that the terms of a coefficient need."""
+    needed: set[str] = set()
+    for name, leaf in leaves.items():
+        if name.split("/")[0] == coefficient:
+            needed.update(used_coefficients(leaf))
+    missing = sorted(needed - {str(name) for name in conditions})
     if not missing:
         return conditions
     _, problems = evaluation_levels(terms(db), str(db.attrs["force_axes"]))
     if problems:
         raise SchemaError(f"database {db.attrs.get('title', '')!r}", problems)
-    found = {str(name): conditions[name] for name in conditions}
-    return found | {name: _coefficient(db, name, outside, found) for name in missing}
+    variables = {str(name): conditions[name] for name in conditions}
+    computed = {name: _evaluate_any(db, name, outside, variables) for name in missing}
+    return variables | computed
 
 
-def _coefficient(
+def _evaluate_any(
     db: xr.DataTree, name: str, outside: str, conditions: Mapping[str, Any]
 ) -> np.ndarray:
-    """Return a coefficient, lift and drag of a database in body axes from its axial and normal
-    force.
-    """
+    """Return a coefficient; lift and drag of a database in body axes come from CX and CZ."""
     if name in database_coefficients(db):
         return evaluate(db, name, outside, **conditions)
     if "alpha" not in conditions:
-        raise UnknownName(
-            "alpha",
-            map(str, conditions),
-            "condition",
-            f"{name} is made of CX and CZ with it; pass it with the conditions",
-        )
-    CX, CZ = (evaluate(db, part, outside, **conditions) for part in ("CX", "CZ"))
+        hint = f"{name} is made of CX and CZ with it; pass it with the conditions"
+        raise UnknownName("alpha", map(str, conditions), "condition", hint)
+    CX = evaluate(db, "CX", outside, **conditions)
+    CZ = evaluate(db, "CZ", outside, **conditions)
     CL, CD = lift_drag(CX, CZ, np.asarray(conditions["alpha"], float))
-    return CL if name == "CL" else CD
+    if name == "CL":
+        return CL
+    return CD
 
 
 def evaluate(
@@ -145,7 +139,9 @@ def evaluate(
         As in `contributions`.
     """
     parts = contributions(db, coefficient, conditions, outside)
-    return np.sum(np.stack(np.broadcast_arrays(*parts.values())), axis=0) if parts else np.zeros(())
+    if not parts:
+        return np.zeros(())
+    return np.sum(np.stack(np.broadcast_arrays(*parts.values())), axis=0)
 
 
 TOLERANCE = 1e-9  # of the largest magnitude of an output over the cases
@@ -155,25 +151,17 @@ _ADVICE = (
     "if the change is meant"
 )
 TERMS, _TOLERANCE = "terms", "_tolerance"  # group of contributions; end of the name of a tolerance
-_ANGLE = 0.35  # [rad] of regressors without a table
-_RATES = {
-    "phat": 0.1,
-    "qhat": 0.03,
-    "rhat": 0.1,
-    "alphadothat": 0.03,
-    "betadothat": 0.1,
-}  # of regressors without a table
-_OF_FLOOR = (0.5, 1.0, 3.0, 20.0)  # where a power factor is asked, in parts of its floor
-_ON, _BEYOND, _FAR = (
-    0.1,
-    0.1,
-    0.1,
-)  # shares of the samples on a breakpoint and beyond the ends; how far beyond, in parts of the range
+# Half the range of the samples of variables without a table: angles, and reduced rates.
+_ANGLE = 0.35  # [rad]
+_RATES = {"phat": 0.1, "qhat": 0.03, "rhat": 0.1, "alphadothat": 0.03, "betadothat": 0.1}
+_FLOOR_MULTIPLES = (0.5, 1.0, 3.0, 20.0)  # samples of a power factor, in units of its floor
+# Shares of the samples on a breakpoint and beyond the ends, and their largest distance from the
+# ends, in parts of the range.
+_ON, _BEYOND, _FAR = 0.1, 0.1, 0.1
 
 
 def with_checks(db: xr.DataTree, count: int = 20, seed: int = SEED) -> xr.DataTree:
-    """Return a database that carries check cases in its group ``/checks``; `save` and `open` run
-    them.
+    """Return a database with check cases in its group ``/checks``, which `save` and `open` run.
 
     Parameters
     ----------
@@ -183,68 +171,66 @@ def with_checks(db: xr.DataTree, count: int = 20, seed: int = SEED) -> xr.DataTr
     require_valid(db)
     inputs = random_states(db, count, seed)
     outputs = outputs_at(db, inputs, count)
-    about = {
-        "seed": seed,
-        "comment": f"an implementation agrees within {TOLERANCE:g} of the largest magnitude of "
-        f"each output",
-    }
+    comment = (
+        f"an implementation agrees within {TOLERANCE:g} of the largest magnitude of each output"
+    )
+    # Contributions such as CL/basic are grouped by coefficient; coefficients have an empty group.
     groups: dict[str, dict[str, np.ndarray]] = {}
     for name, values in outputs.items():
-        coefficient, _, last = name.rpartition("/")
-        groups.setdefault(coefficient, {})[last] = values
-    sums = groups.pop("")
+        coefficient, _, contribution = name.rpartition("/")
+        groups.setdefault(coefficient, {})[contribution] = values
+    columns = {**inputs, **groups.pop("")}
     states = xr.Dataset(
-        {name: ("case", x, quantity_attributes(name)) for name, x in {**inputs, **sums}.items()},
+        {name: ("case", x, quantity_attributes(name)) for name, x in columns.items()},
         {"case": np.arange(1, count + 1)},
-        about,
+        {"seed": seed, "comment": comment},
     )
-    parts = {
-        f"/{CHECKS}/{TERMS}/{key}": xr.Dataset({name: ("case", x) for name, x in group.items()})
-        for key, group in groups.items()
-    }
-    kept = {
-        node.path: node.to_dataset(inherit=False)
-        for node in db.subtree
-        if node.path.split("/")[1] != CHECKS
-    }
-    return xr.DataTree.from_dict({**kept, f"/{CHECKS}": states, **parts})
+    nodes = {}
+    for node in db.subtree:
+        if node.path.split("/")[1] != CHECKS:
+            nodes[node.path] = node.to_dataset(inherit=False)
+    nodes[f"/{CHECKS}"] = states
+    for coefficient, group in groups.items():
+        variables = {name: ("case", x) for name, x in group.items()}
+        nodes[f"/{CHECKS}/{TERMS}/{coefficient}"] = xr.Dataset(variables)
+    return xr.DataTree.from_dict(nodes)
 
 
 def failing_checks(db: xr.DataTree) -> list[str]:
-    """Return which of the check cases in a database it does not meet; none without the group
-    ``/checks``.
+    """Return a text for each output of the check cases that a database does not reproduce.
 
-    A case that lacks an input, as one of another source may, is left out.
+    The list is empty without the group ``/checks``.  A case without a value of some input, as in a
+    database from another source, is skipped.
     """
     if CHECKS not in db.children:
         return []
     group = db.children[CHECKS]
-    columns = {
-        str(name): x.values.astype(float)
-        for name, x in group.data_vars.items()
-        if x.dims == ("case",)
-    }
+    # Inputs, coefficients and tolerances of the cases are variables over the axis ``case``.
+    columns = {}
+    for name, variable in group.data_vars.items():
+        if variable.dims == ("case",):
+            columns[str(name)] = variable.values.astype(float)
     needed = check_case_inputs(db)
     if not set(needed) <= set(columns):
         return []
-    run = (
-        np.all([np.isfinite(columns[name]) for name in needed], axis=0)
-        if needed
-        else np.ones(group.sizes["case"], bool)
-    )
-    expected = {
-        name: columns[name] for name in (*database_coefficients(db), *HINGE) if name in columns
-    }
+    complete = np.ones(group.sizes["case"], bool)
+    for name in needed:
+        complete &= np.isfinite(columns[name])
+    expected = {}
+    for name in (*database_coefficients(db), *HINGE):
+        if name in columns:
+            expected[name] = columns[name]
     for coefficient, node in group.children.get(TERMS, xr.DataTree()).children.items():
-        expected |= {f"{coefficient}/{name}": x.values for name, x in node.data_vars.items()}
-    cases, count = group.coords["case"].values[run], int(run.sum())
-    found = outputs_at(db, {name: columns[name][run] for name in needed}, count)
+        for name, variable in node.data_vars.items():
+            expected[f"{coefficient}/{name}"] = variable.values
+    cases, count = group.coords["case"].values[complete], int(complete.sum())
+    outputs = outputs_at(db, {name: columns[name][complete] for name in needed}, count)
     problems = []
     for name, values in expected.items():
         allowed = columns.get(f"{name}{_TOLERANCE}")
-        row = compare_output(
-            found.get(name, np.zeros(count)), values[run], None if allowed is None else allowed[run]
-        )
+        if allowed is not None:
+            allowed = allowed[complete]
+        row = compare_output(outputs.get(name, np.zeros(count)), values[complete], allowed)
         if not row["agrees"]:
             text = (
                 f"{name} differs by {row['largest_difference']:.3g} in case "
@@ -255,56 +241,68 @@ def failing_checks(db: xr.DataTree) -> list[str]:
 
 
 def check_case_inputs(db: xr.DataTree) -> list[str]:
-    """Return the inputs of the cases: all variables of the terms but the coefficients, which the
-    terms themselves give.
-    """
-    found = {name for leaf in terms(db).values() for name in _terms.list_model_variables(leaf)}
-    return sorted(found - set(database_coefficients(db)))
+    """Return the inputs of the cases: all variables of the terms except the coefficients."""
+    variables: set[str] = set()
+    for leaf in terms(db).values():
+        variables.update(_terms.list_model_variables(leaf))
+    return sorted(variables - set(database_coefficients(db)))
 
 
 def compare_output(
     found: np.ndarray, expected: np.ndarray, allowed: np.ndarray | None = None
 ) -> dict[str, Any]:
-    """Return how an output agrees with what is expected, NaN where nothing is; the worst case is
-    one that fails, if any does.
+    """Return the agreement of an output with its expected values.
+
+    Parameters
+    ----------
+    found, expected : array (cases,)
+        An expected value of NaN is not compared.
+    allowed : array (cases,), optional
+        Tolerance of each case; by default `TOLERANCE` of the largest expected magnitude.
+
+    Returns
+    -------
+    dict
+        ``largest_difference``, ``case`` (from 1) and ``tolerance`` of the worst case; ``failed``
+        (number of cases), ``agrees``.  The worst case is one that fails, if any does.
     """
-    stated = np.isfinite(expected)
-    tolerance = (
-        np.full(len(expected), TOLERANCE * np.abs(expected[stated]).max(initial=0.0))
-        if allowed is None
-        else allowed
-    )
-    difference = np.where(stated, found - expected, 0.0)
-    beyond = ~(np.abs(difference) <= tolerance) & stated
-    at = (
-        int(np.argmax(np.abs(difference) * (beyond if beyond.any() else 1.0)))
-        if len(expected)
-        else None
-    )
-    worst = {"largest_difference": 0.0, "case": 0, "tolerance": 0.0}
-    if at is not None:
-        worst = {
-            "largest_difference": float(difference[at]),
-            "case": at + 1,
-            "tolerance": float(tolerance[at]),
+    is_stated = np.isfinite(expected)
+    tolerance = allowed
+    if tolerance is None:
+        largest = np.abs(expected[is_stated]).max(initial=0.0)
+        tolerance = np.full(len(expected), TOLERANCE * largest)
+    difference = np.where(is_stated, found - expected, 0.0)
+    # The negation also catches a difference of NaN.
+    fails = ~(np.abs(difference) <= tolerance) & is_stated
+    result = {"largest_difference": 0.0, "case": 0, "tolerance": 0.0}
+    if len(expected):
+        size = np.abs(difference)
+        if fails.any():
+            size = size * fails
+        worst = int(np.argmax(size))
+        result = {
+            "largest_difference": float(difference[worst]),
+            "case": worst + 1,
+            "tolerance": float(tolerance[worst]),
         }
-    return {**worst, "failed": int(beyond.sum()), "agrees": not beyond.any()}
+    return {**result, "failed": int(fails.sum()), "agrees": not fails.any()}
 
 
 def outputs_at(
     db: xr.DataTree, inputs: Mapping[str, np.ndarray], count: int
 ) -> dict[str, np.ndarray]:
     """Return contributions by name of the term, then the coefficients, each (cases,)."""
+    coefficients = dict.fromkeys(database_coefficients(db))
+    coefficients.update(dict.fromkeys(name.partition("/")[0] for name in terms(db)))
     parts: dict[str, np.ndarray] = {}
     sums: dict[str, np.ndarray] = {}
-    for coefficient in dict.fromkeys(
-        [*database_coefficients(db), *(name.partition("/")[0] for name in terms(db))]
-    ):
-        found = contributions(db, coefficient, inputs, outside="clamp")
-        columns = {f"{coefficient}/{name}": np.broadcast_to(x, count) for name, x in found.items()}
-        sums[coefficient] = (
-            np.sum(np.stack([*columns.values()]), axis=0) if columns else np.zeros(count)
-        )
+    for coefficient in coefficients:
+        columns = {}
+        for name, x in contributions(db, coefficient, inputs, outside="clamp").items():
+            columns[f"{coefficient}/{name}"] = np.broadcast_to(x, count)
+        sums[coefficient] = np.zeros(count)
+        if columns:
+            sums[coefficient] = np.sum(np.stack([*columns.values()]), axis=0)
         parts |= columns
     return {**parts, **sums}
 
@@ -316,40 +314,47 @@ def random_states(db: xr.DataTree, count: int, seed: int) -> dict[str, np.ndarra
     rng = np.random.default_rng(seed)
     leaves = terms(db).values()
     points: dict[str, np.ndarray] = {}
+    # Breakpoints of every variable in all tables.
     for leaf in leaves:
         for axis in map(str, leaf.dims):
             points[axis] = np.union1d(points.get(axis, []), leaf[axis].values.astype(float))
         power = _terms.power_factor(leaf)
         if power is not None:
-            points[power.variable] = np.union1d(
-                points.get(power.variable, []), power.floor * np.array(_OF_FLOOR)
-            )
-    return {
-        name: _samples(points[name] if name in points else _span(name), count, rng)
-        for name in check_case_inputs(db)
-    } or {"alpha": np.zeros(count)}
+            heights = power.floor * np.array(_FLOOR_MULTIPLES)
+            points[power.variable] = np.union1d(points.get(power.variable, []), heights)
+    states = {}
+    for name in check_case_inputs(db):
+        if name not in points:
+            points[name] = _default_range(name)
+        states[name] = _draw_samples(points[name], count, rng)
+    return states or {"alpha": np.zeros(count)}
 
 
-def _span(name: str) -> np.ndarray:
-    half = _RATES.get(name, _ANGLE if lookup(name).units == "rad" else 0.0)
-    return np.array([-half, half]) if half else np.array([0.0, 1.0])
+def _default_range(name: str) -> np.ndarray:
+    """Return the ends of the samples of a variable that is not an axis of any table."""
+    if name in _RATES:
+        return np.array([-_RATES[name], _RATES[name]])
+    if lookup(name).units == "rad":
+        return np.array([-_ANGLE, _ANGLE])
+    return np.array([0.0, 1.0])
 
 
-def _samples(points: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Return samples that see every cell, whatever its width, the breakpoints, and what lies beyond
-    the ends.
+def _draw_samples(points: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Return samples in every cell, on the breakpoints and beyond the ends.
+
+    Each cell has the same probability, whatever its width.
     """
     if len(points) == 1:
         return np.full(count, points[0])
-    kind, cell, part = (
-        rng.random(count),
-        rng.integers(len(points) - 1, size=count),
-        rng.random(count),
-    )
+    # The order of the draws must not change: the same seed gives the same cases.
+    kind = rng.random(count)
+    cell = rng.integers(len(points) - 1, size=count)
+    part = rng.random(count)
     inside = points[cell] + part * (points[cell + 1] - points[cell])
     step = _FAR * part * (points[-1] - points[0])
-    below = (
-        points[0] - step if points[0] < 0 else np.maximum(points[0] - step, 0.0)
-    )  # a Mach number or a height is never negative
-    beyond = np.where(rng.random(count) < 0.5, below, points[-1] + step)
-    return np.select([kind < _ON, kind < _ON + _BEYOND], [points[cell], beyond], inside)
+    below = points[0] - step
+    # A Mach number or a height is never negative.
+    if points[0] >= 0:
+        below = np.maximum(below, 0.0)
+    outside = np.where(rng.random(count) < 0.5, below, points[-1] + step)
+    return np.select([kind < _ON, kind < _ON + _BEYOND], [points[cell], outside], inside)

@@ -1,5 +1,6 @@
-"""Databases on disk: netCDF-4 that plain HDF5 readers open, written atomically (completely or not
-at all), sealed against damage.
+"""Database files: netCDF-4, written atomically and sealed against damage.
+
+Plain HDF5 readers can open them.  A file is written completely or not at all.
 """
 
 from __future__ import annotations
@@ -37,58 +38,58 @@ if TYPE_CHECKING:
 
 
 def save(db: xr.DataTree, path: str | os.PathLike) -> None:
-    """Check a database, run the check cases it carries, and write it to a netCDF-4 file.
+    """Check a database, run its check cases, and write it to a netCDF-4 file.
 
     Parameters
     ----------
     db : DataTree
         The database.
     path : path
-        The file; an older one is replaced in one step once the new one is complete on disk.
+        The file.  An older file is replaced in one step when the new one is complete on disk.
 
     Raises
     ------
     SchemaError
-        With all faults, or the file is another one than this process read or wrote last: somebody
-        else saved it meanwhile.  Nothing is written then.
+        The database has faults (all of them), or another program saved the file after this process
+        read or wrote it.  Nothing is written.
     OSError
-        The disk is full, say; the older file stays as it was.
+        An error of the operating system, such as a full disk; the older file does not change.
     """
-
     problems = check(db) + find_unstorable(db)
-    problems += [] if problems else _failing_checks(db)
+    if not problems:
+        problems = _failing_checks(db)
     if problems:
         raise SchemaError(f"database {db.attrs.get('title', '')!r}", list(dict.fromkeys(problems)))
+    # The overview is stored behind the seal, so that listing the terms does not read the tables.
     content = encode_tree(db)
-    content = add_seal(content, OVERVIEW, _overview(content))
+    content = add_seal(content, OVERVIEW, _make_overview(content))
     with written_atomically(path, _demand_as_read) as part:
         part.write_bytes(content)
-    _known[_key(path)] = _digest(content)
+    _digests[_file_key(path)] = _digest_of(content)
 
 
 def open(path: str | os.PathLike) -> xr.DataTree:
-    """Read a database from a file, whole into memory, check it, and run the check cases it carries.
+    """Read a database from a file into memory, check it, and run its check cases.
 
     Raises
     ------
     FileNotFoundError
-        No such file.
+        The file does not exist.
     ParseError
-        Not a netCDF-4 file, or a damaged one.
+        The file is not a netCDF-4 file, or it is damaged.
     SchemaError
-        A netCDF file that is not a database, or one with faults; all of them.
+        A netCDF file that is not a database, or a database with faults; all of them.
     """
-
     path = Path(path)
     digest = read_database_seal(path).digest
     _demand_database(path)
+    # Faults of the layout and of the content are reported together.
     try:
         db, problems = read_netcdf_tree(path)
     except SchemaError as error:
         raise SchemaError(str(path), error.problems) from None
-    except (
-        Exception
-    ) as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
+    except Exception as error:
+        # A damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError and others.
         raise ParseError(
             str(path),
             0,
@@ -96,10 +97,11 @@ def open(path: str | os.PathLike) -> xr.DataTree:
             "a database; build or copy it again",
         ) from error
     problems += check(db)
-    problems += [] if problems else _failing_checks(db)
+    if not problems:
+        problems = _failing_checks(db)
     if problems:
         raise SchemaError(str(path), list(dict.fromkeys(problems)))
-    _known[_key(path)] = digest
+    _digests[_file_key(path)] = digest
     return db
 
 
@@ -110,20 +112,33 @@ def read_overview(
     whole: Unbroken | None = None,
     names: Collection[str] | None = None,
 ) -> tuple[Mapping, Mapping[str, xr.Dataset | StoredGroup]]:
-    """Return the root attributes and the terms of a database for a look at it, errors as `open`.
+    """Return the root attributes and the terms of a database without opening it completely.
 
-    The seal stands for the checks that the file passed when it was saved: of a sealed file the
-    given variables and attributes of each term are read, with the breakpoints of their axes, and no
-    Dataset is made.  A file of another program, or one with faults, is opened. `whole` is what
-    `unbroken` found where the seal has been checked already.  Of `names`, where they are given, the
-    other terms of a sealed file are left out.
+    The seal replaces the checks: the file passed them when it was saved.  Of a sealed file only the
+    requested variables and attributes of each term are read, with the breakpoints of their
+    axes.  No Dataset is made.  A file without a seal or with another layout is opened with `open`.
+
+    Parameters
+    ----------
+    path : path
+    variables : collection of str
+        Requested variables of each term.
+    attributes : collection of str, optional
+        Requested attributes of each term; the default is all.
+    whole : Unbroken, optional
+        Result of `read_database_seal`, if the seal was checked already.
+    names : collection of str, optional
+        Requested terms of a sealed file; the default is all.
+
+    Raises
+    ------
+    FileNotFoundError, ParseError, SchemaError
+        As in `open`.
     """
     path = Path(path)
-    leaves = (
-        read_leaves(path, variables, attributes, GROUPS, names)
-        if (whole or read_database_seal(path)).sealed
-        else None
-    )
+    leaves = None
+    if (whole or read_database_seal(path)).sealed:
+        leaves = read_leaves(path, variables, attributes=attributes, without=GROUPS, names=names)
     if leaves is None:
         db = open(path)
         return db.attrs, terms(db)
@@ -133,48 +148,56 @@ def read_overview(
 def list_terms(
     path: str | os.PathLike, whole: Unbroken
 ) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
-    """Return the root attributes of a database and a row per term, as
-    `aerodb.store.overview.describe_database` gives them; errors as `open`.
+    """Return the root attributes of a database and the rows of its overview.
+
+    The rows are those of `aerodb.store.overview.describe_database`; errors as in `open`.
     """
-    attributes, leaves = read_overview(path, SHOWN, STATED, whole)
+    attributes, leaves = read_overview(path, SHOWN, attributes=STATED, whole=whole)
     return attributes, describe_terms(leaves)
 
 
 def list_edits(path: str | os.PathLike) -> list[tuple]:
-    """Return the rows of `aerodb.store.undo_history.history`, of a sealed file without reading its
-    tables; errors as `open`.
+    """Return the rows of `aerodb.store.undo_history.history` of a file; errors as in `open`.
+
+    The tables of a sealed file are not read.
     """
-
     path = Path(path)
-    found = read_edits(path) if read_database_seal(path).sealed else None
-    return (
-        edit_rows(*found) if found else list(history(open(path)).itertuples(index=False, name=None))
-    )
+    if read_database_seal(path).sealed:
+        edits = read_edits(path)
+        if edits:
+            return edit_rows(*edits)
+    return list(history(open(path)).itertuples(index=False, name=None))
 
 
-def _overview(content: bytes) -> tuple[Mapping[str, Any], list[dict[str, Any]]] | None:
-    """Return what `list_terms` makes of the content of a file."""
-    leaves = read_leaves(io.BytesIO(content), SHOWN, STATED, GROUPS)
-    return None if leaves is None else (leaves.pop("").attrs, describe_terms(leaves))
+def _make_overview(content: bytes) -> tuple[Mapping[str, Any], list[dict[str, Any]]] | None:
+    """Return the result of `list_terms` for the content of a file."""
+    leaves = read_leaves(io.BytesIO(content), SHOWN, attributes=STATED, without=GROUPS)
+    if leaves is None:
+        return None
+    return leaves.pop("").attrs, describe_terms(leaves)
 
 
-_known: dict[str, bytes] = {}  # file -> digest of what this process read or wrote there last
+# Digest of the content that this process read or wrote last, by file.
+_digests: dict[str, bytes] = {}
 
 
-def _key(path: str | os.PathLike) -> str:
+def _file_key(path: str | os.PathLike) -> str:
     return os.path.realpath(path)
 
 
-def _digest(content: bytes) -> bytes:
+def _digest_of(content: bytes) -> bytes:
     return hashlib.sha256(content).digest()
 
 
 def _demand_as_read(path: Path) -> None:
-    """Raise when a file that is about to be replaced is not the one that was read: another editor's
-    work would be lost.
+    """Raise if another program changed the file after this process read it.
+
+    Its changes would be lost.
     """
-    known = _known.get(_key(path))
-    if known is not None and path.exists() and _digest(path.read_bytes()) != known:
+    digest = _digests.get(_file_key(path))
+    if digest is None or not path.exists():
+        return
+    if _digest_of(path.read_bytes()) != digest:
         text = (
             "was saved by another program after it was read here; open it again and repeat "
             "the edit, or save under another name"
@@ -183,15 +206,17 @@ def _demand_as_read(path: Path) -> None:
 
 
 def _demand_database(path: Path) -> None:
-    """Raise one sentence on a file of ours of another kind, where a list of all that it lacks would
-    hide what it is.
+    """Raise `SchemaError` if the file is of another kind of this product.
+
+    The list of all missing parts of a database would hide the kind of the file.
     """
     try:
         with h5py.File(path) as file:
-            groups, about = set(file), set(file.attrs)
+            groups, attributes = set(file), set(file.attrs)
     except OSError:
-        return  # damaged: `read_netcdf_tree` states how
-    if about & {"force_axes", "cbar"} or groups & set(COEFFICIENTS):
+        return  # a damaged file: `read_netcdf_tree` states the damage
+    # A database, perhaps with faults: the general check reports them.
+    if attributes & {"force_axes", "cbar"} or groups & set(COEFFICIENTS):
         return
     kind = file_kind(path)
     if kind.startswith(("a reconstructed", "a flight record")):
@@ -199,9 +224,10 @@ def _demand_database(path: Path) -> None:
 
 
 def _failing_checks(db: xr.DataTree) -> list[str]:
-    """Return which of the check cases that travel with a database fail; most carry none."""
+    """Return the failing check cases of a database; most databases have none."""
     if CHECKS not in db.children:
         return []
+    # Deferred: databases without check cases do not need the evaluation.
     from aerodb.store.evaluation import failing_checks
 
     return failing_checks(db)

@@ -1,9 +1,9 @@
-"""Leaves brought onto other breakpoints, and sums of leaves over the union of their breakpoints.
+"""Leaves on other breakpoints, and sums of leaves over the union of their breakpoints.
 
-Tables are multilinear, so a grid that holds all old breakpoints loses nothing.  At a new node the
-value is what the simulation computes there; the standard error is interpolated like the value, as
-if the errors of neighbouring nodes went together; the source is that of the nodes it comes from
-when they share one, else judgement, which is also the source of nodes beyond the old table.
+Tables are multilinear, so that a grid with all old breakpoints represents a table exactly.  At a
+new node the value is that of the simulation.  The standard error is interpolated like the value, as
+if neighbouring nodes were fully correlated.  The source is that of the surrounding nodes if they
+share one.  Otherwise, and beyond the old table, it is judgement.
 """
 
 from __future__ import annotations
@@ -20,20 +20,22 @@ from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import quantity_attributes
 
 JUDGEMENT = _terms.SOURCES.index("judgement")
-# of the span of an axis: breakpoints closer than this are the same; degrees come to radians on
-# several ways
+# Breakpoints closer than this share of the span of an axis are equal.  Conversions of degrees to
+# radians differ in their rounding.
 _NEAR = 1e-9
 _FACTORS = ("K1", "K2")
 
 
 def merge_breakpoints(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the breakpoints of two axes, rising; those of `second` that repeat one of `first` are
-    left out.
+    """Return the rising union of the breakpoints of two axes.
+
+    Breakpoints of `second` that repeat one of `first` are left out.
     """
     first, second = np.asarray(first, float), np.asarray(second, float)
+    # Additional points are farther than rounding from every point of the first axis.
     near = _NEAR * np.ptp(np.concatenate([first, second]))
-    fresh = second[np.abs(second[:, None] - first).min(axis=1) > near]
-    return np.sort(np.concatenate([first, fresh]))
+    additional = second[np.abs(second[:, None] - first).min(axis=1) > near]
+    return np.sort(np.concatenate([first, additional]))
 
 
 def is_within(points: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -48,38 +50,35 @@ def value_breakpoints(leaf: xr.Dataset) -> dict[str, np.ndarray]:
 
 
 def union_axes(*leaves: xr.Dataset) -> dict[str, np.ndarray]:
-    """Return the breakpoints of several tables together."""
-    points: dict[str, np.ndarray] = {}
+    """Return the union of the breakpoints of several tables, by axis."""
+    union: dict[str, np.ndarray] = {}
     for leaf in leaves:
-        for axis, own in value_breakpoints(leaf).items():
-            points[axis] = merge_breakpoints(points[axis], own) if axis in points else own
-    return points
+        for axis, points in value_breakpoints(leaf).items():
+            if axis in union:
+                points = merge_breakpoints(union[axis], points)
+            union[axis] = points
+    return union
 
 
 def rising_breakpoints(axis: str, points: Any) -> np.ndarray:
-    """Return breakpoints as an array; a `SchemaError` when they do not rise."""
-    found = np.asarray(points, float)
-    if (
-        found.ndim != 1
-        or not found.size
-        or not np.isfinite(found).all()
-        or (np.diff(found) <= 0).any()
-    ):
+    """Return breakpoints as an array; raise `SchemaError` if they do not rise."""
+    array = np.asarray(points, float)
+    is_valid = array.ndim == 1 and array.size and np.isfinite(array).all()
+    if not is_valid or (np.diff(array) <= 0).any():
         raise SchemaError(
             "breakpoints", [f"of {axis} are {points!r}; give finite numbers that rise"]
         )
-    return found
+    return array
 
 
 def demand_axis(name: str, leaf: xr.Dataset, axis: str) -> None:
-    """Raise `UnknownName` when `axis` is none of the table's."""
-    if axis not in leaf["value"].dims:
-        hint = (
-            "it belongs to a factor; put a changed leaf in with replace_terms"
-            if axis in factor_axes(leaf)
-            else f"of the table {name}"
-        )
-        raise UnknownName(axis, map(str, leaf["value"].dims), "axis", hint)
+    """Raise `UnknownName` if `axis` is not an axis of the table."""
+    if axis in leaf["value"].dims:
+        return
+    hint = f"of the table {name}"
+    if axis in factor_axes(leaf):
+        hint = "it belongs to a factor; put a changed leaf in with replace_terms"
+    raise UnknownName(axis, map(str, leaf["value"].dims), "axis", hint)
 
 
 def make_table_leaf(
@@ -87,12 +86,12 @@ def make_table_leaf(
 ) -> xr.Dataset:
     """Return a number, or a table over axes, as a leaf."""
     shape = tuple(np.size(points) for points in (axes or {}).values())
-    over = (
-        f"its axes {', '.join(axes)} need {shape}"
-        if axes
-        else "a number, or axes for it, is needed"
-    )
-    faults = [f"has the shape {np.shape(value)}; {over}"] if np.shape(value) != shape else []
+    requirement = "a number, or axes for it, is needed"
+    if axes:
+        requirement = f"its axes {', '.join(axes)} need {shape}"
+    faults = []
+    if np.shape(value) != shape:
+        faults.append(f"has the shape {np.shape(value)}; {requirement}")
     if np.shape(stderr) not in ((), shape):
         faults.append(
             f"stderr has the shape {np.shape(stderr)}; a number or the shape {shape} is needed"
@@ -103,90 +102,117 @@ def make_table_leaf(
 
 
 def regrid_leaf(leaf: xr.Dataset, points: Mapping[str, np.ndarray]) -> xr.Dataset:
-    """Return a leaf with its table on other breakpoints; axes it did not have are added, factors
-    and attributes stay.
+    """Return a leaf with its table on other breakpoints.
+
+    New axes are added.  Factors and attributes do not change.
 
     Parameters
     ----------
+    leaf : Dataset
+        The term.
     points : mapping of str to array
         All axes of the new table in order, those of the leaf among them. [SI]
     """
-    alone = _terms.without_multipliers(leaf[["value"]])
-    mesh = dict(zip(points, np.meshgrid(*points.values(), indexing="ij"))) if points else {}
-    shape = tuple(len(p) for p in points.values())
-    own = np.broadcast_shapes(*(mesh[axis].shape for axis in value_breakpoints(leaf)), ())
-    B = _terms.basis(alone, mesh, "clamp")
-
-    def there(nodes: np.ndarray, weights) -> np.ndarray:
-        return np.broadcast_to((weights @ nodes.ravel()).reshape(own), shape)
-
-    new = {"value": there(leaf["value"].values, B)}
+    table = _terms.without_multipliers(leaf[["value"]])
+    mesh = {}
+    if points:
+        mesh = dict(zip(points, np.meshgrid(*points.values(), indexing="ij")))
+    # Weights of the old nodes at the new ones: (new nodes, old nodes).
+    weights = _terms.basis(table, mesh, "clamp")
+    # Errors of neighbouring nodes count as fully correlated: they interpolate like the value.
+    new = {"value": _interpolate(leaf, leaf["value"].values, weights, points)}
     if "stderr" in leaf:
-        new["stderr"] = there(leaf["stderr"].values, abs(B))
+        new["stderr"] = _interpolate(leaf, leaf["stderr"].values, abs(weights), points)
     if "source" in leaf:
-        codes = leaf["source"].values
-        shares = np.array(
-            [there((codes == code).astype(float), abs(B)) for code in range(len(_terms.SOURCES))]
-        )
-        beyond = np.zeros(shape, bool)
-        for axis, old in value_breakpoints(leaf).items():
-            beyond |= ~is_within(old, mesh[axis])
-        new["source"] = np.where(beyond, JUDGEMENT, _single(shares > _NEAR, JUDGEMENT))
+        new["source"] = _interpolate_source(leaf, abs(weights), points, mesh)
     return with_table(leaf, points, **new)
+
+
+def _interpolate(
+    leaf: xr.Dataset, nodes: np.ndarray, weights: Any, points: Mapping[str, np.ndarray]
+) -> np.ndarray:
+    """Return node values at the new breakpoints, in the shape of the new table."""
+    shape = tuple(len(axis_points) for axis_points in points.values())
+    # A table without axes has one value, which is repeated at all new nodes.
+    table_shape = shape
+    if not leaf["value"].ndim:
+        table_shape = ()
+    return np.broadcast_to((weights @ nodes.ravel()).reshape(table_shape), shape)
+
+
+def _interpolate_source(
+    leaf: xr.Dataset,
+    weights: Any,
+    points: Mapping[str, np.ndarray],
+    mesh: Mapping[str, np.ndarray],
+) -> np.ndarray:
+    """Return the sources at the new breakpoints; judgement beyond the old table."""
+    codes = leaf["source"].values
+    # Weight of the nodes of each source at every new node.
+    shares = []
+    for code in range(len(_terms.SOURCES)):
+        shares.append(_interpolate(leaf, (codes == code).astype(float), weights, points))
+    outside = np.zeros(shares[0].shape, bool)
+    for axis, old in value_breakpoints(leaf).items():
+        outside |= ~is_within(old, mesh[axis])
+    return np.where(outside, JUDGEMENT, _single_source(np.array(shares) > _NEAR))
 
 
 def with_table(
     leaf: xr.Dataset, points: Mapping[str, np.ndarray], value, stderr=None, source=None
 ) -> xr.Dataset:
-    """Return a leaf with another table; factors and attributes stay, standard error and source only
-    when given.
+    """Return a leaf with another table.
+
+    Factors and attributes do not change.  The result has a standard error and a source only if they
+    are given.
     """
     dims = tuple(points)
     tables = {"value": (dims, np.array(value, float), leaf["value"].attrs)}
     if stderr is not None:
-        tables["stderr"] = (
-            dims,
-            np.array(stderr, float),
-            leaf["stderr"].attrs if "stderr" in leaf else {},
-        )
+        attributes = {}
+        if "stderr" in leaf:
+            attributes = leaf["stderr"].attrs
+        tables["stderr"] = dims, np.array(stderr, float), attributes
     if source is not None:
-        tables["source"] = (
-            dims,
-            np.array(source, np.uint8),
-            {"flag_values": "0 1 2", "flag_meanings": " ".join(_terms.SOURCES)},
-        )
-    coords = {
-        axis: (
-            axis,
-            own,
-            dict(leaf[axis].attrs) if axis in leaf.coords else quantity_attributes(axis),
-        )
-        for axis, own in points.items()
-    }
+        flags = {"flag_values": "0 1 2", "flag_meanings": " ".join(_terms.SOURCES)}
+        tables["source"] = dims, np.array(source, np.uint8), flags
+    coords = {}
+    for axis, axis_points in points.items():
+        attributes = quantity_attributes(axis)
+        if axis in leaf.coords:
+            attributes = dict(leaf[axis].attrs)
+        coords[axis] = axis, axis_points, attributes
     new = xr.Dataset(tables, coords, leaf.attrs)
     factors = {key: leaf[key] for key in _FACTORS if key in leaf}
-    return new.assign(factors) if factors else new
+    if not factors:
+        return new
+    return new.assign(factors)
 
 
 def fold_factors(leaf: xr.Dataset) -> xr.Dataset:
-    """Return a leaf with its factors multiplied into the table, which computes the same: their axes
-    are others.
+    """Return a leaf with its factors multiplied into the table.
+
+    It computes the same coefficient.  The axes of the factors become axes of the table.
     """
     factors = [leaf[key] for key in _FACTORS if key in leaf]
     if not factors:
         return leaf
     points = value_breakpoints(leaf)
     for factor in factors:
-        points |= {str(axis): factor[axis].values.astype(float) for axis in factor.dims}
-    one = xr.DataArray(np.ones([len(p) for p in points.values()]), dict(points), tuple(points))
-    times = one
+        for axis in factor.dims:
+            points[str(axis)] = factor[axis].values.astype(float)
+    shape = [len(axis_points) for axis_points in points.values()]
+    ones = xr.DataArray(np.ones(shape), dict(points), tuple(points))
+    product = ones
     for factor in factors:
-        times = times * factor
-    scale = {"value": times, "stderr": abs(times), "source": one}
-    whole = {
-        key: (leaf[key] * scale[key]).transpose(*points).values for key in scale if key in leaf
-    }
-    new = with_table(leaf.drop_vars(list(_FACTORS), errors="ignore"), points, **whole)
+        product = product * factor
+    # The sources are only repeated along the new axes.
+    multipliers = {"value": product, "stderr": abs(product), "source": ones}
+    tables = {}
+    for key, multiplier in multipliers.items():
+        if key in leaf:
+            tables[key] = (leaf[key] * multiplier).transpose(*points).values
+    new = with_table(leaf.drop_vars(list(_FACTORS), errors="ignore"), points, **tables)
     faults = _terms.check_term(new)
     if faults:
         raise SchemaError("factors multiplied into the table", faults)
@@ -194,9 +220,7 @@ def fold_factors(leaf: xr.Dataset) -> xr.Dataset:
 
 
 def without_formula(leaf: xr.Dataset) -> xr.Dataset:
-    """Return a leaf whose factors no longer state which formula they came from: their breakpoints
-    have changed.
-    """
+    """Return a leaf whose factors do not state a formula, because their breakpoints changed."""
     changed = {}
     for key in _FACTORS:
         if key in leaf and "formula" in leaf[key].attrs:
@@ -207,71 +231,78 @@ def without_formula(leaf: xr.Dataset) -> xr.Dataset:
 
 def same_factors(first: xr.Dataset, second: xr.Dataset) -> bool:
     """Return whether two leaves have the same factor tables."""
-    return all(
-        (key in first) == (key in second) and (key not in first or first[key].equals(second[key]))
-        for key in _FACTORS
-    )
+    for key in _FACTORS:
+        if (key in first) != (key in second):
+            return False
+        if key in first and not first[key].equals(second[key]):
+            return False
+    return True
 
 
-def add_leaves(leaf: xr.Dataset, more: xr.Dataset) -> xr.Dataset:
-    """Return the sum of two leaves that the same things multiply, over the union of their
-    breakpoints; errors count as independent.
+def add_leaves(leaf: xr.Dataset, added: xr.Dataset) -> xr.Dataset:
+    """Return the sum of two leaves over the union of their breakpoints.
+
+    The same variables must multiply both.  Their errors count as independent.
 
     Raises
     ------
     SchemaError
         Their factors differ and the table without them has too many axes.
     """
-    if not same_factors(leaf, more):
-        leaf, more = fold_factors(leaf), fold_factors(more)
-    points = union_axes(leaf, more)
+    # Tables with equal factors can be added as they are: K (a + b) = K a + K b.
+    if not same_factors(leaf, added):
+        leaf, added = fold_factors(leaf), fold_factors(added)
+    points = union_axes(leaf, added)
     if len(points) > _terms.MAX_AXES:
         raise SchemaError(
             "sum", [f"has the axes {' '.join(points)}; at most {_terms.MAX_AXES} are allowed"]
         )
-    a, b = regrid_leaf(leaf, points), regrid_leaf(more, points)
+    a, b = regrid_leaf(leaf, points), regrid_leaf(added, points)
     value = a["value"].values + b["value"].values
     errors = [part["stderr"].values for part in (a, b) if "stderr" in part]
-    stderr = np.sqrt(sum(sd**2 for sd in errors)) if errors else None
-    return with_table(a, points, value, stderr, joint_source(a, b))
+    stderr = None
+    if errors:
+        stderr = np.sqrt(sum(sd**2 for sd in errors))
+    return with_table(a, points, value=value, stderr=stderr, source=joint_source(a, b))
 
 
 def joint_source(*parts: xr.Dataset) -> np.ndarray:
-    """Return the sources of the nodes of a sum: that of the parts that are not zero when they share
-    one, else judgement.
+    """Return the sources of the nodes of a sum.
+
+    The parts that are not zero decide: their source if they share one, else judgement.
     """
     codes = np.array([known_source(part) for part in parts])
-    counts = np.array([part["value"].values != 0.0 for part in parts])
-    shares = np.array(
-        [((codes == code) & counts).any(axis=0) for code in range(len(_terms.SOURCES))]
-    )
-    return np.where(counts.any(axis=0), _single(shares, JUDGEMENT), codes[0])
+    is_nonzero = np.array([part["value"].values != 0.0 for part in parts])
+    present = []
+    for code in range(len(_terms.SOURCES)):
+        present.append(((codes == code) & is_nonzero).any(axis=0))
+    return np.where(is_nonzero.any(axis=0), _single_source(np.array(present)), codes[0])
 
 
 def known_source(leaf: xr.Dataset) -> np.ndarray:
-    """Return the source of every node; judgement where the leaf does not state it."""
-    return (
-        leaf["source"].values
-        if "source" in leaf
-        else np.full(leaf["value"].shape, JUDGEMENT, np.uint8)
-    )
+    """Return the source of every node; judgement if the leaf does not state it."""
+    if "source" in leaf:
+        return leaf["source"].values
+    return np.full(leaf["value"].shape, JUDGEMENT, np.uint8)
 
 
 def factor_axes(leaf: xr.Dataset) -> set[str]:
     """Return the axes of the factors of a leaf."""
-    return {str(axis) for key in _FACTORS if key in leaf for axis in leaf[key].dims}
+    axes: set[str] = set()
+    for key in _FACTORS:
+        if key in leaf:
+            axes.update(map(str, leaf[key].dims))
+    return axes
 
 
 def node_text(points: Mapping[str, np.ndarray], node: Sequence[int]) -> str:
-    """Return where a node lies as a person reads it: ``mach 0.2, alpha 8 deg``."""
-    return (
-        ", ".join(
-            f"{axis} {display_text(axis, own[i])}" for (axis, own), i in zip(points.items(), node)
-        )
-        or "its only node"
-    )
+    """Return the position of a node as a text, such as ``mach 0.2, alpha 8 deg``."""
+    texts = []
+    for (axis, axis_points), index in zip(points.items(), node):
+        texts.append(f"{axis} {display_text(axis, axis_points[index])}")
+    return ", ".join(texts) or "its only node"
 
 
-def _single(present: np.ndarray, otherwise: int) -> np.ndarray:
-    """Return the source that is present alone, (sources, ...) to (...)."""
-    return np.where(present.sum(axis=0) == 1, present.argmax(axis=0), otherwise)
+def _single_source(present: np.ndarray) -> np.ndarray:
+    """Return the only source that is present, else judgement: (sources, ...) to (...)."""
+    return np.where(present.sum(axis=0) == 1, present.argmax(axis=0), JUDGEMENT)

@@ -1,16 +1,15 @@
-"""A look at a database file: a few variables of each term, as they stand in the file.
+"""Fast reader of a few variables of each term of a database file.
 
-The objects of HDF5 itself are read, and only those that are wanted: the classes of h5py above them
-take three times as long, which was a third of ``aeromatch db show``.  Whatever is laid out
-otherwise than `flightmech.support.netcdf_trees.encode_tree` does is left to `read` there, which states
-what is wrong with it.
+It reads only the requested objects, with the low-level interface of HDF5: the classes of h5py are
+slower.  It supports the layout of `flightmech.support.netcdf_trees.encode_tree` only.  A file with
+another layout is read by `read_netcdf_tree` of the same module, which reports its faults.
 """
 
 from __future__ import annotations
 
 import io
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +29,7 @@ from flightmech.support.netcdf_trees import (
 )
 
 _PACKED = [name.encode() for name in PACKED]
-_TABLES = ("value", "K1", "K2")  # of a term, each over axes of its own
+_TABLES = ("value", "K1", "K2")  # variables of a term with their own axes
 
 
 def read_leaves(
@@ -40,159 +39,186 @@ def read_leaves(
     without: Collection[str],
     names: Collection[str] | None = None,
 ) -> dict[str, StoredGroup] | None:
-    """Return the terms of a file by name, ``"CL/basic"``, and its root by the name ``""``; None
-    when it is laid out otherwise.
+    """Return the terms of a file by name, and its root by the name ``""``.
+
+    The result is None if the file has another layout.
 
     Parameters
     ----------
     source : path or file in memory
-        Of HDF5.
+        HDF5 file.
     variables : collection of str
-        Variables of a term to read, where it has them; the breakpoints of their axes come with
-        them.
+        Variables of a term to read, if it has them, with the breakpoints of their axes.
     attributes : collection of str or None
-        Attributes of a term to read, where it has them; all for None.  Those of the root are all
+        Attributes of a term to read, if it has them; None for all.  All attributes of the root are
         read.
     without : collection of str
-        Groups at the root that are left out.
+        Groups at the root that are not read.
     names : collection of str, optional
-        Terms to read; all unless given.
+        Terms to read, such as ``"CL/basic"``; the default is all.
     """
     with h5py.File(source, "r") as file:
         try:
             root = h5o.open(file.id, b"/")
-            found = {"": StoredGroup({}, _attributes(root, None))}
-            for coefficient in _members(root):
-                if coefficient not in without:
-                    group = _group(root, coefficient)
-                    for contribution in _members(group):
-                        name = f"{coefficient}/{contribution}"
-                        if names is None or name in names:
-                            term = _group(group, contribution)
-                            if tables := _variables(term, variables):
-                                found[name] = StoredGroup(tables, _attributes(term, attributes))
+            leaves = {"": StoredGroup({}, _read_attributes(root, None))}
+            for name, term in _iterate_terms(root, without):
+                if names is None or name in names:
+                    tables = _read_variables(term, variables)
+                    if tables:
+                        leaves[name] = StoredGroup(tables, _read_attributes(term, attributes))
         except _ERRORS:
             return None
-    return found
+    return leaves
 
 
 def read_edits(source: Path) -> tuple[dict[str, Any], dict[str, UndoEntry]] | None:
-    """Return the root attributes of a file and the undo entries by the names of their groups; None
-    when it is laid out otherwise.
+    """Return the root attributes of a file and its undo entries by the names of their groups.
+
+    The result is None if the file has another layout.
     """
     with h5py.File(source, "r") as file:
         try:
             root = h5o.open(file.id, b"/")
-            top = _group(root, PREVIOUS) if PREVIOUS in _members(root) else None
-            groups = {name: _group(top, name) for name in _members(top)} if top is not None else {}
-            return _attributes(root, None), {
-                name: UndoEntry(_attributes(group, None), _terms(group))
-                for name, group in groups.items()
-            }
+            entries = {}
+            if PREVIOUS in _list_members(root):
+                previous = _open_group(root, PREVIOUS)
+                for name in _list_members(previous):
+                    group = _open_group(previous, name)
+                    entries[name] = UndoEntry(_read_attributes(group, None), _list_terms(group))
+            return _read_attributes(root, None), entries
         except _ERRORS:
             return None
 
 
-def _terms(entry: h5g.GroupID) -> list[str]:
-    """Return the names of the terms that an undo entry holds."""
-    found = []
-    for coefficient in _members(entry):
-        if coefficient != CHECKS:
-            group = _group(entry, coefficient)
-            found += [
-                f"{coefficient}/{contribution}"
-                for contribution in _members(group)
-                if "value" in _members(_group(group, contribution))
-            ]
-    return found
+def _iterate_terms(
+    above: h5g.GroupID, without: Collection[str]
+) -> Iterator[tuple[str, h5g.GroupID]]:
+    """Yield name and group of every term in the groups of coefficients."""
+    for coefficient in _list_members(above):
+        if coefficient in without:
+            continue
+        group = _open_group(above, coefficient)
+        for contribution in _list_members(group):
+            yield f"{coefficient}/{contribution}", _open_group(group, contribution)
+
+
+def _list_terms(entry: h5g.GroupID) -> list[str]:
+    """Return the names of the terms in an undo entry."""
+    names = []
+    for name, term in _iterate_terms(entry, (CHECKS,)):
+        if "value" in _list_members(term):
+            names.append(name)
+    return names
 
 
 class _OtherLayout(Exception):
-    """Something that `image` does not write."""
+    """A layout that `encode_tree` does not write."""
 
 
 _ERRORS = (_OtherLayout, RuntimeError, OSError, KeyError, TypeError, ValueError)
 
 
-def _members(group: h5g.GroupID) -> list[str]:
+def _list_members(group: h5g.GroupID) -> list[str]:
     """Return the names in a group in the order in which they were written."""
+    # The order of creation is the order of the terms in the database.
     links: list[tuple[bytes, int]] = []
     group.links.iterate(
         lambda name, link: links.append((name, link.type)),
         idx_type=h5py.h5.INDEX_CRT_ORDER,
         info=True,
     )
-    if any(kind != h5py.h5l.TYPE_HARD for _, kind in links):
-        raise _OtherLayout
-    return [name.decode() for name, _ in links]
+    names = []
+    for name, kind in links:
+        if kind != h5py.h5l.TYPE_HARD:
+            raise _OtherLayout
+        names.append(name.decode())
+    return names
 
 
-def _group(above: h5g.GroupID, name: str) -> h5g.GroupID:
+def _open_group(above: h5g.GroupID, name: str) -> h5g.GroupID:
+    """Return a group below another one; raise if the name is not a group."""
     item = h5o.open(above, name.encode())
     if not isinstance(item, h5g.GroupID):
         raise _OtherLayout
     return item
 
 
-def _variables(term: h5g.GroupID, wanted: Collection[str]) -> dict[str, StoredVariable]:
-    """Return variables with the breakpoints of their axes; a standard error and a source stand over
-    the axes of the value.
+def _read_variables(term: h5g.GroupID, requested: Collection[str]) -> dict[str, StoredVariable]:
+    """Return variables of a term with the breakpoints of their axes.
+
+    A standard error and a source have the axes of the value.
     """
-    found: dict[str, StoredVariable] = {}
-    for name in sorted(set(_members(term)) & set(wanted), key=_TABLES.__contains__, reverse=True):
+    variables: dict[str, StoredVariable] = {}
+    present = set(_list_members(term)) & set(requested)
+    # Tables with their own axes come first; the others need the axes of the value.
+    for name in sorted(present, key=_TABLES.__contains__, reverse=True):
         table = h5o.open(term, name.encode())
-        numbers = _numbers(table)
+        numbers = _read_numbers(table)
         if name in _TABLES:
-            axes = tuple(
-                h5ds.iterate(table, number, lambda scale: _axis(scale, found)) or ""
-                for number in range(numbers.ndim)
-            )
-        elif "value" not in found or numbers.shape != found["value"].values.shape:
+            axes = _read_axes(table, numbers.ndim, variables)
+        elif "value" not in variables or numbers.shape != variables["value"].values.shape:
             raise _OtherLayout
         else:
-            axes = found["value"].dims
-        found[name] = StoredVariable(axes, numbers, {})
-    return found
+            axes = variables["value"].dims
+        variables[name] = StoredVariable(axes, numbers, {})
+    return variables
 
 
-def _axis(scale: h5d.DatasetID, found: dict[str, StoredVariable]) -> str:
-    """Return the name of the axis that a dimension scale holds, and keep its breakpoints."""
+def _read_axes(
+    table: h5d.DatasetID, count: int, variables: dict[str, StoredVariable]
+) -> tuple[str, ...]:
+    """Return the names of the axes of a table, and add their breakpoints to the variables."""
+    axes = []
+    for number in range(count):
+        axis = h5ds.iterate(table, number, lambda scale: _read_axis(scale, variables))
+        axes.append(axis or "")
+    return tuple(axes)
+
+
+def _read_axis(scale: h5d.DatasetID, variables: dict[str, StoredVariable]) -> str:
+    """Return the axis of a dimension scale, and add its breakpoints to the variables."""
     name = h5ds.get_scale_name(scale).decode()
-    if name not in found:
-        found[name] = StoredVariable((name,), _numbers(scale), {})
+    if name not in variables:
+        variables[name] = StoredVariable((name,), _read_numbers(scale), {})
     return name
 
 
-def _numbers(table: h5d.DatasetID) -> np.ndarray:
-    """Return the numbers of a dataset, which HDF5 converts, if they are any; those that stand
-    elsewhere have no place in the file.
+def _read_numbers(table: h5d.DatasetID) -> np.ndarray:
+    """Return the numbers of a dataset, converted to float by HDF5.
+
+    Numbers outside the file, packed numbers and very large tables are another layout.
     """
     shape = table.get_space().get_simple_extent_dims()
-    if (
-        table.get_offset() is None
-        or 8 * math.prod(shape) > LARGEST
-        or any(h5a.exists(table, key) for key in _PACKED)
-    ):
+    if table.get_offset() is None or 8 * math.prod(shape) > LARGEST:
         raise _OtherLayout
+    if any(h5a.exists(table, key) for key in _PACKED):
+        raise _OtherLayout
+    # HDF5 converts integers and single precision while it reads.
     numbers = np.empty(shape)
     table.read(h5s.ALL, h5s.ALL, numbers, h5t.NATIVE_DOUBLE)
     return numbers
 
 
-def _attributes(owner: h5g.GroupID, wanted: Collection[str] | None) -> dict[str, str | int | float]:
+def _read_attributes(
+    owner: h5g.GroupID, requested: Collection[str] | None
+) -> dict[str, str | int | float]:
+    """Return the attributes of a group in the order of the file; None requests all."""
     names: list[bytes] = []
     h5a.iterate(owner, names.append, index_type=h5py.h5.INDEX_CRT_ORDER)
-    texts = [name.decode() for name in names]
-    return {
-        name: _attribute(owner, name)
-        for name in texts
-        if name not in LAYOUT and (wanted is None or name in wanted)
-    }
+    attributes = {}
+    for name in map(bytes.decode, names):
+        if name not in LAYOUT and (requested is None or name in requested):
+            attributes[name] = _read_attribute(owner, name)
+    return attributes
 
 
-def _attribute(owner: h5g.GroupID, name: str) -> Any:
+def _read_attribute(owner: h5g.GroupID, name: str) -> Any:
+    """Return an attribute as text or number; raise `ValueError` if it has several items."""
+    # The attribute is read with its type in the file: text is bytes of fixed length.
     attribute = h5a.open(owner, name.encode())
-    item = np.empty(attribute.shape, attribute.dtype)
-    attribute.read(item)
-    plain = item.item()  # of one item, else ValueError
-    return plain.decode() if isinstance(plain, bytes) else plain
+    array = np.empty(attribute.shape, attribute.dtype)
+    attribute.read(array)
+    item = array.item()
+    if isinstance(item, bytes):
+        return item.decode()
+    return item

@@ -1,4 +1,4 @@
-"""A database as a table that a person reads."""
+"""Overview of a database as text: its terms, ranges and sources."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from flightmech.support.netcdf_trees import StoredGroup
 
-FREE_AIR = 1e4  # h_agl from here on is no height over ground [m]
+FREE_AIR = 1e4  # value of h_agl from which on there is no ground effect [m]
 
 
 def display_text(name: str, value: float) -> str:
@@ -24,7 +24,14 @@ def display_text(name: str, value: float) -> str:
     if name == "h_agl" and value >= FREE_AIR:
         return "in free air"
     unit = lookup(name).display_units
-    return f"{plain_number(from_si(float(value), unit))}{'' if unit == '1' else f' {unit}'}"
+    return f"{plain_number(from_si(float(value), unit))}{_unit_suffix(unit)}"
+
+
+def _unit_suffix(unit: str) -> str:
+    """Return the unit behind a number, nothing for the unit 1."""
+    if unit == "1":
+        return ""
+    return f" {unit}"
 
 
 def plain_number(value: float) -> str:
@@ -35,11 +42,17 @@ def plain_number(value: float) -> str:
     >>> plain_number(20000.0), plain_number(-0.0), plain_number(0.123456)
     ('20000', '0', '0.1235')
     """
-    return f"{value + 0.0:.0f}" if 1e4 <= abs(value) < 1e8 else f"{value + 0.0:.4g}"
+    # The sum turns -0.0 into 0.0.
+    if 1e4 <= abs(value) < 1e8:
+        return f"{value + 0.0:.0f}"
+    return f"{value + 0.0:.4g}"
 
 
 OVERVIEW = "1"
-"""Name of the rules that `describe_terms` follows, a number; files carry what it gave, so that it is raised whenever these rules change."""
+"""Version number of the rows of `describe_terms`.
+
+Files contain these rows.  Raise the number whenever the rules of the rows change.
+"""
 _FEW = 12  # absent terms that are listed one by one
 SHOWN = ("value", "K1", "K2", "stderr", "source")  # variables of a term that an overview needs
 STATED = ("regressors", "power", "exponent", "floor")  # attributes of a term that it needs
@@ -61,159 +74,178 @@ def describe_database(db: xr.DataTree) -> list[dict[str, Any]]:
 
 
 def describe_terms(leaves: Mapping[str, xr.Dataset | StoredGroup]) -> list[dict[str, Any]]:
-    """Return the rows of `describe_database` of terms by name, also as they stand in a file; who changes
-    what they hold raises `OVERVIEW`.
+    """Return the rows of `describe_database` of terms by name, which may come from a file.
+
+    A change of the rows requires a higher `OVERVIEW`.
     """
-    return [_facts(name, leaf) for name, leaf in leaves.items()]
+    return [_describe_term(name, leaf) for name, leaf in leaves.items()]
 
 
 def summary(db: xr.DataTree) -> str:
-    """Return a table of the terms as text: axes with ranges (angles in degrees), regressors,
-    values, standard errors, source.
-    """
+    """Return a table of the terms as text.
 
+    Its columns are axes with ranges (angles in degrees), regressors, values, standard errors and
+    source.
+    """
     return overview_text(db.attrs, terms(db))
 
 
 def overview_text(attributes: Mapping, leaves: Mapping[str, xr.Dataset | StoredGroup]) -> str:
-    """Return the text of `summary` from root attributes and terms by name, also as they stand in a
-    file.
-    """
+    """Return the text of `summary` from root attributes and terms, which may come from a file."""
     return summary_text(attributes, describe_terms(leaves))
 
 
 def summary_text(attributes: Mapping, terms: Iterable[Mapping[str, Any]]) -> str:
     """Return the text of `summary` from root attributes and the rows of `describe_database`."""
-    rows = [_texts(row) for row in terms]
-    widths = [max(len(line[i]) for line in [HEAD, *rows]) for i in range(len(HEAD))]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip()
-        for line in [HEAD, *rows]
-    ]
+    # Columns as wide as their widest cell, the head included.
+    rows: list[tuple[str, ...]] = [HEAD]
+    rows += [_format_row(row) for row in terms]
+    widths = [max(map(len, column)) for column in zip(*rows)]
+    lines = []
+    for row in rows:
+        cells = [cell.ljust(width) for cell, width in zip(row, widths)]
+        lines.append("  ".join(cells).rstrip())
     return "\n".join([*heading_lines(attributes), "", *lines])
 
 
 def heading_lines(a: Mapping) -> list[str]:
-    """Return the lines about the whole database from its root attributes: title, reference
-    quantities, axes, absent terms.
-    """
+    """Return the lines on a database: title, reference quantities, axes, absent terms."""
     point = ", ".join(f"{a[key]:.4f}" for key in ("x_ref", "y_ref", "z_ref"))
     return [
         str(a["title"]),
         f"S {a['S']:.4f} m2, cbar {a['cbar']:.4f} m, b {a['b']:.4f} m; moments about "
         f"({point}) m from the datum",
         f"forces in {a['force_axes']} axes, moments and rates in body axes",
-        f"absent: {_absent(str(a.get('absent', '')).split())}",
+        f"absent: {_list_absent(str(a.get('absent', '')).split())}",
     ]
 
 
-def _absent(names: list[str]) -> str:
-    """Return the absent terms as text; many of them by the coefficients that lack them."""
+def _list_absent(names: list[str]) -> str:
+    """Return the absent terms as text; a long list is grouped by coefficients."""
     if len(names) <= _FEW:
         return " ".join(names) or "nothing"
-    lacking: dict[str, list[str]] = {}
+    # Coefficients that lack each contribution, in the order of the scheme.
+    by_contribution: dict[str, list[str]] = {}
     for name in names:
         coefficient, _, contribution = name.partition("/")
-        lacking.setdefault(contribution, []).append(coefficient)
+        by_contribution.setdefault(contribution, []).append(coefficient)
+    # Contributions that are absent from the same coefficients share a group.
     groups: dict[str, list[str]] = {}
-    for contribution, coefficients in lacking.items():
+    for contribution, coefficients in by_contribution.items():
         groups.setdefault(" ".join(coefficients), []).append(contribution)
-    return "; ".join(f"{coefficients}: {' '.join(words)}" for coefficients, words in groups.items())
+    texts = [f"{group}: {' '.join(contributions)}" for group, contributions in groups.items()]
+    return "; ".join(texts)
 
 
-def _facts(name: str, leaf: xr.Dataset | StoredGroup) -> dict[str, Any]:
-
-    axes = [
-        (str(axis), leaf[str(axis)].values)
-        for key in ("value", "K1", "K2")
-        if key in leaf
-        for axis in leaf[key].dims
-    ]
+def _describe_term(name: str, leaf: xr.Dataset | StoredGroup) -> dict[str, Any]:
+    """Return the row of `describe_database` of one term."""
+    # Axes of the table first, then those of its factors.
+    axes = []
+    for table in ("value", "K1", "K2"):
+        if table not in leaf:
+            continue
+        for axis in map(str, leaf[table].dims):
+            points = leaf[axis].values.astype(float).tolist()
+            axes.append({"name": axis, "points": points, "units": lookup(axis).units})
+    stderr = None
+    if "stderr" in leaf:
+        stderr = _value_range(leaf["stderr"].values)
     return {
         "term": name,
-        "axes": [
-            {
-                "name": axis,
-                "points": points.astype(float).tolist(),
-                "units": lookup(axis).units,
-            }
-            for axis, points in axes
-        ],
+        "axes": axes,
         "regressors": list(_terms.list_regressors(leaf)),
         "power": str(_terms.power_factor(leaf) or ""),
-        "value": _ends(leaf["value"].values),
-        "stderr": _ends(leaf["stderr"].values) if "stderr" in leaf else None,
-        "source": _shares(leaf),
+        "value": _value_range(leaf["value"].values),
+        "stderr": stderr,
+        "source": _source_shares(leaf),
     }
 
 
-def _ends(table: np.ndarray) -> list[float]:
+def _value_range(table: np.ndarray) -> list[float]:
+    """Return the smallest and the largest value of a table."""
     return [float(table.min()), float(table.max())]
 
 
-def _shares(leaf: xr.Dataset | StoredGroup) -> dict[str, float]:
+def _source_shares(leaf: xr.Dataset | StoredGroup) -> dict[str, float]:
+    """Return the share of the nodes of each source, by its name."""
     if "source" not in leaf:
         return {}
     import numpy as np
 
     codes, counts = np.unique(leaf["source"].values, return_counts=True)
-    return {
-        _terms.SOURCES[int(code)]: float(count / counts.sum()) for code, count in zip(codes, counts)
-    }
+    shares = {}
+    for code, count in zip(codes, counts):
+        shares[_terms.SOURCES[int(code)]] = float(count / counts.sum())
+    return shares
 
 
-def _texts(row: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return a row of `describe_database` as a person reads it, in display units."""
-    shares = row["source"]
+def _format_row(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the cells of a row of `describe_database` as texts, in display units."""
+    # A dash marks an empty cell.
+    axes = [_format_axis(**axis) for axis in row["axes"]]
+    multipliers = filter(None, [*row["regressors"], row["power"]])
+    stderr = "-"
+    if row["stderr"]:
+        stderr = _format_range(row["stderr"])
+    sources = list(row["source"])
+    if len(sources) > 1:
+        sources = [f"{source} {100 * share:.0f} %" for source, share in row["source"].items()]
     return (
         row["term"],
-        ", ".join(_axis(**axis) for axis in row["axes"]) or "-",
-        " ".join(filter(None, [*row["regressors"], row["power"]])) or "-",
-        _span(row["value"]),
-        _span(row["stderr"]) if row["stderr"] else "-",
-        ", ".join(
-            f"{word} {100 * share:.0f} %" if len(shares) > 1 else word
-            for word, share in shares.items()
-        )
-        or "-",
+        ", ".join(axes) or "-",
+        " ".join(multipliers) or "-",
+        _format_range(row["value"]),
+        stderr,
+        ", ".join(sources) or "-",
     )
 
 
-def _axis(name: str, points: list[float], units: str) -> str:
-    shown = lookup(name).display_units
-    low, high = (from_si(x, shown) for x in (points[0], points[-1]))
-    return f"{name}[{len(points)}] {low:.6g} ... {high:.6g}{'' if shown == '1' else f' {shown}'}"
+def _format_axis(name: str, points: list[float], units: str) -> str:
+    """Return an axis as text, ``alpha[5] -4 ... 12 deg``; `units` is part of the row only."""
+    unit = lookup(name).display_units
+    low, high = from_si(points[0], unit), from_si(points[-1], unit)
+    return f"{name}[{len(points)}] {low:.6g} ... {high:.6g}{_unit_suffix(unit)}"
 
 
-def _span(ends: list[float]) -> str:
+def _format_range(ends: list[float]) -> str:
+    """Return a range of values as text; a single number if both ends are equal."""
     low, high = ends
-    return f"{low:.4g}" if low == high else f"{low:.4g} ... {high:.4g}"
+    if low == high:
+        return f"{low:.4g}"
+    return f"{low:.4g} ... {high:.4g}"
 
 
 def leaf_rows(leaf: xr.Dataset | StoredGroup) -> tuple[list[str], list[tuple[str, ...]]]:
-    """Return one term as a table of texts: a row per node of all axes but the last, whose
-    breakpoints head the columns.
+    """Return the head and the rows of one term as a table of texts.
+
+    Each row belongs to a node of all axes but the last.  The breakpoints of the last axis are in
+    the head of the columns.
     """
     import numpy as np
 
     values = leaf["value"].values
     if not values.ndim:
         return ["value"], [(f"{float(values):.6g}",)]
-    *rows_over, across = (str(axis) for axis in leaf["value"].dims)
-    head = [_label(axis) for axis in rows_over] + [
-        f"{across} {_show(across, x)}" for x in leaf[across].values
-    ]
+    # Rows are the nodes of all axes but the last, columns its breakpoints.
+    *row_axes, column_axis = map(str, leaf["value"].dims)
+    head = [_label_axis(axis) for axis in row_axes]
+    head += [f"{column_axis} {_format_point(column_axis, x)}" for x in leaf[column_axis].values]
     rows = []
     for node in np.ndindex(values.shape[:-1]):
-        place = tuple(_show(axis, leaf[axis].values[i]) for axis, i in zip(rows_over, node))
-        rows.append(place + tuple(f"{x:.5g}" for x in np.atleast_1d(values[node])))
+        row = [_format_point(axis, leaf[axis].values[i]) for axis, i in zip(row_axes, node)]
+        row += [f"{x:.5g}" for x in np.atleast_1d(values[node])]
+        rows.append(tuple(row))
     return head, rows
 
 
-def _label(axis: str) -> str:
+def _label_axis(axis: str) -> str:
+    """Return the name of an axis with its display unit."""
     unit = lookup(axis).display_units
-    return axis if unit == "1" else f"{axis} [{unit}]"
+    if unit == "1":
+        return axis
+    return f"{axis} [{unit}]"
 
 
-def _show(axis: str, value: float) -> str:
+def _format_point(axis: str, value: float) -> str:
+    """Return a breakpoint in the display unit of its axis."""
     return f"{from_si(float(value), lookup(axis).display_units):.6g}"

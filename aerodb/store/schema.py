@@ -1,4 +1,4 @@
-"""What a valid database is, and how one is put together from terms."""
+"""Rules of a valid database, and its construction from terms."""
 
 from __future__ import annotations
 
@@ -26,33 +26,32 @@ _TEXTS = ("title", "aircraft", "force_axes")
 _NUMBERS = ("S", "cbar", "b", "x_ref", "y_ref", "z_ref")
 _NAME = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
 
-SCHEME = tuple(
-    lr743()
-)  # names of the build-up; what a source cannot give is listed in the root attribute absent
+# Names of the terms of the build-up.  The root attribute ``absent`` lists those without a source.
+SCHEME = tuple(lr743())
 
 
 def terms(db: xr.DataTree) -> dict[str, xr.Dataset]:
-    """Return the terms of a database by name, ``{"CL/basic": leaf, ...}``, in the order of the
-    tree; the groups `GROUPS` hold none.
+    """Return the terms of a database by name, ``{"CL/basic": leaf, ...}``.
+
+    They have the order of the tree.  The groups `GROUPS` do not contain terms.
     """
-    found: dict[str, xr.Dataset] = {}
-    level = [
-        (db.path.strip("/"), db)
-    ]  # one after the other as `DataTree.subtree`, which forms the path of a node from all its parents
+    leaves: dict[str, xr.Dataset] = {}
+    # Level by level, as `DataTree.subtree`.  The latter forms each path from all parents.
+    level = [(db.path.strip("/"), db)]
     while level:
+        next_level = []
         for name, node in level:
-            if name and (node.has_data or not node.children) and name.split("/")[0] not in GROUPS:
-                found[name] = node.to_dataset(inherit=False)
-        level = [
-            (f"{name}/{key}".lstrip("/"), child)
-            for name, node in level
-            for key, child in node.children.items()
-        ]
-    return found
+            is_leaf = bool(name) and (node.has_data or not node.children)
+            if is_leaf and name.split("/")[0] not in GROUPS:
+                leaves[name] = node.to_dataset(inherit=False)
+            for key, child in node.children.items():
+                next_level.append((f"{name}/{key}".lstrip("/"), child))
+        level = next_level
+    return leaves
 
 
 def make_database(leaves: Mapping[str, xr.Dataset], **attributes: str | float) -> xr.DataTree:
-    """Return a database made of terms, checked.
+    """Return a checked database made of terms.
 
     Parameters
     ----------
@@ -66,13 +65,14 @@ def make_database(leaves: Mapping[str, xr.Dataset], **attributes: str | float) -
     Raises
     ------
     SchemaError
-        With all faults.
+        The database is not valid; all faults.
     """
     import xarray as xr
 
-    tree = xr.DataTree.from_dict(
-        {"/": xr.Dataset(attrs=attributes), **{f"/{name}": leaf for name, leaf in leaves.items()}}
-    )
+    nodes = {"/": xr.Dataset(attrs=attributes)}
+    for name, leaf in leaves.items():
+        nodes[f"/{name}"] = leaf
+    tree = xr.DataTree.from_dict(nodes)
     require_valid(tree)
     return tree
 
@@ -85,15 +85,18 @@ def check(db: xr.DataTree) -> list[str]:
             f"root holds the variables {', '.join(map(str, db.data_vars))}; tables belong "
             f"into leaves such as CL/basic"
         )
+    # With unknown force axes every coefficient is allowed: the root fault is reported alone.
     axes = FORCE_AXES.get(str(db.attrs.get("force_axes")))
-    allowed = () if axes is None else (*axes, *HINGE)
+    allowed: tuple[str, ...] = ()
+    if axes is not None:
+        allowed = (*axes, *HINGE)
     leaves = terms(db)
     if not leaves:
         problems.append("holds no term; a database has leaves such as CL/basic")
     for name, leaf in leaves.items():
-        problems += [
-            f"{name}: {fault}" for fault in _name_faults(name, allowed) + _terms.check_term(leaf)
-        ]
+        faults = _name_faults(name, allowed) + _terms.check_term(leaf)
+        problems += [f"{name}: {fault}" for fault in faults]
+    # Loops between coefficients can only be searched in sound terms.
     if axes is not None and not problems:
         problems += evaluation_levels(leaves, str(db.attrs["force_axes"]))[1]
     return problems
@@ -107,7 +110,7 @@ def require_valid(db: xr.DataTree) -> None:
 
 
 def find_leaf(db: xr.DataTree, name: str) -> xr.Dataset:
-    """Return one term; an unknown name raises `UnknownName` with the near ones."""
+    """Return one term; raise `UnknownName` with similar names if there is none."""
     leaves = terms(db)
     if name not in leaves:
         raise UnknownName(name, leaves, "term")
@@ -115,13 +118,16 @@ def find_leaf(db: xr.DataTree, name: str) -> xr.Dataset:
 
 
 def database_coefficients(db: xr.DataTree) -> tuple[str, ...]:
-    """Return the six coefficients of force and moment a database may hold, by its force axes; hinge
-    moments are in `HINGE`.
+    """Return the six coefficients of force and moment for the force axes of a database.
+
+    Hinge moments (`HINGE`) are allowed with any axes.
     """
     return FORCE_AXES[str(db.attrs["force_axes"])]
 
 
 def _root_faults(attributes: Mapping) -> list[str]:
+    """Return the faults of the root attributes."""
+    # Texts, finite numbers, positive lengths, known axes, storable attributes.
     problems = []
     for key in _TEXTS:
         if not isinstance(attributes.get(key), str):
@@ -149,6 +155,7 @@ def _root_faults(attributes: Mapping) -> list[str]:
 
 
 def _name_faults(name: str, allowed: tuple[str, ...]) -> list[str]:
+    """Return the faults of the name of a term; any coefficient is allowed if `allowed` is empty."""
     parts = name.split("/")
     if len(parts) != 2:
         return ["a term stands at <coefficient>/<contribution>, two levels, no more and no less"]

@@ -1,5 +1,6 @@
-"""The seal of a database file, checked before anything reads it; see
-`flightmech.support.hdf5_seal`.
+"""Seal of a database file, which is checked before the file is read.
+
+The seal is that of `flightmech.support.hdf5_seal`.
 """
 
 from __future__ import annotations
@@ -13,15 +14,16 @@ from flightmech.support.input_files import file_kind
 
 
 def read_database_seal(path: Path) -> Unbroken:
-    """Return what a database file has behind its HDF5 content, which must be sealed, or nothing: a
-    file of another program.
+    """Return the seal behind the HDF5 content of a database file.
+
+    A file of another program has no seal.
 
     Raises
     ------
     FileNotFoundError
-        No such file.
+        The file does not exist.
     ParseError
-        It is no HDF5 file, or its bytes are not those that were sealed.
+        The file is not an HDF5 file, or its bytes differ from the sealed ones.
     """
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file; `aeromatch db build` writes a database")
@@ -36,9 +38,11 @@ def read_database_seal(path: Path) -> Unbroken:
 
 
 def _is_hdf5(path: Path) -> bool:
+    """Return whether a file has the signature of HDF5."""
     with path.open("rb") as file:
         if file.read(len(SIGNATURE)) == SIGNATURE:
             return True
-    import h5py  # HDF5 looks for its signature further on too
+    # The signature may also be further inside the file; h5py searches for it.
+    import h5py
 
     return bool(h5py.is_hdf5(path))

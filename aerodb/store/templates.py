@@ -1,9 +1,9 @@
-"""The build-up of LR-743 eq. (1) to (11) for all six coefficients as one table, the empty scheme of
-a database.
+"""Scheme of a database: the build-up of LR-743 eq. (1) to (11) for all six coefficients.
 
-Every entry is a product *K1 x table(axes) x regressors*; a coefficient is the sum of its entries.
-LR-743 prints the equations of the lift coefficient; those of the others are built alike.  The
-scheme holds no numbers: a term without a source is absent and counts as zero [LR743] 3.1.
+Every entry is a product *K1 x table(axes) x regressors*, and a coefficient is the sum of its
+entries.  LR-743 prints the equations of the lift coefficient; those of the other coefficients have
+the same form.  The scheme does not contain numbers.  A term without a source is absent and counts
+as zero (LR-743, section 3.1).
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 _NO_METHOD = "no method"
 
+# Contribution, coefficients (empty for all of the group), axes, regressors, axis of K1, equation of
+# LR-743, meaning, source in DATCOM, result in flight (LR-743, section 4.5).
 Row = tuple[str, str, str, str, str, str, str, str, str]
 
 # fmt: off
@@ -31,7 +33,8 @@ LONGITUDINAL: tuple[Row, ...] = (
      "static page of the whole aeroplane, at one altitude", "(3) becomes a table over alpha and "
          "Mach number (Fig. 12)"),
     ("altitude", "", "h mach", "alpha", "", "(2)", "slope increment with altitude and Mach number",
-     "static pages at the other altitudes less basic (Reynolds number only, no elasticity)", "not mentioned in 4.5"),
+     "static pages at the other altitudes less basic (Reynolds number only, no elasticity)",
+     "not mentioned in 4.5"),
     ("flap", "", "delta_f mach alpha", "", "", "(2)", "increment of the flaps",
      "CL Cm: SYMFLP on the wing, D(CL), D(CM), wing-body | CD: SYMFLP on the wing, D(CD MIN) "
          "+ D(CDI)", "replaced (Fig. 13)"),
@@ -61,7 +64,8 @@ LONGITUDINAL: tuple[Row, ...] = (
     ("alphadothat", "", "mach h alpha", "alphadothat", "x_cg", "(7)", "rate of angle of attack",
      "CL Cm: CLAD, CMAD; where they are missing, the tail's part from the downwash",
      "embedded in the pitch-rate term in the normal envelope (collinear)"),
-    ("alphadothat_flap", "", "mach delta_f alpha", "alphadothat", "x_cg", "(7)", "rate of angle of attack, increment with flaps",
+    ("alphadothat_flap", "", "mach delta_f alpha", "alphadothat", "x_cg", "(7)",
+     "rate of angle of attack, increment with flaps",
      _NO_METHOD, "embedded in the pitch-rate term"),
     ("load_factor", "", "mach h", "dnz", "", "(8)", "load factor (elastic aeroplane)",
      "no method (rigid aeroplane)", "could not be identified: deleted"),
@@ -73,7 +77,8 @@ LONGITUDINAL: tuple[Row, ...] = (
      _NO_METHOD, "could not be identified: eliminated"),
     ("gear", "", "alpha delta_f", "", "gear", "(10)", "undercarriage",
      _NO_METHOD, "kept; the cause of the first mismatch of section 5"),
-    ("gear_mach", "", "alpha", "mach", "gear", "(10)", "undercarriage, increment with Mach number", _NO_METHOD, "deleted"),
+    ("gear_mach", "", "alpha", "mach", "gear", "(10)",
+     "undercarriage, increment with Mach number", _NO_METHOD, "deleted"),
     ("qhat_gear", "", "alpha delta_f", "qhat", "gear", "4.5", "pitch rate, increment with the "
         "undercarriage", _NO_METHOD, "added"),
     ("ground", "", "alpha mach delta_f", "", "h_agl", "(11)", "ground effect",
@@ -82,7 +87,8 @@ LONGITUDINAL: tuple[Row, ...] = (
         "flaps",
      "GRNDEF with SYMFLP on the wing, less the page without deflection", "k h^s fitted for each "
          "flap setting, (13)"),
-    ("ground_elevator", "", "alpha mach delta_f", "delta_e", "h_agl", "(11)", "ground effect on the elevator",
+    ("ground_elevator", "", "alpha mach delta_f", "delta_e", "h_agl", "(11)",
+     "ground effect on the elevator",
      "GRNDEF with SYMFLP on the tail, unless the program carries pages from deflection to "
          "deflection (both builds do)",
      "k h^s fitted, (13)"),
@@ -99,14 +105,17 @@ LATERAL: tuple[Row, ...] = (
     ("basic", "", "mach alpha", "", "", "like (3)", "asymmetry as built", "nothing: the program's "
         "aeroplane is symmetric", ""),
     ("beta", "", "mach alpha", "beta", "", "like (3)", "sideslip", "CYB, CLB, CNB", ""),
-    ("beta_flap", "", "alpha delta_f", "beta", "", "like (2)", "sideslip, increment with flaps", _NO_METHOD, ""),
+    ("beta_flap", "", "alpha delta_f", "beta", "", "like (2)", "sideslip, increment with flaps",
+     _NO_METHOD, ""),
     ("beta_mach", "", "mach h", "beta", "", "like (2)", "sideslip, increment with Mach number and "
         "altitude",
      "no method (elastic fin); Mach number is in beta", ""),
     ("phat", "", "mach alpha", "phat", "", "like (6)", "roll rate", "CLP, CYP, CNP", ""),
-    ("phat_flap", "", "alpha delta_f", "phat", "", "like (6)", "roll rate, increment with flaps", _NO_METHOD, ""),
+    ("phat_flap", "", "alpha delta_f", "phat", "", "like (6)", "roll rate, increment with flaps",
+     _NO_METHOD, ""),
     ("rhat", "", "mach alpha", "rhat", "", "like (6)", "yaw rate", "Cl Cn: CLR, CNR", ""),
-    ("rhat_flap", "", "alpha delta_f", "rhat", "", "like (6)", "yaw rate, increment with flaps", _NO_METHOD, ""),
+    ("rhat_flap", "", "alpha delta_f", "rhat", "", "like (6)", "yaw rate, increment with flaps",
+     _NO_METHOD, ""),
     ("aileron", "", "mach alpha", "delta_a", "", "like (4)", "aileron effectiveness",
      "Cl Cn: ASYFLP, STYPE 4: (CL)ROLL, CN over delta_a, wing-body", ""),
     ("aileron_flap", "", "alpha delta_f", "delta_a", "", "like (4)", "aileron effectiveness, "
@@ -114,9 +123,11 @@ LATERAL: tuple[Row, ...] = (
     ("rudder", "", "mach alpha", "delta_r", "", "like (4)", "rudder effectiveness", _NO_METHOD, ""),
     ("rudder_flap", "", "alpha delta_f", "delta_r", "", "like (4)", "rudder effectiveness, "
         "increment with flaps", _NO_METHOD, ""),
-    ("tab_aileron", "", "mach alpha", "delta_ta", "", "like (5)", "aileron trim tab", _NO_METHOD, ""),
+    ("tab_aileron", "", "mach alpha", "delta_ta", "", "like (5)", "aileron trim tab",
+     _NO_METHOD, ""),
     ("tab_rudder", "", "mach alpha", "delta_tr", "", "like (5)", "rudder trim tab", _NO_METHOD, ""),
-    ("betadothat", "", "mach alpha", "betadothat", "", "like (7)", "rate of sideslip", _NO_METHOD, ""),
+    ("betadothat", "", "mach alpha", "betadothat", "", "like (7)", "rate of sideslip",
+     _NO_METHOD, ""),
     ("speedbrake", "", "alpha mach", "beta", "speedbrake", "like (9)", "sideslip, increment with "
         "the speed brake", _NO_METHOD, ""),
     ("gear", "", "alpha delta_f", "beta", "gear", "like (10)", "sideslip, increment with the "
@@ -139,37 +150,41 @@ HINGES: dict[str, tuple[Row, ...]] = {
         ("alpha", "", "mach alpha", "alpha", "", "-", "hinge moment of the elevator, angle of "
             "attack",
          "SYMFLP on the tail, (CH)A times the angle of attack of the tail", ""),
-        ("delta", "", "mach delta_e", "delta_e", "", "-", "hinge moment of the elevator, deflection",
+        ("delta", "", "mach delta_e", "delta_e", "", "-",
+         "hinge moment of the elevator, deflection",
          "SYMFLP on the tail, (CH)D times the deflection", ""),
-        ("tab", "", "mach", "delta_t", "", "-", "hinge moment of the elevator, trim tab", "CONTAB: the engineer's own B4 comes back", ""),
+        ("tab", "", "mach", "delta_t", "", "-", "hinge moment of the elevator, trim tab",
+         "CONTAB: the engineer's own B4 comes back", ""),
         ("tab_gearing", "", "mach alpha delta_e", "", "", "-", "hinge moment of the elevator, "
             "geared tab",
          "CONTAB: the engineer's own B2, D1 to D3 and gearing come back", ""),
     ),
     "Ch_a": (
-        ("alpha", "", "mach alpha", "alpha", "", "-", "hinge moment of the aileron, angle of attack",
+        ("alpha", "", "mach alpha", "alpha", "", "-",
+         "hinge moment of the aileron, angle of attack",
          "SYMFLP on the wing with the geometry of the aileron, (CH)A", ""),
         ("delta", "", "mach delta_a", "delta_a", "", "-", "hinge moment of the aileron, deflection",
          "SYMFLP on the wing with the geometry of the aileron, (CH)D times the deflection", ""),
-        ("tab", "", "mach", "delta_ta", "", "-", "hinge moment of the aileron, trim tab", _NO_METHOD, ""),
+        ("tab", "", "mach", "delta_ta", "", "-", "hinge moment of the aileron, trim tab",
+         _NO_METHOD, ""),
     ),
     "Ch_r": (
-        ("beta", "", "mach alpha", "beta", "", "-", "hinge moment of the rudder, sideslip", _NO_METHOD, ""),
-        ("delta", "", "mach delta_r", "delta_r", "", "-", "hinge moment of the rudder, deflection", _NO_METHOD, ""),
-        ("tab", "", "mach", "delta_tr", "", "-", "hinge moment of the rudder, trim tab", _NO_METHOD, ""),
+        ("beta", "", "mach alpha", "beta", "", "-", "hinge moment of the rudder, sideslip",
+         _NO_METHOD, ""),
+        ("delta", "", "mach delta_r", "delta_r", "", "-",
+         "hinge moment of the rudder, deflection", _NO_METHOD, ""),
+        ("tab", "", "mach", "delta_tr", "", "-", "hinge moment of the rudder, trim tab",
+         _NO_METHOD, ""),
     ),
 }
 # fmt: on
 
 
-HINGE = tuple(
-    HINGES
-)  # hinge moments of elevator, ailerons, rudder: coefficients with any force axes
+# Hinge moments of elevator, ailerons and rudder; they are allowed with any force axes.
+HINGE = tuple(HINGES)
 _COEFFICIENTS = ("CL", "CD", "Cm", "CY", "Cl", "Cn")
-_CAUSES = (
-    "gear",
-    "speedbrake",
-)  # extensions 0 ... 1: without a table K1 they multiply the term themselves
+# Extensions from 0 to 1.  Without a table K1 they multiply the term.
+_EXTENSIONS = ("gear", "speedbrake")
 
 
 @dataclass(frozen=True)
@@ -181,19 +196,19 @@ class Slot:
     axes : tuple of str
         Axes that its table may have; a table without one of them is constant along it.
     regressors : tuple of str
-        Variables that multiply the table. A control or rate may be an axis of the table instead:
-        the table then holds the whole effect of the variable, not its slope.
+        Variables that multiply the table.  A control or rate may be an axis of the table instead.
+        The table then contains the effect of the variable and not its slope.
     K1 : str
         Axis of the factor table, empty for none: ``x_cg``, ``speedbrake``, ``gear``, ``h_agl``.
     equation : str
         Number in LR-743; ``-`` for an addition of this package, ``like (n)`` for the counterpart in
         another coefficient.
     meaning : str
-        What it is.
+        Meaning of the term.
     from_datcom : str
-        What the program gives, or why it gives nothing.
+        Output of the program for the term, or the reason why there is none.
     identified : str
-        What LR-743 4.5 found out about it in flight.
+        Result of LR-743, section 4.5, from flight.
     """
 
     axes: tuple[str, ...]
@@ -206,8 +221,7 @@ class Slot:
 
 
 def lr743() -> dict[str, Slot]:
-    """Return the scheme: name of each term (``"CL/elevator"``) to its `Slot`, in the order of the
-    equations.
+    """Return the scheme: the `Slot` of each term by name, in the order of the equations.
 
     References
     ----------
@@ -223,17 +237,19 @@ def lr743() -> dict[str, Slot]:
         **dict.fromkeys(("CY", "Cl", "Cn"), LATERAL),
         **HINGES,
     }
-    return {
-        f"{coefficient}/{row[0]}": _slot(coefficient, row)
-        for coefficient, rows in groups.items()
-        for row in rows
-        if not row[1] or coefficient in row[1].split()
-    }
+    slots = {}
+    for coefficient, rows in groups.items():
+        for row in rows:
+            contribution, only = row[:2]
+            if not only or coefficient in only.split():
+                slots[f"{coefficient}/{contribution}"] = _make_slot(coefficient, row)
+    return slots
 
 
 def scheme_table() -> pd.DataFrame:
-    """Return the scheme as a DataFrame: a row per term, the fields of `Slot` as columns, lists as
-    words.
+    """Return the scheme as a DataFrame: a row per term, the fields of `Slot` as columns.
+
+    Lists are texts with blanks between their items.
     """
     import pandas as pd
 
@@ -242,8 +258,9 @@ def scheme_table() -> pd.DataFrame:
 
 def scheme_texts() -> dict[str, dict[str, str]]:
     """Return the rows of `scheme_table` by term."""
-    return {
-        name: {
+    rows = {}
+    for name, slot in lr743().items():
+        rows[name] = {
             "K1": slot.K1,
             "axes": " ".join(slot.axes),
             "regressors": " ".join(slot.regressors),
@@ -252,8 +269,7 @@ def scheme_texts() -> dict[str, dict[str, str]]:
             "from_datcom": slot.from_datcom,
             "identified": slot.identified,
         }
-        for name, slot in lr743().items()
-    }
+    return rows
 
 
 def make(
@@ -267,27 +283,27 @@ def make(
     source: str | None = None,
     **text: str,
 ) -> xr.Dataset:
-    """Return a leaf of the scheme with the axes and regressors that belong there.
+    """Return a leaf of the scheme with its axes and regressors.
 
     Parameters
     ----------
     name : str
         Term of the scheme, such as ``"CL/gear"``.
     breakpoints : mapping of str to sequence, optional
-        Axis to breakpoints: any of the axes of the `Slot`. A regressor given here becomes an axis
-        instead. [SI]
+        Breakpoints by axis: any of the axes of the `Slot`.  A regressor given here becomes an
+        axis. [SI]
     value : array or float
-        Node values, in the order of `breakpoints`; one number is spread over all nodes. [1 or per
-        unit of the regressors]
+        Node values, in the order of `breakpoints`; one number applies to all nodes. [1 or per unit
+        of the regressors]
     K1 : mapping of str to (breakpoints, factors), optional
-        Factor table over the axis of the slot, ``{"gear": ([0, 1], [0, 1])}``. Without it the
-        undercarriage and the speed brake multiply the table themselves, the c.g. factor is one, and
-        ground effect needs ``h_agl`` among the axes.
-    power : Power, optional
-        Power factor, ground effect in closed form; a power of ``h_agl`` is the height that ground
-        effect needs.
+        Factor table over the axis of the slot, ``{"gear": ([0, 1], [0, 1])}``.  Without it the
+        undercarriage and the speed brake multiply the table, the c.g. factor is one, and ground
+        effect needs ``h_agl`` among the axes.
+    power : PowerFactor, optional
+        Power factor, ground effect in closed form.  A power of ``h_agl`` counts as the height of
+        the ground effect.
     stderr, source, **text
-        As in `flightmech.terms.make_term`: standard error of the nodes, where they come from, further
+        As in `flightmech.terms.make_term`: standard error and source of the nodes, further
         attributes.
 
     Raises
@@ -305,82 +321,113 @@ def make(
     scheme = lr743()
     if name not in scheme:
         raise UnknownName(name, scheme, "term", "aeromatch db scheme lists them")
-    slot, axes, given = scheme[name], dict(breakpoints or {}), dict(K1 or {})
-    problems = _axis_faults(slot, axes, given, "" if power is None else power.variable)
-    shape = tuple(len(points) for points in axes.values())
-    array = np.asarray(value, float)
-    if array.shape not in ((), shape):
-        problems.append(
-            f"value has the shape {array.shape}, the breakpoints "
-            f"{' '.join(axes) or '(none)'} have {shape}"
-        )
+    slot, axes, factors = scheme[name], dict(breakpoints or {}), dict(K1 or {})
+    power_variable = ""
+    if power is not None:
+        power_variable = power.variable
+    shape, array = tuple(len(points) for points in axes.values()), np.asarray(value, float)
+    problems = _axis_faults(slot, axes, factors, power_variable)
+    problems += _shape_faults(array, axes, shape)
     if problems:
         raise SchemaError(name, problems)
-    words = [word for word in slot.regressors if word not in axes or word in slot.axes]
-    if slot.K1 in _CAUSES and not given and slot.K1 not in axes:
-        words.append(slot.K1)
-    import xarray as xr
-
-    factors = {
-        axis: xr.DataArray(np.asarray(pair[1], float), {axis: np.asarray(pair[0], float)}, axis)
-        for axis, pair in given.items()
-    }
-    filled = np.broadcast_to(array, shape).copy()
+    # A regressor that became an axis is in the table, unless the slot has it as an axis as well.
+    regressors = [word for word in slot.regressors if word not in axes or word in slot.axes]
+    if slot.K1 in _EXTENSIONS and not factors and slot.K1 not in axes:
+        regressors.append(slot.K1)
     leaf = _terms.make_term(
-        filled, axes, words, K1=factors.get(slot.K1), power=power, stderr=stderr, source=source
+        np.broadcast_to(array, shape).copy(),
+        axes,
+        regressors,
+        K1=_factor_table(factors, slot.K1),
+        power=power,
+        stderr=stderr,
+        source=source,
     )
     return leaf.assign_attrs(text)
 
 
-def _slot(coefficient: str, row: Row) -> Slot:
-    """Return the entry of one coefficient; LR-743 prints equations and findings of lift, and of
-    roll over ground.
+def _shape_faults(array: np.ndarray, axes: Mapping[str, Any], shape: tuple[int, ...]) -> list[str]:
+    """Return the fault of node values that do not fit the breakpoints; a number always fits."""
+    if array.shape in ((), shape):
+        return []
+    return [
+        f"value has the shape {array.shape}, the breakpoints "
+        f"{' '.join(axes) or '(none)'} have {shape}"
+    ]
+
+
+def _factor_table(factors: Mapping[str, Any], axis: str) -> xr.DataArray | None:
+    """Return the factor table over an axis, None without factors."""
+    if axis not in factors:
+        return None
+    import xarray as xr
+
+    points, values = factors[axis]
+    return xr.DataArray(np.asarray(values, float), {axis: np.asarray(points, float)}, axis)
+
+
+def _make_slot(coefficient: str, row: Row) -> Slot:
+    """Return the entry of one coefficient.
+
+    LR-743 prints the equations and results of lift, and those of roll over ground.
     """
     _, _, axes, regressors, K1, equation, meaning, from_datcom, identified = row
-    like = "like " if coefficient in ("CD", "Cm") and equation.startswith("(") else ""
-    finding = identified if coefficient in ("CL", "Cl") else ""
+    if coefficient in ("CD", "Cm") and equation.startswith("("):
+        equation = f"like {equation}"
+    if coefficient not in ("CL", "Cl"):
+        identified = ""
     return Slot(
-        tuple(axes.split()),
-        tuple(regressors.split()),
-        K1,
-        like + equation,
-        meaning,
-        _given(from_datcom, coefficient),
-        finding,
+        axes=tuple(axes.split()),
+        regressors=tuple(regressors.split()),
+        K1=K1,
+        equation=equation,
+        meaning=meaning,
+        from_datcom=_select_source(from_datcom, coefficient),
+        identified=identified,
     )
 
 
 def _axis_faults(
     slot: Slot, axes: Mapping[str, Any], K1: Mapping[str, Any], power: str
 ) -> list[str]:
-    allowed = dict.fromkeys((*slot.axes, *slot.regressors, *((slot.K1,) if slot.K1 else ())))
-    problems = [
-        f"the axis {axis} does not belong here; allowed: {', '.join(allowed) or 'none'}"
-        for axis in axes
-        if axis not in allowed
-    ]
+    """Return the faults of axes and factors that do not fit a slot."""
+    allowed = list(dict.fromkeys(filter(None, (*slot.axes, *slot.regressors, slot.K1))))
+    problems = []
+    for axis in axes:
+        if axis not in allowed:
+            problems.append(
+                f"the axis {axis} does not belong here; allowed: {', '.join(allowed) or 'none'}"
+            )
+    requirement = "the term has no factor"
+    if slot.K1:
+        requirement = f"it goes over {slot.K1}"
     for axis, pair in K1.items():
         if axis != slot.K1:
-            problems.append(
-                f"K1 over {axis} does not belong here; "
-                f"{f'it goes over {slot.K1}' if slot.K1 else 'the term has no factor'}"
-            )
+            problems.append(f"K1 over {axis} does not belong here; {requirement}")
         elif axis in axes:
             problems.append(f"{axis} is an axis of K1 and of the table; leave one of them out")
         elif len(pair) != 2 or len(pair[0]) != len(pair[1]):
-            problems.append(f"K1 over {axis} is no pair of breakpoints and as many factors")
+            problems.append(f"K1 over {axis} is not a pair of breakpoints and as many factors")
     if slot.K1 == "h_agl" and not K1 and "h_agl" not in (*axes, power):
         problems.append(
-            "depends on no height; give K1 over h_agl, h_agl among the breakpoints, or a "
+            "does not depend on height; give K1 over h_agl, h_agl among the breakpoints, or a "
             "power of it"
         )
     return problems
 
 
-def _given(text: str, coefficient: str) -> str:
-    """Return what DATCOM gives for one coefficient: ``CL Cm: CLQ, CMQ`` names those it is meant
-    for, the others have no method.
+def _select_source(text: str, coefficient: str) -> str:
+    """Return the source in DATCOM of one coefficient.
+
+    ``CL Cm: CLQ, CMQ | CD: ...`` names the coefficients of each part.  The others have no method.
+    A text without coefficients holds for all.
     """
-    parts = [part.strip().partition(": ") for part in text.split("|")]
-    meant = {word: what for who, _, what in parts for word in who.split() if word in _COEFFICIENTS}
-    return meant.get(coefficient, "no method") if meant else text
+    by_coefficient = {}
+    for part in text.split("|"):
+        names, _, source = part.strip().partition(": ")
+        for name in names.split():
+            if name in _COEFFICIENTS:
+                by_coefficient[name] = source
+    if not by_coefficient:
+        return text
+    return by_coefficient.get(coefficient, _NO_METHOD)

@@ -1,9 +1,9 @@
-"""Undo history: what edits replaced is kept in the file, listed, and restored.
+"""Undo history of a database: replaced terms stay in the file, are listed and can be restored.
 
-Edit number 7 leaves the group ``/previous/e007`` behind.  It holds every leaf that the edit
-replaced or deleted as it was before, the check cases that no longer hold, and in its attributes
-what else is needed to undo the edit: the terms that it ``added``, root attributes that it changed
-(``was_x_ref``) or that were not there (``unset``), the number of ``lines`` that the history had.
+Edit number 7 writes the group ``/previous/e007``.  It holds every leaf that the edit replaced or
+deleted, as it was before, and the check cases that are no longer valid.  Its attributes hold the
+other facts that undo needs: the terms that the edit ``added``, root attributes that it changed
+(``was_x_ref``) or that did not exist (``unset``), and the number of ``lines`` that the history had.
 Root attribute ``edits`` counts the edits, also those whose undo entries were dropped.
 """
 
@@ -27,7 +27,7 @@ _NAME = re.compile(r"^e\d{3,9}$")
 
 
 class UndoEntry(NamedTuple):
-    """The entry of an edit: its attributes, and the terms that it holds."""
+    """Undo entry of an edit: its attributes and the names of its terms."""
 
     attrs: Mapping[str, str | int | float]
     terms: list[str]
@@ -43,67 +43,123 @@ def record_edit(
     lines: Iterable[str] = (),
     **facts: str,
 ) -> xr.DataTree:
-    """Return the database that an edit makes of `db`, with a line of history and an undo entry.
+    """Return the database after an edit, with a line of history and an undo entry.
 
     Parameters
     ----------
+    db : DataTree
+        The database before the edit.
     leaves : mapping of str to Dataset
         All terms after the edit.
     verb, summary, note : str
-        What was done and why; the line is ``verb: summary (note)``.
+        The change and its reason; the line of history is ``verb: summary (note)``.
     attributes : mapping, optional
         Root attributes that change.
     lines : iterable of str
-        Warnings for the history, one line each behind that of the edit: ``warning: ...``.
+        Warnings for the history, one line each after that of the edit: ``warning: ...``.
     **facts : str
         Further attributes of the undo entry.
 
     Raises
     ------
     SchemaError
-        With all faults of the new database.
+        The new database is not valid; all faults.
     """
     import xarray as xr
 
     before = terms(db)
-    replaced = [
-        name for name, leaf in leaves.items() if name in before and not leaf.identical(before[name])
-    ]
-    added = [name for name in leaves if name not in before]
-    deleted = [name for name in before if name not in leaves]
-    stale = _under(db, CHECKS) if replaced or added or deleted else {}
-    number, before_it = _count(db) + 1, _lines(db.attrs)
-    warned = [f"warning: {' '.join(line.split())}" for line in lines]
-    old = {str(key): item for key, item in db.attrs.items()}
-    text = f"{verb}: {summary}{'; check cases set aside' if stale else ''}{note_suffix(note)}"
+    changes = _compare_terms(before, leaves)
+    # Check cases hold for the terms before the edit only.
+    stale = {}
+    if changes.replaced or changes.added or changes.deleted:
+        stale = _nodes_under(db, CHECKS)
+    # The text of the history: one line of the edit, one of each warning.
+    number, old_lines = _count_edits(db) + 1, _history_lines(db.attrs)
+    suffix = note_suffix(note)
+    if stale:
+        suffix = f"; check cases set aside{suffix}"
+    new_lines = [f"{verb}: {summary}{suffix}"]
+    new_lines += [f"warning: {' '.join(line.split())}" for line in lines]
+    old = _root_attributes(db)
     new = {
         **old,
         **(attributes or {}),
         "edits": number,
-        "history": "\n".join([*before_it, text, *warned]),
+        "history": "\n".join([*old_lines, *new_lines]),
     }
-    kept: dict[str, str | int | float] = {"verb": verb, "lines": len(before_it)}
-    kept |= {
-        key: str(item) for key, item in {**facts, "note": " ".join(note.split())}.items() if item
-    }
-    kept |= {
-        key: " ".join(names) for key, names in (("added", added), ("deleted", deleted)) if names
-    }
-    kept |= {"order": " ".join(before)} if deleted else {}
-    kept |= {
-        f"{_WAS}{key}": old[key]
-        for key in new
-        if key in old and key not in ("history", "edits") and old[key] != new[key]
-    }
-    kept |= {"unset": " ".join(key for key in new if key not in old)} if set(new) - set(old) else {}
-    place = f"/{PREVIOUS}/{_group(number)}"
-    entry = {
-        place: xr.Dataset(attrs=kept),
-        **{f"{place}/{name}": before[name] for name in (*replaced, *deleted)},
-    }
-    entry |= {f"{place}{path}": node for path, node in stale.items()}
-    rest = {} if stale else _under(db, CHECKS)
-    return _tree(new, leaves, {**rest, **_under(db, PREVIOUS), **entry})
+    facts = {**facts, "note": " ".join(note.split())}
+    undo = _undo_attributes(verb, len(old_lines), facts=facts, changes=changes, order=before)
+    undo |= _earlier_attributes(old, new)
+    root = f"/{PREVIOUS}/{_group_name(number)}"
+    # Groups of the new file behind the terms: valid check cases, older entries, the new entry.
+    other_nodes = _nodes_under(db, PREVIOUS)
+    if not stale:
+        other_nodes = {**_nodes_under(db, CHECKS), **other_nodes}
+    other_nodes[root] = xr.Dataset(attrs=undo)
+    for name in (*changes.replaced, *changes.deleted):
+        other_nodes[f"{root}/{name}"] = before[name]
+    for path, node in stale.items():
+        other_nodes[f"{root}{path}"] = node
+    return _make_tree(new, leaves, other_nodes)
+
+
+def _undo_attributes(
+    verb: str,
+    lines: int,
+    *,
+    facts: Mapping[str, str],
+    changes: _TermChanges,
+    order: Iterable[str],
+) -> dict[str, str | int | float]:
+    """Return the attributes of an undo entry without those of the root of the database."""
+    undo: dict[str, str | int | float] = {"verb": verb, "lines": lines}
+    for key, item in facts.items():
+        if item:
+            undo[key] = str(item)
+    if changes.added:
+        undo["added"] = " ".join(changes.added)
+    if changes.deleted:
+        undo["deleted"] = " ".join(changes.deleted)
+        # Undo restores the order of the terms, which a deleted term has lost.
+        undo["order"] = " ".join(order)
+    return undo
+
+
+class _TermChanges(NamedTuple):
+    """Names of the terms that an edit replaces, adds and deletes."""
+
+    replaced: list[str]
+    added: list[str]
+    deleted: list[str]
+
+
+def _compare_terms(
+    before: Mapping[str, xr.Dataset], after: Mapping[str, xr.Dataset]
+) -> _TermChanges:
+    """Return the names of the terms that differ between two databases."""
+    replaced, added = [], []
+    for name, leaf in after.items():
+        if name not in before:
+            added.append(name)
+        elif not leaf.identical(before[name]):
+            replaced.append(name)
+    return _TermChanges(replaced, added, [name for name in before if name not in after])
+
+
+def _earlier_attributes(
+    old: Mapping[str, Any], new: Mapping[str, Any]
+) -> dict[str, str | int | float]:
+    """Return the root attributes before an edit, as attributes of its undo entry."""
+    undo: dict[str, str | int | float] = {}
+    unset = []
+    for key, item in new.items():
+        if key not in old:
+            unset.append(key)
+        elif key not in ("history", "edits") and old[key] != item:
+            undo[f"{_WAS}{key}"] = old[key]
+    if unset:
+        undo["unset"] = " ".join(unset)
+    return undo
 
 
 def history(db: xr.DataTree) -> pd.DataFrame:
@@ -112,35 +168,36 @@ def history(db: xr.DataTree) -> pd.DataFrame:
     Returns
     -------
     DataFrame, index ``line``
-        ``edit`` (number, for `undo_edits`; None where no undo entry is kept), ``verb``, ``terms``
-        (replaced, added or deleted by a kept edit, names separated by blanks), ``note``, ``text``
-        (the line).
+        ``edit`` (number, for `undo_edits`; None without an undo entry), ``verb``, ``terms``
+        (replaced, added or deleted by an edit with an undo entry, names separated by blanks),
+        ``note``, ``text`` (the line).
     """
     import pandas as pd
 
-    entries = {
-        name: UndoEntry({str(key): item for key, item in node.attrs.items()}, _held(node))
-        for name, node in _entries(db).items()
-    }
+    entries = {}
+    for name, node in _undo_groups(db).items():
+        entries[name] = UndoEntry(_root_attributes(node), _stored_terms(node))
     rows = edit_rows(db.attrs, entries)
-    return pd.DataFrame(
-        rows,
-        columns=list(COLUMNS),
-        index=pd.RangeIndex(1, len(rows) + 1, name="line"),
-        dtype=object,
-    )
+    index = pd.RangeIndex(1, len(rows) + 1, name="line")
+    return pd.DataFrame(rows, columns=list(COLUMNS), index=index, dtype=object)
 
 
 def edit_rows(attributes: Mapping, entries: Mapping[str, UndoEntry]) -> list[tuple]:
-    """Return the rows of `history` from root attributes and undo entries by the names of their
-    groups, also as they stand in a file.
+    """Return the rows of `history` from root attributes and undo entries.
+
+    The entries are by the names of their groups.  Both may also come from a file.
     """
-    kept = {
-        int(entry.attrs["lines"]): (number, entry) for number, entry in _numbered(entries).items()
-    }
-    return [
-        _row(text, *kept.get(line, (None, None))) for line, text in enumerate(_lines(attributes))
-    ]
+    # The attribute ``lines`` of an entry is the index of the line of its edit.
+    by_line = {}
+    for number, entry in _by_number(entries).items():
+        by_line[int(entry.attrs["lines"])] = number, entry
+    rows = []
+    for line, text in enumerate(_history_lines(attributes)):
+        if line in by_line:
+            rows.append(_entry_row(text, *by_line[line]))
+        else:
+            rows.append(_text_row(text))
+    return rows
 
 
 def undo_edits(db: xr.DataTree, steps: int = 1, edit: int | None = None) -> xr.DataTree:
@@ -149,199 +206,226 @@ def undo_edits(db: xr.DataTree, steps: int = 1, edit: int | None = None) -> xr.D
     Parameters
     ----------
     db : DataTree
-        The database; it is left as it is.
+        The database; it does not change.
     steps : int
         Number of edits to undo.
     edit : int, optional
-        Undo this edit and all later ones instead; numbers as in `history`.
+        Undo this edit and all later ones, in place of `steps`; numbers as in `history`.
 
     Raises
     ------
     UnknownName
-        An edit whose undo entry is not kept.
+        An edit without an undo entry.
     OutOfRange
-        More steps than undo entries are kept, or less than one.
+        More steps than undo entries, or less than one.
     SchemaError
         A group under ``/previous`` that no edit wrote.
     """
-    kept = _kept(db)
-    if edit is not None and edit not in kept:
-        raise UnknownName(
-            str(edit),
-            map(str, kept),
-            "edit",
-            "aerodb.store.history lists the edits that can be undone",
-        )
-    if edit is None and not 1 <= steps <= len(kept):
-        raise OutOfRange(f"{steps} edits cannot be undone; the undo history holds {len(kept)}")
-    latest_first = sorted(kept, reverse=True)
-    back = (
-        latest_first[:steps]
-        if edit is None
-        else [number for number in latest_first if number >= edit]
-    )
-    attributes = {str(key): item for key, item in db.attrs.items()}
-    leaves, rest = terms(db), _under(db, CHECKS)
-    for number in back:
-        attributes, leaves, checks = _taken_back(kept[number], attributes, leaves)
-        rest = checks or rest
-    gone = {_group(number) for number in back}
-    remaining = {
-        path: node
-        for path, node in _under(db, PREVIOUS).items()
-        if not gone.intersection(path.split("/")[2:3])
-    }
-    return _tree(attributes, leaves, {**rest, **(remaining if len(kept) > len(back) else {})})
+    entries = _by_number(_undo_groups(db))
+    if edit is not None and edit not in entries:
+        hint = "aerodb.store.history lists the edits that can be undone"
+        raise UnknownName(str(edit), map(str, entries), "edit", hint)
+    if edit is None and not 1 <= steps <= len(entries):
+        raise OutOfRange(f"{steps} edits cannot be undone; the undo history holds {len(entries)}")
+    latest_first = sorted(entries, reverse=True)
+    if edit is None:
+        undone = latest_first[:steps]
+    else:
+        undone = [number for number in latest_first if number >= edit]
+    # Step by step backwards, because each entry holds only the changes of its own edit.
+    attributes, leaves = _root_attributes(db), terms(db)
+    checks = _nodes_under(db, CHECKS)
+    for number in undone:
+        attributes, leaves, earlier_checks = _undo_edit(entries[number], attributes, leaves)
+        checks = earlier_checks or checks
+    other_nodes = dict(checks)
+    # Without remaining entries the group /previous itself is left out as well.
+    if len(entries) > len(undone):
+        groups = {_group_name(number) for number in undone}
+        for path, node in _nodes_under(db, PREVIOUS).items():
+            if not groups.intersection(path.split("/")[2:3]):
+                other_nodes[path] = node
+    return _make_tree(attributes, leaves, other_nodes)
 
 
 def drop_undo_history(db: xr.DataTree) -> xr.DataTree:
-    """Return a database without its undo history, for a release; the text of its history stays."""
-    return _tree({str(key): item for key, item in db.attrs.items()}, terms(db), _under(db, CHECKS))
+    """Return a database without its undo history, for a release; the history lines remain."""
+    return _make_tree(_root_attributes(db), terms(db), _nodes_under(db, CHECKS))
 
 
 def last_edit(db: xr.DataTree) -> Mapping[str, str | int | float]:
-    """Return what is known of the last edit in the undo history: ``verb``, ``note`` and its facts;
-    empty without one.
+    """Return the attributes of the last undo entry: ``verb``, ``note`` and its facts.
+
+    The mapping is empty without an entry.
     """
-    kept = _kept(db)
-    return {str(key): item for key, item in kept[max(kept)].attrs.items()} if kept else {}
+    entries = _by_number(_undo_groups(db))
+    if not entries:
+        return {}
+    return _root_attributes(entries[max(entries)])
 
 
 def add_history_line(leaf: xr.Dataset, line: str) -> xr.Dataset:
     """Return a leaf with a further line in its history."""
-    known = str(leaf.attrs.get("history", ""))
-    return leaf.assign_attrs(history=f"{known}\n{line}" if known else line)
+    old = str(leaf.attrs.get("history", ""))
+    if old:
+        line = f"{old}\n{line}"
+    return leaf.assign_attrs(history=line)
 
 
 def note_suffix(note: str) -> str:
-    """Return the note of a user as the end of a line of history."""
-    return f" ({' '.join(note.split())})" if note.split() else ""
+    """Return the note of a user as the end of a line of history, such as `` (note)``."""
+    text = " ".join(note.split())
+    if not text:
+        return ""
+    return f" ({text})"
 
 
 def update_absent(
     db: xr.DataTree, without: Iterable[str] = (), more: Iterable[str] = ()
 ) -> dict[str, str]:
-    """Return the root attribute ``absent`` after names left it and others came; empty when it is as
-    before.
+    """Return the root attribute ``absent`` without some names and with further ones.
+
+    The result is empty if the attribute does not change.
     """
     old = str(db.attrs.get("absent", ""))
-    gone = set(without)
-    new = " ".join(dict.fromkeys([*(name for name in old.split() if name not in gone), *more]))
-    return {"absent": new} if new != old else {}
+    removed = set(without)
+    remaining = [name for name in old.split() if name not in removed]
+    new = " ".join(dict.fromkeys([*remaining, *more]))
+    if new == old:
+        return {}
+    return {"absent": new}
 
 
-def _taken_back(
-    group: xr.DataTree, attributes: dict, leaves: dict[str, xr.Dataset]
+def _undo_edit(
+    entry: xr.DataTree, attributes: Mapping[str, Any], leaves: Mapping[str, xr.Dataset]
 ) -> tuple[dict, dict, dict]:
-    """Return root attributes, terms and check cases before an edit; no check cases where it set
-    none aside.
+    """Return root attributes, terms and check cases before an edit.
+
+    The check cases are empty if the edit did not set any aside.
     """
-    facts = group.attrs
-    unset, added = (str(facts.get(key, "")).split() for key in ("unset", "added"))
+    facts = entry.attrs
+    unset, added = str(facts.get("unset", "")).split(), str(facts.get("added", "")).split()
     old = {key: item for key, item in attributes.items() if key not in unset}
     if "edits" in old:
         old["edits"] = int(old["edits"]) - 1
-    old |= {
-        str(key).removeprefix(_WAS): item
-        for key, item in facts.items()
-        if str(key).startswith(_WAS)
-    }
+    for key, item in facts.items():
+        if str(key).startswith(_WAS):
+            old[str(key).removeprefix(_WAS)] = item
+    # The lines of the edit are the last ones of its history.
     if "history" in old:
         old["history"] = "\n".join(str(old["history"]).split("\n")[: int(facts["lines"])])
-    found = _under(group, "")
-    checks = {path: node for path, node in found.items() if path.split("/")[1] == CHECKS}
-    back = {
-        path.strip("/"): node
-        for path, node in found.items()
-        if path not in checks and node.data_vars
-    }
-    restored = {name: leaf for name, leaf in {**leaves, **back}.items() if name not in added}
-    order = str(facts.get("order", "")).split() or list(restored)
+    restored, checks = dict(leaves), {}
+    for path, node in _nodes_under(entry, "").items():
+        if path.split("/")[1] == CHECKS:
+            checks[path] = node
+        elif node.data_vars:
+            restored[path.strip("/")] = node
+    # Terms that the edit added are not in the order and disappear.  A deleted term returns to its
+    # position in the order of the tree.
+    order = str(facts.get("order", "")).split()
+    if not order:
+        order = [name for name in restored if name not in added]
     return old, {name: restored[name] for name in order}, checks
 
 
-def _row(text: str, number: int | None, entry: UndoEntry | None) -> tuple:
-    if entry is None:
-        verb, sign, _ = text.partition(":")
-        return None, verb if sign and verb.isidentifier() else "", "", "", text
+def _entry_row(text: str, number: int, entry: UndoEntry) -> tuple:
+    """Return the row of `history` of an edit with an undo entry."""
     names = [*entry.terms, *str(entry.attrs.get("added", "")).split()]
     return number, entry.attrs["verb"], " ".join(names), entry.attrs.get("note", ""), text
 
 
-def _held(group: xr.DataTree) -> list[str]:
-    """Return the terms that an undo entry holds."""
-    return [
-        path.strip("/")
-        for path, node in _under(group, "").items()
-        if node.data_vars and path.split("/")[1] != CHECKS
-    ]
+def _text_row(text: str) -> tuple:
+    """Return the row of `history` of a line without an undo entry; its verb is before the colon."""
+    verb, colon, _ = text.partition(":")
+    if not colon or not verb.isidentifier():
+        verb = ""
+    return None, verb, "", "", text
 
 
-def _kept(db: xr.DataTree) -> dict[int, xr.DataTree]:
-    """Return the undo entries by number of their edit."""
-    return _numbered(_entries(db))
+def _stored_terms(entry: xr.DataTree) -> list[str]:
+    """Return the names of the terms in an undo entry."""
+    names = []
+    for path, node in _nodes_under(entry, "").items():
+        if node.data_vars and path.split("/")[1] != CHECKS:
+            names.append(path.strip("/"))
+    return names
 
 
-def _entries(db: xr.DataTree) -> dict[str, xr.DataTree]:
-    return (
-        {str(name): node for name, node in db[PREVIOUS].children.items()}
-        if PREVIOUS in db.children
-        else {}
-    )
+def _undo_groups(db: xr.DataTree) -> dict[str, xr.DataTree]:
+    """Return the groups of the undo entries by name."""
+    if PREVIOUS not in db.children:
+        return {}
+    return {str(name): node for name, node in db[PREVIOUS].children.items()}
 
 
-def _numbered(entries: Mapping[str, Any]) -> dict[int, Any]:
-    """Return undo entries by number of their edit; a group that no edit wrote is an error."""
-    foreign = [
-        name
-        for name, entry in entries.items()
-        if not (_NAME.match(name) and {"verb", "lines"} <= set(entry.attrs))
-    ]
-    if foreign:
-        raise SchemaError(
-            PREVIOUS,
-            [
+def _by_number(entries: Mapping[str, Any]) -> dict[int, Any]:
+    """Return undo entries by the number of their edit; raise for groups that no edit wrote."""
+    numbered, problems = {}, []
+    for name, entry in entries.items():
+        if _NAME.match(name) and {"verb", "lines"} <= set(entry.attrs):
+            numbered[int(name[1:])] = entry
+        else:
+            problems.append(
                 f"/{PREVIOUS}/{name} is not the undo entry of an edit; aerodb.store.forget "
                 f"drops all of them"
-                for name in foreign
-            ],
-        )
-    return {int(name[1:]): entry for name, entry in entries.items()}
+            )
+    if problems:
+        raise SchemaError(PREVIOUS, problems)
+    return numbered
 
 
-def _group(number: int) -> str:
+def _group_name(number: int) -> str:
+    """Return the name of the group of an edit, such as ``e007``."""
     return f"e{number:03d}"
 
 
-def _count(db: xr.DataTree) -> int:
-    return max([int(db.attrs.get("edits", 0)), *_kept(db)])
+def _count_edits(db: xr.DataTree) -> int:
+    """Return the number of the last edit, 0 without one."""
+    # The attribute also counts edits without an entry; older files may lack it.
+    return max([int(db.attrs.get("edits", 0)), *_by_number(_undo_groups(db))])
 
 
-def _lines(attributes: Mapping) -> list[str]:
-    return str(attributes["history"]).split("\n") if attributes.get("history") else []
+def _history_lines(attributes: Mapping) -> list[str]:
+    """Return the lines of the history of a database."""
+    text = attributes.get("history")
+    if not text:
+        return []
+    return str(text).split("\n")
 
 
-def _under(db: xr.DataTree, child: str) -> dict[str, xr.Dataset]:
-    """Return the nodes of a group by path from `db`, ``/checks/...``; all below `db` for an empty
-    name.
+def _root_attributes(db: xr.DataTree) -> dict[str, Any]:
+    """Return the attributes of a node by name."""
+    return {str(key): item for key, item in db.attrs.items()}
+
+
+def _nodes_under(db: xr.DataTree, child: str) -> dict[str, xr.Dataset]:
+    """Return the nodes of a child group by path from `db`, such as ``/checks/...``.
+
+    An empty name returns all nodes below `db`.
     """
     if child and child not in db.children:
         return {}
-    top = db[child] if child else db
-    nodes = {f"/{node.relative_to(db)}": node.to_dataset(inherit=False) for node in top.subtree}
-    return {path: node for path, node in nodes.items() if path != "/."}
+    top = db
+    if child:
+        top = db.children[child]
+    nodes = {}
+    for node in top.subtree:
+        path = f"/{node.relative_to(db)}"
+        if path != "/.":
+            nodes[path] = node.to_dataset(inherit=False)
+    return nodes
 
 
-def _tree(
-    attributes: Mapping, leaves: Mapping[str, xr.Dataset], rest: Mapping[str, xr.Dataset]
+def _make_tree(
+    attributes: Mapping, leaves: Mapping[str, xr.Dataset], other_nodes: Mapping[str, xr.Dataset]
 ) -> xr.DataTree:
+    """Return a checked database of root attributes, terms and other groups by path."""
     import xarray as xr
 
-    nodes = {
-        "/": xr.Dataset(attrs=dict(attributes)),
-        **{f"/{name}": leaf for name, leaf in leaves.items()},
-        **rest,
-    }
+    nodes = {"/": xr.Dataset(attrs=dict(attributes))}
+    for name, leaf in leaves.items():
+        nodes[f"/{name}"] = leaf
+    nodes.update(other_nodes)
     tree = xr.DataTree.from_dict(nodes)
     require_valid(tree)
     return tree

@@ -1,35 +1,39 @@
-"""Local submodels joined into tables by regression over incidence and Mach number, configuration by
-configuration (LR-743 eq. (12)).
+"""Local submodels joined by regression over incidence and Mach number, the classical method.
 
-Every test point gave a submodel, C = C0 + C_alpha alpha + C_alpha2 alpha^2 + C_q q c/V + C_delta
-delta, whose estimates theta expect H g of the nodes g of the tables (`aerodb.update.tabulation`).
-The tables are corrected by few parameters,
+LR-743 eq. (12): every test point gives a submodel of one configuration,
+
+    C = C0 + C_alpha alpha + C_alpha2 alpha^2 + C_q q c/V + C_delta delta
+
+The expectation of its estimates theta is H g of the nodes g of the tables
+(`aerodb.update.tabulation`).  The tables are corrected by few parameters,
 
     g = g0 + F a + r
 
-with F both kinds of the a-priori error of a term (`aerodb.update.correlation.error_kinds`), that
-times incidence and its square, and that times Mach number: a regression over the test points.
-Coefficients are those about the moment reference, whatever the centre of gravity of the record was,
-so that it is no variable of the regression.  What scatters about it beyond the errors of the
-submodels is r, a deviation of the tables in proportion to their a-priori errors, whose size makes
-chi-squared of the submodels what it should be [Paule1982].
+The columns of F are both kinds of the a-priori error of a term
+(`aerodb.update.correlation.error_kinds`), the same times incidence and its square, and the same
+times Mach number.  The parameters a are a regression over the test points.  Coefficients refer to
+the moment reference point, whatever the centre of gravity of the record was.  The centre of gravity
+is therefore not a variable of the regression.  The deviation r is the scatter about the regression
+beyond the errors of the submodels.  It is proportional to the a-priori errors of the tables.  Its
+size makes chi-squared of the submodels equal to its expectation (Paule and Mandel 1982).
 
-The clean configuration is the base: the fits that no increment touches determine the terms without
-device.  What they expect is subtracted from the other fits, which determine the increments of
-flaps, gear, speed brake and ground; the errors of the base count among theirs.
+The clean configuration is the base.  Fits without an increment determine the terms without device.
+Their expectation is subtracted from the other fits, which determine the increments of flaps, gear,
+speed brake and ground.  The errors of the base count among the errors of the increments.
 
-Parameters are estimated by least squares with the covariance of each submodel and with the a-priori
-errors of the tables (mixed estimation [Theil1961]): what no test point determines stays with the
-handbook.  A term whose correction is larger than its a-priori error allows gets a larger one.
-Errors common to all fits are considered.  Beyond the flown range of incidence and Mach number a
-table is displaced by the correction at the edge, and its standard error goes back to that of the
-handbook, times the same factor.
+Parameters are estimated by least squares with the covariance of each submodel and the a-priori
+errors of the tables (mixed estimation, Theil and
+Goldberger 1961).  A parameter that no test point determines
+keeps the handbook value.  If the correction of a term is larger than its a-priori error allows, the
+a-priori error is increased.  Errors common to all fits are considered.  Beyond the flown range of
+incidence and Mach number a table is displaced by the correction at the edge.  Its standard error
+goes back to that of the handbook, times the same factor.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -40,9 +44,15 @@ from scipy.linalg import block_diag
 
 from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_terms
 from aerodb.update.correlation import LENGTHS, PARTS, error_kinds, flown_distance, prior_parts
-from aerodb.update.observations import CoefficientTerms, Observation, observe_fits
-from aerodb.update.tabulation import (
-    FLOWN,
+from aerodb.update.observations import (
+    CoefficientTerms,
+    Observation,
+    observe_fits,
+    observed_nodes,
+    sampled_weights,
+)
+from aerodb.update.tabulation import FLOWN, slices_of
+from aerodb.update.tabulation_report import (
     Tabulation,
     add_cautions,
     compatibility_row,
@@ -50,10 +60,10 @@ from aerodb.update.tabulation import (
     merge_tabulations,
     new_leaf,
     point_rows,
-    slices_of,
     term_row,
 )
 from aerodb.update.term_decisions import add_decisions
+from aerodb.update.weight_learning import SCATTER, estimate_mixed, estimate_scatter
 from flightmech import terms as _terms
 from flightmech.errors import IdentificationError
 
@@ -61,19 +71,13 @@ DEVICES = ("delta_f", "gear", "speedbrake", "h_agl")
 """Variables whose terms are increments on the clean configuration."""
 
 _HISTORY = "join_submodels: joined with {} fits"
-# a-priori error of the increments over the standard error of an estimate, below which a fit counts
-# as clean
-_UNTOUCHED = 0.3
+# A-priori error of the increments over the standard error of an estimate.  Below it a fit is clean.
+_CLEAN = 0.3
 _FADE = 2.0  # of the correlation with the flown region, per correlation length
-_BEND = (
-    0.5  # a-priori size of the parameters of incidence and Mach number, against one of the level
-)
-_HUBER = 2.5
-_ROUNDS = 16  # of factors and weights; scatter in the second half
-_SCATTER = (
-    0.003,
-    4.0,
-)  # least and largest variance of r over that of the tables a priori: no aeroplane has curves of few parameters
+_BEND = 0.5  # a-priori size of the parameters of incidence and Mach number, over that of the level
+_HUBER = 2.5  # distance of a fit, in its standard errors, from which on it loses weight
+_ROUNDS = 16  # of factors and weights; the scatter is estimated in the second half
+_LEAST_HALF_SPAN = 1e-6  # of a flown range: a single flown value must not divide by zero
 
 
 def join_submodels(
@@ -93,10 +97,11 @@ def join_submodels(
     Returns
     -------
     Tabulation
-        As that of `tabulate`; the parts of a prior covariance are not learnt (``level reach long
-        short`` of ``report`` are NaN), ``prior_inflation`` is the factor on the a-priori errors of
-        the term, ``inflation`` of ``compatibility`` is 1, and ``chi2`` is that of the submodels
-        without the scatter r.  The joint covariance of the nodes is not kept.
+        As that of `tabulate`, with these differences.  The parts of a prior covariance are not
+        learnt (``level reach long short`` of ``report`` are NaN).  ``prior_inflation`` is the
+        factor on the a-priori errors of the term.  ``inflation`` of ``compatibility`` is 1, and
+        ``chi2`` is that of the submodels without the scatter r.  The joint covariance of the nodes
+        is not stored.
 
     Raises
     ------
@@ -106,31 +111,31 @@ def join_submodels(
     Warns
     -----
     AeromatchWarning
-        As in `tabulate`.  The chi-squared of the join also counts what curves of few parameters
-        leave.
+        As in `tabulate`.  The chi-squared of the join also counts the misfit of curves of few
+        parameters.
 
     References
     ----------
     .. [LR743] Delft University of Technology, report LR-743, eq. (12) and section 4.5.
-    .. [Theil1961] Theil, Goldberger, On pure and mixed statistical estimation in economics, International Economic Review 2, 1961.
-    .. [Paule1982] Paule, Mandel, Consensus values and weighting factors, J. Research of the National Bureau of Standards 87, 1982.
+    .. [Theil1961] Theil, Goldberger, On pure and mixed statistical estimation in economics,
+       International Economic Review 2, 1961.
+    .. [Paule1982] Paule, Mandel, Consensus values and weighting factors, J. Research of the
+       National Bureau of Standards 87, 1982.
     """
     if not fits:
-        raise IdentificationError("no fit; join_submodels needs at least one")
+        raise IdentificationError("There is no fit. join_submodels needs at least one.")
     lengths = {**LENGTHS, **(lengths or {})}
-    lost = unplaced_terms(fits, prior, held)
-    notices = demand_places(lost, unplaced)
-    found = merge_tabulations(
-        [_one(known, observed, lengths) for known, observed in observe_fits(fits, prior, held)]
-    )
-    return add_cautions(found, lost, notices)
+    without_place = unplaced_terms(fits, prior, held)
+    notices = demand_places(without_place, unplaced)
+    tabulations = []
+    for coefficient_terms, observed in observe_fits(fits, prior, held):
+        tabulations.append(_join_coefficient(coefficient_terms, observed, lengths))
+    return add_cautions(merge_tabulations(tabulations), without_place, notices)
 
 
 @dataclass(frozen=True)
-class _JoinedTerm:
-    """One term in a regression: its nodes among all, its parameters, its deviation r and its factor
-    on the a-priori error.
-    """
+class _TermRegression:
+    """Regression of one term: its nodes among all nodes, its parameters and its deviation r."""
 
     nodes: slice
     F: np.ndarray  # (nodes, parameters)
@@ -139,7 +144,7 @@ class _JoinedTerm:
 
 @dataclass(frozen=True)
 class _Stage:
-    """What one regression found; arrays by node of all terms, by fit, by table."""
+    """Result of one regression; arrays by node of all terms, by fit, by table."""
 
     change: np.ndarray
     root: np.ndarray  # (nodes, parameters): factor of the covariance of F a
@@ -150,212 +155,295 @@ class _Stage:
     chi2: float
 
 
-def _one(
-    known: CoefficientTerms, observed: Sequence[Observation], lengths: Mapping[str, float]
+@dataclass
+class _JoinedNodes:
+    """Nodes of a coefficient after the stages so far; arrays by node, by table, by fit."""
+
+    value: np.ndarray
+    variance: np.ndarray
+    factors: np.ndarray
+    distance: np.ndarray
+    weight: np.ndarray
+    informing: dict[int, list[Observation]] = field(default_factory=dict)  # fits of each table
+    chi2: float = 0.0
+
+
+def _join_coefficient(
+    coefficient_terms: CoefficientTerms,
+    observed: Sequence[Observation],
+    lengths: Mapping[str, float],
 ) -> Tabulation:
-    free, slices = known.free, slices_of(known.free.values())
-    sampled = np.max([o.sampled for o in observed], axis=0)
-    touched = np.any([np.abs(o.H).max(axis=0) > 0 for o in observed], axis=0)
-    seen, ranges = sampled * touched, _ranges(observed)
-    tables = [
-        _table(leaf, at, seen[at], ranges, lengths) for leaf, at in zip(free.values(), slices)
-    ]
-    increments = [
-        bool(set(_terms.list_model_variables(leaf)) & set(DEVICES)) for leaf in free.values()
-    ]
-    value = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
-    stages: list[_Stage] = []
-    behind: dict[int, list[Observation]] = {}
-    variance, factors = np.zeros(len(value)), np.ones(len(tables))
-    distance, weight = np.zeros(len(observed)), np.ones(len(observed))
-    for fits, members in _order(observed, tables, increments):
-        found = _regression(
-            [observed[k] for k in fits],
-            [tables[k] for k in members],
-            value,
-            [stage.root for stage in stages],
+    """Return the terms of one coefficient joined from its submodels."""
+    leaves, free = coefficient_terms.leaves, coefficient_terms.free
+    touched, sampled = observed_nodes(observed), sampled_weights(observed)
+    slices = slices_of(free.values())
+    ranges = _flown_ranges(observed)
+    tables, increments = [], []
+    for leaf, nodes in zip(free.values(), slices):
+        weights = (sampled * touched)[nodes]
+        tables.append(_make_regression(leaf, nodes, weights, ranges=ranges, lengths=lengths))
+        increments.append(bool(set(_terms.list_model_variables(leaf)) & set(DEVICES)))
+    joined = _join_in_stages(free, observed, tables, increments)
+    new, is_flown = {}, {}
+    for number, ((name, leaf), nodes) in enumerate(zip(free.items(), slices)):
+        if not touched[nodes].any():
+            continue
+        # Outside the flown region the a-priori error, with its factor, comes back.
+        distance = flown_distance(leaf, (sampled * touched)[nodes], lengths)
+        prior_stderr = joined.factors[number] * leaf["stderr"].values.ravel()
+        unflown_variance = prior_stderr**2 * (1.0 - np.exp(-_FADE * distance))
+        flown_nodes = ((sampled >= FLOWN) & touched)[nodes]
+        new[name] = new_leaf(
+            leaf,
+            value=joined.value[nodes],
+            sd=np.sqrt(joined.variance[nodes] + unflown_variance),
+            flown=flown_nodes,
+            contributors=contributing_fits(joined.informing.get(number, []), nodes),
+            history=_HISTORY,
         )
-        value, variance = (
-            value + found.change,
-            variance + (found.root**2).sum(axis=1) + found.rough**2,
-        )
-        distance[fits], weight[fits], factors[members] = found.distance, found.weight, found.factors
-        behind |= {k: [observed[fit] for fit in fits] for k in members}
-        stages.append(found)
-    new, places = {}, {}
-    for k, ((name, leaf), at, factor) in enumerate(zip(free.items(), slices, factors)):
-        if touched[at].any():
-            away = flown_distance(leaf, seen[at], lengths)
-            sd = np.sqrt(
-                variance[at]
-                + (factor * leaf["stderr"].values.ravel()) ** 2 * (1.0 - np.exp(-_FADE * away))
-            )
-            flown = ((sampled >= FLOWN) & touched)[at]
-            new[name] = new_leaf(
-                leaf, value[at], sd, flown, contributing_fits(behind.get(k, []), at), _HISTORY
-            )
-            places[name] = flown.reshape(leaf["value"].shape)
-    new = add_decisions(known.leaves, new, places)
-    inflated = dict(zip(free, factors))
-    unlearnt = np.full(len(PARTS), np.nan)
-    rows = [
-        term_row(name, free[name], leaf, unlearnt).assign(prior_inflation=inflated[name])
-        for name, leaf in new.items()
-    ]
+        is_flown[name] = flown_nodes.reshape(leaf["value"].shape)
+    new = add_decisions(leaves, new, is_flown)
+    inflation = dict(zip(free, joined.factors))
+    not_learnt = np.full(len(PARTS), np.nan)
+    rows = []
+    for name, leaf in new.items():
+        row = term_row(name, free[name], leaf, not_learnt)
+        rows.append(row.assign(prior_inflation=inflation[name]))
+    coefficient = coefficient_terms.coefficient
     points = point_rows(
-        known.coefficient, observed, known.leaves, {**known.leaves, **new}, distance, weight
+        coefficient,
+        observed,
+        before=leaves,
+        after={**leaves, **new},
+        distance=joined.distance,
+        weight=joined.weight,
     )
-    count, chi2 = sum(len(o.theta) for o in observed), sum(stage.chi2 for stage in stages)
-    return Tabulation(
-        new, pd.concat(rows), points, compatibility_row(known.coefficient, count, chi2, 1.0)
-    )
+    count = sum(len(observation.theta) for observation in observed)
+    compatibility = compatibility_row(coefficient, count, chi2=joined.chi2, inflation=1.0)
+    return Tabulation(new, pd.concat(rows), points=points, compatibility=compatibility)
 
 
-def _order(
-    observed: Sequence[Observation], tables: Sequence[_JoinedTerm], increments: Sequence[bool]
+def _join_in_stages(
+    free: Mapping[str, xr.Dataset],
+    observed: Sequence[Observation],
+    tables: Sequence[_TermRegression],
+    increments: Sequence[bool],
+) -> _JoinedNodes:
+    """Return the nodes after the regression of the base and then of the increments."""
+    value = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
+    joined = _JoinedNodes(
+        value=value,
+        variance=np.zeros(len(value)),
+        factors=np.ones(len(tables)),
+        distance=np.zeros(len(observed)),
+        weight=np.ones(len(observed)),
+    )
+    roots: list[np.ndarray] = []
+    for fits, members in _order_stages(observed, tables, increments):
+        fits_of_stage = [observed[fit] for fit in fits]
+        stage = _fit_stage(fits_of_stage, [tables[k] for k in members], joined.value, roots)
+        joined.value = joined.value + stage.change
+        joined.variance = joined.variance + (stage.root**2).sum(axis=1) + stage.rough**2
+        joined.distance[fits], joined.weight[fits] = stage.distance, stage.weight
+        joined.factors[members] = stage.factors
+        joined.informing |= dict.fromkeys(members, fits_of_stage)
+        joined.chi2 += stage.chi2
+        roots.append(stage.root)
+    return joined
+
+
+def _order_stages(
+    observed: Sequence[Observation],
+    tables: Sequence[_TermRegression],
+    increments: Sequence[bool],
 ) -> list[tuple[list[int], list[int]]]:
-    """Return which fits determine which tables, base first; without a fit of the clean
-    configuration all determine all.
+    """Return the fits and tables of each stage, the base first.
+
+    Without fits of both kinds, one stage determines all tables from all fits.
     """
-    of_device = [table for table, increment in zip(tables, increments) if increment]
-    touched = [
-        max((_share(o, table) for table in of_device), default=0.0) > _UNTOUCHED for o in observed
-    ]
-    clean, other = (
-        [k for k, one in enumerate(touched) if not one],
-        [k for k, one in enumerate(touched) if one],
-    )
-    if not clean or not other:
-        return [(clean or other, list(range(len(tables))))]
-    return [
-        (clean, [k for k, one in enumerate(increments) if not one]),
-        (other, [k for k, one in enumerate(increments) if one]),
-    ]
+    of_device = [table for table, is_increment in zip(tables, increments) if is_increment]
+    clean, extended = [], []
+    for number, observation in enumerate(observed):
+        if any(_error_share(observation, table) > _CLEAN for table in of_device):
+            extended.append(number)
+        else:
+            clean.append(number)
+    if not clean or not extended:
+        return [(clean or extended, list(range(len(tables))))]
+    base = np.flatnonzero(~np.array(increments, bool)).tolist()
+    return [(clean, base), (extended, np.flatnonzero(increments).tolist())]
 
 
-def _share(o: Observation, table: _JoinedTerm) -> float:
-    """Return the a-priori error of a table in the estimates of a fit over their standard errors,
-    the largest.
-    """
-    return float(
-        (np.linalg.norm(o.H[:, table.nodes] @ table.F, axis=1) / np.sqrt(np.diag(o.C))).max()
-    )
+def _error_share(observation: Observation, table: _TermRegression) -> float:
+    """Return the largest a-priori error of a table in the estimates, in their standard errors."""
+    errors = np.linalg.norm(observation.H[:, table.nodes] @ table.F, axis=1)
+    return float((errors / np.sqrt(np.diag(observation.C))).max())
 
 
-def _ranges(observed: Sequence[Observation]) -> dict[str, tuple[float, float]]:
+def _flown_ranges(observed: Sequence[Observation]) -> dict[str, tuple[float, float]]:
     """Return middle and half the span of the flown incidence and Mach number."""
-    found = {}
+    ranges = {}
     for name in ("alpha", "mach"):
-        flown = [o.data[name].values for o in observed if name in o.data]
-        if flown:
-            low, high = min(x.min() for x in flown), max(x.max() for x in flown)
-            found[name] = (low + high) / 2.0, max((high - low) / 2.0, 1e-6)
-    return found
+        samples = [fit.data[name].values for fit in observed if name in fit.data]
+        if samples:
+            low, high = min(map(np.min, samples)), max(map(np.max, samples))
+            ranges[name] = (low + high) / 2.0, max((high - low) / 2.0, _LEAST_HALF_SPAN)
+    return ranges
 
 
-def _table(
+def _make_regression(
     leaf: xr.Dataset,
     nodes: slice,
     sampled: np.ndarray,
     ranges: Mapping[str, tuple[float, float]],
     lengths: Mapping[str, float],
-) -> _JoinedTerm:
-    """Return the regression of one term: parameters of one standard error a priori each."""
+) -> _TermRegression:
+    """Return the regression of one term; the a-priori standard error of every parameter is 1."""
     kinds = error_kinds(leaf).T
     size = np.linalg.norm(kinds, axis=1)
-    grids = np.meshgrid(*(leaf[axis].values for axis in leaf["value"].dims), indexing="ij")
-    place = {str(axis): grid.ravel() for axis, grid in zip(leaf["value"].dims, grids)}
-    x = {
-        name: np.clip((place[name] - middle) / half, -1.0, 1.0)
-        for name, (middle, half) in ranges.items()
-        if name in place
-    }
-    bends = [x["alpha"], x["alpha"] ** 2 - 1.0 / 3.0] if "alpha" in x else []
-    bends += [x["mach"]] if "mach" in x else []
+    axes = leaf["value"].dims
+    grids = np.meshgrid(*(leaf[axis].values for axis in axes), indexing="ij")
+    # Incidence and Mach number of each node, -1..1 over the flown range and constant beyond it.
+    scaled = {}
+    for axis, grid in zip(map(str, axes), grids):
+        if axis in ranges:
+            middle, half = ranges[axis]
+            scaled[axis] = np.clip((grid.ravel() - middle) / half, -1.0, 1.0)
+    bends = []
+    if "alpha" in scaled:
+        # Legendre polynomials of degree 1 and 2: the curve does not change the mean level.
+        bends += [scaled["alpha"], scaled["alpha"] ** 2 - 1.0 / 3.0]
+    if "mach" in scaled:
+        bends.append(scaled["mach"])
     F = np.column_stack([kinds, *(_BEND * size * bend for bend in bends)])
-    return _JoinedTerm(
-        nodes,
-        F[:, np.abs(F).max(axis=0) > 0],
-        prior_parts(leaf, sampled, lengths)[PARTS.index("short")],
-    )
+    rough = prior_parts(leaf, sampled, lengths)[PARTS.index("short")]
+    return _TermRegression(nodes, F[:, np.abs(F).max(axis=0) > 0], rough)
 
 
-def _regression(
+@dataclass(frozen=True)
+class _StageEquations:
+    """Linear equations of one stage, y = A (factors a) + H r + D s + e.
+
+    Parameters of all tables stand side by side; column j of A belongs to the table owner[j].
+    """
+
+    y: np.ndarray  # (estimates,): estimates less their expectation with the values before
+    A: np.ndarray  # (estimates, parameters)
+    D: np.ndarray  # (estimates, common errors)
+    owner: np.ndarray  # (parameters,)
+    rough: np.ndarray  # (tables, estimates, estimates): a-priori covariance H r r' H'
+
+
+@dataclass(frozen=True)
+class _StageSolution:
+    """Solution of the equations of one stage; arrays by parameter, estimate, fit or table."""
+
+    a: np.ndarray
+    covariance: np.ndarray  # of a
+    size: np.ndarray  # (parameters,): factor on the a-priori error of the table of each
+    factors: np.ndarray
+    scatter: float
+    weight: np.ndarray
+    distance: np.ndarray
+    chi2: float
+
+
+def _fit_stage(
     observed: Sequence[Observation],
-    tables: Sequence[_JoinedTerm],
+    tables: Sequence[_TermRegression],
     value: np.ndarray,
-    before: Sequence[np.ndarray],
+    earlier_roots: Sequence[np.ndarray],
 ) -> _Stage:
-    """Least squares of the parameters of one stage; the errors of the stages before are among the
-    common ones.
-    """
+    """Estimate the change of the nodes in one stage by least squares.
 
-    H = np.vstack([o.H for o in observed])
-    y = np.concatenate([o.theta for o in observed]) - H @ value
-    D = np.hstack([np.vstack([o.D for o in observed]), *(H @ root for root in before)])
-    parts = [
-        slice(a, b) for a, b in pairwise(np.cumsum([0, *(len(o.theta) for o in observed)]).tolist())
-    ]
-    owner = np.repeat(np.arange(len(tables)), [table.F.shape[1] for table in tables])
-    A = np.hstack([H[:, table.nodes] @ table.F for table in tables])
-    rough = np.stack([H[:, table.nodes] @ table.rough @ H[:, table.nodes].T for table in tables])
-    factors, weight, scatter = np.ones(len(tables)), np.ones(len(observed)), _SCATTER[0]
-    for turn in range(_ROUNDS):
-        noise = block_diag(*(o.C / w for o, w in zip(observed, weight)))
-        own = block_diag(*(D[part] @ D[part].T / w for part, w in zip(parts, weight)))
-        deviation = np.einsum("k,kij->ij", factors**2, rough)
-        size = factors[owner]
-        if 2 * turn >= _ROUNDS:  # what a larger a-priori error explains is no scatter
-            scatter = _scatter(y, (A * size) @ (A * size).T + noise + own, deviation)
-        S = noise + own + scatter * deviation
-        M, gain = _mixed(A * size, S)
-        a = gain @ y
-        v = y - A @ (size * a)
-        distance = np.array(
-            [
-                np.sqrt(v[part] @ np.linalg.solve(S[part, part], v[part]) / len(v[part]))
-                for part in parts
-            ]
-        )
-        weight = np.minimum(1.0, (_HUBER / np.maximum(distance, 1e-12)) ** 2)
-        power = (size * a) ** 2 + size**2 * np.diag(M)
-        factors = np.array(
-            [max(1.0, np.sqrt(power[owner == k].mean())) for k in range(len(tables))]
-        )
-    covariance = M @ M + gain @ (noise + scatter * deviation) @ gain.T + (gain @ D) @ (gain @ D).T
-    own_values, shape = np.linalg.eigh(covariance)
-    loose = shape * np.sqrt(np.maximum(own_values, 0.0))
-    change, root, deviations = (
-        np.zeros(len(value)),
-        np.zeros((len(value), len(a))),
-        np.zeros(len(value)),
+    The errors of the earlier stages are among the common errors.
+    """
+    H = np.vstack([fit.H for fit in observed])
+    D = np.vstack([fit.D for fit in observed])
+    parameters = [table.F.shape[1] for table in tables]
+    equations = _StageEquations(
+        y=np.concatenate([fit.theta for fit in observed]) - H @ value,
+        A=np.hstack([H[:, table.nodes] @ table.F for table in tables]),
+        D=np.hstack([D, *(H @ root for root in earlier_roots)]),
+        owner=np.repeat(np.arange(len(tables)), parameters),
+        rough=np.stack([H[:, table.nodes] @ table.rough @ H[:, table.nodes].T for table in tables]),
     )
+    solution = _solve_stage(equations, observed)
+    eigenvalues, vectors = np.linalg.eigh(solution.covariance)
+    covariance_root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
+    change, root = np.zeros(len(value)), np.zeros((len(value), len(solution.a)))
+    deviations = np.zeros(len(value))
     for k, table in enumerate(tables):
-        F = table.F * size[owner == k]
-        change[table.nodes], root[table.nodes] = F @ a[owner == k], F @ loose[owner == k]
-        deviations[table.nodes] = factors[k] * np.sqrt(scatter * np.diag(table.rough))
-    plain = (A * size) @ (A * size).T + noise + own
+        columns = equations.owner == k
+        F = table.F * solution.size[columns]
+        change[table.nodes] = F @ solution.a[columns]
+        root[table.nodes] = F @ covariance_root[columns]
+        rough_stderr = np.sqrt(solution.scatter * np.diag(table.rough))
+        deviations[table.nodes] = solution.factors[k] * rough_stderr
     return _Stage(
-        change, root, deviations, weight, distance, factors, float(y @ np.linalg.solve(plain, y))
+        change=change,
+        root=root,
+        rough=deviations,
+        weight=solution.weight,
+        distance=solution.distance,
+        factors=solution.factors,
+        chi2=solution.chi2,
     )
 
 
-def _mixed(A: np.ndarray, S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (A'S^-1 A + I)^-1 and that times A'S^-1."""
-    scale = np.sqrt(np.diag(S))
-    L = np.linalg.cholesky(S / np.outer(scale, scale))
-    white = np.linalg.solve(L, A / scale[:, None])
-    M = np.linalg.inv(white.T @ white + np.eye(A.shape[1]))
-    return M, M @ (np.linalg.solve(L.T, white) / scale[:, None]).T
+def _solve_stage(equations: _StageEquations, observed: Sequence[Observation]) -> _StageSolution:
+    """Return the parameters of a stage after iterating factors, scatter and weights of the fits."""
+    y, A, D, owner = equations.y, equations.A, equations.D, equations.owner
+    ends = np.cumsum([0, *(len(fit.theta) for fit in observed)]).tolist()
+    rows_of_fits = [slice(first, end) for first, end in pairwise(ends)]
+    factors, weight = np.ones(len(equations.rough)), np.ones(len(observed))
+    scatter = SCATTER[0]
+    for turn in range(_ROUNDS):
+        measured = [fit.C / w for fit, w in zip(observed, weight)]
+        common = [D[rows] @ D[rows].T / w for rows, w in zip(rows_of_fits, weight)]
+        noise, own_errors = block_diag(*measured), block_diag(*common)
+        deviation = np.einsum("k,kij->ij", factors**2, equations.rough)
+        size = factors[owner]
+        # In the first half the factors converge.  A misfit that a larger a-priori error explains is
+        # not scatter.
+        if 2 * turn >= _ROUNDS:
+            without_scatter = (A * size) @ (A * size).T + noise + own_errors
+            scatter = estimate_scatter(y, without_scatter, deviation)
+        S = noise + own_errors + scatter * deviation
+        M, gain = estimate_mixed(A * size, S)
+        a = gain @ y
+        distance = _rms_by_fit(y - A @ (size * a), S, rows_of_fits)
+        weight = np.minimum(1.0, (_HUBER / np.maximum(distance, 1e-12)) ** 2)
+        factors = _inflate_priors(a, M, size, owner, tables=len(factors))
+    # Prior (M M), noise and scatter through the gain, and the common errors if all fits share them.
+    covariance = M @ M + gain @ (noise + scatter * deviation) @ gain.T + (gain @ D) @ (gain @ D).T
+    without_scatter = (A * size) @ (A * size).T + noise + own_errors
+    return _StageSolution(
+        a=a,
+        covariance=covariance,
+        size=size,
+        factors=factors,
+        scatter=scatter,
+        weight=weight,
+        distance=distance,
+        chi2=float(y @ np.linalg.solve(without_scatter, y)),
+    )
 
 
-def _scatter(y: np.ndarray, S: np.ndarray, deviation: np.ndarray) -> float:
-    """Return the variance of the deviations with which chi-squared is the number of estimates, by
-    bisection of its logarithm.
-    """
-    low, high = np.log(_SCATTER)
-    for _ in range(40):
-        middle = (low + high) / 2.0
-        chi2 = y @ np.linalg.solve(S + np.exp(middle) * deviation, y)
-        low, high = (middle, high) if chi2 > len(y) else (low, middle)
-    return float(np.exp(low))
+def _inflate_priors(
+    a: np.ndarray, M: np.ndarray, size: np.ndarray, owner: np.ndarray, tables: int
+) -> np.ndarray:
+    """Return the factor on the a-priori error of each table, 1 or more, (tables,)."""
+    # Expected square of each parameter: the square of its estimate, and its variance.
+    power = (size * a) ** 2 + size**2 * np.diag(M)
+    factors = np.ones(tables)
+    for k in range(tables):
+        # `max` and not `np.maximum`: the mean of a table without parameters is NaN, its factor 1.
+        factors[k] = max(1.0, np.sqrt(power[owner == k].mean()))
+    return factors
+
+
+def _rms_by_fit(v: np.ndarray, S: np.ndarray, rows_of_fits: Sequence[slice]) -> np.ndarray:
+    """Return the rms residual of each fit in its standard errors, (fits,)."""
+    chi2 = [v[rows] @ np.linalg.solve(S[rows, rows], v[rows]) for rows in rows_of_fits]
+    return np.sqrt(np.array(chi2) / [len(v[rows]) for rows in rows_of_fits])

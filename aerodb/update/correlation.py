@@ -1,4 +1,4 @@
-"""How the a-priori errors of the nodes of one table are correlated.
+"""Correlation of the a-priori errors of the nodes of one table.
 
 Prior covariance of the nodes i, j of one term, with their a-priori standard errors s, values v and
 distances d along the axes:
@@ -6,26 +6,26 @@ distances d along the axes:
     P_ij = s_i s_j c_ij [level + (1 - level) exp(-1/2 sum (d/length)^2)]
     c_ij = (r^2 v_i v_j + a^2) / sqrt((r^2 v_i^2 + a^2)(r^2 v_j^2 + a^2))
 
-c is the kind of error that the standard errors stand for: a part r proportional to the value
-(slope, effectiveness: nodes of opposite sign move apart) and a constant part a (all nodes move
-together); r and a are those that explain s best.  The level part in the bracket is common to the
-whole table: a handbook method is wrong in the same sense over a table (LR-743 found whole curves
-displaced), and it makes a correction found at some nodes count at nodes that were not flown.  The
-other part lets the shape change, over the correlation lengths.  By default each has half of the
-variance.
+c describes the kind of error of the standard errors.  A part r is proportional to the value (slope,
+effectiveness: nodes of opposite sign move apart), and a part a is constant (all nodes move
+together).  r and a are the values that explain s best.  The level part in the bracket is common to
+the whole table.  A handbook method is wrong in the same sense over a table (LR-743 shows whole
+curves that are displaced).  A correction found at some nodes therefore counts at nodes outside the
+flown region.  The other part lets the shape change, over the correlation lengths.  By default each
+part has half of the variance.
 
-`aerodb.tabulate`, which knows where the flights were, takes a sum of four parts instead and learns
-their weights (`prior_parts`), each with s_i s_j c_ij and a factor of its own:
+`aerodb.tabulate`, which has the flown conditions, uses a sum of four parts instead and learns their
+weights (`prior_parts`), each with s_i s_j c_ij and its own factor:
 
     level   1
     reach   exp(-2 |D_i - D_j|)      D the distance from the flown region, in correlation lengths
     long    exp(-e^2/32 - 2 |D_i - D_j|)    e the distance between the nodes in correlation lengths
     short   exp(-d)                  d the same, summed over the axes
 
-Inside the flown region `reach` is a level and `long` a smooth curve, such as a slope in error;
-outside, both fade with the distance: a correction that is smooth where it was flown holds little
-information on the next node, where flow may separate.  `short` is the exponential of a path with
-independent increments and lets a correction have a kink.
+Inside the flown region `reach` is a level and `long` a smooth curve, such as an error of slope.
+Outside, both fade with the distance.  A correction that is smooth in the flown region contains
+little information on the next node, where the flow may separate.  `short` is the correlation of a
+path with independent increments and lets a correction have a kink.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from scipy.optimize import nnls
 
 from flightmech.units import DEGREE
 
-# correlation lengths of the correction along the axes; infinite on every axis not named here [SI]
+# Correlation lengths of the correction along the axes; infinite on axes not named here. [SI]
 LENGTHS = {
     "alpha": 5 * DEGREE,
     "beta": 5 * DEGREE,
@@ -49,30 +49,28 @@ LENGTHS = {
     "delta_r": 10 * DEGREE,
     "h_agl": 2.0,
 }
-LEVEL = 0.5
-# parts of the a-priori covariance of `tabulate`: what they count before anything is learnt, and the
-# standard error of the logarithm
-# of that.  `reach` has nearly the declared variance and is hardly learnt: flights do not say how
-# wrong a handbook is elsewhere.  The
-# level comes on top and may grow by much: handbooks are wrong as a whole (71 % of the nodes of the
-# T-37 within two declared errors).
+LEVEL = 0.5  # share of the variance that is common to the whole table
+# Parts of the a-priori covariance of `tabulate`: their weights before learning, and the standard
+# errors of the logarithms of the weights.  `reach` has nearly the declared variance and hardly
+# changes: flights do not measure the error of a handbook elsewhere.  The level is added and may
+# grow by much: handbooks are wrong as a whole (71 % of the nodes of the T-37 are within two
+# declared errors).
 SHARES = {"level": 0.5, "reach": 0.9, "long": 0.1, "short": 0.1}
 SPREADS = {"level": 2.0, "reach": 0.3, "long": 1.5, "short": 1.5}
 PARTS = tuple(SHARES)
-_REACH, _LONG = (
-    0.5,
-    4.0,
-)  # correlation lengths of the distance D, and of the smooth curves of `long`
-# least weight of a sample that puts a node into the flown region: straight local models cannot see
-# a kink nearer to it
+# Correlation lengths of the distance D, and of the smooth curves of `long`.
+_REACH, _LONG = 0.5, 4.0
+# Least weight of a sample that puts a node into the flown region.  A straight local model cannot
+# detect a kink nearer to a node.
 _WITHIN = 0.1
 
 
 def prior_covariance(
     leaf: xr.Dataset, lengths: Mapping[str, float] | None = None, level: float = LEVEL
 ) -> np.ndarray:
-    """Return the a-priori covariance of the nodes of a term, (nodes, nodes), in the order of
-    ``value.ravel()``.
+    """Return the a-priori covariance of the nodes of a term, (nodes, nodes).
+
+    The nodes have the order of ``value.ravel()``.
 
     Parameters
     ----------
@@ -84,7 +82,7 @@ def prior_covariance(
         Share of the variance common to the whole table.
     """
     nodes = np.arange(leaf["value"].size)
-    return covariance_between(leaf, nodes[:, None], nodes, lengths, level)
+    return covariance_between(leaf, nodes[:, None], nodes, lengths=lengths, level=level)
 
 
 def prior_parts(
@@ -93,27 +91,29 @@ def prior_parts(
     lengths: Mapping[str, float] | None = None,
     nodes: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the parts of the a-priori covariance of a term of which some nodes were flown,
-    (`PARTS`, nodes, nodes).
+    """Return the parts of the a-priori covariance of a term, (`PARTS`, nodes, nodes).
 
     Parameters
     ----------
     leaf : Dataset
         A term with ``stderr``.
     sampled : array (nodes,)
-        Largest weight that interpolation gives to each node at a sample flown, in the order of
-        ``value.ravel()``: 1 at a sample on the node, 0 without samples in the cells about it.
-        Without any, `reach` is a level.
+        Largest weight that interpolation gives to each node at a flight sample, in the order of
+        ``value.ravel()``: 1 at a sample on the node, 0 without samples in the adjacent cells.
+        Without any sample, `reach` is a level.
     lengths : mapping, optional
         As in `prior_covariance`.
     nodes : array of int, optional
-        Places of the nodes whose covariance is returned; all nodes without it.
+        Positions of the nodes whose covariance is returned; the default is all nodes.
     """
-    lengths = LENGTHS if lengths is None else lengths
+    if lengths is None:
+        lengths = LENGTHS
+    if nodes is None:
+        nodes = np.arange(leaf["value"].size)
     distance = flown_distance(leaf, sampled, lengths)
-    nodes = np.arange(leaf["value"].size) if nodes is None else nodes
-    factors = node_correlation(leaf["value"], distance, nodes[:, None], nodes, lengths)
-    return _alike(leaf, nodes[:, None], nodes) * np.stack(factors)
+    pairs = nodes[:, None], nodes
+    factors = node_correlation(leaf["value"], distance, i=pairs[0], j=pairs[1], lengths=lengths)
+    return _error_products(leaf, *pairs) * np.stack(factors)
 
 
 def node_correlation(
@@ -123,25 +123,26 @@ def node_correlation(
     j: np.ndarray,
     lengths: Mapping[str, float],
 ) -> list[np.ndarray]:
-    """Return the correlations of single pairs of nodes in each of the `PARTS`, without s_i s_j
-    c_ij.
+    """Return the correlations of pairs of nodes in each of the `PARTS`, without s_i s_j c_ij.
 
     Parameters
     ----------
     value : DataArray
         The table.
     distance : array (nodes,)
-        Of every node from the flown region, in correlation lengths (`flown_distance`).
+        Distance of every node from the flown region, in correlation lengths (`flown_distance`).
     i, j : array of int
-        Places of the nodes in ``value.ravel()``, broadcast against each other.
+        Positions of the nodes in ``value.ravel()``, broadcast against each other.
     lengths : mapping of str to float
         Correlation lengths by axis. [SI]
     """
+    # Over the axes: sum of the distances d and of their squares e^2.
     sums, squares = np.zeros((2, *np.broadcast_shapes(i.shape, j.shape)))
-    for x in _scaled_places(value, lengths):
-        apart = np.abs(x[i] - x[j])
-        sums += apart
-        squares += apart**2
+    for x in _scaled_positions(value, lengths):
+        separation = np.abs(x[i] - x[j])
+        sums += separation
+        squares += separation**2
+    # In the order of `PARTS`: level, reach, long, short.
     fade = np.exp(-np.abs(distance[i] - distance[j]) / _REACH)
     return [np.ones_like(sums), fade, fade * np.exp(-squares / (2.0 * _LONG**2)), np.exp(-sums)]
 
@@ -149,41 +150,42 @@ def node_correlation(
 def flown_distance(
     leaf: xr.Dataset, sampled: np.ndarray, lengths: Mapping[str, float]
 ) -> np.ndarray:
-    """Return the distance of every node from the flown region, (nodes,) in correlation lengths;
+    """Return the distance of every node from the flown region, (nodes,) in correlation lengths.
+
     `sampled` as in `prior_parts`.
     """
     near = np.flatnonzero(sampled > 0)
     distance = np.zeros((leaf["value"].size, len(near)))
-    for x in _scaled_places(leaf["value"], lengths):
+    for x in _scaled_positions(leaf["value"], lengths):
         distance += np.abs(x[:, None] - x[near])
-    return _away(distance, sampled, near)
+    return _region_distance(distance, sampled, near)
 
 
-def _away(distance: np.ndarray, sampled: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Return the distance of every node from the flown region; `distance` is that from the nodes
-    `near`, in whose cells samples are.
+def _region_distance(distance: np.ndarray, sampled: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Return the distance of every node from the flown region.
 
-    Nodes with `_WITHIN` of the weight of a sample are in the region.  The distance of one with
-    less, of a cell that holds some samples, is that from the nearest of these in proportion to the
-    weight it lacks: the region grows with the samples without a step.
+    `distance` is that from the nodes `near`, which have samples in their cells.  Nodes with
+    `_WITHIN` of the weight of a sample are in the region.  A node with less weight has the distance
+    from the nearest of these, in proportion to the missing weight.  The region grows with the
+    samples without a step.
     """
     inside = sampled[near] >= _WITHIN
     if not inside.any():
         return np.zeros(len(sampled))
-    away = distance[:, inside].min(axis=1) * (1.0 - np.minimum(sampled / _WITHIN, 1.0))
-    return (away[near] + distance).min(axis=1)
+    missing_weight = 1.0 - np.minimum(sampled / _WITHIN, 1.0)
+    own_distance = distance[:, inside].min(axis=1) * missing_weight
+    return (own_distance[near] + distance).min(axis=1)
 
 
-def _scaled_places(value: xr.DataArray, lengths: Mapping[str, float]) -> list[np.ndarray]:
-    """Return the place of every node on each axis, in correlation lengths."""
-    places = (
-        np.meshgrid(*(value[axis].values for axis in value.dims), indexing="ij")
-        if value.ndim
-        else []
-    )
-    return [
-        place.ravel() / lengths.get(str(axis), np.inf) for axis, place in zip(value.dims, places)
-    ]
+def _scaled_positions(value: xr.DataArray, lengths: Mapping[str, float]) -> list[np.ndarray]:
+    """Return the coordinate of every node on each axis, in correlation lengths."""
+    if not value.ndim:
+        return []
+    grids = np.meshgrid(*(value[axis].values for axis in value.dims), indexing="ij")
+    positions = []
+    for axis, grid in zip(value.dims, grids):
+        positions.append(grid.ravel() / lengths.get(str(axis), np.inf))
+    return positions
 
 
 def covariance_between(
@@ -193,56 +195,56 @@ def covariance_between(
     lengths: Mapping[str, float] | None = None,
     level: float = LEVEL,
 ) -> np.ndarray:
-    """Return the a-priori covariance of single pairs of nodes, for tables too large for the whole
-    matrix.
+    """Return the a-priori covariance of pairs of nodes.
+
+    It is for tables that are too large for the full matrix.
 
     Parameters
     ----------
     leaf, lengths, level
         As in `prior_covariance`.
     i, j : array of int
-        Places of the nodes in ``value.ravel()``, broadcast against each other.
+        Positions of the nodes in ``value.ravel()``, broadcast against each other.
     """
-    lengths = LENGTHS if lengths is None else lengths
+    if lengths is None:
+        lengths = LENGTHS
     squares = np.zeros(np.broadcast_shapes(i.shape, j.shape))
-    for x in _scaled_places(leaf["value"], lengths):
+    for x in _scaled_positions(leaf["value"], lengths):
         squares += (x[i] - x[j]) ** 2
-    return _alike(leaf, i, j) * (level + (1.0 - level) * np.exp(-0.5 * squares))
+    return _error_products(leaf, i, j) * (level + (1.0 - level) * np.exp(-0.5 * squares))
 
 
-def _alike(leaf: xr.Dataset, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+def _error_products(leaf: xr.Dataset, i: np.ndarray, j: np.ndarray) -> np.ndarray:
     """Return s_i s_j c_ij."""
     v, sd = leaf["value"].values.ravel(), leaf["stderr"].values.ravel()
-    r2, a2 = _kind(v, sd)
+    r2, a2 = _fit_error_kinds(v, sd)
     size = np.sqrt(r2 * v**2 + a2)
-    size[size == 0.0] = 1.0
+    size[size == 0.0] = 1.0  # exact nodes: sd is zero as well
     return sd[i] * sd[j] * (r2 * v[i] * v[j] + a2) / (size[i] * size[j])
 
 
 def error_kinds(leaf: xr.Dataset) -> np.ndarray:
-    """Return the a-priori standard errors of the nodes as vectors (2, nodes): the part proportional
-    to the value, and the constant part.
+    """Return the a-priori standard errors of the nodes as vectors, (2, nodes).
 
-    The scalar product of two of them is s_i s_j c_ij.
+    The first component is proportional to the value, the second is constant.  The scalar product of
+    two vectors is s_i s_j c_ij.
     """
     v, sd = leaf["value"].values.ravel(), leaf["stderr"].values.ravel()
-    r2, a2 = _kind(v, sd)
+    r2, a2 = _fit_error_kinds(v, sd)
     parts = np.stack([np.sqrt(r2) * v, np.full(len(v), np.sqrt(a2))])
     size = np.sqrt((parts**2).sum(axis=0))
     size[size == 0.0] = 1.0
     return sd * parts / size
 
 
-def _kind(v: np.ndarray, sd: np.ndarray) -> tuple[float, float]:
-    """Variances of an error proportional to the value and of a constant one, in the proportion that
-    explains `sd`.
-    """
-
-    known = sd > 0
-    if not known.any():
+def _fit_error_kinds(v: np.ndarray, sd: np.ndarray) -> tuple[float, float]:
+    """Return the variances r^2 and a^2 whose proportion explains the standard errors best."""
+    uncertain = sd > 0
+    if not uncertain.any():
         return 0.0, 1.0
-    shares = np.stack([v[known] ** 2, np.ones(known.sum())], axis=1) / sd[known, None] ** 2
-    (r2, a2), _ = nnls(
-        shares, np.ones(known.sum())
-    )  # relative misfit, or the few nodes with large errors would decide
+    ones = np.ones(uncertain.sum())
+    # Relative misfit of r^2 v^2 + a^2 = sd^2.  With the absolute misfit the few nodes with large
+    # errors would decide.
+    regressors = np.stack([v[uncertain] ** 2, ones], axis=1) / sd[uncertain, None] ** 2
+    (r2, a2), _ = nnls(regressors, ones)
     return float(r2), float(a2)

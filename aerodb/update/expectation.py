@@ -1,16 +1,16 @@
-"""Standard errors that a database will have after fits, before their estimates are known.
+"""Expected standard errors of a database after fits whose estimates are not known yet.
 
-The posterior covariance of `aerodb.tabulate` does not depend on the estimates but through the
-weights that it learns.  Here the parts of the prior covariance have their a-priori weights, the
-errors of the fits are taken as declared, and no fit is an outlier: what flights will give when the
-declared errors are right.  Once some flights have been tabulated, what `tabulate` learnt from them
-takes the place of both.
+The posterior covariance of `aerodb.tabulate` depends on the estimates only through the weights that
+it learns.  The expectation uses the a-priori weights of the parts of the prior covariance and the
+declared errors of the fits, and every fit has full weight.  It holds if the declared errors are
+right.  After a first tabulation, the weights and the factor on the errors that `tabulate` learnt
+replace the a-priori ones.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,15 +26,21 @@ from aerodb.update.observations import (
     common_errors_of_fits,
     known_terms,
     observe_fit,
+    observed_nodes,
+    sampled_weights,
 )
-from aerodb.update.tabulation import FLOWN, Tabulation, slices_of
+from aerodb.update.tabulation import FLOWN, slices_of
+from aerodb.update.tabulation_report import Tabulation
+from aerodb.update.weight_learning import invert_covariance
 
+# A-priori weights of the `PARTS`.
 _WEIGHTS = np.array(list(SHARES.values()))
 
 
 class Expectation:
-    """Standard errors of the nodes of a database after any of some fits; what a fit observes is
-    worked out once.
+    """Expected standard errors of the nodes of a database after any of several fits.
+
+    The observation of each fit is computed once.
 
     Parameters
     ----------
@@ -45,13 +51,14 @@ class Expectation:
     lengths : mapping, optional
         As in `aerodb.tabulate`. [SI]
     learnt : Tabulation, optional
-        Of flights done already, with the same prior: weights of the parts of the prior covariance
-        by term, and the factor on the standard errors of fits by coefficient.  What it does not
-        have keeps the a-priori ones.
+        Result of earlier flights with the same prior.  It has the weights of the parts of the prior
+        covariance by term, and the factor on the standard errors of fits by coefficient.  Terms and
+        coefficients that it does not have keep the a-priori ones.
 
     References
     ----------
-    .. [Pukelsheim2006] Pukelsheim, Optimal Design of Experiments, SIAM 2006, chapter 11 (Bayesian designs).
+    .. [Pukelsheim2006] Pukelsheim, Optimal Design of Experiments, SIAM 2006, chapter 11 (Bayesian
+       designs).
     """
 
     def __init__(
@@ -65,17 +72,14 @@ class Expectation:
         self._weights: dict[str, np.ndarray] = {}
         self._inflation: dict[str, float] = {}
         if learnt is not None:
-            self._weights = {
-                str(name): row.to_numpy(float)
-                for name, row in learnt.report[list(PARTS)].iterrows()
-            }
-            self._inflation = {
-                str(name): float(factor)
-                for name, factor in learnt.compatibility["inflation"].items()
-            }
+            for name, row in learnt.report[list(PARTS)].iterrows():
+                self._weights[str(name)] = row.to_numpy(float)
+            for name, factor in learnt.compatibility["inflation"].items():
+                self._inflation[str(name)] = float(factor)
         self._leaves = terms(prior)
-        self._known: dict[str, CoefficientTerms] = {}
-        self._observed: dict[int, tuple[Any, Observation, list[str]]] = {}
+        self._terms_by_coefficient: dict[str, CoefficientTerms] = {}
+        # By identity of the fit.  The fit itself is stored, so that its identity is not reused.
+        self._observed: dict[int, tuple[Any, Observation]] = {}
 
     def stderr(
         self, fits: Sequence[Any], wanted: Mapping[str, np.ndarray] | None = None
@@ -85,138 +89,171 @@ class Expectation:
         Parameters
         ----------
         fits : sequence of Fit
-            Fits of flights, or predicted ones; used is what `aerodb.tabulate` uses, but for the
-            estimates.
+            Fits of flights, or predicted fits.  Their estimates are not used; otherwise as in
+            `aerodb.tabulate`.
         wanted : mapping of str to bool array, optional
-            Nodes by term, in the shape of its table; without it all nodes of the terms of the
-            coefficients that are fitted.
+            Requested nodes by term, in the shape of its table.  The default is all nodes of the
+            terms of the fitted coefficients.
 
         Returns
         -------
         dict of str to array
-            In the shape of the table; NaN at nodes that are not wanted.  A term that no fit touches
-            keeps its standard errors.
+            In the shape of the table; NaN at nodes that are not requested.  A term that does not
+            enter any fit keeps its standard errors.
 
         Raises
         ------
         SchemaError, UnknownName
             As `aerodb.tabulate`.
         """
-        if wanted is None:
-            mine = {coefficient_of(fit) for fit in fits}
-            wanted = {
-                n: np.ones(self._leaves[n]["value"].shape, bool)
-                for n in self._leaves
-                if n.split("/")[0] in mine and n not in self.held
-            }
-        found = {
-            name: np.where(nodes, self._leaves[name]["stderr"].values, np.nan)
-            for name, nodes in wanted.items()
-        }
-        for coefficient in dict.fromkeys(name.split("/")[0] for name in wanted):
+        requested = wanted
+        if requested is None:
+            requested = self._all_nodes({coefficient_of(fit) for fit in fits})
+        errors: dict[str, np.ndarray] = {}
+        coefficients: dict[str, dict[str, np.ndarray]] = {}
+        for name, nodes in requested.items():
+            errors[name] = np.where(nodes, self._leaves[name]["stderr"].values, np.nan)
+            coefficients.setdefault(name.split("/")[0], {})[name] = nodes
+        for coefficient, nodes_by_term in coefficients.items():
             local = [fit for fit in fits if coefficient_of(fit) == coefficient]
             if local:
-                found |= self._of_coefficient(
-                    coefficient,
-                    local,
-                    {n: x for n, x in wanted.items() if n.split("/")[0] == coefficient},
-                )
-        return found
+                errors |= self._coefficient_stderr(coefficient, local, nodes_by_term)
+        return errors
 
     def flown(self, fits: Sequence[Any]) -> dict[str, np.ndarray]:
-        """Return which nodes lie in the region that some fits flew, by term, as `aerodb.tabulate`
-        has it.
-        """
-        found: dict[str, np.ndarray] = {}
-        for coefficient in dict.fromkeys(map(coefficient_of, fits)):
-            observed = [
-                self._observation(fit)[0] for fit in fits if coefficient_of(fit) == coefficient
-            ]
-            sampled = np.max([o.sampled for o in observed], axis=0)
-            touched = np.any([np.abs(o.H).max(axis=0) > 0 for o in observed], axis=0)
-            for name, nodes in self._slices(coefficient).items():
-                found[name] = ((sampled >= FLOWN) & touched)[nodes].reshape(
-                    self._leaves[name]["value"].shape
-                )
-        return found
+        """Return which nodes lie in the flown region of some fits, by term.
 
-    def _terms_of(self, coefficient: str) -> CoefficientTerms:
-        if coefficient not in self._known:
-            (self._known[coefficient],) = known_terms([coefficient], self.prior, self.held)
-        return self._known[coefficient]
+        The region is that of `aerodb.tabulate`.
+        """
+        is_flown: dict[str, np.ndarray] = {}
+        for coefficient in dict.fromkeys(map(coefficient_of, fits)):
+            local = [fit for fit in fits if coefficient_of(fit) == coefficient]
+            observed = [self._observation(fit) for fit in local]
+            touched, sampled = observed_nodes(observed), sampled_weights(observed)
+            for name, nodes in self._slices(coefficient).items():
+                flown_nodes = ((sampled >= FLOWN) & touched)[nodes]
+                is_flown[name] = flown_nodes.reshape(self._leaves[name]["value"].shape)
+        return is_flown
+
+    def _all_nodes(self, coefficients: set[str]) -> dict[str, np.ndarray]:
+        """Return all nodes of the terms of some coefficients that may change."""
+        nodes = {}
+        for name, leaf in self._leaves.items():
+            if name.split("/")[0] in coefficients and name not in self.held:
+                nodes[name] = np.ones(leaf["value"].shape, bool)
+        return nodes
+
+    def _coefficient_terms(self, coefficient: str) -> CoefficientTerms:
+        if coefficient not in self._terms_by_coefficient:
+            (group,) = known_terms([coefficient], self.prior, self.held)
+            self._terms_by_coefficient[coefficient] = group
+        return self._terms_by_coefficient[coefficient]
 
     def _slices(self, coefficient: str) -> dict[str, slice]:
-        free = self._terms_of(coefficient).free
+        free = self._coefficient_terms(coefficient).free
         return dict(zip(free, slices_of(free.values()), strict=True))
 
-    def _observation(self, fit: Any) -> tuple[Observation, list[str]]:
-        """What a fit observes, with the common errors under their own names first in D."""
+    def _observation(self, fit: Any) -> Observation:
+        """Return the observation by a fit, with its common errors first in D."""
         if id(fit) not in self._observed:
             sources = common_errors_of_fits([fit])
-            seen = observe_fit(fit, self._terms_of(coefficient_of(fit)), sources)
-            self._observed[id(fit)] = (
-                fit,
-                replace(seen, bases={}),
-                sources,
-            )  # these are as large as the samples
-        _, observation, sources = self._observed[id(fit)]
-        return observation, sources
+            group = self._coefficient_terms(coefficient_of(fit))
+            observation = observe_fit(fit, group, sources)
+            # The bases are as large as the samples and are not needed again.
+            self._observed[id(fit)] = fit, replace(observation, bases={})
+        return self._observed[id(fit)][1]
 
-    def _of_coefficient(
-        self, coefficient: str, fits: Sequence[Any], wanted: Mapping[str, np.ndarray]
+    def _coefficient_stderr(
+        self, coefficient: str, fits: Sequence[Any], requested: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
-        pairs = [self._observation(fit) for fit in fits]
-        observed = [one for one, _ in pairs]
-        H, D = np.vstack([o.H for o in observed]), _aligned(pairs)
-        touched, sampled = np.abs(H).max(axis=0) > 0, np.max([o.sampled for o in observed], axis=0)
-        blocks, variances, prior = [], {}, 0.0
-        for name, nodes in self._slices(coefficient).items():
-            leaf, asked = self._leaves[name], wanted.get(name)
-            if not touched[nodes].any():
+        """Return the standard errors of the requested nodes of one coefficient, by term."""
+        observed = [self._observation(fit) for fit in fits]
+        H, D = np.vstack([observation.H for observation in observed]), _align_errors(observed)
+        blocks, expected = self._prior_blocks(coefficient, observed, H, requested=requested)
+        # As in `aerodb.update.tabulation`: each fit has the common errors for itself in the gain.
+        # Their covariance is replaced by that of errors that all fits share.
+        own_errors = block_diag(*[observation.D @ observation.D.T for observation in observed])
+        measured = block_diag(*[observation.C for observation in observed])
+        noise = self._inflation.get(coefficient, 1.0) ** 2 * measured + own_errors
+        inverse = invert_covariance(expected + noise)
+        errors = {}
+        for block in blocks:
+            if block.name not in requested:
                 continue
-            asked = np.zeros(leaf["value"].size, bool) if asked is None else asked.ravel()
-            chosen = np.flatnonzero(asked | touched[nodes] | (sampled[nodes] > 0))
-            parts = prior_parts(leaf, (sampled * touched)[nodes], self.lengths, chosen)
-            P, h = (
-                np.einsum("k,kij->ij", self._weights.get(name, _WEIGHTS), parts),
-                H[:, nodes][:, chosen],
-            )
-            PH = P @ h.T
-            prior = prior + h @ PH
-            blocks.append((name, chosen, asked[chosen], np.diag(P), PH))
-        own = _blocks([o.D @ o.D.T for o in observed])
-        noise = self._inflation.get(coefficient, 1.0) ** 2 * _blocks([o.C for o in observed]) + own
-        scale = np.sqrt(np.diag(prior + noise))
-        inverse = np.linalg.inv((prior + noise) / np.outer(scale, scale)) / np.outer(scale, scale)
-        for name, chosen, asked, before, PH in blocks:
-            if name not in wanted:
-                continue
-            gain = PH[asked] @ inverse
+            crossed = block.crossed[block.requested]
+            gain = crossed @ inverse
             variance = (
-                before[asked]
-                - np.einsum("ij,ij->i", gain, PH[asked])
+                block.variance[block.requested]
+                - np.einsum("ij,ij->i", gain, crossed)
                 + ((gain @ D) ** 2).sum(axis=1)
-                - np.einsum("ij,ij->i", gain @ own, gain)
+                - np.einsum("ij,ij->i", gain @ own_errors, gain)
             )
-            stderr = np.full(wanted[name].size, np.nan)
-            stderr[chosen[asked]] = np.sqrt(np.maximum(variance, 0.0))
-            variances[name] = stderr.reshape(wanted[name].shape)
-        return variances
+            stderr = np.full(requested[block.name].size, np.nan)
+            stderr[block.nodes[block.requested]] = np.sqrt(np.maximum(variance, 0.0))
+            errors[block.name] = stderr.reshape(requested[block.name].shape)
+        return errors
+
+    def _prior_blocks(
+        self,
+        coefficient: str,
+        observed: Sequence[Observation],
+        H: np.ndarray,
+        *,
+        requested: Mapping[str, np.ndarray],
+    ) -> tuple[list[_PriorBlock], np.ndarray | float]:
+        """Return the prior of the nodes of each observed term, and H P H'."""
+        touched, sampled = np.abs(H).max(axis=0) > 0, sampled_weights(observed)
+        blocks: list[_PriorBlock] = []
+        expected: np.ndarray | float = 0.0
+        for name, rows in self._slices(coefficient).items():
+            if not touched[rows].any():
+                continue
+            leaf = self._leaves[name]
+            is_requested = np.zeros(leaf["value"].size, bool)
+            if name in requested:
+                is_requested = requested[name].ravel()
+            # Nodes that are neither requested nor observed do not change the result.
+            nodes = np.flatnonzero(is_requested | touched[rows] | (sampled[rows] > 0))
+            parts = prior_parts(leaf, (sampled * touched)[rows], self.lengths, nodes=nodes)
+            P = np.einsum("k,kij->ij", self._weights.get(name, _WEIGHTS), parts)
+            h = H[:, rows][:, nodes]
+            PH = P @ h.T
+            expected = expected + h @ PH
+            block = _PriorBlock(
+                name=name,
+                nodes=nodes,
+                requested=is_requested[nodes],
+                variance=np.diag(P),
+                crossed=PH,
+            )
+            blocks.append(block)
+        return blocks, expected
 
 
-def _aligned(pairs: Sequence[tuple[Any, list[str]]]) -> np.ndarray:
-    """Return the errors that fits share, (estimates, errors): those of one name in one column,
-    those of held terms behind them.
+@dataclass(frozen=True)
+class _PriorBlock:
+    """A-priori distribution of the nodes of one term that matter to the result."""
+
+    name: str
+    nodes: np.ndarray  # (n,): positions in ``value.ravel()``
+    requested: np.ndarray  # (n,), bool
+    variance: np.ndarray  # (n,): diag(P)
+    crossed: np.ndarray  # (n, estimates): P H'
+
+
+def _align_errors(observed: Sequence[Observation]) -> np.ndarray:
+    """Return the common errors of all fits, (estimates, errors).
+
+    Errors of the same name share a column.  Columns of fixed terms follow.
     """
-    names = list(dict.fromkeys(name for _, sources in pairs for name in sources))
+    columns: dict[str, int] = {}
+    for observation in observed:
+        for name in observation.errors:
+            columns.setdefault(name, len(columns))
     rows = []
-    for o, sources in pairs:
-        common = np.zeros((len(o.D), len(names)))
-        common[:, [names.index(name) for name in sources]] = o.D[:, : len(sources)]
-        rows.append(np.hstack([common, o.D[:, len(sources) :]]))
+    for observation in observed:
+        named = len(observation.errors)
+        common = np.zeros((len(observation.D), len(columns)))
+        common[:, [columns[name] for name in observation.errors]] = observation.D[:, :named]
+        rows.append(np.hstack([common, observation.D[:, named:]]))
     return np.vstack(rows)
-
-
-def _blocks(blocks: Sequence[np.ndarray]) -> np.ndarray:
-
-    return block_diag(*blocks)

@@ -1,31 +1,33 @@
-"""The joint covariance of the nodes of an identified database: what is stored, and what is computed
-from it.
+"""The joint covariance of the nodes of an identified database, and results computed from it.
 
 After `aerodb.tabulate` the nodes of all terms of one coefficient have the covariance
 
     V = P - W W' + Z Z'
 
-with P the a-priori covariance with the learnt weights (terms independent of each other), W what the
-fits took from it and Z what the errors common to all fits added.  Flights determine sums of terms
-better than each term: the standard errors of single nodes do not show it, V does. Each term table
-keeps its rows of V in four variables:
+P is the a-priori covariance with the learnt weights (terms independent of each other).  W W' is the
+reduction by the fits.  Z Z' is the contribution of the errors common to all fits.  Flights
+determine sums of terms better than each term.  The standard errors of single nodes do not show it,
+V does. Each term table stores its rows of V in four variables:
 
-===================  ======================  =====================================================================================
-``prior_error``      (``kind``, axes)        a-priori standard error of each node with its sign: the part that is proportional to the
-                                             value, and the constant part
-                                             (`aerodb.update.correlation`)
-``flown_distance``   (axes)                  distance of each node from the flown region, in correlation lengths
-``posterior_factor`` (``component``, axes)   W and Z side by side
-``posterior_sign``   (``component``)         -1 for a column of W, 1 for one of Z; attribute ``errors``: names of the columns of Z
-===================  ======================  =====================================================================================
+``prior_error`` (``kind``, axes)
+    A-priori standard error of each node with its sign: the part that is proportional to the value,
+    and the constant part (`aerodb.update.correlation`).
+``flown_distance`` (axes)
+    Distance of each node from the flown region, in correlation lengths.
+``posterior_factor`` (``component``, axes)
+    W and Z side by side.
+``posterior_sign`` (``component``)
+    -1 for a column of W, 1 for a column of Z; attribute ``errors``: names of the columns of Z.
 
 The attributes of ``prior_error`` are the weights of the parts of P and the correlation lengths.
-``posterior_factor`` has the attribute ``origin``: term tables with one origin are jointly
-distributed, all others are independent of each other.  A table without these variables has the
-a-priori correlation of `aerodb.update.correlation.prior_covariance`; so has one whose breakpoints
-or values were edited in a way that the covariance cannot follow (factors and shifts are followed).
-Where ``stderr`` is larger than V states, as after an edit with an error of its own, the rest is
-independent from node to node.
+``posterior_factor`` has the attribute ``origin``.  Term tables with the same origin are jointly
+distributed; all others are independent of each other.
+
+A table without these variables has the a-priori correlation of
+`aerodb.update.correlation.prior_covariance`.  An edit of breakpoints or values removes the
+variables if the covariance cannot follow it; it follows factors and shifts.  Where ``stderr`` is
+larger than V states, as after an edit with its own error, the difference is independent from node
+to node.
 """
 
 from __future__ import annotations
@@ -49,11 +51,12 @@ from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
 
 ERRORS = "errors"
-"""Attribute of ``posterior_sign``: one line for each of the last components, the name of the error common to all fits that makes it."""
-_ROUNDING = 1e-6  # of a variance
-# of the variance of a node: the parts of P that are common to a whole table leave directions
-# without variance
+"""Attribute of ``posterior_sign``: names of the errors of the last components, one a line."""
+_ROUNDING = 1e-6  # difference of variances, relative to the variance, that is rounding
+# Least variance added to the unit diagonal before a Cholesky factorisation.  Parts of P that are
+# common to a whole table leave directions without variance.
 _JITTER = 1e-10
+_JITTER_STEPS = 6  # the jitter grows by 10 from step to step
 
 
 def with_posterior(
@@ -75,27 +78,24 @@ def with_posterior(
     weights : array (`PARTS`,)
         Learnt weights of the parts of the a-priori covariance.
     distance : array (nodes,)
-        Of each node from the flown region, in correlation lengths.
+        Distance of each node from the flown region, in correlation lengths.
     lengths : mapping of str to float
         Correlation lengths by axis. [SI]
     W, Z : array (nodes, components)
         Rows of the nodes of this term.
     errors : sequence of str
-        Name of the error that makes each column of Z, such as ``mass``; empty for one without a
-        name.
+        Name of the error of each column of Z, such as ``mass``; empty if it has no name.
     """
     dims, shape = after["value"].dims, after["value"].shape
-    axes = [str(axis) for axis in dims]
-    attributes = {
-        **dict(zip(PARTS, map(float, weights))),
-        **{f"length_{axis}": float(lengths.get(axis, np.inf)) for axis in axes},
-    }
+    attributes = dict(zip(PARTS, map(float, weights)))
+    for axis in map(str, dims):
+        attributes[f"length_{axis}"] = float(lengths.get(axis, np.inf))
     factor = np.hstack([W, Z]).T
     sign = np.repeat([-1.0, 1.0], [W.shape[1], Z.shape[1]])
-    after = after.drop_dims(["component", "kind"], errors="ignore")  # those of an earlier update
-    return after.assign_coords(
-        component=np.arange(len(sign), dtype=float), kind=np.arange(2.0)
-    ).assign(
+    # The components of an earlier update are replaced.
+    after = after.drop_dims(["component", "kind"], errors="ignore")
+    after = after.assign_coords(component=np.arange(len(sign), dtype=float), kind=np.arange(2.0))
+    return after.assign(
         prior_error=(("kind", *dims), error_kinds(before).reshape(2, *shape), attributes),
         flown_distance=(dims, distance.reshape(shape)),
         posterior_factor=(("component", *dims), factor.reshape(len(sign), *shape)),
@@ -104,87 +104,96 @@ def with_posterior(
 
 
 def mark_joint(leaves: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
-    """Return term tables with the mark that their nodes are jointly distributed: a digest of the
-    factors of all of them.
-    """
+    """Return term tables with the mark of a joint distribution, a digest of all their factors."""
     digest = hashlib.sha256()
     for leaf in leaves.values():
         digest.update(np.ascontiguousarray(leaf["posterior_factor"].values, "<f8").tobytes())
     marked = {}
     for name, leaf in leaves.items():
-        marked[name] = leaf.assign(
-            posterior_factor=leaf["posterior_factor"].assign_attrs(origin=digest.hexdigest()[:16])
-        )
+        factor = leaf["posterior_factor"].assign_attrs(origin=digest.hexdigest()[:16])
+        marked[name] = leaf.assign(posterior_factor=factor)
     return marked
 
 
 def joint_mark(leaf: xr.Dataset) -> str | None:
-    """Return the mark of the joint distribution that the nodes of a term table belong to, None
-    without one.
-    """
-    return str(leaf["posterior_factor"].attrs["origin"]) if "posterior_factor" in leaf else None
+    """Return the mark of the joint distribution of the nodes of a term table, None without it."""
+    if "posterior_factor" not in leaf:
+        return None
+    return str(leaf["posterior_factor"].attrs["origin"])
 
 
 def without_posterior(leaf: xr.Dataset) -> xr.Dataset:
-    """Return a term table that no longer belongs to a joint distribution."""
+    """Return a term table without the variables of its joint distribution."""
     return leaf.drop_vars([*_terms.POSTERIOR, "component", "kind"], errors="ignore")
 
 
 def carry_covariance(
     old: xr.Dataset, new: xr.Dataset, times: np.ndarray | float = 1.0
 ) -> xr.Dataset:
-    """Return an edited term table with the joint covariance of the one before, where its nodes are
-    `times` those of it.
+    """Return an edited term table with the joint covariance of the table before the edit.
 
-    The covariance is dropped where the breakpoints changed, and a table that has none gets none.
+    Parameters
+    ----------
+    old, new : Dataset
+        The term before and after the edit.  If the breakpoints differ, or `old` has no joint
+        covariance, the result has none either.
+    times : array or float
+        Factor of the edit on the nodes, in the shape of the table.
     """
     new = without_posterior(new)
-    same = old["value"].dims == new["value"].dims and all(
-        np.array_equal(old[axis], new[axis]) for axis in old["value"].dims
-    )
-    if not (joint_mark(old) and same and "stderr" in new):
+    if not joint_mark(old) or "stderr" not in new or not _has_same_axes(old, new):
         return new
-    kept = {name: old[name] for name in _terms.POSTERIOR}
+    variables = {name: old[name] for name in _terms.POSTERIOR}
     for name in ("prior_error", "posterior_factor"):
-        kept[name] = old[name].copy(data=old[name].values * times)
-    return new.assign(kept)
+        variables[name] = old[name].copy(data=old[name].values * times)
+    return new.assign(variables)
+
+
+def _has_same_axes(old: xr.Dataset, new: xr.Dataset) -> bool:
+    """Return whether two tables have the same axes and breakpoints."""
+    axes = old["value"].dims
+    if axes != new["value"].dims:
+        return False
+    return all(np.array_equal(old[axis], new[axis]) for axis in axes)
 
 
 def factor_of(leaf: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Return the factor (nodes, components) and the signs (components,) of a term table that has
-    them.
+    """Return the factor (nodes, components) and the signs (components,) of a term table.
+
+    The table must have them.
     """
-    return leaf["posterior_factor"].values.reshape(leaf.sizes["component"], -1).T, leaf[
-        "posterior_sign"
-    ].values
+    factor = leaf["posterior_factor"].values.reshape(leaf.sizes["component"], -1).T
+    return factor, leaf["posterior_sign"].values
 
 
 def covariance_between_nodes(leaf: xr.Dataset, i: np.ndarray, j: np.ndarray) -> np.ndarray:
-    """Return P of single pairs of nodes of a term table: the a-priori covariance, with the learnt
-    weights where it has them.
+    """Return the a-priori covariance P of pairs of nodes of a term table.
+
+    It has the learnt weights if the table stores them.
 
     Parameters
     ----------
     leaf : Dataset
         The term, with ``stderr``.
     i, j : array of int
-        Places of the nodes in ``value.ravel()``, broadcast against each other.
+        Positions of the nodes in ``value.ravel()``, broadcast against each other.
     """
     if "posterior_factor" not in leaf:
         return covariance_between(leaf, i, j)
     axes = [str(axis) for axis in leaf["value"].dims]
-    known = _numbers(leaf["prior_error"], [*PARTS, *(f"length_{axis}" for axis in axes)])
-    lengths = {axis: known[f"length_{axis}"] for axis in axes}
-    parts = node_correlation(leaf["value"], leaf["flown_distance"].values.ravel(), i, j, lengths)
+    names = [*PARTS, *(f"length_{axis}" for axis in axes)]
+    stored = _number_attributes(leaf["prior_error"], names)
+    lengths = {axis: stored[f"length_{axis}"] for axis in axes}
+    distance = leaf["flown_distance"].values.ravel()
+    parts = node_correlation(leaf["value"], distance, i=i, j=j, lengths=lengths)
+    # P_ij = s_i s_j c_ij sum_k w_k part_k.  The product s_i s_j c_ij is a scalar product of errors.
     proportional, constant = leaf["prior_error"].values.reshape(2, -1)
-    alike = proportional[i] * proportional[j] + constant[i] * constant[j]
-    return alike * sum(known[name] * part for name, part in zip(PARTS, parts, strict=True))
+    products = proportional[i] * proportional[j] + constant[i] * constant[j]
+    return products * sum(stored[name] * part for name, part in zip(PARTS, parts, strict=True))
 
 
 def independent_variances(leaf: xr.Dataset) -> np.ndarray:
-    """Return what the variances of the nodes have beyond the stored covariance, (nodes,): errors
-    that an edit has added.
-    """
+    """Return the variances of the nodes that an edit has added to the stored ones, (nodes,)."""
     nodes = np.arange(leaf["value"].size)
     F, sign = factor_of(leaf)
     stored = covariance_between_nodes(leaf, nodes, nodes) + F**2 @ sign
@@ -192,22 +201,18 @@ def independent_variances(leaf: xr.Dataset) -> np.ndarray:
     return np.where(stated > (1.0 + _ROUNDING) * stored, stated - np.maximum(stored, 0.0), 0.0)
 
 
-def _numbers(table: xr.DataArray, names: Sequence[str]) -> dict[str, float]:
-    """Return attributes that are numbers; all that are not are one `SchemaError`."""
-    bad = [
-        name
-        for name in names
-        if not isinstance(table.attrs.get(name), int | float | np.integer | np.floating)
-    ]
-    if bad:
-        raise SchemaError(
-            "posterior",
-            [
-                f"attribute {name} of {table.name} is {table.attrs.get(name)!r}; a number is needed"
-                for name in bad
-            ],
-        )
-    return {name: float(table.attrs[name]) for name in names}
+def _number_attributes(table: xr.DataArray, names: Sequence[str]) -> dict[str, float]:
+    """Return attributes that are numbers; raise `SchemaError` with all that are not."""
+    numbers, problems = {}, []
+    for name in names:
+        value = table.attrs.get(name)
+        if isinstance(value, int | float | np.integer | np.floating):
+            numbers[name] = float(value)
+        else:
+            problems.append(f"attribute {name} of {table.name} is {value!r}; a number is needed")
+    if problems:
+        raise SchemaError("posterior", problems)
+    return numbers
 
 
 def covariance(db: xr.DataTree, coefficient: str) -> tuple[dict[str, slice], np.ndarray]:
@@ -218,52 +223,61 @@ def covariance(db: xr.DataTree, coefficient: str) -> tuple[dict[str, slice], np.
     db : DataTree
         The database.
     coefficient : str
-        Such as ``"CL"``.
+        Name of the coefficient, such as ``"CL"``.
 
     Returns
     -------
     slices : dict of str to slice
         The rows of every term with ``stderr``, in the order of ``value.ravel()``.
     V : array (nodes, nodes)
-        Of all nodes of these terms. [square of the units of the nodes]
+        Covariance of all nodes of these terms. [square of the units of the nodes]
 
     Raises
     ------
     UnknownName
         The database has no term of the coefficient.
     """
-    leaves = {name: leaf for name, leaf in terms(db).items() if name.startswith(f"{coefficient}/")}
-    if not leaves:
-        raise UnknownName(coefficient, {name.split("/")[0] for name in terms(db)}, "coefficient")
-    return joint_covariance({name: leaf for name, leaf in leaves.items() if "stderr" in leaf})
+    uncertain, all_coefficients = {}, []
+    for name, leaf in terms(db).items():
+        all_coefficients.append(name.split("/")[0])
+        if all_coefficients[-1] == coefficient and "stderr" in leaf:
+            uncertain[name] = leaf
+    if coefficient not in all_coefficients:
+        raise UnknownName(coefficient, set(all_coefficients), "coefficient")
+    return joint_covariance(uncertain)
 
 
 def joint_covariance(leaves: Mapping[str, xr.Dataset]) -> tuple[dict[str, slice], np.ndarray]:
-    """Return the rows of every term and the covariance of the nodes of all of them; each needs
-    ``stderr``.
+    """Return the rows of every term and the covariance of the nodes of all of them.
+
+    Each term needs ``stderr``.
     """
-    ends = np.cumsum([leaf["value"].size for leaf in leaves.values()], dtype=int)
-    slices = {
-        name: slice(int(end) - leaf["value"].size, int(end))
-        for (name, leaf), end in zip(leaves.items(), ends)
-    }
-    V = np.zeros((ends[-1], ends[-1])) if leaves else np.zeros((0, 0))
+    slices, count = {}, 0
     for name, leaf in leaves.items():
-        nodes = np.arange(leaf["value"].size)
-        V[slices[name], slices[name]] = (
-            covariance_between_nodes(leaf, nodes[:, None], nodes)
-            if joint_mark(leaf)
-            else prior_covariance(leaf)
-        )
-    for joint in {joint_mark(leaf): None for leaf in leaves.values() if joint_mark(leaf)}:
-        members = {name: leaf for name, leaf in leaves.items() if joint_mark(leaf) == joint}
-        rows = np.concatenate([np.arange(V.shape[0])[slices[name]] for name in members])
-        F = np.vstack([factor_of(leaf)[0] for leaf in members.values()])
-        V[np.ix_(rows, rows)] += (F * factor_of(next(iter(members.values())))[1]) @ F.T
+        slices[name] = slice(count, count + leaf["value"].size)
+        count += leaf["value"].size
+    V = np.zeros((count, count))
+    joint: dict[str, list[str]] = {}
+    # P of every term; terms are independent a priori.
     for name, leaf in leaves.items():
-        if joint_mark(leaf):
-            at = np.arange(len(V))[slices[name]]
-            V[at, at] += independent_variances(leaf)
+        block, nodes = slices[name], np.arange(leaf["value"].size)
+        mark = joint_mark(leaf)
+        if not mark:
+            V[block, block] = prior_covariance(leaf)
+        else:
+            V[block, block] = covariance_between_nodes(leaf, nodes[:, None], nodes)
+            joint.setdefault(mark, []).append(name)
+    # - W W' + Z Z' of all terms of one origin.
+    for members in joint.values():
+        rows = np.concatenate([np.arange(count)[slices[name]] for name in members])
+        F = np.vstack([factor_of(leaves[name])[0] for name in members])
+        sign = factor_of(leaves[members[0]])[1]
+        V[np.ix_(rows, rows)] += (F * sign) @ F.T
+    # Errors that edits have added are independent from node to node.
+    for members in joint.values():
+        for name in members:
+            diagonal = np.arange(count)[slices[name]]
+            V[diagonal, diagonal] += independent_variances(leaves[name])
     return slices, V
 
 
@@ -274,8 +288,9 @@ def draw(
     names: Sequence[str] | None = None,
     common: Mapping[str, np.ndarray] | None = None,
 ) -> dict[str, np.ndarray]:
-    """Return node values drawn from the distribution that a database states: its values, standard
-    errors and correlation.
+    """Return node values drawn from the distribution that a database states.
+
+    The distribution has the values, standard errors and correlation of the database.
 
     Parameters
     ----------
@@ -284,77 +299,87 @@ def draw(
     count : int
         Number of draws.
     seed : int
-        Of the random numbers; the same seed gives the same draws.
+        Seed of the random numbers; the same seed gives the same draws.
     names : sequence of str, optional
-        Coefficients to draw, such as ``["CL", "Cm"]``; by default all.  The draws of a coefficient
-        do not depend on which others are drawn.
+        Coefficients to draw, such as ``["CL", "Cm"]``; the default is all.  The draws of a
+        coefficient do not depend on which others are drawn.
     common : mapping of str to array (count,), optional
-        Standard normal numbers of errors common to all fits, such as ``mass`` (`common_errors`), in
-        place of drawn ones: truth less reading, in standard errors.
+        Standard normal numbers of errors common to all fits, such as ``mass`` (`common_errors`).
+        They replace drawn numbers.  Sign: truth less reading, in standard errors.
 
     Returns
     -------
     dict of str to array (count, shape of the table)
-        Of every term with ``stderr``; nodes with ``stderr`` zero keep their values.
+        Draws of every term with ``stderr``; nodes with ``stderr`` zero keep their values.
 
     Raises
     ------
     UnknownName
         The database has no term of a coefficient.
     """
-    present = list(dict.fromkeys(name.split("/")[0] for name in terms(db)))
-    for name in names or ():
+    leaves = terms(db)
+    present = list(dict.fromkeys(name.split("/")[0] for name in leaves))
+    selected = present
+    if names is not None:
+        selected = list(names)
+    for name in selected:
         if name not in present:
             raise UnknownName(name, present, "coefficient")
-    found: dict[str, np.ndarray] = {}
-    leaves = terms(db)
-    for coefficient in present if names is None else names:
+    draws: dict[str, np.ndarray] = {}
+    for coefficient in selected:
         slices, V = covariance(db, coefficient)
-        # a stream of its own for each coefficient
+        # Each coefficient has its own stream of random numbers.
         random = np.random.default_rng([seed, *coefficient.encode()])
-        G, z = _made_by(common or {}, leaves, slices)
-        errors = random.standard_normal((count, len(V))) @ _root(V - G @ G.T).T + z.T @ G.T
+        G, z = _common_changes(common or {}, leaves, slices)
+        # Nodes = G z + independent draws of the covariance without the common errors.
+        independent = random.standard_normal((count, len(V))) @ _covariance_root(V - G @ G.T).T
+        errors = independent + z.T @ G.T
         for name, rows in slices.items():
             value = leaves[name]["value"].values
-            found[name] = value + errors[:, rows].reshape(count, *value.shape)
-    return found
+            draws[name] = value + errors[:, rows].reshape(count, *value.shape)
+    return draws
 
 
 def common_errors(db: xr.DataTree) -> list[str]:
-    """Return the names of the errors common to all fits (``mass``, ``bias.delta_e``) that the joint
-    covariance of the nodes holds.
+    """Return the names of the errors common to all fits in the joint covariance of the nodes.
+
+    Examples are ``mass`` and ``bias.delta_e``.
     """
-    return sorted({error for leaf in terms(db).values() for error in _errors(leaf) if error})
+    names: set[str] = set()
+    for leaf in terms(db).values():
+        names.update(_component_errors(leaf))
+    return sorted(names - {""})
 
 
-def _errors(leaf: xr.Dataset) -> list[str]:
-    """Return the names of the errors that make the last components of a term table; empty for those
-    without a name.
-    """
-    return str(leaf["posterior_sign"].attrs.get(ERRORS, "")).split("\n") if joint_mark(leaf) else []
+def _component_errors(leaf: xr.Dataset) -> list[str]:
+    """Return the names of the common errors of the last components; empty without a name."""
+    if not joint_mark(leaf):
+        return []
+    return str(leaf["posterior_sign"].attrs.get(ERRORS, "")).split("\n")
 
 
-def _made_by(
+def _common_changes(
     common: Mapping[str, np.ndarray], leaves: Mapping[str, xr.Dataset], slices: Mapping[str, slice]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return what one standard error of common errors makes of the nodes, (nodes, errors), and
-    their numbers (errors, draws).
-    """
+    """Return the changes of the nodes by common errors, (nodes, errors), and their numbers."""
     nodes = max((rows.stop for rows in slices.values()), default=0)
     columns: dict[str, np.ndarray] = {}
     for name, rows in slices.items():
-        leaf = leaves[name]
-        made = _errors(leaf)
-        for k, error in enumerate(made, -len(made)):
+        errors = _component_errors(leaves[name])
+        # The components of the common errors are the last ones: negative indices.
+        for component, error in enumerate(errors, -len(errors)):
             if error in common:
-                columns.setdefault(error, np.zeros(nodes))[rows] = factor_of(leaf)[0][:, k]
-    G = np.stack(list(columns.values()), axis=1) if columns else np.zeros((nodes, 0))
-    return G, np.array([common[name] for name in columns]) if columns else np.zeros((0, 1))
+                factor = factor_of(leaves[name])[0]
+                columns.setdefault(error, np.zeros(nodes))[rows] = factor[:, component]
+    if not columns:
+        return np.zeros((nodes, 0)), np.zeros((0, 1))
+    return np.stack(list(columns.values()), axis=1), np.array([common[name] for name in columns])
 
 
 def with_node_values(db: xr.DataTree, values: Mapping[str, np.ndarray]) -> xr.DataTree:
-    """Return a database with other node values, such as one of the draws of `draw`; standard errors
-    and sources stay as they are.
+    """Return a database with other node values, such as one of the draws of `draw`.
+
+    Standard errors and sources do not change.
     """
     leaves = terms(db)
     tree = db.copy()
@@ -363,19 +388,20 @@ def with_node_values(db: xr.DataTree, values: Mapping[str, np.ndarray]) -> xr.Da
     return tree
 
 
-def _root(V: np.ndarray) -> np.ndarray:
-    """Return the lower Cholesky factor of a covariance, with zero rows for nodes without variance."""
+def _covariance_root(V: np.ndarray) -> np.ndarray:
+    """Return the lower Cholesky factor of a covariance, with zero rows where it has no variance."""
     sd = np.sqrt(np.maximum(np.diag(V), 0.0))
     free = sd > 0
-    R = V[np.ix_(free, free)] / np.outer(sd[free], sd[free])
     L = np.zeros_like(V)
     if free.any():
-        L[np.ix_(free, free)] = sd[free, None] * _cholesky(R)
+        correlation = V[np.ix_(free, free)] / np.outer(sd[free], sd[free])
+        L[np.ix_(free, free)] = sd[free, None] * _factor_correlation(correlation)
     return L
 
 
-def _cholesky(R: np.ndarray) -> np.ndarray:
-    for jitter in _JITTER * 10.0 ** np.arange(6):
+def _factor_correlation(R: np.ndarray) -> np.ndarray:
+    """Return the Cholesky factor of a correlation matrix with the least jitter that works."""
+    for jitter in _JITTER * 10.0 ** np.arange(_JITTER_STEPS):
         with contextlib.suppress(np.linalg.LinAlgError):
             return np.linalg.cholesky(R + jitter * np.eye(len(R)))
     raise SchemaError(

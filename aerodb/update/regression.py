@@ -5,19 +5,21 @@ A piecewise-linear table is linear in its nodes, so samples are
     z = B g + E s + v,    s ~ N(0, 1)
 
 with the nodes g of all terms of one coefficient, changes E by one standard error of the errors that
-all samples share, and a disturbance v that is correlated in time.  Nodes are many and what one
-manoeuvre knows of them is little.  With the a-priori covariance P = F F' of the nodes it moves, the
-singular value decomposition B F = U S W' gives the combinations theta = U'z whose a-priori standard
-errors are S; those are kept that are some times above the standard error of U'v, with the coloured
-covariance of what the combinations kept leave over.  What is smaller holds no more about the tables
-than about everything that neither tables nor disturbance describe: the bend of the true curves
-between two nodes, noise of the states in step with that of the coefficient.  Kept down to one
-standard error, the rate of incidence of the T-37 came out 3.5 of its standard errors wrong.
+all samples share, and a disturbance v that is correlated in time.  The nodes are many, and one
+manoeuvre contains little information on each.
 
-An observation of directions is then one like that of a local fit: the same learnt prior covariance,
-the same weights, the same common errors, considered and not estimated (`aerodb.update.tabulation`).
-No local model stands between samples and tables, hence what it leaves out does not scatter its
-estimates, and no term needs to be in all manoeuvres.
+With the a-priori covariance P = F F' of the nodes that it moves, the singular value decomposition
+B F = U S W' gives the combinations theta = U'z.  Their a-priori standard errors are S.  The update
+uses the combinations whose a-priori standard error is several times the standard error of U'v.  The
+latter follows from the coloured covariance of the residual.  Smaller combinations contain as much
+of other effects as of the tables: the bend of the true curves between two nodes, and noise of the
+states in step with that of the coefficient.  With a limit of one standard error, the rate of
+incidence of the T-37 came out 3.5 of its standard errors wrong.
+
+An observation of directions is then treated like a local fit: the same learnt prior covariance, the
+same weights, the same common errors, considered and not estimated (`aerodb.update.tabulation`).
+There is no local model between samples and tables.  A model error therefore does not scatter the
+estimates, and a term need not be in all manoeuvres.
 """
 
 from __future__ import annotations
@@ -32,7 +34,12 @@ from scipy.linalg import block_diag
 from scipy.sparse import hstack
 
 from aerodb.store.schema import terms
-from aerodb.update.cautions.unplaced_terms import demand_places, unplaced_controls, unplaced_terms
+from aerodb.update.cautions.unplaced_terms import (
+    Covariance,
+    demand_places,
+    unplaced_controls,
+    unplaced_terms,
+)
 from aerodb.update.correlation import LENGTHS, SHARES, prior_parts
 from aerodb.update.observations import (
     CoefficientTerms,
@@ -44,23 +51,16 @@ from aerodb.update.observations import (
     observe_fit,
 )
 from aerodb.update.shapes import Shape, demand_shapes
-from aerodb.update.tabulation import (
-    Tabulation,
-    add_cautions,
-    join_observations,
-    merge_tabulations,
-    slices_of,
-)
+from aerodb.update.tabulation import join_observations, slices_of
+from aerodb.update.tabulation_report import Tabulation, add_cautions, merge_tabulations
 from flightmech import terms as _terms
 from flightmech.errors import IdentificationError
 
-# a-priori standard error of a direction over that of its measurement from which on it is kept
+# Least a-priori standard error of a direction that is used, over that of its measurement.
 KEEP = 4.0
 _HISTORY = "regress_tables: from the samples of {} groups of manoeuvres"
-_ROUNDING = 1e-6  # singular value over the largest
-_PORTION = 4_000_000  # numbers of samples times directions held at a time
-
-Covariance = Callable[[xr.Dataset, np.ndarray, np.ndarray], np.ndarray]
+_ROUNDING = 1e-6  # singular value over the largest, below which it is rounding
+_PORTION = 4_000_000  # numbers (samples times directions) in memory at a time
 
 
 def regress_tables(
@@ -79,28 +79,28 @@ def regress_tables(
     Parameters
     ----------
     samples : sequence of Dataset (sample,)
-        One for every manoeuvre or group of manoeuvres of one disturbance: a coefficient, named by
-        the attribute ``coefficient``, and the variables of its terms [SI].  Where they have common
-        errors, the changes by one standard error of each: ``<coefficient>_error`` (error, sample)
-        and the same of variables.  The attribute ``name`` is for reports.
+        One for every manoeuvre or group of manoeuvres of one disturbance.  It has a coefficient,
+        named by the attribute ``coefficient``, and the variables of its terms [SI].  With common
+        errors it also has the changes by one standard error of each: ``<coefficient>_error``
+        (error, sample) and the same of variables.  The attribute ``name`` is for reports.
     prior : DataTree
-        The database; its leaves need ``stderr``, a node with ``stderr`` 0 stays.
+        The database; its leaves need ``stderr``, a node with ``stderr`` 0 keeps its value.
     covariance : callable
-        ``covariance(samples, X, v)``: the covariance of the least-squares estimate with the
-        regressors X (sample, term), of which v are the residuals; such as
+        ``covariance(samples, X, v)`` returns the covariance of the least-squares estimate with the
+        regressors X (sample, term) and the residuals v, such as
         `flighttest.combining.coloured_covariance`.
     held, lengths, shapes
         As in `tabulate`.
     fits : sequence of Fit
-        Estimates whose samples are not at hand, such as published values; they count as in
-        `tabulate`.
+        Estimates without samples, such as published values; they count as in `tabulate`.
     unplaced : {"raise", "warn"}
-        As in `tabulate`, for the terms of `fits` and `local`, and where no local model describes
-        samples for their primary controls (elevator of CL and Cm, aileron of Cl, rudder of CY and
-        Cn, flaps, gear): one that moved and on which no term of the coefficient depends is
+        As in `tabulate`, for the terms of `fits` and `local`.  Samples without a local model are
+        checked for their primary controls (elevator of CL and Cm, aileron of Cl, rudder of CY and
+        Cn, flaps, gear).  A control that moved and on which no term of the coefficient depends is
         significant if its t value in the residual of the tables is 4.47 or more.
     local : sequence of Fit
-        Local models of the same samples.  They are not counted; only their terms must have a place.
+        Local models of the same samples.  Their estimates are not used; their terms must have a
+        place.
 
     Returns
     -------
@@ -126,52 +126,50 @@ def regress_tables(
     """
     if not samples:
         raise IdentificationError(
-            "no samples; regress_tables needs those of at least one manoeuvre"
+            "There are no samples. regress_tables needs those of at least one manoeuvre."
         )
     lengths = {**LENGTHS, **(lengths or {})}
-    demand_shapes(
-        shapes or {}, {name: leaf for name, leaf in terms(prior).items() if name not in held}
-    )
-    findings, lost = [], [unplaced_terms([*fits, *local], prior, held)]
+    changeable = {name: leaf for name, leaf in terms(prior).items() if name not in held}
+    demand_shapes(shapes or {}, changeable)
     modelled = {(coefficient_of(fit), str(fit.estimates.attrs.get("name", ""))) for fit in local}
-    for known in known_terms(
-        [*(str(one.attrs["coefficient"]) for one in samples), *map(coefficient_of, fits)],
-        prior,
-        held,
-    ):
-        mine = [one for one in samples if one.attrs["coefficient"] == known.coefficient]
-        given = [fit for fit in fits if coefficient_of(fit) == known.coefficient]
-        of_samples = [
-            str(name) for one in mine if "error" in one.coords for name in one["error"].values
-        ]
-        sources = list(dict.fromkeys([*of_samples, *common_errors_of_fits(given)]))
-        sampled = np.max(
-            [known.sampled(data) for data in (*mine, *(fit.data for fit in given))], axis=0
+    coefficients = [str(data.attrs["coefficient"]) for data in samples]
+    coefficients += [coefficient_of(fit) for fit in fits]
+    tabulations, without_place = [], [unplaced_terms([*fits, *local], prior, held)]
+    for coefficient_terms in known_terms(coefficients, prior, held):
+        sampled, estimates = _observe_coefficient(
+            samples, fits, coefficient_terms, covariance=covariance, lengths=lengths
         )
-        priors = [
-            _declared(leaf, sampled[at], lengths)
-            for leaf, at in zip(known.free.values(), slices_of(known.free.values()))
-        ]
-        seen = [_observe(one, known, priors, sources, covariance) for one in mine]
-        unmodelled = [
-            k for k, one in enumerate(seen) if (known.coefficient, one.name) not in modelled
-        ]
-        lost += [
-            unplaced_controls(seen[k].name, mine[k], known, seen[k].directions, covariance)
-            for k in unmodelled
-        ]
-        observed = [one.observation for one in seen] + [
-            observe_fit(fit, known, sources) for fit in given
-        ]
-        findings.append(join_observations(known, observed, lengths, shapes, _HISTORY))
-    table = pd.concat([one for one in lost if len(one)] or lost[:1])
+        for observation in sampled:
+            if (coefficient_terms.coefficient, observation.name) not in modelled:
+                without_place.append(_unplaced_controls(observation, coefficient_terms, covariance))
+        observed = [observation.observation for observation in sampled] + estimates
+        tabulations.append(
+            join_observations(coefficient_terms, observed, lengths, shapes=shapes, history=_HISTORY)
+        )
+    # Empty tables would change the types of the columns.
+    with_rows = [table for table in without_place if len(table)]
+    table = pd.concat(with_rows or without_place[:1])
     notices = demand_places(table, unplaced)
-    return add_cautions(merge_tabulations(findings), table, notices)
+    return add_cautions(merge_tabulations(tabulations), table, notices)
 
 
-class _Seen(NamedTuple):
-    """The observation of one set of samples, and what returns the orthonormal directions in which
-    its samples move the tables.
+def _unplaced_controls(
+    observation: _SampleObservation, coefficient_terms: CoefficientTerms, covariance: Covariance
+) -> pd.DataFrame:
+    """Return the controls that moved in samples and on which no term depends."""
+    return unplaced_controls(
+        observation.name,
+        observation.data,
+        coefficient_terms,
+        directions=observation.directions,
+        covariance=covariance,
+    )
+
+
+class _SampleObservation(NamedTuple):
+    """The observation by one set of samples, and a function that returns its directions.
+
+    The directions are orthonormal, (samples, directions).  The samples move the tables in them.
     """
 
     observation: Observation
@@ -182,147 +180,197 @@ class _Seen(NamedTuple):
         """Name of the samples."""
         return self.observation.name
 
+    @property
+    def data(self) -> xr.Dataset:
+        """The samples."""
+        return self.observation.data
 
-def _declared(leaf: xr.Dataset, sampled: np.ndarray, lengths: Mapping[str, float]) -> np.ndarray:
-    """Return the covariance of the nodes of a term before anything is learnt."""
+
+def _observe_coefficient(
+    samples: Sequence[xr.Dataset],
+    fits: Sequence[Any],
+    coefficient_terms: CoefficientTerms,
+    covariance: Covariance,
+    lengths: Mapping[str, float],
+) -> tuple[list[_SampleObservation], list[Observation]]:
+    """Return the observations of one coefficient by its samples and by its fits."""
+    coefficient = coefficient_terms.coefficient
+    datasets = [data for data in samples if data.attrs["coefficient"] == coefficient]
+    local = [fit for fit in fits if coefficient_of(fit) == coefficient]
+    sources: dict[str, None] = {}
+    for data in datasets:
+        if "error" in data.coords:
+            sources.update(dict.fromkeys(map(str, data["error"].values)))
+    sources.update(dict.fromkeys(common_errors_of_fits(local)))
+    flown_data = [*datasets, *(fit.data for fit in local)]
+    sampled = np.max([coefficient_terms.sampled(data) for data in flown_data], axis=0)
+    free = coefficient_terms.free
+    priors = []
+    for leaf, nodes in zip(free.values(), slices_of(free.values())):
+        priors.append(_declared_covariance(leaf, sampled[nodes], lengths))
+    names = list(sources)
+    observations = []
+    for data in datasets:
+        observations.append(
+            _observe_samples(data, coefficient_terms, priors, names, covariance=covariance)
+        )
+    return observations, [observe_fit(fit, coefficient_terms, names) for fit in local]
+
+
+def _declared_covariance(
+    leaf: xr.Dataset, sampled: np.ndarray, lengths: Mapping[str, float]
+) -> np.ndarray:
+    """Return the covariance of the nodes of a term with the a-priori weights of its parts."""
     return np.einsum("k,kij->ij", list(SHARES.values()), prior_parts(leaf, sampled, lengths))
 
 
-def _observe(
+def _observe_samples(
     samples: xr.Dataset,
-    known: CoefficientTerms,
+    coefficient_terms: CoefficientTerms,
     priors: Sequence[np.ndarray],
     sources: Sequence[str],
+    *,
     covariance: Covariance,
-) -> _Seen:
-
-    bases = known.bases_at(samples)
-    z = samples[known.coefficient].values.astype(float)
-    for name, (leaf, _) in known.fixed.items():
-        z = z - bases[name] @ leaf["value"].values.ravel()
-    g0 = np.concatenate([leaf["value"].values.ravel() for leaf in known.free.values()])
-    B = hstack([bases[name] for name in known.free], format="csr")
-    touched, F = _moved([bases[name] for name in known.free], priors)
-    BF = _Product(B[:, touched], F)
+) -> _SampleObservation:
+    """Return the observation of the nodes by one set of samples."""
+    free, fixed = coefficient_terms.free, coefficient_terms.fixed
+    name = str(samples.attrs.get("name", ""))
+    bases = coefficient_terms.bases_at(samples)
+    z = samples[coefficient_terms.coefficient].values.astype(float)
+    for term, (leaf, _) in fixed.items():
+        z = z - bases[term] @ leaf["value"].values.ravel()
+    g0 = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
+    free_bases = [bases[term] for term in free]
+    B = hstack(free_bases, format="csr")
+    # Only nodes that the samples move: residual r = B F x with x ~ N(0, 1) a priori.
+    touched, F = _prior_factor(free_bases, priors)
+    product = _Product(B[:, touched], F)
     r = z - B @ g0
-    s, W, U = _kept(
-        BF, r, lambda X, v: covariance(samples, X, v), str(samples.attrs.get("name", ""))
-    )
+    s, W, U = _select_directions(product, r, lambda X, v: covariance(samples, X, v), name)
     C = covariance(samples, U, r - U @ (U.T @ r))
+    # Nodes after this set of samples alone, at which the common errors are linearised.
     nodes = g0.copy()
     nodes[touched] += F @ (W @ (s / (s**2 + np.diag(C)) * (U.T @ r)))
     common = np.zeros((len(s), len(sources)))
-    names, change = _changes(samples, known, bases, nodes)
-    common[:, [sources.index(name) for name in names]] = U.T @ change.T
+    errors, change = _common_changes(samples, coefficient_terms, bases, nodes)
+    common[:, [sources.index(error) for error in errors]] = U.T @ change.T
     H = np.zeros((len(s), len(g0)))
     H[:, touched] = (B[:, touched].T @ U).T
-    D = [common, *(U.T @ (bases[name] @ factor) for name, (_, factor) in known.fixed.items())]
-    name = str(samples.attrs.get("name", ""))
-    return _Seen(
-        Observation(
-            name, samples, U.T @ z, H, np.hstack(D), C, known.sampled(samples), bases, sources
-        ),
-        BF.all_directions,
+    D = [common, *(U.T @ (bases[term] @ factor) for term, (_, factor) in fixed.items())]
+    observation = Observation(
+        name=name,
+        data=samples,
+        theta=U.T @ z,
+        H=H,
+        D=np.hstack(D),
+        C=C,
+        sampled=coefficient_terms.sampled(samples),
+        bases=bases,
+        errors=sources,
     )
+    return _SampleObservation(observation, product.all_directions)
 
 
-def _moved(bases: Sequence, priors: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return which nodes the samples move, among all, and a factor F of their a-priori covariance F
-    F'.
-    """
-
-    places, factors, before = [], [], 0
+def _prior_factor(bases: Sequence, priors: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the nodes that samples move, among all, and a factor F of their covariance F F'."""
+    touched, factors, first = [], [], 0
     for B, P in zip(bases, priors):
-        here = np.flatnonzero(np.diff(B.tocsc().indptr))
-        if len(here):
-            size, shape = np.linalg.eigh(P[np.ix_(here, here)])
-            known = size > _ROUNDING**2 * max(size[-1], 0.0)
-            factors.append(shape[:, known] * np.sqrt(size[known]))
-            places.append(before + here)
-        before += B.shape[1]
-    return np.concatenate(places), block_diag(*factors)
+        nodes = np.flatnonzero(np.diff(B.tocsc().indptr))
+        if len(nodes):
+            eigenvalues, vectors = np.linalg.eigh(P[np.ix_(nodes, nodes)])
+            significant = eigenvalues > _ROUNDING**2 * max(eigenvalues[-1], 0.0)
+            factors.append(vectors[:, significant] * np.sqrt(eigenvalues[significant]))
+            touched.append(first + nodes)
+        first += B.shape[1]
+    return np.concatenate(touched), block_diag(*factors)
 
 
 class _Product:
-    """Sparse B times dense F, never held as a whole."""
+    """Sparse B times dense F; the product is never in memory as a whole."""
 
     def __init__(self, B, F: np.ndarray) -> None:
         self.B, self.F = B, F
 
-    def decomposed(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return singular values and right singular vectors (columns), by the triangular factor of
-        portions of the rows.
-        """
-        rows = max(self.F.shape[1], _PORTION // max(self.F.shape[1], 1))
-        R = np.zeros((0, self.F.shape[1]))
+    def decompose(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return singular values and right singular vectors (columns)."""
+        columns = self.F.shape[1]
+        rows = max(columns, _PORTION // max(columns, 1))
+        # B F = Q R has the singular values of R.  Each portion of rows updates R.
+        R = np.zeros((0, columns))
         for start in range(0, self.B.shape[0], rows):
-            R = np.asarray(
-                np.linalg.qr(np.vstack([R, self.B[start : start + rows] @ self.F]), mode="r")
-            )
+            portion = self.B[start : start + rows] @ self.F
+            R = np.asarray(np.linalg.qr(np.vstack([R, portion]), mode="r"))
         _, s, Wt = np.linalg.svd(R, full_matrices=False)
-        known = s > _ROUNDING * s[0]
-        return s[known], Wt[known].T
+        significant = s > _ROUNDING * s[0]
+        return s[significant], Wt[significant].T
 
     def all_directions(self) -> np.ndarray:
         """Return all left singular vectors, (samples, directions)."""
-        return self.directions(*self.decomposed())
+        return self.directions(*self.decompose())
 
     def directions(self, s: np.ndarray, W: np.ndarray) -> np.ndarray:
-        """Return left singular vectors, (samples, directions)."""
+        """Return the left singular vectors U = B F W / S, (samples, directions)."""
         return np.asarray(self.B @ (self.F @ (W / s)))
 
 
-def _kept(
-    BF: _Product,
+def _select_directions(
+    product: _Product,
     r: np.ndarray,
     covariance: Callable[[np.ndarray, np.ndarray], np.ndarray],
     name: str,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return singular values, right and left singular vectors of the directions that distinguish
-    the tables; one at least.
-    """
-    s, W = BF.decomposed()
+    """Return S, W and U of the directions that the samples can measure; one at least."""
+    s, W = product.decompose()
     if len(s) >= len(r):
         raise IdentificationError(
             f"{name}: {len(r)} samples in {len(s)} directions of the tables; record more, or "
             f"join manoeuvres of one disturbance"
         )
-    U = BF.directions(s, W)
+    U = product.directions(s, W)
     power = float(r @ r - (U.T @ r) @ (U.T @ r))
-    noise = np.full(len(s), np.sqrt(max(power, 0.0) / (len(r) - len(s))))  # white to begin with
+    # The first selection assumes white noise, the next two the coloured covariance.
+    noise = np.full(len(s), np.sqrt(max(power, 0.0) / (len(r) - len(s))))
     for _ in range(2):
-        keep = s > KEEP * noise
-        keep[0] = True
-        s, W, U = s[keep], W[:, keep], U[:, keep]
+        selected = _is_measured(s, noise)
+        s, W, U = s[selected], W[:, selected], U[:, selected]
         noise = np.sqrt(np.diag(covariance(U, r - U @ (U.T @ r))))
-    keep = s > KEEP * noise
-    keep[0] = True
-    return s[keep], W[:, keep], U[:, keep]
+    selected = _is_measured(s, noise)
+    return s[selected], W[:, selected], U[:, selected]
 
 
-def _changes(
-    samples: xr.Dataset, known: CoefficientTerms, bases: Mapping, nodes: np.ndarray
+def _is_measured(s: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Return which directions exceed their noise by `KEEP`, and always the first."""
+    measured = s > KEEP * noise
+    measured[0] = True
+    return measured
+
+
+def _common_changes(
+    samples: xr.Dataset,
+    coefficient_terms: CoefficientTerms,
+    bases: Mapping[str, Any],
+    nodes: np.ndarray,
 ) -> tuple[list[str], np.ndarray]:
-    """Return names of the common errors and what they change of measured minus tables, (error,
-    sample).
-    """
-    name = f"{known.coefficient}_error"
+    """Return the common errors and their changes of measured minus tables, (error, sample)."""
+    name = f"{coefficient_terms.coefficient}_error"
     if name not in samples:
         return [], np.zeros((0, samples.sizes["sample"]))
     change = samples[name].values.astype(float)
-    values = {term: nodes[at] for term, at in zip(known.free, slices_of(known.free.values()))}
-    values |= {term: leaf["value"].values.ravel() for term, (leaf, _) in known.fixed.items()}
-    for term, leaf in known.leaves.items():
-        moving = {
-            x: samples[f"{x}_error"].values
-            for x in _terms.list_model_variables(leaf)
-            if f"{x}_error" in samples
-        }
-        for k in range(len(change)):
-            by = {x: steps[k] for x, steps in moving.items() if steps[k].any()}
-            if by:
-                moved = samples.assign(
-                    {x: ("sample", samples[x].values + step) for x, step in by.items()}
-                )
-                change[k] -= (basis_at(leaf, moved) - bases[term]) @ values[term]
+    free = coefficient_terms.free
+    values = {term: nodes[rows] for term, rows in zip(free, slices_of(free.values()))}
+    for term, (leaf, _) in coefficient_terms.fixed.items():
+        values[term] = leaf["value"].values.ravel()
+    # An error of a variable moves the samples along the tables.
+    for term, leaf in coefficient_terms.leaves.items():
+        variables = _terms.list_model_variables(leaf)
+        uncertain = [x for x in variables if f"{x}_error" in samples]
+        for error in range(len(change)):
+            shifted = {}
+            for x in uncertain:
+                step = samples[f"{x}_error"].values[error]
+                if step.any():
+                    shifted[x] = "sample", samples[x].values + step
+            if shifted:
+                difference = basis_at(leaf, samples.assign(shifted)) - bases[term]
+                change[error] -= difference @ values[term]
     return [str(source) for source in samples["error"].values], change

@@ -1,11 +1,10 @@
-"""Standard errors of coefficients, of their derivatives and of terms at conditions, from the joint
-covariance of the nodes.
+"""Standard errors of coefficients, of their derivatives and of terms at given conditions.
 
 A contribution is linear in the nodes, c = B g (`flightmech.terms.basis`), so its variance is B V
-B'.  V is the covariance that the tables hold (`aerodb.update.posterior`): after a flight the joint
-one of all terms of a coefficient.  A table without it has the correlation that
-`aerodb.update.correlation` gives an a-priori table, and is independent of the others.  Factor
-tables K are taken as known.
+B'.  V is the stored covariance of the tables (`aerodb.update.posterior`): after a flight the joint
+covariance of all terms of a coefficient.  A table without it has the correlation of an a-priori
+table (`aerodb.update.correlation`) and is independent of the others.  Factor tables K count as
+exact.
 """
 
 from __future__ import annotations
@@ -33,8 +32,11 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.flying_qualities.evaluation import Characteristics, characteristics
 
-_LEAST = 10  # draws: a standard deviation of fewer is uncertain by more than a quarter
+_LEAST_DRAWS = 10  # a standard deviation of fewer draws is uncertain by more than a quarter
 _MODE = ("omega_n", "damping_ratio")
+# Half the width of a central difference of a variable of order one: the cube root of the rounding.
+_STEP = float(np.finfo(float).eps ** (1.0 / 3.0))
+_CHUNK = 4096  # samples at a time, because each needs a matrix of 16 x 16 corners
 
 
 def with_standard_errors(
@@ -50,82 +52,67 @@ def with_standard_errors(
     Parameters
     ----------
     found : Characteristics
-        Of the database itself, from `flightmech.characteristics`.
+        Characteristics of the database itself, from `flightmech.characteristics`.
     aircraft, db, condition
-        As there; mass, c.g., inertia and thrust count as known.
+        As in `flightmech.characteristics`; mass, c.g., inertia and thrust count as exact.
     count : int
-        Databases to draw, 10 or more; each takes as long as one call of
+        Number of databases to draw, 10 or more.  Each takes as long as one call of
         `flightmech.characteristics`.
     seed : int
-        Of the random numbers.
+        Seed of the random numbers.
 
     Returns
     -------
     Characteristics
         ``table`` with the column ``stderr``, ``modes`` with ``omega_n_stderr`` and
-        ``damping_ratio_stderr``: standard deviations over the draws in which a quantity exists; NaN
-        when these are fewer than 10.
+        ``damping_ratio_stderr``.  They are standard deviations over the draws in which a quantity
+        exists, and NaN if these are fewer than 10.
 
     Raises
     ------
     SchemaError
-        Fewer than 10 draws, or draws that cannot be trimmed and leave fewer.
+        Fewer than 10 draws, or fewer than 10 draws that can be trimmed.
     """
-    if count < _LEAST:
-        raise SchemaError("samples", [f"{count} draws; give {_LEAST} or more"])
-
+    if count < _LEAST_DRAWS:
+        raise SchemaError("samples", [f"{count} draws; give {_LEAST_DRAWS} or more"])
     values = draw(db, count, seed)
     tables, modes, failures = [], [], []
-    for k in range(count):
+    for number in range(count):
+        nodes = {name: draws[number] for name, draws in values.items()}
         try:
-            one = characteristics(
-                aircraft,
-                with_node_values(db, {name: nodes[k] for name, nodes in values.items()}),
-                condition,
-            )
+            sample = characteristics(aircraft, with_node_values(db, nodes), condition)
         except AeromatchError as error:
             failures.append(str(error))
             continue
-        tables.append(one.table["value"])
-        modes.append(one.modes.drop_duplicates("mode").set_index("mode")[list(_MODE)])
-    if len(tables) < _LEAST:
-        raise SchemaError(
-            "samples",
-            [f"{len(failures)} of {count} draws cannot be evaluated; the first: {failures[0]}"],
-        )
-    spread = pd.concat(tables, axis=1).apply(_deviation, axis=1)
-    of_modes = {
-        name: pd.concat([one[name] for one in modes], axis=1).apply(_deviation, axis=1)
-        for name in _MODE
-    }
-    errors = {
-        f"{name}_stderr": found.modes["mode"].map(deviations)
-        for name, deviations in of_modes.items()
-    }
-    return replace(
-        found,
-        table=found.table.assign(stderr=spread.reindex(found.table.index)),
-        modes=found.modes.assign(**errors),
-    )
+        tables.append(sample.table["value"])
+        modes.append(sample.modes.drop_duplicates("mode").set_index("mode")[list(_MODE)])
+    if len(tables) < _LEAST_DRAWS:
+        text = f"{len(failures)} of {count} draws cannot be evaluated; the first: {failures[0]}"
+        raise SchemaError("samples", [text])
+    deviations = pd.concat(tables, axis=1).apply(_standard_deviation, axis=1)
+    # A mode may be absent from some draws: the columns are aligned by the name of the mode.
+    mode_errors = {}
+    for name in _MODE:
+        by_draw = pd.concat([table[name] for table in modes], axis=1)
+        deviations_by_mode = by_draw.apply(_standard_deviation, axis=1)
+        mode_errors[f"{name}_stderr"] = found.modes["mode"].map(deviations_by_mode)
+    table = found.table.assign(stderr=deviations.reindex(found.table.index))
+    return replace(found, table=table, modes=found.modes.assign(**mode_errors))
 
 
-def _deviation(values: pd.Series) -> float:
-    known = values.to_numpy(float)
-    known = known[np.isfinite(known)]
-    return float(known.std(ddof=1)) if len(known) >= _LEAST else float("nan")
-
-
-_STEP = float(
-    np.finfo(float).eps ** (1.0 / 3.0)
-)  # half the width of a central difference, of a variable of the size of one
-_CHUNK = 4096  # samples at a time: 16 x 16 corners of each
+def _standard_deviation(values: pd.Series) -> float:
+    """Return the standard deviation of the finite values, NaN if they are too few."""
+    numbers = values.to_numpy(float)
+    finite = numbers[np.isfinite(numbers)]
+    if len(finite) < _LEAST_DRAWS:
+        return float("nan")
+    return float(finite.std(ddof=1))
 
 
 def standard_error(
     db: xr.DataTree, coefficient: str, conditions: Mapping[str, Any], derivative: str | None = None
 ) -> np.ndarray:
-    """Return the standard error of a coefficient, or of one of its derivatives, at given
-    conditions.
+    """Return the standard error of a coefficient or of one of its derivatives.
 
     Parameters
     ----------
@@ -134,11 +121,11 @@ def standard_error(
     coefficient : str
         Such as ``"CL"``.
     conditions : mapping of str to array
-        Every variable the terms need, broadcast against each other; beyond a table the rule of the
-        leaf. [SI]
+        Every variable the terms need, broadcast against each other.  Beyond a table the rule of
+        the leaf applies. [SI]
     derivative : str, optional
-        One of the conditions, such as ``"alpha"``: that of the derivative with respect to it, a
-        central difference as the derivatives of `flightmech.characteristics` are.
+        One of the conditions, such as ``"alpha"``.  The result is then that of the derivative with
+        respect to it, a central difference as in `flightmech.characteristics`.
 
     Returns
     -------
@@ -156,70 +143,77 @@ def standard_error(
         raise UnknownName(coefficient, {name.split("/")[0] for name in terms(db)}, "coefficient")
     if derivative is not None and derivative not in conditions:
         raise UnknownName(derivative, conditions, "condition")
-    shape = np.broadcast_shapes(
-        *(_terms.evaluate_term(leaf, conditions, "clamp").shape for leaf in leaves.values())
-    )
-    used = {name for leaf in leaves.values() for name in _terms.list_model_variables(leaf)}
-    whole = {
-        name: np.broadcast_to(np.asarray(x, float), shape).ravel()
-        for name, x in conditions.items()
-        if name in used
-    }
+    used: set[str] = set()
+    shapes = []
+    for leaf in leaves.values():
+        used.update(_terms.list_model_variables(leaf))
+        shapes.append(_terms.evaluate_term(leaf, conditions, "clamp").shape)
+    shape = np.broadcast_shapes(*shapes)
     if derivative not in (None, *used):
         return np.zeros(shape)
+    samples = {}
+    for name, x in conditions.items():
+        if name in used:
+            samples[name] = np.broadcast_to(np.asarray(x, float), shape).ravel()
     count = int(np.prod(shape))
-    return spread_of_sum(
-        [(_map(leaf, whole, derivative, count), leaf) for leaf in leaves.values()]
-    ).reshape(shape)
+    parts = []
+    for leaf in leaves.values():
+        parts.append((_contribution_map(leaf, samples, derivative, count=count), leaf))
+    return spread_of_sum(parts).reshape(shape)
 
 
 def spread_of_sum(parts: Sequence[tuple[csr_array, xr.Dataset]]) -> np.ndarray:
-    """Return the standard errors of sums of linear combinations of the nodes of several terms of
-    one coefficient.
+    """Return the standard errors of sums of contributions of several terms of one coefficient.
 
     Parameters
     ----------
     parts : sequence of (sparse array (samples, nodes), Dataset)
-        From `flightmech.terms.basis`, or a linear combination of several of them, and the term; one
-        without ``stderr`` counts as exact.
+        From `flightmech.terms.basis`, or a linear combination of several of them, and the term.  A
+        term without ``stderr`` counts as exact.
 
     Returns
     -------
     array (samples,)
     """
     variance = np.zeros(parts[0][0].shape[0])
+    # Changes of the sum by each component of a joint distribution, (samples, components).
     joint: dict[str, np.ndarray] = {}
     signs: dict[str, np.ndarray] = {}
-    for B, leaf in ((B, leaf) for B, leaf in parts if "stderr" in leaf):
+    for B, leaf in parts:
+        if "stderr" not in leaf:
+            continue
         variance += _own_variance(B, leaf)
-        if mark := joint_mark(leaf):
+        mark = joint_mark(leaf)
+        if mark:
             F, signs[mark] = factor_of(leaf)
             joint[mark] = joint.get(mark, 0.0) + B @ F
-    for mark, moved in joint.items():
-        variance += moved**2 @ signs[mark]
+    for mark, change in joint.items():
+        variance += change**2 @ signs[mark]
     return np.sqrt(np.maximum(variance, 0.0))
 
 
-def _map(
-    leaf: xr.Dataset, conditions: Mapping[str, np.ndarray], derivative: str | None, count: int
+def _contribution_map(
+    leaf: xr.Dataset,
+    conditions: Mapping[str, np.ndarray],
+    derivative: str | None,
+    *,
+    count: int,
 ) -> csr_array:
-    """Return the linear map from the nodes of a term to its contribution at every condition, or to
-    the derivative of it.
-    """
+    """Return the linear map from the nodes of a term to its contribution or derivative."""
     if derivative is None:
         return repeat_rows(_terms.basis(leaf, conditions, "clamp"), count)
-    steps = [
-        {**conditions, derivative: conditions[derivative] + side * _STEP} for side in (1.0, -1.0)
-    ]
-    after, before = (repeat_rows(_terms.basis(leaf, at, "clamp"), count) for at in steps)
-    return (after - before) / (2.0 * _STEP)
+    ends = []
+    for side in (1.0, -1.0):
+        shifted = {**conditions, derivative: conditions[derivative] + side * _STEP}
+        ends.append(repeat_rows(_terms.basis(leaf, shifted, "clamp"), count))
+    return (ends[0] - ends[1]) / (2.0 * _STEP)
 
 
 def repeat_rows(B: csr_array, count: int) -> csr_array:
-    """Return a map with a row for every condition: that of a term without variables has a single
-    one.
-    """
-    return B if B.shape[0] == count else type(B)(np.repeat(B.toarray(), count, axis=0))
+    """Return a map with a row for every condition; that of a term without variables has one row."""
+    if B.shape[0] == count:
+        return B
+    return type(B)(np.repeat(B.toarray(), count, axis=0))
 
 
 def standard_errors(B: csr_array, leaf: xr.Dataset) -> np.ndarray:
@@ -240,16 +234,17 @@ def standard_errors(B: csr_array, leaf: xr.Dataset) -> np.ndarray:
 
 
 def _own_variance(B: csr_array, leaf: xr.Dataset) -> np.ndarray:
-    """Return B P B' sample by sample, and what ``stderr`` has beyond the stored covariance."""
+    """Return diag(B P B') and the independent variance of an edit, (samples,)."""
     variance = np.zeros(B.shape[0])
     corners = np.diff(B.indptr)
+    # Samples with the same number of corners form dense arrays: (samples, corners).
     for count in np.unique(corners):
         rows = np.flatnonzero(corners == count)
-        for part in np.array_split(rows, -(-len(rows) // _CHUNK)):
-            at = B.indptr[part][:, None] + np.arange(count)
-            nodes, weights = B.indices[at], B.data[at]
+        for chunk in np.array_split(rows, -(-len(rows) // _CHUNK)):
+            entries = B.indptr[chunk][:, None] + np.arange(count)
+            nodes, weights = B.indices[entries], B.data[entries]
             P = covariance_between_nodes(leaf, nodes[:, :, None], nodes[:, None, :])
-            variance[part] = np.einsum("ni,nij,nj->n", weights, P, weights)
+            variance[chunk] = np.einsum("ni,nij,nj->n", weights, P, weights)
     if joint_mark(leaf):
         variance += B.power(2) @ independent_variances(leaf)
     return variance

@@ -1,5 +1,6 @@
-"""What the flights decide about each term: replace, correct, keep or delete it, with the reason in
-numbers ([LR743] 4.5).
+"""Decisions on each term after flight: replace, correct, keep or delete it, with a reason.
+
+The classes are those of LR-743, section 4.5.
 """
 
 from __future__ import annotations
@@ -15,13 +16,14 @@ from aerodb.update.posterior import factor_of
 from flightmech import terms as _terms
 from flightmech.support.netcdf_trees import StoredGroup
 
-REPLACED, CORRECTED = (
-    0.5,
-    0.9,
-)  # posterior over prior standard error of a node: below the first identified, below the second corrected
+# Posterior over prior standard error of a node: identified below the first, corrected below the
+# second.
+REPLACED, CORRECTED = 0.5, 0.9
 DECISIONS = ("replace", "correct", "keep", "delete")
-# correlation from which two terms are determined by the flights together rather than one by one
+_DATCOM = _terms.SOURCES.index("datcom")
+# Correlation from which on the flights determine two terms together and not one by one.
 _JOINT = 0.9
+_NOT_SIGNIFICANT = 2.0  # standard errors from zero below which an opened term may be left out
 
 
 def add_decisions(
@@ -32,9 +34,9 @@ def add_decisions(
     """Return identified terms with the attributes ``decision`` and ``reason``.
 
     ``replace``: at half or more of the flown nodes the standard error fell below 0.5 of the
-    a-priori one.  ``correct``: below 0.9 at some flown node.  ``keep``: at none, the a-priori
-    values stand.  ``delete``: at none, and there is no a-priori value either (all nodes were zero,
-    none from DATCOM): the term cannot be identified from these flights.
+    a-priori one.  ``correct``: below 0.9 at some flown node.  ``keep``: below 0.9 at no flown node;
+    the a-priori values stay.  ``delete``: the same, and the a-priori values are empty (all nodes
+    are zero, none from DATCOM).  The term cannot be identified from these flights.
 
     Parameters
     ----------
@@ -43,44 +45,52 @@ def add_decisions(
     flown : mapping of str to array of bool
         The nodes in the flown region, in the shape of the table.
     """
-    return {
-        name: leaf.assign_attrs(zip(("decision", "reason"), _decision(name, before, after, flown)))
-        for name, leaf in after.items()
-    }
+    decided = {}
+    for name, leaf in after.items():
+        decision, reason = _decide(name, before[name], after, flown)
+        decided[name] = leaf.assign_attrs(decision=decision, reason=reason)
+    return decided
 
 
 def decisions(db: xr.DataTree) -> pd.DataFrame:
-    """Return what the flights decided about each term of a database, index term, columns ``decision
-    reason``.
+    """Return the decision on each term of a database: index term, columns ``decision reason``.
 
-    Terms that no fit informs have no decision of their own: the a-priori ones are kept, empty ones
+    Terms that no fit informs do not have a stored decision: the a-priori ones are kept, empty ones
     deleted.  `aerodb.delete_terms` deletes.
     """
-
-    return pd.DataFrame.from_dict(
-        decision_rows(terms(db)), orient="index", columns=["decision", "reason"]
-    ).rename_axis("term")
+    rows = decision_rows(terms(db))
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=["decision", "reason"])
+    return table.rename_axis("term")
 
 
 def decision_rows(leaves: Mapping[str, xr.Dataset | StoredGroup]) -> dict[str, tuple[str, str]]:
-    """Return the rows of `decisions` by term, of terms by name, also as they stand in a file."""
+    """Return the rows of `decisions` by term; `leaves` may also be the stored groups of a file."""
     rows = {}
     for name, leaf in leaves.items():
-        unknown = ("delete" if _opened(leaf) else "keep", "no fit informs it")
-        decision, reason = (
-            str(leaf.attrs.get(key, word))
-            for key, word in zip(("decision", "reason"), unknown, strict=True)
-        )
-        rows[name] = decision, reason
+        decision = str(leaf.attrs.get("decision", _decide_uninformed(leaf)))
+        rows[name] = decision, str(leaf.attrs.get("reason", "no fit informs it"))
     return rows
 
 
-def _decision(name: str, before, after, flown) -> tuple[str, str]:
-    at, old, new = flown[name], before[name], after[name]
-    known = at & (old["stderr"].values > 0)
-    if not known.any():
-        return ("delete" if _opened(old) else "keep"), "no node in the flown region"
-    ratio = new["stderr"].values[known] / old["stderr"].values[known]
+def _decide_uninformed(leaf: xr.Dataset | StoredGroup) -> str:
+    """Return the decision on a term without information from flight."""
+    if _is_opened(leaf):
+        return "delete"
+    return "keep"
+
+
+def _decide(
+    name: str,
+    old: xr.Dataset,
+    after: Mapping[str, xr.Dataset],
+    flown: Mapping[str, np.ndarray],
+) -> tuple[str, str]:
+    """Return the decision on a term and its reason."""
+    new = after[name]
+    uncertain = flown[name] & (old["stderr"].values > 0)
+    if not uncertain.any():
+        return _decide_uninformed(old), "no node in the flown region"
+    ratio = new["stderr"].values[uncertain] / old["stderr"].values[uncertain]
     identified, corrected = int((ratio < REPLACED).sum()), int((ratio < CORRECTED).sum())
     numbers = (
         f"{identified} of {len(ratio)} flown nodes with less than {REPLACED:g} of the "
@@ -91,58 +101,53 @@ def _decision(name: str, before, after, flown) -> tuple[str, str]:
     elif corrected:
         decision, numbers = "correct", f"{numbers}, {corrected} with less than {CORRECTED:g}"
     else:
-        decision = "delete" if _opened(old) else "keep"
+        decision = _decide_uninformed(old)
         numbers = (
             f"none of {len(ratio)} flown nodes with less than {CORRECTED:g} of the "
             f"a-priori standard error, at least {ratio.min():.2f}"
         )
-    return decision, "; ".join(
-        [numbers, *_significance(old, new, known), *_partner(name, after, flown)]
-    )
+    reasons = [numbers, *_describe_significance(old, new, uncertain)]
+    return decision, "; ".join([*reasons, *_describe_partner(name, after, flown)])
 
 
-def _opened(leaf: xr.Dataset | StoredGroup) -> bool:
-    """Whether a term is an empty one that was opened for the flights."""
-    handbook = "source" in leaf and (leaf["source"].values == _terms.SOURCES.index("datcom")).any()
-    return not handbook and not leaf["value"].values.any()
+def _is_opened(leaf: xr.Dataset | StoredGroup) -> bool:
+    """Return whether a term is an empty one that was opened for the flights."""
+    if leaf["value"].values.any():
+        return False
+    return "source" not in leaf or not (leaf["source"].values == _DATCOM).any()
 
 
-def _significance(old: xr.Dataset, new: xr.Dataset, known: np.ndarray) -> list[str]:
-    if not _opened(old):
+def _describe_significance(old: xr.Dataset, new: xr.Dataset, uncertain: np.ndarray) -> list[str]:
+    """Return the distance of an opened term from zero, in standard errors; none for others."""
+    if not _is_opened(old):
         return []
-    t = np.abs(new["value"].values[known]) / new["stderr"].values[known]
-    return (
-        [f"zero within {t.max():.1f} standard errors: it may be left out"]
-        if t.max() < 2.0
-        else [f"up to {t.max():.3g} standard errors from zero"]
-    )
+    t = np.abs(new["value"].values[uncertain]) / new["stderr"].values[uncertain]
+    if t.max() < _NOT_SIGNIFICANT:
+        return [f"zero within {t.max():.1f} standard errors: it may be left out"]
+    return [f"up to {t.max():.3g} standard errors from zero"]
 
 
-def _partner(
+def _describe_partner(
     name: str, after: Mapping[str, xr.Dataset], flown: Mapping[str, np.ndarray]
 ) -> list[str]:
-    """Return the term that a term is most correlated with at its flown nodes, when it is from
-    `_JOINT`; none without a joint covariance.
-    """
+    """Return the term with the largest correlation at the flown nodes, if that reaches `_JOINT`."""
     if "posterior_factor" not in after[name]:
         return []
-
-    rows = {}
+    # Rows of the joint factor over the standard errors: their products are correlations.
+    rows, sign = {}, None
     for term, leaf in after.items():
-        at = flown[term].ravel()
+        nodes = flown[term].ravel()
         F, sign = factor_of(leaf)
-        rows[term] = (
-            F[at] / np.maximum(leaf["stderr"].values.ravel()[at], np.finfo(float).tiny)[:, None]
-        )
-    own = rows.pop(name) * sign
-    largest = {
-        term: R.flat[np.abs(R).argmax()]
-        for term, other in rows.items()
-        if (R := own @ other.T).size
-    }
-    partner = max(largest, key=lambda term: abs(largest[term]), default="")
-    if not partner or abs(largest[partner]) < _JOINT:
+        stderr = np.maximum(leaf["stderr"].values.ravel()[nodes], np.finfo(float).tiny)
+        rows[term] = F[nodes] / stderr[:, None]
+    weighted = rows.pop(name) * sign
+    partner, largest = "", 0.0
+    for term, others in rows.items():
+        correlations = weighted @ others.T
+        if correlations.size:
+            extreme = correlations.flat[np.abs(correlations).argmax()]
+            if not partner or abs(extreme) > abs(largest):
+                partner, largest = term, extreme
+    if not partner or abs(largest) < _JOINT:
         return []
-    return [
-        f"correlation {largest[partner]:.2f} with {partner}: the flights determine them together"
-    ]
+    return [f"correlation {largest:.2f} with {partner}: the flights determine them together"]

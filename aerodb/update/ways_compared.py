@@ -1,4 +1,4 @@
-"""Identified terms of several ways from the same data, compared node by node."""
+"""Node-by-node comparison of terms identified by several methods from the same data."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from flightmech.errors import UnknownName
 
 
 def compare_ways(found: Mapping[str, Mapping[str, xr.Dataset]], prior: xr.DataTree) -> pd.DataFrame:
-    """Return the nodes of identified terms as several ways found them, side by side.
+    """Return the nodes of terms identified by several methods side by side.
 
     Parameters
     ----------
     found : mapping of str to Tabulation
-        By the name of the way, such as ``{"tabulate": tabulate(...), "direct": regress_tables(...),
-        "join": join_submodels(...)}``; a term that one of them did not change counts with its
-        a-priori values.
+        By the name of the method, such as ``{"tabulate": tabulate(...), "direct":
+        regress_tables(...), "join": join_submodels(...)}``.  A term that a method did not change
+        counts with its a-priori values.
     prior : DataTree
         The database before.
 
@@ -31,10 +31,10 @@ def compare_ways(found: Mapping[str, Mapping[str, xr.Dataset]], prior: xr.DataTr
     -------
     DataFrame
         Index (term, node), the node counted in the order of ``value.ravel()``.  Columns ``place``
-        (breakpoints, SI), ``value prior``, ``stderr prior``; for every way ``value``, ``stderr``
-        and ``source`` with its name; for every two ways ``A - B``, their difference over the root
-        of the sum of their squared standard errors (0 where both are exact and equal).  They rest
-        on the same flights, so that a difference of one is large.
+        (breakpoints, SI), ``value prior``, ``stderr prior``; for every method ``value``, ``stderr``
+        and ``source`` with its name; for every two methods ``A - B``, their difference over the
+        root of the sum of their squared standard errors (0 where both are exact and equal).  The
+        methods use the same flights, so that a difference of 1 is large.
 
     Raises
     ------
@@ -42,7 +42,9 @@ def compare_ways(found: Mapping[str, Mapping[str, xr.Dataset]], prior: xr.DataTr
         A term that the database does not have.
     """
     before = terms(prior)
-    names = dict.fromkeys(name for way in found.values() for name in way)
+    names: dict[str, None] = {}
+    for leaves in found.values():
+        names.update(dict.fromkeys(leaves))
     for name in names:
         if name not in before:
             raise UnknownName(name, before, "term")
@@ -50,38 +52,39 @@ def compare_ways(found: Mapping[str, Mapping[str, xr.Dataset]], prior: xr.DataTr
     for name in names:
         leaf = before[name]
         columns: dict[str, Any] = {
-            "place": _places(leaf),
+            "place": _format_breakpoints(leaf),
             "value prior": leaf["value"].values.ravel(),
             "stderr prior": leaf["stderr"].values.ravel(),
         }
-        for way, leaves in found.items():
+        for method, leaves in found.items():
             after = leaves.get(name, leaf)
-            columns |= {
-                f"value {way}": after["value"].values.ravel(),
-                f"stderr {way}": after["stderr"].values.ravel(),
-            }
-            columns[f"source {way}"] = _sources(after)
+            columns[f"value {method}"] = after["value"].values.ravel()
+            columns[f"stderr {method}"] = after["stderr"].values.ravel()
+            columns[f"source {method}"] = _source_names(after)
         for a, b in combinations(found, 2):
-            apart = columns[f"value {a}"] - columns[f"value {b}"]
+            difference = columns[f"value {a}"] - columns[f"value {b}"]
+            # Exact nodes have a standard error of zero: 0 / 0 is replaced by 0.
             with np.errstate(divide="ignore", invalid="ignore"):
-                ratio = apart / np.hypot(columns[f"stderr {a}"], columns[f"stderr {b}"])
-            columns[f"{a} - {b}"] = np.where(apart == 0.0, 0.0, ratio)
-        index = pd.MultiIndex.from_product(
-            [[name], range(leaf["value"].size)], names=["term", "node"]
-        )
+                ratio = difference / np.hypot(columns[f"stderr {a}"], columns[f"stderr {b}"])
+            columns[f"{a} - {b}"] = np.where(difference == 0.0, 0.0, ratio)
+        levels = [[name], range(leaf["value"].size)]
+        index = pd.MultiIndex.from_product(levels, names=["term", "node"])
         parts.append(pd.DataFrame(columns, index=index))
     return pd.concat(parts)
 
 
-def _places(leaf: xr.Dataset) -> list[str]:
+def _format_breakpoints(leaf: xr.Dataset) -> list[str]:
+    """Return the breakpoints of every node, such as ``alpha 0.1, mach 0.3``."""
     axes = [str(axis) for axis in leaf["value"].dims]
-    return [
-        ", ".join(f"{axis} {float(leaf[axis].values[k]):.6g}" for axis, k in zip(axes, at))
-        for at in np.ndindex(*leaf["value"].shape)
-    ]
+    texts = []
+    for indices in np.ndindex(*leaf["value"].shape):
+        points = [f"{axis} {float(leaf[axis].values[k]):.6g}" for axis, k in zip(axes, indices)]
+        texts.append(", ".join(points))
+    return texts
 
 
-def _sources(leaf: xr.Dataset) -> np.ndarray:
+def _source_names(leaf: xr.Dataset) -> np.ndarray:
+    """Return the name of the source of every node, empty if the term does not state it."""
     if "source" not in leaf:
         return np.full(leaf["value"].size, "")
     return np.array(_terms.SOURCES)[leaf["source"].values.ravel()]

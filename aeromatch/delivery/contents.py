@@ -26,7 +26,8 @@ import pom
 from aerodb.edit.ground_effect import with_height_table
 from aerodb.exchange.daveml.exporter import export_daveml
 from aerodb.exchange.jsbsim.write import export_jsbsim
-from aerodb.exchange.tables.csv_terms import export_checkcases, export_csv
+from aerodb.exchange.tables.csv_checks import export_checkcases
+from aerodb.exchange.tables.csv_terms import export_csv
 from aerodb.exchange.tables.matlab import export_matlab
 from aeromatch.delivery.flown_checks import conditions_of, write_flown_checks
 from aeromatch.project.project import Project

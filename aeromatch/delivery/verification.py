@@ -20,7 +20,8 @@ import flightmech
 import pom
 from aerodb.exchange.daveml.importer import import_daveml
 from aerodb.exchange.jsbsim.read import import_jsbsim
-from aerodb.exchange.tables.csv_terms import import_csv, run_checkcases
+from aerodb.exchange.tables.csv_checks import run_checkcases
+from aerodb.exchange.tables.csv_terms import import_csv
 from aerodb.exchange.tables.matlab import import_matlab
 from aeromatch.delivery.contents import FLOWN, MANIFEST, STATES, file_sha256
 from aeromatch.delivery.flown_checks import (

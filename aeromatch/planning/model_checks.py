@@ -18,7 +18,7 @@ from aeromatch.planning.steps import run_collecting_problems
 from aeromatch.project.project import Project
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.stages import Kept, Stages
-from flighttest.regression.combining.published import read_published
+from flighttest.regression.combining.published_table import read_published
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.control_loading.loading import loading_of
 from flighttest.submodels.engine.records import read_points

@@ -29,8 +29,8 @@ from flightmech import terms
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.input_files import read_toml
-from flightmech.support.toml_models import Strict, file_schema, make_si_type, validate_content
-from flightmech.support.toml_quantities import UNFILLED
+from flightmech.support.toml_models import Strict, file_schema, validate_content
+from flightmech.support.toml_quantities import UNFILLED, InUnits
 from flightmech.units import parse_quantity
 from flighttest.reconstruction.dynamics.force_coefficients import ERRORS
 from flighttest.regression.equation_error.model import RegressionModel
@@ -164,7 +164,7 @@ class Listings(Strict):
         examples=["datcom/aileron_hinge.out"],
         description="Hinge moments of the ailerons.",
     )
-    altitude: make_si_type("m") | None = Field(  # type: ignore[valid-type]
+    altitude: Annotated[float, InUnits("m")] | None = Field(
         default=None, examples=["5000 ft"], description="Reference altitude of the a-priori tables."
     )
     powered: bool = Field(
@@ -205,7 +205,7 @@ class _ProjectFile(Strict):
         description="Digital DATCOM listings by role: FILE, FILE:CASE, or several."
     )
     cases: tuple[str, ...] = Field(description="Patterns of Proof-of-Match cases.")
-    cutoff: make_si_type("Hz") | None = Field(  # type: ignore[valid-type]
+    cutoff: Annotated[float, InUnits("Hz")] | None = Field(
         default=None, description="Low-pass before coefficients are formed; none without it."
     )
     tabulation: Literal["tabulate", "direct", "join"] = Field(

@@ -10,7 +10,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-from flightmech.support.toml_models import Strict, make_si_type
+from flightmech.support.toml_models import Strict
+from flightmech.support.toml_quantities import InUnits
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.control_loading.loading import COEFFICIENT, FORCES
 from flighttest.submodels.landing_gear.reconstructed_loads import ERRORS
@@ -33,10 +34,12 @@ class RecordSelection(Strict):
         examples=[["doublet elevator"]],
         description="Manoeuvres of the records, by kind, or by kind and control.",
     )
-    window: tuple[tuple[make_si_type("s"), make_si_type("s")], ...] = Field(  # type: ignore[valid-type]
-        default=(),
-        examples=[[[12.0, 27.5]]],
-        description="[start, end] in seconds of the record, or several.",
+    window: tuple[tuple[Annotated[float, InUnits("s")], Annotated[float, InUnits("s")]], ...] = (
+        Field(
+            default=(),
+            examples=[[[12.0, 27.5]]],
+            description="[start, end] in seconds of the record, or several.",
+        )
     )
 
     @field_validator("window", mode="before")
@@ -140,7 +143,7 @@ class EngineSection(Strict):
     engines: tuple[Annotated[int, Field(ge=1)], ...] = Field(
         default=(1,), examples=[[1, 2]], description="Engines of the records, averaged."
     )
-    pla: tuple[make_si_type("rad"), make_si_type("rad")] | None = Field(  # type: ignore[valid-type]
+    pla: tuple[Annotated[float, InUnits("rad")], Annotated[float, InUnits("rad")]] | None = Field(
         default=None,
         description="Lever angles of idle and full power, where records have angles.",
         examples=[["10 deg", "50 deg"]],
@@ -201,7 +204,7 @@ class ControlSection(Strict):
         description="Terms of the force; the rest is held at zero. Without it the usual ones of "
         "the control.",
     )
-    arm: make_si_type("m") = Field(  # type: ignore[valid-type]
+    arm: Annotated[float, InUnits("m")] = Field(
         default=0.0,
         examples=["3.4 m"],
         description="Ailerons from the plane of symmetry; the wheel needs it.",

@@ -23,15 +23,15 @@ from aeromatch.workbench.opened import FITS, MATCH, Levels, OpenProject, decimat
 from aeromatch.workbench.records import manoeuvres_of
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.toml_models import Strict, validate_content
-from flighttest.regression.combining.pooling import prior_of
-from flighttest.regression.equation_error.frequency_domain import (
+from flighttest.regression.combining.mixed_estimation import prior_of
+from flighttest.regression.equation_error.least_squares import weight_roots
+from flighttest.regression.equation_error.model import MEASURED
+from flighttest.regression.equation_error.samples import RegressionSamples
+from flighttest.regression.equation_error.transformed_stretches import (
     select_stretches,
     stack_complex,
     transform_columns,
 )
-from flighttest.regression.equation_error.least_squares import weight_roots
-from flighttest.regression.equation_error.model import MEASURED
-from flighttest.regression.equation_error.samples import RegressionSamples
 from flighttest.remarks import remarks_to_json
 
 DATABASES = "databases"

@@ -54,7 +54,7 @@ from flightmech.support.kept_stages.sharing import open_cluster
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
 from flighttest.reconstruction.flight_programme import reconstructed_paths
 from flighttest.regression.combining.joined_fits import coloured_covariance, table_samples
-from flighttest.regression.combining.published import read_published
+from flighttest.regression.combining.published_table import read_published
 from flighttest.submodels.control_loading.result import replace_hinge_moments
 from flighttest.submodels.ground_effect.result import replace_ground_effect
 from pom.checking.case_check import RecordCheck, checks_text, with_record_checks

@@ -1,17 +1,15 @@
-"""Joining trees of several runs along flight condition and deflection, and unfolding conditions to
-a grid of altitude and Mach number.
-"""
+"""Joining of trees along flight condition and deflection, and unfolding of conditions to a grid."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import xarray as xr
 
-from datcom_io.arrays.trees import over_deflections
+from datcom_io.arrays.trees import join_attributes, over_deflections
 from datcom_io.cells import ABSENT
 from flightmech.errors import SchemaError
 
@@ -19,7 +17,7 @@ _REFERENCE = ("S", "cbar", "b", "x_cg", "z_cg")
 
 
 def join(trees: Iterable[xr.DataTree]) -> xr.DataTree:
-    """Return one tree holding the conditions and deflections of several.
+    """Return one tree with the conditions and deflections of several trees.
 
     Parameters
     ----------
@@ -32,9 +30,9 @@ def join(trees: Iterable[xr.DataTree]) -> xr.DataTree:
     -------
     DataTree
         Every group that occurs in any tree, over all deflections and concatenated along
-        ``condition``; the coordinates ``lines``, ``case`` and ``file`` give where each condition
-        comes from.  Airfoil sections go along ``mach``; what belongs to no condition must be the
-        same in all.
+        ``condition``; the coordinates ``lines``, ``case`` and ``file`` state the origin of each
+        condition.  Airfoil sections go along ``mach``; numbers that belong to no condition must be
+        the same in all trees.
 
     Raises
     ------
@@ -45,119 +43,138 @@ def join(trees: Iterable[xr.DataTree]) -> xr.DataTree:
     --------
     >>> tree = join(case.to_datatree() for case in listing)        # doctest: +SKIP
     """
+    # Deflections first: runs at the same condition become one tree.
     trees = over_deflections(list(trees))
     if not trees:
         raise SchemaError("join", ["no tree was given; pass the trees of at least one case"])
-    first = trees[0]
-    problems = [
-        f"{name} is {tree.attrs.get(name)} in {_title(tree)} and {first.attrs.get(name)} in "
-        f"{_title(first)}"
-        for tree in trees[1:]
-        for name in _REFERENCE
-        if not _same(tree.attrs.get(name), first.attrs.get(name))
-    ]
-    names = dict.fromkeys(name for tree in trees for name in tree.children)
+    problems = _reference_problems(trees)
+    # A dict keeps the order of the leaves.
+    names: dict[str, None] = {}
+    for tree in trees:
+        names |= dict.fromkeys(tree.children)
     leaves = {}
     for name in names:
-        parts = [
-            (tree, tree.children[name].to_dataset(inherit=False))
-            for tree in trees
-            if name in tree.children
-        ]
-        faults = [
-            fault
-            for tree, part in parts[1:]
-            for fault in _differences(name, tree, part, parts[0][1])
-        ]
-        problems += faults
-        if not faults:
-            leaves[name] = _concatenate([part for _, part in parts])
+        # Not every tree has every leaf.
+        sources = [tree for tree in trees if name in tree.children]
+        parts = [tree.children[name].to_dataset(inherit=False) for tree in sources]
+        differences = []
+        for tree, part in zip(sources[1:], parts[1:]):
+            differences += _list_differences(name, tree, part, parts[0])
+        problems += differences
+        if not differences:
+            leaves[name] = _concatenate(parts)
     if problems:
         raise SchemaError("these trees cannot be joined", problems)
-    root = dict(first.attrs)
-    for key in ("title", "case", "file", "messages"):
-        root[key] = ("\n" if key == "messages" else "; ").join(
-            dict.fromkeys(str(tree.attrs[key]) for tree in trees if tree.attrs.get(key))
-        )
-    return xr.DataTree.from_dict({"/": xr.Dataset(attrs=root), **leaves})
+    attrs = join_attributes(trees)
+    return xr.DataTree.from_dict({"/": xr.Dataset(attrs=attrs), **leaves})
+
+
+def _reference_problems(trees: Sequence[xr.DataTree]) -> list[str]:
+    """Return the reference quantities that differ from those of the first tree."""
+    first = trees[0]
+    problems = []
+    for tree in trees[1:]:
+        for name in _REFERENCE:
+            value, expected = tree.attrs.get(name), first.attrs.get(name)
+            if not _is_same(value, expected):
+                problems.append(
+                    f"{name} is {value} in {_title(tree)} and {expected} in {_title(first)}"
+                )
+    return problems
 
 
 def _title(tree: xr.DataTree) -> str:
     return f"{tree.attrs.get('file')}: {tree.attrs.get('case')}"
 
 
-def _same(a, b) -> bool:
+def _is_same(a: object, b: object) -> bool:
     if isinstance(a, float) and isinstance(b, float):
-        return math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-9) or (math.isnan(a) and math.isnan(b))
+        # Two quantities without a number count as equal.
+        both_missing = math.isnan(a) and math.isnan(b)
+        return math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-9) or both_missing
     return a == b
 
 
-def _differences(name: str, tree: xr.DataTree, part: xr.Dataset, first: xr.Dataset) -> list[str]:
-    """Return what differs other than along the joined dimension."""
-    found = []
+def _list_differences(
+    name: str, tree: xr.DataTree, part: xr.Dataset, first: xr.Dataset
+) -> list[str]:
+    """Return the differences of a leaf to the first one, other than along the joined dimension."""
+    where = f"{name} of {_title(tree)}"
     if set(part.dims) != set(first.dims):
-        return [
-            f"{name} of {_title(tree)} has the axes {', '.join(map(str, part.dims))}, the "
-            f"first tree {', '.join(map(str, first.dims))}"
-        ]
+        axes = ", ".join(map(str, part.dims))
+        first_axes = ", ".join(map(str, first.dims))
+        return [f"{where} has the axes {axes}, the first tree {first_axes}"]
+    differences = []
     if set(part.data_vars) != set(first.data_vars):
-        other = sorted(map(str, set(part.data_vars) ^ set(first.data_vars)))
-        found.append(f"{name} of {_title(tree)}: {', '.join(other)} not in all trees")
-    for key in _fixed(first):
-        item, other_item = first[key], part.get(key)
-        if other_item is None and key not in first.coords:
+        names = sorted(map(str, set(part.data_vars) ^ set(first.data_vars)))
+        differences.append(f"{where}: {', '.join(names)} not in all trees")
+    for key in _fixed_variables(first):
+        # A missing variable is reported above; a missing coordinate is not.
+        if part.get(key) is None and key not in first.coords:
             continue
-        if (
-            other_item is None
-            or other_item.shape != item.shape
-            or not _equal(*_in_both(key, first, part))
-        ):
-            found.append(f"{name} of {_title(tree)}: {key} differs from that of the first tree")
-    return found
+        if not _agrees(key, first, part):
+            differences.append(f"{where}: {key} differs from that of the first tree")
+    return differences
+
+
+def _agrees(key: str, first: xr.Dataset, part: xr.Dataset) -> bool:
+    """Return whether a variable has the same shape and values in two leaves."""
+    if part.get(key) is None or part[key].shape != first[key].shape:
+        return False
+    return _is_equal(*_printed_in_both(key, first, part))
 
 
 def _joined_dimension(part: xr.Dataset) -> str:
-    """Return the dimension along which a leaf is joined, empty for one that must be the same in all
-    trees.
+    """Return the dimension along which a leaf is joined.
+
+    It is empty for a leaf that must be the same in all trees.
     """
-    return next((name for name in ("condition", "mach") if name in part.dims), "")
+    for name in ("condition", "mach"):
+        if name in part.dims:
+            return name
+    return ""
 
 
-def _fixed(part: xr.Dataset) -> list[str]:
-    """Return variables and coordinates that do not go along the joined dimension, without flags and
-    lines.
+def _fixed_variables(part: xr.Dataset) -> list[str]:
+    """Return variables and coordinates that do not go along the joined dimension.
+
+    Flags and lines are left out.
     """
     along = _joined_dimension(part)
-    return [
-        str(key)
-        for key, item in part.variables.items()
-        if along not in item.dims and key != "lines" and not str(key).endswith("_flag")
-    ]
+    names = []
+    for key, variable in part.variables.items():
+        name = str(key)
+        if along not in variable.dims and name != "lines" and not name.endswith("_flag"):
+            names.append(name)
+    return names
 
 
-def _in_both(key: str, first: xr.Dataset, part: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+def _printed_in_both(
+    key: str, first: xr.Dataset, part: xr.Dataset
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the values of a variable where both trees print it."""
     a, b = first[key].values, part[key].values
     flag = f"{key}_flag"
     if flag not in first or flag not in part or first[flag].shape != part[flag].shape:
         return a, b
-    there = (first[flag].values != ABSENT) & (part[flag].values != ABSENT)
-    return a[there], b[there]
+    # A value that only one tree prints is not a difference.
+    printed = (first[flag].values != ABSENT) & (part[flag].values != ABSENT)
+    return a[printed], b[printed]
 
 
-def _equal(a: np.ndarray, b: np.ndarray) -> bool:
-    return (
-        bool(np.allclose(a, b, rtol=0.0, atol=1e-9, equal_nan=True))
-        if a.dtype.kind == "f"
-        else bool((a == b).all())
-    )
+def _is_equal(a: np.ndarray, b: np.ndarray) -> bool:
+    if a.dtype.kind == "f":
+        return bool(np.allclose(a, b, rtol=0.0, atol=1e-9, equal_nan=True))
+    return bool((a == b).all())
 
 
 def _concatenate(parts: list[xr.Dataset]) -> xr.Dataset:
+    """Return the parts of one leaf along the joined dimension."""
     along = _joined_dimension(parts[0])
-    first = _completed(parts)
+    first = _complete_first(parts)
     if not along:
         return first
+    # Variables without the dimension are equal, so those of the first part count.
     joined = xr.concat(
         [first, *parts[1:]],
         along,
@@ -167,27 +184,25 @@ def _concatenate(parts: list[xr.Dataset]) -> xr.Dataset:
         join="override",
         combine_attrs="drop_conflicts",
     )
-    return (
-        joined.assign_coords(condition=np.arange(joined.sizes["condition"]))
-        if along == "condition"
-        else joined
-    )
+    if along == "condition":
+        return joined.assign_coords(condition=np.arange(joined.sizes["condition"]))
+    return joined
 
 
-def _completed(parts: list[xr.Dataset]) -> xr.Dataset:
-    """Return the first part, with the values that belong to no condition and that only others
-    print.
-    """
+def _complete_first(parts: list[xr.Dataset]) -> xr.Dataset:
+    """Return the first part, with fixed values that only other parts print."""
     first = parts[0].copy()
-    for key in _fixed(first):
+    for key in _fixed_variables(first):
         flag = f"{key}_flag"
         if flag not in first:
             continue
         values, flags = first[key].values.copy(), first[flag].values.copy()
         for part in parts[1:]:
             missing = flags == ABSENT
-            values[missing], flags[missing] = part[key].values[missing], part[flag].values[missing]
-        first[key], first[flag] = first[key].copy(data=values), first[flag].copy(data=flags)
+            values[missing] = part[key].values[missing]
+            flags[missing] = part[flag].values[missing]
+        first[key] = first[key].copy(data=values)
+        first[flag] = first[flag].copy(data=flags)
     return first
 
 
@@ -211,50 +226,51 @@ def to_grid(dataset: xr.Dataset) -> xr.Dataset:
         The pairs do not fill a grid, or one occurs twice.
     """
     if "condition" not in dataset.dims:
-        raise SchemaError(
-            "to_grid",
-            [
-                f"the Dataset has no dimension condition (it has "
-                f"{', '.join(map(str, dataset.dims))})"
-            ],
-        )
+        dims = ", ".join(map(str, dataset.dims))
+        problem = f"the Dataset has no dimension condition (it has {dims})"
+        raise SchemaError("to_grid", [problem])
     heights, machs = dataset["h"].values, dataset["mach"].values
-    pairs = Counter(zip(heights.tolist(), machs.tolist()))
-    problems = [
-        f"Mach {mach:g} at {h:g} m occurs {count} times; select one"
-        for (h, mach), count in pairs.items()
-        if count > 1
-    ]
-    if np.isnan(heights).any() or np.isnan(machs).any():
-        problems.append("a condition has no altitude or no Mach number")
-    else:
-        problems += [
-            f"Mach {m:g} at {h:g} m is missing"
-            for h in np.unique(heights)
-            for m in np.unique(machs)
-            if (h, m) not in pairs
-        ]
+    problems = _grid_problems(heights, machs)
     if problems:
         raise SchemaError("the conditions do not fill a grid of h and mach", problems)
     h_axis, mach_axis = np.unique(heights), np.unique(machs)
+    # In the order of the grid, with Mach number in the inner loop, a reshape unfolds the axis.
     order = np.lexsort((machs, heights))
     ordered = dataset.isel(condition=order).drop_vars(["condition", "h", "mach"])
-    shape = (len(h_axis), len(mach_axis))
-    grid = {}
-    for name, item in ordered.variables.items():
-        if "condition" not in item.dims:
-            grid[name] = item
-            continue
-        at = item.dims.index("condition")
-        dims = (*item.dims[:at], "h", "mach", *item.dims[at + 1 :])
-        grid[name] = xr.Variable(
-            dims, item.values.reshape(*item.shape[:at], *shape, *item.shape[at + 1 :]), item.attrs
-        )
-    grid["h"] = xr.Variable("h", h_axis, dataset["h"].attrs)
-    grid["mach"] = xr.Variable("mach", mach_axis, dataset["mach"].attrs)
-    names = {*ordered.coords, "h", "mach"}
-    return xr.Dataset(
-        {k: v for k, v in grid.items() if k not in names},
-        {k: v for k, v in grid.items() if k in names},
-        dataset.attrs,
-    )
+    variables, coords = {}, {}
+    for name, variable in ordered.variables.items():
+        unfolded = _unfold(variable, (len(h_axis), len(mach_axis)))
+        if name in ordered.coords:
+            coords[name] = unfolded
+        else:
+            variables[name] = unfolded
+    coords["h"] = xr.Variable("h", h_axis, dataset["h"].attrs)
+    coords["mach"] = xr.Variable("mach", mach_axis, dataset["mach"].attrs)
+    return xr.Dataset(variables, coords, dataset.attrs)
+
+
+def _grid_problems(heights: np.ndarray, machs: np.ndarray) -> list[str]:
+    """Return the pairs of altitude and Mach number that occur twice or are missing."""
+    pairs = Counter(zip(heights.tolist(), machs.tolist()))
+    problems = []
+    for (h, mach), count in pairs.items():
+        if count > 1:
+            problems.append(f"Mach {mach:g} at {h:g} m occurs {count} times; select one")
+    if np.isnan(heights).any() or np.isnan(machs).any():
+        problems.append("a condition has no altitude or no Mach number")
+        return problems
+    for h in np.unique(heights):
+        for mach in np.unique(machs):
+            if (h, mach) not in pairs:
+                problems.append(f"Mach {mach:g} at {h:g} m is missing")
+    return problems
+
+
+def _unfold(variable: xr.Variable, shape: tuple[int, int]) -> xr.Variable:
+    """Return a variable with the dimension ``condition`` reshaped to ``h`` and ``mach``."""
+    if "condition" not in variable.dims:
+        return variable
+    k = variable.dims.index("condition")
+    dims = (*variable.dims[:k], "h", "mach", *variable.dims[k + 1 :])
+    sizes = (*variable.shape[:k], *shape, *variable.shape[k + 1 :])
+    return xr.Variable(dims, variable.values.reshape(sizes), variable.attrs)

@@ -33,7 +33,6 @@ def datcom() -> None:
 @_CASE
 @_PARTIAL
 @console.json_option
-@console.without_gc()
 def show_listing_command(file: str, name: str | None, partial: bool, as_json: bool) -> None:
     """Show cases, conditions, tables, missing values and messages of a listing; with --case its
     pages too.

@@ -1,5 +1,6 @@
-"""Rules of the aircraft: namelists that need each other, body, reference quantities, control
-devices, ground effect, trim.
+"""Rules of the aircraft: namelists that need each other, and the content of namelists.
+
+They concern body, reference quantities, control devices, ground effect and trim.
 """
 
 from __future__ import annotations
@@ -23,8 +24,9 @@ _TYPES = 4  # straight, double delta, cranked, curved
 
 
 def is_special(deck: Deck) -> bool:
-    """Return whether the case is one that needs no aircraft: low aspect ratio wing, hypersonic flap
-    or transverse jet.
+    """Return whether the case needs no aircraft.
+
+    Such a case is a low aspect ratio wing, a hypersonic flap or a transverse jet.
     """
     return bool({"LARWB", "HYPEFF", "TRNJET"} & deck.namelists.keys())
 
@@ -50,43 +52,36 @@ def check_required_namelists(deck: Deck) -> Iterator[DeckFinding]:
 def check_planform_sections(deck: Deck) -> Iterator[DeckFinding]:
     """Yield planforms without sections and sections without planforms."""
     for letter, (prefix, what) in _SURFACES.items():
+        # A NACA card replaces the namelist of the section.
         planform, section = f"{prefix}PLNF", f"{prefix}SCHR"
         has_section = section in deck.namelists or letter in deck.sections
         if planform in deck.namelists and not has_section:
-            # the program itself tests wing and horizontal tail only
-            severity, what_next = (
-                (ERROR, "the program leaves the case out")
-                if letter in "WH"
-                else (WARNING, "the program does not notice")
-            )
+            # The program itself tests wing and horizontal tail only.
+            severity, consequence = WARNING, "the program does not notice"
+            if letter in "WH":
+                severity, consequence = ERROR, "the program leaves the case out"
+            if is_special(deck):
+                severity = WARNING
             text = (
                 f"${planform} without section: neither ${section} nor a NACA {letter} card "
-                f"for the {what}; {what_next}"
+                f"for the {what}; {consequence}"
             )
-            yield DeckFinding(
-                deck.line_of(planform), severity if not is_special(deck) else WARNING, text
-            )
+            yield DeckFinding(deck.line_of(planform), severity, text)
         if has_section and planform not in deck.namelists:
-            severity = WARNING if letter == "F" or is_special(deck) else ERROR
-            line = (
-                deck.line_of(section)
-                if section in deck.namelists
-                else _line_of_section(deck, letter)
-            )
+            line = deck.line_of(section)
+            if section not in deck.namelists:
+                line = _line_of_section(deck, letter)
             text = f"a section for the {what} without ${planform}"
-            yield DeckFinding(
-                line,
-                severity,
-                text + ("; the program leaves the case out" if severity == ERROR else ""),
-            )
+            if letter == "F" or is_special(deck):
+                yield DeckFinding(line, WARNING, text)
+            else:
+                yield DeckFinding(line, ERROR, f"{text}; the program leaves the case out")
 
 
 def _line_of_section(deck: Deck, letter: str) -> int:
-    return next(
-        card.line
-        for card in reversed(deck.cards)
-        if card.name == "NACA" and card.text[:1] == letter
-    )
+    """Return the line of the last NACA card of a surface."""
+    cards = [card for card in deck.cards if card.name == "NACA" and card.text[:1] == letter]
+    return cards[-1].line
 
 
 def planform_types(deck: Deck) -> Iterator[DeckFinding]:
@@ -104,11 +99,12 @@ def check_body_sections(deck: Deck) -> Iterator[DeckFinding]:
     """Yield a body whose cross sections are not given in one of the three ways of the program."""
     if "BODY" not in deck.namelists:
         return
-    given = {name for name in "RSP" if deck.value("BODY", name) is not None}
-    if given not in ({"R"}, {"S"}, {"R", "S", "P"}):
-        found = ", ".join(sorted(given)) or "none of them"
+    # Radius alone, area alone, or all three with the perimeter.
+    arrays = {name for name in "RSP" if deck.value("BODY", name) is not None}
+    if arrays not in ({"R"}, {"S"}, {"R", "S", "P"}):
+        names = ", ".join(sorted(arrays)) or "none of them"
         text = (
-            f"$BODY: of R, S and P there is {found}; give R alone, S alone, or all three: the "
+            f"$BODY: of R, S and P there is {names}; give R alone, S alone, or all three: the "
             f"program does not run the case"
         )
         yield DeckFinding(deck.line_of("BODY"), ERROR, text)
@@ -120,6 +116,7 @@ def check_reference_quantities(deck: Deck) -> Iterator[DeckFinding]:
     """Yield reference quantities left to the program; readers that take them from the deck fail."""
     if is_special(deck):
         return
+    # Values that the program computes when OPTINS lacks them.
     what = {
         "SREF": "theoretical wing area",
         "CBARR": "theoretical mean chord of the wing",
@@ -127,9 +124,9 @@ def check_reference_quantities(deck: Deck) -> Iterator[DeckFinding]:
     }
     missing = [name for name in what if deck.value("OPTINS", name) is None]
     if missing and "FLTCON" in deck.namelists:
-        taken = ", ".join(f"the {what[name]} for {name}" for name in missing)
+        defaults = ", ".join(f"the {what[name]} for {name}" for name in missing)
         text = (
-            f"$OPTINS: {', '.join(missing)} not given; the program takes {taken}, and readers "
+            f"$OPTINS: {', '.join(missing)} not given; the program takes {defaults}, and readers "
             f"that look in the deck fail: write them"
         )
         yield DeckFinding(deck.line_of("OPTINS"), WARNING, text)
@@ -137,21 +134,23 @@ def check_reference_quantities(deck: Deck) -> Iterator[DeckFinding]:
 
 def flap_span(deck: Deck) -> Iterator[DeckFinding]:
     """Yield a flap that begins inside the body, as the program tests it in single precision."""
-    name = next((name for name in ("SYMFLP", "ASYFLP") if name in deck.namelists), "")
+    name = _device_namelist(deck)
     if not name or round(deck.value("ASYFLP", "STYPE") or 0) == _DIFFERENTIAL_TAIL:
         return
-    surface = "HTPLNF" if "HTPLNF" in deck.namelists else "WGPLNF"
+    surface = "WGPLNF"
+    if "HTPLNF" in deck.namelists:
+        surface = "HTPLNF"
+    # The side of the body is where the exposed span begins.
     tip, exposed = deck.value(surface, "SSPN"), deck.value(surface, "SSPNE")
     if tip is None or exposed is None:
         return
+    # The program subtracts in single precision, so a flap at the side may seem to lie inside.
     side = np.float32(tip) - np.float32(exposed)
     inner = np.float32(deck.value(name, "SPANFI") or 0.0)
     if inner < side:
-        rounding = (
-            " (by rounding alone: write a little more)"
-            if float(side) - float(inner) < 1e-5 * tip
-            else ""
-        )
+        rounding = ""
+        if float(side) - float(inner) < 1e-5 * tip:
+            rounding = " (by rounding alone: write a little more)"
         text = (
             f"${name}: SPANFI={inner:g} lies inside the body, which reaches to SSPN - SSPNE = "
             f"{side:g} of ${surface}{rounding}"
@@ -161,15 +160,21 @@ def flap_span(deck: Deck) -> Iterator[DeckFinding]:
             WARNING,
             f"{text}; the program prints ERROR and computes with {side:g}: write it",
         )
+    # A rounding of the last digit is not a fault.
     outer = deck.value(name, "SPANFO")
     if outer is not None and outer > tip * 1.0001:
         text = f"${name}: SPANFO={outer:g} lies beyond the tip, SSPN={tip:g} of ${surface}"
-        hint = (
-            "; with a wing and a horizontal tail the program puts the device on the tail"
-            if surface == "HTPLNF"
-            else ""
-        )
-        yield DeckFinding(deck.line_of(name, "SPANFO"), WARNING, text + hint)
+        if surface == "HTPLNF":
+            text += "; with a wing and a horizontal tail the program puts the device on the tail"
+        yield DeckFinding(deck.line_of(name, "SPANFO"), WARNING, text)
+
+
+def _device_namelist(deck: Deck) -> str:
+    """Return the namelist of the control device of a case, empty without one."""
+    for name in ("SYMFLP", "ASYFLP"):
+        if name in deck.namelists:
+            return name
+    return ""
 
 
 def check_control_tabs(deck: Deck) -> Iterator[DeckFinding]:
@@ -186,6 +191,7 @@ def check_trim_card(deck: Deck) -> Iterator[DeckFinding]:
     """Yield TRIM without anything to trim with."""
     if not deck.has("TRIM") or "SYMFLP" in deck.namelists:
         return
+    # An elevator or a movable stabilizer trims; ailerons do not.
     line = next(card.line for card in deck.cards if card.name == "TRIM")
     if "ASYFLP" in deck.namelists:
         yield DeckFinding(
@@ -202,53 +208,59 @@ def check_trim_card(deck: Deck) -> Iterator[DeckFinding]:
         )
 
 
-def _ground_by_regime(deck: Deck) -> Iterator[DeckFinding]:
+# Regimes of Mach number in which the program prints no pages over ground.
+_NO_GROUND_PAGES = (
+    (
+        "supersonic",
+        ERROR,
+        "the program prints no static page at all, and no message; take out $GRNDEF or "
+        "the Mach number",
+    ),
+    ("transonic", WARNING, "the program prints the page in free air only"),
+)
+
+
+def _check_ground_regimes(deck: Deck) -> Iterator[DeckFinding]:
     """Yield Mach numbers without pages over ground."""
     machs = deck.schedule("FLTCON", "MACH", "NMACH")
-    for regime, severity, effect in (
-        (
-            "supersonic",
-            ERROR,
-            "the program prints no static page at all, and no message; take out $GRNDEF or "
-            "the Mach number",
-        ),
-        ("transonic", WARNING, "the program prints the page in free air only"),
-    ):
-        if found := [f"{mach:g}" for mach in machs if deck.regime(mach) == regime]:
+    for regime, severity, effect in _NO_GROUND_PAGES:
+        texts = [f"{mach:g}" for mach in machs if deck.regime(mach) == regime]
+        if texts:
             yield DeckFinding(
                 deck.line_of("GRNDEF"),
                 severity,
-                f"$GRNDEF at Mach {', '.join(found)} ({regime}): {effect}",
+                f"$GRNDEF at Mach {', '.join(texts)} ({regime}): {effect}",
             )
 
 
 def check_ground_pages(deck: Deck) -> Iterator[DeckFinding]:
     """Yield ground pages that are wrong, or that cannot be distinguished."""
-    heights = deck.values("GRNDEF", "GRDHT")
-    name = next((name for name in ("SYMFLP", "ASYFLP") if name in deck.namelists), "")
-    deflections = (deck.count(name, "NDELTA") if name else None) or 0
-    if heights and deflections > 1:
-        on_tail = name == "SYMFLP" and {"WGPLNF", "HTPLNF"} <= deck.namelists.keys()
-        which = " with identical headings" if on_tail or name == "ASYFLP" else ""
-        advice = (
-            "make one deck per deflection (datcom split)"
-            if name == "SYMFLP" and not on_tail
-            else f"leave out ${name}, it has no effect there"
-        )
+    if not deck.values("GRNDEF", "GRDHT"):
+        return
+    line = deck.line_of("GRNDEF")
+    name = _device_namelist(deck)
+    deflections = 0
+    if name:
+        deflections = deck.count(name, "NDELTA") or 0
+    if deflections > 1:
+        has_tail = deck.namelists.keys() >= {"WGPLNF", "HTPLNF"}
+        on_wing = name == "SYMFLP" and not has_tail
+        # The heading shows the deflection of a wing flap only.
+        which = " with identical headings"
+        advice = f"leave out ${name}, it has no effect there"
+        if on_wing:
+            which = ""
+            advice = "make one deck per deflection (datcom split)"
         text = (
             f"$GRNDEF with {deflections} deflections of ${name}: the heights are printed "
             f"{deflections} times{which}, and every deflection "
             f"but the first holds the ground effect of those before; {advice}"
         )
-        yield DeckFinding(deck.line_of("GRNDEF"), WARNING, text)
-    if heights:
-        yield from _ground_by_regime(deck)
-    if heights and deck.dim in DIMENSIONS[1:]:
-        yield DeckFinding(
-            deck.line_of("GRNDEF"),
-            WARNING,
-            f"$GRNDEF with DIM {deck.dim}: the program prints ground heights in feet",
-        )
+        yield DeckFinding(line, WARNING, text)
+    yield from _check_ground_regimes(deck)
+    if deck.dim in DIMENSIONS[1:]:
+        text = f"$GRNDEF with DIM {deck.dim}: the program prints ground heights in feet"
+        yield DeckFinding(line, WARNING, text)
 
 
 def check_weight_units(deck: Deck) -> Iterator[DeckFinding]:

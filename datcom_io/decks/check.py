@@ -1,8 +1,8 @@
-"""Checking an input deck before the run: what the program would reject, and what would make its
-print misleading.
+"""Check of an input deck before the run.
 
-The rules follow the program's own tests (source of January 1996: routines CONERR, INPUT, NAMER,
-CHECK, MAJERR) and the faults seen in its prints.
+It finds cards that the program rejects, and cards that make its print misleading.  The rules follow
+the tests of the program itself (source of January 1996: routines CONERR, INPUT, NAMER, CHECK,
+MAJERR) and the faults seen in its prints.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from datcom_io.decks.cards import WARNING, DeckFinding
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.deck_file import DeckFile, read_deck
 
+# Cases with such a namelist are not the clean aeroplane.
 _DEVICES = {"SYMFLP", "ASYFLP", "GRNDEF", "JETPWR", "PROPWR", "CONTAB"}
 _RULES = (*cards.RULES, *flight.RULES, *aircraft.RULES)
 
@@ -24,7 +25,7 @@ _RULES = (*cards.RULES, *flight.RULES, *aircraft.RULES)
 def check_deck(
     deck: DeckFile | Deck | str | os.PathLike[str] | Iterable[Deck],
 ) -> list[DeckFinding]:
-    """Return what the program would reject or misread.
+    """Return the cards of a deck that the program would reject or misread.
 
     Parameters
     ----------
@@ -34,60 +35,70 @@ def check_deck(
     Returns
     -------
     list of DeckFinding
-        By line: ``line``, ``severity`` and ``text``.  An ``error`` stops the program, makes it leave out the case, or makes it
-        print ERROR and drop what was requested; with a ``warning`` it runs, if need be with a value that it corrects itself, and the
-        result needs care.
+        By line: ``line``, ``severity`` and ``text``.  An ``error`` stops the program, makes it
+        leave out the case, or makes it print ERROR and drop a requested result.  With a ``warning``
+        it runs, if need be with a value that it corrects itself, and the result needs care.
 
     Examples
     --------
-    >>> for finding in check_deck(read_deck([" $FLTCON NMACH=1.0,MACH(1)=0.3,NALPHA=1.0,ALSCHD(1)=0.0,ALT(1)=0.0$"])):
-    ...     print(finding.line, finding.severity, finding.text)
-    1 error no $SYNTHS (synthesis data); the program leaves the case out: add it
-    1 warning $OPTINS: SREF, CBARR, BLREF not given; the program takes the theoretical wing area for SREF, the theoretical mean \
-chord of the wing for CBARR, the wing span for BLREF, and readers that look in the deck fail: write them
+    >>> deck = read_deck([" $FLTCON NMACH=1.0,MACH(1)=0.3,NALPHA=1.0,ALSCHD(1)=0.0,ALT(1)=0.0$"])
+    >>> for finding in check_deck(deck):
+    ...     print(finding.line, finding.severity, finding.text[:37])
+    1 error no $SYNTHS (synthesis data); the prog
+    1 warning $OPTINS: SREF, CBARR, BLREF not given
     """
     if isinstance(deck, str | os.PathLike):
         deck = read_deck(deck)
-    found = list(deck.findings) if isinstance(deck, DeckFile) else []
-    cases = [deck] if isinstance(deck, Deck) else list(deck)
+    # Text of the file, then each case, then the run as a whole.
+    findings: list[DeckFinding] = []
+    if isinstance(deck, DeckFile):
+        findings += deck.findings
+    if isinstance(deck, Deck):
+        cases = [deck]
+    else:
+        cases = list(deck)
     for case in cases:
-        found += check_case(case)
-    found += _run(cases)
-    return sorted(found, key=lambda finding: finding.line)
+        findings += check_case(case)
+    findings += _check_run(cases)
+    return sorted(findings, key=lambda finding: finding.line)
 
 
 def check_case(case: Deck) -> list[DeckFinding]:
     """Return the findings of one case by itself."""
-    return [*case.findings, *(finding for rule in _RULES for finding in rule(case))]
+    findings = list(case.findings)
+    for rule in _RULES:
+        findings += rule(case)
+    return findings
 
 
-def _run(cases: list[Deck]) -> Iterator[DeckFinding]:
-    """Yield what concerns the run as a whole."""
-    yield from _drift(cases)
-    yield from _undamped(cases)
+def _check_run(cases: list[Deck]) -> Iterator[DeckFinding]:
+    """Yield findings about the run as a whole."""
+    yield from _check_drift(cases)
+    yield from _check_damping(cases)
     if cases and cases[-1].has("SAVE") and cases[-1].has("NEXT"):
-        line = next(card.line for card in reversed(cases[-1].cards) if card.name == "SAVE")
+        lines = [card.line for card in cases[-1].cards if card.name == "SAVE"]
         yield DeckFinding(
-            line,
+            lines[-1],
             WARNING,
             "SAVE in the last case, before NEXT CASE: the program runs the saved case once "
             "more; take SAVE out",
         )
 
 
-def _undamped(cases: list[Deck]) -> Iterator[DeckFinding]:
-    """Without DAMP the program computes no derivatives with rates, of which a database needs those
-    of the whole aeroplane.
+def _check_damping(cases: list[Deck]) -> Iterator[DeckFinding]:
+    """Yield a finding if no case of the whole aeroplane has the card DAMP.
+
+    Without DAMP the program computes no derivatives with rates, of which a database needs those of
+    the whole aeroplane.
     """
-    whole = [
-        case
-        for case in cases
-        if {"WGPLNF", "HTPLNF", "FLTCON"} <= case.namelists.keys()
-        and not _DEVICES & case.namelists.keys()
-    ]
-    if whole and not any(case.has("DAMP") for case in whole):
+    whole_cases = []
+    for case in cases:
+        names = case.namelists.keys()
+        if names >= {"WGPLNF", "HTPLNF", "FLTCON"} and not _DEVICES & names:
+            whole_cases.append(case)
+    if whole_cases and not any(case.has("DAMP") for case in whole_cases):
         yield DeckFinding(
-            whole[0].line,
+            whole_cases[0].line,
             WARNING,
             "no DAMP card: the program prints no derivatives with q, alpha dot, p and r, and "
             "a database made of the listing has no "
@@ -95,9 +106,10 @@ def _undamped(cases: list[Deck]) -> Iterator[DeckFinding]:
         )
 
 
-def _drift(cases: list[Deck]) -> Iterator[DeckFinding]:
+def _check_drift(cases: list[Deck]) -> Iterator[DeckFinding]:
     """The program keeps a part of D(CM) from one condition of a run to the next."""
     flapped = [case for case in cases if "SYMFLP" in case.namelists]
+    # A case without Mach number still has one condition.
     conditions = sum(max(1, len(case.conditions())) for case in flapped)
     if conditions > 1:
         text = (

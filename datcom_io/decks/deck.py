@@ -1,7 +1,7 @@
-"""One case of an input deck: the cards as written, and what the program sees when SAVE has replayed
-those before.
+"""One case of an input deck: the cards as written, and what the program sees of them.
 
-Values unset in the program are absent here.
+The program also sees the cards of earlier cases that SAVE replays.  Values that the program leaves
+unset are absent here.
 """
 
 from __future__ import annotations
@@ -21,10 +21,16 @@ from datcom_io.decks.cards import (
 from datcom_io.decks.namelists import DIMENSIONS, Value, format_namelist_value
 
 Variables = dict[str, list[Value | None]]
+"""Values of a namelist by variable; None where an index was not set."""
 _LARGEST_ARRAY = 300  # no array of the program is longer than 60
-# a new device of a case replaces the other one; the two power namelists only hide each other
+# A new device of a case replaces the other one.
 _REPLACES = {"SYMFLP": "ASYFLP", "ASYFLP": "SYMFLP"}
+# Of the two power namelists one only hides the other.
 _HIDES = {"PROPWR": "JETPWR", "JETPWR": "PROPWR"}
+# Mach numbers that end the subsonic and start the supersonic methods, unless FLTCON gives them.
+_SUBSONIC_END, _SUPERSONIC_START = 0.6, 1.4
+# Cards whose presence alone does not change the results.
+_NO_SWITCHES = ("NACA", "CASEID", "DIM", "DERIV", "SAVE", "NEXT", "DUMP")
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,7 @@ class Deck:
     ----------
     namelists : dict
         Namelist name to variable name to list of values (float, bool, or None where an index was
-        not set); index 1 is item 0. As the program sees them: replayed namelists included.
+        not set); index 1 is item 0.  As the program sees them: replayed namelists included.
     cards : tuple of Card
         Control cards in order; NACA cards of a saved case come first.
     items : tuple of Namelist and Card
@@ -43,7 +49,7 @@ class Deck:
     replayed : tuple of Namelist and Card
         Namelists and NACA cards that SAVE brings from the cases before, as written there.
     findings : tuple of DeckFinding
-        What could not be read, and what the program would not read.
+        Cards that could not be read, and cards that the program would not read.
     dim, deriv : str
         Unit of length, ``FT IN M CM``; unit of derivatives, ``DEG RAD``.  They last until changed.
     """
@@ -59,42 +65,61 @@ class Deck:
     @property
     def problems(self) -> tuple[tuple[int, str], ...]:
         """Line number and text of every finding that is an error."""
-        return tuple(
-            (finding.line, finding.text) for finding in self.findings if finding.severity == ERROR
-        )
+        errors = [finding for finding in self.findings if finding.severity == ERROR]
+        return tuple((finding.line, finding.text) for finding in errors)
 
     @property
     def line(self) -> int:
         """First line of the case, 0 when it has no cards."""
-        return self.items[0].line if self.items else 0
+        if not self.items:
+            return 0
+        return self.items[0].line
 
     def line_of(self, namelist: str, variable: str = "") -> int:
-        """Return the line where a variable, or a namelist, was given last; that of the case when it
-        is nowhere.
+        """Return the line where a variable, or a namelist, was given last.
+
+        Without the variable it is the line of the namelist, without the namelist that of the case.
         """
         for item in reversed((*self.replayed, *self.items)):
-            if isinstance(item, Namelist) and item.name == namelist:
-                lines = [a.line for a in item.assignments if a.variable == variable]
-                if lines or not variable:
-                    return lines[-1] if lines else item.line
-        return self.line_of(namelist) if variable else self.line
+            if not isinstance(item, Namelist) or item.name != namelist:
+                continue
+            if not variable:
+                return item.line
+            lines = [entry.line for entry in item.assignments if entry.variable == variable]
+            if lines:
+                return lines[-1]
+        if variable:
+            return self.line_of(namelist)
+        return self.line
 
     def values(self, namelist: str, variable: str) -> list[float]:
-        """Return an array of numbers; empty when it is not given. [as in the deck]"""
-        found = self.namelists.get(namelist, {}).get(variable, [])
-        return [float(x) if x is not None else float("nan") for x in found]
+        """Return an array of numbers, NaN where an index was not set. [as in the deck]
+
+        It is empty when the variable is not given.
+        """
+        numbers = []
+        for item in self.namelists.get(namelist, {}).get(variable, []):
+            if item is None:
+                numbers.append(float("nan"))
+            else:
+                numbers.append(float(item))
+        return numbers
 
     def value(self, namelist: str, variable: str) -> float | None:
         """Return a scalar, or the first item of an array; None when it is not given. [as in the
         deck]
         """
-        found = self.namelists.get(namelist, {}).get(variable, [None])
-        return None if found[0] is None else float(found[0])
+        first = self.namelists.get(namelist, {}).get(variable, [None])[0]
+        if first is None:
+            return None
+        return float(first)
 
     def count(self, namelist: str, variable: str) -> int | None:
-        """Return a count such as NALPHA; None when it is not given or is no count."""
+        """Return a count such as NALPHA; None when it is not given or not a count."""
         number = self.value(namelist, variable)
-        return int(number) if number is not None and 0 < number <= _LARGEST_ARRAY else None
+        if number is None or not 0 < number <= _LARGEST_ARRAY:
+            return None
+        return int(number)
 
     def schedule(self, namelist: str, variable: str, count: str) -> list[float]:
         """Return the items of an array in use, for example ``schedule("FLTCON", "ALSCHD",
@@ -104,83 +129,101 @@ class Deck:
 
     @property
     def caseid(self) -> str:
-        """Text of the CASEID card, or an empty text."""
-        return next(
-            (card.text.strip() for card in reversed(self.cards) if card.name == "CASEID"), ""
-        )
+        """Text of the last CASEID card, or an empty text."""
+        for card in reversed(self.cards):
+            if card.name == "CASEID":
+                return card.text.strip()
+        return ""
 
     @property
     def loop(self) -> int:
-        """How Mach number and altitude step: 1 together, 2 altitude outside, 3 Mach number outside."""
+        """How Mach number and altitude step: 1 together, 2 altitude outside, 3 Mach outside."""
         number = self.value("FLTCON", "LOOP")
-        return int(number) if number in (2.0, 3.0) else 1
+        if number in (2.0, 3.0):
+            return int(number)
+        return 1
 
     def has(self, card: str) -> bool:
         """Return whether a control card is given."""
-        return any(card == other.name for other in self.cards)
+        return any(card == item.name for item in self.cards)
 
     def conditions(self) -> list[tuple[float, float]]:
-        """Return Mach number and altitude in the order of the run; NaN without altitude, empty
-        without Mach number. [1, deck unit]
+        """Return Mach number and altitude in the order of the run. [1, deck unit]
+
+        The altitude is NaN where none is given.  Without Mach number the list is empty.
         """
         machs = self.schedule("FLTCON", "MACH", "NMACH")
-        heights = self.schedule("FLTCON", "ALT", "NALT") or [float("nan")] * (
-            len(machs) if self.loop == 1 else 1
-        )
+        heights = self.schedule("FLTCON", "ALT", "NALT")
+        if not heights:
+            # With LOOP=1 both lists step together, so they have the same length.
+            count = len(machs) if self.loop == 1 else 1
+            heights = [float("nan")] * count
+        if self.loop == 1:
+            return list(zip(machs, heights))
+        pairs = []
         if self.loop == 2:
-            return [(mach, height) for height in heights for mach in machs]
-        if self.loop == 3:
-            return [(mach, height) for mach in machs for height in heights]
-        return list(zip(machs, heights))
+            for height in heights:
+                pairs += [(mach, height) for mach in machs]
+        else:
+            for mach in machs:
+                pairs += [(mach, height) for height in heights]
+        return pairs
 
     def regime(self, mach: float) -> str:
-        """Return ``subsonic``, ``transonic`` or ``supersonic``, the methods the program uses at a
-        Mach number.
+        """Return the methods of the program at a Mach number.
+
+        They are ``subsonic``, ``transonic`` or ``supersonic``.
         """
-        subsonic, supersonic = self.value("FLTCON", "STMACH"), self.value("FLTCON", "TSMACH")
-        if mach <= (0.6 if subsonic is None else subsonic):
+        subsonic_end = self.value("FLTCON", "STMACH")
+        if subsonic_end is None:
+            subsonic_end = _SUBSONIC_END
+        supersonic_start = self.value("FLTCON", "TSMACH")
+        if supersonic_start is None:
+            supersonic_start = _SUPERSONIC_START
+        if mach <= subsonic_end:
             return "subsonic"
-        return "supersonic" if mach >= (1.4 if supersonic is None else supersonic) else "transonic"
+        if mach >= supersonic_start:
+            return "supersonic"
+        return "transonic"
 
     @property
     def sections(self) -> dict[str, str]:
-        """Surface, ``W H V F``, to its NACA type and designation, such as ``4 2415``; the last card
-        of a surface counts.
+        """Surface, ``W H V F``, to its NACA type and designation, such as ``4 2415``.
+
+        The last card of a surface counts.
         """
-        cards = [card.text for card in self.cards if card.name == "NACA"]
-        return {text[:1]: f"{text[2:3]} {text[4:].strip()}" for text in cards}
+        # Text of a NACA card: surface, separator, type, separator, designation.
+        texts = [card.text for card in self.cards if card.name == "NACA"]
+        return {text[:1]: f"{text[2:3]} {text[4:].strip()}" for text in texts}
 
     def meaning(self) -> dict[str, object]:
-        """Return all that reaches the program, comparable: equal decks in meaning give equal
-        results.
+        """Return all input that reaches the program: decks of equal meaning give equal results.
 
-        Numbers are taken to nine digits, more than the program's single precision can distinguish.
-        SAVE itself and the order of cards are left out.
+        Numbers are rounded to nine digits, more than the single precision of the program can
+        distinguish.  SAVE itself and the order of cards are left out.
         """
-        switches = {
-            card.name
-            for card in self.cards
-            if card.name not in ("NACA", "CASEID", "DIM", "DERIV", "SAVE", "NEXT", "DUMP")
-        }
+        namelists = {}
+        for name, group in self.namelists.items():
+            namelists[name] = {key: _format_values(values) for key, values in group.items()}
+        switches = {card.name for card in self.cards if card.name not in _NO_SWITCHES}
+        dumps = [card.text.replace(",", " ") for card in self.cards if card.name == "DUMP"]
         return {
-            "namelists": {
-                name: {
-                    variable: [None if x is None else format_namelist_value(x) for x in values]
-                    for variable, values in group.items()
-                }
-                for name, group in self.namelists.items()
-            },
+            "namelists": namelists,
             "sections": self.sections,
             "switches": switches,
-            "dumps": [
-                " ".join(card.text.replace(",", " ").split())
-                for card in self.cards
-                if card.name == "DUMP"
-            ],
+            "dumps": [" ".join(text.split()) for text in dumps],
             "caseid": self.caseid,
             "dim": self.dim,
             "deriv": self.deriv,
         }
+
+
+def _format_values(values: Sequence[Value | None]) -> list[str | None]:
+    """Return values as the program reads them, None where an index was not set."""
+    texts: list[str | None] = []
+    for value in values:
+        texts.append(None if value is None else format_namelist_value(value))
+    return texts
 
 
 def parse_cards(lines: Iterable[tuple[int, str]], before: Deck | None = None) -> Deck:
@@ -202,55 +245,70 @@ def make_deck(
     items: Sequence[Item], before: Deck | None = None, findings: Sequence[DeckFinding] = ()
 ) -> Deck:
     """Return the deck of one case from its cards, see `parse_cards`."""
-    dim, deriv = (before.dim, before.deriv) if before else ("FT", "DEG")
-    saved: tuple[Item, ...] = ()
-    if before and before.has("SAVE"):
-        saved = tuple(
-            item
-            for item in (*before.replayed, *before.items)
-            if isinstance(item, Namelist) or item.name == "NACA"
-        )
+    dim, deriv = "FT", "DEG"
+    saved: list[Item] = []
+    if before:
+        dim, deriv = before.dim, before.deriv
+        if before.has("SAVE"):
+            # SAVE replays namelists and NACA cards, not the other control cards.
+            for item in (*before.replayed, *before.items):
+                if isinstance(item, Namelist) or item.name == "NACA":
+                    saved.append(item)
     cards = tuple(item for item in (*saved, *items) if isinstance(item, Card))
-    dim = _last_word(cards, "DIM", DIMENSIONS) or dim
-    deriv = _last_word(cards, "DERIV", ("DEG", "RAD")) or deriv
-    return Deck(_resolve((*saved, *items)), cards, tuple(items), saved, tuple(findings), dim, deriv)
+    return Deck(
+        namelists=_resolve_namelists((*saved, *items)),
+        cards=cards,
+        items=tuple(items),
+        replayed=tuple(saved),
+        findings=tuple(findings),
+        dim=_last_word(cards, "DIM", DIMENSIONS) or dim,
+        deriv=_last_word(cards, "DERIV", ("DEG", "RAD")) or deriv,
+    )
 
 
 def assignments_of(group: Variables) -> Iterator[NamelistAssignment]:
-    """Yield the assignments that make the variables of a namelist; a place that was not set begins
-    a new one.
+    """Yield the assignments that make the variables of a namelist.
+
+    An index that was not set ends an assignment, and the next index begins a new one.
     """
     for variable, values in group.items():
-        start = 0
-        while start < len(values):
-            stop = next((i for i in range(start, len(values)) if values[i] is None), len(values))
-            if stop > start:
-                yield NamelistAssignment(
-                    0, variable, start + 1, tuple(x for x in values[start:stop] if x is not None)
-                )
-            start = stop + 1
+        run: list[Value] = []
+        # The last None ends the last assignment.
+        for index, value in enumerate([*values, None]):
+            if value is not None:
+                run.append(value)
+            elif run:
+                start = index - len(run) + 1
+                yield NamelistAssignment(0, variable, start, tuple(run))
+                run = []
 
 
 def _last_word(cards: Sequence[Card], name: str, allowed: tuple[str, ...]) -> str:
-    words = [card.text.split()[0] for card in cards if card.name == name and card.text]
-    return next((word for word in reversed(words) if word in allowed), "")
+    """Return the first word of the last card of a name that has an allowed one."""
+    for card in reversed(cards):
+        if card.name == name and card.text:
+            word = card.text.split()[0]
+            if word in allowed:
+                return word
+    return ""
 
 
-def _resolve(items: Sequence[Item]) -> dict[str, Variables]:
+def _resolve_namelists(items: Sequence[Item]) -> dict[str, Variables]:
     """Replay the namelists in order: later values overwrite only what they name."""
-    seen: dict[str, Variables] = {}
+    resolved: dict[str, Variables] = {}
     hidden: dict[str, Variables] = {}
     for item in items:
         if isinstance(item, Card):
             continue
-        name = item.name
-        seen.pop(_REPLACES.get(name, ""), None)
-        if (other := _HIDES.get(name, "")) in seen:
-            hidden[other] = seen.pop(other)
-        group = seen.setdefault(name, hidden.pop(name, {}))
+        resolved.pop(_REPLACES.get(item.name, ""), None)
+        hidden_name = _HIDES.get(item.name, "")
+        if hidden_name in resolved:
+            hidden[hidden_name] = resolved.pop(hidden_name)
+        group = resolved.setdefault(item.name, hidden.pop(item.name, {}))
         for assignment in item.assignments:
-            held = group.setdefault(assignment.variable, [])
-            start, stop = assignment.start - 1, assignment.start - 1 + len(assignment.values)
-            held += [None] * (stop - len(held))
-            held[start:stop] = assignment.values
-    return seen
+            values = group.setdefault(assignment.variable, [])
+            start = assignment.start - 1
+            stop = start + len(assignment.values)
+            values += [None] * (stop - len(values))
+            values[start:stop] = assignment.values
+    return resolved

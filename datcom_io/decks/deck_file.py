@@ -1,10 +1,10 @@
 """Reading an input deck (unit 5), plain or with the additions of DATCOM+.
 
 DATCOM+ decks hold comments (``*`` or ``#`` in column 1, ``!`` to the end of the line), blank lines,
-tabs and long lines, which a pre-processor of theirs takes away before the program runs.  They are
-accepted here and reported: the program alone stumbles over them. The pre-processor also repeats
-DAMP and PART in the cases that SAVE continues, which the program itself does not: so does this
-reader in a deck with comments of DATCOM+ or the suffix ``.dcm``.
+tabs and long lines.  A pre-processor removes them before the program runs.  They are accepted here
+and reported, because the program alone does not accept them.  The pre-processor also repeats DAMP
+and PART in the cases that SAVE continues, which the program itself does not.  This reader does the
+same in a deck with comments of DATCOM+ or the suffix ``.dcm``.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from datcom_io.decks.cards import ERROR, NOTE, WARNING, Card, DeckFinding, Item, NamelistAssignment
+from datcom_io.decks.cards import ERROR, NOTE, WARNING, Card, DeckFinding, NamelistAssignment
 from datcom_io.decks.deck import Deck, assignments_of, parse_cards
 from datcom_io.decks.namelists import CARD_COLUMNS, CASEID_COLUMNS, VARIABLES, format_namelist_value
 from flightmech.errors import ParseError, SchemaError
 from flightmech.support.atomic_write import write_text
 from flightmech.support.input_files import file_kind, marked_encoding, read_bytes, with_line_feeds
 
-_KEPT = ("DAMP", "PART")  # control cards that DATCOM+ repeats
+_REPEATED_CARDS = ("DAMP", "PART")  # by DATCOM+, in cases that SAVE continues
 _DECK = "an input deck (unit 5): namelists $NAME ... $ and control cards"
 
 
@@ -38,7 +38,7 @@ class DeckFile:
     comments : tuple of (int, str)
         Line number and text of the comments.
     findings : tuple of DeckFinding
-        What the program would not read in the file as text: comments, tabs, blank and long lines.
+        Text of the file that the program would not read: comments, tabs, blank and long lines.
     """
 
     file: str
@@ -67,19 +67,18 @@ def read_deck(source: str | os.PathLike[str] | Iterable[str]) -> DeckFile:
     Returns
     -------
     DeckFile
-        One `Deck` per case: ``deck.items`` are the cards as written, ``deck.namelists`` and
-        ``deck.cards`` what the program sees with those that SAVE replays.  The last NEXT CASE may
-        be missing.
+        One `Deck` per case.  ``deck.items`` are the cards as written; ``deck.namelists`` and
+        ``deck.cards`` include those that SAVE replays.  The last NEXT CASE may be missing.
 
     Raises
     ------
     ParseError
-        There is no card in it, or it is a file of another kind, such as a listing.
+        The file has no card, or is of another kind, such as a listing.
 
     Notes
     -----
-    The reader is more patient than the program: lower case, ``$`` outside column 2 or a missing end of a namelist are taken as
-    they are meant, and reported by `check_deck`.
+    The reader accepts more than the program: it reads lower case, ``$`` outside column 2 or a
+    missing end of a namelist as they are meant, and `check_deck` reports them.
 
     Examples
     --------
@@ -87,69 +86,86 @@ def read_deck(source: str | os.PathLike[str] | Iterable[str]) -> DeckFile:
     >>> deck[0].caseid, deck[0].values("FLTCON", "MACH"), deck.comments
     ('ONE', [0.3], ((1, 'A COMMENT'),))
     """
-    file = (
-        os.path.basename(os.fspath(source)) if isinstance(source, str | os.PathLike) else "<text>"
-    )
-    kind = file_kind(source) if isinstance(source, str | os.PathLike) else "a text"
+    file, kind = "<text>", "a text"
+    if isinstance(source, str | os.PathLike):
+        file, kind = os.path.basename(os.fspath(source)), file_kind(source)
+    # The content decides: a listing echoes the whole deck too.
     if not kind.startswith(("an input deck", "a text", "a file", "an empty")):
         raise ParseError(file, 0, kind, _DECK)
-    text = _Text()
+    text = _DeckText()
     cases: list[Deck] = []
     cards: list[tuple[int, str]] = []
-    for number, line in enumerate(_lines(source), 1):
-        card = text.card(number, line)
+    before: Deck | None = None
+    for number, line in enumerate(_read_lines(source), 1):
+        card = text.read_card(number, line)
         if not card:
             continue
         cards.append((number, card))
         if card.lstrip().upper().startswith("NEXT CASE"):
-            cases.append(parse_cards(cards, cases[-1] if cases else None))
+            before = parse_cards(cards, before)
+            cases.append(before)
             cards = []
     if cards:
-        _add_last(cases, cards, text)
+        _add_last_case(cases, cards, text)
     if not cases:
-        raise ParseError(file, 0, "no card" if text.lines else "an empty file", _DECK)
+        problem = "an empty file"
+        if text.line_count:
+            problem = "no card"
+        raise ParseError(file, 0, problem, _DECK)
     if text.comments or file.lower().endswith(".dcm"):
-        cases = _with_cards_kept(cases, text)
+        cases = _repeat_cards(cases, text)
     return DeckFile(file, tuple(cases), tuple(text.comments), tuple(text.findings))
 
 
-def _with_cards_kept(cases: list[Deck], text: _Text) -> list[Deck]:
-    """Return the cases with DAMP and PART in every case that SAVE continues from one that has them."""
-    kept = cases[:1]
+def _repeat_cards(cases: list[Deck], text: _DeckText) -> list[Deck]:
+    """Return the cases with DAMP and PART in every case that SAVE continues from one with them."""
+    # A case with repeated cards passes them on to the next one.
+    repeated = cases[:1]
     for case in cases[1:]:
-        cards = [
-            Card(case.line, word, "")
-            for word in _KEPT
-            if kept[-1].has("SAVE") and kept[-1].has(word) and not case.has(word)
-        ]
+        before = repeated[-1]
+        cards = []
+        if before.has("SAVE"):
+            for name in _REPEATED_CARDS:
+                if before.has(name) and not case.has(name):
+                    cards.append(Card(case.line, name, ""))
         if cards:
-            words = " and ".join(card.name for card in cards)
+            names = " and ".join(card.name for card in cards)
             text.report(
                 case.line,
                 NOTE,
-                f"{words} of the case before: DATCOM+ repeats it after SAVE, the program "
+                f"{names} of the case before: DATCOM+ repeats it after SAVE, the program "
                 f"does not; write_deck writes it",
             )
-        kept.append(replace(case, items=(*cards, *case.items), cards=(*case.cards, *cards)))
-    return kept
+        items, all_cards = (*cards, *case.items), (*case.cards, *cards)
+        repeated.append(replace(case, items=items, cards=all_cards))
+    return repeated
 
 
-def _lines(source: str | os.PathLike[str] | Iterable[str]) -> Iterator[str]:
-    """Yield the lines without their ends; bytes are read as ISO 8859-1, so that any byte in a
-    CASEID survives, or as their mark states.
+def _read_lines(source: str | os.PathLike[str] | Iterable[str]) -> Iterator[str]:
+    """Yield the lines without their ends.
+
+    Bytes are read as their byte-order mark states, else as ISO 8859-1, in which any byte of a
+    CASEID survives.
     """
     if isinstance(source, str | os.PathLike):
         raw = read_bytes(source, _DECK)
         encoding, skip = marked_encoding(raw)
-        text = raw[skip:].decode("latin-1" if encoding in ("", "utf-8") else encoding, "replace")
-        source = (text if "\n" in text else with_line_feeds(text)).removesuffix("\n").split("\n")
+        if encoding in ("", "utf-8"):
+            encoding = "latin-1"
+        text = raw[skip:].decode(encoding, "replace")
+        if "\n" not in text:
+            text = with_line_feeds(text)
+        source = text.removesuffix("\n").split("\n")
     for line in source:
         yield str(line).rstrip("\r\n\x1a ")
 
 
-def _add_last(cases: list[Deck], cards: list[tuple[int, str]], text: _Text) -> None:
+def _add_last_case(cases: list[Deck], cards: list[tuple[int, str]], text: _DeckText) -> None:
     """Add the case after the last NEXT CASE; without a namelist the program does not run it."""
-    last = parse_cards(cards, cases[-1] if cases else None)
+    before = None
+    if cases:
+        before = cases[-1]
+    last = parse_cards(cards, before)
     if last.namelists or not cases:
         cases.append(last)
     else:
@@ -160,20 +176,20 @@ def _add_last(cases: list[Deck], cards: list[tuple[int, str]], text: _Text) -> N
         )
 
 
-class _Text:
-    """The deck as text: what DATCOM+ adds to it is taken away and reported."""
+class _DeckText:
+    """The deck as text: additions of DATCOM+ are removed and reported."""
 
     def __init__(self) -> None:
         self.comments: list[tuple[int, str]] = []
         self.findings: list[DeckFinding] = []
-        self.lines = 0
+        self.line_count = 0
 
     def report(self, line: int, severity: str, text: str) -> None:
         self.findings.append(DeckFinding(line, severity, text))
 
-    def card(self, number: int, line: str) -> str:
+    def read_card(self, number: int, line: str) -> str:
         """Return the card of a line; empty for comments and blank lines."""
-        self.lines = number
+        self.line_count = number
         if "\t" in line:
             self.report(number, ERROR, "tab: the program reads columns; write blanks")
             line = line.replace("\t", " ")
@@ -186,37 +202,34 @@ class _Text:
             )
             return ""
         if line[0] in "*#":
-            return self._comment(number, line[1:])
+            return self._add_comment(number, line[1:])
         is_caseid = line[:6].upper() == "CASEID"
-        if not is_caseid:  # a CASEID may hold any character
+        # A CASEID may hold any character.
+        if not is_caseid:
             line, separator, comment = line.partition("!")
             if separator:
-                self._comment(number, comment)
-        if line[CARD_COLUMNS:].strip():
-            self._too_long(number, line, is_caseid)
-        return line.rstrip()
-
-    def _comment(self, number: int, text: str) -> str:
-        self.comments.append((number, text.strip()))
-        self.report(
-            number,
-            ERROR,
-            "comment: only the pre-processor of DATCOM+ takes it away, the program does not "
-            "run the case; use write_deck",
-        )
-        return ""
-
-    def _too_long(self, number: int, line: str, is_caseid: bool) -> None:
-        if not is_caseid:
+                self._add_comment(number, comment)
+        if line[CARD_COLUMNS:].strip() and not is_caseid:
             text = (
                 f"{len(line.rstrip())} columns: the program reads {CARD_COLUMNS}, the rest is "
                 f"lost; break the line after a comma"
             )
             self.report(number, ERROR, text)
+        return line.rstrip()
+
+    def _add_comment(self, number: int, text: str) -> str:
+        self.comments.append((number, text.strip()))
+        self.report(
+            number,
+            ERROR,
+            "comment: only the pre-processor of DATCOM+ removes it, the program does not "
+            "run the case; use write_deck",
+        )
+        return ""
 
 
 _NAME = re.compile(r"[A-Z][A-Z0-9]{0,9}")
-_CONTINUED = "   "
+_INDENT = "   "  # of the lines that continue a namelist
 
 
 def write_deck(
@@ -231,18 +244,20 @@ def write_deck(
     path : path
         File to write; its folder must exist.
     resolved : bool
-        Write every case complete, without SAVE; else the cards as they were given, SAVE included.
+        Write every case complete, without SAVE.  Otherwise the cards are written as they were
+        given, SAVE included.
 
     Raises
     ------
     SchemaError
-        The deck holds what no card can hold: a name or a text that does not fit, a number that is
-        not finite.
+        The deck holds a name or a text that does not fit on a card, or a number that is not
+        finite.
 
     Notes
     -----
-    Comments, illegal cards and what could not be read are left out.  Numbers have nine digits, more than the program's single
-    precision can distinguish.  `read_deck` of the file is equal in meaning (`Deck.meaning`).
+    Comments, illegal cards and unreadable text are left out.  Numbers have nine digits, more than
+    the single precision of the program can distinguish.  `read_deck` of the file is equal in
+    meaning (`Deck.meaning`).
     """
     text = deck_text(deck, resolved=resolved)
     write_text(path, text, encoding="latin-1")
@@ -250,25 +265,36 @@ def write_deck(
 
 def deck_text(deck: DeckFile | Deck | Iterable[Deck], *, resolved: bool = False) -> str:
     """Return the text that `write_deck` writes."""
-    cases = [deck] if isinstance(deck, Deck) else list(deck)
-    problems = [
-        f"case {number}: {problem}"
-        for number, case in enumerate(cases, 1)
-        for problem in _problems(case)
-    ]
+    if isinstance(deck, Deck):
+        cases = [deck]
+    else:
+        cases = list(deck)
+    problems: list[str] = []
+    lines: list[str] = []
+    for number, case in enumerate(cases, 1):
+        problems += [f"case {number}: {problem}" for problem in _find_problems(case)]
     if problems:
         raise SchemaError("input deck", problems)
-    lines = [line for case in cases for line in (_resolved_case(case) if resolved else _case(case))]
+    for case in cases:
+        if resolved:
+            lines += _resolved_cards(case)
+        else:
+            lines += _cards_as_given(case)
     return "".join(f"{line}\n" for line in lines)
 
 
-def _problems(case: Deck) -> Iterator[str]:
+def _find_problems(case: Deck) -> Iterator[str]:
+    """Yield everything in a case that no card can hold."""
+    # A card holds 80 columns of single-byte characters.
     for card in case.cards:
         if not card.text.isprintable() or any(ord(letter) > 255 for letter in card.text):
-            yield f"{card.name} holds {card.text!r}; a card holds printable characters of ISO 8859-1"
-        if len(card.text) > (
-            CASEID_COLUMNS if card.name == "CASEID" else CARD_COLUMNS - len(card.name) - 1
-        ):
+            yield (
+                f"{card.name} holds {card.text!r}; a card holds printable characters of ISO 8859-1"
+            )
+        most = CARD_COLUMNS - len(card.name) - 1
+        if card.name == "CASEID":
+            most = CASEID_COLUMNS
+        if len(card.text) > most:
             yield f"{card.name} holds {len(card.text)} characters; they do not fit on one card"
     for name, group in case.namelists.items():
         for word in (name, *group):
@@ -276,32 +302,39 @@ def _problems(case: Deck) -> Iterator[str]:
                 yield f"${name}: {word!r} is no name; upper case letters and digits, at most 10"
         for variable, values in group.items():
             if any(isinstance(x, float) and not math.isfinite(x) for x in values):
-                yield f"${name}: {variable} holds a number that is not finite; leave the place empty (None) when it is not given"
+                yield (
+                    f"${name}: {variable} holds a number that is not finite; leave the place empty "
+                    f"(None) when it is not given"
+                )
 
 
-def _case(case: Deck) -> Iterator[str]:
+def _cards_as_given(case: Deck) -> Iterator[str]:
     """Yield the cards as they were given."""
     for item in case.items:
-        yield from _item(item)
-    ends = case.items and isinstance(case.items[-1], Card) and case.items[-1].name == "NEXT"
-    # without a card behind SAVE the program ends; with NEXT CASE it would run the saved case once
-    # more
-    if not ends and not case.has("SAVE"):
+        if isinstance(item, Card):
+            yield _card_text(item)
+        else:
+            yield from _namelist_lines(item.name, item.assignments)
+    last = case.items[-1:]
+    has_end = bool(last) and isinstance(last[0], Card) and last[0].name == "NEXT"
+    # Without a card behind SAVE the program ends; NEXT CASE would run the saved case once more.
+    if not has_end and not case.has("SAVE"):
         yield "NEXT CASE"
 
 
-def _resolved_case(case: Deck) -> Iterator[str]:
+# Cards that a complete case states in its own way.
+_RESOLVED = ("DIM", "DERIV", "SAVE", "NEXT", "CASEID", "NACA")
+
+
+def _resolved_cards(case: Deck) -> Iterator[str]:
     """Yield cards that make the case complete by itself."""
     yield f"DIM {case.dim}"
     yield f"DERIV {case.deriv}"
-    left_out = ("DIM", "DERIV", "SAVE", "NEXT", "CASEID", "NACA")
     for card in case.cards:
-        if card.name not in left_out:
-            yield _card(card)
+        if card.name not in _RESOLVED:
+            yield _card_text(card)
     for name, group in case.namelists.items():
-        yield from _namelist(
-            name, (word for piece in assignments_of(group) for word in _words(name, piece))
-        )
+        yield from _namelist_lines(name, assignments_of(group))
     for surface, designation in case.sections.items():
         yield f"NACA {surface} {designation}".rstrip()
     if case.caseid:
@@ -309,43 +342,37 @@ def _resolved_case(case: Deck) -> Iterator[str]:
     yield "NEXT CASE"
 
 
-def _item(item: Item) -> Iterator[str]:
-    if isinstance(item, Card):
-        yield _card(item)
-    else:
-        yield from _namelist(
-            item.name,
-            (word for assignment in item.assignments for word in _words(item.name, assignment)),
-        )
-
-
-def _card(card: Card) -> str:
+def _card_text(card: Card) -> str:
     return f"{card.name} {card.text}".rstrip()
 
 
-def _words(name: str, assignment: NamelistAssignment) -> Iterator[str]:
-    """Yield what may stand on one card: the variable with its first value, then value by value."""
-    first, *more = map(format_namelist_value, assignment.values)
-    is_array = (
-        abs(VARIABLES.get(name, {}).get(assignment.variable, 1)) > 1
-        or assignment.start > 1
-        or bool(more)
-    )
-    yield (
-        f"{assignment.variable}({assignment.start})={first}"
-        if is_array
-        else f"{assignment.variable}={first}"
-    )
-    yield from more
+def _assignment_parts(name: str, assignment: NamelistAssignment) -> list[str]:
+    """Return the parts that must not be broken: the variable with its first value, then values."""
+    # An array shows its index, even for one value.
+    first, *others = map(format_namelist_value, assignment.values)
+    size = abs(VARIABLES.get(name, {}).get(assignment.variable, 1))
+    is_array = size > 1 or assignment.start > 1 or bool(others)
+    target = assignment.variable
+    if is_array:
+        target = f"{assignment.variable}({assignment.start})"
+    return [f"{target}={first}", *others]
 
 
-def _namelist(name: str, words: Iterable[str]) -> Iterator[str]:
+def _namelist_lines(name: str, assignments: Iterable[NamelistAssignment]) -> Iterator[str]:
+    """Yield the cards of a namelist, each within the columns of a card."""
+    parts: list[str] = []
+    for assignment in assignments:
+        parts += _assignment_parts(name, assignment)
     line = f" ${name}"
-    blank = " "
-    for word in words:
-        if len(line) + len(blank) + len(word) + 1 > CARD_COLUMNS:
+    separator = " "
+    for part in parts:
+        # One column is left for the comma, or for the closing $.
+        if len(line) + len(separator) + len(part) + 1 > CARD_COLUMNS:
             yield line
-            line, blank = _CONTINUED, ""
-        line += f"{blank}{word},"
-        blank = ""
-    yield (line.removesuffix(",") if line.endswith(",") else f"{line} ") + "$"
+            line, separator = _INDENT, ""
+        line += f"{separator}{part},"
+        separator = ""
+    if line.endswith(","):
+        yield line.removesuffix(",") + "$"
+    else:
+        yield f"{line} $"

@@ -1,7 +1,6 @@
-"""The vocabulary of the input deck: namelists with their variables, control cards, spellings and
-limits.
+"""Vocabulary of the input deck: namelists and variables, control cards, spellings, limits, values.
 
-Sizes are those of the program's own reader; a value beyond them stops the run.  A size below zero
+Sizes are those of the reader of the program; a value beyond them stops the run.  A size below zero
 denotes a logical variable.
 """
 
@@ -12,6 +11,7 @@ from functools import lru_cache
 
 from datcom_io.cells import OK, read_cell
 
+# Variables that several namelists have in common, as name and size.
 _PLANFORM = (
     "CHRDR CHRDBP CHRDTP SSPN SSPNE SSPNOP SAVSI SAVSO CHSTAT SWAFP TWISTA SSPNDD DHDADI "
     "DHDADO TYPE"
@@ -68,10 +68,17 @@ _TEXT = {
     "HYPEFF": "ALITD XHL TWOTI CF HNDLTA HDELTA(10) LAMNR(-1)",
 }
 _VARIABLE = re.compile(r"(\w+)(?:\((-?\d+)\))?")
-VARIABLES: dict[str, dict[str, int]] = {
-    name: {variable: int(size or 1) for variable, size in _VARIABLE.findall(text)}
-    for name, text in {**_TEXT, **{f"EXPR{n:02d}": _EXPERIMENT for n in range(1, 21)}}.items()
-}
+_MOST_EXPERIMENTS = 20  # EXPR01 ... EXPR20, one for each Mach number
+
+
+def _read_sizes(text: str) -> dict[str, int]:
+    """Return the size of each variable of a namelist."""
+    return {variable: int(size or 1) for variable, size in _VARIABLE.findall(text)}
+
+
+VARIABLES: dict[str, dict[str, int]] = {name: _read_sizes(text) for name, text in _TEXT.items()}
+for _number in range(1, _MOST_EXPERIMENTS + 1):
+    VARIABLES[f"EXPR{_number:02d}"] = _read_sizes(_EXPERIMENT)
 """Namelist to variable to size."""
 
 _SECTION_SPELLINGS = {"CM0": "CMO", "CM0T": "CMOT", "CLAM0": "CLAMO", "ALPHA0": "ALPHAO"}
@@ -147,76 +154,94 @@ def read_values(text: str) -> tuple[tuple[Value, ...], list[tuple[str, str]]]:
     values : tuple
         Empty when it is no value.
     complaints : list of (str, str)
-        Severity and text of what the program would not read as it is meant.
+        Severity and text about a value that the program would not read as it is meant.
 
     Examples
     --------
     >>> read_values("3*2.0"), read_values(".TRUE.")
     (((2.0, 2.0, 2.0), []), ((True,), []))
     """
+    # 3*2.0 stands for three values.
     repeat = _REPEAT.fullmatch(text)
-    count, word = (int(repeat[1]), repeat[2].strip()) if repeat else (1, text)
+    count, word = 1, text
+    if repeat:
+        count, word = int(repeat[1]), repeat[2].strip()
     if not 0 < count <= _LARGEST_REPEAT:
         return (), [("error", f"has the repeat count {count}; allowed is 1 ... {_LARGEST_REPEAT}")]
-    value, severity, complaint = _known(word) if len(word) <= _LONGEST_KNOWN else _read(word)
-    return (() if value is None else (value,) * count), [(severity, complaint)] if complaint else []
+    if len(word) <= _LONGEST_CACHED:
+        value, severity, complaint = _read_cached_value(word)
+    else:
+        value, severity, complaint = _read_value(word)
+    values: tuple[Value, ...] = ()
+    if value is not None:
+        values = (value,) * count
+    if not complaint:
+        return values, []
+    return values, [(severity, complaint)]
 
 
-def _read(word: str) -> tuple[Value | None, str, str]:
+def _read_value(word: str) -> tuple[Value | None, str, str]:
+    """Return a value, None for a word that is not one, with severity and text of a complaint.
+
+    The text is empty for a value that the program reads as it is meant.
+    """
     if _LOGICAL.fullmatch(word):
-        problem = (
-            ""
-            if word in _LOGICAL_FORMS
-            else f"has the value {word}; the program knows .TRUE. and .FALSE. with both points"
-        )
-        return "T" in word[:2], "error", problem
+        complaint = ""
+        if word not in _LOGICAL_FORMS:
+            complaint = (
+                f"has the value {word}; the program knows .TRUE. and .FALSE. with both points"
+            )
+        return "T" in word[:2], "error", complaint
     number = _NUMBER.fullmatch(word)
     if number and (number[1] or number[3]):
-        value = float(word)
-        if abs(value) > _LARGEST:
-            return None, "error", f"has the value {_short(word)}, which is too large"
-        if any(_overflows(digits or "") for digits in (number[1], number[3])):
-            problem = (
-                f"has the value {_short(word)}: too many digits, the program's integers "
-                f"overflow; write {DIGITS} digits"
-            )
-            return value, "error", problem
-        return (
-            value,
-            "warning",
-            ""
-            if number[2]
-            else f"has the value {word} without a point; the program uses it and flags a syntax "
-            f"error",
-        )
+        return _read_number(word, number)
     if " " in word:
-        joined, severity, problem = _read(word.replace(" ", ""))
-        return (
-            joined,
-            severity if problem else "warning",
-            problem or f"has the value {word!r} with a blank in it",
-        )
+        value, severity, complaint = _read_value(word.replace(" ", ""))
+        if complaint:
+            return value, severity, complaint
+        return value, "warning", f"has the value {word!r} with a blank in it"
+    # Other spellings of a number, such as D exponents and lower case.
     cell = read_cell(word)
     if cell and cell[1] == OK and abs(cell[0]) <= _LARGEST:
-        return (
-            cell[0],
-            "error",
-            f"has the value {word}; the program reads only E exponents in upper case",
+        complaint = f"has the value {word}; the program reads only E exponents in upper case"
+        return cell[0], "error", complaint
+    return None, "error", f"has the value {_shorten(word)!r}, which is no number"
+
+
+def _read_number(word: str, number: re.Match[str]) -> tuple[Value | None, str, str]:
+    """Return a number with severity and text of a complaint; `number` is its match of _NUMBER."""
+    value = float(word)
+    if abs(value) > _LARGEST:
+        return None, "error", f"has the value {_shorten(word)}, which is too large"
+    if _overflows(number[1] or "") or _overflows(number[3] or ""):
+        complaint = (
+            f"has the value {_shorten(word)}: too many digits, the program's integers "
+            f"overflow; write {DIGITS} digits"
         )
-    return None, "error", f"has the value {_short(word)!r}, which is no number"
+        return value, "error", complaint
+    if number[2]:
+        return value, "warning", ""
+    complaint = (
+        f"has the value {word} without a point; the program uses it and flags a syntax error"
+    )
+    return value, "warning", complaint
 
 
-_known = lru_cache(4096)(_read)  # a run prints its cards once for the job and once for every case
-_LONGEST_KNOWN = 24
+# A run prints its cards once for the job and once for every case.
+_read_cached_value = lru_cache(4096)(_read_value)
+_LONGEST_CACHED = 24
 
 
 def _overflows(digits: str) -> bool:
+    """Return whether the digits before or behind the point overflow an integer of the program."""
     significant = digits.lstrip("0")
     return len(significant) > DIGITS + 1 or int(significant or 0) > _LARGEST_INTEGER
 
 
-def _short(word: str) -> str:
-    return word if len(word) <= _SHOWN else f"{word[:_SHOWN]}..."
+def _shorten(word: str) -> str:
+    if len(word) <= _SHOWN:
+        return word
+    return f"{word[:_SHOWN]}..."
 
 
 def format_namelist_value(value: Value) -> str:
@@ -224,12 +249,15 @@ def format_namelist_value(value: Value) -> str:
 
     Examples
     --------
-    >>> [value_text(x) for x in (2.0, -0.021, 1.0e-5, 4.0e6, 1.0e12, True)]
+    >>> [format_namelist_value(x) for x in (2.0, -0.021, 1.0e-5, 4.0e6, 1.0e12, True)]
     ['2.0', '-0.021', '1.0E-5', '4000000.0', '1.0E12', '.TRUE.']
     """
     if isinstance(value, bool):
         return ".TRUE." if value else ".FALSE."
+    # The program expects a decimal point and a capital E.
     mantissa, letter, exponent = f"{value:.{DIGITS}g}".partition("e")
     if "." not in mantissa:
         mantissa += ".0"
-    return mantissa + (f"E{int(exponent)}" if letter else "")
+    if letter:
+        return f"{mantissa}E{int(exponent)}"
+    return mantissa

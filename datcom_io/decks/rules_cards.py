@@ -1,5 +1,6 @@
-"""Rules of the cards: names, types and sizes that the program's own reader knows.  A fault here
-stops the whole run.
+"""Rules of the cards: names, types and sizes that the reader of the program accepts.
+
+A fault here stops the whole run.
 """
 
 from __future__ import annotations
@@ -17,50 +18,57 @@ _STOPS = "it stops the program"
 
 
 def check_namelist_names(deck: Deck) -> Iterator[DeckFinding]:
-    """Yield namelists and variables that the program does not know, and values of another type or
-    beyond the array.
-    """
+    """Yield unknown namelists and variables, and values of another type or beyond the array."""
     for item in deck.items:
         if not isinstance(item, Namelist):
             continue
-        known = VARIABLES.get(item.name)
-        if known is None:
+        sizes = VARIABLES.get(item.name)
+        if sizes is None:
             yield DeckFinding(
                 item.line,
                 ERROR,
-                f"unknown namelist ${item.name}{_near(item.name, VARIABLES)}; the program "
+                f"unknown namelist ${item.name}{_near_names(item.name, VARIABLES)}; the program "
                 f"does not run the case",
             )
             continue
+        # A wrong name or size stops the reader of the program.
         for assignment in item.assignments:
-            if assignment.variable not in known:
-                near = _near(assignment.variable, known)
+            if assignment.variable not in sizes:
+                near = _near_names(assignment.variable, sizes)
                 yield DeckFinding(
                     assignment.line,
                     ERROR,
                     f"${item.name} has no variable {assignment.variable}{near}; {_STOPS}",
                 )
             else:
-                yield from _sizes(item.name, assignment, known[assignment.variable])
+                yield from _check_values(item.name, assignment, sizes[assignment.variable])
 
 
-def _near(name: str, allowed: Iterable[str]) -> str:
+def _near_names(name: str, allowed: Iterable[str]) -> str:
+    """Return a text with the allowed names that look like a wrong one, empty without any."""
     near = get_close_matches(name, allowed, n=3, cutoff=0.6)
-    return f"; near it: {', '.join(near)}" if near else ""
+    if not near:
+        return ""
+    return f"; near it: {', '.join(near)}"
 
 
-def _sizes(name: str, found: NamelistAssignment, size: int) -> Iterator[DeckFinding]:
-    where = f"${name}: {found.variable}"
-    last = found.start - 1 + len(found.values)
+def _check_values(name: str, assignment: NamelistAssignment, size: int) -> Iterator[DeckFinding]:
+    """Yield values beyond an array, or of another type than the variable."""
+    where = f"${name}: {assignment.variable}"
+    last = assignment.start - 1 + len(assignment.values)
     if last > abs(size):
-        allowed = "one value" if abs(size) == 1 else f"{abs(size)} values"
-        yield DeckFinding(
-            found.line, ERROR, f"{where} is given up to place {last}; it holds {allowed}, {_STOPS}"
-        )
-    logical = size < 0
-    if any(isinstance(value, bool) is not logical for value in found.values):
-        wanted = ".TRUE. or .FALSE." if logical else "a number"
-        yield DeckFinding(found.line, ERROR, f"{where} must be {wanted}; {_STOPS}")
+        allowed = f"{abs(size)} values"
+        if abs(size) == 1:
+            allowed = "one value"
+        text = f"{where} is given up to place {last}; it holds {allowed}, {_STOPS}"
+        yield DeckFinding(assignment.line, ERROR, text)
+    # A size below zero denotes a logical variable.
+    is_logical = size < 0
+    if any(isinstance(value, bool) is not is_logical for value in assignment.values):
+        expected = "a number"
+        if is_logical:
+            expected = ".TRUE. or .FALSE."
+        yield DeckFinding(assignment.line, ERROR, f"{where} must be {expected}; {_STOPS}")
 
 
 def control_cards(deck: Deck) -> Iterator[DeckFinding]:
@@ -76,10 +84,12 @@ def control_cards(deck: Deck) -> Iterator[DeckFinding]:
                 f"run the case",
             )
         if card.name == "NACA":
-            yield from _naca(card)
+            yield from _check_naca_card(card)
 
 
-def _naca(card: Card) -> Iterator[DeckFinding]:
+def _check_naca_card(card: Card) -> Iterator[DeckFinding]:
+    """Yield a wrong surface, type or designation of a NACA card."""
+    # Columns 6 and 8 of the card, and the text from column 10 on.
     surface, kind, designation = card.text[:1], card.text[2:3], card.text[4:].strip()
     if surface not in _SURFACES or not surface:
         surfaces = "W wing, H horizontal tail, V vertical tail, F ventral fin"
@@ -104,12 +114,11 @@ def _naca(card: Card) -> Iterator[DeckFinding]:
 
 def length_of_chain(deck: Deck) -> Iterator[DeckFinding]:
     """Yield a series of SAVE cases that has more namelists than the program can replay."""
-    chain = [
-        item
-        for item in (*deck.replayed, *deck.items)
-        if isinstance(item, Namelist) or item.name == "NACA"
-    ]
-    count = sum(not item.name.startswith("EXPR") for item in chain)
+    count = 0
+    for item in (*deck.replayed, *deck.items):
+        is_replayed = isinstance(item, Namelist) or item.name == "NACA"
+        if is_replayed and not item.name.startswith("EXPR"):
+            count += 1
     if count > MOST_NAMELISTS:
         text = (
             f"{count} namelists and NACA cards in a series of SAVE cases; the program takes "
@@ -120,23 +129,24 @@ def length_of_chain(deck: Deck) -> Iterator[DeckFinding]:
 
 def devices_written(deck: Deck) -> Iterator[DeckFinding]:
     """Yield control devices that exclude each other in one case."""
-    own = [
-        item
-        for item in deck.items
-        if isinstance(item, Namelist) and item.name in ("SYMFLP", "ASYFLP")
-    ]
-    if {item.name for item in own} == {"SYMFLP", "ASYFLP"}:
+    devices = []
+    for item in deck.items:
+        if isinstance(item, Namelist) and item.name in ("SYMFLP", "ASYFLP"):
+            devices.append(item)
+    # A case computes one device only.
+    if {item.name for item in devices} == {"SYMFLP", "ASYFLP"}:
         text = (
             f"SYMFLP and ASYFLP in one case: the program drops the first and computes "
-            f"${own[-1].name}; make a case for each (datcom split)"
+            f"${devices[-1].name}; make a case for each (datcom split)"
         )
-        yield DeckFinding(own[-1].line, ERROR, text)
-    elif len(own) > 1:
+        yield DeckFinding(devices[-1].line, ERROR, text)
+    elif len(devices) > 1:
         text = (
-            f"${own[0].name} {len(own)} times in one case: the values of the last overwrite "
-            f"those before; make a case for each"
+            f"${devices[0].name} {len(devices)} times in one case: the values of the last "
+            f"overwrite those before; make a case for each"
         )
-        yield DeckFinding(own[1].line, WARNING, f"{text} (datcom split)")
+        yield DeckFinding(devices[1].line, WARNING, f"{text} (datcom split)")
+    # The hypersonic flap and the jet use the memory of the flaps.
     sharing = [name for name in ("SYMFLP", "ASYFLP", "HYPEFF", "TRNJET") if name in deck.namelists]
     if len(sharing) > 1 and ("HYPEFF" in sharing or "TRNJET" in sharing):
         text = (

@@ -11,45 +11,50 @@ from datcom_io.decks.namelists import COUNTS, VARIABLES
 
 
 def check_value_counts(deck: Deck) -> Iterator[DeckFinding]:
-    """Yield counts that are missing, no counts, or differ from the values given."""
+    """Yield counts that are missing, not a count, or differ from the values given."""
+    # A counter states how many values of its arrays the program uses.
     for name, counter, needed, others in COUNTS:
         group = deck.namelists.get(name, {})
-        given = [array for array in (*needed, *others) if array in group]
-        if not given:
+        arrays = [array for array in (*needed, *others) if array in group]
+        if not arrays:
             continue
-        wanted = _count(deck, name, counter)
-        line, most = deck.line_of(name, counter), abs(VARIABLES[name][given[0]])
-        if wanted is None:
+        count = _find_count(deck, name, counter)
+        line, most = deck.line_of(name, counter), abs(VARIABLES[name][arrays[0]])
+        if count is None:
             yield DeckFinding(
                 line,
                 ERROR,
-                f"${name}: {counter} is not given, {', '.join(given)} is; write how many "
+                f"${name}: {counter} is not given, {', '.join(arrays)} is; write how many "
                 f"values count",
             )
-        elif wanted != int(wanted) or not 0 < wanted <= most:
+        elif count != int(count) or not 0 < count <= most:
             yield DeckFinding(
                 line,
                 ERROR,
-                f"${name}: {counter}={wanted:g}; allowed are whole numbers from 1 to {most}",
+                f"${name}: {counter}={count:g}; allowed are whole numbers from 1 to {most}",
             )
         else:
-            for array in given:
-                severity = ERROR if array in needed and array != "ALSCHD" else WARNING
-                yield from _filled(
-                    deck, name, array, f"{counter}={wanted:g}", int(wanted), severity
+            for array in arrays:
+                # Without an angle of attack the program still runs.
+                severity = WARNING
+                if array in needed and array != "ALSCHD":
+                    severity = ERROR
+                yield from _check_length(
+                    deck, name, array=array, counter=counter, count=int(count), severity=severity
                 )
 
 
-def _filled(
-    deck: Deck, name: str, array: str, required: str, wanted: int, severity: str
+def _check_length(
+    deck: Deck, name: str, *, array: str, counter: str, count: int, severity: str
 ) -> Iterator[DeckFinding]:
+    """Yield an array that does not have as many values as its counter states."""
     values = deck.namelists[name][array]
     line = deck.line_of(name, array)
-    missing = [i + 1 for i, value in enumerate(values[:wanted]) if value is None]
-    if len(values) < wanted:
+    missing = [i + 1 for i, value in enumerate(values[:count]) if value is None]
+    if len(values) < count:
         text = (
-            f"${name}: {array} has {len(values)} values, {required}; the program takes the "
-            f"missing ones as 1E-30"
+            f"${name}: {array} has {len(values)} values, {counter}={count:g}; the program takes "
+            f"the missing ones as 1E-30"
         )
         if array == "ALSCHD":
             text += (
@@ -63,22 +68,20 @@ def _filled(
             severity,
             f"${name}: {array} has no value at place {missing[0]}; the program takes it as 1E-30",
         )
-    elif len(values) > wanted:
+    elif len(values) > count:
         yield DeckFinding(
             line,
             NOTE,
-            f"${name}: {array} has {len(values)} values, {required}; the rest is not used",
+            f"${name}: {array} has {len(values)} values, {counter}={count:g}; the rest is not used",
         )
 
 
-def _count(deck: Deck, name: str, counter: str) -> float | None:
+def _find_count(deck: Deck, name: str, counter: str) -> float | None:
     """Return a count; NALT may be missing when Mach number and altitude step together."""
     number = deck.value(name, counter)
-    return (
-        deck.value(name, "NMACH")
-        if number is None and counter == "NALT" and deck.loop == 1
-        else number
-    )
+    if number is None and counter == "NALT" and deck.loop == 1:
+        return deck.value(name, "NMACH")
+    return number
 
 
 def check_flight_conditions(deck: Deck) -> Iterator[DeckFinding]:
@@ -86,9 +89,8 @@ def check_flight_conditions(deck: Deck) -> Iterator[DeckFinding]:
     if "FLTCON" not in deck.namelists:
         return
     line = deck.line_of("FLTCON")
-    if (
-        not deck.values("FLTCON", "ALSCHD") and "TRNJET" not in deck.namelists
-    ):  # the page of a transverse jet needs none
+    # The page of a transverse jet needs no angle of attack.
+    if not deck.values("FLTCON", "ALSCHD") and "TRNJET" not in deck.namelists:
         yield DeckFinding(
             line,
             ERROR,
@@ -100,6 +102,7 @@ def check_flight_conditions(deck: Deck) -> Iterator[DeckFinding]:
             line, ERROR, "$FLTCON: no speed, neither MACH nor VINF; the program leaves the case out"
         )
     loop = deck.value("FLTCON", "LOOP")
+    # The default is 1.
     if loop not in (None, 1.0, 2.0, 3.0):
         yield DeckFinding(
             deck.line_of("FLTCON", "LOOP"),
@@ -114,20 +117,24 @@ def check_flight_conditions(deck: Deck) -> Iterator[DeckFinding]:
         )
 
 
+def _is_given(deck: Deck, name: str) -> bool:
+    """Return whether a variable of FLTCON has a value."""
+    return deck.value("FLTCON", name) is not None
+
+
 def _has_atmosphere(deck: Deck) -> bool:
-    given = {name for name in ("ALT", "PINF", "TINF") if deck.value("FLTCON", name) is not None}
-    return "ALT" in given or given >= {"PINF", "TINF"}
+    """Return whether altitude, or pressure and temperature, are given."""
+    has_pressure = _is_given(deck, "PINF") and _is_given(deck, "TINF")
+    return has_pressure or _is_given(deck, "ALT")
 
 
 def check_atmosphere(deck: Deck) -> Iterator[DeckFinding]:
-    """Yield combinations of speed, atmosphere and Reynolds number that the program completes by
-    itself.
-    """
+    """Yield combinations of speed, atmosphere and Reynolds number that the program completes."""
     if "FLTCON" not in deck.namelists:
         return
-    mach, speed, reynolds = (
-        deck.value("FLTCON", name) is not None for name in ("MACH", "VINF", "RNNUB")
-    )
+    mach, speed = _is_given(deck, "MACH"), _is_given(deck, "VINF")
+    reynolds = _is_given(deck, "RNNUB")
+    # The program completes what is missing, with an error or a warning.
     air = _has_atmosphere(deck)
     line = deck.line_of("FLTCON")
     if not air and not reynolds:
@@ -159,10 +166,8 @@ def check_atmosphere(deck: Deck) -> Iterator[DeckFinding]:
             f"$FLTCON: LOOP={deck.loop} without atmosphere; the program takes LOOP=1 and "
             f"prints ERROR: write ALT",
         )
-    has_pressure = (
-        deck.value("FLTCON", "PINF") is not None and deck.value("FLTCON", "TINF") is not None
-    )
-    if has_pressure and deck.value("FLTCON", "ALT") is not None:
+    has_pressure = _is_given(deck, "PINF") and _is_given(deck, "TINF")
+    if has_pressure and _is_given(deck, "ALT"):
         text = (
             "$FLTCON: ALT and PINF with TINF; the program computes with PINF and TINF and "
             "prints ALT: write one"
@@ -172,6 +177,7 @@ def check_atmosphere(deck: Deck) -> Iterator[DeckFinding]:
 
 def check_loop_lists(deck: Deck) -> Iterator[DeckFinding]:
     """Yield LOOP=1 with lists of different length."""
+    # With LOOP=1 both lists step together.
     machs, heights = deck.value("FLTCON", "NMACH"), deck.value("FLTCON", "NALT")
     if deck.loop == 1 and _has_atmosphere(deck) and machs and heights and machs != heights:
         text = (
@@ -185,6 +191,7 @@ def check_loop_lists(deck: Deck) -> Iterator[DeckFinding]:
 
 def check_angle_schedule(deck: Deck) -> Iterator[DeckFinding]:
     """Yield angles of attack that do not rise; the program differentiates along them."""
+    # Slopes are differences between neighbouring angles.
     alphas = deck.values("FLTCON", "ALSCHD")[: deck.count("FLTCON", "NALPHA") or 0]
     for first, second in pairwise(alphas):
         if second <= first:

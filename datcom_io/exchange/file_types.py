@@ -1,5 +1,6 @@
-"""Files that accompany the print file, recognised by their content: plot files, MAT files, CSV of
-DATCOM+.
+"""Files that accompany the print file: plot files, MAT files, CSV of DATCOM+.
+
+They are recognised by their content.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from flightmech.support.input_files import demand_regular
 if TYPE_CHECKING:
     import xarray as xr
 
-_NUMBERS = (OK, FILLED, SUSPECT)
+_NUMBERS = (FLAGS[OK], FLAGS[FILLED], FLAGS[SUSPECT])
 _HEAD = 4096
 _CSV_HEADING = re.compile(r"^ *(?:Alpha|Delta\w+) *, *[A-Za-z]\w* *,? *$", re.MULTILINE)
 
@@ -29,8 +30,9 @@ _CSV_HEADING = re.compile(r"^ *(?:Alpha|Delta\w+) *, *[A-Za-z]\w* *,? *$", re.MU
 def read_other(
     path: str | os.PathLike[str], deriv: Literal["DEG", "RAD"] | None
 ) -> xr.DataTree | None:
-    """Return the tree of a file that is no print file: unit 13, unit 14, MAT, or CSV of DATCOM+
-    with its card DERIV; else None.
+    """Return the tree of a file that is not a print file, None for any other file.
+
+    The kinds are unit 13, unit 14, MAT, and CSV of DATCOM+ with the card DERIV of its deck.
 
     Raises
     ------
@@ -38,6 +40,7 @@ def read_other(
         A CSV of DATCOM+ without `deriv`.
     """
     demand_regular(path, "a file of Digital DATCOM")
+    # The head of the file is enough to recognise it.
     with Path(path).open("rb") as stream:
         head = stream.read(_HEAD).decode("latin-1")
     lines = head.splitlines()
@@ -68,55 +71,60 @@ def read_other(
 def content_rows(tree: xr.DataTree) -> list[dict[str, Any]]:
     """Return one row per leaf: ``case leaf sizes variables numbers missing``."""
     rows = []
-    for leaf in (leaf for leaf in tree.subtree if leaf.data_vars):
-        found = leaf.to_dataset(inherit=False)
-        names = [str(name) for name in found.data_vars if not str(name).endswith("_flag")]
-        flags: Counter[str] = Counter()
-        for name in names:
-            if f"{name}_flag" in found:
-                codes = np.bincount(
-                    found[f"{name}_flag"].values.ravel(), minlength=len(FLAGS)
-                ).tolist()
-                flags.update({FLAGS[code]: count for code, count in enumerate(codes) if count})
-        rows.append(
-            {
-                "case": leaf.path.strip("/").rpartition("/")[0],
-                "leaf": leaf.name,
-                "sizes": {
-                    str(dim): size for dim, size in found.sizes.items() if dim in found.coords
-                },
-                "variables": names,
-                "numbers": sum(flags[FLAGS[code]] for code in _NUMBERS),
-                "missing": {
-                    name: count
-                    for name, count in flags.items()
-                    if name not in {FLAGS[code] for code in _NUMBERS}
-                },
-            }
-        )
+    for leaf in tree.subtree:
+        if not leaf.data_vars:
+            continue
+        dataset = leaf.to_dataset(inherit=False)
+        names = [str(name) for name in dataset.data_vars if not str(name).endswith("_flag")]
+        flags = _count_flags(dataset, names)
+        row = {
+            "case": leaf.path.strip("/").rpartition("/")[0],
+            "leaf": leaf.name,
+            "sizes": {
+                str(dim): dataset.sizes[dim] for dim in dataset.sizes if dim in dataset.coords
+            },
+            "variables": names,
+            "numbers": sum(flags[name] for name in _NUMBERS),
+            "missing": {name: flags[name] for name in flags if name not in _NUMBERS},
+        }
+        rows.append(row)
     return rows
 
 
+def _count_flags(dataset: xr.Dataset, names: list[str]) -> Counter[str]:
+    """Return how often each flag occurs in the variables of a leaf."""
+    flags: Counter[str] = Counter()
+    for name in names:
+        if f"{name}_flag" not in dataset:
+            continue
+        # Flags are small integers, so they are counted by index.
+        codes = dataset[f"{name}_flag"].values.ravel()
+        counts = np.bincount(codes, minlength=len(FLAGS)).tolist()
+        for flag, count in zip(FLAGS, counts):
+            if count:
+                flags[flag] += count
+    return flags
+
+
 def plot_case(listing: Listing, case: Case, plot: xr.DataTree) -> xr.DataTree | None:
-    """Return the case in the plot file of its run, None without card PLOT: the cases that have the
-    card stand there in order.
+    """Return the case in the plot file of its run, None without card PLOT.
+
+    The plot file has the cases with that card in their order.
 
     Raises
     ------
     SchemaError
         The plot file holds another number of cases.
     """
-    plotted = [other.ordinal for other in listing if other.deck.has("PLOT") and other.pages]
+    # A case without a page is not written.
+    plotted = [item.ordinal for item in listing if item.deck.has("PLOT") and item.pages]
     if len(plotted) != len(plot.children):
-        raise SchemaError(
-            f"{plot.attrs.get('file')} is not the plot file of {listing.file}",
-            [
-                f"cases in the plot file: {len(plot.children)}; cases with card PLOT in the "
-                f"listing: {len(plotted)}"
-            ],
+        problem = (
+            f"cases in the plot file: {len(plot.children)}; cases with card PLOT in the "
+            f"listing: {len(plotted)}"
         )
-    return (
-        list(plot.children.values())[plotted.index(case.ordinal)]
-        if case.ordinal in plotted
-        else None
-    )
+        title = f"{plot.attrs.get('file')} is not the plot file of {listing.file}"
+        raise SchemaError(title, [problem])
+    if case.ordinal not in plotted:
+        return None
+    return list(plot.children.values())[plotted.index(case.ordinal)]

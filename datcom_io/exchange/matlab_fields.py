@@ -1,9 +1,9 @@
-"""The structure that MATLAB's ``datcomimport`` returns for Digital DATCOM, as a table: field, leaf
-and variable of our tree, axes, unit.
+"""Table of the structure that MATLAB's ``datcomimport`` returns for Digital DATCOM.
 
-Names and order of indices are those that the reference page of ``datcomimport`` documents for the
-1976 version.  Numbers are as printed: in the units of card DIM (field ``dim``), slopes per degree
-or per radian (field ``deriv``), angles in degrees.
+Each field has a leaf and a variable of our tree, axes and a unit.  Names and order of indices are
+those that the reference page of ``datcomimport`` documents for the 1976 version.  Numbers are as
+printed: in the units of card DIM (field ``dim``), slopes per degree or per radian (field
+``deriv``), angles in degrees.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ from datcom_io.arrays.conditions import si_factor
 from flightmech.units import parse_unit
 
 MISSING = 99999.0
-"""What a place holds that no page of the listing belongs to."""
+"""Number in a place without a page of the listing."""
 
+# Indices of the arrays in the order of MATLAB.
 STATIC = ("alpha", "mach", "alt", "build", "grndht", "delta")
 DYNAMIC = ("alpha", "mach", "alt", "build")
 DELTA = ("delta", "mach", "alt")
@@ -47,21 +48,27 @@ DELTA_DIMENSIONS = {
     "asyflp": "delta_pair",
     "spoiler": "deflection",
 }
-"""Dimension of our leaves along the index ``delta``; in ``static`` and ``downwash`` it is that of the device."""
+"""Dimension of our leaves along the index ``delta``.
+
+In ``static`` and ``downwash`` it is the dimension of the device.
+"""
 INDEX_DIMENSIONS = {
     "clalpmach": "node",
     "clalp": "node",
     "cd0mach": "drag_node",
     "cd0": "drag_node",
 }
-"""Dimension of our leaf ``fairing`` along the first index of a field, by the field's name without its surface."""
+"""Dimension of our leaf ``fairing`` along the first index of a field.
+
+The key is the name of the field without its surface.
+"""
 
 
 class Field(NamedTuple):
     """One array of the structure.
 
-    ``axes`` are its indices; ``units`` those of `layouts.form.Column`; ``at`` what to select in our
-    leaf, dimension and label; ``constant`` flags a column whose first row may hold for all rows;
+    ``axes`` are its indices; ``units`` those of `PrintedColumn`; ``labels`` dimension and label to
+    select in our leaf; ``constant`` flags a column whose first row may hold for all rows;
     ``styles`` the values of STYPE for which the field means this variable, none for all;
     ``coordinate`` one that our leaf holds as a coordinate.
     """
@@ -71,15 +78,16 @@ class Field(NamedTuple):
     quantity: str
     axes: tuple[str, ...]
     units: str = "1"
-    at: tuple[tuple[str, str], ...] = ()
+    labels: tuple[tuple[str, str], ...] = ()
     constant: bool = False
     styles: tuple[int, ...] = ()
     coordinate: bool = False
 
 
 class Units(NamedTuple):
-    """What the units of a case's numbers depend on: cards DIM and DERIV, and the pressure of a jet
-    page, ``psf`` or ``psi``.
+    """Units of the numbers of a case.
+
+    They depend on cards DIM and DERIV, and on the pressure of a jet page, ``psf`` or ``psi``.
     """
 
     dim: str
@@ -88,34 +96,116 @@ class Units(NamedTuple):
 
     def factor(self, units: str) -> float:
         """Return the factor from a number of the structure to SI."""
-        if units == "1/angle":
-            units = "1/deg" if self.deriv == "DEG" else "1"
         if units in ("length", "area"):
             return si_factor(units, self.dim)
-        return parse_unit(self.jet_pressure if units == "pressure" else units)[1]
+        if units == "1/angle":
+            units = "1"
+            if self.deriv == "DEG":
+                units = "1/deg"
+        if units == "pressure":
+            units = self.jet_pressure
+        return parse_unit(units)[1]
 
 
-def _rows(
+def _fields(
     leaf: str,
     axes: tuple[str, ...],
     text: str,
-    at: tuple[tuple[str, str], ...] = (),
+    labels: tuple[tuple[str, str], ...] = (),
     styles: tuple[int, ...] = (),
     coordinate: bool = False,
 ) -> list[Field]:
-    """Return fields given as words ``name:variable`` or ``name:variable:units``; an asterisk
-    denotes a constant column.
+    """Return fields given as words ``name:variable`` or ``name:variable:units``.
+
+    An asterisk behind the name denotes a constant column.
     """
-    found = []
+    fields = []
     for word in text.split():
         name, quantity, units = (*word.split(":"), "1")[:3]
-        found.append(
-            Field(name.strip("*"), leaf, quantity, axes, units, at, "*" in name, styles, coordinate)
+        field = Field(
+            name=name.strip("*"),
+            leaf=leaf,
+            quantity=quantity,
+            axes=axes,
+            units=units,
+            labels=labels,
+            constant="*" in name,
+            styles=styles,
+            coordinate=coordinate,
         )
-    return found
+        fields.append(field)
+    return fields
 
 
-_PER = "1/angle"
+# Static pages with the downwash table, and dynamic pages.
+_CLEAN = (
+    *_fields("static", STATIC, "cd:CD cl:CL cm:Cm cn:CN ca:CA xcp:xcp"),
+    *_fields("static", STATIC, "cla:CL_alpha:1/angle cma:Cm_alpha:1/angle"),
+    *_fields("static", STATIC, "cyb*:CY_beta:1/angle cnb*:Cn_beta:1/angle clb:Cl_beta:1/angle"),
+    *_fields("downwash", STATIC, "qqinf:q_ratio eps:epsilon:deg depsdalp:epsilon_alpha"),
+    *_fields("dynamic", DYNAMIC, "clq*:CL_qhat:1/angle cmq*:Cm_qhat:1/angle"),
+    *_fields("dynamic", DYNAMIC, "clad*:CL_alphadothat:1/angle cmad*:Cm_alphadothat:1/angle"),
+    *_fields("dynamic", DYNAMIC, "clp*:Cl_phat:1/angle cyp*:CY_phat:1/angle"),
+    *_fields("dynamic", DYNAMIC, "cnp*:Cn_phat:1/angle cnr*:Cn_rhat:1/angle clr:Cl_rhat:1/angle"),
+)
+
+# Pages of symmetrical and asymmetrical devices, and of control tabs.  The fields of asymmetrical
+# devices have other variables and indices for spoilers, ailerons and the differential tail.
+_DEVICES = (
+    *_fields("symflp", DELTA, "dcl_sym:dCL dcm_sym:dCm dclmax_sym:dCLmax dcdmin_sym:dCDmin"),
+    *_fields("symflp", DELTA, "clad_sym:CL_alpha_delta:1/deg"),
+    *_fields("symflp", DELTA, "cha_sym*:Ch_alpha:1/deg chd_sym:Ch_delta:1/deg"),
+    *_fields("symflp", ALPHA_DELTA, "dcdi_sym:dCDi"),
+    *_fields(
+        "spoiler", DELTA, "xsc:xs_c hsc:hs_c ddc:dd_c dsc:ds_c", styles=(1, 2, 3), coordinate=True
+    ),
+    *_fields("spoiler", DELTA, "clroll:Cl cn_asy:Cn", styles=(1, 2, 3)),
+    *_fields("asyflp", DELTA, "clroll:Cl", styles=(4,)),
+    *_fields("asyflp", ALPHA_DELTA, "cn_asy:Cn", styles=(4,)),
+    *_fields("asyflp", ALPHA_DELTA, "clroll:Cl", styles=(5,)),
+    *_fields("tabs", ALPHA_DELTA, "fc_con:F_stick:lbf fhmcoeff_free:Ch_tab_free"),
+    *_fields("tabs", ALPHA_DELTA, "fhmcoeff_lock:Ch_tab_locked fhmcoeff_gear:Ch_tab_gearing"),
+    *_fields("tabs", ALPHA_DELTA, "ttab_def:delta_tab_trim:deg"),
+)
+
+# Trim pages with a control device and with an all-movable stabilizer.
+_TRIM = (
+    *_fields("trim", ALPHA, "cl_utrim:CL cd_utrim:CD cm_utrim:Cm delt_trim:delta_trim:deg"),
+    *_fields("trim", ALPHA, "dcl_trim:dCL dclmax_trim:dCLmax dcdi_trim:dCDi dcdmin_trim:dCDmin"),
+    *_fields("trim", ALPHA, "cha_trim*:Ch_alpha:1/deg chd_trim:Ch_delta:1/deg"),
+    *_fields("trim_stabilizer", ALPHA, "cd_tailutrim:CD_tail cl_tailutrim:CL_tail"),
+    *_fields("trim_stabilizer", ALPHA, "cm_tailutrim:Cm_tail hm_tailutrim:Ch_tail"),
+    *_fields("trim_stabilizer", ALPHA, "aliht_tailtrim:i_tail:deg"),
+    *_fields("trim_stabilizer", ALPHA, "cd_tailtrim:CD_tail_trim cl_tailtrim:CL_tail_trim"),
+    *_fields("trim_stabilizer", ALPHA, "cm_tailtrim:Cm_tail_trim hm_tailtrim:Ch_tail_trim"),
+    *_fields("trim_stabilizer", ALPHA, "cl_trimi:CL cd_trimi:CD"),
+)
+
+# Hypersonic and transverse-jet pages.
+_SPECIAL = (
+    *_fields("hypersonic", HYPERSONIC, "df_normal:dCN:1/ft df_axial:dCA:1/ft"),
+    *_fields("hypersonic", HYPERSONIC, "cm_normal:dCm_CN:1/ft cm_axial:dCm_CA:1/ft"),
+    *_fields("hypersonic", HYPERSONIC, "cp_normal:xcp_CN cp_axial:zcp_CA"),
+    *_fields("jet", JET, "time:time blayer:boundary_layer:text", coordinate=True),
+    *_fields("jet", JET, "ctrlfrc:F_control:lbf locmach:mach_local reynum:reynolds_local"),
+    *_fields("jet", JET, "locpres:p_local:pressure dynpres:qbar_local:pressure"),
+    *_fields("jet", JET, "ctrlcoeff:C_control corrcoeff:C_control_corrected"),
+    *_fields("jet", JET, "sonicamp:amplification_sonic ampfact:amplification"),
+    *_fields("jet", JET, "vacthr:F_vacuum:lbf minpres:p_jet_ratio_min"),
+    *_fields("jet", JET, "minjet:p_jet_min:pressure jetpres:p_jet:pressure"),
+    *_fields("jet", JET, "massflow:mass_flow:lb/s propelwt:propellant_mass:lb"),
+)
+
+# Page of the body, card PART.
+_BODY = (
+    *_fields("auxiliary", SINGLE, "wetarea_b:area_wetted:area xcg_b:x_moment_centre:length"),
+    *_fields("auxiliary", SINGLE, "zcg_b:z_moment_centre:length basearea_b:area_base:area"),
+    *_fields("auxiliary", SINGLE, "cd0_b:CD0 basedrag_b:CD_base"),
+    *_fields("auxiliary", SINGLE, "fricdrag_b:CD_friction presdrag_b:CD_pressure"),
+    *_fields("auxiliary", SINGLE, "lemac:x_behind_mac:length"),
+)
+
+# Letters of the surfaces, panels and configurations in the names of fields.
 _PANELS = {
     "ti": "theoretical inboard",
     "ei": "exposed inboard",
@@ -124,6 +214,18 @@ _PANELS = {
     "te": "total exposed",
 }
 _SURFACES = {"w": "wing", "ht": "horizontal tail", "vt": "vertical tail", "vf": "ventral fin"}
+_FAIRING = {"w": "wing", "wb": "wing-body", "ht": "horizontal tail", "bht": "horizontal tail-body"}
+LABELS = {
+    "surface": tuple(_SURFACES.values()),
+    "panel": tuple(_PANELS.values()),
+    "configuration": tuple(_FAIRING.values()),
+}
+"""Labels along the dimensions that the structure has in the names of its fields.
+
+They have the order of our leaves.
+"""
+
+# Planform properties: beginning of the name, variable, units.
 _PLANFORM = (
     ("area", "area", "area"),
     ("taperratio", "taper_ratio", "1"),
@@ -135,13 +237,50 @@ _PLANFORM = (
     ("cd0", "CD0", "1"),
     ("friccoeff", "Cf", "1"),
 )
-_FAIRING = {"w": "wing", "wb": "wing-body", "ht": "horizontal tail", "bht": "horizontal tail-body"}
-LABELS = {
-    "surface": tuple(_SURFACES.values()),
-    "panel": tuple(_PANELS.values()),
-    "configuration": tuple(_FAIRING.values()),
-}
-"""Labels along the dimensions that the structure has in the names of its fields, in the order of our leaves."""
+
+
+def _planform_fields() -> list[Field]:
+    """Return the planform properties of every surface and panel."""
+    fields = []
+    for letter, surface in _SURFACES.items():
+        for short, panel in _PANELS.items():
+            labels = (("surface", surface), ("panel", panel))
+            for name, quantity, units in _PLANFORM:
+                field = Field(
+                    f"{name}_{letter}_{short}", "planform", quantity, SINGLE, units, labels=labels
+                )
+                fields.append(field)
+    return fields
+
+
+def _interference_fields() -> list[Field]:
+    """Return the interference factors of wing and horizontal tail, and the sidewash."""
+    fields = []
+    for letter in ("w", "ht"):
+        labels = (("surface", _SURFACES[letter]),)
+        text = (
+            f"cla_b_{letter}:CL_alpha_body:1/deg cla_{letter}_b:CL_alpha_surface:1/deg "
+            f"k_b_{letter}:K_body k_{letter}_b:K_surface xacc_b_{letter}:xac_body"
+        )
+        fields += _fields("interference", SINGLE, text, labels=labels)
+    return [*fields, *_fields("interference", SINGLE, "sidewash:sidewash")]
+
+
+# Vortices, increments of dynamic derivatives and downwash of a canard, card PART.
+_INCREMENTS = (
+    *_fields("vortex", ALPHA, "hiv_b_w:i_body_wing hiv_w_h:i_wing_tail hiv_b_h:i_body_tail"),
+    *_fields("vortex", ALPHA, "gamma:gamma gamma2pialpvr:gamma_tail"),
+    *_fields("increments", SINGLE, "clpgammacl0:Cl_phat clpgammaclp:Cl_phat_ratio_dihedral"),
+    *_fields("increments", SINGLE, "cnptheta:Cn_phat_twist:1/deg"),
+    *_fields("increments", SINGLE, "cypgamma:dCY_phat_dihedral cypcl:CY_phat_CL"),
+    *_fields("increments", SINGLE, "clbgamma:Cl_beta_dihedral:1/deg2"),
+    *_fields("increments", SINGLE, "cmothetaw:Cm0_twist_wing:1/deg"),
+    *_fields("increments", SINGLE, "cmothetah:Cm0_twist_tail:1/deg"),
+    *_fields("canard_downwash", ALPHA, "espeff:epsilon_effective:deg"),
+    *_fields("canard_downwash", ALPHA, "despdalpeff:epsilon_alpha_effective"),
+)
+
+# Transonic data fairing: beginning of the name, variable, units, letters of the configurations.
 _FAIRED = (
     ("cdlcl2", "CDL_CL2", "1", "w ht"),
     ("clbcl", "Cl_beta_CL", "1/deg", "w ht wb bht"),
@@ -158,178 +297,35 @@ _FAIRED = (
 )
 
 
-def _all() -> list[Field]:
-    found = _rows("static", STATIC, "cd:CD cl:CL cm:Cm cn:CN ca:CA xcp:xcp")
-    found += _rows(
-        "static",
-        STATIC,
-        f"cla:CL_alpha:{_PER} cma:Cm_alpha:{_PER} cyb*:CY_beta:{_PER} cnb*:Cn_beta:{_PER} "
-        f"clb:Cl_beta:{_PER}",
-    )
-    found += _rows("downwash", STATIC, "qqinf:q_ratio eps:epsilon:deg depsdalp:epsilon_alpha")
-    found += _rows(
-        "dynamic",
-        DYNAMIC,
-        f"clq*:CL_qhat:{_PER} cmq*:Cm_qhat:{_PER} clad*:CL_alphadothat:{_PER} "
-        f"cmad*:Cm_alphadothat:{_PER}",
-    )
-    found += _rows(
-        "dynamic",
-        DYNAMIC,
-        f"clp*:Cl_phat:{_PER} cyp*:CY_phat:{_PER} cnp*:Cn_phat:{_PER} cnr*:Cn_rhat:{_PER} "
-        f"clr:Cl_rhat:{_PER}",
-    )
-    found += _rows("symflp", DELTA, "dcl_sym:dCL dcm_sym:dCm dclmax_sym:dCLmax dcdmin_sym:dCDmin")
-    found += _rows(
-        "symflp",
-        DELTA,
-        "clad_sym:CL_alpha_delta:1/deg cha_sym*:Ch_alpha:1/deg chd_sym:Ch_delta:1/deg",
-    )
-    found += _rows("symflp", ALPHA_DELTA, "dcdi_sym:dCDi")
-    found += _rows(
-        "spoiler", DELTA, "xsc:xs_c hsc:hs_c ddc:dd_c dsc:ds_c", styles=(1, 2, 3), coordinate=True
-    )
-    found += _rows("spoiler", DELTA, "clroll:Cl cn_asy:Cn", styles=(1, 2, 3))
-    found += _rows("asyflp", DELTA, "clroll:Cl", styles=(4,))
-    found += _rows("asyflp", ALPHA_DELTA, "cn_asy:Cn", styles=(4,))
-    found += _rows("asyflp", ALPHA_DELTA, "clroll:Cl", styles=(5,))
-    found += _rows(
-        "tabs",
-        ALPHA_DELTA,
-        "fc_con:F_stick:lbf fhmcoeff_free:Ch_tab_free fhmcoeff_lock:Ch_tab_locked",
-    )
-    found += _rows("tabs", ALPHA_DELTA, "fhmcoeff_gear:Ch_tab_gearing ttab_def:delta_tab_trim:deg")
-    found += _rows(
-        "trim",
-        ALPHA,
-        "cl_utrim:CL cd_utrim:CD cm_utrim:Cm delt_trim:delta_trim:deg dcl_trim:dCL "
-        "dclmax_trim:dCLmax",
-    )
-    found += _rows(
-        "trim",
-        ALPHA,
-        "dcdi_trim:dCDi dcdmin_trim:dCDmin cha_trim*:Ch_alpha:1/deg chd_trim:Ch_delta:1/deg",
-    )
-    tail = (
-        "cd_tailutrim:CD_tail cl_tailutrim:CL_tail cm_tailutrim:Cm_tail hm_tailutrim:Ch_tail "
-        "aliht_tailtrim:i_tail:deg"
-    )
-    found += _rows("trim_stabilizer", ALPHA, tail)
-    found += _rows(
-        "trim_stabilizer",
-        ALPHA,
-        "cd_tailtrim:CD_tail_trim cl_tailtrim:CL_tail_trim cm_tailtrim:Cm_tail_trim",
-    )
-    found += _rows("trim_stabilizer", ALPHA, "hm_tailtrim:Ch_tail_trim cl_trimi:CL cd_trimi:CD")
-    return found + _special() + _partial_output()
-
-
-def _special() -> list[Field]:
-    found = _rows(
-        "hypersonic",
-        HYPERSONIC,
-        "df_normal:dCN:1/ft df_axial:dCA:1/ft cm_normal:dCm_CN:1/ft cm_axial:dCm_CA:1/ft",
-    )
-    found += _rows("hypersonic", HYPERSONIC, "cp_normal:xcp_CN cp_axial:zcp_CA")
-    found += _rows("jet", JET, "time:time blayer:boundary_layer:text", coordinate=True)
-    found += _rows(
-        "jet",
-        JET,
-        "ctrlfrc:F_control:lbf locmach:mach_local reynum:reynolds_local locpres:p_local:pressure",
-    )
-    found += _rows(
-        "jet", JET, "dynpres:qbar_local:pressure ctrlcoeff:C_control corrcoeff:C_control_corrected"
-    )
-    found += _rows(
-        "jet",
-        JET,
-        "sonicamp:amplification_sonic ampfact:amplification vacthr:F_vacuum:lbf "
-        "minpres:p_jet_ratio_min",
-    )
-    found += _rows(
-        "jet",
-        JET,
-        "minjet:p_jet_min:pressure jetpres:p_jet:pressure massflow:mass_flow:lb/s "
-        "propelwt:propellant_mass:lb",
-    )
-    return found
-
-
-def _partial_output() -> list[Field]:
-    body = (
-        "wetarea_b:area_wetted:area xcg_b:x_moment_centre:length zcg_b:z_moment_centre:length "
-        "basearea_b:area_base:area"
-    )
-    found = _rows(
-        "auxiliary",
-        SINGLE,
-        f"{body} cd0_b:CD0 basedrag_b:CD_base fricdrag_b:CD_friction presdrag_b:CD_pressure",
-    )
-    found += _rows("auxiliary", SINGLE, "lemac:x_behind_mac:length")
-    for letter, surface in _SURFACES.items():
-        for short, panel in _PANELS.items():
-            both = (("surface", surface), ("panel", panel))
-            found += [
-                Field(f"{name}_{letter}_{short}", "planform", quantity, SINGLE, units, both)
-                for name, quantity, units in _PLANFORM
-            ]
-    for letter in ("w", "ht"):
-        words = (
-            f"cla_b_{letter}:CL_alpha_body:1/deg cla_{letter}_b:CL_alpha_surface:1/deg "
-            f"k_b_{letter}:K_body k_{letter}_b:K_surface"
-        )
-        found += _rows(
-            "interference",
-            SINGLE,
-            f"{words} xacc_b_{letter}:xac_body",
-            at=(("surface", _SURFACES[letter]),),
-        )
-    found += _rows("interference", SINGLE, "sidewash:sidewash")
-    found += _rows(
-        "vortex",
-        ALPHA,
-        "hiv_b_w:i_body_wing hiv_w_h:i_wing_tail hiv_b_h:i_body_tail gamma:gamma "
-        "gamma2pialpvr:gamma_tail",
-    )
-    found += _rows(
-        "increments",
-        SINGLE,
-        "clpgammacl0:Cl_phat clpgammaclp:Cl_phat_ratio_dihedral cnptheta:Cn_phat_twist:1/deg",
-    )
-    found += _rows(
-        "increments",
-        SINGLE,
-        "cypgamma:dCY_phat_dihedral cypcl:CY_phat_CL clbgamma:Cl_beta_dihedral:1/deg2",
-    )
-    found += _rows(
-        "increments", SINGLE, "cmothetaw:Cm0_twist_wing:1/deg cmothetah:Cm0_twist_tail:1/deg"
-    )
-    found += _rows(
-        "canard_downwash", ALPHA, "espeff:epsilon_effective:deg despdalpeff:epsilon_alpha_effective"
-    )
+def _fairing_fields() -> list[Field]:
+    """Return the transonic data fairing: single numbers, then tables over Mach number."""
+    fields = []
     for name, quantity, units, letters in _FAIRED:
         for letter in letters.split():
-            found.append(
-                Field(
-                    f"{name}_{letter}",
-                    "fairing",
-                    quantity,
-                    SINGLE,
-                    units,
-                    (("configuration", _FAIRING[letter]),),
-                )
+            labels = (("configuration", _FAIRING[letter]),)
+            fields.append(
+                Field(f"{name}_{letter}", "fairing", quantity, SINGLE, units, labels=labels)
             )
     for letter in ("w", "ht"):
-        at = (("configuration", _FAIRING[letter]),)
-        found.append(Field(f"clalpmach_{letter}", "fairing", "CL_alpha_mach", INDEX, "1", at))
-        found.append(Field(f"clalp_{letter}", "fairing", "CL_alpha", INDEX, "1/deg", at))
-    found += _rows("fairing", SINGLE, "dragdiv:mach_divergence") + _rows(
-        "fairing", INDEX, "cd0mach:CD0_mach cd0:CD0"
-    )
-    return found
+        labels = (("configuration", _FAIRING[letter]),)
+        text = f"clalpmach_{letter}:CL_alpha_mach clalp_{letter}:CL_alpha:1/deg"
+        fields += _fields("fairing", INDEX, text, labels=labels)
+    fields += _fields("fairing", SINGLE, "dragdiv:mach_divergence")
+    return [*fields, *_fields("fairing", INDEX, "cd0mach:CD0_mach cd0:CD0")]
 
 
-FIELDS: tuple[Field, ...] = tuple(_all())
+FIELDS: tuple[Field, ...] = (
+    *_CLEAN,
+    *_DEVICES,
+    *_TRIM,
+    *_SPECIAL,
+    *_BODY,
+    *_planform_fields(),
+    *_interference_fields(),
+    *_INCREMENTS,
+    *_fairing_fields(),
+)
+"""All fields, in the order of MATLAB."""
 
 
 def select_fields(style: int) -> list[Field]:
@@ -338,11 +334,12 @@ def select_fields(style: int) -> list[Field]:
 
 
 def field_dimension(field: Field, axis: str, device: str) -> str:
-    """Return the dimension of our leaf along an index of a field, other than Mach number and
-    altitude.
-    """
+    """Return the dimension of our leaf along an index other than Mach number and altitude."""
     if axis == "index":
-        return INDEX_DIMENSIONS[field.name.rpartition("_")[0] if field.at else field.name]
+        name = field.name
+        if field.labels:
+            name = name.rpartition("_")[0]
+        return INDEX_DIMENSIONS[name]
     if axis == "delta":
         return DELTA_DIMENSIONS.get(field.leaf, device)
     return {"build": "configuration", "grndht": "ground_height"}.get(axis, axis)

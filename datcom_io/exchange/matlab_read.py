@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,39 +11,33 @@ import numpy as np
 import xarray as xr
 
 from datcom_io.arrays.conditions import LOW_ASPECT_RATIO, printed_name
-from datcom_io.arrays.stacking import LeafBuilder
+from datcom_io.arrays.leaves import LeafBuilder, empty_cells
 from datcom_io.cells import ABSENT, FILLED, NDM, OK
-from datcom_io.decks.deck import DIMENSIONS
 from datcom_io.exchange.matlab_fields import (
     BUILD,
     INDEX_DIMENSIONS,
     LABELS,
     MISSING,
     Field,
-    Units,
     field_dimension,
     select_fields,
 )
+from datcom_io.exchange.matlab_structure import NUMERIC, CaseStructure, find_structures
 from datcom_io.printout.rows import PrintedColumn
 from flightmech.errors import ParseError
 from flightmech.support.input_files import read_bytes
 from flightmech.support.mat_files import load_mat
 from flightmech.units import DEGREE
 
-_FLAGS_OF_CONFIG = {
-    "body": "body",
-    "wing": "wing",
-    "htail": "horizontal",
-    "vtail": "vertical",
-    "vfin": "fin",
-}
-_NUMERIC = "fiub"
-_LOCAL = ("hypersonic", "jet")  # leaves with conditions of their own
+# Leaves with conditions of their own, and leaves over configurations.
+_OWN_CONDITIONS = ("hypersonic", "jet")
+_BY_CONFIGURATION = ("static", "downwash", "dynamic")
 
 
 class _MatlabField(NamedTuple):
-    """One field along the conditions of the case: dimensions after ``condition``, values in SI,
-    flags.
+    """One field along the conditions of the case.
+
+    ``dims`` are the dimensions after ``condition``; ``values`` are in SI.
     """
 
     field: Field
@@ -84,379 +78,318 @@ def read_matlab(path: str | os.PathLike[str]) -> xr.DataTree:
             file, 0, "a MAT file of version 7.3", "version 7 or older; save it with the option -v7"
         ) from error
     root = xr.DataTree(xr.Dataset(attrs={"file": file}))
-    for number, structure in enumerate(_structures(file, content), 1):
-        case = _Case(file, number, structure)
-        leaves = case.leaves()
-        if leaves:
-            name = (case.text("case") or f"case {number}").replace("/", "|")
-            unique = f"{name} ({number})" if name in root.children else name
-            root[unique] = xr.DataTree.from_dict(
-                {"/": xr.Dataset(attrs=case.attrs(name)), **leaves}, name=unique
-            )
+    for number, structure in enumerate(find_structures(file, content), 1):
+        case = CaseStructure(file, number, structure)
+        leaves = _read_leaves(case)
+        if not leaves:
+            continue
+        name = (case.text("case") or f"case {number}").replace("/", "|")
+        unique = name
+        if name in root.children:
+            unique = f"{name} ({number})"
+        attrs = xr.Dataset(attrs=case.attrs(name))
+        root[unique] = xr.DataTree.from_dict({"/": attrs, **leaves}, name=unique)
     return root
 
 
-def _structures(file: str, content: Mapping[str, Any]) -> list[Mapping[str, np.ndarray]]:
-    """Return the structures of the one variable that holds them."""
-    found = {}
-    for name, value in content.items():
-        if not isinstance(value, np.ndarray):
+def _read_leaves(case: CaseStructure) -> dict[str, xr.Dataset]:
+    """Return the leaves of a case."""
+    fields_of_leaf: dict[str, list[_MatlabField]] = {}
+    for field in select_fields(case.style):
+        # The structure does not distinguish a stick force in pounds from its coefficient.
+        if field.name == "fc_con":
+            field = field._replace(quantity="fc_con", units="1")
+        part = _read_field(case, field)
+        if part is not None:
+            fields_of_leaf.setdefault(field.leaf, []).append(part)
+    leaves = {}
+    for name, parts in fields_of_leaf.items():
+        if any((part.flags != ABSENT).any() for part in parts):
+            leaves[name] = _make_leaf(case, name, parts)
+    return leaves
+
+
+# Arrays of single fields.
+
+
+def _read_field(case: CaseStructure, field: Field) -> _MatlabField | None:
+    """Return a field along flight conditions, None when the structure does not have it."""
+    array = case.structure.get(field.name)
+    if array is None or array.size == 0:
+        return None
+    if field.units != "text" and array.dtype.kind not in NUMERIC:
+        raise case.error(f"{field.name} without numbers", "an array of numbers")
+    inner_axes = [axis for axis in field.axes if axis not in ("mach", "alt")]
+    dims = tuple(field_dimension(field, axis, case.device) for axis in inner_axes)
+    indexed = _restore_indices(case, field, array)
+    order = list(field.axes)
+    # A field without altitude holds for all altitudes.
+    if "alt" not in field.axes:
+        indexed = np.repeat(indexed[..., np.newaxis], max(len(case.alts), 1), axis=-1)
+        order.append("alt")
+    indexed = indexed.transpose([order.index(axis) for axis in ("mach", "alt", *inner_axes)])
+    by_condition = np.array([indexed[index] for index in case.grid_indices])
+    if field.units == "text":
+        texts = _texts_of(by_condition)
+        flags = np.where(texts == "", ABSENT, OK).astype(np.uint8)
+        return _MatlabField(field, dims, texts, flags)
+    numbers = by_condition.astype(float)
+    codes = np.where(np.isnan(numbers), NDM, OK)
+    flags = np.where(numbers == MISSING, ABSENT, codes).astype(np.uint8)
+    values = np.where(flags == OK, numbers * case.units.factor(field.units), np.nan)
+    if field.constant:
+        _fill_constant(case, values, flags)
+    return _MatlabField(field, dims, values, flags)
+
+
+def _texts_of(cells: np.ndarray) -> np.ndarray:
+    """Return the texts of a cell array, empty where a cell is empty."""
+    texts = []
+    for item in cells.ravel():
+        texts.append(str(np.ravel(item)[0]) if np.size(item) else "")
+    return np.array(texts).reshape(cells.shape)
+
+
+def _restore_indices(case: CaseStructure, field: Field, array: np.ndarray) -> np.ndarray:
+    """Return an array with the trailing indices that MATLAB has dropped, after a check of its size.
+
+    Raises
+    ------
+    ParseError
+        The size is not that of the breakpoints.
+    """
+    lengths = _index_lengths(case, field)
+    shape = [*array.shape, *[1] * (len(field.axes) - array.ndim)]
+    # A vector has two indices in MATLAB.
+    if array.ndim == 2 and len(field.axes) == 1 and shape[1] == 1:
+        shape = shape[:1]
+    for axis, size in zip(field.axes, shape):
+        allowed = {max(lengths.get(axis, size), 1)}
+        if axis in ("grndht", "delta"):
+            allowed.add(1)
+        if size not in allowed or len(shape) != len(field.axes):
+            expected = " x ".join(_axis_text(name, lengths) for name in field.axes)
+            if axis == "grndht":
+                expected += "; how the breakpoints of free air are stored is not known"
+            problem = f"{field.name} of size {' x '.join(map(str, array.shape))}"
+            raise case.error(problem, expected)
+    return array.reshape(shape, order="F")
+
+
+def _index_lengths(case: CaseStructure, field: Field) -> dict[str, int]:
+    """Return the expected length of each index of a field, as far as the breakpoints give it."""
+    deltas = len(case.deltas)
+    if field.leaf in ("asyflp", "spoiler"):
+        deltas = int(case.number_of("ndelta", 0))
+    build = 1
+    if case.number_of("build", 1) == len(BUILD):
+        build = len(BUILD)
+    return {
+        "alpha": len(case.alphas),
+        "mach": len(case.machs),
+        "alt": len(case.alts),
+        "grndht": len(case.heights),
+        "delta": deltas,
+        "build": build,
+    }
+
+
+def _axis_text(name: str, lengths: dict[str, int]) -> str:
+    if name in lengths:
+        return f"{name} {lengths[name]}"
+    return name
+
+
+def _fill_constant(case: CaseStructure, values: np.ndarray, flags: np.ndarray) -> None:
+    """Fill columns, the second index, that have a number in the first row only.
+
+    At transonic Mach numbers the first row is the value at zero lift and is not filled down.
+    """
+    low, high = case.number_of("stmach", 0.6), case.number_of("tsmach", 1.4)
+    for k, (i, _) in enumerate(case.grid_indices):
+        if case.machs and low < case.machs[i] < high:
             continue
-        items = (
-            [item for item in value.ravel() if isinstance(item, np.ndarray)]
-            if value.dtype.hasobject and not value.dtype.names
-            else [value]
-        )
-        records = [record for item in items if item.dtype.names for record in item.ravel()]
-        structures: list[Mapping[str, np.ndarray]] = [
-            {str(key): record[key] for key in record.dtype.names} for record in records
-        ]
-        if structures and all(
-            {"mach", "alpha", "dim"} <= structure.keys() for structure in structures
-        ):
-            found[name] = structures
-    if len(found) != 1:
-        names = ", ".join(name for name in found or content if not name.startswith("__"))
-        expected = (
-            "one variable with structures that have the fields mach, alpha and dim, as "
-            "datcomimport returns them"
-        )
-        raise ParseError(file, 0, f"{len(found)} of them among the variables {names}", expected)
-    return next(iter(found.values()))
+        first = flags[k, :1] == OK
+        below = (flags[k, 1:] == ABSENT).all(axis=0, keepdims=True)
+        fill = np.broadcast_to(first & below, flags[k, 1:].shape)
+        values[k, 1:] = np.where(fill, values[k, :1], values[k, 1:])
+        flags[k, 1:] = np.where(fill, FILLED, flags[k, 1:])
 
 
-class _Case:
-    """One structure with its breakpoints."""
-
-    def __init__(self, file: str, number: int, structure: Mapping[str, np.ndarray]):
-        self.file, self.number, self.structure = file, number, structure
-        self.machs, self.alts, self.alphas = (
-            self.numbers(name) for name in ("mach", "alt", "alpha")
-        )
-        self.deltas, self.heights = self.numbers("delta"), self.numbers("grndht")
-        self.loop, self.style = (
-            int(self.number_of(name, default)) for name, default in (("loop", 1), ("stype", 0))
-        )
-        dim, deriv = self.text("dim").upper(), self.text("deriv").upper()
-        if dim not in DIMENSIONS or deriv not in ("DEG", "RAD"):
-            raise self.fault(
-                f"dim {dim!r} and deriv {deriv!r}",
-                f"one of {' '.join(DIMENSIONS)}, and DEG or RAD, in any case",
-            )
-        self.units = Units(dim, deriv, "psf" if self.alts else "psi")
-        self.parts = self._parts()
-        self.device = "delta_e" if {"wing", "horizontal"} <= self.parts else "delta_f"
-        self.places = self._places()
-
-    def fault(self, found: str, expected: str) -> ParseError:
-        """Return an error of this case."""
-        return ParseError(self.file, 0, f"case {self.number}: {found}", expected)
-
-    def numbers(self, name: str) -> list[float]:
-        """Return a row vector; empty when it is not there."""
-        value = self.structure.get(name, np.empty(0))
-        return [float(x) for x in np.ravel(value)] if value.dtype.kind in _NUMERIC else []
-
-    def number_of(self, name: str, default: float) -> float:
-        """Return a scalar, the default when it is not there or no number."""
-        return next((x for x in self.numbers(name)[:1] if np.isfinite(x)), default)
-
-    def text(self, name: str) -> str:
-        """Return a text, an empty one when it is not there."""
-        value = np.ravel(self.structure.get(name, np.empty(0)))
-        return str(value[0]).strip() if value.dtype.kind == "U" and value.size else ""
-
-    def _parts(self) -> frozenset[str]:
-        """Return what the aeroplane is made of, by ``config``."""
-        config = self.structure.get("config")
-        if config is None or not config.dtype.names or not config.size:
-            return frozenset()
-        names = [
-            name
-            for name in _FLAGS_OF_CONFIG
-            if name in config.dtype.names and np.any(config.ravel()[0][name])
-        ]
-        return frozenset(_FLAGS_OF_CONFIG[name] for name in names)
-
-    def _places(self) -> list[tuple[int, int]]:
-        """Return the indices of Mach number and altitude of each flight condition, in the order of
-        the run.
-        """
-        machs, alts = range(max(len(self.machs), 1)), range(max(len(self.alts), 1))
-        if self.loop == 2:
-            return [(i, j) for j in alts for i in machs]
-        if self.loop == 3:
-            return [(i, j) for i in machs for j in alts]
-        return [(i, min(i, len(alts) - 1)) for i in machs]
-
-    def attrs(self, name: str) -> dict[str, str | float]:
-        """Return the attributes of the case's tree."""
-        references = (("S", "sref", "area"), ("cbar", "cbar", "length"), ("b", "blref", "length"))
-        found: dict[str, str | float] = {
-            quantity: self.numbers(field)[0] * self.units.factor(units)
-            for quantity, field, units in references
-            if self.numbers(field)
-        }
-        return {
-            **found,
-            "dim": self.units.dim,
-            "deriv": self.units.deriv,
-            "title": self.text("case"),
-            "case": name,
-            "file": self.file,
-        }
-
-    def leaves(self) -> dict[str, xr.Dataset]:
-        """Return the leaves of the case."""
-        parts: dict[str, list[_MatlabField]] = {}
-        for field in select_fields(self.style):
-            if (
-                field.name == "fc_con"
-            ):  # a force in pounds or a coefficient, which the structure does not distinguish
-                field = field._replace(quantity="fc_con", units="1")
-            part = self._part(field)
-            if part is not None:
-                parts.setdefault(field.leaf, []).append(part)
-        return {
-            leaf: self._leaf(leaf, found)
-            for leaf, found in parts.items()
-            if any((part.flags != ABSENT).any() for part in found)
-        }
-
-    def _part(self, field: Field) -> _MatlabField | None:
-        array = self.structure.get(field.name)
-        if array is None or array.size == 0:
-            return None
-        others = [axis for axis in field.axes if axis not in ("mach", "alt")]
-        if field.units != "text" and array.dtype.kind not in _NUMERIC:
-            raise self.fault(f"{field.name} without numbers", "an array of numbers")
-        raw = self._with_all_indices(field, array)
-        if "alt" not in field.axes:
-            raw = np.repeat(raw[..., np.newaxis], max(len(self.alts), 1), axis=-1)
-        order = [*field.axes, *(() if "alt" in field.axes else ("alt",))]
-        raw = raw.transpose([order.index(axis) for axis in ("mach", "alt", *others)])
-        chosen = np.array([raw[place] for place in self.places])
-        if field.units == "text":
-            words = np.array(
-                [str(np.ravel(item)[0]) if np.size(item) else "" for item in chosen.ravel()]
-            ).reshape(chosen.shape)
-            flags = np.where(words == "", ABSENT, OK).astype(np.uint8)
-            return _MatlabField(
-                field,
-                tuple(field_dimension(field, axis, self.device) for axis in others),
-                words,
-                flags,
-            )
-        numbers = chosen.astype(float)
-        flags = np.where(numbers == MISSING, ABSENT, np.where(np.isnan(numbers), NDM, OK)).astype(
-            np.uint8
-        )
-        values = np.where(flags == OK, numbers * self.units.factor(field.units), np.nan)
-        if field.constant:
-            self._fill(values, flags)
-        return _MatlabField(
-            field,
-            tuple(field_dimension(field, axis, self.device) for axis in others),
-            values,
-            flags,
-        )
-
-    def _with_all_indices(self, field: Field, array: np.ndarray) -> np.ndarray:
-        """Return an array with the indices that MATLAB has dropped, after a look at its size."""
-        lengths = {
-            "alpha": len(self.alphas),
-            "mach": len(self.machs),
-            "alt": len(self.alts),
-            "grndht": len(self.heights),
-        }
-        count = (
-            len(self.deltas)
-            if field.leaf not in ("asyflp", "spoiler")
-            else int(self.number_of("ndelta", 0))
-        )
-        lengths |= {
-            "delta": count,
-            "build": len(BUILD) if self.number_of("build", 1) == len(BUILD) else 1,
-        }
-        shape = [*array.shape, *[1] * (len(field.axes) - array.ndim)]
-        if array.ndim == 2 and len(field.axes) == 1 and shape[1] == 1:
-            shape = shape[:1]
-        for axis, size in zip(field.axes, shape):
-            allowed = {max(lengths.get(axis, size), 1)} | (
-                {1} if axis in ("grndht", "delta") else set()
-            )
-            if size not in allowed or len(shape) != len(field.axes):
-                wanted = " x ".join(
-                    f"{name} {lengths[name]}" if name in lengths else name for name in field.axes
-                )
-                hint = (
-                    "; how the breakpoints of free air are stored is not known"
-                    if axis == "grndht"
-                    else ""
-                )
-                raise self.fault(
-                    f"{field.name} of size {' x '.join(map(str, array.shape))}", f"{wanted}{hint}"
-                )
-        return array.reshape(shape, order="F")
-
-    def _fill(self, values: np.ndarray, flags: np.ndarray) -> None:
-        """Fill columns, the second index, that have a number in the first row only; none at
-        transonic Mach numbers.
-        """
-        low, high = self.number_of("stmach", 0.6), self.number_of("tsmach", 1.4)
-        for k, (i, _) in enumerate(self.places):
-            if self.machs and low < self.machs[i] < high:
-                continue
-            first, below = flags[k, :1] == OK, (flags[k, 1:] == ABSENT).all(axis=0, keepdims=True)
-            fill = np.broadcast_to(first & below, flags[k, 1:].shape)
-            values[k, 1:] = np.where(fill, values[k, :1], values[k, 1:])
-            flags[k, 1:] = np.where(fill, FILLED, flags[k, 1:])
-
-    def _leaf(self, leaf: str, parts: list[_MatlabField]) -> xr.Dataset:
-        """Return a leaf of its fields."""
-        there = [
-            k
-            for k in range(len(self.places))
-            if any((part.flags[k] != ABSENT).any() for part in parts)
-        ]
-        chosen = there if leaf in _LOCAL else list(range(len(self.places)))
-        parts = [
-            part._replace(values=part.values[chosen], flags=part.flags[chosen]) for part in parts
-        ]
-        made = LeafBuilder(self._conditions(chosen, leaf))
-        for name in dict.fromkeys(part.field.quantity for part in parts):
-            alike = [part for part in parts if part.field.quantity == name]
-            if alike[0].field.coordinate:
-                made.coords[name] = _coordinate(alike[0])
-            else:
-                _add_variable(made, alike, parts)
-        found = made.dataset()
-        axes = {
-            axis: points
-            for axis in found.dims
-            for points in [self._points(str(axis), found.sizes[axis], leaf)]
-            if points is not None
-        }
-        found = found.assign_coords(axes)
-        return self._tidied(found, leaf)
-
-    def _conditions(self, chosen: list[int], leaf: str) -> dict[str, xr.Variable]:
-        places = [self.places[k] for k in chosen]
-        known = self.alts and (leaf != "hypersonic" or len(self.alts) == 1)
-        heights = [
-            self.alts[j] * self.units.factor("length") if known else np.nan for _, j in places
-        ]
-        return {
-            "condition": xr.Variable("condition", np.arange(len(chosen))),
-            "mach": xr.Variable(
-                "condition",
-                [self.machs[i] if self.machs else np.nan for i, _ in places],
-                {"units": "1"},
-            ),
-            "h": xr.Variable("condition", heights, {"units": "m"}),
-        }
-
-    def _points(self, axis: str, size: int, leaf: str) -> tuple | None:
-        """Return a coordinate: dimension, values, attributes."""
-        if axis == "alpha":
-            return (
-                axis,
-                np.array(self.alphas) * DEGREE,
-                {"units": "rad", "sign": "ANU", "long_name": "angle of attack"},
-            )
-        if axis == "ground_height":
-            heights = np.array(self.heights or [np.inf]) * self.units.factor("length")
-            return axis, heights if len(heights) == size else np.full(size, np.inf), {"units": "m"}
-        if axis == "configuration" and leaf in ("static", "downwash", "dynamic"):
-            upright = self.parts & {"vertical", "fin"}
-            names = [
-                printed_name(
-                    made_of if len(made_of) == 1 or "vertical" not in made_of else made_of | upright
-                )
-                for made_of in BUILD
-            ]
-            return axis, names if size == len(BUILD) else [self._whole()]
-        if axis in ("delta", "delta_e", "delta_f"):
-            deltas = self.deltas if len(self.deltas) == size else [0.0] * size
-            return axis, np.array(deltas) * DEGREE, {"units": "rad"}
-        return (
-            (axis, np.arange(size))
-            if axis in ("delta_pair", "deflection", *INDEX_DIMENSIONS.values())
-            else None
-        )
-
-    def _whole(self) -> str:
-        """Return the name of the one configuration of a case without a build-up."""
-        if self.number_of("lb", 0):
-            return LOW_ASPECT_RATIO
-        return printed_name(self.parts) if self.parts else "not stated"
-
-    def _tidied(self, found: xr.Dataset, leaf: str) -> xr.Dataset:
-        """Return a leaf without configurations that are not there, and without indices of length
-        one but condition and alpha.
-        """
-        if leaf == "asyflp":
-            for name, field in (("delta_left", "deltal"), ("delta_right", "deltar")):
-                if len(self.numbers(field)) == found.sizes["delta_pair"]:
-                    found[name] = (
-                        "delta_pair",
-                        np.array(self.numbers(field)) * DEGREE,
-                        {"units": "rad", "sign": "TED"},
-                    )
-                    found = found.set_coords(name)
-        if leaf in ("static", "downwash", "dynamic"):
-            flags = [
-                found[name] != ABSENT for name in found.data_vars if str(name).endswith("_flag")
-            ]
-            there = np.any(
-                [
-                    flag.any([dim for dim in flag.dims if dim != "configuration"]).values
-                    for flag in flags
-                ],
-                axis=0,
-            )
-            found = found.isel(configuration=np.flatnonzero(there))
-            short = [
-                dim
-                for dim in ("configuration", "ground_height", self.device)
-                if found.sizes.get(dim) == 1
-            ]
-            found = found.squeeze(short)
-            if not self.deltas:
-                found = found.drop_vars(self.device, errors="ignore")
-        return found
+# Leaves of many fields.
 
 
-def _coordinate(part: _MatlabField) -> xr.Variable:
+def _make_leaf(case: CaseStructure, leaf: str, parts: list[_MatlabField]) -> xr.Dataset:
+    """Return a leaf of its fields."""
+    conditions = list(range(len(case.grid_indices)))
+    if leaf in _OWN_CONDITIONS:
+        conditions = _printed_conditions(conditions, parts)
+    selected = []
+    for part in parts:
+        values, flags = part.values[conditions], part.flags[conditions]
+        selected.append(part._replace(values=values, flags=flags))
+    builder = LeafBuilder(_condition_coords(case, conditions, leaf))
+    for name in dict.fromkeys(part.field.quantity for part in selected):
+        alike = [part for part in selected if part.field.quantity == name]
+        if alike[0].field.coordinate:
+            builder.coords[name] = _make_coordinate(alike[0])
+        else:
+            _add_variable(builder, alike, selected)
+    dataset = builder.to_dataset()
+    axes = {}
+    for axis, size in dataset.sizes.items():
+        points = _axis_points(case, str(axis), size, leaf=leaf)
+        if points is not None:
+            axes[axis] = points
+    return _tidy_leaf(case, dataset.assign_coords(axes), leaf)
+
+
+def _printed_conditions(conditions: list[int], parts: list[_MatlabField]) -> list[int]:
+    """Return the conditions that have a number in some field."""
+    printed = []
+    for k in conditions:
+        if any((part.flags[k] != ABSENT).any() for part in parts):
+            printed.append(k)
+    return printed
+
+
+def _condition_coords(
+    case: CaseStructure, conditions: list[int], leaf: str
+) -> dict[str, xr.Variable]:
+    """Return Mach number and altitude of some conditions."""
+    indices = [case.grid_indices[k] for k in conditions]
+    machs, heights = [np.nan] * len(indices), [np.nan] * len(indices)
+    if case.machs:
+        machs = [case.machs[i] for i, _ in indices]
+    # The fields of a hypersonic flap have no index of altitude.
+    if case.alts and (leaf != "hypersonic" or len(case.alts) == 1):
+        unit = case.units.factor("length")
+        heights = [case.alts[j] * unit for _, j in indices]
+    return {
+        "condition": xr.Variable("condition", np.arange(len(conditions))),
+        "mach": xr.Variable("condition", machs, {"units": "1"}),
+        "h": xr.Variable("condition", heights, {"units": "m"}),
+    }
+
+
+def _axis_points(case: CaseStructure, axis: str, size: int, *, leaf: str) -> tuple | None:
+    """Return a coordinate as dimension, values, attributes; None for an axis without one."""
+    if axis == "alpha":
+        attrs = {"units": "rad", "sign": "ANU", "long_name": "angle of attack"}
+        return axis, np.array(case.alphas) * DEGREE, attrs
+    if axis == "ground_height":
+        heights = np.array(case.heights or [np.inf]) * case.units.factor("length")
+        if len(heights) != size:
+            heights = np.full(size, np.inf)
+        return axis, heights, {"units": "m"}
+    if axis == "configuration" and leaf in _BY_CONFIGURATION:
+        return axis, _configuration_names(case, size)
+    if axis in ("delta", "delta_e", "delta_f"):
+        deltas = [0.0] * size
+        if len(case.deltas) == size:
+            deltas = case.deltas
+        return axis, np.array(deltas) * DEGREE, {"units": "rad"}
+    if axis in ("delta_pair", "deflection", *INDEX_DIMENSIONS.values()):
+        return axis, np.arange(size)
+    return None
+
+
+def _configuration_names(case: CaseStructure, size: int) -> list[str]:
+    """Return the printed names along ``build``, or that of the whole aeroplane."""
+    if size != len(BUILD):
+        return [_whole_aeroplane(case)]
+    upright = case.parts & {"vertical", "fin"}
+    names = []
+    for made_of in BUILD:
+        # A vertical tail with other parts is printed with the ventral fin.
+        if len(made_of) > 1 and "vertical" in made_of:
+            made_of = made_of | upright
+        names.append(printed_name(made_of))
+    return names
+
+
+def _whole_aeroplane(case: CaseStructure) -> str:
+    """Return the name of the one configuration of a case without a build-up."""
+    if case.number_of("lb", 0):
+        return LOW_ASPECT_RATIO
+    if not case.parts:
+        return "not stated"
+    return printed_name(case.parts)
+
+
+def _tidy_leaf(case: CaseStructure, dataset: xr.Dataset, leaf: str) -> xr.Dataset:
+    """Return a leaf without absent configurations and without indices of length one.
+
+    The dimensions ``condition`` and ``alpha`` always stay.
+    """
+    if leaf == "asyflp":
+        for name, field in (("delta_left", "deltal"), ("delta_right", "deltar")):
+            deltas = case.numbers(field)
+            if len(deltas) == dataset.sizes["delta_pair"]:
+                attrs = {"units": "rad", "sign": "TED"}
+                dataset[name] = ("delta_pair", np.array(deltas) * DEGREE, attrs)
+                dataset = dataset.set_coords(name)
+    if leaf not in _BY_CONFIGURATION:
+        return dataset
+    present = np.zeros(dataset.sizes["configuration"], bool)
+    for key in dataset.data_vars:
+        if str(key).endswith("_flag"):
+            flag = dataset[key] != ABSENT
+            inner_dims = [dim for dim in flag.dims if dim != "configuration"]
+            present |= flag.any(inner_dims).values
+    dataset = dataset.isel(configuration=np.flatnonzero(present))
+    single = []
+    for dim in ("configuration", "ground_height", case.device):
+        if dataset.sizes.get(dim) == 1:
+            single.append(dim)
+    dataset = dataset.squeeze(single)
+    if not case.deltas:
+        dataset = dataset.drop_vars(case.device, errors="ignore")
+    return dataset
+
+
+def _make_coordinate(part: _MatlabField) -> xr.Variable:
     """Return a coordinate that is the same for all conditions, or one over condition and time."""
     if part.field.units == "text":
         return xr.Variable(("condition", *part.dims), part.values)
-    k = next(k for k in range(len(part.flags)) if (part.flags[k] != ABSENT).any())
-    return xr.Variable(
-        part.dims, part.values[k], {"units": "s" if part.field.quantity == "time" else "1"}
-    )
+    # The first condition that has the field gives the values.
+    has_number = [bool((flags != ABSENT).any()) for flags in part.flags]
+    units = "1"
+    if part.field.quantity == "time":
+        units = "s"
+    return xr.Variable(part.dims, part.values[has_number.index(True)], {"units": units})
 
 
-def _add_variable(found: LeafBuilder, alike: list[_MatlabField], parts: list[_MatlabField]) -> None:
-    """Add a variable: one field, or fields of several surfaces and panels put together."""
+def _add_variable(
+    builder: LeafBuilder, alike: Sequence[_MatlabField], parts: Sequence[_MatlabField]
+) -> None:
+    """Add a variable: one field, or the fields of several surfaces and panels put together.
+
+    `alike` are the fields of the variable, `parts` all fields of the leaf.
+    """
     field, dims = alike[0].field, alike[0].dims
-    column = PrintedColumn(
-        " ".join(part.field.name for part in alike[:2]), 0, 0, field.quantity, field.units
-    )
-    if not field.at:
-        found.add(column, ("condition", *dims), alike[0].values, alike[0].flags)
+    names = " ".join(part.field.name for part in alike[:2])
+    column = PrintedColumn(names, 0, 0, field.quantity, field.units)
+    if not field.labels:
+        builder.add(column, ("condition", *dims), alike[0].values, alike[0].flags)
         return
-    axes = [axis for axis, _ in field.at]
-    there = {pair for part in parts if (part.flags != ABSENT).any() for pair in part.field.at}
-    labels = [[label for label in LABELS[axis] if (axis, label) in there] for axis in axes]
-    shape = (len(alike[0].values), *(len(names) for names in labels), *alike[0].values.shape[1:])
-    values, flags = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
+    # Labels along each axis: those that some field of the leaf has.
+    present = set()
+    for part in parts:
+        if (part.flags != ABSENT).any():
+            present |= set(part.field.labels)
+    labels = {}
+    for axis, _ in field.labels:
+        labels[axis] = [label for label in LABELS[axis] if (axis, label) in present]
+    sizes = [len(names_of_axis) for names_of_axis in labels.values()]
+    first = alike[0].values
+    values, flags = empty_cells((len(first), *sizes, *first.shape[1:]))
     for part in alike:
-        if all(label in names for (_, label), names in zip(part.field.at, labels)):
-            where: tuple[Any, ...] = (
-                slice(None),
-                *(names.index(label) for (_, label), names in zip(part.field.at, labels)),
-            )
-            values[where], flags[where] = part.values, part.flags
-    found.add(column, ("condition", *axes, *dims), values, flags)
-    found.coords |= {axis: xr.Variable(axis, names) for axis, names in zip(axes, labels)}
+        if not present.issuperset(part.field.labels):
+            continue
+        index: list[Any] = [labels[axis].index(label) for axis, label in part.field.labels]
+        values[(slice(None), *index)] = part.values
+        flags[(slice(None), *index)] = part.flags
+    builder.add(column, ("condition", *labels, *dims), values, flags)
+    for axis, names_of_axis in labels.items():
+        builder.coords[axis] = xr.Variable(axis, names_of_axis)

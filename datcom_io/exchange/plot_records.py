@@ -1,11 +1,13 @@
 """The records of a plot file (unit 13), as the program wrote them.
 
 FORMAT (1P10E12.4): ten fields of twelve columns, five significant digits, the common blocks of the
-program in feet, pounds, degrees Rankine and degrees.  Nothing in the file indicates what comes
-next, but the records differ in length:
+program in feet, pounds, degrees Rankine and degrees.  Nothing in the file names the next record,
+but the records differ in length:
 
-* a case opens with sixteen lines of ten numbers, and holds nothing else when it prints no static page (hypersonic flap, transverse jet);
-* lines of 10, 9 and 4 numbers and a line of logicals stand before the first page of the case, and before its pages over ground;
+* a case opens with sixteen lines of ten numbers, and holds nothing else when it prints no static
+  page (hypersonic flap, transverse jet);
+* lines of 10, 9 and 4 numbers and a line of logicals stand before the first page of the case, and
+  before its pages over ground;
 * a static page has 231 lines of ten numbers and one of one;
 * a control device behind it has eight numbers in its fourteenth line.
 """
@@ -24,55 +26,56 @@ from datcom_io.cells import BLANK, NA, NDM, NOT_A_NUMBER, OK, OVERFLOW, SENTINEL
 from flightmech.errors import ParseError
 from flightmech.support.input_files import read_bytes
 
-# the common block FLOLOG of the program, in its order
+# The common block FLOLOG of the program, in its order.
 LOGICALS = (
-    *(
-        "FLTC",
-        "OPTI",
-        "BO",
-        "WGPL",
-        "WGSC",
-        "SYNT",
-        "HTPL",
-        "HTSC",
-        "VTPL",
-        "VTSC",
-        "HEAD",
-        "PRPOWR",
-        "JETPOW",
-        "LOASRT",
-        "TVTPAN",
-    ),
-    *(
-        "SUPERS",
-        "SUBSON",
-        "TRANSN",
-        "HYPERS",
-        "SYMFP",
-        "ASYFP",
-        "TRIMC",
-        "TRIM",
-        "DAMP",
-        "HYPEF",
-        "TRAJET",
-        "BUILD",
-        "FIRST",
-    ),
-    *("DRCONV", "PART", "VFPL", "VFSC", "CTAB", "PLOT"),
+    "FLTC",
+    "OPTI",
+    "BO",
+    "WGPL",
+    "WGSC",
+    "SYNT",
+    "HTPL",
+    "HTSC",
+    "VTPL",
+    "VTSC",
+    "HEAD",
+    "PRPOWR",
+    "JETPOW",
+    "LOASRT",
+    "TVTPAN",
+    "SUPERS",
+    "SUBSON",
+    "TRANSN",
+    "HYPERS",
+    "SYMFP",
+    "ASYFP",
+    "TRIMC",
+    "TRIM",
+    "DAMP",
+    "HYPEF",
+    "TRAJET",
+    "BUILD",
+    "FIRST",
+    "DRCONV",
+    "PART",
+    "VFPL",
+    "VFSC",
+    "CTAB",
+    "PLOT",
 )
 CONFIGURATIONS = ("BODY", "WING", "HT", "VT", "VF", "BW", "BH", "BV", "BWH", "BWV", "BWHV")
 _WIDTH = 12
+_PER_LINE = 10
 _MOST_MACHS = 20
+# Records of the case, its heading, a static page and a control device: name and size.
 _CASE = {"FLC": 160}
 _HEADING = {"SYNA": 19, "OPT": 4}
-_LAST_LINES = {
-    1: "page",
-    8: "control",
-    9: "heading",
-}  # by the numbers in the first line that has not ten
+# What begins at a line, by the size of the first line behind it that does not have ten numbers.
+_KIND_OF_LAST_LINE = {1: "page", 8: "control", 9: "heading"}
 _TEN_NUMBERS = re.compile(
     r"(?: {1,2}-?\d\.\d{4}E[-+]\d\d| {12}|\*{12}|[ +-]*(?:NaN|Infinity)){10} *"
 )
+# Eleven configurations of ten blocks of twenty angles, downwash, factors, drag at zero lift.
 _CONDITION = {**dict.fromkeys(CONFIGURATIONS, 200), "DWASH": 60, "FACT": 40, "CDO": 11}
 _CONTROL = {
     "F": 138,
@@ -81,13 +84,15 @@ _CONTROL = {
     "HT_CONTROL": 180,
     "VT_CONTROL": 180,
 }
+# Codes of the program for a missing number.
 _MARKS = {1.0e-30: NDM, 2.0e-30: NA, -1.0e-30: BLANK}
 
 
 @dataclass(frozen=True, eq=False)
 class PlotRecord:
-    """Numbers of one record with their flags; ``line`` is its first. [feet, pounds, degrees
-    Rankine, degrees]
+    """Numbers of one record with their flags; ``line`` is its first line.
+
+    The numbers are in feet, pounds, degrees Rankine and degrees.
     """
 
     line: int
@@ -95,24 +100,32 @@ class PlotRecord:
     flags: np.ndarray
 
     def numbers(self, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the numbers first ... last, counted from 1 as in the program, NaN where there is
-        none, and their flags.
+        """Return numbers ``first`` to ``last``, counted from 1 as in the program, and their flags.
+
+        A missing number is NaN.
         """
         part = slice(first - 1, last)
-        return np.where(self.flags[part] == OK, self.values[part], np.nan), self.flags[part].copy()
+        values = np.where(self.flags[part] == OK, self.values[part], np.nan)
+        return values, self.flags[part].copy()
 
-    def number(self, place: int) -> float:
-        """Return one number, counted from 1; NaN where there is none."""
-        return float(self.numbers(place, place)[0][0])
+    def number(self, index: int) -> float:
+        """Return one number, counted from 1; NaN where it is missing."""
+        return float(self.numbers(index, index)[0][0])
+
+    def count(self, index: int, most: int) -> int:
+        """Return a number as a count, 0 when it is missing or larger than `most`."""
+        number = self.number(index)
+        if not 0 < number <= most:
+            return 0
+        return int(number)
 
 
 @dataclass(eq=False)
 class PlotCase:
-    """One case: what holds for all of it, and a dict of records per static page; without such a
-    page it has no logicals.
+    """One case: its records, and a dict of records per static page.
 
-    Page by page the program overwrites the blocks, so those of a page over ground hold the
-    coefficients over ground.
+    A case without a static page has no logicals.  Page by page the program overwrites the blocks,
+    so those of a page over ground hold the coefficients over ground.
     """
 
     line: int
@@ -132,33 +145,32 @@ def read_records(path: str | os.PathLike[str]) -> list[PlotCase]:
     lines = read_bytes(path, "a plot file (unit 13)").decode("latin-1").splitlines()
     while lines and not lines[-1].strip("\x1a "):
         lines.pop()
-    file, at = Path(path).name, 0
+    file = Path(path).name
     cases: list[PlotCase] = []
     if not lines or not is_line_of_plot(lines[0]):
-        found = (
+        problem = (
             f"a file of {len(lines)} lines whose first is no line of ten numbers of twelve columns"
         )
-        raise ParseError(file, 0, found, "a plot file (unit 13, written with card PLOT)")
-    while at < len(lines):
-        expected = (
-            "case" if not cases else "page" if cases[-1].logicals and not cases[-1].pages else ""
-        )
-        kind = expected or _kind(lines, at)
+        raise ParseError(file, 0, problem, "a plot file (unit 13, written with card PLOT)")
+    index = 0
+    while index < len(lines):
+        kind = _next_kind(lines, index, cases)
         if kind == "case":
-            records, after = _take(file, lines, at, _CASE)
-            cases.append(PlotCase(at + 1, records))
-            at = after
+            records, after = _read_sizes(file, lines, index, _CASE)
+            cases.append(PlotCase(index + 1, records))
         elif kind == "heading":
-            heading, after = _take(file, lines, at, _HEADING)
+            # The logicals follow the heading, in a line of letters.
+            heading, logicals_line = _read_sizes(file, lines, index, _HEADING)
             cases[-1].records.update(heading)
-            cases[-1].logicals = _logicals(file, lines, after)
-            at = after + 1
+            cases[-1].logicals = _read_logicals(file, lines, logicals_line)
+            after = logicals_line + 1
         elif kind == "page":
-            page, at = _take(file, lines, at, _CONDITION)
+            page, after = _read_sizes(file, lines, index, _CONDITION)
             cases[-1].pages.append(page)
         else:
-            control, at = _take(file, lines, at, _CONTROL)
+            control, after = _read_sizes(file, lines, index, _CONTROL)
             cases[-1].pages[-1].update(control)
+        index = after
     for case in cases:
         if case.pages and not case.logicals:
             raise ParseError(
@@ -170,83 +182,105 @@ def read_records(path: str | os.PathLike[str]) -> list[PlotCase]:
     return cases
 
 
+def _next_kind(lines: Sequence[str], index: int, cases: list[PlotCase]) -> str:
+    """Return what begins at a line: ``case heading page control``."""
+    if not cases:
+        return "case"
+    # Logicals without a page come before the first page.
+    if cases[-1].logicals and not cases[-1].pages:
+        return "page"
+    return _kind_by_length(lines, index)
+
+
 def is_line_of_plot(line: str) -> bool:
     """Return whether a line is ten numbers as the program writes them."""
     return _TEN_NUMBERS.fullmatch(line.rstrip("\r\n\x1a")) is not None
 
 
-def _kind(lines: Sequence[str], at: int) -> str:
-    """Return what begins at a line: ``case heading page control``."""
-    end = next((k for k in range(at, len(lines)) if len(_fields(lines[k])) != 10), len(lines))
-    count, last = end - at, len(_fields(lines[end])) if end < len(lines) else 0
-    if last == 9 and count > 1:
+def _kind_by_length(lines: Sequence[str], index: int) -> str:
+    """Return what begins at a line by the lines with ten numbers that follow."""
+    end = index
+    while end < len(lines) and len(_split_fields(lines[end])) == _PER_LINE:
+        end += 1
+    last_size = 0
+    if end < len(lines):
+        last_size = len(_split_fields(lines[end]))
+    # A heading has one line of ten numbers; a case stands before it.
+    if last_size == 9 and end - index > 1:
         return "case"
-    return _LAST_LINES.get(last, "case" if _counts_machs(lines[at]) else "page")
+    if last_size in _KIND_OF_LAST_LINE:
+        return _KIND_OF_LAST_LINE[last_size]
+    if _counts_machs(lines[index]):
+        return "case"
+    return "page"
 
 
 def _counts_machs(line: str) -> bool:
-    """Return whether a line begins with the number of Mach numbers of a case, not with a
-    coefficient.
-    """
-    found = read_cell(line[:_WIDTH])
-    return found is not None and found[0] in range(1, _MOST_MACHS + 1)
+    """Return whether a line begins with a count of Mach numbers, not with a coefficient."""
+    cell = read_cell(line[:_WIDTH])
+    return cell is not None and cell[0] in range(1, _MOST_MACHS + 1)
 
 
-def _logicals(file: str, lines: Sequence[str], at: int) -> dict[str, bool]:
-    words = lines[at].split() if at < len(lines) else []
-    if len(words) != len(LOGICALS) or not {"T", "F"}.issuperset(words):
+def _read_logicals(file: str, lines: Sequence[str], index: int) -> dict[str, bool]:
+    """Return the logicals of a line by their names."""
+    texts: list[str] = []
+    if index < len(lines):
+        texts = lines[index].split()
+    if len(texts) != len(LOGICALS) or not {"T", "F"}.issuperset(texts):
         raise ParseError(
             file,
-            at + 1,
-            f"{' '.join(words)[:40]!r}",
+            index + 1,
+            f"{' '.join(texts)[:40]!r}",
             f"a line of {len(LOGICALS)} logicals, T or F; run the program again",
         )
-    return dict(zip(LOGICALS, (word == "T" for word in words)))
+    return dict(zip(LOGICALS, (word == "T" for word in texts)))
 
 
-def _fields(line: str) -> list[str]:
+def _split_fields(line: str) -> list[str]:
     text = line.rstrip()
     return [text[k : k + _WIDTH] for k in range(0, len(text), _WIDTH)]
 
 
-def _take(
-    file: str, lines: Sequence[str], at: int, sizes: Mapping[str, int]
+def _read_sizes(
+    file: str, lines: Sequence[str], start: int, sizes: Mapping[str, int]
 ) -> tuple[dict[str, PlotRecord], int]:
     """Return records of known sizes from a line on, and the index of the line after them."""
     records = {}
+    index = start
     for name, size in sizes.items():
-        first = at
-        cells: list[tuple[float, int]] = []
-        while len(cells) < size:
-            if at == len(lines):
+        first = index
+        values: list[float] = []
+        flags: list[int] = []
+        while len(values) < size:
+            if index == len(lines):
+                problem = f"the end of the file after {len(values)} numbers of {name}"
+                raise ParseError(file, index, problem, f"{size}; run the program again")
+            fields = _split_fields(lines[index])
+            expected = min(_PER_LINE, size - len(values))
+            if len(fields) != expected:
                 raise ParseError(
                     file,
-                    at,
-                    f"the end of the file after {len(cells)} numbers of {name}",
-                    f"{size}; run the program again",
+                    index + 1,
+                    f"{len(fields)} fields in a line of {name}",
+                    f"{expected} fields of {_WIDTH} columns",
                 )
-            row = _fields(lines[at])
-            wanted = min(10, size - len(cells))
-            if len(row) != wanted:
-                raise ParseError(
-                    file,
-                    at + 1,
-                    f"{len(row)} fields in a line of {name}",
-                    f"{wanted} fields of {_WIDTH} columns",
-                )
-            cells += [_cell(file, at + 1, text) for text in row]
-            at += 1
-        records[name] = PlotRecord(
-            first + 1,
-            np.array([value for value, _ in cells]),
-            np.array([flag for _, flag in cells], np.uint8),
-        )
-    return records, at
+            for text in fields:
+                value, flag = _read_number(file, index + 1, text)
+                values.append(value)
+                flags.append(flag)
+            index += 1
+        records[name] = PlotRecord(first + 1, np.array(values), np.array(flags, np.uint8))
+    return records, index
 
 
-def _cell(file: str, line: int, text: str) -> tuple[float, int]:
-    found = read_cell(text)
-    if found is None or found[1] not in (OK, SENTINEL, OVERFLOW, NOT_A_NUMBER):
-        raise ParseError(file, line, f"{text.strip()!r} in a field of {_WIDTH} columns", "a number")
-    value, flag = found
-    return value, _MARKS.get(value, SENTINEL) if flag == SENTINEL else flag
+def _read_number(file: str, line: int, text: str) -> tuple[float, int]:
+    """Return value and flag of a field."""
+    cell = read_cell(text)
+    if cell is None or cell[1] not in (OK, SENTINEL, OVERFLOW, NOT_A_NUMBER):
+        problem = f"{text.strip()!r} in a field of {_WIDTH} columns"
+        raise ParseError(file, line, problem, "a number")
+    value, flag = cell
+    # The file has no words; the codes of the program for a missing number are written as numbers.
+    if flag == SENTINEL:
+        flag = _MARKS.get(value, SENTINEL)
+    return value, flag

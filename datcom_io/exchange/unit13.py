@@ -1,9 +1,8 @@
-"""Plot files: the same tables as the print file, with five significant digits instead of three
-decimals.
+"""Plot files (unit 13): tables of the print file, with five significant digits.
 
-The blocks of all eleven configurations are in the file whether they are printed or not; what is no
-part of the aeroplane holds nothing or what an earlier case left there, so the logicals of the case
-decide which configurations are real.
+The blocks of all eleven configurations are in the file whether they are printed or not.  The block
+of a configuration that the aeroplane does not have holds nothing, or numbers of an earlier case.
+The logicals of the case therefore decide which configurations are real.
 """
 
 from __future__ import annotations
@@ -14,74 +13,58 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from datcom_io.arrays.conditions import printed_name
-from datcom_io.arrays.stacking import LONG_NAMES, LeafBuilder
-from datcom_io.cells import ABSENT, BLANK, FILLED, OK, SUSPECT
-from datcom_io.exchange.plot_records import CONFIGURATIONS, PlotCase, PlotRecord, read_records
+from datcom_io.arrays.leaves import LONG_NAMES, LeafBuilder, empty_cells
+from datcom_io.cells import BLANK, FILLED, OK, SUSPECT
+from datcom_io.exchange.plot_conditions import (
+    MOST_ANGLES,
+    PlotPage,
+    alpha_coord,
+    angles_of_attack,
+    condition_coords,
+    free_air_pages,
+    ground_heights,
+    pages_by_condition,
+    real_configurations,
+    run_schedule,
+    transonic_conditions,
+)
+from datcom_io.exchange.plot_records import CONFIGURATIONS, PlotCase, read_records
 from datcom_io.printout.layouts import BY_NAME
 from datcom_io.printout.rows import PrintedColumn
 from flightmech.units import DEGREE, FOOT
 
-_COLUMNS = {
-    column.quantity: column
-    for name in ("static", "downwash", "symflp")
-    for column in BY_NAME[name].columns
-}
+_COLUMNS: dict[str, PrintedColumn] = {}
+for _name in ("static", "downwash", "symflp"):
+    _COLUMNS |= {column.quantity: column for column in BY_NAME[_name].columns}
+# Blocks of a configuration, of the downwash and of a control device, in the order of the file.
 _STATIC = ("CD", "CL", "Cm", "CN", "CA", "CL_alpha", "Cm_alpha", "CY_beta", "Cn_beta", "Cl_beta")
 _DOWNWASH = ("q_ratio", "epsilon", "epsilon_alpha")
 _SYMFLP = ("dCL", "dCm", "dCLmax", "dCDmin", "CL_alpha_delta", "Ch_alpha", "Ch_delta")
 _DCDI = PrintedColumn("D(CDI)", 0, 0, "dCDi")
 _CD0 = PrintedColumn("CDO", 0, 0, "CD0")
-_SURFACES = {
-    "BO": "body",
-    "WGPL": "wing",
-    "HTPL": "horizontal",
-    "VTPL": "vertical",
-    "VFPL": "fin",
-    "TVTPAN": "panels",
-}
-_MADE_OF = dict(
-    zip(
-        CONFIGURATIONS,
-        (
-            "body",
-            "wing",
-            "horizontal",
-            "vertical",
-            "fin",
-            "body wing",
-            "body horizontal",
-            "body upright",
-        )
-        + ("body wing horizontal", "body wing upright", "body wing horizontal upright"),
-    )
-)
-_MOST = 20  # angles of attack in a block
 _MOST_DELTAS = 10
-_MOST_HEIGHTS = 10
 _AREA = FOOT**2
-# names of SYNA in the order of the file; lengths in feet, angles in degrees
+# Names of SYNA in the order of the file; lengths in feet, angles in degrees.
 _SYNTHESIS = (
-    *(
-        "XCG",
-        "XW",
-        "ZW",
-        "ALIW",
-        "ZCG",
-        "XH",
-        "ZH",
-        "ALIH",
-        "XV",
-        "VERTUP",
-        "HINAX",
-        "XVF",
-        "SCALE",
-        "ZV",
-        "ZVF",
-        "YV",
-        "YF",
-    ),
-    *("PHIV", "PHIF"),
+    "XCG",
+    "XW",
+    "ZW",
+    "ALIW",
+    "ZCG",
+    "XH",
+    "ZH",
+    "ALIH",
+    "XV",
+    "VERTUP",
+    "HINAX",
+    "XVF",
+    "SCALE",
+    "ZV",
+    "ZVF",
+    "YV",
+    "YF",
+    "PHIV",
+    "PHIF",
 )
 _ANGLES = ("ALIW", "ALIH", "PHIV", "PHIF")
 _NO_LENGTH = ("VERTUP", "SCALE")
@@ -124,332 +107,267 @@ def read_plot(path: str | os.PathLike[str]) -> xr.DataTree:
 
 
 def _case_tree(case: PlotCase, file: str, name: str) -> xr.DataTree:
+    """Return the tree of one case."""
     if not case.pages:
-        root = xr.Dataset(
-            attrs={
-                "case": name,
-                "file": file,
-                "line": case.line,
-                "messages": f"line {case.line}: no static page in this case",
-            }
-        )
-        return xr.DataTree.from_dict(
-            {"/": root, "records": _records(case, "condition", [])}, name=name
-        )
+        message = f"line {case.line}: no static page in this case"
+        attrs = {"case": name, "file": file, "line": case.line, "messages": message}
+        nodes = {"/": xr.Dataset(attrs=attrs), "records": _record_leaf(case, "condition", [])}
+        return xr.DataTree.from_dict(nodes, name=name)
+    nodes = {"/": xr.Dataset(attrs=_case_attrs(case, file, name))}
     leaves = {
-        "static": _static(case),
-        "zero_lift": _zero_lift(case),
-        "downwash": _downwash(case),
-        "symflp": _symflp(case),
+        "static": _static_leaf(case),
+        "zero_lift": _zero_lift_leaf(case),
+        "downwash": _downwash_leaf(case),
+        "symflp": _symflp_leaf(case),
+        "ground": _ground_leaf(case),
     }
-    leaves["ground"] = _ground(case)
-    root = xr.Dataset(attrs=_attrs(case, file, name))
-    made = {key: leaf.dataset() for key, leaf in leaves.items() if leaf is not None}
-    records = {"records": _records(case, "condition", _conditions(case))}
-    if "ground" in made:
-        over_ground = [page for pages in _by_condition(case) for page in pages[1:]]
-        records["ground_records"] = _records(case, "page", over_ground)
-    return xr.DataTree.from_dict({"/": root, **made, **records}, name=name)
+    for key, leaf in leaves.items():
+        if leaf is not None:
+            nodes[key] = leaf.to_dataset()
+    # All numbers as written, for users who need other blocks.
+    nodes["records"] = _record_leaf(case, "condition", free_air_pages(case))
+    if "ground" in nodes:
+        over_ground: list[PlotPage] = []
+        for pages in pages_by_condition(case):
+            over_ground += pages[1:]
+        nodes["ground_records"] = _record_leaf(case, "page", over_ground)
+    return xr.DataTree.from_dict(nodes, name=name)
 
 
-def _attrs(case: PlotCase, file: str, name: str) -> dict[str, str | float]:
-    options, place = case.records["OPT"], dict(zip(_SYNTHESIS, range(1, 20)))
-    synthesis = case.records["SYNA"]
-    found: dict[str, str | float] = {
+def _case_attrs(case: PlotCase, file: str, name: str) -> dict[str, str | float]:
+    """Return reference quantities, positions and logicals of a case, in SI."""
+    options = case.records["OPT"]
+    # Positions of the parts of the aeroplane.
+    record = case.records["SYNA"]
+    synthesis = {word: record.number(k) for k, word in enumerate(_SYNTHESIS, 1)}
+    attrs: dict[str, str | float] = {
         "S": options.number(1) * _AREA,
         "cbar": options.number(2) * FOOT,
         "b": options.number(4) * FOOT,
         "roughness": options.number(3) * FOOT,
-        "x_cg": synthesis.number(place["XCG"]) * FOOT,
-        "z_cg": synthesis.number(place["ZCG"]) * FOOT,
+        "x_cg": synthesis["XCG"] * FOOT,
+        "z_cg": synthesis["ZCG"] * FOOT,
         "case": name,
         "file": file,
         "line": case.line,
         "moment_centre": "x_cg aft and z_cg up from the drawing datum [m]",
         "logicals": " ".join(word for word, value in case.logicals.items() if value),
     }
-    for word in _SYNTHESIS:
-        value = synthesis.number(place[word])
-        if word not in ("XCG", "ZCG", *_NO_LENGTH) and not np.isnan(value):
-            found[word] = value * (DEGREE if word in _ANGLES else FOOT)
-    count = len(_conditions(case))
-    if len(_schedule(case)) != count:
-        found["messages"] = (
+    for word, value in synthesis.items():
+        if word in ("XCG", "ZCG", *_NO_LENGTH) or np.isnan(value):
+            continue
+        unit = FOOT
+        if word in _ANGLES:
+            unit = DEGREE
+        attrs[word] = value * unit
+    count, scheduled = len(free_air_pages(case)), len(run_schedule(case))
+    if scheduled != count:
+        attrs["messages"] = (
             f"line {case.line}: {count} flight conditions are written, "
-            f"{len(_schedule(case))} are specified by NMACH, NALT and LOOP; "
+            f"{scheduled} are specified by NMACH, NALT and LOOP; "
             "Mach number and altitude are left open"
         )
-    return found
+    return attrs
 
 
-def _schedule(case: PlotCase) -> list[tuple[float, float]]:
-    """Return Mach number and altitude [ft] in the order of the run."""
-    flight = case.records["FLC"]
-    counts = [flight.number(place) for place in (1, 159)]
-    machs, heights = (
-        flight.numbers(first, first + _MOST - 1)[0][: int(count) if 0 < count <= _MOST else 0]
-        for first, count in zip((3, 97), counts)
-    )
-    loop = flight.number(160)
-    if not len(heights):
-        heights = np.full(len(machs) if loop not in (2.0, 3.0) else 1, np.nan)
-    if loop == 2.0:
-        return [(mach, height) for height in heights for mach in machs]
-    if loop == 3.0:
-        return [(mach, height) for mach in machs for height in heights]
-    return list(zip(machs, heights))
+# Numbers of a column.
 
 
-def _heights(case: PlotCase) -> np.ndarray:
-    """Return the heights over ground of the case. [ft]"""
-    count = case.records["FLC"].number(63)
-    return case.records["FLC"].numbers(64, 73)[0][: int(count) if 0 < count <= _MOST_HEIGHTS else 0]
-
-
-def _by_condition(case: PlotCase) -> list[list[dict[str, PlotRecord]]]:
-    """Return the pages of each flight condition: the one in free air, then deflection by deflection
-    those over ground.
-    """
-    heights, count = len(_heights(case)), len(_schedule(case))
-    each, rest = divmod(len(case.pages), count) if heights and count else (1, 0)
-    if rest or each < 1 or (heights and (each - 1) % heights):
-        each = 1
-    return [case.pages[k : k + each] for k in range(0, len(case.pages), each)]
-
-
-def _conditions(case: PlotCase) -> list[dict[str, PlotRecord]]:
-    """Return the page in free air of each flight condition."""
-    return [pages[0] for pages in _by_condition(case)]
-
-
-def _coords(case: PlotCase) -> dict[str, xr.Variable]:
-    count, schedule = len(_conditions(case)), _schedule(case)
-    pairs = np.array(
-        schedule if len(schedule) == count else [(np.nan, np.nan)] * count, float
-    ).reshape(count, 2)
-    return {
-        "condition": xr.Variable("condition", np.arange(count)),
-        "mach": xr.Variable("condition", pairs[:, 0], {"units": "1"}),
-        "h": xr.Variable("condition", pairs[:, 1] * FOOT, {"units": "m"}),
-        "line": xr.Variable(
-            "condition", np.array([condition["BODY"].line for condition in _conditions(case)], int)
-        ),
-    }
-
-
-def _alphas(case: PlotCase) -> np.ndarray:
-    """Return the angles of attack. [deg]"""
-    count = case.records["FLC"].number(2)
-    return case.records["FLC"].numbers(23, 42)[0][: int(count) if 0 < count <= _MOST else 0]
-
-
-def _alpha_coord(case: PlotCase) -> dict[str, xr.Variable]:
-    return {
-        "alpha": xr.Variable(
-            "alpha",
-            _alphas(case) * DEGREE,
-            {"units": "rad", "sign": "ANU", "long_name": "angle of attack"},
-        )
-    }
-
-
-def _real(case: PlotCase) -> dict[str, str]:
-    """Return block and printed name of the configurations that the case has."""
-    surfaces = [part for word, part in _SURFACES.items() if case.logicals[word]]
-    upright = " ".join(part for part in surfaces if part in ("vertical", "fin", "panels"))
-    found = {}
-    for block, words in _MADE_OF.items():
-        made_of = frozenset(words.replace("upright", upright).split())
-        if made_of <= set(surfaces) and (upright or "upright" not in words):
-            found[block] = printed_name(made_of)
-    return found
-
-
-def _si(column: PrintedColumn, values: np.ndarray) -> np.ndarray:
-    factor = (
-        DEGREE
-        if column.units == "deg"
-        else 1.0 / DEGREE
-        if column.units in ("1/angle", "1/deg")
-        else 1.0
-    )
+def _to_si(column: PrintedColumn, values: np.ndarray) -> np.ndarray:
+    """Return written numbers in SI; the file is per degree whatever card DERIV states."""
+    factor = 1.0
+    if column.units == "deg":
+        factor = DEGREE
+    elif column.units in ("1/angle", "1/deg"):
+        factor = 1.0 / DEGREE
     return values * factor
 
 
-def _filled(column: PrintedColumn, values: np.ndarray, flags: np.ndarray, transonic: bool) -> None:
+def _fill_constant(
+    column: PrintedColumn, values: np.ndarray, flags: np.ndarray, transonic: bool
+) -> None:
     """Fill a column that is constant in alpha or deflection downwards, as for the print file."""
-    if column.constant and len(flags) > 1 and (flags[1:] == BLANK).all() and not transonic:
-        values[1:], flags[1:] = values[0], FILLED if flags[0] == OK else flags[0]
+    if not column.constant or transonic:
+        return
+    if len(flags) > 1 and (flags[1:] == BLANK).all():
+        values[1:] = values[0]
+        flags[1:] = FILLED if flags[0] == OK else flags[0]
 
 
-def _transonic(case: PlotCase) -> list[bool]:
-    flight = case.records["FLC"]
-    low, high = flight.number(94), flight.number(95)
-    machs = [mach for mach, _ in _schedule(case)]
-    return (
-        [low < mach < high for mach in machs]
-        if len(machs) == len(_conditions(case))
-        else [True] * len(_conditions(case))
-    )
-
-
-def _static(case: PlotCase) -> LeafBuilder | None:
-    real = _real(case)
-    if not real:
-        return None
-    found = LeafBuilder(
-        {
-            **_coords(case),
-            **_alpha_coord(case),
-            "configuration": xr.Variable("configuration", list(real.values())),
-        }
-    )
-    for name in _STATIC:
-        value, flag = _stacked(case, name, [pages[:1] for pages in _by_condition(case)])
-        found.add(
-            _COLUMNS[name], ("configuration", "condition", "alpha"), value[:, :, 0], flag[:, :, 0]
-        )
-    return found
-
-
-def _ground(case: PlotCase) -> LeafBuilder | None:
-    """Return the coefficients over ground; those of the second and later deflections hold the
-    ground effect of the ones before.
-    """
-    real, heights = _real(case), _heights(case)
-    pages = [pages[1:] for pages in _by_condition(case)]
-    if not real or not pages[0]:
-        return None
-    coords = {
-        **_coords(case),
-        **_alpha_coord(case),
-        "configuration": xr.Variable("configuration", list(real.values())),
-    }
-    coords["ground_height"] = xr.Variable(
-        "ground_height", heights * FOOT, {"units": "m", "long_name": LONG_NAMES["ground_height"]}
-    )
-    found, alphas = LeafBuilder(coords), len(_alphas(case))
-    shape = (len(real), len(pages), len(pages[0]) // len(heights), len(heights), alphas)
-    for name in _STATIC:
-        value, flag = (part.reshape(shape) for part in _stacked(case, name, pages))
-        later = flag[:, :, 1:]
-        later[later == OK] = SUSPECT
-        found.add(
-            _COLUMNS[name],
-            ("configuration", "condition", "deflection", "ground_height", "alpha"),
-            value,
-            flag,
-        )
-    return found
-
-
-def _stacked(
-    case: PlotCase, name: str, pages: list[list[dict[str, PlotRecord]]]
+def _stack_coefficient(
+    case: PlotCase, name: str, pages: list[list[PlotPage]]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a coefficient in SI and its flags (configuration, condition, page, alpha)."""
-    real, count, transonic = _real(case), len(_alphas(case)), _transonic(case)
-    shape, first = (len(real), len(pages), len(pages[0]), count), _MOST * _STATIC.index(name)
+    """Return a coefficient in SI and its flags (configuration, condition, page, alpha).
+
+    `pages` holds the pages of each condition.
+    """
+    blocks, count, transonic = (
+        real_configurations(case),
+        len(angles_of_attack(case)),
+        transonic_conditions(case),
+    )
+    column = _COLUMNS[name]
+    first = MOST_ANGLES * _STATIC.index(name)
+    shape = (len(blocks), len(pages), len(pages[0]), count)
     value, flag = np.empty(shape), np.empty(shape, np.uint8)
-    for i, block in enumerate(real):
-        for j, of_condition in enumerate(pages):
-            for k, page in enumerate(of_condition):
-                part_value, part_flag = page[block].numbers(first + 1, first + count)
-                _filled(_COLUMNS[name], part_value, part_flag, transonic[j])
-                value[i, j, k], flag[i, j, k] = _si(_COLUMNS[name], part_value), part_flag
+    for i, block in enumerate(blocks):
+        for j, pages_of_condition in enumerate(pages):
+            for k, page in enumerate(pages_of_condition):
+                numbers, codes = page[block].numbers(first + 1, first + count)
+                _fill_constant(column, numbers, codes, transonic[j])
+                value[i, j, k], flag[i, j, k] = _to_si(column, numbers), codes
     return value, flag
 
 
-def _zero_lift(case: PlotCase) -> LeafBuilder | None:
-    real = _real(case)
-    if not real:
+# Leaves.
+
+
+def _static_leaf(case: PlotCase) -> LeafBuilder | None:
+    """Return the coefficients in free air."""
+    names = real_configurations(case)
+    if not names:
         return None
-    found = LeafBuilder(
-        {**_coords(case), "configuration": xr.Variable("configuration", list(real.values()))}
-    )
-    places = [CONFIGURATIONS.index(block) for block in real]
-    parts = [condition["CDO"].numbers(1, len(CONFIGURATIONS)) for condition in _conditions(case)]
-    value, flag = (np.array([part[which][places] for part in parts]).T for which in (0, 1))
-    found.add(_CD0, ("configuration", "condition"), value, flag)
-    found["CD0"].attrs["long_name"] = "drag coefficient at zero lift"
-    return found
+    coords = {
+        **condition_coords(case),
+        "alpha": alpha_coord(case),
+        "configuration": xr.Variable("configuration", list(names.values())),
+    }
+    leaf = LeafBuilder(coords)
+    dims = ("configuration", "condition", "alpha")
+    pages = [pages[:1] for pages in pages_by_condition(case)]
+    for name in _STATIC:
+        value, flag = _stack_coefficient(case, name, pages)
+        leaf.add(_COLUMNS[name], dims, value[:, :, 0], flag[:, :, 0])
+    return leaf
 
 
-def _downwash(case: PlotCase) -> LeafBuilder | None:
+def _ground_leaf(case: PlotCase) -> LeafBuilder | None:
+    """Return the coefficients over ground.
+
+    Those of the second and later deflections hold the ground effect of the deflections before.
+    """
+    names, heights = real_configurations(case), ground_heights(case)
+    pages = [pages[1:] for pages in pages_by_condition(case)]
+    if not names or not pages[0]:
+        return None
+    height_attrs = {"units": "m", "long_name": LONG_NAMES["ground_height"]}
+    coords = {
+        **condition_coords(case),
+        "alpha": alpha_coord(case),
+        "configuration": xr.Variable("configuration", list(names.values())),
+        "ground_height": xr.Variable("ground_height", heights * FOOT, height_attrs),
+    }
+    leaf = LeafBuilder(coords)
+    dims = ("configuration", "condition", "deflection", "ground_height", "alpha")
+    # Pages over ground have height in the inner loop.
+    deflections = len(pages[0]) // len(heights)
+    shape = (len(names), len(pages), deflections, len(heights), len(angles_of_attack(case)))
+    for name in _STATIC:
+        value, flag = _stack_coefficient(case, name, pages)
+        value, flag = value.reshape(shape), flag.reshape(shape)
+        later = flag[:, :, 1:]
+        later[later == OK] = SUSPECT
+        leaf.add(_COLUMNS[name], dims, value, flag)
+    return leaf
+
+
+def _zero_lift_leaf(case: PlotCase) -> LeafBuilder | None:
+    """Return the drag at zero lift of each configuration."""
+    names = real_configurations(case)
+    if not names:
+        return None
+    configurations = xr.Variable("configuration", list(names.values()))
+    leaf = LeafBuilder({**condition_coords(case), "configuration": configurations})
+    # The record CDO has one number per configuration.
+    indices = [CONFIGURATIONS.index(block) for block in names]
+    values, flags = [], []
+    for page in free_air_pages(case):
+        numbers, codes = page["CDO"].numbers(1, len(CONFIGURATIONS))
+        values.append(numbers[indices])
+        flags.append(codes[indices])
+    leaf.add(_CD0, ("configuration", "condition"), np.array(values).T, np.array(flags).T)
+    leaf["CD0"].attrs["long_name"] = "drag coefficient at zero lift"
+    return leaf
+
+
+def _downwash_leaf(case: PlotCase) -> LeafBuilder | None:
+    """Return the downwash at the tail of a case with wing and horizontal tail."""
     if not (case.logicals["WGPL"] and case.logicals["HTPL"]):
         return None
-    found, count = LeafBuilder({**_coords(case), **_alpha_coord(case)}), len(_alphas(case))
+    leaf = LeafBuilder({**condition_coords(case), "alpha": alpha_coord(case)})
+    count = len(angles_of_attack(case))
     for k, name in enumerate(_DOWNWASH):
-        parts = [
-            condition["DWASH"].numbers(_MOST * k + 1, _MOST * k + count)
-            for condition in _conditions(case)
-        ]
-        value, flag = (np.array([part[which] for part in parts]) for which in (0, 1))
-        found.add(_COLUMNS[name], ("condition", "alpha"), _si(_COLUMNS[name], value), flag)
-    return found
+        first = MOST_ANGLES * k
+        parts = [page["DWASH"].numbers(first + 1, first + count) for page in free_air_pages(case)]
+        value, flag = (np.array(arrays) for arrays in zip(*parts))
+        leaf.add(_COLUMNS[name], ("condition", "alpha"), _to_si(_COLUMNS[name], value), flag)
+    return leaf
 
 
-def _symflp(case: PlotCase) -> LeafBuilder | None:
-    """Return the control tables: WING(201...) holds one block of ten deflections per column,
-    BODY(201...) D(CDI) alpha by alpha.
+def _symflp_leaf(case: PlotCase) -> LeafBuilder | None:
+    """Return the control tables.
+
+    WING(201...) holds one block of ten deflections per column, BODY(201...) holds D(CDI) with alpha
+    in the inner loop.
     """
-    written = [condition for condition in _conditions(case) if "F" in condition]
+    pages = free_air_pages(case)
+    written = [page["F"] for page in pages if "F" in page]
     if not written or not case.logicals["SYMFP"]:
         return None
-    count, deltas = written[0]["F"].number(16), written[0]["F"].numbers(1, _MOST_DELTAS)[0]
-    deltas = deltas[: int(count) if 0 < count < _MOST_DELTAS else 0]
+    # F: 1 DELTA(10), 16 NDELTA.
+    deltas = written[0].numbers(1, _MOST_DELTAS)[0][: written[0].count(16, _MOST_DELTAS - 1)]
     coords = {
-        **_coords(case),
-        **_alpha_coord(case),
+        **condition_coords(case),
+        "alpha": alpha_coord(case),
         "delta": xr.Variable("delta", deltas * DEGREE, {"units": "rad"}),
     }
-    found, alphas = LeafBuilder(coords), len(_alphas(case))
-    shape = (len(_conditions(case)), len(deltas))
+    leaf, alphas = LeafBuilder(coords), len(angles_of_attack(case))
     for k, name in enumerate(_SYMFLP):
-        value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
-        for j, condition in enumerate(_conditions(case)):
-            if "F" in condition:
-                value[j], flag[j] = condition["WING_CONTROL"].numbers(
-                    _MOST_DELTAS * k + 1, _MOST_DELTAS * k + len(deltas)
-                )
-                _filled(_COLUMNS[name], value[j], flag[j], transonic=False)
-        found.add(_COLUMNS[name], ("condition", "delta"), _si(_COLUMNS[name], value), flag)
-    value, flag = np.full((*shape, alphas), np.nan), np.full((*shape, alphas), ABSENT, np.uint8)
-    for j, condition in enumerate(_conditions(case)):
-        if "F" in condition:
-            value[j], flag[j] = (
-                part.reshape(shape[1], alphas)
-                for part in condition["BODY_CONTROL"].numbers(1, shape[1] * alphas)
-            )
-    found.add(_DCDI, ("condition", "alpha", "delta"), value.swapaxes(1, 2), flag.swapaxes(1, 2))
-    found["dCDi"].attrs["long_name"] = "increment of the induced-drag coefficient"
-    surface = "tail" if case.logicals["WGPL"] and case.logicals["HTPL"] else "wing"
-    return found.described({}, surface=surface)
+        first = _MOST_DELTAS * k
+        value, flag = empty_cells((len(pages), len(deltas)))
+        for j, page in enumerate(pages):
+            if "F" in page:
+                numbers, codes = page["WING_CONTROL"].numbers(first + 1, first + len(deltas))
+                _fill_constant(_COLUMNS[name], numbers, codes, transonic=False)
+                value[j], flag[j] = numbers, codes
+        leaf.add(_COLUMNS[name], ("condition", "delta"), _to_si(_COLUMNS[name], value), flag)
+    value, flag = empty_cells((len(pages), len(deltas), alphas))
+    for j, page in enumerate(pages):
+        if "F" in page:
+            numbers, codes = page["BODY_CONTROL"].numbers(1, len(deltas) * alphas)
+            value[j] = numbers.reshape(len(deltas), alphas)
+            flag[j] = codes.reshape(len(deltas), alphas)
+    dims = ("condition", "alpha", "delta")
+    leaf.add(_DCDI, dims, value.swapaxes(1, 2), flag.swapaxes(1, 2))
+    leaf["dCDi"].attrs["long_name"] = "increment of the induced-drag coefficient"
+    surface = "wing"
+    if case.logicals["WGPL"] and case.logicals["HTPL"]:
+        surface = "tail"
+    return leaf.describe({}, surface=surface)
 
 
-def _records(case: PlotCase, dim: str, pages: list[dict[str, PlotRecord]]) -> xr.Dataset:
-    """Return every number of the case and of some of its pages as written; index 1 of the program
-    is item 0.
+def _record_leaf(case: PlotCase, dim: str, pages: list[PlotPage]) -> xr.Dataset:
+    """Return every number of the case and of some of its pages as written.
+
+    Index 1 of the program is item 0.
     """
-    found = LeafBuilder({dim: xr.Variable(dim, np.arange(len(pages)))})
+    leaf = LeafBuilder({dim: xr.Variable(dim, np.arange(len(pages)))})
     for name, record in case.records.items():
-        _add_record(found, name, [record], ())
-    for name in dict.fromkeys(name for page in pages for name in page):
-        _add_record(found, name, [page.get(name) for page in pages], (dim,))
-    return found.described({}, units="feet, pounds, degrees Rankine, degrees, per degree").dataset()
-
-
-def _add_record(
-    found: LeafBuilder, name: str, records: list[PlotRecord | None], outer: tuple[str, ...]
-) -> None:
-    size = next(len(record.values) for record in records if record is not None)
-    value, flag = (
-        np.full((len(records), size), np.nan),
-        np.full((len(records), size), ABSENT, np.uint8),
-    )
-    for j, record in enumerate(records):
-        if record is not None:
-            value[j], flag[j] = record.values, record.flags
-    shape = (len(records), size) if outer else (size,)
-    dims = (*outer, f"{name}_index")
-    found.variables[name] = xr.Variable(dims, value.reshape(shape))
-    found.variables[f"{name}_flag"] = xr.Variable(dims, flag.reshape(shape))
+        index_dim = f"{name}_index"
+        leaf.variables[name] = xr.Variable(index_dim, record.values)
+        leaf.variables[f"{name}_flag"] = xr.Variable(index_dim, record.flags)
+    names: dict[str, None] = {}
+    for page in pages:
+        names |= dict.fromkeys(page)
+    for name in names:
+        # A control device is written with some pages only.
+        sizes = [len(page[name].values) for page in pages if name in page]
+        value, flag = empty_cells((len(pages), sizes[0]))
+        for j, page in enumerate(pages):
+            if name in page:
+                value[j], flag[j] = page[name].values, page[name].flags
+        dims = (dim, f"{name}_index")
+        leaf.variables[name] = xr.Variable(dims, value)
+        leaf.variables[f"{name}_flag"] = xr.Variable(dims, flag)
+    units = "feet, pounds, degrees Rankine, degrees, per degree"
+    return leaf.describe({}, units=units).to_dataset()

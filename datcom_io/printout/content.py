@@ -1,4 +1,4 @@
-"""What a page and a case hold, exactly as printed, each item with its line number."""
+"""Content of a page and of a case, exactly as printed, each item with its line number."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from typing import NamedTuple
 
 from datcom_io.decks.deck import Deck
 from datcom_io.printout.layouts import CONDITIONS, NAMES
-from datcom_io.printout.tables import Printed, PrintedTable, Values
+from datcom_io.printout.tables import Printed, PrintedTable, PrintedValues
 from flightmech.errors import UnknownName
 
 _CONDITION_COLUMNS = {column.quantity: k for k, column in enumerate(CONDITIONS.columns)}
 
 
 class ListingMessage(NamedTuple):
-    """A message: line number from 1 (0: the whole file), text, and its origin, the ``program`` or
-    this ``reader``.
+    """A message about a listing: line number, text and origin.
+
+    Lines count from 1; 0 denotes the whole file.  The origin is the ``program`` or this ``reader``.
     """
 
     line: int
@@ -32,9 +33,9 @@ class Page:
 
     ``kind`` is ``static``, ``dynamic``, ``high-lift``, ``auxiliary``, ``section``, ``special``,
     ``hypersonic``, ``final inputs``, ``dump``, ``extrapolation`` or ``other``.  ``ground_height``
-    is the printed height [ft], infinite for FREE AIR and without ground effect; ``flap`` the
+    is the printed height [ft], infinite for FREE AIR and without ground effect; ``flap`` is the
     printed deflection [deg] or NaN; ``power`` is ``off``, ``jet`` or ``propeller``; ``per`` is
-    ``deg``, ``rad`` or empty.  ``heading`` are the heading lines below the program's name;
+    ``deg``, ``rad`` or empty.  ``heading`` holds the heading lines below the name of the program;
     ``notes`` the footnotes; ``unread`` the numbers of the lines that were not understood.
     """
 
@@ -56,44 +57,46 @@ class Page:
 
     @property
     def parsed(self) -> bool:
-        """Whether anything on the page was understood, or nothing was left to understand."""
+        """Whether the reader understood something on the page, or all of it."""
         return bool(self.printed) or not self.unread
 
     @property
     def tables(self) -> tuple[PrintedTable, ...]:
-        """The page's tables, without its groups of ``label = value``."""
+        """The tables of the page, without its groups of ``label = value``."""
         return tuple(item for item in self.printed if isinstance(item, PrintedTable))
 
     def table(self, name: str) -> PrintedTable | None:
-        """Return the page's table of a kind, or None."""
-        return next((table for table in self.tables if table.name == name), None)
+        """Return the table of a kind, or None."""
+        for table in self.tables:
+            if table.name == name:
+                return table
+        return None
+
+    def groups(self, name: str) -> list[PrintedValues]:
+        """Return the groups of ``label = value`` of a kind."""
+        groups = []
+        for item in self.printed:
+            if item.name == name and isinstance(item, PrintedValues):
+                groups.append(item)
+        return groups
 
     def condition(self, name: str) -> float:
         """Return a number of the flight-condition line by its quantity, NaN when it is missing. [as
         printed]
 
-        A hypersonic page has no such line, only a Mach number in its heading.
+        A hypersonic page does not have such a line, only a Mach number in its heading.
         """
-        if self.conditions is None:
-            heading = next(
-                (
-                    item
-                    for item in self.printed
-                    if item.name == "hypersonic" and isinstance(item, Values)
-                ),
-                None,
-            )
-            return (
-                heading.value("MACH NUMBER")
-                if heading is not None and name == "mach"
-                else float("nan")
-            )
-        return self.conditions.number(0, _CONDITION_COLUMNS[name])
+        if self.conditions is not None:
+            return self.conditions.number(0, _CONDITION_COLUMNS[name])
+        headings = self.groups("hypersonic")
+        if headings and name == "mach":
+            return headings[0].value("MACH NUMBER")
+        return float("nan")
 
 
 @dataclass(eq=False)
 class PrintedCase:
-    """What is printed of one case: its input deck, pages and messages.
+    """One case as printed: its input deck, pages and messages.
 
     Attributes
     ----------
@@ -108,7 +111,7 @@ class PrintedCase:
     deck : Deck
         Namelists and control cards, those replayed by SAVE included.
     pages : list of Page
-    messages : list of Message
+    messages : list of ListingMessage
     """
 
     ordinal: int
@@ -122,7 +125,8 @@ class PrintedCase:
 
     def tables(self, name: str) -> Iterator[tuple[Page, PrintedTable]]:
         """Yield page and table of every table of a kind, in order."""
-        self._demand_kind(name)
+        self._require_kind(name)
+        # The flight-condition line is a table of its own.
         for page in self.pages:
             if name == "conditions" and page.conditions is not None:
                 yield page, page.conditions
@@ -130,28 +134,27 @@ class PrintedCase:
                 if table.name == name and isinstance(table, PrintedTable):
                     yield page, table
 
-    def values(self, name: str) -> Iterator[tuple[Page, Values]]:
+    def values(self, name: str) -> Iterator[tuple[Page, PrintedValues]]:
         """Yield page and group of every group of ``label = value`` of a kind, in order."""
-        self._demand_kind(name)
+        self._require_kind(name)
         for page in self.pages:
-            for group in page.printed:
-                if group.name == name and isinstance(group, Values):
-                    yield page, group
+            for group in page.groups(name):
+                yield page, group
 
     @staticmethod
-    def _demand_kind(name: str) -> None:
+    def _require_kind(name: str) -> None:
         if name not in NAMES:
             raise UnknownName(name, NAMES, "table kind")
 
 
 @contextmanager
 def paused_collection() -> Iterator[None]:
-    """Hold the garbage collector still within a block that makes many objects, none of which refers
-    back to itself.
+    """Disable the cyclic garbage collector inside a block that makes many objects.
 
-    The collector runs after so many new objects, walks all that are alive and finds nothing: a
-    fifth of the time of reading.
+    The objects do not refer back to themselves, so the collector would search all of them without
+    a result.
     """
+    # A caller may have disabled the collector before.
     enabled = gc.isenabled()
     gc.disable()
     try:

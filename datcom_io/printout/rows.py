@@ -1,9 +1,9 @@
-"""Cutting a printed row into cells by columns: cells may touch, be blank or hold words, so blanks
-separate nothing.
+"""Cutting of printed rows into cells by their columns.
 
-Whether a line cuts into the columns does not depend on which digits it holds.  So rows of the same
-shape, every digit written as 0, are judged once; the numbers themselves are read when they are
-requested.
+Cells of a row may touch, be blank or hold words, so blanks do not separate them.  Whether a line
+cuts into the columns of a table does not depend on its digits.  The reader therefore judges lines
+of the same shape once, a shape being the line with every digit written as 0.  The numbers are read
+later, when they are used.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from datcom_io.cells import BLANK, NDM, OK, read_cell
+from datcom_io.cells import BLANK, NDM, read_cell
 
 
 class PrintedColumn(NamedTuple):
-    """One printed column.
+    """One printed column: its window in the line and the quantity it holds.
 
-    ``units`` is that of the print: ``deg``, ``1``, ``1/deg``, or ``1/angle`` where card DERIV
-    decides between degree and radian.  ``quantity`` is the variable's name in the DataTree.
-    ``constant`` flags a column whose first row may hold for all rows. ``words`` flags a column of
-    texts: every cell is ``ok`` with a text and no number.
+    ``first`` and ``last`` count columns of the line from 1, the carriage-control column included.
+    ``units`` is the printed unit: ``deg``, ``1``, ``1/deg``, or ``1/angle`` where card DERIV
+    decides between degree and radian.  ``quantity`` is the name of the variable in the DataTree.
+    ``constant`` flags a column whose first row may hold for all rows.  ``meaning`` is the long name
+    of the variable in the DataTree; it is empty where the vocabulary has one.
     """
 
     name: str
@@ -34,14 +35,13 @@ class PrintedColumn(NamedTuple):
     quantity: str = ""
     units: str = "1"
     constant: bool = False
-    words: bool = False
+    meaning: str = ""
 
 
-class Across(NamedTuple):
-    """The second axis of a two-way table: its values stand in a heading line, one value column
-    under each.
+class HeadingAxis(NamedTuple):
+    """The second axis of a two-way table, whose values stand in a heading line.
 
-    ``first`` and ``last`` bound the first heading value, ``cell`` the first value column; both
+    ``first`` and ``last`` bound the first heading value, ``cell`` is the first value column.  Both
     repeat every ``step`` columns.
     """
 
@@ -54,18 +54,22 @@ class Across(NamedTuple):
 
 
 Line = tuple[int, str]
-
+"""Line number and text."""
 
 Cells = tuple[list[float], list[int]]
+"""Values and flags of one row."""
+
 _SHAPE = bytes.maketrans(b"123456789", b"000000000")
 _MOST_SHAPES = 4096
-_PLAIN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)|\D*")  # also a word
+# A key that is a plain number without exponent, or a word: the digits cannot change its flag.
+_PLAIN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)|\D*")
 
 
 @lru_cache(1 << 16)
-def read_again(part: str) -> tuple[float, int]:
-    """Return value and flag of a field of a row that cuts into its columns; the same texts come
-    again and again.
+def read_cached_field(part: str) -> tuple[float, int]:
+    """Return value and flag of a field of a row that cuts into its columns.
+
+    A listing repeats the same texts many times, so the result is cached.
     """
     cell = read_cell(part)
     assert cell is not None
@@ -73,86 +77,92 @@ def read_again(part: str) -> tuple[float, int]:
 
 
 class Cut(NamedTuple):
-    """Where to cut a row: ends of a window, ends of the gap before it, whether it touches the
-    window before, whether it holds words.
+    """One window of a row.
+
+    ``start`` and ``stop`` bound the window, ``gap`` is the blank part before it, ``touches`` states
+    that it follows the window before without a gap.
     """
 
     start: int
     stop: int
     gap: slice | None
     touches: bool
-    words: bool
 
 
 def column_windows(columns: Sequence[PrintedColumn]) -> list[Cut]:
-    """Return the windows of a table in order; the gap before the first one starts behind the
-    control column.
+    """Return the windows of a table in order.
+
+    The gap before the first window starts behind the carriage-control column.
     """
-    found: list[Cut] = []
+    windows: list[Cut] = []
     edge = 1
     for column in columns:
-        gap = slice(edge, column.first - 1) if column.first - 1 > edge else None
-        found.append(
-            Cut(column.first - 1, column.last, gap, bool(found) and gap is None, column.words)
-        )
+        start = column.first - 1
+        gap = None
+        if start > edge:
+            gap = slice(edge, start)
+        touches = bool(windows) and gap is None
+        windows.append(Cut(start, column.last, gap, touches))
         edge = column.last
-    return found
+    return windows
 
 
 def read_row(text: str, windows: list[Cut], keys: int) -> Cells | None:
     """Return values and flags of a row, or None when the line does not cut into the columns.
 
-    It cuts when every window holds a cell, no text straddles two windows or stands outside of them,
-    and the keys are numbers.  A single key may be NDM: the program prints an angle of attack so
-    that NALPHA counts and the cards do not give.
+    A line cuts into the columns when every window holds a cell, no text straddles two windows or
+    stands outside of them, and the keys are numbers.  A single key may be NDM: the program prints
+    NDM for an angle of attack that NALPHA counts and the cards do not give.
     """
-    if "_" in text or not text.isascii():  # float() would take 1_0, and digits of other scripts
+    # float() accepts 1_0 and digits of other scripts; the program prints neither.
+    if "_" in text or not text.isascii():
         return None
     values, flags = [], []
-    for start, stop, gap, touches, words in windows:
-        if (gap and text[gap].strip()) or (touches and _straddles(text, start, stop)):
+    for start, stop, gap, touches in windows:
+        if gap and text[gap].strip():
             return None
-        cell = read_field(text[start:stop], words)
+        if touches and _straddles(text, start, stop):
+            return None
+        cell = read_field(text[start:stop])
         if cell is None:
             return None
         values.append(cell[0])
         flags.append(cell[1])
-    if (any(flags[:keys]) and (keys > 1 or flags[0] != NDM)) or text[windows[-1].stop :].strip():
+    is_missing_key = any(flags[:keys])
+    if is_missing_key and (keys > 1 or flags[0] != NDM):
+        return None
+    if text[windows[-1].stop :].strip():
         return None
     return values, flags
 
 
 def _straddles(text: str, start: int, stop: int) -> bool:
-    """Return whether text goes on over the left edge of a window; a signed number with a point may
-    touch the one before it.
+    """Return whether one text covers the left edge of a window.
+
+    A signed number with a point may touch the number before it: ``0.00E+00-2.40E-02``.
     """
     if text[start - 1 : start] <= " " or text[start : start + 1] <= " ":
         return False
     return text[start] not in "+-" or "." not in text[start:stop]
 
 
-def read_field(part: str, words: bool = False) -> tuple[float, int] | None:
-    """Return value and flag of a window; in a column of words every text is ``ok`` and has no
-    number.
-    """
+def read_field(part: str) -> tuple[float, int] | None:
+    """Return value and flag of a window, None when it holds no cell."""
+    # Blank windows are frequent, so they are found before a number is tried.
     if not part or part.isspace():
         return math.nan, BLANK
-    return (math.nan, OK) if words else read_cell(part)
+    return read_cell(part)
 
 
 def read_fields(
     rows: Sequence[str], columns: Sequence[PrintedColumn]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return values and flags (row, column) of rows that cut into the columns."""
-    values, flags = (
-        np.empty((len(rows), len(columns))),
-        np.empty((len(rows), len(columns)), np.uint8),
-    )
+    values = np.empty((len(rows), len(columns)))
+    flags = np.empty((len(rows), len(columns)), np.uint8)
     for k, column in enumerate(columns):
         part = slice(column.first - 1, column.last)
-        cells = [
-            read_field(row[part], True) if column.words else read_again(row[part]) for row in rows
-        ]
+        cells = [read_cached_field(row[part]) for row in rows]
         values[:, k], flags[:, k] = zip(*cells)
     return values, flags
 
@@ -163,41 +173,45 @@ def shape_of(text: str) -> bytes:
 
 
 class ColumnWindows:
-    """The windows of a table, and the shapes of rows that are known to cut into them or not."""
+    """The windows of a table, with the shapes of lines already judged."""
 
     def __init__(self, columns: tuple[PrintedColumn, ...], keys: int):
         self.columns = columns
-        self.cuts, self.keys = column_windows(columns), keys
+        self.cuts = column_windows(columns)
+        self.keys = keys
         self.shapes: dict[bytes, bool] = {}
 
     def hold(self, text: str) -> bool:
         """Return whether a line cuts into the columns."""
         shape = shape_of(text)
-        known = self.shapes.get(shape)
-        return self.judge(text, shape) if known is None else known
+        fits = self.shapes.get(shape)
+        if fits is None:
+            return self.judge(text, shape)
+        return fits
 
     def judge(self, text: str, shape: bytes) -> bool:
-        """Return the same of a line whose shape is not known yet, and remember it."""
-        found = read_row(text, self.cuts, self.keys) is not None
-        if b"#" in shape or not all(
-            _PLAIN.fullmatch(text[cut.start : cut.stop].strip()) for cut in self.cuts[: self.keys]
-        ):
-            return found  # it may depend on digits: 1.#QNAN, a key of 1E-30
+        """Return whether a line of a new shape cuts into the columns, and remember its shape."""
+        fits = read_row(text, self.cuts, self.keys) is not None
+        keys = [text[cut.start : cut.stop].strip() for cut in self.cuts[: self.keys]]
+        # Do not remember a shape whose digits decide: 1.#QNAN, or a key of 1E-30.
+        if b"#" in shape or not all(map(_PLAIN.fullmatch, keys)):
+            return fits
         if len(self.shapes) == _MOST_SHAPES:
             self.shapes.clear()
-        self.shapes[shape] = found
-        return found
+        self.shapes[shape] = fits
+        return fits
 
 
-_KINDS: dict[tuple[int, int], ColumnWindows] = {}
+_WINDOWS_BY_COLUMNS: dict[tuple[int, int], ColumnWindows] = {}
 _MOST_KINDS = 1024
 
 
 def cached_column_windows(columns: tuple[PrintedColumn, ...], keys: int) -> ColumnWindows:
-    """Return the windows of a kind of table, the same ones for all its tables."""
-    key = (id(columns), keys)  # the windows keep the columns, so no others get their id
-    if key not in _KINDS:
-        if len(_KINDS) == _MOST_KINDS:
-            _KINDS.clear()
-        _KINDS[key] = ColumnWindows(columns, keys)
-    return _KINDS[key]
+    """Return the windows of a kind of table, the same object for all its tables."""
+    # The windows keep a reference to the columns, so the identity of the columns stays unique.
+    key = (id(columns), keys)
+    if key not in _WINDOWS_BY_COLUMNS:
+        if len(_WINDOWS_BY_COLUMNS) == _MOST_KINDS:
+            _WINDOWS_BY_COLUMNS.clear()
+        _WINDOWS_BY_COLUMNS[key] = ColumnWindows(columns, keys)
+    return _WINDOWS_BY_COLUMNS[key]

@@ -1,4 +1,4 @@
-"""Printed tables, and groups of ``label = value``: what they hold and how their lines are read."""
+"""Printed tables and groups of ``label = value``: their content, and how their lines are read."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import numpy as np
 
 from datcom_io.cells import OK, SUSPECT, read_cell, read_cells
 from datcom_io.printout.rows import (
-    Across,
     Cells,
+    HeadingAxis,
     Line,
     PrintedColumn,
     cached_column_windows,
-    read_again,
+    read_cached_field,
     read_fields,
     shape_of,
 )
@@ -32,9 +32,9 @@ class PrintedTable:
 
     Attributes
     ----------
-    layout : Layout
+    layout : TableLayout
         Its kind.
-    columns : tuple of Column
+    columns : tuple of PrintedColumn
         Printed columns; in a two-way table the value column is repeated under every heading value.
     lines : tuple of int
         Line number of each row.
@@ -70,6 +70,7 @@ class PrintedTable:
     @cached_property
     def cells(self) -> tuple[np.ndarray, np.ndarray]:
         """`values` and `flags`."""
+        # Only numbers become suspect: a missing cell keeps the code of its word.
         values, flags = self.given or read_fields(self.rows, self.columns)
         if self.suspect is not None:
             flags = np.where(self.suspect & (flags == OK), SUSPECT, flags).astype(np.uint8)
@@ -77,7 +78,7 @@ class PrintedTable:
 
     @property
     def values(self) -> np.ndarray:
-        """Printed numbers (row, column), NaN where there is none. [as printed]"""
+        """Printed numbers (row, column), NaN where no number is printed. [as printed]"""
         return self.cells[0]
 
     @property
@@ -86,46 +87,45 @@ class PrintedTable:
         return self.cells[1]
 
     def first_rows(self, count: int | None) -> PrintedTable:
-        """Return the table with so many rows at the most, all with None."""
+        """Return the table with at most `count` rows; None keeps all rows."""
         if count is None or len(self.rows) <= count:
             return self
-        given = None if self.given is None else (self.given[0][:count], self.given[1][:count])
-        suspect = None if self.suspect is None else self.suspect[:count]
+        cells, suspect = self.given, self.suspect
+        if cells is not None:
+            cells = (cells[0][:count], cells[1][:count])
+        if suspect is not None:
+            suspect = suspect[:count]
         return replace(
-            self, lines=self.lines[:count], rows=self.rows[:count], given=given, suspect=suspect
+            self, lines=self.lines[:count], rows=self.rows[:count], given=cells, suspect=suspect
         )
 
     def number(self, row: int, column: int) -> float:
-        """Return one printed number, NaN where there is none; the others need not be read for it.
-        [as printed]
+        """Return one printed number, NaN where no number is printed; no other cell is read. [as
+        printed]
         """
         if self.given is not None:
             return float(self.given[0][row, column])
-        place = self.columns[column]
-        return (
-            read_again(self.rows[row][place.first - 1 : place.last])[0]
-            if not place.words
-            else float("nan")
-        )
+        window = self.columns[column]
+        return read_cached_field(self.rows[row][window.first - 1 : window.last])[0]
 
     def text(self, row: int, column: int) -> str:
-        """Return a cell's text as printed, without the blanks around it."""
-        place = self.columns[column]
-        return self.rows[row][place.first - 1 : place.last].strip()
+        """Return the text of a cell as printed, without the blanks around it."""
+        window = self.columns[column]
+        return self.rows[row][window.first - 1 : window.last].strip()
 
 
 @dataclass(frozen=True, eq=False)
-class Values:
-    """Numbers printed as ``label = value``, or alone in a line of words, in order; they are read
-    when they are first used.
+class PrintedValues:
+    """Numbers printed as ``label = value``, or alone in a line of words.
+
+    The numbers keep the order of the print and are read when they are first used.
 
     Attributes
     ----------
     name : str
         Kind of the group, for example ``fairing``.
     labels : tuple of str
-        Label of each value as printed, made unique by the words of the heading above it where it
-        must be.
+        Label of each value as printed; the words of the heading above make it unique where needed.
     lines : tuple of int
         Line number of each value.
     texts : tuple of str
@@ -153,35 +153,37 @@ class Values:
 
     @property
     def values(self) -> np.ndarray:
-        """Printed numbers (value,), NaN where there is none. [as printed]"""
+        """Printed numbers (value,), NaN where no number is printed. [as printed]"""
         return self.cells[0]
 
     @property
     def flags(self) -> np.ndarray:
-        """Codes of `datcom_io.FLAGS` (value,), uint8; a text that is no code of a missing number is
-        ``ok``.
+        """Codes of `datcom_io.FLAGS` (value,), uint8.
+
+        A text that is not a code of a missing number is ``ok``.
         """
         return self.cells[1]
 
     def value(self, label: str) -> float:
-        """Return the first value of a label, NaN when it is not there. [as printed]"""
-        return (
-            float(self.values[self.labels.index(label)]) if label in self.labels else float("nan")
-        )
+        """Return the first value of a label, NaN when the label does not occur. [as printed]"""
+        if label not in self.labels:
+            return float("nan")
+        return float(self.values[self.labels.index(label)])
 
 
-Printed = PrintedTable | Values
+Printed = PrintedTable | PrintedValues
 
 
 class TableLayout(NamedTuple):
     """One kind of table with one row per line.
 
-    ``heading`` holds the words of the line that opens it, with single blanks and without dashes; it
-    is empty for a table that a `PrintedBlock` finds.  The first ``keys`` columns are the row's axes.
-    ``rows`` names the namelist variable that states how many rows there must be, None where the
-    print decides; ``stops`` are the words of a note that lets the table end earlier.  ``stream``
-    names the variables whose product is the number of values of a table printed as one stream of
-    numbers, and ``axes`` returns axis values (row, column) by quantity where they are not printed.
+    ``heading`` holds the words of the line that opens the table, with single blanks and without
+    dashes; it is empty for a table that a `PrintedBlock` finds.  The first ``keys`` columns are the
+    axes of a row.  ``rows`` names the namelist variable that states the number of rows, None where
+    the print decides.  ``stops`` are the words of a note that lets the table end earlier.
+    ``stream`` names the variables whose product is the number of values of a table printed as one
+    stream of numbers.  ``axes`` returns axis values (row, column) by quantity where they are not
+    printed.
     """
 
     name: str
@@ -189,19 +191,19 @@ class TableLayout(NamedTuple):
     columns: tuple[PrintedColumn, ...]
     keys: int
     rows: tuple[str, str] | None = None
-    across: Across | None = None
+    across: HeadingAxis | None = None
     axes: Callable[[Deck, PrintedTable], Mapping[str, np.ndarray]] | None = None
     stops: str = ""
     stream: tuple[tuple[str, str], ...] = ()
 
 
 class PrintedBlock(NamedTuple):
-    """Lines of a page that no heading with one row per line below it describes.
+    """Lines of a page that are not one heading with one row per line below it.
 
-    ``opens`` is searched in the line that opens the block, as `normalise_heading` gives it, on pages of
-    the kinds ``pages``. ``read(lines, at)`` gets the lines of the page and the index of the opening
-    line; it returns what it found and the index of the line after it, or None when the lines are
-    not what they seemed.  ``names`` are the kinds of table it may return.
+    ``opens`` is searched in the line that opens the block, as `normalise_heading` returns it, on
+    pages of the kinds ``pages``.  ``read(lines, opening)`` gets the lines of the page and the index
+    of the opening line.  It returns the tables and groups, and the index of the line after them; it
+    returns None when the lines have another form.  ``names`` are the kinds of table it may return.
     """
 
     names: tuple[str, ...]
@@ -216,14 +218,26 @@ _LONGEST_LINE = 160  # of the program; longer ones are not worth remembering
 
 def normalise_heading(line: str) -> str:
     """Return a heading line as `TableLayout.heading` holds it."""
-    return _known_words(line) if len(line) <= _LONGEST_LINE else _words(line)
+    if len(line) <= _LONGEST_LINE:
+        return _cached_heading_words(line)
+    return _heading_words(line)
 
 
-def _words(line: str) -> str:
+def _heading_words(line: str) -> str:
     return " ".join(_DASHES.sub(" ", line[1:]).split())
 
 
-_known_words = lru_cache(4096)(_words)
+_cached_heading_words = lru_cache(4096)(_heading_words)
+
+
+def next_text_line(lines: Sequence[Line], start: int) -> int:
+    """Return the index of the first line from `start` on that has a text.
+
+    The length of `lines` is returned when no such line follows.
+    """
+    while start < len(lines) and not lines[start][1][1:].strip():
+        start += 1
+    return start
 
 
 def make_table(
@@ -234,21 +248,22 @@ def make_table(
     across_line: int = 0,
     across_row: str = "",
 ) -> PrintedTable:
-    """Return a table of rows given as line number, text, cells; `columns` are those of the layout
-    unless given.
+    """Return a table of rows given as line number, text, cells.
+
+    `columns` are those of the layout unless they are given.
     """
+    # Rows that are already cut need no second reading.
+    values = [cells[0] for _, _, cells in rows]
+    flags = [cells[1] for _, _, cells in rows]
     return PrintedTable(
-        layout,
-        columns or layout.columns,
-        tuple(number for number, _, _ in rows),
-        tuple(text for _, text, _ in rows),
-        across,
-        across_line,
-        across_row,
-        (
-            np.array([values for _, _, (values, _) in rows]),
-            np.array([flags for _, _, (_, flags) in rows], dtype=np.uint8),
-        ),
+        layout=layout,
+        columns=columns or layout.columns,
+        lines=tuple(number for number, _, _ in rows),
+        rows=tuple(text for _, text, _ in rows),
+        across=across,
+        across_line=across_line,
+        across_row=across_row,
+        given=(np.array(values), np.array(flags, dtype=np.uint8)),
     )
 
 
@@ -257,112 +272,155 @@ def make_values(
     items: Iterable[tuple[int, str, str, str]],
     axes: dict[str, np.ndarray] | None = None,
     given: tuple[np.ndarray, np.ndarray] | None = None,
-) -> Values:
-    """Return a group of values given as line number, label, text, unit; `given` are values and
-    flags that the texts do not give.
+) -> PrintedValues:
+    """Return a group of values given as line number, label, text, unit.
+
+    `given` holds values and flags that differ from those of the texts.
     """
-    lines, labels, texts, units = zip(*items) if (items := list(items)) else ((), (), (), ())
-    return Values(name, labels, lines, tuple(map(str.strip, texts)), units, axes or {}, given)
+    lines, labels, texts, units = (), (), (), ()
+    items = list(items)
+    if items:
+        lines, labels, texts, units = zip(*items)
+    return PrintedValues(
+        name=name,
+        labels=labels,
+        lines=lines,
+        texts=tuple(map(str.strip, texts)),
+        units=units,
+        axes=axes or {},
+        given=given,
+    )
 
 
 def split_label_values(text: str) -> list[tuple[str, str]]:
-    """Return label and value of every ``label = value`` of a line; a label may hold blanks and
-    signs of equality.
+    """Return label and value of every ``label = value`` of a line.
+
+    A label may hold blanks and signs of equality.
 
     Examples
     --------
-    >>> pairs("   CLB/CL = 0.1616E-02     (CLB/CL)M=1.4 = 0.1000E-29")
+    >>> split_label_values("   CLB/CL = 0.1616E-02     (CLB/CL)M=1.4 = 0.1000E-29")
     [('CLB/CL', '0.1616E-02'), ('(CLB/CL)M=1.4', '0.1000E-29')]
     """
-    found = []
+    pairs = []
+    # Each part holds a value and the label of the next value.
     label, *parts = text.split("=")
-    for left, part in enumerate(parts, 1 - len(parts)):
-        value, _, rest = part.strip().partition(" ")
-        if (
-            left and not rest
-        ):  # no label before the next sign of equality: this one stands in a label
+    for number, part in enumerate(parts, 1):
+        value, _, behind = part.strip().partition(" ")
+        # Without a label before the next sign of equality, this sign belongs to the label.
+        if number < len(parts) and not behind:
             label += f"={part}"
             continue
-        found.append((label.strip(), value))
-        label = rest
-    return found
+        pairs.append((label.strip(), value))
+        label = behind
+    return pairs
+
+
+class _Heading(NamedTuple):
+    """Columns of a two-way table, its heading values, and the line that prints them."""
+
+    columns: tuple[PrintedColumn, ...]
+    values: np.ndarray | None = None
+    line: int = 0
+    row: str = ""
 
 
 def read_printed_table(
-    layout: TableLayout, lines: list[Line], at: int
+    layout: TableLayout, lines: list[Line], start: int
 ) -> tuple[PrintedTable | None, int]:
-    """Return the table whose heading stands before index `at`, and the index after it; None when no
-    row follows.
+    """Return the table whose heading stands before index `start`, and the index after it.
+
+    The table is None when no row follows.
     """
-    columns, across, across_line, across_row = layout.columns, None, 0, ""
+    first_row = start
+    heading = _Heading(layout.columns)
     if layout.across:
-        found = _read_across(layout, lines, at)
-        if found is None:
-            return None, at
-        columns, across, across_line, across_row, at = found
-    kind = cached_column_windows(columns, layout.keys)
-    known, judge = kind.shapes.get, kind.judge
+        heading_line = next_text_line(lines, start)
+        across = _read_across(layout, lines, heading_line)
+        if across is None:
+            return None, start
+        heading = across
+        first_row = heading_line + 1
+    numbers, rows, after = _read_rows(layout, heading.columns, lines, first_row)
+    if not rows:
+        return None, after
+    table = PrintedTable(
+        layout=layout,
+        columns=heading.columns,
+        lines=tuple(numbers),
+        rows=tuple(rows),
+        across=heading.values,
+        across_line=heading.line,
+        across_row=heading.row,
+    )
+    return table, after
+
+
+def _read_rows(
+    layout: TableLayout, columns: tuple[PrintedColumn, ...], lines: list[Line], start: int
+) -> tuple[list[int], list[str], int]:
+    """Return line numbers and texts of the rows of a table, and the index after the last one."""
+    windows = cached_column_windows(columns, layout.keys)
+    known_shape, judge = windows.shapes.get, windows.judge
     numbers: list[int] = []
     rows: list[str] = []
-    after = at
-    while at < len(lines):
-        number, text = lines[at]
-        at += 1
+    after = start
+    for index in range(start, len(lines)):
+        number, text = lines[index]
+        # Blank lines stand inside tables, and a line ALPHA may stand above the first row.
         if len(text) < 2 or (not rows and text[1:].strip() == "ALPHA"):
             continue
         if text[0] != " ":
             break
         shape = shape_of(text)
-        holds = known(shape)
-        if holds is None:
-            holds = judge(text, shape)
-        if not holds:
+        fits = known_shape(shape)
+        if fits is None:
+            fits = judge(text, shape)
+        if not fits:
             break
         numbers.append(number)
         rows.append(text)
-        after = at
-    if not rows:
-        return None, after
-    return PrintedTable(
-        layout, columns, tuple(numbers), tuple(rows), across, across_line, across_row
-    ), after
+        after = index + 1
+    return numbers, rows, after
 
 
-def _read_across(
-    layout: TableLayout, lines: list[Line], at: int
-) -> tuple[tuple[PrintedColumn, ...], np.ndarray, int, str, int] | None:
-    """Return columns, heading values, their line and text, and the index of the line after them."""
+def _read_across(layout: TableLayout, lines: list[Line], index: int) -> _Heading | None:
+    """Return the heading values of a line, None when it has another form."""
     across = layout.across
     assert across is not None
-    while at < len(lines) and not lines[at][1][1:].strip():
-        at += 1
-    if at == len(lines):
+    if index == len(lines):
         return None
-    number, text = lines[at]
-    start = text.find("=")
-    if not text[1:].lstrip().startswith(across.name) or not 0 <= start < across.first:
+    number, text = lines[index]
+    equals = text.find("=")
+    if not text[1:].lstrip().startswith(across.name) or not 0 <= equals < across.first:
         return None
     values: list[float] = []
     for k in range((len(text.rstrip()) - across.first) // across.step + 1):
         shift = k * across.step
-        cell = read_cell(text[max(across.first - 1 + shift, start + 1) : across.last + shift])
+        # The first value may touch the sign of equality.
+        start = max(across.first - 1 + shift, equals + 1)
+        cell = read_cell(text[start : across.last + shift])
         if cell is None or cell[1] != OK:
             return None
         values.append(cell[0])
-    return (
-        (two_way_columns(layout, len(values)), np.array(values), number, text, at + 1)
-        if values
-        else None
-    )
+    if not values:
+        return None
+    return _Heading(two_way_columns(layout, len(values)), np.array(values), number, text)
 
 
 @lru_cache(256)
 def two_way_columns(layout: TableLayout, count: int) -> tuple[PrintedColumn, ...]:
     """Return the columns of a two-way table with `count` heading values."""
-    across = layout.across
-    assert across is not None
-    cell, shifts = across.cell, [k * across.step for k in range(count)]
-    return (
-        *layout.columns,
-        *(cell._replace(first=cell.first + shift, last=cell.last + shift) for shift in shifts),
-    )
+    assert layout.across is not None
+    return (*layout.columns, *value_columns(layout.across, count))
+
+
+def value_columns(across: HeadingAxis, count: int) -> list[PrintedColumn]:
+    """Return the value columns under `count` heading values."""
+    # Every heading value has one column, at equal distances.
+    columns = []
+    for k in range(count):
+        shift = k * across.step
+        cell = across.cell
+        columns.append(cell._replace(first=cell.first + shift, last=cell.last + shift))
+    return columns

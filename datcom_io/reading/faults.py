@@ -8,190 +8,54 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import replace
-
-import numpy as np
 
 from datcom_io.arrays.conditions import control_surface, printed_condition
-from datcom_io.cells import NA, NDM, OK
+from datcom_io.cells import OK
+from datcom_io.decks.deck import Deck
 from datcom_io.listing import Case
-from datcom_io.printout.content import ListingMessage, Page
+from datcom_io.printout.content import ListingMessage
 from datcom_io.printout.layouts.special import HYPERSONIC_FROM
 from datcom_io.printout.tables import PrintedTable
+from datcom_io.reading.suspects import (
+    flag_flap_moments,
+    flag_ground_pages,
+    flag_missing_angles,
+    flag_power_increments,
+)
 
-_OVER_GROUND = ("CD", "CL", "Cm", "CN", "CA", "xcp", "CL_alpha", "Cm_alpha")
-_TRIMMED = ("delta_trim", "dCL", "dCLmax", "dCDi", "dCDmin")
-_TAKEN_FOR_FLAPS = (3, 4, 5)  # values of STYPE that are slotted and split flaps as FTYPE
-
-
-def flag_missing_angles(case: Case) -> None:
-    """Flag the rows of angles of attack that NALPHA counts and ALSCHD does not give, and what the
-    program interpolates over them.
-
-    The program takes them as 1E-30 and prints NDM; its interpolation in alpha needs rising angles.
-    Increments of flaps and ailerons are computed angle by angle.
-    """
-    given = case.deck.schedule("FLTCON", "ALSCHD", "NALPHA")
-    counted = case.deck.count("FLTCON", "NALPHA") or 0
-    if not 0 < len(given) < counted:
-        return
-    rising = max(given) < 0.0
-    lines: list[int] = []
-    for i, page in enumerate(case.pages):
-        for table in page.tables:
-            if table.layout.rows == ("FLTCON", "NALPHA"):
-                first = len(given) if rising or table.layout.across is not None else 0
-                page = with_suspects(page, table.name, None, slice(first, None))
-                lines += table.lines[len(given) :]
-        case.pages[i] = page
-    if lines:
-        what = (
-            "their rows"
-            if rising
-            else "their rows, and all others of pages that the program interpolates over them (CL "
-            "a third off),"
-        )
-        text = (
-            f"NALPHA counts {counted} angles of attack, the input cards give {len(given)}: "
-            f"the program takes the others as 1E-30; {what} "
-            "are flagged suspect; correct NALPHA and run the deck again"
-        )
-        case.messages.append(ListingMessage(lines[0], text, "reader"))
-
-
-def flag_ground_pages(case: Case) -> None:
-    """Flag the pages over ground that the effect of an earlier deflection is in."""
-    flagged: list[int] = []
-    seen: set[tuple[str, float]] = set()
-    for i, page in enumerate(case.pages):
-        if page.kind != "static":
-            continue
-        if math.isinf(page.ground_height):
-            seen = {place for place in seen if place[0] != page.configuration}
-            continue
-        place = (page.configuration, page.ground_height)
-        if place in seen or _is_aileron_taken_for_flap(case):
-            case.pages[i] = with_suspects(page, "static", _OVER_GROUND)
-            flagged.append(page.first)
-        seen.add(place)
-    if flagged:
-        device = "SYMFLP" if "SYMFLP" in case.deck.namelists else "ASYFLP"
-        text = (
-            f"{len(flagged)} pages over ground hold the ground effect of the deflections of "
-            f"{device} before them (seen: CL wrong by 0.28) "
-            "and are flagged suspect; run one deflection at a time (datcom split makes the decks)"
-        )
-        case.messages.append(ListingMessage(flagged[0], text, "reader"))
-
-
-def _is_aileron_taken_for_flap(case: Case) -> bool:
-    style = case.deck.value("ASYFLP", "STYPE")
-    return (
-        style is not None
-        and round(style) in _TAKEN_FOR_FLAPS
-        and control_surface(case.deck) == "wing"
-    )
-
-
-def flag_flap_moments(case: Case, before: int) -> int:
-    """Flag D(CM) of every deflection but the first of a program run, and what is trimmed with it.
-
-    Parameters
-    ----------
-    before : int
-        Deflections of SYMFLP that the run has printed before this case.
-
-    Returns
-    -------
-    int
-        The same after it.
-    """
-    flagged: list[int] = []
-    for i, page in enumerate(case.pages):
-        symflp = page.table("symflp")
-        if symflp is not None:
-            first = 0 if before else 1
-            page = with_suspects(page, "symflp", ("dCm",), slice(first, None))
-            flagged += symflp.lines[first:]
-            before += len(symflp.rows)
-        if before > 1:
-            for name in ("trim", "trim_level"):
-                page = with_suspects(page, name, _TRIMMED)
-        case.pages[i] = page
-    if flagged:
-        text = (
-            f"D(CM) of {len(flagged)} deflections, all but the first of the program run, "
-            f"holds something of the deflections before "
-            "(seen: elevator 2 %, plain flap 7 %) and is flagged suspect; where it counts "
-            "make one run per condition and deflection"
-        )
-        case.messages.append(ListingMessage(flagged[0], text, "reader"))
-    return before
-
-
-def with_suspects(
-    page: Page,
-    name: str,
-    quantities: tuple[str, ...] | None,
-    rows: slice | np.ndarray = slice(None),
-) -> Page:
-    """Return a page whose tables of a kind have the flag ``suspect`` in some columns, all but the
-    keys with None.
-    """
-    if page.table(name) is None:
-        return page
-    printed = tuple(
-        _flagged(item, quantities, rows)
-        if isinstance(item, PrintedTable) and item.name == name
-        else item
-        for item in page.printed
-    )
-    return replace(page, printed=printed)
-
-
-def _flagged(
-    table: PrintedTable, quantities: tuple[str, ...] | None, rows: slice | np.ndarray
-) -> PrintedTable:
-    suspect = (
-        np.zeros((len(table.rows), len(table.columns)), bool)
-        if table.suspect is None
-        else table.suspect.copy()
-    )
-    for k, column in enumerate(table.columns):
-        if k >= table.layout.keys if quantities is None else column.quantity in quantities:
-            suspect[rows, k] = True
-    return replace(table, suspect=suspect)
-
-
+# Text of a failed computation in a row: NaN, Infinity, 1.#IND.
 _FAILED = re.compile("NaN|Inf|#")
 
 
 class Observer:
-    """Sees the cases of a file in order and adds the reader's messages to them."""
+    """Sees the cases of a file in order and adds the messages of the reader to them."""
 
     def __init__(self) -> None:
-        self.run, self.control_tables, self.deflections = 0, 0, 0
+        self.run = 0
+        self.control_tables = 0  # of the run so far
+        self.deflections = 0  # of SYMFLP in the run so far
 
     def report(self, case: Case) -> None:
-        """Add the reader's messages about the program's faults to a case."""
-        self._drift_of_control_moments(case)
-        _last_mach_in_static_pages(case)
-        _pressure_on_control_pages(case)
-        _weight(case)
+        """Add the messages of the reader about faults of the program to a case."""
+        self._report_drift_of_moments(case)
+        _report_last_mach(case)
+        _report_control_pressure(case)
+        _report_weight(case)
         flag_missing_angles(case)
         flag_ground_pages(case)
-        _flaps_in_ground_effect(case)
-        _power_on_missing_cells(case)
-        _control_tabs(case)
-        _failed_arithmetic(case)
-        _dynamic_pages_repeated(case)
-        _reference_quantities(case)
-        _aspect_ratio_of_inboard_panels(case)
-        _conditions_missing(case)
-        _hypersonic_flap(case)
-        _transverse_jet(case)
+        _report_flaps_in_ground_effect(case)
+        flag_power_increments(case)
+        _report_stick_force(case)
+        _report_lost_flap_moment(case)
+        _report_failed_arithmetic(case)
+        _report_differing_dynamic_pages(case)
+        _report_differing_references(case)
+        _report_panel_aspect_ratio(case)
+        _report_missing_conditions(case)
+        _report_missing_hypersonic_page(case)
+        _report_jet_pressures(case)
 
-    def _drift_of_control_moments(self, case: Case) -> None:
+    def _report_drift_of_moments(self, case: Case) -> None:
         """The program keeps a part of D(CM) from one condition of a run to the next."""
         if case.run != self.run:
             self.run, self.control_tables, self.deflections = case.run, 0, 0
@@ -199,7 +63,7 @@ class Observer:
         tables = [table for _, table in case.tables("symflp")]
         self.control_tables += len(tables)
         if tables and self.control_tables > 1:
-            _report(
+            _add_report(
                 case,
                 tables[-1].lines[0],
                 f"D(CM) of {self.control_tables} conditions from one program run: the "
@@ -209,14 +73,18 @@ class Observer:
             )
 
 
-def _report(case: Case, line: int, text: str) -> None:
+def _add_report(case: Case, line: int, text: str) -> None:
     case.messages.append(ListingMessage(line, text, "reader"))
 
 
-def _last_mach_in_static_pages(case: Case) -> None:
+# Flight conditions.
+
+
+def _report_last_mach(case: Case) -> None:
+    """Static pages carry something of the last Mach number of a case."""
     machs = {page.condition("mach") for page, _ in case.tables("static")}
     if len(machs) > 1:
-        _report(
+        _add_report(
             case,
             case.line,
             f"{len(machs)} Mach numbers in one case: static pages carry something of the last one "
@@ -225,24 +93,22 @@ def _last_mach_in_static_pages(case: Case) -> None:
         )
 
 
-def _pressure_on_control_pages(case: Case) -> None:
-    """With DIM M, CM or IN the high-lift and control pages convert pressure, temperature and
-    Reynolds number the wrong way.
-    """
-    right = {
-        printed_condition(page): page.condition("p_static")
-        for page in case.pages
-        if page.kind == "static"
-    }
+def _report_control_pressure(case: Case) -> None:
+    """High-lift and control pages convert pressure and the like the wrong way unless in feet."""
+    right_pressure = {}
+    for page in case.pages:
+        if page.kind == "static":
+            right_pressure[printed_condition(page)] = page.condition("p_static")
     for page in case.pages:
         if page.kind != "high-lift" or page.conditions is None:
             continue
-        pressure, wanted = page.condition("p_static"), right.get(printed_condition(page), math.nan)
-        if abs(pressure - wanted) > 1e-3 * abs(wanted):
-            _report(
+        pressure = page.condition("p_static")
+        expected = right_pressure.get(printed_condition(page), math.nan)
+        if abs(pressure - expected) > 1e-3 * abs(expected):
+            _add_report(
                 case,
                 page.conditions.lines[0],
-                f"pressure {pressure:g} on a control page, {wanted:g} on the static page of "
+                f"pressure {pressure:g} on a control page, {expected:g} on the static page of "
                 f"the same condition: "
                 f"with DIM {page.dim} the program converts pressure, temperature and "
                 f"Reynolds number the wrong way there; "
@@ -251,22 +117,65 @@ def _pressure_on_control_pages(case: Case) -> None:
             return
 
 
-def _weight(case: Case) -> None:
-    notes = [note for page in case.pages for note in page.notes if "VEHICLE WEIGHT" in note.text]
-    if notes and case.deck.dim in ("M", "CM"):
-        _report(
+def _report_weight(case: Case) -> None:
+    """With DIM M or CM the program converts the weight again at every condition."""
+    if case.deck.dim not in ("M", "CM"):
+        return
+    for page in case.pages:
+        for note in page.notes:
+            if "VEHICLE WEIGHT" in note.text:
+                _add_report(
+                    case,
+                    note.line,
+                    f"with DIM {case.deck.dim} the program divides the weight by 0.2248 again at "
+                    f"every condition: "
+                    "do not use the printed weights and level-flight lift coefficients",
+                )
+                return
+
+
+def _report_missing_conditions(case: Case) -> None:
+    """The program leaves out conditions, or pages are lost."""
+    expected_pairs = set()
+    for pair in case.deck.conditions():
+        if not _has_hypersonic_page(case.deck, pair[0]):
+            expected_pairs.add(pair)
+    printed = {printed_condition(page) for page, _ in case.tables("static")}
+    if 0 < len(printed) < len(expected_pairs):
+        _add_report(
             case,
-            notes[0].line,
-            f"with DIM {case.deck.dim} the program divides the weight by 0.2248 again at "
-            f"every condition: "
-            "do not use the printed weights and level-flight lift coefficients",
+            case.line,
+            f"{len(expected_pairs)} flight conditions in the input cards, {len(printed)} in the "
+            f"listing: the program left some out, or pages are lost",
         )
 
 
-def _flaps_in_ground_effect(case: Case) -> None:
+def _report_differing_references(case: Case) -> None:
+    """One case has one set of reference quantities, but a low-aspect-ratio body brings its own."""
+    first_lines: dict[tuple[str, ...], int] = {}
+    for page, _ in case.tables("static"):
+        if page.conditions is not None:
+            # Columns 6 to 10 of the flight-condition line are the reference quantities.
+            references = tuple(page.conditions.text(0, i) for i in range(6, 11))
+            first_lines.setdefault(references, page.first)
+    if len(first_lines) > 1:
+        texts = [f"line {line}: {' '.join(texts)}" for texts, line in first_lines.items()]
+        _add_report(
+            case,
+            min(first_lines.values()),
+            f"the pages differ in reference quantities; the tree has those of the first "
+            f"page: {'; '.join(texts)}",
+        )
+
+
+# Ground effect and dynamic pages.
+
+
+def _report_flaps_in_ground_effect(case: Case) -> None:
+    """Ground pages with wing flaps lack the flap increment of free air."""
     pages = [page for page in case.pages if math.isfinite(page.ground_height)]
     if pages and "SYMFLP" in case.deck.namelists and control_surface(case.deck) == "wing":
-        _report(
+        _add_report(
             case,
             pages[0].first,
             "ground pages with flaps hold the clean configuration and the ground increment "
@@ -275,90 +184,16 @@ def _flaps_in_ground_effect(case: Case) -> None:
         )
 
 
-def _power_on_missing_cells(case: Case) -> None:
-    """Flag numbers of pages with power that are the increment alone: power has no part in the
-    slopes, which show what is missing.
-    """
-    first = next((page for page in case.pages if page.power != "off"), None)
-    for i, page in enumerate(case.pages):
-        static = page.table("static")
-        if page.power == "off" or static is None:
-            continue
-        slopes = {column.quantity: static.flags[:, k] for k, column in enumerate(static.columns)}
-        for slope, quantities in (
-            ("Cm_alpha", ("Cm", "xcp")),
-            ("CL_alpha", ("CD", "CL", "CN", "CA", "xcp")),
-        ):
-            page = with_suspects(page, "static", quantities, np.isin(slopes[slope], (NA, NDM)))
-        case.pages[i] = page
-    if first is not None:
-        _report(
-            case,
-            first.first,
-            f"{first.power} power is added to cells that have no value without power: where "
-            f"the page without power shows NA or NDM, the "
-            "number here is the increment alone; it is flagged suspect where the slope of "
-            "its row shows NA or NDM",
-        )
-
-
-def _control_tabs(case: Case) -> None:
-    """With CONTAB the stick force is a coefficient divided by qbar S cbar, and one build loses
-    D(CM) of the flap.
-    """
-    force = next((table for _, table in case.tables("tab_force")), None)
-    if force is not None:
-        largest = max(abs(force.values[force.flags == OK]), default=0.0)
-        _report(
-            case,
-            force.lines[0],
-            f"stick forces up to {largest:.3g} lb: the program divides the coefficient by "
-            f"qbar S cbar where it ought to multiply; "
-            "use the hinge moments, not F(C)",
-        )
-    for _, table in case.tables("symflp") if "CONTAB" in case.deck.namelists else ():
-        lift, moment = table.values[:, 1], table.values[:, 2]
-        if not moment.any() and (abs(lift) > 0.01).any():
-            _report(
-                case,
-                table.lines[0],
-                "D(CM) is 0.0000 at every deflection though D(CL) is not: one build of the "
-                "program loses it with CONTAB, and its D(CDI) "
-                "is wrong as well; run the case without CONTAB for both",
-            )
-
-
-def _failed_arithmetic(case: Case) -> None:
-    texts = ((table, "".join(table.rows)) for page in case.pages for table in page.tables)
-    tables = (
-        table for table, text in texts if "a" in text or "f" in text or "#" in text
-    )  # no other row has such letters
-    rows = [
-        line
-        for table in tables
-        for line, row in zip(table.lines, table.rows)
-        if _FAILED.search(row)
-    ]
-    if rows:
-        _report(
-            case,
-            rows[0],
-            f"{len(rows)} row{'s hold' if len(rows) > 1 else ' holds'} NaN: the program's "
-            f"arithmetic failed there "
-            "(seen: canards, propellers at high angles of attack); other numbers of the page "
-            "may be wrong too",
-        )
-
-
-def _dynamic_pages_repeated(case: Case) -> None:
+def _report_differing_dynamic_pages(case: Case) -> None:
     """The dynamic page is printed again after every ground page; it must be the same one."""
     if not any(math.isfinite(page.ground_height) for page in case.pages):
         return
-    first: dict[tuple, tuple] = {}
+    first_rows: dict[tuple, list[list[str]]] = {}
     for page, table in case.tables("dynamic"):
-        rows = tuple(row.split() for row in table.rows)
-        if first.setdefault((page.configuration, *printed_condition(page)), rows) != rows:
-            _report(
+        rows = [row.split() for row in table.rows]
+        key = (page.configuration, *printed_condition(page))
+        if first_rows.setdefault(key, rows) != rows:
+            _add_report(
                 case,
                 table.lines[0],
                 "this dynamic page differs from the one before for the same condition; the "
@@ -367,73 +202,106 @@ def _dynamic_pages_repeated(case: Case) -> None:
             return
 
 
-def _reference_quantities(case: Case) -> None:
-    """One case has one set of reference quantities, but a low-aspect-ratio body brings its own."""
-    found: dict[tuple[str, ...], int] = {}
-    for page, _ in case.tables("static"):
-        if page.conditions is not None:
-            found.setdefault(tuple(page.conditions.text(0, i) for i in range(6, 11)), page.first)
-    if len(found) > 1:
-        texts = "; ".join(f"line {line}: {' '.join(words)}" for words, line in found.items())
-        _report(
+# Control tabs.
+
+
+def _report_stick_force(case: Case) -> None:
+    """The stick force is a coefficient divided by qbar S cbar."""
+    for _, table in case.tables("tab_force"):
+        largest = max(abs(table.values[table.flags == OK]), default=0.0)
+        _add_report(
             case,
-            min(found.values()),
-            f"the pages differ in reference quantities; the tree has those of the first "
-            f"page: {texts}",
+            table.lines[0],
+            f"stick forces up to {largest:.3g} lb: the program divides the coefficient by "
+            f"qbar S cbar where it ought to multiply; "
+            "use the hinge moments, not F(C)",
         )
+        return
 
 
-def _aspect_ratio_of_inboard_panels(case: Case) -> None:
-    """The planform properties of a cranked surface take its span in feet, its area as it is
-    printed.
-    """
-    for page, group in case.values("planform"):
-        panels = [
-            k
-            for k, label in enumerate(group.labels)
-            if label.endswith("THEORITICAL INBOARD ASPECT RATIO")
-        ]
-        if panels and page.dim != "FT":
-            _report(
+def _report_lost_flap_moment(case: Case) -> None:
+    """With CONTAB one build loses D(CM) of the flap."""
+    if "CONTAB" not in case.deck.namelists:
+        return
+    for _, table in case.tables("symflp"):
+        lift, moment = table.values[:, 1], table.values[:, 2]
+        if not moment.any() and (abs(lift) > 0.01).any():
+            _add_report(
                 case,
-                group.lines[panels[0]],
-                f"aspect ratio {group.texts[panels[0]]} of the theoretical inboard panel: "
-                f"with DIM {page.dim} the program divides the "
-                "square of a span in feet by an area in the unit of the print; do not use it",
+                table.lines[0],
+                "D(CM) is 0.0000 at every deflection though D(CL) is not: one build of the "
+                "program loses it with CONTAB, and its D(CDI) "
+                "is wrong as well; run the case without CONTAB for both",
             )
-            return
 
 
-def _conditions_missing(case: Case) -> None:
-    wanted = len(
-        {pair for pair in case.deck.conditions() if not _has_hypersonic_page(case, pair[0])}
+# Arithmetic and units.
+
+
+def _report_failed_arithmetic(case: Case) -> None:
+    """The arithmetic of the program fails, for canards and propellers at high angles of attack."""
+    lines: list[int] = []
+    for page in case.pages:
+        for table in page.tables:
+            lines += _failed_lines(table)
+    if not lines:
+        return
+    rows = "row holds"
+    if len(lines) > 1:
+        rows = "rows hold"
+    _add_report(
+        case,
+        lines[0],
+        f"{len(lines)} {rows} NaN: the program's arithmetic failed there "
+        "(seen: canards, propellers at high angles of attack); other numbers of the page "
+        "may be wrong too",
     )
-    found = len({printed_condition(page) for page, _ in case.tables("static")})
-    if 0 < found < wanted:
-        _report(
-            case,
-            case.line,
-            f"{wanted} flight conditions in the input cards, {found} in the listing: the "
-            f"program left some out, or pages are lost",
-        )
 
 
-def _has_hypersonic_page(case: Case, mach: float) -> bool:
+def _failed_lines(table: PrintedTable) -> list[int]:
+    """Return the lines of rows with a failed computation."""
+    # Rows without such a letter are the rule; the search of each row is slow.
+    text = "".join(table.rows)
+    if "a" not in text and "f" not in text and "#" not in text:
+        return []
+    return [line for line, row in zip(table.lines, table.rows) if _FAILED.search(row)]
+
+
+def _report_panel_aspect_ratio(case: Case) -> None:
+    """The planform properties of a cranked surface mix a span in feet with the printed area."""
+    for page, group in case.values("planform"):
+        if page.dim == "FT":
+            continue
+        for k, label in enumerate(group.labels):
+            if label.endswith("THEORITICAL INBOARD ASPECT RATIO"):
+                _add_report(
+                    case,
+                    group.lines[k],
+                    f"aspect ratio {group.texts[k]} of the theoretical inboard panel: "
+                    f"with DIM {page.dim} the program divides the "
+                    "square of a span in feet by an area in the unit of the print; do not use it",
+                )
+                return
+
+
+# Special pages.
+
+
+def _has_hypersonic_page(deck: Deck, mach: float) -> bool:
     """Return whether the program computes a hypersonic flap at a Mach number, and nothing else."""
     return (
-        "HYPEFF" in case.deck.namelists
-        and case.deck.value("FLTCON", "HYPERS") == 1.0
+        "HYPEFF" in deck.namelists
+        and deck.value("FLTCON", "HYPERS") == 1.0
         and mach >= HYPERSONIC_FROM
     )
 
 
-def _hypersonic_flap(case: Case) -> None:
+def _report_missing_hypersonic_page(case: Case) -> None:
     """One build computes a hypersonic flap and prints nothing."""
-    wanted = any(
-        _has_hypersonic_page(case, mach) for mach in case.deck.schedule("FLTCON", "MACH", "NMACH")
-    )
-    if wanted and not any(page.kind == "hypersonic" for page in case.pages):
-        _report(
+    machs = case.deck.schedule("FLTCON", "MACH", "NMACH")
+    expected = any(_has_hypersonic_page(case.deck, mach) for mach in machs)
+    if expected and not any(page.kind == "hypersonic" for page in case.pages):
+        _add_report(
             case,
             case.line,
             "HYPEFF is given and nothing of it is printed: one build of the program has that "
@@ -441,13 +309,11 @@ def _hypersonic_flap(case: Case) -> None:
         )
 
 
-def _transverse_jet(case: Case) -> None:
-    """The method counts in pounds per square inch, the program's atmosphere in pounds per square
-    foot.
-    """
+def _report_jet_pressures(case: Case) -> None:
+    """The method of the jet expects pounds per square inch and gets pounds per square foot."""
     lines = [group.lines[0] for _, group in case.values("jet")]
     if lines and not case.deck.values("FLTCON", "PINF"):
-        _report(
+        _add_report(
             case,
             lines[0],
             "the transverse-jet method wants pressures in LB/IN2 and gets that of the "

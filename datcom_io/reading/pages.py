@@ -1,4 +1,4 @@
-"""One printed page: heading, flight conditions, tables, notes."""
+"""Reading of one printed page: heading, flight conditions, tables, notes."""
 
 from __future__ import annotations
 
@@ -35,18 +35,17 @@ TITLES = (
     ("EXTRAPOLATION MESSAGE SUMMARY", "extrapolation"),
     ("FOLLOWING ARE", "dump"),
 )
+"""Words of the line that names a page, and the kind of the page."""
 _KINDS = (*TITLES, (")=", "dump"))
 _WITH_CONFIGURATION = ("static", "dynamic", "high-lift", "auxiliary")
 _GROUND = re.compile(r"GROUND HEIGHT= *(FREE AIR|[\d.]+)")
 _FLAP = re.compile(r"FLAP DEFLECTION= *(-?[\d.]+)")
 _POWER = re.compile(r"(JET|PROPELLER) POWER EFFECTS INCLUDED")
-_LONGEST = 1000  # characters of a heading of the program; longer ones are not worth remembering
+_LONGEST_HEADING = 1000  # characters of the program; longer ones are not worth remembering
 
 
 class PageHeading(NamedTuple):
-    """The content of a heading; the height over ground in feet, the deflection in degrees, as in
-    `Page`.
-    """
+    """Content of a heading: height over ground in feet, deflection in degrees, as in `Page`."""
 
     kind: str
     configuration: str
@@ -55,119 +54,143 @@ class PageHeading(NamedTuple):
     power: str
 
 
-def read_heading(first: str, words: tuple[str, ...]) -> PageHeading:
-    """Return what the first line of a page and the words of the heading lines below it state; the
-    same headings come again and again.
+def read_heading(first: str, heading: tuple[str, ...]) -> PageHeading:
+    """Return the content of a heading.
+
+    `first` is the first line of the page, `heading` the lines below it.  A listing repeats the same
+    headings many times, so the result is cached.
     """
-    known = len(first) + sum(map(len, words)) <= _LONGEST
-    return _known(first, words) if known else _read(first, words)
+    if len(first) + sum(map(len, heading)) <= _LONGEST_HEADING:
+        return _read_cached_heading(first, heading)
+    return _read_heading(first, heading)
 
 
-def _read(first: str, words: tuple[str, ...]) -> PageHeading:
-    kind = _kind(first, words)
-    lines = "\n".join(words[1:])
+def _read_heading(first: str, heading: tuple[str, ...]) -> PageHeading:
+    kind = _page_kind(first, heading)
+    # The first line of the heading is the kind, the second one the configuration, with a CASEID and
+    # lines of ground effect, flap and power behind it.
+    lines = "\n".join(heading[1:])
+    configuration = ""
+    if kind in _WITH_CONFIGURATION and len(heading) > 1:
+        configuration = heading[1].removesuffix(" CONFIGURATION")
     power = _POWER.search(lines)
-    configuration = (
-        words[1].removesuffix(" CONFIGURATION") if kind in _WITH_CONFIGURATION and words[1:] else ""
-    )
     return PageHeading(
-        kind,
-        configuration,
-        _ground_height(lines),
-        _number(_FLAP, lines),
-        power[1].lower() if power else "off",
+        kind=kind,
+        configuration=configuration,
+        ground_height=_ground_height(lines),
+        flap=_find_number(_FLAP, lines),
+        power=power[1].lower() if power else "off",
     )
 
 
-_known = lru_cache(1024)(_read)
+_read_cached_heading = lru_cache(1024)(_read_heading)
 
 
-def _kind(first: str, heading: tuple[str, ...]) -> str:
-    """Return the kind of a page by its first line or the line below the program's name."""
-    for words, kind in _KINDS:
-        if words in first or (heading and words in heading[0]):
+def _page_kind(first: str, heading: tuple[str, ...]) -> str:
+    """Return the kind of a page by its first line or the line below the name of the program."""
+    for title, kind in _KINDS:
+        if title in first or (heading and title in heading[0]):
             return kind
     return "other"
 
 
-def _ground_height(words: str) -> float:
-    found = _GROUND.search(words)
-    return float("inf") if found is None or found[1] == "FREE AIR" else _number(_GROUND, words)
+def _ground_height(lines: str) -> float:
+    """Return the height over ground of a heading, infinite in free air. [ft]"""
+    match = _GROUND.search(lines)
+    if match is None or match[1] == "FREE AIR":
+        return float("inf")
+    return _find_number(_GROUND, lines)
 
 
-def _number(pattern: re.Pattern[str], words: str) -> float:
-    found = pattern.search(words)
-    cell = read_cell(found[1]) if found else None
-    return cell[0] if cell else float("nan")
+def _find_number(pattern: re.Pattern[str], lines: str) -> float:
+    """Return the first number that a pattern matches, NaN without one."""
+    match = pattern.search(lines)
+    cell = None
+    if match:
+        cell = read_cell(match[1])
+    if cell is None:
+        return float("nan")
+    return cell[0]
 
 
 _LAST_HEADING_LINE = 12
 _LONGEST_LINE = 160  # of the program; longer ones are not worth remembering
 _CONDITION_WINDOWS = cached_column_windows(CONDITIONS.columns, CONDITIONS.keys)
 _UNITS = re.compile(r"(FT|IN|M|CM) +\1/SEC ")
-_SECOND_TITLE = "APRIL 1976 VERSION OF DATCOM"  # one build breaks the title of a hypersonic page
-# first line of the numbers on a page whose heading ends in a CASEID
+# One build breaks the title of a hypersonic page into two lines.
+_SECOND_TITLE = "APRIL 1976 VERSION OF DATCOM"
+# First line of the numbers on a page whose heading ends in a CASEID.
 _NUMBERS_BEGIN = re.compile(r".? *MACH NUMBER ?=|.? TIME \(SEC\)")
-# headings around tables that carry nothing of their own
+# Headings around tables that have no content of their own, and a frame of asterisks around a
+# message.
 _DECORATION = re.compile(
     r"DERIVATIVE \(PER (DEGREE|RADIAN)\)$|DYNAMIC DERIVATIVES \(PER "
     r"(DEGREE|RADIAN)\)$|PITCHING +ACCELERATION +ROLLING +YAWING$"
     r"|INCREMENTS DUE TO DEFLECTION +DERIVATIVES \(PER DEGREE\)$"
-    r"|(?<!\*)\*{100,}$"  # a frame of asterisks around a message
+    r"|(?<!\*)\*{100,}$"
 )
 _PER = re.compile(r"DERIVATIVE[S]? ?\(PER (DEGREE|RADIAN)\)")
+_PER_UNITS = {"DEGREE": "deg", "RADIAN": "rad"}
 
 
 @dataclass
 class PageBody:
-    """What is printed on a page below its heading."""
+    """Print of a page below its heading.
+
+    ``empty`` holds line and kind of the headings without a row; ``target`` is the list of the last
+    note or message, which the next line may continue.
+    """
 
     printed: list[Printed] = field(default_factory=list)
     notes: list[ListingMessage] = field(default_factory=list)
     messages: list[ListingMessage] = field(default_factory=list)
     unread: list[int] = field(default_factory=list)
-    empty: list[tuple[int, TableLayout]] = field(default_factory=list)  # headings without a row
+    empty: list[tuple[int, TableLayout]] = field(default_factory=list)
     per: str = ""
-    target: list[ListingMessage] = field(
-        default_factory=list
-    )  # notes or messages, where the last one went
+    target: list[ListingMessage] = field(default_factory=list)
+
+
+class _ConditionLine(NamedTuple):
+    """Flight-condition line of a page, its unit of length, and the index of the line after it."""
+
+    table: PrintedTable | None
+    dim: str
+    after: int
 
 
 def read_page(
     lines: list[Line], case: int
 ) -> tuple[Page, list[ListingMessage], list[tuple[int, TableLayout]]]:
-    """Return a page, the messages that stand on it, and line and kind of the headings that no row
-    follows.
-    """
-    anchor = next(
-        (
-            i
-            for i, (_, text) in enumerate(lines[:_LAST_HEADING_LINE])
-            if "FLIGHT CONDITIONS" in text
-        ),
-        None,
-    )
-    start = _body_start(lines) if anchor is None else 0
-    top = lines[1:start] if anchor is None else lines[1:anchor]
-    heading = tuple(
-        words for _, text in top if (words := text[1:].strip()) and words != _SECOND_TITLE
-    )
-    found = read_heading(lines[0][1], heading)
-    conditions, dim, after = (None, "", start) if anchor is None else _conditions(lines, anchor)
-    body = _read_body(lines, after, found.kind)
+    """Return a page, the messages on it, and line and kind of the headings without a row."""
+    anchor = _find_conditions_heading(lines)
+    if anchor is None:
+        start = _body_start(lines)
+        top = lines[1:start]
+        conditions = _ConditionLine(None, "", start)
+    else:
+        top = lines[1:anchor]
+        conditions = _read_conditions(lines, anchor)
+    heading = []
+    for _, text in top:
+        stripped = text[1:].strip()
+        if stripped and stripped != _SECOND_TITLE:
+            heading.append(stripped)
+    # The kind of the page selects the blocks of its body.
+    content = read_heading(lines[0][1], tuple(heading))
+    body = _read_body(lines, conditions.after, content.kind)
     page = Page(
-        kind=found.kind,
+        kind=content.kind,
         case=case,
         first=lines[0][0],
         last=lines[-1][0],
-        heading=heading[:6],
-        configuration=found.configuration,
-        ground_height=found.ground_height,
-        flap=found.flap,
-        power=found.power,
-        dim=dim,
+        heading=tuple(heading[:6]),
+        configuration=content.configuration,
+        ground_height=content.ground_height,
+        flap=content.flap,
+        power=content.power,
+        dim=conditions.dim,
         per=body.per,
-        conditions=conditions,
+        conditions=conditions.table,
         printed=tuple(body.printed),
         notes=tuple(body.notes),
         unread=tuple(body.unread),
@@ -175,15 +198,32 @@ def read_page(
     return page, body.messages, body.empty
 
 
+def _find_conditions_heading(lines: list[Line]) -> int | None:
+    """Return the index of the line FLIGHT CONDITIONS, None on a page without one.
+
+    The number of heading lines above it varies: a page without CASEID has no empty line instead.
+    """
+    for i, (_, text) in enumerate(lines[:_LAST_HEADING_LINE]):
+        if "FLIGHT CONDITIONS" in text:
+            return i
+    return None
+
+
 def _body_start(lines: list[Line]) -> int:
-    """Return where the body of a page without flight conditions starts: behind the line that names
-    its kind, and the CASEID.
+    """Return where the body of a page without flight conditions starts.
+
+    It starts behind the line that names its kind, and the CASEID.
     """
     top = lines[:_LAST_HEADING_LINE]
-    start = next(
-        (i + 1 for i, (_, text) in enumerate(top) if any(words in text for words, _ in TITLES)), 0
-    )
-    return next((i for i in range(start, len(top)) if _NUMBERS_BEGIN.match(top[i][1])), start)
+    start = 0
+    for i, (_, text) in enumerate(top):
+        if any(title in text for title, _ in TITLES):
+            start = i + 1
+            break
+    for i in range(start, len(top)):
+        if _NUMBERS_BEGIN.match(top[i][1]):
+            return i
+    return start
 
 
 def add_message(messages: list[ListingMessage], number: int, text: str) -> None:
@@ -194,9 +234,10 @@ def add_message(messages: list[ListingMessage], number: int, text: str) -> None:
         messages.append(ListingMessage(number, text))
 
 
-def _conditions(lines: list[Line], anchor: int) -> tuple[PrintedTable | None, str, int]:
-    """Return the flight-condition line, the unit of length and the index of the line after it."""
+def _read_conditions(lines: list[Line], anchor: int) -> _ConditionLine:
+    """Read the flight-condition line below the heading FLIGHT CONDITIONS at index `anchor`."""
     for i in range(anchor + 1, min(anchor + 9, len(lines))):
+        # The units row stands above the numbers.
         units = _UNITS.match(lines[i][1].strip() + " ")
         if units is None:
             continue
@@ -205,98 +246,129 @@ def _conditions(lines: list[Line], anchor: int) -> tuple[PrintedTable | None, st
             if not text[1:].strip():
                 continue
             if _CONDITION_WINDOWS.hold(text):
-                return (
-                    PrintedTable(CONDITIONS, CONDITIONS.columns, (number,), (text,)),
-                    units[1],
-                    j + 1,
-                )
+                table = PrintedTable(CONDITIONS, CONDITIONS.columns, (number,), (text,))
+                return _ConditionLine(table, units[1], j + 1)
             break
-        return None, units[1], i + 1
-    return None, "", anchor + 1
+        return _ConditionLine(None, units[1], i + 1)
+    return _ConditionLine(None, "", anchor + 1)
 
 
-def _read_body(lines: list[Line], at: int, kind: str) -> PageBody:
+def _read_body(lines: list[Line], start: int, kind: str) -> PageBody:
+    """Read the lines below the heading of a page of a kind."""
     body = PageBody()
-    while at < len(lines):
-        number, text = lines[at]
-        at += 1
+    index = start
+    while index < len(lines):
+        number, text = lines[index]
         if len(text) < 2:
+            index += 1
             continue
-        meaning = (_meaning if len(text) <= _LONGEST_LINE else _meaning.__wrapped__)(kind, text)
-        if meaning.blocks and (found := _read_block(meaning.blocks, lines, at - 1)):
-            body.printed += [item for item in found[0] if item.lines]
-            at = max(at, found[1])
+        meaning = _line_meaning(kind, text)
+        block = _read_block(meaning.blocks, lines, index)
+        index += 1
+        if block:
+            printed, after = block
+            body.printed += [item for item in printed if item.lines]
+            index = max(index, after)
         elif meaning.layout is not None:
-            table, after = read_printed_table(meaning.layout, lines, at)
+            table, after = read_printed_table(meaning.layout, lines, index)
             if table is not None:
                 body.printed.append(table)
-                at = after
-            elif not _states_no_output(lines, at):
+                index = after
+            elif not _states_no_output(lines, index):
                 body.unread.append(number)
                 body.empty.append((number, meaning.layout))
         else:
-            _sort(number, meaning, body)
+            _add_text(number, meaning, body)
     return body
 
 
 def _read_block(
-    blocks: tuple[PrintedBlock, ...], lines: list[Line], at: int
+    blocks: tuple[PrintedBlock, ...], lines: list[Line], index: int
 ) -> tuple[list[Printed], int] | None:
-    return next((found for block in blocks if (found := block.read(lines, at))), None)
+    """Return the content of the first block whose lines have the right form, None without one."""
+    for block in blocks:
+        content = block.read(lines, index)
+        if content:
+            return content
+    return None
 
 
-def _states_no_output(lines: list[Line], at: int) -> bool:
-    words = next((text[1:].strip() for _, text in lines[at : at + 3] if text[1:].strip()), "")
-    return words.startswith("*NOTE* NO OUTPUT AVAILABLE")
+def _states_no_output(lines: list[Line], index: int) -> bool:
+    """Return whether a note below a heading explains that it has no row."""
+    for _, text in lines[index : index + 3]:
+        stripped = text[1:].strip()
+        if stripped:
+            return stripped.startswith("*NOTE* NO OUTPUT AVAILABLE")
+    return False
 
 
-class Meaning(NamedTuple):
-    """What a line of a page may be: it opens one of the blocks, or a table, or it is a text of its
-    own sort.
+class LineMeaning(NamedTuple):
+    """The ways to read a line of a page.
+
+    It may open one of the ``blocks`` or the table ``layout``.  Otherwise it is a text: ``sort`` is
+    ``note``, ``message``, ``continued``, ``decoration`` or ``unread``, ``text`` its words.  ``per``
+    is the unit of angle that it states.
     """
 
     blocks: tuple[PrintedBlock, ...]
     layout: TableLayout | None
     sort: str
-    words: str
+    text: str
     per: str
 
 
-@lru_cache(4096)
-def _meaning(kind: str, text: str) -> Meaning:
-    """Return what a line may be on a page of a kind; the same headings and notes stand on every
-    page.
-    """
-    words = normalise_heading(text)
-    blocks = tuple(block for block in BLOCKS if kind in block.pages and block.opens.search(words))
+def _line_meaning(kind: str, text: str) -> LineMeaning:
+    """Return the meaning of a line on a page of a kind."""
+    if len(text) <= _LONGEST_LINE:
+        return _cached_meaning(kind, text)
+    return _find_meaning(kind, text)
+
+
+def _find_meaning(kind: str, text: str) -> LineMeaning:
+    heading = normalise_heading(text)
+    blocks = [block for block in BLOCKS if kind in block.pages and block.opens.search(heading)]
     plain = footnotes.strip_control_column(text)
     per = _PER.search(plain)
-    if per or _DECORATION.match(words):
-        sort = "decoration" if _DECORATION.search(words) else "unread"
-    elif not plain:
-        sort = "decoration"
-    else:
-        sort = (
-            "continued"
-            if footnotes.is_continuation(plain)
-            else footnotes.sort_of(plain) or "unread"
-        )
-    return Meaning(
-        blocks,
-        BY_HEADING.get(words),
-        sort,
-        plain,
-        {"DEGREE": "deg", "RADIAN": "rad"}[per[1]] if per else "",
+    return LineMeaning(
+        blocks=tuple(blocks),
+        layout=BY_HEADING.get(heading),
+        sort=_sort_text(heading, plain),
+        text=plain,
+        per=_PER_UNITS[per[1]] if per else "",
     )
 
 
-def _sort(number: int, meaning: Meaning, body: PageBody) -> None:
+# The same headings and notes stand on every page.
+_cached_meaning = lru_cache(4096)(_find_meaning)
+
+
+def _sort_text(heading: str, plain: str) -> str:
+    """Return the sort of a text line, see `LineMeaning`.
+
+    `heading` is the line as a heading, `plain` the line without its carriage control.
+    """
+    if not plain or _DECORATION.match(heading):
+        return "decoration"
+    if _PER.search(plain):
+        return "decoration" if _DECORATION.search(heading) else "unread"
+    if footnotes.is_continuation(plain):
+        return "continued"
+    return footnotes.sort_of(plain) or "unread"
+
+
+def _add_text(number: int, meaning: LineMeaning, body: PageBody) -> None:
+    """Add a text line to the notes, messages or unread lines of a page."""
     body.per = body.per or meaning.per
     if meaning.sort == "unread":
         body.unread.append(number)
-    elif meaning.sort != "decoration":
-        if meaning.sort != "continued":
-            body.target = body.messages if meaning.sort == "message" else body.notes
-        add_message(body.target, number, meaning.words)
-        if found := footnotes.read_footnote_number(number, meaning.words):
-            body.printed.append(found)
+        return
+    if meaning.sort == "decoration":
+        return
+    if meaning.sort == "message":
+        body.target = body.messages
+    elif meaning.sort == "note":
+        body.target = body.notes
+    add_message(body.target, number, meaning.text)
+    group = footnotes.read_footnote_number(number, meaning.text)
+    if group:
+        body.printed.append(group)

@@ -11,7 +11,8 @@ from typing import NamedTuple
 from datcom_io.listing import Case, DamagedListing, Listing
 from datcom_io.printout.content import paused_collection
 from datcom_io.reading.faults import Observer
-from datcom_io.reading.scanner import ControlColumn, Scanner, line_blocks
+from datcom_io.reading.lines import ControlColumn, line_blocks
+from datcom_io.reading.scanner import Scanner
 
 Source = str | os.PathLike[str] | Iterable[str]
 
@@ -25,7 +26,8 @@ def read(source: Source, *, partial: bool = False) -> Listing:
         File, or its lines.  Line ends LF or CRLF; several program runs may follow each other;
         column 1 may be missing.
     partial : bool
-        Take what is complete in a file that is cut, and report it in a message, instead of raising.
+        Read the complete part of a truncated file and report the fault in a message; otherwise a
+        truncated file raises.
 
     Returns
     -------
@@ -34,13 +36,13 @@ def read(source: Source, *, partial: bool = False) -> Listing:
     Raises
     ------
     ParseError
-        The file is no listing, is cut (no END OF JOB), or a table has another number of rows than
-        the deck specifies.  The error is a `DamagedListing`: its ``listing`` holds everything that
-        is complete before the fault.
+        The file is not a listing, is truncated (no END OF JOB), or a table has another number of
+        rows than the deck specifies.  The error is a `DamagedListing`: its ``listing`` holds
+        everything that is complete before the fault.
 
     Notes
     -----
-    The program's own faults are reported as messages, never repaired: see `datcom_io.reading.faults`.
+    Faults of the program are reported as messages, never repaired: see `datcom_io.reading.faults`.
     """
     cases = iterate(source, partial=partial)
     try:
@@ -55,8 +57,9 @@ def read(source: Source, *, partial: bool = False) -> Listing:
 
 
 def iterate(source: Source, *, partial: bool = False) -> Cases:
-    """Read a print file case by case; each is given out when it is complete, and only one is held
-    in memory.
+    """Read a print file case by case.
+
+    Each case is yielded when it is complete, and only one is held in memory.
 
     Parameters
     ----------
@@ -68,14 +71,14 @@ def iterate(source: Source, *, partial: bool = False) -> Cases:
     Returns
     -------
     Cases
-        An iterator of `Case`, with the reader's messages; ``cases.listing`` has what belongs to no
-        case.
+        An iterator of `Case`, with the messages of the reader; ``cases.listing`` has the messages
+        and lines that belong to no case.
 
     Raises
     ------
     ParseError
-        While iterating, when the fault is reached: a `DamagedListing`, whose ``listing`` holds what
-        is complete of the case that has not been given out.
+        While iterating, when the fault is reached: a `DamagedListing`, whose ``listing`` holds the
+        complete part of the case that has not been yielded.
 
     Examples
     --------
@@ -96,11 +99,9 @@ class Cases(Iterator[Case]):
     """
 
     def __init__(self, source: Source, partial: bool):
-        file = (
-            os.path.basename(os.fspath(source))
-            if isinstance(source, str | os.PathLike)
-            else "<text>"
-        )
+        file = "<text>"
+        if isinstance(source, str | os.PathLike):
+            file = os.path.basename(os.fspath(source))
         self.listing = Listing(file)
         self._cases = self._scan(source, Scanner(self.listing, partial))
 
@@ -108,51 +109,56 @@ class Cases(Iterator[Case]):
         return next(self._cases)
 
     def _scan(self, source: Source, scanner: Scanner) -> Iterator[Case]:
-        finish = _Finish()
+        finisher = _CaseFinisher()
         column = ControlColumn()
         try:
             for lines in line_blocks(source):
-                scanner.take(column.restore(lines))
-                yield from finish.all(scanner.complete)
+                scanner.read_lines(column.restore(lines))
+                yield from finisher.finish_cases(scanner.complete)
             scanner.end()
         except DamagedListing as error:
-            yield from finish.all(scanner.complete)
-            error.listing.cases = list(finish.all(error.listing.cases))
+            # Cases before the damaged one are complete.
+            yield from finisher.finish_cases(scanner.complete)
+            error.listing.cases = list(finisher.finish_cases(error.listing.cases))
             raise
-        yield from finish.all(scanner.complete)
+        yield from finisher.finish_cases(scanner.complete)
 
 
-class _Finish:
-    """Gives a case its name and the reader's messages, when all of it has been read."""
+class _CaseFinisher:
+    """Gives a case its name and the messages of the reader, when all of it has been read."""
 
     def __init__(self) -> None:
         self.observer = Observer()
         self.used: set[str] = set()
-        self.seen: Counter[str] = Counter()
+        self.counts: Counter[str] = Counter()
 
-    def all(self, cases: list[Case]) -> Iterator[Case]:
+    def finish_cases(self, cases: list[Case]) -> Iterator[Case]:
         """Yield cases and take them off the list."""
         while cases:
             case = cases.pop(0)
-            self._name(case)
+            self._set_name(case)
             self.observer.report(case)
             yield case
 
-    def _name(self, case: Case) -> None:
+    def _set_name(self, case: Case) -> None:
         """Name a case by its CASEID; a second one of the same name gets `` (2)``."""
         base = case.deck.caseid or f"case {case.ordinal}"
         case.name = base
-        while case.name in self.used or self.seen[base] == 0:
-            self.seen[base] += 1
-            case.name = base if self.seen[base] == 1 else f"{base} ({self.seen[base]})"
+        # A CASEID may itself end in (2), so the name is counted up until it is unused.
+        while case.name in self.used or self.counts[base] == 0:
+            self.counts[base] += 1
+            case.name = base
+            if self.counts[base] > 1:
+                case.name = f"{base} ({self.counts[base]})"
         self.used.add(case.name)
 
 
-_SIGN = b"CONERR - INPUT ERROR CHECKING"  # the program begins every run with it
+# The program begins every run with this line.
+_SIGN = b"CONERR - INPUT ERROR CHECKING"
 
 
 class ListingCase(NamedTuple):
-    """A listing and one of its cases; without case the whole listing."""
+    """A listing and one of its cases; an empty case denotes the whole listing."""
 
     file: Path
     case: str = ""
@@ -177,7 +183,9 @@ def place_of(text: str, folder: str | os.PathLike[str] = ".") -> ListingCase:
     file = Path(folder, text)
     if file.is_file():
         return ListingCase(file)
-    for end in reversed([k for k, letter in enumerate(text) if letter == ":"]):
+    # Names may hold colons, so the longest part that is a file counts.
+    colons = [k for k, letter in enumerate(text) if letter == ":"]
+    for end in reversed(colons):
         file = Path(folder, text[:end])
         if file.is_file():
             return ListingCase(file, text[end + 1 :].strip())
@@ -187,19 +195,20 @@ def place_of(text: str, folder: str | os.PathLike[str] = ".") -> ListingCase:
 
 
 def listings_in(folder: str | os.PathLike[str]) -> list[Path]:
-    """Return the print files of the program in a folder, by name; they are recognised by their
-    content.
+    """Return the print files of the program in a folder, by name.
+
+    They are recognised by their content.
 
     Raises
     ------
     FileNotFoundError
         There is none.
     """
-    files = [
-        path
-        for path in sorted(Path(folder).iterdir())
-        if path.is_file() and _SIGN in path.read_bytes().replace(b"\0", b"")
-    ]
+    files = []
+    for path in sorted(Path(folder).iterdir()):
+        # Without zero bytes the sign is found in UTF-16 too.
+        if path.is_file() and _SIGN in path.read_bytes().replace(b"\0", b""):
+            files.append(path)
     if not files:
         raise FileNotFoundError(
             2,
@@ -220,8 +229,12 @@ def read_place(place: str | ListingCase) -> Listing | Case:
     UnknownName
         No case, or several cases, of that name.
     ParseError
-        The listing is damaged, or it is none.
+        The listing is damaged, or the file is not a listing.
     """
-    place = place_of(place) if isinstance(place, str) else place
-    listing = read(place.file)
-    return listing[place.case] if place.case else listing
+    source = place
+    if isinstance(source, str):
+        source = place_of(source)
+    listing = read(source.file)
+    if not source.case:
+        return listing
+    return listing[source.case]

@@ -1,8 +1,8 @@
-"""Running a user's own Digital DATCOM program in a scratch folder and collecting its files.
+"""Runs of the Digital DATCOM program of a user, in a scratch folder.
 
-Builds differ in how they take the deck: from ``for005.dat`` in the folder, from a file whose name
+Builds differ in how they read the deck: from ``for005.dat`` in the folder, from a file whose name
 they request on standard input, from a file named on the command line, or from standard input
-itself.  All are tried in this order.
+itself.  All ways are tried in this order.
 """
 
 from __future__ import annotations
@@ -28,15 +28,12 @@ from flightmech.support.atomic_write import written_atomically
 from flightmech.support.input_files import file_kind, marked_encoding
 
 _DECK_NAME = "for005.dat"
-_PRINTS = (
-    "for006.dat",
-    "datcom.out",
-    "output.dat",
-    "fort.6",
-)  # unit 6 by the names of known builds, best first
+# Print file (unit 6) and plot files by the names of known builds, best first.
+_PRINTS = ("for006.dat", "datcom.out", "output.dat", "fort.6")
 _PLOTS = {"for013": ("for013.dat", "fort.13"), "for014": ("for014.dat", "fort.14")}
+# The program begins every run with this line.
 _SIGN = b"CONERR - INPUT ERROR CHECKING"
-_SHOWN = 300  # characters of the output of a failed program
+_MOST_OUTPUT = 300  # characters of the output of a failed program in a message
 
 
 @dataclass(frozen=True)
@@ -46,12 +43,12 @@ class ProgramRun:
     Attributes
     ----------
     listing : Listing
-        What it printed, read.
+        Its print, read.
     files : dict of str to Path
         ``out``, and ``for013``, ``for014`` where they were written.
     messages : tuple of Message
-        What the program printed on its console, every text once, and (origin ``reader``) what could
-        not be read of a complete print and where the echoed cards differ from the deck.
+        Messages of the program, every text once.  With origin ``reader``: damage of a complete
+        print, and cases whose echoed cards differ from the deck.
     seconds : float
         Elapsed time.
     """
@@ -69,7 +66,7 @@ def run_deck(
     *,
     timeout: float = 600.0,
 ) -> ProgramRun:
-    """Run a deck with a user's own Digital DATCOM executable.
+    """Run a deck with the Digital DATCOM executable of a user.
 
     Parameters
     ----------
@@ -85,7 +82,7 @@ def run_deck(
 
     Returns
     -------
-    Run
+    ProgramRun
 
     Raises
     ------
@@ -97,40 +94,64 @@ def run_deck(
 
     Notes
     -----
-    A run that the program itself stops with a message (NAMELIST INPUT ERROR) is a result: read ``Run.messages``.
+    A run that the program itself stops with a message (NAMELIST INPUT ERROR) is a result: read
+    ``ProgramRun.messages``.
     """
     deck = Path(deck)
     folder = Path(folder) if folder is not None else deck.parent
     if not folder.is_dir():
         raise FileNotFoundError(2, "no such folder; make it first", str(folder))
-    command = _command(program)
-    given_deck = read_deck(deck)
-    content = _content(given_deck, deck)
+    # The program is looked up before the deck is read.
+    command = _find_command(program)
+    cases = read_deck(deck)
+    content = _deck_bytes(cases, deck)
     began = time.monotonic()
+    outputs, attempt = _run_until_print(command, cases, content, timeout)
+    listing = _read_print(outputs["out"], attempt)
+    files = _write_files(outputs, folder, deck.stem)
+    listing.file = files["out"].name
+    messages = tuple(_list_messages(listing, cases))
+    return ProgramRun(listing, files, messages, time.monotonic() - began)
+
+
+def _run_until_print(
+    command: list[str], deck: DeckFile, content: bytes, timeout: float
+) -> tuple[dict[str, bytes], _Attempt]:
+    """Return the files of the first attempt with a print of the deck, and the attempt.
+
+    Raises
+    ------
+    SimulationError
+        No way to pass the deck gives a print of it.
+    """
     failures: list[str] = []
-    for more, given in _ways(content):
+    for arguments, standard_input in _ways(content):
         with tempfile.TemporaryDirectory(prefix="datcom") as scratch:
-            attempt = _attempt([*command, *more], given, content, Path(scratch), timeout)
-            found = _collect(Path(scratch), attempt)
-            if found is None:
-                failures.append(attempt.failure)
-                if attempt.fatal:
-                    break
-                continue
-            if not any(
-                f"${name}".encode() in found["out"]
-                for case in given_deck
-                for name in case.namelists
-            ):
-                failures.append("it took another input for its deck")
-                continue
-            listing = _listing(found["out"], attempt)
-            files = _keep(found, folder, deck.stem)
-            listing.file = files["out"].name
-            return ProgramRun(
-                listing, files, tuple(_messages(listing, given_deck)), time.monotonic() - began
+            attempt = _run_program(
+                [*command, *arguments],
+                standard_input,
+                content=content,
+                scratch=Path(scratch),
+                timeout=timeout,
             )
-    raise SimulationError(_refusal(command, failures))
+            outputs = _collect_files(Path(scratch), attempt)
+        if outputs is None:
+            failures.append(attempt.failure)
+            if attempt.fatal:
+                break
+        elif _echoes_deck(outputs["out"], deck):
+            return outputs, attempt
+        else:
+            failures.append("it took another input for its deck")
+    raise SimulationError(_failure_text(command, failures))
+
+
+def _echoes_deck(content: bytes, deck: DeckFile) -> bool:
+    """Return whether a print has a namelist of the deck."""
+    names: set[str] = set()
+    for case in deck:
+        names |= case.namelists.keys()
+    return any(f"${name}".encode() in content for name in names)
 
 
 def run_folder(
@@ -140,12 +161,12 @@ def run_folder(
     *,
     timeout: float = 600.0,
 ) -> Iterator[tuple[Path, ProgramRun | AeromatchError]]:
-    """Run every input deck of a folder, such as `split_deck` leaves, one after the other.
+    """Run every input deck of a folder, such as those of `split_deck`, one after the other.
 
     Parameters
     ----------
     folder : path
-        Its files with a namelist FLTCON are the decks; others, and folders in it, are left alone.
+        Its files with a namelist FLTCON are the decks; other files, and folders, are ignored.
     program, timeout
         As for `run_deck`; the time is that of one attempt with one deck. [s]
     results : path, optional
@@ -155,8 +176,8 @@ def run_folder(
     ------
     deck : Path
         The decks by name.
-    result : Run or AeromatchError
-        What `run_deck` returns, or why it failed; the other decks are run all the same.
+    result : ProgramRun or AeromatchError
+        The result of `run_deck`, or its error; the other decks are run all the same.
 
     Raises
     ------
@@ -167,24 +188,22 @@ def run_folder(
         The program or the folder cannot be opened.
     """
     folder = Path(folder)
-    decks = [
-        path
-        for path in sorted(folder.iterdir())
-        if path.is_file() and file_kind(path).startswith("an input deck")
-    ]
-    stems = Counter(path.stem for path in decks)
-    problems = [
-        f"several decks are named {stem}; rename all but one"
-        for stem, count in stems.items()
-        if count > 1
-    ]
+    decks = []
+    for path in sorted(folder.iterdir()):
+        if path.is_file() and file_kind(path).startswith("an input deck"):
+            decks.append(path)
+    problems = []
+    for stem, count in Counter(path.stem for path in decks).items():
+        if count > 1:
+            problems.append(f"several decks are named {stem}; rename all but one")
     if not decks:
         problems.append(
             "no input deck in it (a file with a namelist $FLTCON); make some with datcom split"
         )
     if problems:
         raise SchemaError(str(folder), problems)
-    _command(program)
+    # A wrong program fails once, not for every deck.
+    _find_command(program)
     for deck in decks:
         try:
             yield deck, run_deck(deck, program, results, timeout=timeout)
@@ -192,29 +211,30 @@ def run_folder(
             yield deck, error
 
 
-def _command(program: str | os.PathLike[str] | Sequence[str]) -> list[str]:
-    words = [os.fspath(program)] if isinstance(program, str | os.PathLike) else list(program)
-    found = shutil.which(words[0])
-    if found is None:
-        there = Path(words[0]).exists()
-        raise FileNotFoundError(
-            2,
-            "not an executable file; make it one" if there else "no such program; give its path",
-            words[0],
-        )
-    return [os.path.abspath(found), *words[1:]]
+def _find_command(program: str | os.PathLike[str] | Sequence[str]) -> list[str]:
+    """Return the command with the absolute path of its executable."""
+    if isinstance(program, str | os.PathLike):
+        command = [os.fspath(program)]
+    else:
+        command = list(program)
+    executable = shutil.which(command[0])
+    if executable is not None:
+        return [os.path.abspath(executable), *command[1:]]
+    problem = "no such program; give its path"
+    if Path(command[0]).exists():
+        problem = "not an executable file; make it one"
+    raise FileNotFoundError(2, problem, command[0])
 
 
-def _content(deck: DeckFile, path: Path) -> bytes:
-    """Return the deck for the program: its own bytes when it is plain."""
+def _deck_bytes(deck: DeckFile, path: Path) -> bytes:
+    """Return the deck for the program: its own bytes when the program can read them."""
     raw = path.read_bytes()
-    read_by_the_program = not marked_encoding(raw)[0] and (b"\n" in raw or b"\r" not in raw)
-    plain = (
-        read_by_the_program
-        and not deck.comments
-        and not any(finding.severity == ERROR for finding in deck.findings)
-    )
-    return raw if plain else deck_text(deck).encode("latin-1")
+    has_mark = bool(marked_encoding(raw)[0])
+    has_lone_returns = b"\n" not in raw and b"\r" in raw
+    has_errors = any(finding.severity == ERROR for finding in deck.findings)
+    if has_mark or has_lone_returns or deck.comments or has_errors:
+        return deck_text(deck).encode("latin-1")
+    return raw
 
 
 def _ways(content: bytes) -> Iterator[tuple[list[str], bytes]]:
@@ -226,18 +246,24 @@ def _ways(content: bytes) -> Iterator[tuple[list[str], bytes]]:
 
 @dataclass(frozen=True)
 class _Attempt:
-    """What an attempt ended with; ``failure`` states why when it made no print."""
+    """Result of an attempt.
+
+    ``failure`` states why it made no print, ``fatal`` that another way to pass the deck does not
+    help, ``broken`` that the program did not end by itself with success.
+    """
 
     output: bytes
     failure: str
-    fatal: bool = False  # another way to hand over the deck will not help
-    broken: bool = False  # it did not end by itself with success
+    fatal: bool = False
+    broken: bool = False
 
 
-def _attempt(
-    command: list[str], given: bytes, content: bytes, scratch: Path, timeout: float
+def _run_program(
+    command: list[str], standard_input: bytes, *, content: bytes, scratch: Path, timeout: float
 ) -> _Attempt:
+    """Run the program in the scratch folder, with the deck in it."""
     (scratch / _DECK_NAME).write_bytes(content)
+    # A session of its own lets a timeout kill the child processes too.
     process = subprocess.Popen(
         command,
         cwd=scratch,
@@ -247,9 +273,9 @@ def _attempt(
         start_new_session=os.name == "posix",
     )
     try:
-        output, _ = process.communicate(given, timeout=timeout)
+        output, _ = process.communicate(standard_input, timeout=timeout)
     except subprocess.TimeoutExpired:
-        _end(process)
+        _kill_process(process)
         return _Attempt(
             b"",
             f"it did not end within {timeout:g} s (a deck with VINF and a NACA card hangs "
@@ -257,21 +283,20 @@ def _attempt(
             fatal=True,
             broken=True,
         )
-    words = " ".join(output.decode("latin-1").split())[-_SHOWN:]
-    shown = f"; its output: {words}" if words else ""
+    tail = " ".join(output.decode("latin-1").split())[-_MOST_OUTPUT:]
+    if tail:
+        tail = f"; its output: {tail}"
+    # A negative code is the number of a signal.
     if process.returncode < 0:
-        return _Attempt(
-            output,
-            f"it crashed with signal {signal.Signals(-process.returncode).name}{shown}",
-            broken=True,
-        )
+        name = signal.Signals(-process.returncode).name
+        return _Attempt(output, f"it crashed with signal {name}{tail}", broken=True)
     if process.returncode:
-        return _Attempt(output, f"it ended with code {process.returncode}{shown}", broken=True)
-    return _Attempt(output, f"it ended without a print of unit 6{shown}")
+        return _Attempt(output, f"it ended with code {process.returncode}{tail}", broken=True)
+    return _Attempt(output, f"it ended without a print of unit 6{tail}")
 
 
-def _end(process: subprocess.Popen) -> None:
-    """Kill a program and what it started."""
+def _kill_process(process: subprocess.Popen) -> None:
+    """Kill a program and its child processes."""
     if os.name == "posix":
         os.killpg(process.pid, signal.SIGKILL)
     else:
@@ -279,88 +304,89 @@ def _end(process: subprocess.Popen) -> None:
     process.communicate()
 
 
-def _collect(scratch: Path, attempt: _Attempt) -> dict[str, bytes] | None:
-    """Return the files that an attempt made; None without a print."""
+def _collect_files(scratch: Path, attempt: _Attempt) -> dict[str, bytes] | None:
+    """Return print and plot files of an attempt by their suffix; None without a print."""
     if attempt.fatal:
         return None
-    made = {
-        path.name.lower(): path
-        for path in sorted(scratch.iterdir())
-        if path.is_file() and path.name != _DECK_NAME
-    }
-    ordered = [made[name] for name in _PRINTS if name in made] + [
-        path for name, path in made.items() if name not in _PRINTS
-    ]
-    prints = [
-        content
-        for content in (*(path.read_bytes() for path in ordered), attempt.output)
-        if _SIGN in content
-    ]
+    paths = {}
+    for path in sorted(scratch.iterdir()):
+        if path.is_file() and path.name != _DECK_NAME:
+            paths[path.name.lower()] = path
+    # Known names of the print first, then all other files, then the console.
+    names = [name for name in _PRINTS if name in paths]
+    names += [name for name in paths if name not in _PRINTS]
+    contents = [paths[name].read_bytes() for name in names]
+    contents.append(attempt.output)
+    prints = [content for content in contents if _SIGN in content]
     if not prints:
         return None
-    found = {"out": prints[0]}
-    for key, names in _PLOTS.items():
-        contents = [made[name].read_bytes() for name in names if name in made]
-        if any(content.strip() for content in contents):
-            found[key] = next(content for content in contents if content.strip())
-    return found
+    outputs = {"out": prints[0]}
+    for key, plot_names in _PLOTS.items():
+        plots = [paths[name].read_bytes() for name in plot_names if name in paths]
+        filled = [content for content in plots if content.strip()]
+        if filled:
+            outputs[key] = filled[0]
+    return outputs
 
 
-def _listing(content: bytes, attempt: _Attempt) -> Listing:
-    """Read a print; one that the program has ended and the reader cannot take whole is kept, with
-    the reader's messages.
+def _read_print(content: bytes, attempt: _Attempt) -> Listing:
+    """Read a print.
+
+    Of a print that the program has ended itself, damaged parts are left out and reported.
     """
-    ended = b"END OF JOB" in content and not attempt.broken
+    has_ended = b"END OF JOB" in content and not attempt.broken
     try:
-        return read(content.decode("latin-1").split("\n"), partial=ended)
+        return read(content.decode("latin-1").split("\n"), partial=has_ended)
     except ParseError as error:
-        why = attempt.failure if attempt.broken else str(error) if ended else "it has no END OF JOB"
+        reason = "it has no END OF JOB"
+        if attempt.broken:
+            reason = attempt.failure
+        elif has_ended:
+            reason = str(error)
         raise SimulationError(
-            f"the print of the program is not complete: {why}; nothing was written. Run "
+            f"the print of the program is not complete: {reason}; nothing was written. Run "
             f"datcom check on the deck"
         ) from None
 
 
-def _messages(listing: Listing, deck: DeckFile) -> Iterator[ListingMessage]:
-    """Yield what the program printed on its console, every text once, what the reader left out, and
-    where the echo differs.
-    """
-    texts = {
-        message.text: message
-        for message in reversed(listing.messages)
-        if message.origin == "program"
-    }
-    yield from sorted(texts.values())
-    yield from (message for message in listing.messages if message.text.endswith(": left out"))
-    for number, (printed, wanted) in enumerate(zip(listing, deck), 1):
-        if printed.deck.meaning() != wanted.meaning():
-            yield ListingMessage(
-                printed.line,
-                f"case {number}: the cards in the print differ from those of the deck",
-                "reader",
-            )
+def _list_messages(listing: Listing, deck: DeckFile) -> Iterator[ListingMessage]:
+    """Yield messages of the program, every text once, and differences of print and deck."""
+    first_of_text = {}
+    # The last assignment of a text is its first message.
+    for message in reversed(listing.messages):
+        if message.origin == "program":
+            first_of_text[message.text] = message
+    yield from sorted(first_of_text.values())
+    for message in listing.messages:
+        if message.text.endswith(": left out"):
+            yield message
+    # The echo shows what the program has read.
+    for number, (printed, case) in enumerate(zip(listing, deck), 1):
+        if printed.deck.meaning() != case.meaning():
+            text = f"case {number}: the cards in the print differ from those of the deck"
+            yield ListingMessage(printed.line, text, "reader")
     if len(listing) != len(deck):
-        yield ListingMessage(
-            0, f"number of cases: {len(deck)} in the deck, {len(listing)} in the print", "reader"
-        )
+        text = f"number of cases: {len(deck)} in the deck, {len(listing)} in the print"
+        yield ListingMessage(0, text, "reader")
 
 
-def _keep(found: dict[str, bytes], folder: Path, stem: str) -> dict[str, Path]:
-    files = {key: folder / f"{stem}.{key}" for key in found}
-    for key, path in files.items():
-        with written_atomically(path) as part:
-            part.write_bytes(found[key])
+def _write_files(outputs: dict[str, bytes], folder: Path, stem: str) -> dict[str, Path]:
+    """Write print and plot files under the name of the deck."""
+    files = {}
+    for key, content in outputs.items():
+        files[key] = folder / f"{stem}.{key}"
+        with written_atomically(files[key]) as part:
+            part.write_bytes(content)
     return files
 
 
-def _refusal(command: list[str], failures: list[str]) -> str:
-    reasons = list(dict.fromkeys(failures))
-    tried = (
-        ""
-        if len(failures) == 1
-        else f" (tried with {_DECK_NAME}, its name on standard input and as argument, and the "
-        f"deck on standard input)"
-    )
-    return (
-        f"{Path(command[0]).name} made no result{tried}: {'; '.join(reasons)}; nothing was written"
-    )
+def _failure_text(command: list[str], failures: list[str]) -> str:
+    """Return the message about a program without a result; each reason comes once."""
+    attempts = ""
+    if len(failures) != 1:
+        attempts = (
+            f" (tried with {_DECK_NAME}, its name on standard input and as argument, and the "
+            f"deck on standard input)"
+        )
+    reasons = "; ".join(dict.fromkeys(failures))
+    return f"{Path(command[0]).name} made no result{attempts}: {reasons}; nothing was written"

@@ -8,8 +8,8 @@ from .controls import Circuit as Circuit
 from .controls import ControlGeometry as Control
 from .controls import ControlGeometry as ControlGeometry
 from .engine import Engine as Engine
-from .engine import EngineDeck as Deck
-from .engine import EngineDeck as EngineDeck
+from .engine_deck import EngineDeck as Deck
+from .engine_deck import EngineDeck as EngineDeck
 from .fuel import Fuel as Fuel
 from .fuel import Tank as Tank
 from .landing_gear import Contact as Contact

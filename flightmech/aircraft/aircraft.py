@@ -1,7 +1,7 @@
-"""The aircraft: geometry, mass, engines, limits and instruments, from a TOML file.
+"""Aircraft: geometry, mass, engines, limits and instruments, and the reader of aircraft files.
 
-Bare numbers are SI, texts carry their unit.  Positions are in body axes from the moment reference point; only
-`reference` itself is given from the drawing datum::
+In a file bare numbers are SI, and texts have their unit. Positions are in body axes from the moment
+reference point. Only `reference` is relative to the drawing datum::
 
     name = "T-37"
     S = "182 ft2"
@@ -15,9 +15,15 @@ Bare numbers are SI, texts carry their unit.  Positions are in body axes from th
     Izz = 15162.0
     cg = [0.0, 0.0, 0.2235]
 
-    [[engine]] position = [0.0, -0.762, 0.0] direction = [1.0, 0.0, 0.0] time_constant = "1.2 s"
-    thrust = { throttle = [0.0, 1.0], mach = [0.0, 0.6], value = [[300.0, 150.0], [4559.0, 4100.0]]
-    }
+    [[engine]]
+    position = [0.0, -0.762, 0.0]
+    direction = [1.0, 0.0, 0.0]
+    time_constant = "1.2 s"
+
+    [engine.thrust]
+    throttle = [0.0, 1.0]
+    mach = [0.0, 0.6]
+    value = [[300.0, 150.0], [4559.0, 4100.0]]
 
     [limits]
     delta_e = ["-20 deg", "17 deg"]
@@ -51,9 +57,11 @@ from flightmech.aircraft.controls import (
     ControlGeometry,
     circuits_of,
 )
-from flightmech.aircraft.engine import DeckFiles, Engine, EngineTable, engine_of
+from flightmech.aircraft.engine import Engine, EngineTable, engine_of
+from flightmech.aircraft.engine_deck import DeckFiles
 from flightmech.aircraft.fuel import Fuel, FuelSection, fuel_of
-from flightmech.aircraft.landing_gear import GearTable, LandingGear, gear_of
+from flightmech.aircraft.landing_gear import LandingGear
+from flightmech.aircraft.landing_gear_file import GearTable, gear_of
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup
 from flightmech.support.figures import html_table
@@ -62,10 +70,9 @@ from flightmech.support.toml_models import (
     Strict,
     file_schema,
     fixed_array,
-    make_si_type,
     validate_content,
 )
-from flightmech.support.toml_quantities import quantity_schema
+from flightmech.support.toml_quantities import InUnits, quantity_schema
 from flightmech.units import parse_quantity
 
 Vector = tuple[float, float, float]
@@ -84,34 +91,34 @@ class Aircraft:
     mass : float
         Gross mass. [kg]
     Ixx, Iyy, Izz, Ixy, Ixz, Iyz : float
-        Moments and products of inertia about the c.g., products as the integrals of xy dm and so
-        on. [kg m2]
+        Moments and products of inertia about the c.g. The products are the integrals of xy dm and
+        so on. [kg m2]
     reference : tuple of float (3,), optional
-        Moment reference point from the drawing datum, body directions; None: that of the database.
-        [m]
+        Moment reference point from the drawing datum, in body directions. The default is the point
+        of the database. [m]
     x_ref_mac : float
-        Its place behind the leading edge of the mean chord, in chords. [1]
+        Distance of the reference point behind the leading edge of the mean chord, in chords. [1]
     cg : tuple of float (3,)
         Centre of gravity from the moment reference point, body axes. [m]
     engines : tuple of Engine
-        Engine 1 first.
+        Engines in the order of their numbers, from 1.
     limits : dict of str to (low, high)
         Travel of the controls. [SI]
     instruments : dict of str to dict
-        Tables of the instruments as in the file; `flighttest` reads them.
-    controls : dict of str to Control
-        Hinge geometry of ``delta_e``, ``delta_a`` and ``delta_r``; ``[control.delta_e]`` in the
+        Tables of the instruments as in the file, for `flighttest`.
+    controls : dict of str to ControlGeometry
+        Hinge geometry of ``delta_e``, ``delta_a`` and ``delta_r``, ``[control.delta_e]`` in the
         file.
     circuits : dict of str to Circuit
-        What moves with ``column``, ``wheel`` and ``pedal``; ``[circuit.column]`` in the file.
+        Circuits of ``column``, ``wheel`` and ``pedal``, ``[circuit.column]`` in the file.
     gear : LandingGear, optional
-        Wheels, skids, steering and runway; ``[gear]`` in the file.
+        Wheels, skids, steering and runway, ``[gear]`` in the file.
     fuel : Fuel, optional
-        Fuel on board, part of `mass`; without it the mass does not change.
+        Fuel on board, part of `mass`. Without it the mass is constant.
     earth_outputs : bool
-        Whether its models have outputs in Earth-fixed and inertial axes, and the gravitation.
+        Whether the models have outputs in Earth-fixed and inertial axes, and the gravitation.
     history : str
-        Where the numbers come from when they were computed, one line per step.
+        Source of computed numbers, one line per step.
     """
 
     name: str
@@ -139,31 +146,25 @@ class Aircraft:
     history: str = ""
 
     def _repr_html_(self) -> str:
-        """Return geometry, mass and what the aircraft has, as a table for a notebook."""
-
-        units = {"S": "m2", "cbar": "m", "b": "m", "mass": "kg"} | dict.fromkeys(
-            ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg m2"
-        )
-        rows: list[tuple[str, object, str]] = [
-            (name, float(getattr(self, name)), unit) for name, unit in units.items()
-        ]
-        rows += [("cg", " ".join(f"{x:g}" for x in self.cg), "m from the moment reference point")]
-        rows += [
-            ("engines", len(self.engines), ""),
-            ("instruments", ", ".join(self.instruments), ""),
-        ]
-        has = {"control circuits": self.circuits, "landing gear": self.gear, "fuel": self.fuel}
-        return html_table(
-            f"Aircraft {self.name}",
-            ("", "", "unit"),
-            rows,
-            [f"without {name}" for name, part in has.items() if not part],
-        )
+        """Return geometry, mass and equipment as a table for a notebook."""
+        units = {"S": "m2", "cbar": "m", "b": "m", "mass": "kg"}
+        units |= dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg m2")
+        rows: list[tuple[str, object, str]] = []
+        for name, unit in units.items():
+            rows.append((name, float(getattr(self, name)), unit))
+        cg = " ".join(f"{component:g}" for component in self.cg)
+        rows.append(("cg", cg, "m from the moment reference point"))
+        rows.append(("engines", len(self.engines), ""))
+        rows.append(("instruments", ", ".join(self.instruments), ""))
+        parts = {"control circuits": self.circuits, "landing gear": self.gear, "fuel": self.fuel}
+        notes = [f"without {name}" for name, part in parts.items() if not part]
+        return html_table(f"Aircraft {self.name}", ("", "", "unit"), rows, notes=notes)
 
 
 def reference_in(aircraft: Any, attrs: Mapping[Any, Any]) -> Vector:
-    """Return the moment reference point of an aircraft, that of a database (its attributes) where
-    the aircraft has none. [m]
+    """Return the moment reference point of an aircraft. [m]
+
+    The default is the point in the attributes of a database.
     """
     if aircraft.reference is not None:
         return aircraft.reference
@@ -177,43 +178,46 @@ def read_aircraft(path: str | Path) -> Aircraft:
     Parameters
     ----------
     path : str or path
-        TOML file; a ``thrust_file`` in it is relative to it.
+        TOML file. Paths in the file are relative to its folder.
 
     Raises
     ------
     ParseError
         The text is not TOML.
     SchemaError
-        With all problems: unknown keys, missing values, wrong units, impossible numbers.
+        With all problems: unknown keys, missing values, wrong units, invalid numbers.
     """
     path = Path(path)
     content = validate_content(_AircraftFile, read_toml(path), str(path))
+    # Problems in the tables of the parts are collected, so that one error has all of them.
     problems: list[str] = []
     files = DeckFiles(path.parent)
-    engines = tuple(
-        engine_of(item, number, files, problems) for number, item in enumerate(content.engine, 1)
-    )
+    engines = []
+    for number, item in enumerate(content.engine, 1):
+        engines.append(engine_of(item, number, files, problems))
     gear = gear_of(content.gear, problems) if content.gear else None
     fuel = fuel_of(content.fuel, path.parent, problems) if content.fuel else None
     controls = {name: ControlGeometry(**dict(item)) for name, item in content.control.items()}
     circuits = circuits_of(content.circuit, controls, problems)
     if problems:
         raise SchemaError(str(path), problems)
-    built: dict[str, Any] = {
-        "engines": engines,
+    parts: dict[str, Any] = {
+        "engines": tuple(engines),
         "controls": controls,
         "circuits": circuits,
         "gear": gear,
+        "fuel": fuel,
     }
-    built["fuel"] = fuel
-    plain = {
-        name: getattr(content, name) for name in Aircraft.__dataclass_fields__ if name not in built
-    }
-    return Aircraft(**built, **plain)
+    # all other fields have the same name and type in the file
+    for name in Aircraft.__dataclass_fields__:
+        if name not in parts:
+            parts[name] = getattr(content, name)
+    return Aircraft(**parts)
 
 
-_Length = make_si_type("m")
-_Vector = tuple[_Length, _Length, _Length]  # type: ignore[valid-type]
+_Length = Annotated[float, InUnits("m")]
+_Vector = tuple[_Length, _Length, _Length]
+# JSON schema of a quantity whose unit depends on the control
 _OF_CONTROL = quantity_schema("of the control")
 _DEVICES = r"^device\.\w+\.(deflection|setting)$"
 _LIMITS = {
@@ -224,16 +228,17 @@ _LIMITS = {
 
 
 class _NumberOrText(Strict):
-    """Numbers may be given as texts with units, so that nothing else is converted silently."""
+    """Table of numbers, which can be texts with a unit. No other text is converted."""
 
     model_config = ConfigDict(protected_namespaces=())
 
 
+# [control.NAME] of the file
 class _ControlTable(_NumberOrText):
-    S_hinge: make_si_type("m2") = Field(  # type: ignore[valid-type]
+    S_hinge: Annotated[float, InUnits("m2")] = Field(
         description="Area behind the hinge line of all surfaces that the control moves together."
     )
-    c_hinge: _Length = Field(description="Mean chord behind the hinge line.")  # type: ignore[valid-type]
+    c_hinge: _Length = Field(description="Mean chord behind the hinge line.")
     gearing: Annotated[float, WithJsonSchema(_OF_CONTROL)] | None = Field(
         default=None,
         description="Deflection per travel of the cockpit control, negative in an ordinary "
@@ -256,34 +261,41 @@ class _ControlTable(_NumberOrText):
         return value
 
 
+# The descriptions are those of the JSON schema, which editors show.
 class _AircraftFile(_NumberOrText):
     name: str = Field(description="Name of the type.")
-    S: make_si_type("m2") = Field(description="Reference area.")  # type: ignore[valid-type]
-    cbar: _Length = Field(description="Reference chord.")  # type: ignore[valid-type]
-    b: _Length = Field(description="Reference span.")  # type: ignore[valid-type]
+    S: Annotated[float, InUnits("m2")] = Field(description="Reference area.")
+    cbar: _Length = Field(description="Reference chord.")
+    b: _Length = Field(description="Reference span.")
     reference: _Vector | None = Field(
         default=None,
         description="Moment reference point from the drawing datum, body directions; without it "
         "that of the database.",
     )
-    x_ref_mac: make_si_type("1") = Field(  # type: ignore[valid-type]
+    x_ref_mac: Annotated[float, InUnits("1")] = Field(
         default=0.25,
         description="Place of the reference point behind the leading edge of the mean chord, in "
         "chords.",
     )
-    mass: make_si_type("kg") = Field(description="Gross mass with the fuel on board.")  # type: ignore[valid-type]
-    Ixx: make_si_type("kg m2") = Field(description="Moment of inertia in roll about the c.g.")  # type: ignore[valid-type]
-    Iyy: make_si_type("kg m2") = Field(description="Moment of inertia in pitch about the c.g.")  # type: ignore[valid-type]
-    Izz: make_si_type("kg m2") = Field(description="Moment of inertia in yaw about the c.g.")  # type: ignore[valid-type]
-    Ixy: make_si_type("kg m2") = Field(  # type: ignore[valid-type]
+    mass: Annotated[float, InUnits("kg")] = Field(description="Gross mass with the fuel on board.")
+    Ixx: Annotated[float, InUnits("kg m2")] = Field(
+        description="Moment of inertia in roll about the c.g."
+    )
+    Iyy: Annotated[float, InUnits("kg m2")] = Field(
+        description="Moment of inertia in pitch about the c.g."
+    )
+    Izz: Annotated[float, InUnits("kg m2")] = Field(
+        description="Moment of inertia in yaw about the c.g."
+    )
+    Ixy: Annotated[float, InUnits("kg m2")] = Field(
         default=0.0,
         examples=[0.0],
         description="Product of inertia about the c.g., integral of xy dm.",
     )
-    Ixz: make_si_type("kg m2") = Field(  # type: ignore[valid-type]
+    Ixz: Annotated[float, InUnits("kg m2")] = Field(
         default=0.0, description="Product of inertia about the c.g., integral of xz dm."
     )
-    Iyz: make_si_type("kg m2") = Field(  # type: ignore[valid-type]
+    Iyz: Annotated[float, InUnits("kg m2")] = Field(
         default=0.0,
         examples=[0.0],
         description="Product of inertia about the c.g., integral of yz dm.",
@@ -337,12 +349,14 @@ class _AircraftFile(_NumberOrText):
     @field_validator("control", mode="before")
     @classmethod
     def _gearings(cls, table: Any) -> Any:
-        """Turn gearings into SI here, because their unit depends on the control."""
+        """Convert the gearings to SI. Their unit depends on the control."""
         if not isinstance(table, dict):
+            # the check of the type follows
             return table
-        if unknown := sorted(set(table) - set(TRAVEL)):
+        unknown = sorted(set(table) - set(TRAVEL))
+        if unknown:
             raise ValueError(f"unknown control {', '.join(unknown)}; allowed: {', '.join(TRAVEL)}")
-        return {name: _with_gearing(item, TRAVEL[name][1]) for name, item in table.items()}
+        return {name: _convert_gearing(item, TRAVEL[name][1]) for name, item in table.items()}
 
     @field_validator("limits", mode="before")
     @classmethod
@@ -351,18 +365,24 @@ class _AircraftFile(_NumberOrText):
             raise ValueError(
                 'expected a table of control = [low, high], e.g. delta_e = ["-20 deg", "17 deg"]'
             )
-        return {name: _range(name, item) for name, item in table.items()}
+        return {name: _parse_limits(name, item) for name, item in table.items()}
 
     @model_validator(mode="after")
     def _inertia(self) -> _AircraftFile:
+        # moments and products of a body with mass have a positive definite tensor
         tensor = inertia_tensor(self)
         if not (np.linalg.eigvalsh(tensor) > 0.0).all():
-            raise ValueError("moments and products of inertia make no positive definite tensor")
+            raise ValueError(
+                "the inertia tensor is not positive definite; check moments and products of inertia"
+            )
         return self
 
 
 def aircraft_schema() -> dict[str, Any]:
-    """Return the JSON schema of aircraft files; what their instruments hold, `flighttest` knows."""
+    """Return the JSON schema of aircraft files, without the keys of the instruments.
+
+    `flighttest` has the schema of the instruments.
+    """
     return file_schema(
         _AircraftFile,
         "An aircraft: geometry, mass, engines, limits, instruments, control circuits, "
@@ -372,9 +392,9 @@ def aircraft_schema() -> dict[str, Any]:
 
 def inertia_tensor(aircraft: Any) -> np.ndarray:
     """Return the inertia tensor (3, 3) about the c.g., body axes. [kg m2]"""
-    Ixx, Iyy, Izz, Ixy, Ixz, Iyz = (
-        getattr(aircraft, name) for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-    )
+    Ixx, Iyy, Izz = aircraft.Ixx, aircraft.Iyy, aircraft.Izz
+    Ixy, Ixz, Iyz = aircraft.Ixy, aircraft.Ixz, aircraft.Iyz
+    # products are the integrals of xy dm and so on, so they have a minus sign here
     return np.array([[Ixx, -Ixy, -Ixz], [-Ixy, Iyy, -Iyz], [-Ixz, -Iyz, Izz]])
 
 
@@ -384,7 +404,7 @@ def _positive(value: float) -> float:
     return value
 
 
-def _with_gearing(item: Any, units: str) -> Any:
+def _convert_gearing(item: Any, units: str) -> Any:
     if not isinstance(item, dict) or "gearing" not in item:
         return item
     try:
@@ -393,8 +413,8 @@ def _with_gearing(item: Any, units: str) -> Any:
         raise ValueError(f"gearing: {error}") from error
 
 
-def _range(name: str, item: Any) -> tuple[float, float]:
-
+def _parse_limits(name: str, item: Any) -> tuple[float, float]:
+    # other controls exist only in the tables of a database
     if name not in CONTROLS and not re.match(_DEVICES, name):
         raise ValueError(
             f"unknown control {name}; allowed: {', '.join(CONTROLS)}, and "
@@ -403,7 +423,7 @@ def _range(name: str, item: Any) -> tuple[float, float]:
     if not isinstance(item, list | tuple) or len(item) != 2:
         raise ValueError(f"{name}: expected [low, high]")
     try:
-        low, high = (parse_quantity(part, lookup(name).units) for part in item)
+        low, high = (parse_quantity(limit, lookup(name).units) for limit in item)
     except UnitError as error:
         raise ValueError(f"{name}: {error}") from error
     if not low < high:

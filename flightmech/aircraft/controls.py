@@ -1,5 +1,6 @@
-"""Control circuits: column, wheel and pedals with their masses, cables, springs and friction, from
-``[circuit.*]`` of the file.
+"""Control circuits: column, wheel and pedals with their masses, cables, springs and friction.
+
+They are the sections ``[circuit.*]`` of the aircraft file::
 
     [control.delta_e]                    # hinge geometry and gearing, flightmech.aircraft.aircraft
     S_hinge = 1.5
@@ -14,8 +15,9 @@
     friction = "20 N"
     stiction = "5 N"
 
-Travel is in m for column and pedals and in rad for the wheel, forces in N and N m.  [LR743] 3.4 and
-4.5.3; equations, signs and assumptions: docs/explanation/simulation/control-system.md and ``kernel/src/controls``.
+The travel of column and pedals is in m with forces in N. The travel of the wheel is in rad with
+moments in N m. The model is that of [LR743] 3.4 and 4.5.3. Equations, signs and assumptions are in
+docs/explanation/simulation/control-system.md and ``kernel/src/controls``.
 """
 
 from __future__ import annotations
@@ -24,11 +26,12 @@ import math
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, create_model
 
-from flightmech.support.toml_models import Strict, make_si_type
+from flightmech.support.toml_models import Strict
+from flightmech.support.toml_quantities import InUnits
 
 CONTROLS = (
     "delta_e",
@@ -45,19 +48,21 @@ CONTROLS = (
     "throttle",
 )
 DEVICE = "device."
-"""Beginning of the name of a further control, ``device.body_flap.deflection``: one that only the tables of a database use."""
+"""Prefix of a control that only the tables of a database use, ``device.body_flap.deflection``."""
 
+# by control: cockpit control that moves it, and unit of its gearing
 TRAVEL = {
     "delta_e": ("column", "m-1"),
     "delta_a": ("wheel", "1"),
     "delta_r": ("pedal", "m-1"),
-}  # control: what moves it, unit of its gearing
+}
 
 
 @dataclass(frozen=True)
 class ControlGeometry:
-    """What a hinge moment acts on: H = qbar S_hinge c_hinge Ch, positive as the deflection of the
-    surface.
+    """Hinge geometry of a control, for the hinge moment H = qbar S_hinge c_hinge Ch.
+
+    The moment is positive in the sense of a positive deflection.
 
     Parameters
     ----------
@@ -66,10 +71,9 @@ class ControlGeometry:
     c_hinge : float
         Mean chord behind the hinge line. [m]
     gearing : float, optional
-        Deflection per travel of column, wheel or pedal, in the package's sign convention; negative
-        in an ordinary aeroplane, where a column pulled aft raises the elevator.  The pilot holds
-        the surface with F = -gearing H. [rad m-1 for elevator and rudder, rad per rad of the wheel
-        for the ailerons]
+        Deflection per travel of column, wheel or pedal. It is negative in an ordinary aeroplane,
+        where aft column raises the elevator. The pilot force that balances the hinge moment is
+        F = -gearing H. [rad m-1 for elevator and rudder, rad per rad of the wheel for the ailerons]
     """
 
     S_hinge: float
@@ -77,16 +81,22 @@ class ControlGeometry:
     gearing: float | None = None
 
 
+# largest double, the bound of a limit that does not act
 MOST = sys.float_info.max
+# by cockpit control: control that it moves, in the order of the blocks of the kernel
 MOVES = {
     "column": "delta_e",
     "wheel": "delta_a",
     "pedal": "delta_r",
-}  # item: control, in the order of a block
+}
 ORDERS = {"column": (2, 4), "wheel": (2, 4, 6), "pedal": (2, 4)}
-RIGHT_ANGLE = math.pi / 2.0  # travel of a surface without limits of its own
-_LONGEST_STEP = 1e-3  # [s]
-_PHASE = 0.2  # of the fastest mode in a sub-step: its frequency is right within _PHASE^2 / 12 [rad]
+# travel of a surface that has no limits [rad]
+RIGHT_ANGLE = math.pi / 2.0
+# [s]
+_LONGEST_STEP = 1e-3
+# Phase of the fastest mode in a sub-step. The relative error of its frequency is below
+# _PHASE^2 / 12. [rad]
+_PHASE = 0.2
 
 
 @dataclass(frozen=True)
@@ -98,55 +108,54 @@ class Circuit:
     stops : tuple of float (2,)
         Travel between the stops in the cockpit, aft, right and right foot positive. [m or rad]
     mass : float
-        What moves in the cockpit, reduced to the travel. [kg or kg m2]
+        Moving mass in the cockpit, reduced to the travel. [kg or kg m2]
     order : int
-        2: all moves together; 4: cockpit and surface are two masses on a cable; 6, wheel only: each
+        2: one rigid circuit. 4: cockpit and surface are two masses on a cable. 6, wheel only: each
         aileron has its own cable.
     inertia : float
-        Of the surface about its hinge, of both ailerons together. [kg m2]
+        Moment of inertia of the surface about its hinge, of both ailerons together. [kg m2]
     damping, hinge_damping : float
         Viscous friction in the cockpit and at the hinge. [N s m-1 or N m s; N m s]
     stiffness, neutral, neutral_trim : float
-        Centring spring, travel at which it is free, travel of that point per deflection of the trim
-        input ``delta_t``, ``delta_ta`` or ``delta_tr`` (a spring trim). [N m-1 or N m; m or rad; m
-        rad-1 or 1]
+        Centring spring, travel at which its force is zero, and change of this travel per deflection
+        of the trim input ``delta_t``, ``delta_ta`` or ``delta_tr`` (a spring trim). [N m-1 or N m;
+        m or rad; m rad-1 or 1]
     preload : float
-        Force with which the spring leaves its neutral. [N or N m]
+        Force of the spring just outside its neutral. [N or N m]
     friction, stiction : float
-        Coulomb friction in the cockpit, and what comes on top of it at rest. [N or N m]
+        Coulomb friction in the cockpit, and additional friction at rest. [N or N m]
     hinge_friction : float
         Coulomb friction at the hinge, of both ailerons together. [N m]
     restitution : float
         Speed after over speed before a stop. [1]
     cable_stiffness, cable_damping : float
-        Between cockpit and surface, reduced to the travel; with order 6 of the cable to each
-        aileron. [N m-1 or N m; N s m-1 or N m s]
+        Cable between cockpit and surface, reduced to the travel. With order 6 it is the cable to
+        each aileron. [N m-1 or N m; N s m-1 or N m s]
     gearing_slope : float
-        Change of the gearing per travel; of ailerons the differential. [rad m-2 or rad rad-2]
+        Change of the gearing per travel, for ailerons the differential. [rad m-2 or rad rad-2]
     rigging : float
-        Deflection at zero travel; of ailerons both down. [rad]
+        Deflection at zero travel, for ailerons of both downwards. [rad]
     bob_weight : float
-        Force per specific force at the c.g.: column per upward, pushing it forward; wheel and pedal
-        per right, pushing left. [kg or kg m]
+        Force per specific force at the c.g. An upward specific force pushes the column forward. A
+        specific force to the right pushes wheel and pedals to the left. [kg or kg m]
     unbalance : float
         Mass of the surface times distance of its centre behind the hinge, of both ailerons
         together. [kg m]
     arm : float
-        Elevator and rudder: hinge forward of the moment reference point, so negative; ailerons:
-        distance from the plane of symmetry. [m]
+        Position of the hinge of elevator or rudder forward of the moment reference point, which is
+        negative. For ailerons: distance from the plane of symmetry. [m]
     tab_left, tab_right : float
-        Part of ``delta_ta`` that each aileron's tab has; used by the wheel only. [1]
+        Fraction of ``delta_ta`` on the tab of each aileron, for the wheel only. [1]
     nose_spring : float
-        Spring of the cockpit's end to a steered wheel, while that is on the ground; where the
-        steering follows the rudder (``steering.rudder``), that has a spring of its own. [N m-1 or N
-        m]
+        Spring between the cockpit control and a steered wheel that is on the ground. Steering that
+        follows the rudder (``steering.rudder``) has a separate spring. [N m-1 or N m]
     trim_limit : float
-        Largest force that the start of a run with recorded forces may add. [N or N m]
+        Largest force that is added at the start of a run with recorded forces. [N or N m]
     trim_friction : float
-        Share of the dry friction that holds the control at that start before a force is added; 0:
-        the start is in the middle of the friction band. [1]
+        Fraction of the dry friction that holds the control at the start of such a run before a
+        force is added. At 0 the start is in the middle of the friction band. [1]
     step : float, optional
-        Sub-step; without it 1 ms, or less when the fastest mode requires it. [s]
+        Sub-step. The default is 1 ms, or less if the fastest mode requires it. [s]
     """
 
     stops: tuple[float, float]
@@ -178,21 +187,30 @@ class Circuit:
     step: float | None = None
 
     def sub_step(self, gearing: float) -> float:
-        """Return the sub-step: `step`, or 1 ms, or a fifth of a radian of the fastest mode when
-        that is shorter. [s]
+        """Return the sub-step for a gearing of the surface. [s]
+
+        It is `step`, if defined. Otherwise it is 1 ms, or 0.2 rad of the fastest mode if this is
+        shorter.
         """
         if self.step is not None:
             return self.step
-        aft = self.inertia * gearing**2
-        fastest = self.stiffness / self.mass
+        # inertia of the surface, reduced to the travel
+        reduced = self.inertia * gearing**2
+        # bound of the square of the highest natural frequency
+        omega_2 = self.stiffness / self.mass
         if self.order > 2:
-            fastest += self.cable_stiffness * (self.order // 2 - 1) * (1.0 / self.mass + 1.0 / aft)
-        return min(_LONGEST_STEP, _PHASE / math.sqrt(fastest)) if fastest > 0.0 else _LONGEST_STEP
+            cables = self.order // 2 - 1
+            omega_2 += self.cable_stiffness * cables * (1.0 / self.mass + 1.0 / reduced)
+        if omega_2 <= 0.0:
+            return _LONGEST_STEP
+        return min(_LONGEST_STEP, _PHASE / math.sqrt(omega_2))
 
 
 class _Constant(NamedTuple):
-    """Units of a constant for a travel in m and for one in rad, least value, description, examples
-    for both.
+    """Description of one constant of a circuit.
+
+    `linear` is its unit for a travel in m, `rotary` for a travel in rad. The examples are in the
+    same order.
     """
 
     linear: str
@@ -277,10 +295,12 @@ def _units(item: str, constant: _Constant) -> str:
     return constant.rotary if item == "wheel" else constant.linear
 
 
+_Angles = tuple[Annotated[float, InUnits("rad")], Annotated[float, InUnits("rad")]]
+_Lengths = tuple[Annotated[float, InUnits("m")], Annotated[float, InUnits("m")]]
+
+
 class _CircuitTable(Strict):
-    """What the tables of all circuits share; the constants with their units come from
-    `circuit_table`.
-    """
+    """Common base of the tables of circuits. `circuit_table` adds the constants."""
 
     order: int = Field(
         default=2,
@@ -290,20 +310,18 @@ class _CircuitTable(Strict):
 
 
 def circuit_table(item: str) -> type[Strict]:
-    """Return the model of ``[circuit.<item>]``: quantities with the units of that circuit."""
-    travel = make_si_type("rad" if item == "wheel" else "m")
-    defaults = {field.name: field.default for field in fields(Circuit)}
-    columns: dict[str, Any] = {
-        name: (
-            make_si_type(_units(item, constant)),
-            Field(
-                ... if name == "mass" else defaults[name],
-                description=_sentence(constant.text),
-                examples=[constant.examples[item == "wheel"]],
-            ),
+    """Return the model of ``[circuit.<item>]``, with the units of this circuit."""
+    defaults: dict[str, Any] = {field.name: field.default for field in fields(Circuit)}
+    # the only constant that must be given
+    defaults["mass"] = ...
+    columns: dict[str, Any] = {}
+    for name, constant in _CONSTANTS.items():
+        definition = Field(
+            defaults[name],
+            description=_sentence(constant.text),
+            examples=[constant.examples[item == "wheel"]],
         )
-        for name, constant in _CONSTANTS.items()
-    }
+        columns[name] = Annotated[float, InUnits(_units(item, constant))], definition
     stops = Field(
         description="Travel between the stops in the cockpit, aft, right and right foot positive."
     )
@@ -312,7 +330,8 @@ def circuit_table(item: str) -> type[Strict]:
         examples=["0.5 ms"],
         description="Sub-step of the simulation; without it at most 1 ms, by the fastest mode.",
     )
-    columns |= {"stops": (tuple[travel, travel], stops), "step": (make_si_type("s") | None, step)}  # type: ignore[valid-type]
+    travel: Any = _Angles if item == "wheel" else _Lengths
+    columns |= {"stops": (travel, stops), "step": (Annotated[float, InUnits("s")] | None, step)}
     return create_model(f"{item.capitalize()}Table", __base__=_CircuitTable, **columns)
 
 
@@ -320,43 +339,42 @@ def _sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
 
-# [circuit] of the aircraft file: a table of its own kind for each item
-_ITEMS = {
-    item: (
-        circuit_table(item) | None,
-        Field(None, description=f"What moves with the {item}, needs [control.{control}]."),
-    )
-    for item, control in MOVES.items()
-}
-CircuitsTable = create_model("CircuitsTable", __base__=Strict, **_ITEMS)  # type: ignore
+def _circuits_table() -> type[Strict]:
+    """Return the model of ``[circuit]``, which has a different model for each item."""
+    items: dict[str, Any] = {}
+    for item, control in MOVES.items():
+        text = f"What moves with the {item}, needs [control.{control}]."
+        items[item] = circuit_table(item) | None, Field(None, description=text)
+    return create_model("CircuitsTable", __base__=Strict, **items)
+
+
+CircuitsTable: Any = _circuits_table()
 
 
 def circuits_of(
     tables: Strict, controls: Mapping[str, ControlGeometry], problems: list[str]
 ) -> dict[str, Circuit]:
-    """Return the circuits of an aircraft file, in the order of a block; faults are added to
-    `problems`.
+    """Return the circuits of an aircraft file, in the order of `MOVES`.
+
+    Their problems are appended to `problems`.
     """
-    found = {item: Circuit(**dict(table)) for item, table in tables if table is not None}
-    for item, circuit in found.items():
-        problems += [
-            f"circuit.{item}: {text}"
-            for text in check_circuit(item, circuit, controls.get(MOVES[item]))
-        ]
-    return found
+    circuits = {item: Circuit(**dict(table)) for item, table in tables if table is not None}
+    for item, circuit in circuits.items():
+        texts = check_circuit(item, circuit, controls.get(MOVES[item]))
+        problems += [f"circuit.{item}: {text}" for text in texts]
+    return circuits
 
 
 def check_circuit(item: str, circuit: Circuit, control: ControlGeometry | None) -> list[str]:
-    """Return every fault of a circuit as a text.
+    """Return all faults of a circuit as texts.
 
     Parameters
     ----------
     item : {"column", "wheel", "pedal"}
-        Which circuit it is.
+        Name of the circuit.
     circuit : Circuit
-        Its constants.
-    control : Control or None
-        Hinge geometry of the surface it moves.
+    control : ControlGeometry or None
+        Hinge geometry of the surface that the circuit moves.
     """
     problems = []
     if control is None or control.gearing is None:
@@ -368,10 +386,9 @@ def check_circuit(item: str, circuit: Circuit, control: ControlGeometry | None) 
     for name, constant in _CONSTANTS.items():
         value = getattr(circuit, name)
         if not math.isfinite(value) or value < constant.least:
-            problems.append(
-                f"{name} is {value:g}; it must be "
-                f"{'finite' if constant.least else 'zero or positive'}"
-            )
+            # the least value is 0, or -MOST for a constant of either sign
+            allowed = "finite" if constant.least else "zero or positive"
+            problems.append(f"{name} is {value:g}; it must be {allowed}")
     if not circuit.mass > 0.0:
         problems.append(f"mass is {circuit.mass:g}; it must be positive")
     if circuit.restitution > 1.0:
@@ -386,11 +403,9 @@ def check_circuit(item: str, circuit: Circuit, control: ControlGeometry | None) 
             f"trim_friction is {circuit.trim_friction:g}; it is a share of the friction, at most 1"
         )
     if circuit.order > 2:
-        problems += [
-            f"{name} is 0; order {circuit.order} needs it"
-            for name in ("inertia", "cable_stiffness")
-            if not getattr(circuit, name) > 0.0
-        ]
+        for name in ("inertia", "cable_stiffness"):
+            if not getattr(circuit, name) > 0.0:
+                problems.append(f"{name} is 0; order {circuit.order} needs it")
     if circuit.step is not None and not 1e-6 <= circuit.step <= 1.0:
         problems.append(f"step is {circuit.step:g} s; allowed: 1e-6 ... 1 s")
     return problems

@@ -1,12 +1,13 @@
-"""Fuel on board: what is burnt changes mass, centre of gravity and inertia.
+"""Fuel on board, and the section ``[fuel]`` of the aircraft file.
 
-``[fuel]`` in the aircraft file; ``mass``, ``cg`` and the inertias of the aircraft are those with this fuel on board::
+Burnt fuel changes mass, centre of gravity and inertia. The values ``mass``, ``cg`` and the inertias
+of the aircraft include the fuel on board at the start::
 
     [fuel]
     mass = "380 kg"
     position = [0.0, 0.0, 0.2]
 
-or tanks, emptied in the order in which they are written, those with the same ``order`` together in proportion::
+or tanks, emptied by their ``order``, in proportion to their capacity if the order is the same::
 
     [fuel]
     mass = "380 kg"
@@ -16,7 +17,7 @@ or tanks, emptied in the order in which they are written, those with the same ``
         { position = [-0.2, 0.0, 0.2], capacity = "200 kg", order = 2 },
     ]
 
-or ``file``, a netCDF with a leaf per moment over ``fuel``, on top of ``position``.
+or ``file``, a netCDF file with a leaf over ``fuel`` for each moment, added to ``position``.
 """
 
 from __future__ import annotations
@@ -25,14 +26,15 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
-from flightmech.aircraft.engine import open_tables
+from flightmech.aircraft.engine_deck import open_tables
 from flightmech.errors import SchemaError
-from flightmech.support.toml_models import Strict, make_si_type
+from flightmech.support.toml_models import Strict
+from flightmech.support.toml_quantities import InUnits
 from flightmech.terms import make_term
 
 if TYPE_CHECKING:
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
 
 Vector = tuple[float, float, float]
 MOST = sys.float_info.max
+# first and second moments about the moment reference point
 MOMENTS = ("moment_x", "moment_y", "moment_z")
 INERTIAS = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 
@@ -53,10 +56,10 @@ class Tank:
     position : tuple of float (3,)
         Body axes, from the moment reference point. [m]
     capacity : float
-        [kg]
+        Greatest mass of fuel. [kg]
     order : int
-        Tanks of the lowest number are emptied first, those of the same number in proportion to
-        their capacity.
+        Tanks with the lowest number are emptied first. Tanks with the same number are emptied in
+        proportion to their capacity.
     """
 
     position: Vector
@@ -71,13 +74,13 @@ class Fuel:
     Parameters
     ----------
     mass : float
-        On board at the start; part of the aircraft's mass. [kg]
+        Fuel on board at the start, part of the mass of the aircraft. [kg]
     position : tuple of float (3,)
-        Where it lies as a mass point, body axes, from the moment reference point. [m]
+        Position of the fuel as a mass point, body axes, from the moment reference point. [m]
     tables : mapping of str to Dataset
-        What `position` does not give, as term tables over ``fuel``: first moments `MOMENTS` [kg m]
-        and second moments `INERTIAS` [kg m2] about the moment reference point, products as the
-        integrals of xy dm and so on.
+        Moments in addition to the mass at `position`, as term leaves over ``fuel``: first moments
+        `MOMENTS` [kg m] and second moments `INERTIAS` [kg m2] about the moment reference point. The
+        products are the integrals of xy dm and so on.
     """
 
     mass: float
@@ -85,53 +88,50 @@ class Fuel:
     tables: Mapping[str, xr.Dataset] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        problems = [
-            f"{name} is no table of the fuel; allowed: {', '.join((*MOMENTS, *INERTIAS))}"
-            for name in self.tables
-            if name not in (*MOMENTS, *INERTIAS)
-        ]
+        allowed = (*MOMENTS, *INERTIAS)
+        problems = []
+        for name in self.tables:
+            if name not in allowed:
+                problems.append(f"{name} is not a table of the fuel; allowed: {', '.join(allowed)}")
         if problems:
             raise SchemaError("fuel", problems)
 
 
 def tank_tables(tanks: Sequence[Tank]) -> dict[str, xr.Dataset]:
-    """Return the moments of fuel in tanks that are mass points, over the fuel on board.
+    """Return the moments of the fuel in tanks over the fuel on board.
 
     Parameters
     ----------
     tanks : sequence of Tank
-        Emptied by their `order`.
+        Mass points, emptied by their `order`.
 
     Returns
     -------
     dict of str to Dataset
-        `MOMENTS` and `INERTIAS`; exact, because the content of each tank is piecewise linear in the
-        fuel on board.
+        `MOMENTS` and `INERTIAS`. They are exact, because the content of each tank is piecewise
+        linear in the fuel on board.
     """
-
-    orders = sorted(
-        {tank.order for tank in tanks}, reverse=True
-    )  # what is emptied last is filled first
-    level, content = [0.0], [np.zeros(len(tanks))]
-    for order in orders:
-        part = np.array([tank.capacity if tank.order == order else 0.0 for tank in tanks])
-        level.append(level[-1] + float(part.sum()))
-        content.append(content[-1] + part)
-    r = np.array([tank.position for tank in tanks])
-    x, y, z = r.T
-    density = {
-        **dict(zip(MOMENTS, (x, y, z), strict=True)),
-        **dict(
-            zip(INERTIAS, (y**2 + z**2, x**2 + z**2, x**2 + y**2, x * y, x * z, y * z), strict=True)
-        ),
-    }
-    return {
-        name: make_term(np.array(content) @ each, {"fuel": level}, outside="linear")
-        for name, each in density.items()
-    }
+    capacities = np.array([tank.capacity for tank in tanks])
+    orders = np.array([tank.order for tank in tanks])
+    # Breakpoints from empty to full: the tanks that are emptied last are the first to be filled.
+    fuel, contents = [0.0], [np.zeros(len(tanks))]
+    for order in sorted(set(orders.tolist()), reverse=True):
+        filled = np.where(orders == order, capacities, 0.0)
+        fuel.append(fuel[-1] + float(filled.sum()))
+        contents.append(contents[-1] + filled)
+    # moments per mass in each tank
+    x, y, z = np.array([tank.position for tank in tanks]).T
+    moments = dict(zip(MOMENTS, (x, y, z), strict=True))
+    squares = (y**2 + z**2, x**2 + z**2, x**2 + y**2)
+    products = (x * y, x * z, y * z)
+    moments |= dict(zip(INERTIAS, (*squares, *products), strict=True))
+    tables = {}
+    for name, per_mass in moments.items():
+        tables[name] = make_term(np.array(contents) @ per_mass, {"fuel": fuel}, outside="linear")
+    return tables
 
 
-_Length = make_si_type("m")
+_Length = Annotated[float, InUnits("m")]
 
 
 class TankTable(Strict):
@@ -139,11 +139,11 @@ class TankTable(Strict):
 
     model_config = ConfigDict(protected_namespaces=())
 
-    position: tuple[_Length, _Length, _Length] = Field(  # type: ignore[valid-type]
+    position: tuple[_Length, _Length, _Length] = Field(
         examples=[[0.1, -2.0, 0.1]],
         description="Of the tank as a mass point, body axes, from the moment reference point.",
     )
-    capacity: make_si_type("kg") = Field(  # type: ignore[valid-type]
+    capacity: Annotated[float, InUnits("kg")] = Field(
         examples=["120 kg"], description="Fuel that the tank holds."
     )
     order: int = Field(
@@ -166,10 +166,10 @@ class FuelSection(Strict):
 
     model_config = ConfigDict(protected_namespaces=())
 
-    mass: make_si_type("kg") = Field(  # type: ignore[valid-type]
+    mass: Annotated[float, InUnits("kg")] = Field(
         description="Fuel on board at the start, part of the aircraft's mass."
     )
-    position: tuple[_Length, _Length, _Length] | None = Field(  # type: ignore[valid-type]
+    position: tuple[_Length, _Length, _Length] | None = Field(
         None,
         description="Where it lies as a mass point, body axes, from the moment reference point.",
     )
@@ -186,30 +186,27 @@ class FuelSection(Strict):
     @model_validator(mode="after")
     def _plausible(self) -> FuelSection:
         if self.tank and (self.position is not None or self.file is not None):
-            raise ValueError(
-                f"{'position' if self.position is not None else 'file'} and tank are both "
-                f"given; keep one"
-            )
+            key = "file" if self.position is None else "position"
+            raise ValueError(f"{key} and tank are both given; keep one")
         if not (np.isfinite(self.mass) and self.mass >= 0.0):
             raise ValueError("expected zero or a positive mass")
-        room = sum(tank.capacity for tank in self.tank)
-        if self.tank and self.mass > room * (1.0 + 1e-9):
-            raise ValueError(f"{self.mass:g} kg of fuel do not go into tanks of {room:g} kg")
+        capacity = sum(tank.capacity for tank in self.tank)
+        # the factor allows for the rounding of units
+        if self.tank and self.mass > capacity * (1.0 + 1e-9):
+            raise ValueError(f"{self.mass:g} kg of fuel do not go into tanks of {capacity:g} kg")
         return self
 
 
 def fuel_of(item: FuelSection, folder: Path, problems: list[str]) -> Fuel | None:
-    """Return the fuel of an aircraft file in `folder`; what is wrong with its tables goes to
-    `problems`.
+    """Return the fuel of an aircraft file in `folder`, None if its tables have problems.
+
+    The problems are appended to `problems`.
     """
     if item.tank:
         return Fuel(item.mass, tables=tank_tables([Tank(**dict(tank)) for tank in item.tank]))
     try:
-        return Fuel(
-            item.mass,
-            item.position or (0.0, 0.0, 0.0),
-            open_tables(folder / item.file) if item.file else {},
-        )
+        tables = open_tables(folder / item.file) if item.file else {}
+        return Fuel(item.mass, item.position or (0.0, 0.0, 0.0), tables=tables)
     except (SchemaError, OSError) as error:
         problems += [f"fuel: {text}" for text in getattr(error, "problems", [str(error)])]
         return None

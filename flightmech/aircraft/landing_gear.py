@@ -1,50 +1,26 @@
-"""Landing gear: legs, tyres, brakes, nose-wheel steering and the runway (LR-743 3.5, 4.5.4), from
-``[gear]`` of the aircraft file.
+"""Landing gear: contacts, tyres, brakes, nose-wheel steering and the runway (LR-743 3.5, 4.5.4).
 
-    [gear]
-    mu_dry = 0.8
-    tyre_pressure = "100 psi"            # for the wet runway
-    antiskid = 0.8
-    [gear.steering]
-    limit = "40 deg"
-    stiffness = 2000.0
-    [[gear.contact]]
-    name = "left"
-    position = [-0.17, -0.805, 0.759]    # lowest point of the unloaded tyre, strut extended
-    radius = 0.25
-    stiffness = "100e3 N/m"
-    damping = 8000.0
-    side_stiffness = "150e3 N/m"
-    cornering_stiffness = "40e3 N"
-    cornering_load = "12e3 N"
-    brake = "6e3 N"
-
-Equations and assumptions: ``gear.c``, ``tyre.c``, ``steering.c`` in ``kernel/src/gear`` and
-docs/explanation/simulation/landing-gear.md.
+The equations and assumptions are in ``gear.c``, ``tyre.c`` and ``steering.c`` of
+``kernel/src/gear``, and in docs/explanation/simulation/landing-gear.md. `landing_gear_file` has the section ``[gear]`` of
+the aircraft file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import ConfigDict, Field, field_validator, model_validator
 
-from flightmech.errors import SchemaError, UnitError
-from flightmech.support.toml_models import Strict, make_si_type
-from flightmech.terms import make_term
-from flightmech.units import KNOT, parse_quantity, to_si
+from flightmech.units import KNOT, to_si
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Vector = tuple[float, float, float]
 CONDITIONS = ("dry", "wet", "icy")
-ORDERS = {"quasi-static": 0, "second": 2, "fourth": 4}
-# 14 CFR 25.109(c)(1): greatest friction of a tyre on a smooth wet runway, by tyre pressure [psi],
-# over V/(100 kt)
+# Greatest friction of a tyre on a smooth wet runway, 14 CFR 25.109(c)(1): by tyre pressure [psi],
+# coefficients of the powers 0 to 3 of V/(100 kt).
 WET = {
     50.0: (0.883, -0.851, 0.306, -0.0350),
     100.0: (0.804, -0.805, 0.320, -0.0437),
@@ -59,7 +35,7 @@ def wet_friction(tyre_pressure: float) -> tuple[float, float, float, float]:
     Parameters
     ----------
     tyre_pressure : float
-        Inflation pressure over ambient; 50 to 300 psi, held beyond. [Pa]
+        Inflation pressure over ambient, limited to 50 to 300 psi. [Pa]
 
     Returns
     -------
@@ -68,7 +44,7 @@ def wet_friction(tyre_pressure: float) -> tuple[float, float, float, float]:
 
     References
     ----------
-    .. [CFR25] 14 CFR 25.109(c)(1): cubics in knots for four pressures, linear between.
+    .. [CFR25] 14 CFR 25.109(c)(1): cubics in knots at four pressures, linear between them.
 
     Examples
     --------
@@ -77,10 +53,11 @@ def wet_friction(tyre_pressure: float) -> tuple[float, float, float, float]:
     """
     pressures = np.array([to_si(psi, "psi") for psi in WET])
     cubics = np.array(list(WET.values()))
-    c = [
-        float(np.interp(tyre_pressure, pressures, cubics[:, power])) / (100.0 * KNOT) ** power
-        for power in range(4)
-    ]
+    # from powers of V/(100 kt) to powers of V
+    c = []
+    for power in range(4):
+        coefficient = float(np.interp(tyre_pressure, pressures, cubics[:, power]))
+        c.append(coefficient / (100.0 * KNOT) ** power)
     return c[0], c[1], c[2], c[3]
 
 
@@ -91,45 +68,47 @@ class Contact:
     Parameters
     ----------
     name : str
-        ``nose``, ``left``, ``right``, ``tail`` ...; its outputs are ``gear.<name>.Fz`` and so on.
+        For example ``nose``, ``left``, ``right`` or ``tail``. The outputs are ``gear.<name>.Fz``
+        and so on.
     position : tuple of float (3,)
         Lowest point with the aircraft level and the leg unloaded, body axes, from the moment
         reference point. [m]
     radius : float
-        Of the unloaded tyre: where the lowest point goes when the aircraft pitches and banks. [m]
+        Radius of the unloaded tyre, for the lowest point at pitch and bank angles. [m]
     stiffness, preload : float
-        Strut force over compression, and at none. [N m-1, N]
+        Strut force per compression, and strut force at zero compression. [N m-1, N]
     strut : Dataset, optional
-        More strut force, a term leaf over ``compression``. [N]
+        Additional strut force, a term leaf over ``compression``. [N]
     stroke : float
-        Compression at which the strut is solid and the tyre alone gives way. [m]
+        Compression at which the strut is at its stop. Beyond it only the tyre deflects. [m]
     damping, damping_ext : float
         Strut force per rate of compression, inwards and outwards. [N s m-1]
     orifice, orifice_ext : float
-        Strut force per square of that rate. [N s2 m-2]
+        Strut force per square of the rate of compression, inwards and outwards. [N s2 m-2]
     tyre_stiffness : float
-        Vertical, in series with the strut; 0: the leg is one spring and `preload` must be 0. [N
-        m-1]
+        Vertical stiffness, in series with the strut. If it is 0, the leg is one spring, and
+        `preload` must be 0. [N m-1]
     side_stiffness : float
-        Of the tyre or skid along the ground. [N m-1]
+        Stiffness of the tyre or skid along the ground. [N m-1]
     cornering_stiffness, cornering_load : float
-        Greatest side force per slip angle, and the load at which it is reached; 0 for a skid. [N
-        rad-1, N]
+        Greatest side force per slip angle, and the load at which it is reached. The stiffness of a
+        skid is 0. [N rad-1, N]
     loss : float
         Damping of the carcass along the ground over its stiffness, at most 0.04. [s]
     rolling : float
         Rolling resistance over load. [1]
     brake : float
-        Brake force at the ground with a full pedal; left of the plane of symmetry by
-        ``brake_left``, on it by the mean. [N]
+        Brake force at the ground with a full pedal. A wheel left of the plane of symmetry has the
+        pedal ``brake_left``, a wheel in the plane has the mean of both pedals. [N]
     brake_friction : float
-        The same over the load, added to `brake`: of brakes whose force follows the load. [1]
+        Brake force over load with a full pedal, added to `brake`, for brakes whose force is
+        proportional to the load. [1]
     steering : float
-        Angle of the wheel per angle of the steering; 0 not steered. [1]
+        Angle of the wheel per angle of the steering, 0 if the wheel is not steered. [1]
     friction : float
-        Of a skid, over load; 0: a wheel, for which the runway defines it. [1]
+        Friction of a skid over load. It is 0 for a wheel, whose friction the runway defines. [1]
     retracts : bool
-        Whether it carries in proportion to the input ``gear``, and nothing when that is 0.
+        Whether the load is proportional to the input ``gear``.
     """
 
     name: str
@@ -163,23 +142,23 @@ class Steering:
     Parameters
     ----------
     order : {0, 2, 4}
-        Quasi-static, one mass (wheel), two masses (arm and wheel).
+        Quasi-static, one mass (wheel), or two masses (arm and wheel).
     limit : float
         Greatest angle to either side. [rad]
     stiffness : float
-        Moment on the wheel per angle behind the command, or behind the arm; 0 with order 0: a
-        castor. [N m rad-1]
+        Moment on the wheel per angle behind the command, or behind the arm. The stiffness 0 with
+        order 0 is a castor. [N m rad-1]
     trail : float
-        Of the side force behind the pivot, mechanical and pneumatic. [m]
+        Distance of the side force behind the pivot, mechanical and pneumatic. [m]
     scrub : float
-        Arm of the friction of a turning wheel at rest: moment over friction force. [m]
+        Friction moment over friction force of a wheel that is steered at zero speed. [m]
     rudder : float
-        Angle commanded by the pedals, to the right per rudder deflection to the right (-delta_r).
-        [1]
+        Angle commanded by the pedals, positive right, per rudder deflection to the right
+        (-delta_r). [1]
     damping, inertia : float
-        Of the wheel about its pivot. [N m s rad-1, kg m2]
+        Damping and moment of inertia of the wheel about its pivot. [N m s rad-1, kg m2]
     arm_stiffness, arm_damping, arm_inertia : float
-        Of the arm between command and wheel, order 4. [N m rad-1, N m s rad-1, kg m2]
+        Properties of the arm between command and wheel, order 4. [N m rad-1, N m s rad-1, kg m2]
     """
 
     order: int = 0
@@ -204,18 +183,18 @@ class LandingGear:
     contacts : tuple of Contact
         Wheels and skids.
     steering : Steering
-        Of the wheels whose `Contact.steering` is not 0.
+        Steering of the wheels whose `Contact.steering` is not 0.
     condition : {0, 1, 2}
-        Of the runway at the start: dry, wet, icy.
+        Condition of the runway at the start: dry, wet, icy.
     mu_dry, mu_icy : float
-        Greatest friction of a tyre over load; ice: AMC 25.1591. [1]
+        Greatest friction of a tyre over load, on ice as in AMC 25.1591. [1]
     mu_wet : tuple of float (4,)
-        The same on a wet runway as a cubic of the ground speed, `wet_friction`. [1, s m-1, s2 m-2,
-        s3 m-3]
+        Greatest friction on a wet runway, a cubic of the ground speed, see `wet_friction`. [1,
+        s m-1, s2 m-2, s3 m-3]
     skid_ratio : float
         Friction of a locked wheel over the greatest friction. [1]
     antiskid : float
-        Part of the greatest friction that the anti-skid system lets the brakes use; 0 no anti-skid.
+        Fraction of the greatest friction that the anti-skid system allows, 0 without the system.
         14 CFR 25.109(c)(2): on-off 0.3, quasi-modulating 0.5, fully modulating 0.8. [1]
     """
 
@@ -227,301 +206,3 @@ class LandingGear:
     mu_icy: float = 0.05
     skid_ratio: float = 0.7
     antiskid: float = 0.0
-
-
-_Length = make_si_type("m")
-_PerMetre = make_si_type("N m-1")
-_PerRate = make_si_type("N s m-1")
-_PerSquare = make_si_type("N s2 m-2")
-_Force = make_si_type("N")
-_Ratio = make_si_type("1")
-_Moment = make_si_type("N m")
-_Inertia = make_si_type("kg m2")
-
-
-class _GearTable(Strict):
-    model_config = ConfigDict(protected_namespaces=())
-
-    @field_validator("*")
-    @classmethod
-    def _finite(cls, value: Any) -> Any:
-        if isinstance(value, float) and not np.isfinite(value):
-            raise ValueError("expected a finite number")
-        return value
-
-
-def _at_least_zero(table: _GearTable, names: tuple[str, ...]) -> None:
-    if below := [name for name in names if getattr(table, name) < 0.0]:
-        raise ValueError(f"{', '.join(below)} must be zero or positive")
-
-
-class ContactTable(_GearTable):
-    """A ``[[gear.contact]]`` of the aircraft file."""
-
-    name: str = Field(
-        description="Name of the leg: nose, left, right, tail ...; its outputs are gear.NAME.Fz "
-        "and so on."
-    )
-    position: tuple[_Length, _Length, _Length] = Field(  # type: ignore[valid-type]
-        description="Lowest point with the aircraft level and the leg unloaded, body axes, from "
-        "the moment reference point."
-    )
-    radius: _Length = Field(  # type: ignore[valid-type]
-        default=0.0, examples=["0.25 m"], description="Radius of the unloaded tyre."
-    )
-    stiffness: _PerMetre = Field(default=0.0, description="Strut force per compression.")  # type: ignore[valid-type]
-    preload: _Force = Field(  # type: ignore[valid-type]
-        default=0.0,
-        examples=["800 N"],
-        description="Strut force at no compression; needs tyre_stiffness.",
-    )
-    strut: dict[str, Any] | None = Field(
-        default=None,
-        json_schema_extra={"propertyNames": {"enum": ["compression", "value"]}},
-        examples=[{"compression": [0.0, 0.2], "value": ["0 N", "9000 N"]}],
-        description="More strut force [N] as a table over compression [m].",
-    )
-    stroke: _Length = Field(  # type: ignore[valid-type]
-        default=10.0,
-        examples=["0.25 m"],
-        description="Compression at which the strut is solid and the tyre alone gives way.",
-    )
-    damping: _PerRate = Field(  # type: ignore[valid-type]
-        default=0.0, description="Strut force per rate of compression, inwards."
-    )
-    damping_ext: _PerRate | None = Field(  # type: ignore[valid-type]
-        default=None, examples=[8000.0], description="The same outwards; damping without it."
-    )
-    orifice: _PerSquare = Field(  # type: ignore[valid-type]
-        default=0.0,
-        examples=[20000.0],
-        description="Strut force per square of the rate of compression, inwards.",
-    )
-    orifice_ext: _PerSquare | None = Field(  # type: ignore[valid-type]
-        default=None, examples=[40000.0], description="The same outwards; orifice without it."
-    )
-    tyre_stiffness: _PerMetre = Field(  # type: ignore[valid-type]
-        default=0.0,
-        examples=["250e3 N/m"],
-        description="Vertical stiffness of the tyre, in series with the strut; 0: the leg is one "
-        "spring.",
-    )
-    side_stiffness: _PerMetre = Field(description="Stiffness of the tyre or skid along the ground.")  # type: ignore[valid-type]
-    cornering_stiffness: _Force = Field(  # type: ignore[valid-type]
-        default=0.0, description="Greatest side force per slip angle [N/rad]; 0 for a skid."
-    )
-    cornering_load: _Force = Field(  # type: ignore[valid-type]
-        default=1.0e4, description="Load at which the greatest cornering stiffness is reached."
-    )
-    loss: make_si_type("s") = Field(  # type: ignore[valid-type]
-        default=0.02,
-        examples=[0.02],
-        description="Damping of the carcass along the ground over its stiffness, at most 0.04 s.",
-    )
-    rolling: _Ratio = Field(default=0.0, description="Rolling resistance over load.")  # type: ignore[valid-type]
-    brake: _Force = Field(default=0.0, description="Brake force at the ground with a full pedal.")  # type: ignore[valid-type]
-    brake_friction: _Ratio = Field(  # type: ignore[valid-type]
-        default=0.0, description="Brake force over load with a full pedal, added to brake."
-    )
-    steering: _Ratio = Field(  # type: ignore[valid-type]
-        default=0.0, description="Angle of the wheel per angle of the steering; 0: not steered."
-    )
-    friction: _Ratio = Field(  # type: ignore[valid-type]
-        default=0.0,
-        description="Friction of a skid over load; 0: a wheel, for which the runway defines it.",
-    )
-    retracts: bool = Field(
-        default=True,
-        description="Whether it carries in proportion to the input gear, and nothing when that is "
-        "0.",
-    )
-
-    @field_validator("name")
-    @classmethod
-    def _identifier(cls, name: str) -> str:
-        if not (name.isascii() and name.isidentifier() and name.islower()):
-            raise ValueError("expected a name of small letters, digits and _, e.g. nose")
-        return name
-
-    @model_validator(mode="after")
-    def _physical(self) -> ContactTable:
-        signed = (
-            "radius stiffness preload damping orifice tyre_stiffness cornering_stiffness "
-            "loss rolling brake brake_friction friction"
-        )
-        _at_least_zero(self, tuple(signed.split()))
-        for name in ("side_stiffness", "cornering_load", "stroke"):
-            if not getattr(self, name) > 0.0:
-                raise ValueError(f"{name} must be positive")
-        if not (self.stiffness > 0.0 or self.strut is not None):
-            raise ValueError("the leg has no spring; give stiffness or strut")
-        if self.preload > 0.0 and self.tyre_stiffness == 0.0:
-            raise ValueError(
-                "preload needs a tyre_stiffness, or the ground would push at a touch with "
-                "the whole preload"
-            )
-        if (self.friction > 0.0) == (self.cornering_stiffness > 0.0):
-            raise ValueError(
-                "give cornering_stiffness for a wheel or friction for a skid, one of them"
-            )
-        if self.loss > 0.04:
-            raise ValueError("loss must be at most 0.04 s")
-        return self
-
-
-class SteeringTable(_GearTable):
-    """``[gear.steering]`` of the aircraft file."""
-
-    order: Literal["quasi-static", "second", "fourth"] = Field(
-        default="quasi-static",
-        examples=["second"],
-        description="Wheel follows at once; one mass (wheel); two masses (arm and wheel).",
-    )
-    limit: _Ratio = Field(default=np.pi / 4.0, description="Greatest angle to either side [rad].")  # type: ignore[valid-type]
-    stiffness: _Moment = Field(  # type: ignore[valid-type]
-        default=0.0,
-        description="Moment on the wheel per angle behind the command or the arm [N m/rad]; 0 and "
-        "quasi-static: a castor.",
-    )
-    trail: _Length = Field(  # type: ignore[valid-type]
-        default=0.1,
-        description="Trail of the side force behind the pivot, mechanical and pneumatic.",
-    )
-    scrub: _Length = Field(  # type: ignore[valid-type]
-        default=0.0,
-        description="Arm of the friction of a turning wheel at rest: moment over friction force.",
-    )
-    rudder: _Ratio = Field(  # type: ignore[valid-type]
-        default=0.0,
-        examples=[1.0],
-        description="Angle commanded by the pedals, to the right per rudder deflection to the "
-        "right.",
-    )
-    damping: make_si_type("N m s") = Field(  # type: ignore[valid-type]
-        default=0.0, examples=[20.0], description="Damping of the wheel about its pivot."
-    )
-    inertia: _Inertia = Field(  # type: ignore[valid-type]
-        default=0.0, examples=[0.3], description="Moment of inertia of the wheel about its pivot."
-    )
-    arm_stiffness: _Moment = Field(  # type: ignore[valid-type]
-        default=0.0,
-        examples=[3000.0],
-        description="Stiffness of the arm between command and wheel [N m/rad], order fourth.",
-    )
-    arm_damping: make_si_type("N m s") = Field(  # type: ignore[valid-type]
-        default=0.0, examples=[10.0], description="Damping of that arm."
-    )
-    arm_inertia: _Inertia = Field(  # type: ignore[valid-type]
-        default=0.0, examples=[0.1], description="Moment of inertia of that arm."
-    )
-
-    @model_validator(mode="after")
-    def _physical(self) -> SteeringTable:
-        _at_least_zero(
-            self,
-            (
-                "limit",
-                "stiffness",
-                "scrub",
-                "damping",
-                "inertia",
-                "arm_stiffness",
-                "arm_damping",
-                "arm_inertia",
-            ),
-        )
-        if self.order != "quasi-static" and not self.inertia > 0.0:
-            raise ValueError(f"order {self.order} needs an inertia")
-        if self.order == "fourth" and not self.arm_inertia > 0.0:
-            raise ValueError("order fourth needs an arm_inertia")
-        return self
-
-
-class GearTable(_GearTable):
-    """``[gear]`` of the aircraft file."""
-
-    contact: list[ContactTable] = Field(min_length=1, description="Wheels and skids.")
-    steering: SteeringTable = Field(default=SteeringTable(), description="Nose-wheel steering.")
-    condition: Literal["dry", "wet", "icy"] = Field(
-        default="dry", examples=["wet"], description="Of the runway at the start."
-    )
-    mu_dry: _Ratio = Field(  # type: ignore[valid-type]
-        default=0.8, description="Greatest friction of a tyre over load on a dry runway."
-    )
-    mu_icy: _Ratio = Field(default=0.05, description="The same on ice (AMC 25.1591).")  # type: ignore[valid-type]
-    tyre_pressure: make_si_type("Pa") = Field(  # type: ignore[valid-type]
-        default=to_si(100.0, "psi"),
-        description="Inflation pressure over ambient; gives the friction on a wet runway (14 CFR "
-        "25.109(c)(1)).",
-    )
-    mu_wet: tuple[float, float, float, float] | None = Field(
-        default=None,
-        examples=[[0.8, -0.0157, 0.00012, -3.2e-07]],
-        description="The same on a wet runway: coefficients of 1, V, V^2, V^3 of the ground "
-        "speed; replaces tyre_pressure.",
-    )
-    skid_ratio: _Ratio = Field(  # type: ignore[valid-type]
-        default=0.7, description="Friction of a locked wheel over the greatest friction."
-    )
-    antiskid: _Ratio = Field(  # type: ignore[valid-type]
-        default=0.0,
-        examples=[0.8],
-        description="Part of the greatest friction that the anti-skid system leaves to the "
-        "brakes; 0: none.",
-    )
-
-    @field_validator("contact")
-    @classmethod
-    def _once(cls, contacts: list[ContactTable]) -> list[ContactTable]:
-        names = [contact.name for contact in contacts]
-        if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise ValueError(
-                f"contact {', '.join(twice)} is given more than once; every contact has a "
-                f"name of its own"
-            )
-        return contacts
-
-    @model_validator(mode="after")
-    def _physical(self) -> GearTable:
-        _at_least_zero(self, ("mu_dry", "mu_icy", "tyre_pressure", "skid_ratio", "antiskid"))
-        if self.skid_ratio > 1.0 or self.antiskid > 1.0:
-            raise ValueError("skid_ratio and antiskid must be between 0 and 1")
-        return self
-
-
-def gear_of(table: GearTable, problems: list[str]) -> LandingGear:
-    """Return the landing gear of a file; what is wrong with its tables goes to `problems`."""
-    contacts = tuple(_contact(item, problems) for item in table.contact)
-    steering = Steering(**{**dict(table.steering), "order": ORDERS[table.steering.order]})
-    plain = {name: getattr(table, name) for name in ("mu_dry", "mu_icy", "skid_ratio", "antiskid")}
-    wet = wet_friction(table.tyre_pressure) if table.mu_wet is None else table.mu_wet
-    return LandingGear(contacts, steering, CONDITIONS.index(table.condition), mu_wet=wet, **plain)
-
-
-def _contact(item: ContactTable, problems: list[str]) -> Contact:
-    values = dict(item)
-    values["damping_ext"] = item.damping if item.damping_ext is None else item.damping_ext
-    values["orifice_ext"] = item.orifice if item.orifice_ext is None else item.orifice_ext
-    values["strut"] = None
-    if item.strut is not None:
-        try:
-            values["strut"] = _strut_table(item.strut)
-        except (SchemaError, UnitError, ValueError, TypeError) as error:
-            found = error.problems if isinstance(error, SchemaError) else [str(error)]
-            problems += [f"gear.contact.{item.name}.strut: {text}" for text in found]
-    return Contact(**values)
-
-
-def _strut_table(table: Mapping[str, Any]) -> xr.Dataset:
-
-    if set(table) != {"compression", "value"}:
-        raise ValueError(
-            f"expected compression and value, the strut force over it; found "
-            f"{', '.join(sorted(table)) or 'nothing'}"
-        )
-    points = [parse_quantity(point, "m") for point in table["compression"]]
-    return make_term(
-        [parse_quantity(value, "N") for value in table["value"]],
-        {"compression": points},
-        outside="linear",
-    )

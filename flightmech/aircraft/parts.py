@@ -1,11 +1,11 @@
-"""Parts of an aircraft that can be exchanged with those of another: engines, landing gear, control
-circuits, fuel.
+"""Exchange of parts between two aircraft: engines, landing gear, control circuits and fuel.
 
-A part has a name with a slash like a term of the aerodynamics: ``engine/static`` (thrust and air
-flow over speed), ``engine/schedule`` (lever to commanded speed), ``engine/dynamics`` (how the
-rotors follow) and ``engine/rest`` of the decks of all engines, ``gear/nose`` a contact,
-``gear/steering``, ``gear/runway``, ``circuit/column``, ``fuel/load``. Geometry, mass and limits are
-no parts: two aircraft that lend parts to each other must be one aeroplane.
+A part has a name with a slash, as a term of the aerodynamics has. The parts of the engine decks,
+for all engines together, are ``engine/static`` (thrust and air flow over speed),
+``engine/schedule`` (lever to commanded speed), ``engine/dynamics`` (response of the rotors) and
+``engine/rest``. Other parts are ``gear/nose`` (a contact), ``gear/steering``, ``gear/runway``,
+``circuit/column`` and ``fuel/load``. Geometry, mass and limits are not parts. Parts can only be
+exchanged between two models of the same aeroplane.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from flightmech.errors import SchemaError
 
 @dataclass(frozen=True)
 class _PartAccess:
-    """How a part is read from an aircraft and put into another."""
+    """Functions that read a part of an aircraft, and replace it in a copy of an aircraft."""
 
     get: Callable[[Aircraft], Any]
     put: Callable[[Aircraft, Any], Aircraft]
 
 
 def different_parts(one: Aircraft, other: Aircraft) -> list[str]:
-    """Return the names of the parts that are not the same in two aircraft, or only in one of them.
+    """Return the names of the parts that differ between two aircraft, or that only one has.
 
     Raises
     ------
@@ -37,185 +37,189 @@ def different_parts(one: Aircraft, other: Aircraft) -> list[str]:
         They have different numbers of engines.
     """
     _demand_one_aeroplane(one, other)
-    known = _parts(one) | _parts(other)
-    return [name for name, part in known.items() if not _same(part.get(one), part.get(other))]
+    parts = _list_parts(one) | _list_parts(other)
+    return [name for name, part in parts.items() if not _is_same(part.get(one), part.get(other))]
 
 
 def swap_parts(into: Aircraft, source: Aircraft, names: Iterable[str]) -> Aircraft:
-    """Return `into` with the named parts as they are in `source`; a part that `source` does not
-    have is taken out.
+    """Return a copy of `into` with parts of `source`.
 
-    Names that are parts of neither, such as terms of the aerodynamics, are passed over.
+    Parameters
+    ----------
+    into, source : Aircraft
+        Two models of one aeroplane.
+    names : iterable of str
+        Parts to exchange. A part that `source` does not have is removed. Other names, such as
+        terms of the aerodynamics, are ignored.
 
     Raises
     ------
     SchemaError
-        They have different numbers of engines, or the engines with the exchanged tables make no
-        deck.
+        They have different numbers of engines, or the exchanged tables do not form a valid deck.
     """
     _demand_one_aeroplane(into, source)
-    known = _parts(into) | _parts(source)
+    parts = _list_parts(into) | _list_parts(source)
     for name in names:
-        if name in known:
-            into = known[name].put(into, known[name].get(source))
+        if name in parts:
+            into = parts[name].put(into, parts[name].get(source))
     return into
 
 
-def _demand_one_aeroplane(one: Aircraft, other: Aircraft) -> None:
-    if len(one.engines) != len(other.engines):
-        numbers = " and ".join(
-            f"{len(aircraft.engines)} ({aircraft.name})" for aircraft in (one, other)
-        )
-        raise SchemaError(
-            "aircraft",
-            [
-                f"engines: {numbers}; give two models of one aeroplane, only these can lend "
-                f"parts to each other"
-            ],
-        )
+def _demand_one_aeroplane(a: Aircraft, b: Aircraft) -> None:
+    if len(a.engines) == len(b.engines):
+        return
+    numbers = " and ".join(f"{len(item.engines)} ({item.name})" for item in (a, b))
+    raise SchemaError(
+        "aircraft",
+        [
+            f"engines: {numbers}; give two models of one aeroplane, only these can lend "
+            f"parts to each other"
+        ],
+    )
 
 
-def _parts(aircraft: Aircraft) -> dict[str, _PartAccess]:
-    found = {f"engine/{name}": part for name, part in _engine_parts(aircraft).items()}
-    if aircraft.gear is not None:
-        found |= {
-            f"gear/{contact.name}": _contact(contact.name) for contact in aircraft.gear.contacts
-        }
-        found |= {"gear/steering": _field_of("gear", ("steering",))}
-        found |= {
-            "gear/runway": _field_of(
-                "gear",
-                tuple(
-                    f.name for f in fields(aircraft.gear) if f.name not in ("contacts", "steering")
-                ),
-            )
-        }
-    found |= {f"circuit/{name}": _circuit(name) for name in aircraft.circuits}
+def _list_parts(aircraft: Aircraft) -> dict[str, _PartAccess]:
+    """Return the parts of an aircraft by name."""
+    parts = {f"engine/{name}": part for name, part in _engine_parts(aircraft).items()}
+    gear = aircraft.gear
+    if gear is not None:
+        for contact in gear.contacts:
+            parts[f"gear/{contact.name}"] = _contact_part(contact.name)
+        runway = [item.name for item in fields(gear) if item.name not in ("contacts", "steering")]
+        parts["gear/steering"] = _gear_part(("steering",))
+        parts["gear/runway"] = _gear_part(tuple(runway))
+    for name in aircraft.circuits:
+        parts[f"circuit/{name}"] = _circuit_part(name)
     if aircraft.fuel is not None:
-        found["fuel/load"] = _PartAccess(lambda a: a.fuel, lambda a, value: replace(a, fuel=value))
-    return found
+        parts["fuel/load"] = _PartAccess(lambda a: a.fuel, lambda a, value: replace(a, fuel=value))
+    return parts
 
 
 def _engine_parts(aircraft: Aircraft) -> dict[str, _PartAccess]:
-    if not any(engine.deck for engine in aircraft.engines):
-        return {"thrust": _engines(("thrust", "time_constant"))} if aircraft.engines else {}
-    return {group: _deck_part(group) for group in (*_GROUP, "rest")}
+    # all engines have a deck, or none has
+    if any(engine.deck for engine in aircraft.engines):
+        return {group: _deck_part(group) for group in (*_GROUPS, "rest")}
+    if aircraft.engines:
+        return {"thrust": _static_thrust_part()}
+    return {}
 
 
-def _engines(names: tuple[str, ...]) -> _PartAccess:
+def _static_thrust_part() -> _PartAccess:
+    """Return the part of the static thrust and its lag, for all engines."""
+
     def get(aircraft: Aircraft) -> Any:
-        return tuple(tuple(getattr(engine, name) for name in names) for engine in aircraft.engines)
+        return tuple((engine.thrust, engine.time_constant) for engine in aircraft.engines)
 
     def put(aircraft: Aircraft, values: Any) -> Aircraft:
-        engines = zip(aircraft.engines, values, strict=True)
-        return replace(
-            aircraft,
-            engines=tuple(
-                replace(engine, **dict(zip(names, value, strict=True))) for engine, value in engines
-            ),
-        )
+        engines = []
+        for engine, (thrust, time_constant) in zip(aircraft.engines, values, strict=True):
+            engines.append(replace(engine, thrust=thrust, time_constant=time_constant))
+        return replace(aircraft, engines=tuple(engines))
 
     return _PartAccess(get, put)
 
 
-# words in the names of the tables and constants of a deck that make a group
-_GROUP = {
+# by group: parts of the names of tables and constants that belong to the group
+_GROUPS = {
     "static": ("thrust", "air_flow", "inlet"),
     "schedule": ("command",),
     "dynamics": ("_time", "_limit", "delay", "rundown"),
 }
 
 
-def _group_of(name: str) -> str:
-    return next(
-        (group for group, words in _GROUP.items() if any(word in name for word in words)), "rest"
-    )
+def _find_group(name: str) -> str:
+    """Return the group of a table or constant of a deck."""
+    for group, patterns in _GROUPS.items():
+        if any(pattern in name for pattern in patterns):
+            return group
+    return "rest"
 
 
 def _deck_part(group: str) -> _PartAccess:
-    """Return the part of all decks that holds the tables and constants of a group."""
+    """Return the part with the tables and constants of a group, for all decks."""
 
-    def own(deck: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        tables = {name: leaf for name, leaf in deck.tables.items() if _group_of(name) == group}
-        return tables, {
-            f.name: getattr(deck, f.name)
-            for f in fields(deck)
-            if f.name != "tables" and _group_of(f.name) == group
-        }
+    def select(deck: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        tables = {name: leaf for name, leaf in deck.tables.items() if _find_group(name) == group}
+        names = [item.name for item in fields(deck) if item.name != "tables"]
+        constants = {name: getattr(deck, name) for name in names if _find_group(name) == group}
+        return tables, constants
 
     def get(aircraft: Aircraft) -> Any:
-        return tuple(own(engine.deck) if engine.deck else None for engine in aircraft.engines)
+        return tuple(select(engine.deck) if engine.deck else None for engine in aircraft.engines)
 
     def put(aircraft: Aircraft, values: Any) -> Aircraft:
-        engines = [
-            replace(engine, deck=change(engine.deck, *new)) if engine.deck and new else engine
-            for engine, new in zip(aircraft.engines, values, strict=True)
-        ]
+        engines = []
+        for engine, value in zip(aircraft.engines, values, strict=True):
+            if engine.deck and value:
+                engine = replace(engine, deck=change(engine.deck, *value))
+            engines.append(engine)
         return replace(aircraft, engines=tuple(engines))
 
     def change(deck: Any, tables: Any, constants: Any) -> Any:
-        rest = {name: leaf for name, leaf in deck.tables.items() if _group_of(name) != group}
-        return replace(deck, tables=rest | tables, **constants)
+        # the tables of the other groups remain
+        others = {name: leaf for name, leaf in deck.tables.items() if _find_group(name) != group}
+        return replace(deck, tables=others | tables, **constants)
 
     return _PartAccess(get, put)
 
 
-def _contact(name: str) -> _PartAccess:
+def _contact_part(name: str) -> _PartAccess:
     def get(aircraft: Aircraft) -> Any:
-        return (
-            next((contact for contact in aircraft.gear.contacts if contact.name == name), None)
-            if aircraft.gear
-            else None
-        )
+        if aircraft.gear is not None:
+            for contact in aircraft.gear.contacts:
+                if contact.name == name:
+                    return contact
+        return None
 
     def put(aircraft: Aircraft, contact: Any) -> Aircraft:
         if aircraft.gear is None:
             return aircraft
-        own = {c.name: c for c in aircraft.gear.contacts} | {name: contact}
-        return replace(
-            aircraft,
-            gear=replace(aircraft.gear, contacts=tuple(c for c in own.values() if c is not None)),
-        )
+        # the contact keeps its position in the order, a new one is the last
+        contacts = {item.name: item for item in aircraft.gear.contacts} | {name: contact}
+        present = tuple(item for item in contacts.values() if item is not None)
+        return replace(aircraft, gear=replace(aircraft.gear, contacts=present))
 
     return _PartAccess(get, put)
 
 
-def _field_of(owner: str, names: tuple[str, ...]) -> _PartAccess:
+def _gear_part(names: tuple[str, ...]) -> _PartAccess:
+    """Return the part that consists of fields of the landing gear."""
+
     def get(aircraft: Aircraft) -> Any:
-        item = getattr(aircraft, owner)
-        return {name: getattr(item, name) for name in names} if item is not None else None
+        if aircraft.gear is None:
+            return None
+        return {name: getattr(aircraft.gear, name) for name in names}
 
     def put(aircraft: Aircraft, values: Any) -> Aircraft:
-        item = getattr(aircraft, owner)
-        return (
-            replace(aircraft, **{owner: replace(item, **values)})
-            if item is not None and values is not None
-            else aircraft
-        )
+        if aircraft.gear is None or values is None:
+            return aircraft
+        return replace(aircraft, gear=replace(aircraft.gear, **values))
 
     return _PartAccess(get, put)
 
 
-def _circuit(name: str) -> _PartAccess:
+def _circuit_part(name: str) -> _PartAccess:
+    # a circuit that the source does not have is removed
     def put(aircraft: Aircraft, circuit: Any) -> Aircraft:
-        rest = {key: item for key, item in aircraft.circuits.items() if key != name}
-        return replace(aircraft, circuits=rest if circuit is None else {**rest, name: circuit})
+        circuits = {key: item for key, item in aircraft.circuits.items() if key != name}
+        if circuit is not None:
+            circuits[name] = circuit
+        return replace(aircraft, circuits=circuits)
 
     return _PartAccess(lambda aircraft: aircraft.circuits.get(name), put)
 
 
-def _same(a: Any, b: Any) -> bool:
+def _is_same(a: Any, b: Any) -> bool:
+    """Return whether two values are equal, with tables, sequences and dataclasses inside."""
+    # before the comparison of mappings, because a Dataset is one
     if isinstance(a, xr.Dataset) or isinstance(b, xr.Dataset):
-        return (
-            isinstance(a, xr.Dataset)
-            and isinstance(b, xr.Dataset)
-            and a.equals(b)
-            and a.attrs == b.attrs
-        )
+        if not (isinstance(a, xr.Dataset) and isinstance(b, xr.Dataset)):
+            return False
+        return a.equals(b) and a.attrs == b.attrs
     if isinstance(a, tuple | list) and isinstance(b, tuple | list):
-        return len(a) == len(b) and all(map(_same, a, b))
+        return len(a) == len(b) and all(map(_is_same, a, b))
     if isinstance(a, Mapping) and isinstance(b, Mapping):
-        return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
+        return a.keys() == b.keys() and all(_is_same(a[key], b[key]) for key in a)
     if hasattr(a, "__dataclass_fields__") and type(a) is type(b):
-        return all(_same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+        return all(_is_same(getattr(a, item.name), getattr(b, item.name)) for item in fields(a))
     return bool(a == b)

@@ -1,18 +1,19 @@
-"""An aircraft from a similar one, by the laws of similarity ([LR743] section 2.3).
+"""Similar aircraft of another size, by the laws of similarity ([LR743] section 2.3).
 
-With the length ratio l and the mass ratio m (l^3 at equal density) an aircraft of the same shape
-flies alike at the same lift coefficient when its speed is V sqrt(l) and its times are t sqrt(l)
-(equal Froude number V^2/(g L)).  Every law below follows from the dimensions of its quantity with
-these three, forces going with m: what is counted in radians or in parts of a travel stays as it is.
+Two aircraft of the same shape have the length ratio l and the mass ratio m (l^3 at equal density).
+Their motions at the same lift coefficient are similar if the speed is V sqrt(l) and the times are
+t sqrt(l), which means an equal Froude number V^2/(g L). Forces are proportional to m. All laws
+follow from these three factors and the dimension of the quantity. Angles, and fractions of a
+travel, do not change.
 
-Not similar, and kept as they are: Mach number and height axes of the thrust tables (the air is the
-same air), the errors of the instruments, limits of the controls.
+Mach number and height in the thrust tables do not change, because the air is the same. The errors
+of the instruments and the limits of the controls do not change either.
 
 References
 ----------
 .. [LR743] Report LR-743, 1993, section 2.3.
-.. [Wolowicz] Wolowicz, Bowman and Gilbert, Similitude requirements and scaling relationships as applied to model testing,
-   NASA TP-1435, 1979: Froude scaling.
+.. [Wolowicz] Wolowicz, Bowman and Gilbert, Similitude requirements and scaling relationships as
+   applied to model testing, NASA TP-1435, 1979: Froude scaling.
 """
 
 from __future__ import annotations
@@ -28,15 +29,29 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft, Vector
 from flightmech.aircraft.controls import ControlGeometry
-from flightmech.aircraft.engine import TARGETS, Engine, EngineDeck
+from flightmech.aircraft.engine import Engine
+from flightmech.aircraft.engine_deck import TARGETS, EngineDeck
 from flightmech.aircraft.fuel import INERTIAS, MOMENTS, Fuel
 from flightmech.aircraft.landing_gear import Contact, LandingGear
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.terms import SOURCES, list_regressors
 
-_DERIVED = {"N": "kg m s-2", "Pa": "kg m-1 s-2", "rad": "", "1": "", "K": ""}
-_FORCE, _TORQUE, _SPRING, _TURNING = "N", "N m", "N m-1", "N m"
+# Powers of the base units in each unit. A temperature does not change.
+_BASE_UNITS: dict[str, tuple[tuple[str, int], ...]] = {
+    "m": (("m", 1),),
+    "kg": (("kg", 1),),
+    "s": (("s", 1),),
+    "N": (("kg", 1), ("m", 1), ("s", -2)),
+    "Pa": (("kg", 1), ("m", -1), ("s", -2)),
+    "rad": (),
+    "1": (),
+    "K": (),
+}
+_UNIT_FACTOR = re.compile(r"([A-Za-z]+|1)(-?\d*)")
+
+# SI units of the constants of each part. Constants that are not listed do not change.
+_FORCE, _TORQUE, _SPRING = "N", "N m", "N m-1"
 _CONTACT = {
     **dict.fromkeys(("position", "radius", "stroke"), "m"),
     **dict.fromkeys(("stiffness", "tyre_stiffness", "side_stiffness"), _SPRING),
@@ -46,11 +61,12 @@ _CONTACT = {
     "loss": "s",
 }
 _STEERING = {
-    **dict.fromkeys(("stiffness", "arm_stiffness"), _TURNING),
+    **dict.fromkeys(("stiffness", "arm_stiffness"), _TORQUE),
     **dict.fromkeys(("damping", "arm_damping"), "N m s"),
     **dict.fromkeys(("inertia", "arm_inertia"), "kg m2"),
     **dict.fromkeys(("trail", "scrub"), "m"),
 }
+# surface on its hinge, in all circuits
 _SURFACE = {
     "inertia": "kg m2",
     "hinge_damping": "N m s",
@@ -59,6 +75,7 @@ _SURFACE = {
     "arm": "m",
     "step": "s",
 }
+# circuits of column and pedals, whose travel is a length
 _LINEAR = {
     **_SURFACE,
     **dict.fromkeys(("stops", "neutral", "neutral_trim"), "m"),
@@ -68,6 +85,7 @@ _LINEAR = {
     **dict.fromkeys(("preload", "friction", "stiction", "trim_limit"), _FORCE),
     "gearing_slope": "m-2",
 }
+# circuit of the wheel, whose travel is an angle
 _ROTARY = {
     **_SURFACE,
     "mass": "kg m2",
@@ -98,7 +116,7 @@ _DECK = {
 
 @dataclass(frozen=True)
 class Scale:
-    """Factors of length, mass and time, and of the thrust, which may be given apart."""
+    """Factors of length, mass and time, and of the thrust, which may have another factor."""
 
     length: float
     mass: float
@@ -113,110 +131,104 @@ class Scale:
         >>> Scale(4.0, 64.0, 2.0, 64.0).of("N m-1")
         16.0
         """
-        found = 1.0
-        for word in " ".join(_spelt(word) for word in units.split()).split():
-            base, power = re.fullmatch(r"([a-z]+)(-?\d*)", word).groups()  # type: ignore[union-attr]
-            found *= {"m": self.length, "kg": self.mass, "s": self.time}[base] ** int(power or 1)
-        return found
-
-
-def _spelt(word: str) -> str:
-    base, power = re.fullmatch(r"([A-Za-z]+|1)(-?\d*)", word).groups()  # type: ignore[union-attr]
-    if base not in _DERIVED:
-        return word
-    parts = (re.fullmatch(r"([a-z]+)(-?\d*)", part).groups() for part in _DERIVED[base].split())  # type: ignore[union-attr]
-    return " ".join(f"{name}{int(exponent or 1) * int(power or 1)}" for name, exponent in parts)
+        ratios = {"m": self.length, "kg": self.mass, "s": self.time}
+        factor = 1.0
+        for word in units.split():
+            match = _UNIT_FACTOR.fullmatch(word)
+            assert match is not None
+            power = int(match.group(2) or 1)
+            for base, exponent in _BASE_UNITS[match.group(1)]:
+                factor *= ratios[base] ** (exponent * power)
+        return factor
 
 
 def scaled_parts(aircraft: Aircraft, scale: Scale) -> dict[str, Any]:
     """Return fuel, gear and circuits of the similar aircraft, by the field of `Aircraft`."""
+    circuits = {}
+    for name, circuit in aircraft.circuits.items():
+        # the wheel turns, column and pedals move along a line
+        units = _ROTARY if name == "wheel" else _LINEAR
+        circuits[name] = _scale_constants(circuit, units, scale)
     return {
-        "fuel": _fuel(aircraft.fuel, scale) if aircraft.fuel is not None else None,
-        "gear": _gear(aircraft.gear, scale) if aircraft.gear is not None else None,
-        "circuits": {
-            name: _constants(circuit, _ROTARY if name == "wheel" else _LINEAR, scale)
-            for name, circuit in aircraft.circuits.items()
-        },
+        "fuel": None if aircraft.fuel is None else _scale_fuel(aircraft.fuel, scale),
+        "gear": None if aircraft.gear is None else _scale_gear(aircraft.gear, scale),
+        "circuits": circuits,
     }
 
 
 def scaled_deck(deck: EngineDeck, scale: Scale) -> EngineDeck:
     """Return the engine deck of the similar aircraft."""
-    changed = _constants(deck, _DECK, scale)
-    return replace(
-        changed,
-        tables={name: _table(leaf, TARGETS[name], scale) for name, leaf in deck.tables.items()},
-    )
+    tables = {}
+    for name, leaf in deck.tables.items():
+        # a force of the engine has the factor of the thrust
+        factor = scale.thrust if TARGETS[name] == "N" else scale.of(TARGETS[name])
+        tables[name] = _scale_table(leaf, factor, scale)
+    return replace(_scale_constants(deck, _DECK, scale), tables=tables)
 
 
-def _constants(item: Any, units: Mapping[str, str], scale: Scale) -> Any:
-    """Return a dataclass with the constants that have units scaled; limits that are none stay none."""
-    return replace(
-        item,
-        **{
-            f.name: _scaled_values(getattr(item, f.name), scale.of(units[f.name]))
-            for f in fields(item)
-            if f.name in units
-        },
-    )
+def _scale_constants(item: Any, units: Mapping[str, str], scale: Scale) -> Any:
+    """Return a copy of a dataclass in which the constants with units are scaled."""
+    constants = {}
+    for constant in fields(item):
+        if constant.name in units:
+            factor = scale.of(units[constant.name])
+            constants[constant.name] = _scale_value(getattr(item, constant.name), factor)
+    return replace(item, **constants)
 
 
-def _scaled_values(value: Any, by: float) -> Any:
+def _scale_value(value: Any, factor: float) -> Any:
     if value is None:
         return None
     if isinstance(value, tuple):
-        return tuple(_scaled_values(part, by) for part in value)
-    return value if abs(value) == sys.float_info.max else value * by
+        return tuple(_scale_value(component, factor) for component in value)
+    # the largest double is a limit that does not act
+    return value if abs(value) == sys.float_info.max else value * factor
 
 
-def _table(
-    leaf: xr.Dataset, units: str, scale: Scale, axes: Mapping[str, str] | None = None
+def _scale_table(
+    leaf: xr.Dataset, factor: float, scale: Scale, axes: Mapping[str, str] | None = None
 ) -> xr.Dataset:
-    """Return a leaf whose value is in `units` over those of its regressors, with the axes of `axes`
-    scaled too.
+    """Return a leaf with scaled value, over the factors of its regressors, and scaled axes.
+
+    `axes` has the units of the axes to scale.
     """
-    by = scale.thrust if units == "N" else scale.of(units)
-    for word in list_regressors(leaf):
-        by /= scale.of(lookup(word).units)
-    scaled = leaf.assign(
-        {
-            name: leaf[name].copy(data=leaf[name].values * by)
-            for name in ("value", "stderr")
-            if name in leaf
-        }
-    )
-    return scaled.assign_coords(
-        {
-            name: leaf[name] * scale.of(unit)
-            for name, unit in (axes or {}).items()
-            if name in leaf.coords
-        }
-    )
+    for name in list_regressors(leaf):
+        factor /= scale.of(lookup(name).units)
+    values = {}
+    for name in ("value", "stderr"):
+        if name in leaf:
+            values[name] = leaf[name].copy(data=leaf[name].values * factor)
+    coords = {}
+    for name, units in (axes or {}).items():
+        if name in leaf.coords:
+            coords[name] = leaf[name] * scale.of(units)
+    return leaf.assign(values).assign_coords(coords)
 
 
-def _fuel(fuel: Fuel, scale: Scale) -> Fuel:
+def _scale_fuel(fuel: Fuel, scale: Scale) -> Fuel:
     units = {**dict.fromkeys(MOMENTS, "kg m"), **dict.fromkeys(INERTIAS, "kg m2")}
-    tables = {
-        name: _table(leaf, units[name], scale, {"fuel": "kg"}) for name, leaf in fuel.tables.items()
-    }
-    return Fuel(fuel.mass * scale.mass, _scaled_values(fuel.position, scale.length), tables)
+    tables = {}
+    for name, leaf in fuel.tables.items():
+        tables[name] = _scale_table(leaf, scale.of(units[name]), scale, axes={"fuel": "kg"})
+    return Fuel(fuel.mass * scale.mass, _scale_value(fuel.position, scale.length), tables)
 
 
-def _gear(gear: LandingGear, scale: Scale) -> LandingGear:
-    contacts = tuple(_contact(contact, scale) for contact in gear.contacts)
-    return replace(gear, contacts=contacts, steering=_constants(gear.steering, _STEERING, scale))
+def _scale_gear(gear: LandingGear, scale: Scale) -> LandingGear:
+    contacts = tuple(_scale_contact(contact, scale) for contact in gear.contacts)
+    steering = _scale_constants(gear.steering, _STEERING, scale)
+    return replace(gear, contacts=contacts, steering=steering)
 
 
-def _contact(contact: Contact, scale: Scale) -> Contact:
-    changed = _constants(contact, _CONTACT, scale)
+def _scale_contact(contact: Contact, scale: Scale) -> Contact:
+    scaled = _scale_constants(contact, _CONTACT, scale)
     if contact.strut is None:
-        return changed
-    force = replace(scale, thrust=scale.of("N"))
-    return replace(changed, strut=_table(contact.strut, "N", force, {"compression": "m"}))
+        return scaled
+    strut = _scale_table(contact.strut, scale.of(_FORCE), scale, axes={"compression": "m"})
+    return replace(scaled, strut=strut)
 
 
 class Law(NamedTuple):
-    """A power law: factor = length_ratio**length * mass_ratio**mass, and where it comes from."""
+    """A power law, length_ratio**length * mass_ratio**mass, and its reason."""
 
     length: float
     mass: float
@@ -233,19 +245,23 @@ LAWS: dict[str, Law] = {
     "angular_momentum": Law(1.5, 1.0, "m L^2 / t: equal gyroscopic over aerodynamic moments"),
     "gearing": Law(-1.0, 0.0, "equal angle per part of the travel; per rad of a wheel it stays"),
 }
-"""Laws of what an `Aircraft` holds; engine decks, fuel, gear and control circuits follow from these by their dimensions."""
+"""Laws of the quantities of an `Aircraft`.
+
+The factors of engine decks, fuel, gear and control circuits follow from these by their dimensions.
+"""
 
 
 def similarity_factor(law: Law, length_ratio: float, mass_ratio: float | None = None) -> float:
-    """Return the factor of a law; without `mass_ratio` the density is equal.
+    """Return the factor of a law. Without `mass_ratio` the density is equal.
 
     Examples
     --------
-    >>> factor(LAWS["inertia"], 2.0)
+    >>> similarity_factor(LAWS["inertia"], 2.0)
     32.0
     """
-    mass = length_ratio**3 if mass_ratio is None else mass_ratio
-    return float(length_ratio**law.length * mass**law.mass)
+    if mass_ratio is None:
+        mass_ratio = length_ratio**3
+    return float(length_ratio**law.length * mass_ratio**law.mass)
 
 
 def rescale(
@@ -260,20 +276,21 @@ def rescale(
     Parameters
     ----------
     aircraft : Aircraft
-        The known one.
+        Aircraft with known data.
     length_ratio : float
-        New length over known length. [1]
+        New length over the length of `aircraft`. [1]
     mass_ratio : float, optional
-        New mass over known mass; the cube of the length ratio unless given. [1]
+        New mass over the mass of `aircraft`. The default is the cube of the length ratio. [1]
     overrides : mapping of str to float, optional
-        Factors that replace those of `LAWS`: ``{"thrust": 1.4}`` when the engine is known. [1]
+        Factors that replace those of `LAWS`, for example ``{"thrust": 1.4}`` if the engine is
+        known. [1]
     name : str, optional
         Name of the new aircraft.
 
     Returns
     -------
     Aircraft
-        ``history`` lists the ratios, every factor and which were given.
+        ``history`` lists the ratios, all factors and the overrides.
 
     Raises
     ------
@@ -282,92 +299,132 @@ def rescale(
     UnknownName
         An override that is not in `LAWS`.
     """
-    given = dict(overrides or {})
-    ratios = {
-        "length_ratio": length_ratio,
-        **({} if mass_ratio is None else {"mass_ratio": mass_ratio}),
-        **given,
-    }
-    bad = [
-        f"{key} is {value!r}; give a positive number"
-        for key, value in ratios.items()
-        if not (np.isfinite(value) and value > 0.0)
-    ]
-    if bad:
-        raise SchemaError("rescale", bad)
-    for key in given:
+    fixed = dict(overrides or {})
+    ratios = {"length_ratio": length_ratio}
+    if mass_ratio is not None:
+        ratios["mass_ratio"] = mass_ratio
+    _demand_positive(ratios | fixed)
+    for key in fixed:
         if key not in LAWS:
             raise UnknownName(key, LAWS, "law")
-    by = {
-        key: given.get(key, similarity_factor(law, length_ratio, mass_ratio))
-        for key, law in LAWS.items()
-    }
-    inertia = {
-        axis: getattr(aircraft, axis) * by["inertia"]
-        for axis in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-    }
-    line = f"rescaled from {aircraft.name}: length ratio {length_ratio:g}; factors " + ", ".join(
-        f"{key} {value:.6g}{' (given)' if key in given or (key == 'mass' and mass_ratio is not None) else ''}"
-        for key, value in by.items()
+    factors = {}
+    for key, law in LAWS.items():
+        factors[key] = fixed.get(key, similarity_factor(law, length_ratio, mass_ratio))
+    if mass_ratio is not None:
+        fixed.setdefault("mass", mass_ratio)
+    line = f"rescaled from {aircraft.name}: length ratio {length_ratio:g}; factors "
+    line += _describe_factors(factors, fixed)
+    return _scale_aircraft(aircraft, factors, name or aircraft.name, line)
+
+
+def _demand_positive(ratios: Mapping[str, float]) -> None:
+    problems = []
+    for key, value in ratios.items():
+        if not (np.isfinite(value) and value > 0.0):
+            problems.append(f"{key} is {value!r}; give a positive number")
+    if problems:
+        raise SchemaError("rescale", problems)
+
+
+def _describe_factors(factors: Mapping[str, float], fixed: Mapping[str, float]) -> str:
+    texts = []
+    for key, factor in factors.items():
+        mark = " (given)" if key in fixed else ""
+        texts.append(f"{key} {factor:.6g}{mark}")
+    return ", ".join(texts)
+
+
+def _scale_aircraft(
+    aircraft: Aircraft, factors: Mapping[str, float], name: str, line: str
+) -> Aircraft:
+    """Return the aircraft with the factors of `LAWS`. `line` is added to its history."""
+    length = factors["length"]
+    scale = Scale(
+        length=length, mass=factors["mass"], time=factors["time"], thrust=factors["thrust"]
     )
-    scale = Scale(by["length"], by["mass"], by["time"], by["thrust"])
+    reference = aircraft.reference
+    if reference is not None:
+        reference = _scale_vector(reference, length)
+    inertia = {}
+    for moment in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"):
+        inertia[moment] = getattr(aircraft, moment) * factors["inertia"]
+    instruments = {}
+    for key, table in aircraft.instruments.items():
+        instruments[key] = _scale_instrument(table, length)
+    controls = {}
+    for key, control in aircraft.controls.items():
+        controls[key] = _scale_control(key, control, factors)
     return replace(
         aircraft,
-        name=name or aircraft.name,
-        S=aircraft.S * by["area"],
-        cbar=aircraft.cbar * by["length"],
-        b=aircraft.b * by["length"],
-        mass=aircraft.mass * by["mass"],
+        name=name,
+        S=aircraft.S * factors["area"],
+        cbar=aircraft.cbar * length,
+        b=aircraft.b * length,
+        mass=aircraft.mass * factors["mass"],
         **inertia,
-        reference=None if aircraft.reference is None else _times(aircraft.reference, by["length"]),
-        cg=_times(aircraft.cg, by["length"]),
-        engines=tuple(_engine(engine, by, scale, line) for engine in aircraft.engines),
+        reference=reference,
+        cg=_scale_vector(aircraft.cg, length),
+        engines=tuple(_scale_engine(engine, factors, scale, line) for engine in aircraft.engines),
         **scaled_parts(aircraft, scale),
-        instruments={
-            key: _instrument(table, by["length"]) for key, table in aircraft.instruments.items()
-        },
-        controls={key: _control(key, control, by) for key, control in aircraft.controls.items()},
-        history=f"{aircraft.history}\n{line}" if aircraft.history else line,
+        instruments=instruments,
+        controls=controls,
+        history=_append_line(aircraft.history, line),
     )
 
 
-def _times(vector: Vector, by: float) -> Vector:
-    x, y, z = (component * by for component in vector)
-    return x, y, z
+def _scale_vector(vector: Vector, factor: float) -> Vector:
+    x, y, z = vector
+    return x * factor, y * factor, z * factor
 
 
-def _engine(engine: Engine, by: Mapping[str, float], scale: Scale, line: str) -> Engine:
+def _append_line(history: str, line: str) -> str:
+    return f"{history}\n{line}" if history else line
+
+
+def _scale_engine(engine: Engine, factors: Mapping[str, float], scale: Scale, line: str) -> Engine:
+    deck, thrust = engine.deck, engine.thrust
+    if deck is not None:
+        deck = scaled_deck(deck, scale)
+    if thrust is not None:
+        thrust = _scale_thrust(thrust, factors["thrust"], line)
     return replace(
         engine,
-        deck=None if engine.deck is None else scaled_deck(engine.deck, scale),
-        position=_times(engine.position, by["length"]),
-        thrust=None if engine.thrust is None else _thrust(engine.thrust, by["thrust"], line),
-        time_constant=engine.time_constant * by["time"],
-        angular_momentum=engine.angular_momentum * by["angular_momentum"],
+        deck=deck,
+        position=_scale_vector(engine.position, factors["length"]),
+        thrust=thrust,
+        time_constant=engine.time_constant * factors["time"],
+        angular_momentum=engine.angular_momentum * factors["angular_momentum"],
     )
 
 
-def _thrust(leaf: xr.Dataset, by: float, line: str) -> xr.Dataset:
-    scaled = leaf.assign({name: leaf[name] * by for name in ("value", "stderr") if name in leaf})
-    for name in ("value", "stderr"):
-        if name in leaf:
-            scaled[name].attrs = leaf[name].attrs
+def _scale_thrust(leaf: xr.Dataset, factor: float, line: str) -> xr.Dataset:
+    tables = [name for name in ("value", "stderr") if name in leaf]
+    scaled = leaf.assign({name: leaf[name] * factor for name in tables})
+    # the product has no attributes
+    for name in tables:
+        scaled[name].attrs = leaf[name].attrs
     if "source" in leaf:
-        scaled["source"] = leaf["source"].copy(
-            data=np.full(leaf["source"].shape, SOURCES.index("judgement"), np.uint8)
-        )
+        codes = np.full(leaf["source"].shape, SOURCES.index("judgement"), np.uint8)
+        scaled["source"] = leaf["source"].copy(data=codes)
     history = str(leaf.attrs.get("history", ""))
-    return scaled.assign_attrs(history=f"{history}\n{line}" if history else line)
+    return scaled.assign_attrs(history=_append_line(history, line))
 
 
-def _instrument(table: Any, by: float) -> Any:
+def _scale_instrument(table: Any, factor: float) -> Any:
     if not isinstance(table, dict) or "position" not in table:
         return table
-    return {**table, "position": [float(component) * by for component in table["position"]]}
+    return {**table, "position": [float(component) * factor for component in table["position"]]}
 
 
-def _control(name: str, control: ControlGeometry, by: Mapping[str, float]) -> ControlGeometry:
+def _scale_control(
+    name: str, control: ControlGeometry, factors: Mapping[str, float]
+) -> ControlGeometry:
     gearing = control.gearing
+    # the gearing of the aileron is per radian of the wheel, which does not change
     if gearing is not None and name != "delta_a":
-        gearing *= by["gearing"]
-    return ControlGeometry(control.S_hinge * by["area"], control.c_hinge * by["length"], gearing)
+        gearing *= factors["gearing"]
+    return ControlGeometry(
+        S_hinge=control.S_hinge * factors["area"],
+        c_hinge=control.c_hinge * factors["length"],
+        gearing=gearing,
+    )

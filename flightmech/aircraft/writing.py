@@ -1,22 +1,27 @@
-"""An aircraft to a TOML file that `read_aircraft` reads back the same; tables of engines and fuel
-go to netCDF files next to it.
+"""Writer of aircraft files. `read_aircraft` reads the same aircraft from the file.
+
+The tables of engines and fuel are written to netCDF files next to the TOML file.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from flightmech.aircraft.aircraft import Aircraft
-from flightmech.aircraft.engine import CONSTANTS, Engine, EngineDeck, write_tables
+from flightmech.aircraft.controls import ControlGeometry
+from flightmech.aircraft.engine import Engine
+from flightmech.aircraft.engine_deck import CONSTANTS, EngineDeck, write_tables
 from flightmech.aircraft.fuel import Fuel
-from flightmech.aircraft.landing_gear import CONDITIONS, ORDERS, LandingGear
+from flightmech.aircraft.landing_gear import CONDITIONS, LandingGear
+from flightmech.aircraft.landing_gear_file import ORDERS
 from flightmech.support.atomic_write import write_text, written_atomically
 
-_PLAIN = (
+# keys before the first section of the file
+_MAIN_KEYS = (
     "name",
     "S",
     "cbar",
@@ -35,15 +40,14 @@ _PLAIN = (
 
 
 def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
-    """Write an aircraft file, SI.
+    """Write an aircraft file in SI units.
 
     Parameters
     ----------
     aircraft : Aircraft
-        The aircraft.
     path : str or path
-        TOML file; tables are written next to it as ``<name>_engine1.nc`` and so on, those that
-        engines share once, and ``<name>_fuel.nc``.
+        TOML file. Tables are written next to it as ``<name>_engine1.nc`` and so on, and
+        ``<name>_fuel.nc``. Engines with the same tables share a file.
 
     Returns
     -------
@@ -51,157 +55,159 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
         The TOML file.
     """
     path = Path(path)
-    files = _engine_files(aircraft.engines, path)
-    lines = [
-        f"{name} = {_value(getattr(aircraft, name))}"
-        for name in _PLAIN
-        if getattr(aircraft, name) is not None
-    ]
-    if aircraft.history:
-        lines.append(f"history = {_value(aircraft.history)}")
-    lines += ["earth_outputs = true"] if aircraft.earth_outputs else []
+    # before the other files, so that an error in a table leaves an older TOML file unchanged
+    files = _write_engine_tables(aircraft.engines, path)
+    lines = _main_lines(aircraft)
     for engine, file in zip(aircraft.engines, files, strict=True):
-        lines += [
-            "",
-            "[[engine]]",
-            f"position = {_value(engine.position)}",
-            f"direction = {_value(engine.direction)}",
-        ]
-        lines += [
-            f"{name} = {_value(getattr(engine, name))}"
-            for name in ("time_constant", "angular_momentum")
-        ]
-        lines += [f"thrust_file = {_value(file)}"] if engine.thrust is not None else []
-        lines += _deck(engine.deck, file) if engine.deck is not None else []
-    lines += _fuel(aircraft.fuel, path) if aircraft.fuel is not None else []
-    lines += _gear(aircraft.gear) if aircraft.gear is not None else []
+        lines += _engine_lines(engine, file)
+    if aircraft.fuel is not None:
+        lines += _write_fuel(aircraft.fuel, path)
+    if aircraft.gear is not None:
+        lines += _gear_lines(aircraft.gear)
     if aircraft.limits:
-        lines += [
-            "",
-            "[limits]",
-            *(f"{_key(name)} = {_value(travel)}" for name, travel in aircraft.limits.items()),
-        ]
+        lines += ["", "[limits]", *_key_lines(aircraft.limits)]
     for name, control in aircraft.controls.items():
-        lines += [
-            "",
-            f"[control.{name}]",
-            f"S_hinge = {control.S_hinge!r}",
-            f"c_hinge = {control.c_hinge!r}",
-        ]
-        lines += [f"gearing = {control.gearing!r}"] if control.gearing is not None else []
+        lines += _control_lines(name, control)
     for name, circuit in aircraft.circuits.items():
+        # constants with their defaults are omitted
         changed = [f.name for f in fields(circuit) if getattr(circuit, f.name) != f.default]
-        lines += [
-            "",
-            f"[circuit.{name}]",
-            *(f"{key} = {_value(getattr(circuit, key))}" for key in changed),
-        ]
+        lines += ["", f"[circuit.{name}]", *_field_lines(circuit, changed)]
     for name, table in aircraft.instruments.items():
-        lines += [
-            "",
-            f"[instruments.{name}]",
-            *(f"{_key(key)} = {_value(item)}" for key, item in table.items()),
-        ]
+        lines += ["", f"[instruments.{name}]", *_key_lines(table)]
     write_text(path, "\n".join(lines) + "\n")
     return path
 
 
-def _engine_files(engines: tuple[Engine, ...], path: Path) -> list[str]:
-    """Write the tables of the engines; engines with the same tables share a file, one without has
-    the name "".
-    """
-    files: list[str] = []
-    for number, engine in enumerate(engines, 1):
-        same = next(
-            (i for i, other in enumerate(engines[: number - 1]) if _same_tables(other, engine)), -1
-        )
-        if engine.thrust is None and engine.deck is None:
-            files.append("")
-        elif same >= 0:
-            files.append(files[same])
-        else:
-            files.append(f"{path.stem}_engine{number}.nc")
-            with written_atomically(path.with_name(files[-1])) as part:
-                if engine.thrust is not None:
-                    engine.thrust.to_netcdf(part, engine="h5netcdf")
-                else:
-                    write_tables(engine.deck.tables, part)  # type: ignore[union-attr]
-    return files
-
-
-def _same_tables(one: Engine, other: Engine) -> bool:
-    if one.thrust is not None and other.thrust is not None:
-        return bool(one.thrust.identical(other.thrust))
-    if one.deck is None or other.deck is None or set(one.deck.tables) != set(other.deck.tables):
-        return False
-    return all(leaf.identical(other.deck.tables[name]) for name, leaf in one.deck.tables.items())
-
-
-def _deck(deck: EngineDeck, file: str) -> list[str]:
-    lines = [
-        "",
-        "[engine.deck]",
-        f"file = {_value(file)}",
-        *(f"{name} = {_value(getattr(deck, name))}" for name in CONSTANTS),
-    ]
-    return lines + ([f"inlet = {_value(deck.inlet)}"] if deck.inlet is not None else [])
-
-
-def _gear(gear: LandingGear) -> list[str]:
-    plain = ("mu_dry", "mu_icy", "mu_wet", "skid_ratio", "antiskid")
-    lines = [
-        "",
-        "[gear]",
-        f"condition = {_value(CONDITIONS[gear.condition])}",
-        *(f"{name} = {_value(getattr(gear, name))}" for name in plain),
-    ]
-    order = next(word for word, number in ORDERS.items() if number == gear.steering.order)
-    lines += ["", "[gear.steering]", f"order = {_value(order)}"]
-    lines += [
-        f"{f.name} = {_value(getattr(gear.steering, f.name))}"
-        for f in fields(gear.steering)
-        if f.name != "order"
-    ]
-    for contact in gear.contacts:
-        given = [f.name for f in fields(contact) if f.name != "strut"]
-        lines += [
-            "",
-            "[[gear.contact]]",
-            *(f"{name} = {_value(getattr(contact, name))}" for name in given),
-        ]
-        if contact.strut is not None:
-            leaf = contact.strut
-            points, force = (tuple(leaf[name].values.tolist()) for name in ("compression", "value"))
-            lines.append(f"strut = {{ compression = {_value(points)}, value = {_value(force)} }}")
+def _main_lines(aircraft: Aircraft) -> list[str]:
+    keys = [key for key in _MAIN_KEYS if getattr(aircraft, key) is not None]
+    lines = _field_lines(aircraft, keys)
+    if aircraft.history:
+        lines.append(f"history = {_to_toml(aircraft.history)}")
+    if aircraft.earth_outputs:
+        lines.append("earth_outputs = true")
     return lines
 
 
-def _fuel(fuel: Fuel, path: Path) -> list[str]:
-    lines = ["", "[fuel]", f"mass = {_value(fuel.mass)}", f"position = {_value(fuel.position)}"]
+def _write_engine_tables(engines: tuple[Engine, ...], path: Path) -> list[str]:
+    """Write the tables of the engines, and return the name of the file of each engine.
+
+    Engines with the same tables share a file. The name of an engine without tables is empty.
+    """
+    files: list[str] = []
+    for i, engine in enumerate(engines):
+        if engine.thrust is None and engine.deck is None:
+            files.append("")
+            continue
+        # files of the engines before this one
+        shared = [file for before, file in zip(engines, files) if _has_same_tables(before, engine)]
+        if shared:
+            files.append(shared[0])
+            continue
+        files.append(f"{path.stem}_engine{i + 1}.nc")
+        with written_atomically(path.with_name(files[-1])) as part:
+            if engine.thrust is not None:
+                engine.thrust.to_netcdf(part, engine="h5netcdf")
+            elif engine.deck is not None:
+                write_tables(engine.deck.tables, part)
+    return files
+
+
+def _has_same_tables(a: Engine, b: Engine) -> bool:
+    if a.thrust is not None and b.thrust is not None:
+        return bool(a.thrust.identical(b.thrust))
+    if a.deck is None or b.deck is None or set(a.deck.tables) != set(b.deck.tables):
+        return False
+    # identical() also compares names and attributes
+    return all(leaf.identical(b.deck.tables[name]) for name, leaf in a.deck.tables.items())
+
+
+def _engine_lines(engine: Engine, file: str) -> list[str]:
+    lines = ["", "[[engine]]"]
+    lines += _field_lines(engine, ("position", "direction", "time_constant", "angular_momentum"))
+    if engine.thrust is not None:
+        lines.append(f"thrust_file = {_to_toml(file)}")
+    if engine.deck is not None:
+        lines += _deck_lines(engine.deck, file)
+    return lines
+
+
+def _deck_lines(deck: EngineDeck, file: str) -> list[str]:
+    lines = ["", "[engine.deck]", f"file = {_to_toml(file)}", *_field_lines(deck, CONSTANTS)]
+    if deck.inlet is not None:
+        lines.append(f"inlet = {_to_toml(deck.inlet)}")
+    return lines
+
+
+def _control_lines(name: str, control: ControlGeometry) -> list[str]:
+    lines = ["", f"[control.{name}]"]
+    lines += [f"S_hinge = {control.S_hinge!r}", f"c_hinge = {control.c_hinge!r}"]
+    if control.gearing is not None:
+        lines.append(f"gearing = {control.gearing!r}")
+    return lines
+
+
+def _gear_lines(gear: LandingGear) -> list[str]:
+    lines = ["", "[gear]", f"condition = {_to_toml(CONDITIONS[gear.condition])}"]
+    lines += _field_lines(gear, ("mu_dry", "mu_icy", "mu_wet", "skid_ratio", "antiskid"))
+    names = {number: name for name, number in ORDERS.items()}
+    lines += ["", "[gear.steering]", f"order = {_to_toml(names[gear.steering.order])}"]
+    lines += _field_lines(
+        gear.steering, [f.name for f in fields(gear.steering) if f.name != "order"]
+    )
+    for contact in gear.contacts:
+        keys = [f.name for f in fields(contact) if f.name != "strut"]
+        lines += ["", "[[gear.contact]]", *_field_lines(contact, keys)]
+        if contact.strut is not None:
+            compression = _to_toml(contact.strut["compression"].values.tolist())
+            force = _to_toml(contact.strut["value"].values.tolist())
+            lines.append(f"strut = {{ compression = {compression}, value = {force} }}")
+    return lines
+
+
+def _write_fuel(fuel: Fuel, path: Path) -> list[str]:
+    """Write the tables of the fuel, and return the lines of its section."""
+    lines = ["", "[fuel]", *_field_lines(fuel, ("mass", "position"))]
     if not fuel.tables:
         return lines
     file = f"{path.stem}_fuel.nc"
     with written_atomically(path.with_name(file)) as part:
         write_tables(fuel.tables, part)
-    return [*lines, f"file = {_value(file)}"]
+    return [*lines, f"file = {_to_toml(file)}"]
 
 
-def _key(name: str) -> str:
-    return name if name.replace("_", "").isalnum() and name.isascii() else json.dumps(name)
+def _field_lines(item: Any, names: Iterable[str]) -> list[str]:
+    """Return one line for each of these attributes of an object."""
+    return [f"{name} = {_to_toml(getattr(item, name))}" for name in names]
 
 
-def _value(item: Any) -> str:
+def _key_lines(table: Mapping[str, Any]) -> list[str]:
+    return [f"{_to_key(key)} = {_to_toml(item)}" for key, item in table.items()]
+
+
+def _to_key(name: str) -> str:
+    """Return a key of TOML, in quotes if it has characters that a bare key must not have."""
+    if name.isascii() and name.replace("_", "").isalnum():
+        return name
+    return json.dumps(name)
+
+
+def _to_toml(item: Any) -> str:
+    """Return a value as TOML. A float is written with all its digits."""
     if isinstance(item, Mapping):
-        return (
-            f"{{ {', '.join(f'{_key(str(key))} = {_value(value)}' for key, value in item.items())} "
-            f"}}"
-            if item
-            else "{}"
-        )
+        return _to_inline_table(item)
     if isinstance(item, list | tuple):
-        return f"[{', '.join(map(_value, item))}]"
+        return f"[{', '.join(map(_to_toml, item))}]"
     if isinstance(item, str):
+        # JSON leaves the control character DEL as it is, TOML requires an escape
         return json.dumps(item, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(item, bool):
         return "true" if item else "false"
+    # float() because the repr of a NumPy float has its type
     return repr(float(item)) if isinstance(item, float) else str(item)
+
+
+def _to_inline_table(table: Mapping[str, Any]) -> str:
+    if not table:
+        return "{}"
+    entries = [f"{_to_key(str(key))} = {_to_toml(item)}" for key, item in table.items()]
+    return f"{{ {', '.join(entries)} }}"

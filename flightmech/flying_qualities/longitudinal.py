@@ -35,6 +35,7 @@ NO_ELEVATOR = (
     "the elevator has no effect on the pitching moment: the database has no such term here"
 )
 NO_HINGE = "the database has no hinge moments Ch_e over the elevator deflection"
+NO_CONVERGENCE = "the search for the c.g. without this moment did not converge"
 SMALL = 1e-9  # derivative that counts as zero
 # Search of a c.g.: first step and tolerance, in mean chords.
 _CG_STEP, _CG_TOLERANCE = 0.1, 1e-10
@@ -50,7 +51,7 @@ def longitudinal_rows(point: Point) -> list[Characteristic]:
     neutral_point = _find_cg(point, lambda x: point.body_slopes("alpha", x)[_CM])
     # without an effect of the elevator the rows of control are absent
     has_elevator = abs(point.body_slopes("delta_e")[_CM]) > SMALL
-    return [
+    rows = [
         Characteristic(
             GROUP,
             "x_cg",
@@ -76,6 +77,7 @@ def longitudinal_rows(point: Point) -> list[Characteristic]:
         *_free_rows(point, cg, has_elevator),
         *_stick_force_rows(point, has_elevator),
     ]
+    return _mark_undetermined(rows)
 
 
 def _manoeuvre_fixed_rows(point: Point, cg: float, has_elevator: bool) -> list[Characteristic]:
@@ -264,7 +266,8 @@ def thrust_coefficients(point: Point) -> tuple[float, float]:
 def _find_cg(point: Point, residual: Callable[[float], float]) -> float:
     """Return the c.g. at which `residual` is zero, in chords behind the leading edge.
 
-    The residual is linear in the c.g. unless terms depend on it.
+    The residual is linear in the c.g. unless terms depend on it. The result is NaN if the search
+    does not converge, for example because the residual does not depend on the c.g.
     """
     craft = point.aircraft
     search = root_scalar(
@@ -275,4 +278,16 @@ def _find_cg(point: Point, residual: Callable[[float], float]) -> float:
         xtol=_CG_TOLERANCE * craft.cbar,
         maxiter=50,
     )
+    if not search.converged:
+        return np.nan
     return craft.x_ref_mac - float(search.root) / craft.cbar
+
+
+def _mark_undetermined(rows: list[Characteristic]) -> list[Characteristic]:
+    """Return rows in which a value that the search for the c.g. did not find is absent."""
+    marked = []
+    for row in rows:
+        if np.isnan(row.value) and not row.absent:
+            row = row._replace(remark="", absent=NO_CONVERGENCE)
+        marked.append(row)
+    return marked

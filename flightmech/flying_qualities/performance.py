@@ -99,7 +99,9 @@ def alpha_range(point: Point) -> tuple[float, float]:
 
 
 def _balance_elevator(point: Point, alpha: np.ndarray, steady: dict[str, float]) -> np.ndarray:
-    """Return the elevator (alpha,) without a pitching moment about the c.g., NaN beyond its limits.
+    """Return the elevator (alpha,) without a pitching moment about the c.g.
+
+    It is NaN beyond its limits, and where the search does not reach a moment below `_BALANCED`.
 
     If the elevator has no effect, its angle is that of the flight.
     """
@@ -127,7 +129,8 @@ def _balance_elevator(point: Point, alpha: np.ndarray, steady: dict[str, float])
         high, moment_high = trial, moment_trial
         if np.abs(moment_high[inside]).max(initial=0.0) < _BALANCED:
             break
-    return np.where(inside, high, np.nan)
+    balanced = inside & (np.abs(moment_high) < _BALANCED)
+    return np.where(balanced, high, np.nan)
 
 
 def stall(point: Point) -> Stall:
@@ -144,7 +147,8 @@ def stall(point: Point) -> Stall:
         best = int(np.argmax(curve["CL"].values))
         CL = float(curve["CL"][best])
         V = float(np.sqrt(2.0 * point.weight / (air.rho * point.aircraft.S * CL)))
-        if abs(V / a_sound - mach) < _MACH_TOLERANCE:
+        change = V / a_sound - mach
+        if abs(change) < _MACH_TOLERANCE:
             break
         mach = V / a_sound
     alpha = float(curve["alpha"][best])
@@ -154,6 +158,8 @@ def stall(point: Point) -> Stall:
         why = "end of the elevator travel: the table would give more"
     else:
         why = "end of the lift table, no maximum inside: the true one lies higher"
+    if abs(change) >= _MACH_TOLERANCE:
+        why += f"; not converged, the Mach number of the stall still changes by {change:.2g}"
     return Stall(CL, alpha, V, why)
 
 

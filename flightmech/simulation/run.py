@@ -158,9 +158,16 @@ def read_time(inputs: xr.Dataset) -> np.ndarray:
     if "time" not in inputs.coords or inputs["time"].ndim != 1 or inputs.sizes["time"] < 1:
         raise SchemaError("inputs", ["no coordinate time; give the inputs over time in s"])
     time = inputs["time"].values.astype(float)
+    is_finite = np.isfinite(time)
+    if not is_finite.all():
+        sample = int(np.flatnonzero(~is_finite)[0])
+        raise SchemaError(
+            "inputs",
+            [f"time is {time[sample]:g} at sample {sample}; give finite times, drop the sample"],
+        )
     rises = np.diff(time) > 0.0
-    if not rises.all() or not np.isfinite(time).all():
-        sample = int(np.flatnonzero(~rises)[0]) if len(time) > 1 else 0
+    if not rises.all():
+        sample = int(np.flatnonzero(~rises)[0])
         raise SchemaError(
             "inputs",
             [

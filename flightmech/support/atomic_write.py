@@ -1,7 +1,7 @@
-"""Files and folders that are written atomically: completely or not at all.
+"""Atomic writing of files and folders: completely or not at all.
 
-What is written first stands next to its destination under a name that begins with a dot and ends in
-``.part``; what a killed process left there does no harm, and the next writing to the same
+The new content is first written next to its destination, under a name that begins with a dot and
+ends with ``.part``. If a process is killed, such a file remains. The next writing to the same
 destination removes it.
 """
 
@@ -25,7 +25,7 @@ from pathlib import Path
 
 
 def temporary_name(prefix: str, ending: str = "part") -> str:
-    """Return a name that no other process and no other call has.
+    """Return a name that is unique to this process and call.
 
     Examples
     --------
@@ -35,22 +35,25 @@ def temporary_name(prefix: str, ending: str = "part") -> str:
     return f"{prefix}.{_machine()}-{os.getpid()}-{os.urandom(4).hex()}.{ending}"
 
 
+# number of the process, and random digits, in a name of temporary_name
 _NUMBERS = re.compile(r"(\d+)-[0-9a-f]{8}")
 
 
 def find_leftovers(folder: Path, prefix: str, ending: str = "part") -> Iterator[Path]:
-    """Yield what processes that have ended left in a folder under names of `temporary_name`."""
+    """Yield the temporary files and folders of ended processes in a folder.
+
+    Only names of `temporary_name` from this machine are yielded.
+    """
     start, end = f"{prefix}.{_machine()}-", f".{ending}"
-    for item in _names(folder):
-        if item.startswith(start) and item.endswith(end):
-            match = _NUMBERS.fullmatch(item, len(start), len(item) - len(end))
-            if match and not _runs(int(match[1])):
-                yield folder / item
+    for name in _list_names(folder):
+        if name.startswith(start) and name.endswith(end):
+            match = _NUMBERS.fullmatch(name, len(start), len(name) - len(end))
+            if match and not _is_running(int(match[1])):
+                yield folder / name
 
 
 def remove_leftovers(folder: Path, prefix: str, ending: str = "part") -> None:
-    """Remove files and folders that processes that have ended left; what cannot be removed stays."""
-
+    """Remove the temporary files and folders of ended processes, if possible."""
     for path in find_leftovers(folder, prefix, ending):
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path, ignore_errors=True)
@@ -59,138 +62,145 @@ def remove_leftovers(folder: Path, prefix: str, ending: str = "part") -> None:
                 path.unlink()
 
 
-def _names(folder: Path) -> list[str]:
+def _list_names(folder: Path) -> list[str]:
     try:
         return os.listdir(folder)
     except OSError:
         return []
 
 
-def _runs(process: int) -> bool:
-    """Whether a process may still be at work; on Windows, where asking would end it, always."""
+def _is_running(process: int) -> bool:
+    """Return whether a process may be running."""
+    # on Windows os.kill would end the process
     if os.name == "nt":
         return True
     try:
+        # signal 0 only checks
         os.kill(process, 0)
     except ProcessLookupError:
         return False
     except (OSError, OverflowError):
+        # for example a process of another user
         return True
     return True
 
 
 @cache
 def _machine() -> str:
-
-    space = ""
+    """Return a short hash of the machine and of the container, whose process numbers are unique."""
+    namespace = ""
     with suppress(OSError):
-        space = os.readlink("/proc/self/ns/pid")
-    return hashlib.sha256(f"{socket.gethostname()} {space}".encode()).hexdigest()[:8]
+        namespace = os.readlink("/proc/self/ns/pid")
+    return hashlib.sha256(f"{socket.gethostname()} {namespace}".encode()).hexdigest()[:8]
 
 
-_FULL = tuple(
-    number
-    for name in ("ENOSPC", "EDQUOT", "EFBIG", "EIO")
-    if (number := getattr(errno, name, None)) is not None
+# errors of a full or defective disk; Windows does not have all of them
+_DISK_ERRORS = tuple(
+    getattr(errno, name) for name in ("ENOSPC", "EDQUOT", "EFBIG", "EIO") if hasattr(errno, name)
 )
-_one_at_a_time = threading.RLock()
-_AT_ONCE = 8  # files of a folder that wait for the disk together
+_lock_of_threads = threading.RLock()
+# files of a folder that are flushed to the disk in parallel
+_PARALLEL_FLUSHES = 8
 
 
 @contextmanager
 def written_atomically(
     path: str | os.PathLike, before: Callable[[Path], None] | None = None, durable: bool = True
 ) -> Iterator[Path]:
-    """Yield a place next to `path` to write to; it takes the name of `path` once the block has
-    ended well.
+    """Yield a temporary path, which replaces `path` after the block has ended without an error.
 
     Parameters
     ----------
     path : path
-        The file; an older one stays as it was until the new one is complete on disk, and gives it
-        its permissions.  Of a symbolic link the target is written; the link stays.
+        The file. An older file remains until the new one is complete on disk, and the new file has
+        its permissions. If `path` is a symbolic link, its target is written and the link remains.
     before : callable, optional
-        Called with the file just before it is replaced, while no other process of this package
-        replaces a file of the folder (on Windows and on file systems without locks: no other
-        thread); what it raises leaves the older file as it is.
+        Called with the file just before the replacement. No other process of this product replaces
+        a file of the folder at this time (on Windows and on file systems without locks: no other
+        thread). If it raises, the older file remains.
     durable : bool
-        Wait until the file is on the disk.  Without it a machine that loses power may leave a
-        damaged file: for what carries a checksum and can be made again.
+        Wait until the file is on the disk. Otherwise a power failure may leave a damaged file. Use
+        False for files that have a checksum and can be computed again.
 
     Raises
     ------
     FileNotFoundError
-        Its folder is not there.
+        The folder of the file does not exist.
     PermissionError
         The older file or its folder is read-only.
     OSError
-        What stands there is no regular file.
+        `path` exists, but is not a regular file.
     """
     path = resolve_file(path)
-    part = _temporary(path)
+    part = _make_temporary_path(path)
     try:
-        with _named(path):
+        with _name_disk_errors(path):
             yield part
             if durable:
-                _on_disk(part)
+                _flush_to_disk(part)
         with _locked(path.parent):
             if before is not None:
                 before(path)
-            _keep_mode(path, part)
+            _copy_mode(path, part)
             os.replace(part, path)
+        # the new name of the file is a change of the folder
         if durable:
-            _on_disk(path.parent)
+            _flush_to_disk(path.parent)
     finally:
         part.unlink(missing_ok=True)
 
 
 @contextmanager
-def _named(path: Path) -> Iterator[None]:
-    """Have an error of the disk name the file or folder that is written: that of a write names
-    none, that of HDF5 has no number.
+def _name_disk_errors(path: Path) -> Iterator[None]:
+    """Add the path to an error of the disk.
+
+    Errors of `write` have no file name, and errors of HDF5 have no errno.
     """
     try:
         yield
     except OSError as error:
-        number = (
-            error.errno
-            if error.errno in _FULL
-            else next((n for n in _FULL if os.strerror(n) in str(error)), None)
-        )
+        number = _disk_error_number(error)
         if number is None:
             raise
-        raise OSError(
-            number,
-            f"not written: {os.strerror(number)}; make room or name another place",
-            str(path),
-        ) from error
+        text = f"not written: {os.strerror(number)}; make room or name another place"
+        raise OSError(number, text, str(path)) from error
+
+
+def _disk_error_number(error: OSError) -> int | None:
+    """Return the errno of an error of the disk, None for other errors."""
+    if error.errno in _DISK_ERRORS:
+        return error.errno
+    for number in _DISK_ERRORS:
+        if os.strerror(number) in str(error):
+            return number
+    return None
 
 
 def write_text(path: str | os.PathLike, text: str, encoding: str = "utf-8") -> None:
-    """Write a text file atomically, with the line ends that the text has; errors as in
-    `written_atomically`.
+    """Write a text file atomically, without a change of its line ends.
+
+    The errors are those of `written_atomically`.
     """
     with written_atomically(path) as part:
         part.write_text(text, encoding=encoding, newline="")
 
 
 def resolve_file(path: str | os.PathLike) -> Path:
-    """Return the file that is written for a name, links followed.
+    """Return the file to write for a path, after following links.
 
     Raises
     ------
     FileNotFoundError, PermissionError, OSError
         See `written_atomically`.
     """
-    found = Path(os.path.realpath(path))
-    _demand_folder(found.parent)
-    if found.exists():
-        _demand_writable(found)
-        if not found.is_file():
-            raise OSError(
-                errno.EINVAL, "no regular file, cannot be replaced; give another name", str(path)
-            )
-    return found
+    target = Path(os.path.realpath(path))
+    _demand_folder(target.parent)
+    if target.exists():
+        _demand_writable(target)
+        if not target.is_file():
+            text = "not a regular file, cannot be replaced; give another name"
+            raise OSError(errno.EINVAL, text, str(path))
+    return target
 
 
 def _demand_folder(folder: Path) -> None:
@@ -203,10 +213,10 @@ def _demand_folder(folder: Path) -> None:
 
 
 def _demand_writable(path: Path) -> None:
-    """Refuse what is read-only by its permissions, for the superuser too."""
-    if not path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH) or not os.access(
-        path, os.W_OK
-    ):
+    """Raise for a file or folder that is read-only by its permissions."""
+    # os.access allows the superuser all files, so the permissions are checked too
+    can_write = path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH)
+    if not can_write or not os.access(path, os.W_OK):
         raise PermissionError(
             errno.EACCES,
             "read-only, not replaced; make it writable or give another name",
@@ -218,105 +228,102 @@ def _demand_writable(path: Path) -> None:
 def folder_written_atomically(
     path: str | os.PathLike, own: Callable[[str], bool] | None = None
 ) -> Iterator[Path]:
-    """Yield a new folder next to `path` to fill; it takes the name of `path` once the block has
-    ended well.
+    """Yield a new folder, which replaces `path` after the block has ended without an error.
 
     Parameters
     ----------
     path : path
-        The folder; an older one stays as it was until the new one is complete on disk, and is then
-        deleted.  Of a symbolic link the target is written; the link stays.
+        The folder. An older folder remains until the new one is complete on disk, and is then
+        deleted. If `path` is a symbolic link, its target is written and the link remains.
     own : callable, optional
-        By the name of a file or folder in the older one: whether it goes with it.  What does not go
-        is taken over into the new folder, unless that has something of this name.  Without it all
-        goes.
+        Returns by the name of a file or folder whether it is deleted with the older folder. Other
+        files and folders are kept in the new folder, unless it has an item of the same name. By
+        default all are deleted.
 
     Raises
     ------
     FileNotFoundError
-        The folder above it is not there.
+        The parent folder does not exist.
     PermissionError
-        The older folder, or the one above it, is read-only.
+        The older folder or its parent is read-only.
     OSError
-        It cannot be exchanged: no folder, a mount point, or the folder that this process, and so
-        perhaps a shell, works in.
+        The folder cannot be replaced: it is a file, a mount point, or the working folder of this
+        process, and so perhaps of a shell.
 
     Notes
     -----
-    Linux exchanges the two in one step.  Elsewhere the older one is first set aside under a name that ends in ``.old.part``; a process
-    that is killed between the two steps leaves no folder at all, and the next writing puts the complete new one in its place first.
+    Linux exchanges the two folders in one step. On other systems the older folder is first renamed
+    to a name that ends with ``.old.part``. If the process is killed between the two steps, there is
+    no folder of the name. The next writing then first gives the complete new folder its name.
     """
-
     path = resolve_folder(path)
-    part = _temporary(path)
+    part = _make_temporary_path(path)
     part.mkdir()
     try:
-        with _named(path):
+        with _name_disk_errors(path):
             yield part
-            with ThreadPoolExecutor(
-                _AT_ONCE
-            ) as pool:  # a disk writes many files at once in the time of a few
-                list(pool.map(_on_disk, part.rglob("*")))
+            # a disk flushes many files in parallel in the time of a few
+            with ThreadPoolExecutor(_PARALLEL_FLUSHES) as pool:
+                list(pool.map(_flush_to_disk, part.rglob("*")))
         if own is not None and path.is_dir():
-            _take_over(path, part, own)
-        _on_disk(part)
+            _link_foreign_items(path, part, own)
+        _flush_to_disk(part)
         if path.exists():
             part.chmod(stat.S_IMODE(path.stat().st_mode))
             _exchange(part, path)
         else:
             os.replace(part, path)
+        # items that were added to the older folder in the meantime
         if own is not None and part.is_dir():
-            _take_over(part, path, own)  # what came meanwhile
-        _on_disk(path.parent)
+            _link_foreign_items(part, path, own)
+        _flush_to_disk(path.parent)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
 
 def resolve_folder(path: str | os.PathLike) -> Path:
-    """Return the folder that is written for a name, links followed, after what an interrupted
-    exchange left is put in order.
+    """Return the folder to write for a path, after following links.
+
+    An interrupted exchange is completed first.
 
     Raises
     ------
     FileNotFoundError, PermissionError, OSError
         See `folder_written_atomically`.
     """
-    found = Path(os.path.realpath(path))
-    _demand_folder(found.parent)
-    _complete_exchange(found)
-    if not found.exists():
-        return found
-    if not found.is_dir():
+    target = Path(os.path.realpath(path))
+    _demand_folder(target.parent)
+    _complete_exchange(target)
+    if not target.exists():
+        return target
+    if not target.is_dir():
         raise OSError(errno.ENOTDIR, "a file; give the name of a folder", str(path))
-    _demand_writable(found)
-    if _works_in(found):
+    _demand_writable(target)
+    if _is_working_folder(target):
         text = (
             "is replaced as a whole, and this command works in it; give the name of a folder "
             "inside it"
         )
         raise OSError(errno.EBUSY, text, str(path))
-    if os.path.ismount(found):
-        raise OSError(
-            errno.EBUSY,
-            "a mount point cannot be replaced as a whole; give the name of a folder inside it",
-            str(path),
-        )
-    return found
+    if os.path.ismount(target):
+        text = "a mount point cannot be replaced as a whole; give the name of a folder inside it"
+        raise OSError(errno.EBUSY, text, str(path))
+    return target
 
 
-def _works_in(folder: Path) -> bool:
+def _is_working_folder(folder: Path) -> bool:
+    """Return whether the working folder is this folder or inside it."""
     try:
-        here = Path.cwd()
-    except OSError:  # it is deleted
+        working = Path.cwd()
+    except OSError:
+        # it was deleted
         return False
-    return folder in (here, *here.parents)
+    return folder in (working, *working.parents)
 
 
 def _exchange(part: Path, path: Path) -> None:
-    """Give a new folder the name of an older one, which then has the name of the new one, or is
-    gone.
-    """
-    if _exchanged(part, path):
+    """Exchange the names of the new and the older folder."""
+    if _exchange_in_one_step(part, path):
         return
     aside = part.with_suffix(_ASIDE)
     os.replace(path, aside)
@@ -332,7 +339,7 @@ _ASIDE = ".old.part"
 
 
 def _complete_exchange(path: Path) -> None:
-    """Put in order what a process left that was killed between the two steps of an exchange."""
+    """Complete the exchange of a process that was killed between its two steps."""
     for aside in find_leftovers(path.parent, f".{path.name}", _ASIDE[1:]):
         new = aside.with_suffix("").with_suffix(".part")
         if not path.exists():
@@ -340,44 +347,44 @@ def _complete_exchange(path: Path) -> None:
         shutil.rmtree(aside, ignore_errors=True)
 
 
-def _take_over(source: Path, target: Path, own: Callable[[str], bool]) -> None:
-    """Bring what is not ours from one folder into another as further links to the same files; as
-    copies where there are no links.
-    """
+def _link_foreign_items(source: Path, target: Path, own: Callable[[str], bool]) -> None:
+    """Add the items of `source` that are not `own` to `target`, as links to the same files."""
     for item in source.iterdir():
-        there = target / item.name
-        if own(item.name) or os.path.lexists(there):
+        destination = target / item.name
+        if own(item.name) or os.path.lexists(destination):
             continue
         if item.is_dir() and not item.is_symlink():
-            shutil.copytree(item, there, symlinks=True, copy_function=_linked)
+            shutil.copytree(item, destination, symlinks=True, copy_function=_link_or_copy)
         else:
-            _linked(item, there)
+            _link_or_copy(item, destination)
 
 
-def _linked(source: str | Path, target: str | Path) -> None:
+def _link_or_copy(source: str | Path, target: str | Path) -> None:
     try:
         os.link(source, target, follow_symlinks=False)
     except (OSError, NotImplementedError):
         shutil.copy2(source, target, follow_symlinks=False)
 
 
-def _temporary(path: Path) -> Path:
+def _make_temporary_path(path: Path) -> Path:
     remove_leftovers(path.parent, f".{path.name}")
     return path.with_name(temporary_name(f".{path.name}"))
 
 
-def _keep_mode(path: Path, part: Path) -> None:
-    with suppress(OSError):  # there is no older one, or the file system has no permissions
+def _copy_mode(path: Path, part: Path) -> None:
+    # there may be no older file, or a file system without permissions
+    with suppress(OSError):
         part.chmod(stat.S_IMODE(path.stat().st_mode))
 
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Keep other processes, where the file system has locks, and other threads from replacing files
-    of a folder.
+    """Prevent other threads and processes from replacing files of a folder.
+
+    Without locks of the file system only other threads are prevented.
     """
-    with _one_at_a_time:
-        handle = _lock(folder)
+    with _lock_of_threads:
+        handle = _lock_folder(folder)
         try:
             yield
         finally:
@@ -385,8 +392,9 @@ def _locked(folder: Path) -> Iterator[None]:
                 os.close(handle)
 
 
-def _lock(folder: Path) -> int | None:
+def _lock_folder(folder: Path) -> int | None:
     try:
+        # not available on Windows
         import fcntl
     except ImportError:
         return None
@@ -396,10 +404,9 @@ def _lock(folder: Path) -> int | None:
     return handle
 
 
-def _on_disk(path: Path) -> None:
-    """Have the system write a file, or the names in a folder, to the disk; Windows has no such call
-    for folders.
-    """
+def _flush_to_disk(path: Path) -> None:
+    """Write the cached content of a file, or the names in a folder, to the disk."""
+    # Windows has no such call for folders
     if path.is_dir() and os.name == "nt":
         return
     handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
@@ -409,14 +416,13 @@ def _on_disk(path: Path) -> None:
         os.close(handle)
 
 
-def _exchanged(one: Path, other: Path) -> bool:
-    """Exchange two names in one step; False where the system or the file system cannot."""
-
+def _exchange_in_one_step(a: Path, b: Path) -> bool:
+    """Exchange two names in one step. Return False if the system does not support it."""
     if sys.platform != "linux":
         return False
     rename = getattr(ctypes.CDLL(None), "renameat2", None)
-    here, exchange = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of linux/fcntl.h and linux/fs.h
-    return (
-        rename is not None
-        and rename(here, os.fsencode(one), here, os.fsencode(other), exchange) == 0
-    )
+    if rename is None:
+        return False
+    # AT_FDCWD of linux/fcntl.h and RENAME_EXCHANGE of linux/fs.h
+    folder, exchange = -100, 2
+    return rename(folder, os.fsencode(a), folder, os.fsencode(b), exchange) == 0

@@ -1,11 +1,8 @@
-"""What every command-line verb shares: a table for people, ``--json`` for programs, progress on
-stderr.
-"""
+"""Parts that all command-line verbs share: options, tables, JSON output and progress on stderr."""
 
 from __future__ import annotations
 
 import functools
-import gc
 import importlib
 import json
 import math
@@ -40,17 +37,18 @@ jobs_option = click.option(
 
 
 class LazyGroup(click.Group):
-    """A command group that imports the modules of its verbs when these are called, or all of them
-    for its help.
+    """A command group that imports the module of a verb when the verb is called.
+
+    The help of the group imports the modules of all verbs.
 
     Parameters
     ----------
     package : str
-        Where the modules are.
+        Package of the modules.
     elsewhere : mapping of str to str
-        Verb, and the module that declares it.
+        Module of each verb.
     aliases : mapping of str to str, optional
-        Other spellings of verbs, which the help does not list.
+        Verb of each alternative spelling. The help does not list alternative spellings.
     """
 
     def __init__(
@@ -65,11 +63,11 @@ class LazyGroup(click.Group):
         self._package, self._elsewhere, self._aliases = package, elsewhere, aliases or {}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the verbs of the module of the group, then those of others in their order."""
+        """Return the verbs of the group itself, then the verbs of other modules in order."""
         return [*super().list_commands(ctx), *self._elsewhere]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Return a verb, imported now."""
+        """Import and return a verb."""
         cmd_name = self._aliases.get(cmd_name, cmd_name)
         if cmd_name not in self._elsewhere:
             return super().get_command(ctx, cmd_name)
@@ -78,142 +76,152 @@ class LazyGroup(click.Group):
 
 
 class InputFile(click.Path):
-    """A file to read; where there is none, the error names those of the folder that are spelt
-    alike.
-    """
+    """A file to read. If it does not exist, the error lists files of similar name."""
 
     def __init__(self, path_type: type[Path] | None = None) -> None:
         super().__init__(exists=True, dir_okay=False, path_type=path_type)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the name when the file is there."""
+        """Return the path if it is an existing regular file."""
         path = Path(os.fsdecode(value))
         if path.is_dir():
-            inside = sorted(item.name for item in path.iterdir() if item.is_file())
-            self.fail(
-                f"{str(value)!r} is a folder; give a file"
-                + (f", such as {path / inside[0]}" if inside else ""),
-                param,
-                ctx,
-            )
+            message = f"{str(value)!r} is a folder; give a file"
+            if files := _file_names(path):
+                message += f", such as {path / files[0]}"
+            self.fail(message, param, ctx)
+        # click would open a pipe and wait for its writer
         if path.exists() and not path.is_file():
-            self.fail(
-                f"{str(value)!r} is a named pipe or a device; give a regular file", param, ctx
-            )
+            message = f"{str(value)!r} is a named pipe or a device; give a regular file"
+            self.fail(message, param, ctx)
         if not path.exists():
-            self.fail(f"no file {str(value)!r}; {_neighbours(path)}", param, ctx)
+            self.fail(f"no file {str(value)!r}; {_suggest_files(path)}", param, ctx)
         return super().convert(value, param, ctx)
 
 
-def _neighbours(path: Path) -> str:
-    """Return what there is in place of a file that is missing."""
-    if not path.parent.is_dir():
+def _file_names(folder: Path) -> list[str]:
+    return sorted(item.name for item in folder.iterdir() if item.is_file())
+
+
+def _suggest_files(path: Path) -> str:
+    """Return the part of an error message that suggests files in place of a missing one."""
+    folder = path.parent
+    if not folder.is_dir():
         return (
-            f"there is no folder {str(path.parent)!r} either; give its path from here, "
+            f"there is no folder {str(folder)!r} either; give its path from here, "
             f"{str(Path.cwd())!r}"
         )
-    names = sorted(item.name for item in path.parent.iterdir() if item.is_file())
-    near = near_names(path.name, names, 3, cutoff=0.7)
+    # stricter than the default of near_names, because file names are longer than keys
+    near = near_names(path.name, _file_names(folder), 3, cutoff=0.7)
     if near:
-        return f"near it: {', '.join(str(path.parent / name) for name in near)}"
-    return f"{str(path.parent.resolve())!r} holds no name like it; give its path from here"
+        return f"near it: {', '.join(str(folder / name) for name in near)}"
+    return f"{str(folder.resolve())!r} holds no name like it; give its path from here"
 
 
 class NewFile(click.Path):
-    """A file to write: that it can be is checked before the work begins."""
+    """A file to write. The check that it can be written comes before the work."""
 
     def __init__(self) -> None:
         super().__init__(dir_okay=False)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the name when its folder is there, and no file that is read-only."""
-
-        found = super().convert(value, param, ctx)
-        folder = Path(os.fsdecode(found)).parent
+        """Return the path if its folder exists and it is not a read-only file."""
+        path = super().convert(value, param, ctx)
+        folder = Path(os.fsdecode(path)).parent
         if not folder.is_dir():
             self.fail(f"no folder {str(folder)!r} for the file; make it first", param, ctx)
         try:
-            resolve_file(os.fsdecode(found))
+            resolve_file(os.fsdecode(path))
         except OSError as error:
-            self.fail(f"{str(found)!r}: {error.strerror}", param, ctx)
-        return found
+            self.fail(f"{str(path)!r}: {error.strerror}", param, ctx)
+        return path
 
 
 class NewFolder(click.Path):
-    """A folder to write as a whole: that an older one can be exchanged is checked before the work
-    begins.
+    """A folder to write as a whole.
+
+    The check that an older folder of this name can be replaced comes before the work.
     """
 
     def __init__(self) -> None:
         super().__init__(file_okay=False)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the name when nothing stands in the way."""
-
-        found = Path(os.fsdecode(super().convert(value, param, ctx)))
+        """Return the path if the folder can be written."""
+        path = Path(os.fsdecode(super().convert(value, param, ctx)))
         try:
-            if found.parent.is_dir():  # it is made with the folder
-                resolve_folder(found)
+            # a missing parent folder is created together with the folder
+            if path.parent.is_dir():
+                resolve_folder(path)
         except OSError as error:
-            self.fail(f"{str(found)!r}: {error.strerror}", param, ctx)
-        return found
+            self.fail(f"{str(path)!r}: {error.strerror}", param, ctx)
+        return path
 
 
 def command_line(without: Collection[str] = ()) -> str:
-    """Return the command as it was given, for a report to state how it was made; `without` flags
-    that change nothing in it.
+    """Return the command line of this process, for the header of a report.
+
+    Parameters
+    ----------
+    without : collection of str
+        Flags to omit, because they do not change the report.
     """
+    arguments = [argument for argument in sys.argv[1:] if argument not in without]
+    return shlex.join(["aeromatch", *arguments])
 
-    return shlex.join(["aeromatch", *(word for word in sys.argv[1:] if word not in without)])
 
-
-_UNSEEN = {
+# C0 and C1 control characters except tab and line feed
+_ESCAPES = {
     code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"
 }
-_UNSEEN |= {
+# Unicode characters that change the direction of writing (Bidi_Control)
+_ESCAPES |= {
     code: f"\\u{code:04x}"
     for code in (0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
 }
 
 
 def escape_control_characters(text: str) -> str:
-    """Return a text with control characters, also those that turn the direction of writing, as
-    their codes: no name moves a cursor.
+    """Replace control characters of a text by their codes.
+
+    Names from files then cannot move the cursor or change the direction of writing.
 
     Examples
     --------
-    >>> print(printable("q\\x1b[31m"))
+    >>> print(escape_control_characters("q\\x1b[31m"))
     q\\x1b[31m
     """
-    return text.translate(_UNSEEN)
+    return text.translate(_ESCAPES)
 
 
-_ENDLESS = 100_000  # columns: a line that goes to a file or another program is not broken
+# width in columns for output to a file or another program, so that no line is broken
+_UNLIMITED = 100_000
 
-
-_AS_THEY_ARE = (str, int, bool, type(None))
+_JSON_TYPES = (str, int, bool, type(None))
 
 
 def to_json_types(item: Any) -> Any:
-    """Return `item` made of types that JSON knows; NaN and infinities become null."""
-    if type(item) in _AS_THEY_ARE:
+    """Convert an object to types of JSON. NaN and infinities become null."""
+    if type(item) in _JSON_TYPES:
         return item
     if isinstance(item, dict):
         return {str(key): to_json_types(value) for key, value in item.items()}
     if isinstance(item, list | tuple | set):
         return [to_json_types(value) for value in item]
+    # a pandas DataFrame becomes a list of rows, recognised without an import of pandas
     if hasattr(item, "to_dict") and hasattr(item, "columns"):
         return [to_json_types(row) for row in item.reset_index().to_dict("records")]
     if hasattr(item, "tolist"):
         return to_json_types(item.tolist())
     if isinstance(item, float):
         return item if math.isfinite(item) else None
-    return item if isinstance(item, str | int | bool) or item is None else str(item)
+    # subclasses of str and int, for example members of an enumeration
+    if isinstance(item, str | int):
+        return item
+    return str(item)
 
 
 def print_json(item: Any) -> None:
     """Print one JSON document."""
-
     click.echo(json.dumps(to_json_types(item), indent=2, ensure_ascii=False))
 
 
@@ -223,16 +231,31 @@ def print_table(
     title: str = "",
     right: Sequence[str] = (),
 ) -> None:
-    """Print a table; columns named in `right` are set flush right."""
-    cells = [
-        ["" if cell is None else escape_control_characters(str(cell)) for cell in row]
-        for row in rows
-    ]
-    broken_at = _width() if sys.stdout.isatty() else None
-    lines = _plain_lines(columns, cells, right, broken_at)
+    """Print a table on stdout.
+
+    Parameters
+    ----------
+    columns : sequence of str
+    rows : iterable of sequences
+        One cell for each column. None gives an empty cell.
+    title : str
+        Line above the table.
+    right : sequence of str
+        Columns that are aligned to the right.
+    """
+    cells = [list(map(_cell_text, row)) for row in rows]
+    # only a terminal has a width, a file or a pipe gets whole lines
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    lines = _plain_lines(columns, cells, right, width)
+    if lines is None:
+        lines = _rich_lines(columns, cells, right, width)
     if title:
         click.echo(escape_control_characters(title))
-    click.echo("\n".join(_rich_lines(columns, cells, right, broken_at) if lines is None else lines))
+    click.echo("\n".join(lines))
+
+
+def _cell_text(cell: Any) -> str:
+    return "" if cell is None else escape_control_characters(str(cell))
 
 
 _GAP = "  "
@@ -241,43 +264,43 @@ _GAP = "  "
 def _plain_lines(
     columns: Sequence[str], cells: list[list[str]], right: Sequence[str], width: int | None
 ) -> list[str] | None:
-    """Return the lines of a table of ASCII text that fits into `width` columns; None for any other,
-    which takes the package rich.
+    """Return the lines of a table of ASCII text, None if the table requires the package rich.
 
-    That package, whose import takes as long as half of a verb that only shows, would print the
-    same.
+    The lines are the same as the lines of rich, without its import.
     """
     lines = [list(columns), *cells]
-    if any(
-        len(line) != len(columns)
-        or not all(text.isascii() and (text.isprintable() or not text) for text in line)
-        for line in lines
-    ):
+    if not all(len(line) == len(columns) and all(map(_is_plain, line)) for line in lines):
         return None
     widths = [max(map(len, column)) for column in zip(*lines)]
-    if not widths or (width is not None and sum(widths) + len(_GAP) * (len(widths) - 1) > width):
+    if not widths:
         return None
-    flush_right = [column in right for column in columns]
-    head, *below = [
-        _GAP.join(
-            text.rstrip().rjust(room) if is_right else text.ljust(room)
-            for text, room, is_right in zip(line, widths, flush_right)
-        ).rstrip()
-        for line in lines
-    ]
-    return [click.style(head, bold=True) if width is not None else head, *below]
+    if width is not None and sum(widths) + len(_GAP) * (len(widths) - 1) > width:
+        return None
+    is_right = [column in right for column in columns]
+    head, *body = [_aligned_line(line, widths, is_right) for line in lines]
+    if width is not None:
+        head = click.style(head, bold=True)
+    return [head, *body]
 
 
-def _width() -> int:
-    """Return how many columns the terminal has."""
+def _is_plain(text: str) -> bool:
+    """Return whether each character of a text takes one column."""
+    return not text or (text.isascii() and text.isprintable())
 
-    return shutil.get_terminal_size().columns
+
+def _aligned_line(line: Sequence[str], widths: Sequence[int], is_right: Sequence[bool]) -> str:
+    """Return the cells of a line in columns of these widths, without spaces at the end."""
+    cells = []
+    for text, width, right in zip(line, widths, is_right):
+        cells.append(text.rstrip().rjust(width) if right else text.ljust(width))
+    return _GAP.join(cells).rstrip()
 
 
 def _rich_lines(
     columns: Sequence[str], cells: list[list[str]], right: Sequence[str], width: int | None
 ) -> list[str]:
-    """Return the lines of any table: letters of two columns each, and lines broken at `width`."""
+    """Return the lines of any table, also with wide letters, broken at `width`."""
+    # deferred: the import of rich takes longer than a short command
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -291,56 +314,47 @@ def _rich_lines(
         )
     for row in cells:
         sheet.add_row(*map(Text, row))
-    console = Console(width=None if width is not None else _ENDLESS)
+    # without a width rich uses the width of the terminal
+    console = Console(width=None if width is not None else _UNLIMITED)
     with console.capture() as capture:
         console.print(sheet)
     return [line.rstrip() for line in capture.get().splitlines()]
 
 
-@contextmanager
-def without_gc() -> Iterator[None]:
-    """Leave out Python's search for circles of objects, a twentieth of the time of a verb that
-    reads one file, prints it and ends.
-    """
-    was_on = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_on:
-            gc.enable()
-
-
 def print_remark(text: str) -> None:
-    """Print a message on stderr, so that stdout stays clean."""
+    """Print a message on stderr. Stdout holds only the result."""
     click.echo(escape_control_characters(text), err=True)
 
 
 @contextmanager
 def timed_step(text: str) -> Iterator[None]:
-    """Report on stderr what is being done, and how long it took."""
+    """Print the name of a step on stderr, and its duration at the end."""
     start = time.perf_counter()
     click.echo(f"  {text} ...", err=True, nl=False)
-    taken = ""
+    duration = ""
     caught: list[warnings.WarningMessage] = []
     try:
         with warnings.catch_warnings(record=True) as caught:
             yield
-        taken = f"  {time.perf_counter() - start:.1f} s"
+        duration = f"  {time.perf_counter() - start:.1f} s"
     finally:
-        click.echo(taken, err=True)
-        for warning in caught:  # after the line, not in the middle of it
+        click.echo(duration, err=True)
+        # warnings of the step appear below its line, not in the middle of it
+        for warning in caught:
             warnings.showwarning(
                 warning.message, warning.category, warning.filename, warning.lineno
             )
 
 
 def show_progress(text: str, lines: bool = False) -> AbstractContextManager[None]:
-    """Return `timed_step` on a terminal; where nobody watches, nothing is printed and warnings are left
-    alone.
+    """Return a context that prints the progress of a step if stderr is a terminal.
 
-    With `lines` the work prints lines of its own: the text has a line to itself, and no time
-    follows.
+    Parameters
+    ----------
+    text : str
+        Name of the step.
+    lines : bool
+        The step prints lines itself. The name then has its own line, and no duration follows.
     """
     if not sys.stderr.isatty():
         return nullcontext()
@@ -351,12 +365,12 @@ def show_progress(text: str, lines: bool = False) -> AbstractContextManager[None
 
 
 def find_command(module: ModuleType, name: str) -> click.Command:
-    """Return the command or group of a module that has a given name on the command line.
+    """Return the command or group of a module with this name on the command line.
 
     Raises
     ------
     LookupError
-        The module does not define a command of that name.
+        The module does not define a command of this name.
     """
     for value in vars(module).values():
         if isinstance(value, click.Command) and value.name == name:
@@ -365,23 +379,24 @@ def find_command(module: ModuleType, name: str) -> click.Command:
 
 
 def performed_by(target: str) -> Callable[[Callable[[], None]], Callable[..., Any]]:
-    """Return a decorator that has a command performed by a function of another module.
+    """Return a decorator for a command that a function of another module performs.
 
     Parameters
     ----------
     target : str
-        ``package.module:function``.  The function takes the parameters of the command by name, and
-        the context of click first if the command passes it.
+        ``package.module:function``. The arguments of the function are the parameters of the command
+        by name. If the command passes the context of click, it is the first argument.
 
     Notes
     -----
-    The decorated function has the name and the help of the command; its body is not called.
+    The decorated function has the name and the help of the command. Its body is not called.
     """
     module, _, function = target.partition(":")
 
     def decorate(declaration: Callable[[], None]) -> Callable[..., Any]:
         @functools.wraps(declaration)
         def perform(*context: click.Context, **options: Any) -> Any:
+            # the module is imported when the command runs, not for the help
             return getattr(importlib.import_module(module), function)(*context, **options)
 
         vars(perform)["performed_by"] = target

@@ -1,4 +1,4 @@
-"""What a file is, in words, for the error of a reader that was given a file of another kind."""
+"""Readers of text, CSV, JSON and TOML files, and the kind of a file for error messages."""
 
 from __future__ import annotations
 
@@ -8,22 +8,25 @@ import io
 import json
 import os
 import re
-import tomllib
 import zipfile
 from collections.abc import Iterable, Mapping
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from flightmech.errors import ParseError
+from flightmech.support.toml_text import toml_content
 
 MOST_COLUMNS = 20_000
-"""Columns of a CSV file; a recording of a large flight-test installation has some thousand."""
+"""Greatest number of columns of a CSV file. Large recordings have some thousand columns."""
 
 WESTERN = "cp1252"
-"""Encoding of texts by Western European Windows programs; on ASCII, umlauts and the degree sign it is ISO 8859-1."""
+"""Encoding of texts by Western European Windows programs.
 
-_BYTE_ORDER_MARKS = {  # that of UTF-32 begins like the one of UTF-16
+ASCII, umlauts and the degree sign have the same codes in ISO 8859-1.
+"""
+
+# UTF-32 comes before UTF-16, because its mark begins with the mark of UTF-16
+_BYTE_ORDER_MARKS = {
     codecs.BOM_UTF8: "utf-8",
     codecs.BOM_UTF32_LE: "utf-32-le",
     codecs.BOM_UTF32_BE: "utf-32-be",
@@ -33,22 +36,19 @@ _BYTE_ORDER_MARKS = {  # that of UTF-32 begins like the one of UTF-16
 
 
 def demand_regular(path: str | os.PathLike[str], expected: str) -> None:
-    """Refuse a named pipe, a device or a socket, whose reader could wait, or read, without end;
-    folders and missing files pass.
+    """Raise for a named pipe, a device or a socket. Folders and missing files pass.
+
+    A reader of such a file could wait, or read, without end.
 
     Raises
     ------
     ParseError
-        See above.
+        `path` exists, but it is neither a regular file nor a folder.
     """
     path = Path(path)
     if path.exists() and not path.is_file() and not path.is_dir():
-        raise ParseError(
-            str(path),
-            0,
-            "a named pipe or a device",
-            f"{expected} in a regular file; write it to one first",
-        )
+        expected = f"{expected} in a regular file; write it to one first"
+        raise ParseError(str(path), 0, "a named pipe or a device", expected)
 
 
 def read_bytes(path: str | os.PathLike[str], expected: str) -> bytes:
@@ -57,43 +57,40 @@ def read_bytes(path: str | os.PathLike[str], expected: str) -> bytes:
     Raises
     ------
     OSError
-        No such file, or it cannot be read.
+        The file does not exist, or cannot be read.
     ParseError
-        It is no regular file.
+        It is not a regular file.
     """
     demand_regular(path, expected)
     return Path(path).read_bytes()
 
 
 def marked_encoding(head: bytes) -> tuple[str, int]:
-    """Return the encoding that a byte-order mark at the beginning states, and its length; an empty
-    text and 0 without one.
+    """Return the encoding of the byte-order mark at the beginning, and the length of the mark.
+
+    Without a mark the result is an empty text and 0.
     """
-    return next(
-        (
-            (encoding, len(mark))
-            for mark, encoding in _BYTE_ORDER_MARKS.items()
-            if head.startswith(mark)
-        ),
-        ("", 0),
-    )
+    for mark, encoding in _BYTE_ORDER_MARKS.items():
+        if head.startswith(mark):
+            return encoding, len(mark)
+    return "", 0
 
 
 def decode_text(
     raw: bytes, file: str | os.PathLike[str], expected: str, otherwise: str = ""
 ) -> str:
-    """Return bytes as text: UTF-8, or as their byte-order mark states.
+    """Decode bytes as UTF-8, or in the encoding of their byte-order mark.
 
     Parameters
     ----------
     raw : bytes
     file : path
-        Their file, for the text of an error.
+        Name of the file, for an error.
     expected : str
-        What the file should be, for the text of an error.
+        Expected content of the file, for an error.
     otherwise : str
-        Encoding of one byte a character for what is no UTF-8, such as `WESTERN`; without it that is
-        an error.
+        Encoding with one byte per character, such as `WESTERN`, for bytes that are not UTF-8. By
+        default they are an error.
 
     Raises
     ------
@@ -107,12 +104,15 @@ def decode_text(
         if encoding in ("", "utf-8") and otherwise:
             text = raw[skip:].decode(otherwise, "replace")
         else:
-            line = raw.count(b"\n", 0, skip + error.start) + 1
-            name = (encoding or "utf-8").upper()
-            guess = " (ISO 8859-1 or Windows-1252, as it seems)" if not encoding else ""
-            found = f"the byte 0x{raw[skip + error.start]:02x}, which is no {name}{guess}"
+            position = skip + error.start
+            name = encoding.upper()
+            if not encoding:
+                name = "UTF-8 (ISO 8859-1 or Windows-1252, as it seems)"
             raise ParseError(
-                os.fspath(file), line, found, f"{expected}; save it with the encoding UTF-8"
+                file=os.fspath(file),
+                line=raw.count(b"\n", 0, position) + 1,
+                found=f"the byte 0x{raw[position]:02x}, which is not valid {name}",
+                expected=f"{expected}; save it with the encoding UTF-8",
             ) from None
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
@@ -125,27 +125,39 @@ def decode_text(
 
 
 def read_text(path: str | os.PathLike[str], expected: str, otherwise: str = "") -> str:
-    """Return a text file with line feeds as line ends; parameters and errors as in `decode_text` and
-    `read_bytes`.
+    """Return the text of a file with line feeds as line ends.
+
+    Parameters and errors are those of `decode_text` and `read_bytes`.
     """
     return with_line_feeds(decode_text(read_bytes(path, expected), path, expected, otherwise))
 
 
 def with_line_feeds(text: str) -> str:
-    """Return a text whose lines end with LF where they ended with CR LF or CR."""
-    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+    """Replace the line ends CR LF and CR of a text by LF."""
+    if "\r" not in text:
+        return text
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def csv_rows(
     text: str, file: str | os.PathLike[str], separator: str = ",", first: int = 1
 ) -> list[list[str]]:
-    """Return the cells of CSV text; `first` is the number of its first line.
+    """Return the cells of a CSV text by row.
+
+    Parameters
+    ----------
+    text : str
+    file : path
+        Name of the file, for an error.
+    separator : str
+    first : int
+        Number of the first line of `text` in the file.
 
     Raises
     ------
     ParseError
-        With the line: a cell longer than the reader allows (131 072 characters), as a quotation
-        mark without its end gives, or more than `MOST_COLUMNS` cells.
+        A cell of more than 131 072 characters, for example because of a quotation mark without its
+        end, or a row of more than `MOST_COLUMNS` cells.
     """
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True)
     rows: list[list[str]] = []
@@ -154,131 +166,55 @@ def csv_rows(
         try:
             row = next(reader, None)
         except csv.Error as error:
-            expected = (
-                f"cells of at most {csv.field_size_limit()} characters; look for a "
-                f"quotation mark without its end"
-            )
             raise ParseError(
-                os.fspath(file), line, f"what is no row of CSV ({error})", expected
+                file=os.fspath(file),
+                line=line,
+                found=f"a text that is not a row of CSV ({error})",
+                expected=f"cells of at most {csv.field_size_limit()} characters; look for a "
+                f"quotation mark without its end",
             ) from None
         if row is None:
             return rows
         if len(row) > MOST_COLUMNS:
-            raise ParseError(
-                os.fspath(file),
-                line,
-                f"{len(row)} cells",
-                f"at most {MOST_COLUMNS}; divide the file into several",
-            )
+            expected = f"at most {MOST_COLUMNS}; divide the file into several"
+            raise ParseError(os.fspath(file), line, f"{len(row)} cells", expected)
         rows.append(row)
 
 
 def json_content(text: Any, file: str | os.PathLike[str], what: str) -> Any:
-    """Return the content of a JSON text that a file carries.
+    """Return the content of a JSON text inside a file.
+
+    Parameters
+    ----------
+    text : str or bytes
+    file : path
+        Name of the file, for an error.
+    what : str
+        Name of the text, for an error.
 
     Raises
     ------
     ParseError
-        It is no JSON, nested without end, or holds an integer of thousands of digits; `what` names
-        it.
+        The text is not JSON, is nested too deep, or has an integer of thousands of digits.
     """
     try:
         return json.loads(text)
     except (ValueError, TypeError, RecursionError) as error:
-        found = f"{what} that cannot be read ({type(error).__name__}: {str(error)[:100]})"
-        raise ParseError(
-            os.fspath(file),
-            0,
-            found,
-            "JSON as this program writes it; write or copy the file again",
-        ) from None
+        fault = f"{what} that cannot be read ({type(error).__name__}: {str(error)[:100]})"
+        expected = "JSON as this program writes it; write or copy the file again"
+        raise ParseError(os.fspath(file), 0, fault, expected=expected) from None
 
 
-MOST_CHARACTERS = 2**21
-"""Of a TOML text; the name map of 5000 channels has a fifth of it."""
-
-MOST_DEPTH = 100
-"""Tables and arrays inside each other, and parts of a dotted key."""
-
-_LARGEST = 2**63
-_CONTROL = re.compile(
-    r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]"
-)  # TOML allows them as escapes; no name and no title has one
-_PART = re.compile(r"\s*(?:[\w-]+|\"[^\"\n]*\"|'[^'\n]*')\s*")
-
-
-def toml_content(text: str) -> dict[str, Any]:
-    """Return the content of a TOML text.
-
-    Raises
-    ------
-    ValueError
-        `tomllib.TOMLDecodeError` with the line when the text is not TOML; else what goes beyond
-        `MOST_CHARACTERS`, `MOST_DEPTH` or the 64 bits that TOML gives an integer, and control
-        characters, which reach terminals and XML.
-    """
-
-    if len(text) > MOST_CHARACTERS:
-        raise ValueError(f"{len(text)} characters, at most {MOST_CHARACTERS} are read")
-    if _longest_key(text) > MOST_DEPTH:
-        raise ValueError(f"a key of more than {MOST_DEPTH} parts")
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
-        raise
-    except RecursionError:
-        raise ValueError(f"tables or arrays nested more than {MOST_DEPTH} deep") from None
-    except ValueError:  # Python's limit of the digits of an integer
-        raise ValueError(
-            "an integer of thousands of digits, beyond the 64 bits that TOML allows"
-        ) from None
-    _demand_ordinary(content)
-    return content
-
-
-def _longest_key(text: str) -> int:
-    """Return how many parts the longest dotted key has, of long lines alone; the time of `tomllib`
-    grows with its square.
-    """
-    lines = (line.split(".") for line in text.split("\n") if line.count(".") >= MOST_DEPTH)
-    runs = (
-        run
-        for line in lines
-        for run in groupby(line, lambda part: _PART.fullmatch(part) is not None)
-    )
-    return max((sum(1 for _ in group) for is_part, group in runs if is_part), default=0)
-
-
-def _demand_ordinary(content: dict[str, Any]) -> None:
-    """Raise for integers beyond 64 bits, control characters, and tables nested too deep."""
-    waiting: list[tuple[Any, str, int]] = [(content, "", 0)]
-    while waiting:
-        item, place, depth = waiting.pop()
-        if isinstance(item, int) and not -_LARGEST <= item < _LARGEST:
-            raise ValueError(
-                f"an integer of {len(str(abs(item)))} digits at {place}, beyond the 64 bits "
-                f"that TOML allows"
-            )
-        if isinstance(item, str) and (found := _CONTROL.search(item)):
-            raise ValueError(f"the control character {found[0]!r} at {place}")
-        if depth > MOST_DEPTH:
-            raise ValueError(f"tables or arrays nested more than {MOST_DEPTH} deep")
-        if isinstance(item, dict):
-            waiting += [(key, f"the key {key!r}", depth) for key in item]
-            waiting += [
-                (part, f"{place}.{key}" if place else key, depth + 1) for key, part in item.items()
-            ]
-        elif isinstance(item, list):
-            waiting += [(part, place, depth + 1) for part in item]
-
-
-_HEAD = 65536  # bytes that decide; a listing names its program on the first page
+# Bytes for the recognition of a file. A listing names its program on the first page.
+_HEAD = 65536
+# by first bytes
 _STARTS = {
     b"ULog": "a PX4 log (`aeromatch flight info` reads it)",
     b"%PDF": "a PDF document",
     b"MATLAB": "a MATLAB file",
     b"<?xml": "an XML file",
 }
+# archives, by first bytes
 _PACKED = {
     b"\x1f\x8b": "a gzip archive",
     b"7z\xbc\xaf\x27\x1c": "a 7z archive",
@@ -287,6 +223,7 @@ _PACKED = {
     b"\xfd7zXZ\x00": "an xz archive",
     b"\x28\xb5\x2f\xfd": "a zstd archive",
 }
+# tables of other programs and the remedy, by first bytes
 _OTHER_TABLES = {
     b"\xd0\xcf\x11\xe0": "an Excel workbook of the old form (xls); save the sheet as CSV",
     b"PAR1": "a Parquet file; write it as CSV or HDF5, for instance with pandas",
@@ -296,14 +233,17 @@ _OTHER_TABLES = {
     b"SQLite format 3": "an SQLite database; write its table as CSV",
     b"TDSm": "a LabVIEW TDMS file; write it as CSV or HDF5, for instance with npTDMS",
 }
-_TAR = 257  # byte where a tar archive states what it is
-_NAMED = 4  # members of an archive that an error names
+# position of the name of the format in a tar archive
+_TAR = 257
+# greatest number of members of an archive in an error
+_MOST_MEMBERS = 4
 _LISTING = re.compile(
     rb"STABILITY AND CONTROL +(?:METHODS|DIGITAL DATCOM)|CONFIGURATION AUXILIARY|INPUT DATA CARDS"
 )
-_KEY = re.compile(r"^[ \t]*\[|=", re.MULTILINE)  # no TOML file has content without one
+# all TOML files with content have a table or a key
+_KEY = re.compile(r"^[ \t]*\[|=", re.MULTILINE)
 _DECK = re.compile(rb"\$FLTCON", re.I)
-# kinds of TOML files by keys that no other kind has, and where they belong
+# kinds of TOML files, by keys that only this kind has, and the option or command for them
 TOML = {
     "an aircraft file": ({"S", "cbar"}, "goes with --aircraft or the key aircraft"),
     "a project file": ({"listings", "flights"}, "goes to aeromatch match"),
@@ -312,11 +252,14 @@ TOML = {
 
 
 def file_kind(path: str | os.PathLike[str]) -> str:
-    """Return what a file is and what reads it, judged by its content, for the text of an error; it
-    never raises one.
+    """Return the kind of a file by its content, and the command that reads it, for an error.
+
+    The function does not raise.
     """
+    if Path(path).is_dir():
+        return "a folder"
     if Path(path).exists() and not Path(path).is_file():
-        return "a folder" if Path(path).is_dir() else "a named pipe or a device"
+        return "a named pipe or a device"
     try:
         with open(path, "rb") as file:
             head = file.read(_HEAD)
@@ -331,8 +274,9 @@ def file_kind(path: str | os.PathLike[str]) -> str:
             return kind
     if packed := packed_kind(path, head):
         return packed
+    # texts of UTF-16 have zero bytes, which the next check would take for a binary file
     if marked_encoding(head)[0].startswith(("utf-16", "utf-32")):
-        head = _as_utf8(head)
+        head = _to_utf8(head)
     if b"\0" in head:
         return f"bytes that begin with {head[:8]!r}"
     if _LISTING.search(head):
@@ -346,14 +290,16 @@ def file_kind(path: str | os.PathLike[str]) -> str:
 
 
 def packed_kind(path: str | os.PathLike[str], head: bytes) -> str:
-    """Return which archive or file of another program a file is, and what to do with it; empty for
-    any other one.
+    """Return the kind of an archive or a table of another program, and the remedy.
+
+    The result is an empty text for other files.
 
     Parameters
     ----------
     path : path
     head : bytes
-        First 300 bytes or more; of a gzip file those of its content, whose kind is then returned.
+        First 300 bytes or more. For the kind of the content of a gzip file: the first bytes of the
+        content.
     """
     if head.startswith(b"PK\x03\x04") or head.startswith(b"PK\x05\x06"):
         return _zip_kind(path)
@@ -362,11 +308,13 @@ def packed_kind(path: str | os.PathLike[str], head: bytes) -> str:
             return f"{kind}; unpack it and give the file inside"
     if head[_TAR : _TAR + 5] == b"ustar":
         return "a tar archive; unpack it and give one of the files inside"
-    return next((kind for start, kind in _OTHER_TABLES.items() if head.startswith(start)), "")
+    for start, kind in _OTHER_TABLES.items():
+        if head.startswith(start):
+            return kind
+    return ""
 
 
 def _zip_kind(path: str | os.PathLike[str]) -> str:
-
     try:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
@@ -383,15 +331,16 @@ def _zip_kind(path: str | os.PathLike[str]) -> str:
     if names and all(name.endswith(".npy") for name in names):
         return "NumPy arrays (npz, a zip archive); write them as HDF5, one array for each channel"
     files = [name for name in names if not name.endswith("/")]
-    inside = ", ".join(files[:_NAMED]) + (
-        f" and {len(files) - _NAMED} more" if len(files) > _NAMED else ""
-    )
-    return f"a zip archive ({inside or 'empty'}); unpack it and give the file inside"
+    members = ", ".join(files[:_MOST_MEMBERS]) or "empty"
+    if len(files) > _MOST_MEMBERS:
+        members += f" and {len(files) - _MOST_MEMBERS} more"
+    return f"a zip archive ({members}); unpack it and give the file inside"
 
 
-def _as_utf8(head: bytes) -> bytes:
-    """Return the beginning of a text of UTF-16 or UTF-32 as UTF-8; what is damaged stays as it is."""
+def _to_utf8(head: bytes) -> bytes:
+    """Return the beginning of a text of UTF-16 or UTF-32 as UTF-8, or the same bytes if damaged."""
     try:
+        # whole characters only
         return decode_text(head[: len(head) // 4 * 4], "", "").encode()
     except ParseError:
         return head
@@ -402,14 +351,15 @@ def _hdf5_kind(path: str | os.PathLike[str]) -> str:
 
     try:
         with h5py.File(path) as file:
-            groups, about = set(file), set(file.attrs)
-    except (OSError, RuntimeError):  # h5py raises either on damaged bytes
+            groups, attributes = set(file), set(file.attrs)
+    except (OSError, RuntimeError):
+        # h5py raises either for damaged bytes
         return "a damaged netCDF-4 (HDF5) file"
-    if "force_axes" in about or {"CL", "Cm"} <= groups:
+    if "force_axes" in attributes or {"CL", "Cm"} <= groups:
         return "an aero database (`aeromatch db show` reads it)"
     if {"states", "biases"} <= groups:
         return "a reconstructed flight path (`aeromatch flight identify` reads it)"
-    if "manoeuvres" in about or groups & {"imu", "air_data", "controls"}:
+    if "manoeuvres" in attributes or groups & {"imu", "air_data", "controls"}:
         return "a flight record (`aeromatch flight show` reads it)"
     return "a netCDF-4 (HDF5) file"
 
@@ -419,13 +369,21 @@ def _text_kind(text: str) -> str:
         content = toml_content(text) if _KEY.search(text) else {}
     except ValueError:
         content = {}
-    if not content:  # comments alone are TOML too
-        first = next((line.strip() for line in text.splitlines() if line.strip()), "")
-        return f"a text that begins with {first[:40]!r}"
+    if not content:
+        # also for a text of comments alone, which is TOML
+        return f"a text that begins with {_first_line(text)[:40]!r}"
     for kind, (keys, use) in TOML.items():
         if keys <= set(content):
             return f"{kind} (TOML, which {use})"
     return "a TOML file"
+
+
+def _first_line(text: str) -> str:
+    """Return the first line that is not blank."""
+    for line in text.splitlines():
+        if line.strip():
+            return line.strip()
+    return ""
 
 
 _TOML = "a TOML text (key = value, texts in quotes)"
@@ -437,14 +395,15 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     Raises
     ------
     ParseError
-        With the line, when the text is not TOML; no regular file, another encoding, or a text
-        beyond the limits of `toml_content`.
+        The text is not TOML, has another encoding or exceeds the limits of `toml_content`, or the
+        file is not a regular file.
     """
     path = Path(path)
     raw = read_bytes(path, _TOML)
     try:
         text = with_line_feeds(decode_text(raw, path, _TOML))
     except ParseError as error:
+        # a file of another kind gets the name of its kind instead of a byte
         kind = file_kind(path)
         if kind.startswith(("a text", "bytes", "a TOML", *TOML)):
             raise
@@ -452,27 +411,35 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     try:
         return toml_content(text)
     except ValueError as error:
-        place = str(error)
-        line = (
-            int(place.rsplit("line ", 1)[1].split(",")[0].rstrip(")"))
-            if "(at line " in place
-            else 0
-        )
         kind = file_kind(path)
         if not kind.startswith("a text"):
             raise ParseError(str(path), 0, kind, _TOML) from error
-        written = text.splitlines()
-        if not 0 < line <= len(written):
-            raise ParseError(str(path), 0, place, _TOML) from error
-        expected = f"{_TOML}; a number with a unit is a text too, 'S = \"16.9 m2\"'"
+        message = str(error)
+        # tomllib writes the line into its message: "(at line 3, column 4)"
+        match = _LINE.search(message)
+        number = int(match.group(1)) if match else 0
+        lines = text.splitlines()
+        if not 0 < number <= len(lines):
+            raise ParseError(str(path), 0, message, _TOML) from error
         raise ParseError(
-            str(path), line, f"{written[line - 1].strip()[:60]!r} ({place})", expected
+            file=str(path),
+            line=number,
+            found=f"{lines[number - 1].strip()[:60]!r} ({message})",
+            expected=f"{_TOML}; a number with a unit is a text too, 'S = \"16.9 m2\"'",
         ) from error
 
 
+_LINE = re.compile(r"\(at line (\d+)[,)]")
+
+
 def foreign_kind(content: Mapping[str, Any], own: Iterable[str] = ()) -> str:
-    """Return what the content of a TOML file is when it is plainly one of another kind than that
-    with the keys `own`, else nothing.
+    """Return a sentence if the content of a TOML file is of another kind, else an empty text.
+
+    Parameters
+    ----------
+    content : mapping
+    own : iterable of str
+        Keys of the expected kind.
     """
     for kind, (keys, use) in TOML.items():
         if keys <= set(content) and not keys & set(own):

@@ -1,7 +1,8 @@
-"""The layout of a database file: a tree as netCDF-4, written and read through HDF5 itself.
+"""Files of trees: the layout of a database file as netCDF-4, written and read with h5py.
 
-Groups are the nodes of the tree, dimension scales its breakpoints, attributes text and numbers.
-The file is laid out in memory, in the HDF5 1.8 format that netCDF and MATLAB read.
+Groups are the nodes of the tree, dimension scales are the breakpoints, and attributes are texts and
+numbers. The content of a file is formed in memory, in the HDF5 1.8 format that netCDF and MATLAB
+read.
 """
 
 from __future__ import annotations
@@ -23,39 +24,43 @@ from flightmech.support.hdf5_seal import MOST_GROUPS
 if TYPE_CHECKING:
     import xarray as xr
 
-CHECKS = "checks"  # group of check cases that travel with a file
-# group of what edits replaced: /previous/e001/CL/gear is the term as it was before edit 1
+# group of the check cases of a file
+CHECKS = "checks"
+# group of terms before an edit: /previous/e001/CL/gear is the term before edit 1
 PREVIOUS = "previous"
-GROUPS = (
-    CHECKS,
-    PREVIOUS,
-)  # groups that are no coefficients; what stands there is no term of the model
-_DEPTH = 20  # groups inside each other
-LARGEST = (
-    2**27
-)  # bytes of one table, far above any aero table; a damaged or hostile size is refused before memory is allocated
+# groups that are not coefficients, whose leaves are not terms of the model
+GROUPS = (CHECKS, PREVIOUS)
+# greatest depth of nested groups
+_DEPTH = 20
+# Greatest size of one table [byte], far above any aero table. A damaged or malicious size is an
+# error before memory is allocated.
+LARGEST = 2**27
+# kinds of NumPy types: signed and unsigned integers, floating-point numbers
 NUMBERS = "iuf"
 _FORMAT = ("v108", "v108")
+# attribute of netCDF with the number of a dimension
 _DIMENSION = "_Netcdf4Dimid"
-# of a group: variables that are coordinates without being a dimension, as xarray writes them
+# attribute of xarray with the coordinates of a group that are not dimensions
 _COORDINATES = "coordinates"
+# attributes of HDF5 and netCDF that describe the layout
 _HDF5 = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "DIMENSION_LABELS")
 LAYOUT = frozenset((*_HDF5, _DIMENSION, "_Netcdf4Coordinates", "_NCProperties", "_FillValue"))
 PACKED = ("scale_factor", "add_offset", "missing_value")
 
 
 def find_unstorable(db: xr.DataTree) -> list[str]:
-    """Return what of a tree no file can hold; an empty list means that writing and reading give the
-    same tree.
+    """Return the parts of a tree that a file cannot store, as texts.
+
+    If the list is empty, writing and reading give the same tree.
     """
-    return [
-        f"{node.path.strip('/') or 'root'}: {text}"
-        for node in db.subtree
-        for text in _node_faults(node)
-    ]
+    problems = []
+    for node in db.subtree:
+        path = node.path.strip("/") or "root"
+        problems += [f"{path}: {text}" for text in _check_node(node)]
+    return problems
 
 
-def _node_faults(node: xr.DataTree) -> Iterator[str]:
+def _check_node(node: xr.DataTree) -> Iterator[str]:
     leaf = node.to_dataset(inherit=False)
     for name, variable in leaf.variables.items():
         if variable.dtype.kind not in NUMBERS:
@@ -63,29 +68,41 @@ def _node_faults(node: xr.DataTree) -> Iterator[str]:
         for axis in variable.dims:
             if axis not in node.coords:
                 yield f"{name} has the dimension {axis} without a coordinate; give it one"
-    owners: dict[str, Mapping] = {
-        "": leaf.attrs,
-        **{f" of {name}": variable.attrs for name, variable in leaf.variables.items()},
-    }
-    for owner, attributes in owners.items():
-        for key, item in attributes.items():
-            if isinstance(item, bool) or not isinstance(
-                item, str | int | float | np.integer | np.floating
-            ):
-                yield f"attribute {key}{owner} is a {type(item).__name__}; only text and numbers survive in a file"
-            elif isinstance(item, str) and not _writable(item):
-                yield f"attribute {key}{owner} holds a character that no file can carry (zero byte or half a surrogate pair)"
-            elif (
-                not isinstance(key, str)
-                or not key
-                or not _writable(key)
-                or key in LAYOUT
-                or key == _COORDINATES
-            ):
-                yield f"attribute {key!r}{owner} has a name that the file format keeps for itself; rename it"
+    yield from _check_attributes(leaf.attrs, "")
+    for name, variable in leaf.variables.items():
+        yield from _check_attributes(variable.attrs, f" of {name}")
 
 
-def _writable(text: str) -> bool:
+def _check_attributes(attributes: Mapping, owner: str) -> Iterator[str]:
+    for key, item in attributes.items():
+        is_number = isinstance(item, int | float | np.integer | np.floating)
+        # bool is a subclass of int, but netCDF has no attribute of this type
+        if isinstance(item, bool) or not (isinstance(item, str) or is_number):
+            yield (
+                f"attribute {key}{owner} is a {type(item).__name__}; only text and numbers survive "
+                f"in a file"
+            )
+        elif isinstance(item, str) and not _is_storable(item):
+            yield (
+                f"attribute {key}{owner} holds a character that no file can carry (zero byte or "
+                f"half a surrogate pair)"
+            )
+        elif not _is_free_name(key):
+            yield (
+                f"attribute {key!r}{owner} has a name that the file format keeps for itself; "
+                f"rename it"
+            )
+
+
+def _is_free_name(key: Any) -> bool:
+    """Return whether an attribute can have this name."""
+    if not isinstance(key, str) or not key or not _is_storable(key):
+        return False
+    return key not in LAYOUT and key != _COORDINATES
+
+
+def _is_storable(text: str) -> bool:
+    """Return whether HDF5 can store a text: no zero byte, no half of a surrogate pair."""
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -94,18 +111,20 @@ def _writable(text: str) -> bool:
 
 
 def encode_tree(db: xr.DataTree) -> bytes:
-    """Return the content of the file of a tree without `find_unstorable`; the same tree gives the same bytes
-    with one version of HDF5.
+    """Return the content of the file of a tree, without the check of `find_unstorable`.
+
+    The same tree gives the same bytes with the same version of HDF5.
     """
     content = io.BytesIO()
     with h5py.File(content, "w", libver=_FORMAT, track_order=True) as file:
-        _write(db, file, {}, itertools.count())
+        _write_node(db, file, {}, itertools.count())
     return content.getvalue()
 
 
-def _write(
+def _write_node(
     node: xr.DataTree, group: h5py.Group, scales: dict[str, h5py.Dataset], numbers: Iterator[int]
 ) -> None:
+    """Write a node and its children. `scales` has the dimension scales of the parents."""
     leaf = node.to_dataset(inherit=False)
     for key, item in leaf.attrs.items():
         group.attrs[key] = item
@@ -113,6 +132,7 @@ def _write(
     if further:
         group.attrs[_COORDINATES] = " ".join(further)
     scales = dict(scales)
+    # dimension scales first, so that the variables can refer to them
     for name in sorted(map(str, leaf.variables), key=lambda name: name not in leaf.dims):
         variable = leaf.variables[name]
         dataset = group.create_dataset(name, data=variable.values, track_order=True)
@@ -123,15 +143,15 @@ def _write(
             dataset.attrs.create(_DIMENSION, next(numbers), dtype="i4")
             scales[name] = dataset
         else:
-            for place, axis in zip(dataset.dims, variable.dims):
-                place.attach_scale(scales[str(axis)])
+            for dimension, axis in zip(dataset.dims, variable.dims):
+                dimension.attach_scale(scales[str(axis)])
     for name, child in node.children.items():
-        _write(child, group.create_group(str(name), track_order=True), scales, numbers)
+        _write_node(child, group.create_group(str(name), track_order=True), scales, numbers)
 
 
 @dataclass(frozen=True)
 class StoredVariable:
-    """A variable as it stands in a file: names of its dimensions, numbers, attributes."""
+    """A variable of a file: names of its dimensions, numbers and attributes."""
 
     dims: tuple[str, ...]
     values: np.ndarray
@@ -139,8 +159,9 @@ class StoredVariable:
 
 
 class StoredGroup(dict[str, StoredVariable]):
-    """A group as it stands in a file: its variables by name and its attributes; what reads a
-    Dataset this way, can read a leaf too.
+    """A group of a file: its variables by name, and its attributes.
+
+    Functions that only read variables and attributes accept a Dataset or a group.
     """
 
     def __init__(
@@ -151,69 +172,72 @@ class StoredGroup(dict[str, StoredVariable]):
 
 
 def read_netcdf_tree(path: Path) -> tuple[xr.DataTree, list[str]]:
-    """Return the tree of a file, and what of the file is no part of a database.
+    """Return the tree of a file, and the parts of the file that do not belong into a database.
+
+    Returns
+    -------
+    tree : DataTree
+    problems : list of str
+        One text for each part that is left out.
 
     Raises
     ------
     SchemaError
-        More groups, or more of them inside each other, than any database has.
+        More groups, or more nested groups, than a database has.
     Exception
-        Of any kind that HDF5 finds for a damaged file.
+        Any type, which HDF5 raises for a damaged file.
     """
     import xarray as xr
 
     reader = _TreeReader()
     with h5py.File(path, "r") as file:
-        reader.group(file, "/", {})
+        reader.read_group(file, "/", {})
     nodes = {}
-    for place, leaf in reader.leaves.items():
-        further = str(leaf.attrs.pop(_COORDINATES, "")).split()
-        nodes[place] = xr.Dataset()
+    for group_path, leaf in reader.leaves.items():
+        coordinates = str(leaf.attrs.pop(_COORDINATES, "")).split()
+        nodes[group_path] = xr.Dataset()
         try:
-            nodes[place] = _dataset(leaf).set_coords([name for name in further if name in leaf])
-        except ValueError as error:  # lengths along one dimension differ
-            reader.problems.append(f"{_place(place)}: {error}")
+            present = [name for name in coordinates if name in leaf]
+            nodes[group_path] = _to_dataset(leaf).set_coords(present)
+        except ValueError as error:
+            # lengths along one dimension differ
+            reader.problems.append(f"{_join_path(group_path)}: {error}")
     return xr.DataTree.from_dict(nodes), reader.problems
 
 
-def _dataset(leaf: StoredGroup) -> xr.Dataset:
-    """Return a group as a Dataset; without `fastpath` xarray imports dask, where that is installed,
-    to look for its arrays.
+def _to_dataset(leaf: StoredGroup) -> xr.Dataset:
+    """Return a group as a Dataset.
+
+    With `fastpath` xarray does not import dask, which it otherwise does if dask is installed.
     """
     import pandas as pd
     import xarray as xr
 
-    axes = {
-        name: pd.Index(item.values)
-        for name, item in leaf.items()
-        if item.dims == (name,) and item.values.dtype != np.float16
-    }
-    indexes = {name: xr.indexes.PandasIndex(axis, name) for name, axis in axes.items()}
-    points = {
-        name: xr.IndexVariable(name, axis, leaf[name].attrs, fastpath=True)
-        for name, axis in axes.items()
-    }
-    tables = {
-        name: xr.Variable(item.dims, item.values, item.attrs, fastpath=True)
-        for name, item in leaf.items()
-        if name not in axes
-    }
+    points, indexes, tables = {}, {}, {}
+    for name, item in leaf.items():
+        # pandas has no index of half-precision numbers
+        if item.dims == (name,) and item.values.dtype != np.float16:
+            index = pd.Index(item.values)
+            indexes[name] = xr.indexes.PandasIndex(index, name)
+            points[name] = xr.IndexVariable(name, index, item.attrs, fastpath=True)
+        else:
+            tables[name] = xr.Variable(item.dims, item.values, item.attrs, fastpath=True)
     return xr.Dataset(tables, xr.Coordinates(points, indexes), leaf.attrs)
 
 
 class _TreeReader:
-    """Walks through a file; whatever is no part of a tree of tables becomes a problem with its
-    place.
-    """
+    """Reader of the groups of a file. Parts that are not tables of a tree become problems."""
 
     def __init__(self) -> None:
         self.leaves: dict[str, StoredGroup] = {}
         self.problems: list[str] = []
-        self._seen: set[int] = set()
+        # addresses of the groups
+        self._addresses: set[int] = set()
 
-    def group(self, group: h5py.Group, path: str, axes: Mapping[int, str]) -> None:
-        """Read one group and those in it; `axes` names dimension scales by their address in the
-        file.
+    def read_group(self, group: h5py.Group, path: str, axes: Mapping[int, str]) -> None:
+        """Read a group and the groups inside.
+
+        `axes` has the names of the dimension scales of the parents, by their address in the file.
         """
         if path.count("/") > _DEPTH:
             raise SchemaError(
@@ -223,129 +247,148 @@ class _TreeReader:
                     f"term stands two levels down"
                 ],
             )
-        self._seen.add(_address(group))
-        tables, below = {}, []
-        for name in _names(group):
+        self._addresses.add(_address(group))
+        tables, groups = self._list_items(group, path)
+        axes = dict(axes)
+        for name, item in tables.items():
+            if item.is_scale:
+                axes[_address(item)] = name
+        variables = {}
+        for name, item in tables.items():
+            if item.is_scale and _is_bare(item):
+                continue
+            variable = self._read_variable(item, name, _join_path(path, name), axes)
+            if variable is not None:
+                variables[name] = variable
+        attributes = self._read_attributes(group, _join_path(path))
+        self.leaves[path] = StoredGroup(variables, attributes)
+        for name, item in groups.items():
+            self.read_group(item, f"{path.rstrip('/')}/{name}", axes)
+
+    def _list_items(
+        self, group: h5py.Group, path: str
+    ) -> tuple[dict[str, h5py.Dataset], dict[str, h5py.Group]]:
+        """Return the datasets and the groups inside a group, by name."""
+        tables, groups = {}, {}
+        for name in _item_names(group):
+            item_path = _join_path(path, name)
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                 self.problems.append(
-                    f"{_place(path, name)} is a link to another place; a database holds its "
-                    f"tables itself"
+                    f"{item_path} is a link to another place; a database holds its tables itself"
                 )
                 continue
             item = group[name]
             if isinstance(item, h5py.Group):
-                if len(self._seen) > MOST_GROUPS:
-                    raise SchemaError(
-                        "database", [f"more than {MOST_GROUPS} groups; a database has some hundred"]
-                    )
-                if _address(item) in self._seen:
+                if len(self._addresses) > MOST_GROUPS:
+                    text = f"more than {MOST_GROUPS} groups; a database has some hundred"
+                    raise SchemaError("database", [text])
+                if _address(item) in self._addresses:
                     self.problems.append(
-                        f"{_place(path, name)}: linked to more than once; a database holds "
-                        f"each group once"
+                        f"{item_path}: linked to more than once; a database holds each group once"
                     )
                     continue
-                self._seen.add(_address(item))
-                below.append((name, item))
+                self._addresses.add(_address(item))
+                groups[name] = item
             elif isinstance(item, h5py.Dataset):
                 tables[name] = item
             else:
                 self.problems.append(
-                    f"{_place(path, name)} is a named type of HDF5; a database holds tables"
+                    f"{item_path} is a named type of HDF5; a database holds tables"
                 )
-        axes = {**axes, **{_address(item): name for name, item in tables.items() if item.is_scale}}
-        tables = {
-            name: item for name, item in tables.items() if not (item.is_scale and _is_bare(item))
-        }
-        read = {
-            name: self._variable(item, name, _place(path, name), axes)
-            for name, item in tables.items()
-        }
-        found = {name: variable for name, variable in read.items() if variable is not None}
-        self.leaves[path] = StoredGroup(found, self._attributes(group, _place(path)))
-        for name, item in below:
-            self.group(item, f"{path.rstrip('/')}/{name}", axes)
+        return tables, groups
 
-    def _variable(
-        self, item: h5py.Dataset, name: str, place: str, axes: Mapping[int, str]
+    def _read_variable(
+        self, item: h5py.Dataset, name: str, path: str, axes: Mapping[int, str]
     ) -> StoredVariable | None:
-        before = len(self.problems)
+        """Return a variable, None if it has problems."""
+        count = len(self.problems)
+        self._check_storage(item, path)
+        dims = self._read_dimensions(item, name, path, axes)
+        attributes = self._read_attributes(item, path)
+        for key in PACKED:
+            if key in attributes:
+                self.problems.append(
+                    f"{path} is packed (attribute {key}); unpack the numbers before you write them"
+                )
+        # only now the numbers are read, which a damaged size would make impossible
+        if len(self.problems) > count:
+            return None
+        numbers = item[()]
+        values = np.asarray(numbers, numbers.dtype.newbyteorder("="))
+        return StoredVariable(tuple(dims), values, attributes)
+
+    def _check_storage(self, item: h5py.Dataset, path: str) -> None:
         if item.dtype.kind not in NUMBERS:
-            self.problems.append(
-                f"{place} holds "
-                f"{'objects or texts' if item.dtype.kind == 'O' else item.dtype}; tables "
-                f"hold numbers"
-            )
+            kind = "objects or texts" if item.dtype.kind == "O" else item.dtype
+            self.problems.append(f"{path} holds {kind}; tables hold numbers")
         elif item.size is None or item.nbytes > LARGEST:
             self.problems.append(
-                f"{place} has the shape {item.shape}; a table has at most {LARGEST // 2**20} MiB"
+                f"{path} has the shape {item.shape}; a table has at most {LARGEST // 2**20} MiB"
             )
         if item.is_virtual or item.external:
             self.problems.append(
-                f"{place} keeps its numbers in another file; a database holds its tables itself"
+                f"{path} keeps its numbers in another file; a database holds its tables itself"
             )
-        dims: list[str] = [name] if item.is_scale and item.ndim == 1 else []
-        for number, dimension in enumerate(item.dims if not dims else (), 1):
+
+    def _read_dimensions(
+        self, item: h5py.Dataset, name: str, path: str, axes: Mapping[int, str]
+    ) -> list[str]:
+        # a dimension scale is its own axis
+        if item.is_scale and item.ndim == 1:
+            return [name]
+        dims = []
+        for number, dimension in enumerate(item.dims, 1):
             axis = axes.get(_address(dimension[0])) if len(dimension) else None
             if axis is None:
                 self.problems.append(
-                    f"{place}: dimension {number} has no name; attach the dimension scale of "
+                    f"{path}: dimension {number} has no name; attach the dimension scale of "
                     f"its axis"
                 )
             else:
                 dims.append(axis)
-        attributes = self._attributes(item, place)
-        for key in PACKED:
-            if key in attributes:
-                self.problems.append(
-                    f"{place} is packed (attribute {key}); unpack the numbers before you write them"
-                )
-        if len(self.problems) > before:
-            return None
-        numbers = item[()]
-        return StoredVariable(
-            tuple(dims), np.asarray(numbers, numbers.dtype.newbyteorder("=")), attributes
-        )
+        return dims
 
-    def _attributes(
-        self, owner: h5py.Group | h5py.Dataset, place: str
+    def _read_attributes(
+        self, owner: h5py.Group | h5py.Dataset, path: str
     ) -> dict[str, str | int | float]:
-        found = {}
+        attributes = {}
         for key in owner.attrs:
             if key in LAYOUT:
                 continue
-            plain = _plain(owner.attrs[key])
-            if plain is None:
-                self.problems.append(f"{place}: attribute {key} is neither a text nor a number")
+            item = _to_attribute(owner.attrs[key])
+            if item is None:
+                self.problems.append(f"{path}: attribute {key} is neither a text nor a number")
             else:
-                found[key] = plain
-        return found
+                attributes[key] = item
+        return attributes
 
 
 def _is_bare(scale: h5py.Dataset) -> bool:
-    """Whether a dimension scale is a dimension without coordinates, which netCDF writes as a
-    variable of this name.
+    """Return whether a dimension scale is a dimension without coordinates.
+
+    netCDF writes it as a variable with this name.
     """
-    return bytes(h5py.h5ds.get_scale_name(scale.id)).startswith(
-        b"This is a netCDF dimension but not a netCDF variable"
-    )
+    name = bytes(h5py.h5ds.get_scale_name(scale.id))
+    return name.startswith(b"This is a netCDF dimension but not a netCDF variable")
 
 
-def _names(group: h5py.Group) -> list[str]:
-    """Return what is in a group, in the order in which it was written if the file records it; older
-    h5py has another order at the root.
+def _item_names(group: h5py.Group) -> list[str]:
+    """Return the names of the items of a group, in the order of writing if the file has it.
+
+    The order of h5py at the root depends on its version.
     """
     names: list[bytes] = []
     try:
         group.id.links.iterate(names.append, idx_type=h5py.h5.INDEX_CRT_ORDER)
-    except RuntimeError:  # the program that wrote the file did not keep the order
+    except RuntimeError:
+        # the file was written without the order
         return list(group)
     return [name.decode() for name in names]
 
 
-def _plain(item: Any) -> str | int | float | None:
-    """Return an attribute as text or number, None when it is neither; netCDF writes single numbers
-    as arrays of one.
-    """
+def _to_attribute(item: Any) -> str | int | float | None:
+    """Return an attribute as text or number, None if it is neither."""
+    # netCDF writes a number as an array of one
     if isinstance(item, np.ndarray) and item.size == 1:
         item = item.reshape(())[()]
     if isinstance(item, bytes):
@@ -353,16 +396,19 @@ def _plain(item: Any) -> str | int | float | None:
             return item.decode()
         return None
     if isinstance(item, str):
-        return str(item) if _writable(item) else None
-    return item.item() if isinstance(item, np.integer | np.floating) else None
+        return str(item) if _is_storable(item) else None
+    if isinstance(item, np.integer | np.floating):
+        return item.item()
+    return None
 
 
-def _place(path: str, name: str = "") -> str:
-    return "/".join(part for part in (path.strip("/"), name) if part) or "root"
+def _join_path(path: str, name: str = "") -> str:
+    return "/".join(filter(None, (path.strip("/"), name))) or "root"
 
 
 def _address(item: h5py.Dataset | h5py.Group) -> int:
-    """Return where an object stands in the file; asking HDF5 for its name takes a search through
-    all groups.
+    """Return the address of an object in the file.
+
+    The address is used in place of the name, because HDF5 searches all groups for a name.
     """
     return h5py.h5o.get_info(item.id).addr

@@ -1,8 +1,7 @@
-"""TOML files through a pydantic model: every problem at once, in the wording of the package,
-similar names for misspelt keys.
+"""Validation of TOML files with models of pydantic, and the JSON schemas of the files.
 
-The JSON schemas of the files, for editors, come from the same models, so that both allow the same
-keys.
+An error has all problems of a file, with similar names for misspelt keys. The JSON schemas, for
+editors, come from the same models, so that both allow the same keys.
 """
 
 from __future__ import annotations
@@ -10,13 +9,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from functools import cache
-from typing import Annotated, Any, TypeVar, get_type_hints
+from typing import Any, TypeVar, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
 
 from flightmech.errors import SchemaError, near_names
 from flightmech.support.input_files import foreign_kind
-from flightmech.support.toml_quantities import UNIT, InUnits
+from flightmech.support.toml_quantities import UNIT
 
 T = TypeVar("T", bound="Strict")
 
@@ -24,41 +23,25 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 class Strict(BaseModel):
-    """Base of all file models: frozen, and an unknown key is an error."""
+    """Base of all models of files. Objects are immutable, and unknown keys are errors."""
 
-    # most models are parts of one that reads a file, or of a file that a command does not read:
-    # each is built when it first reads something
+    # A command uses few of the models, so a validator is built on first use of its model.
     model_config = ConfigDict(
         extra="forbid", frozen=True, arbitrary_types_allowed=True, defer_build=True
     )
 
 
-def make_si_type(units: str) -> Any:
-    """Return the field type of a quantity: a bare number is SI, a text carries its unit (``"40
-    deg"``).
-
-    Parameters
-    ----------
-    units : str
-        SI unit of the quantity.
-    """
-
-    return Annotated[float, InUnits(units)]
-
-
 def fixed_array(items: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the JSON schema of an array with a schema for each of its items."""
+    """Return the JSON schema of an array of fixed length, with one schema per item."""
     return {"type": "array", "prefixItems": items, "minItems": len(items), "maxItems": len(items)}
 
 
-def _model_of(kind: Any) -> type[Strict]:
-    """Return the model of a class of `flightmech.support.plain_tables`: its fields, and its check
-    of what contradicts itself.
-    """
+def _make_model(kind: Any) -> type[Strict]:
+    """Return a model with the fields and the check of a class of `plain_tables`."""
     hints = get_type_hints(kind, include_extras=True)
-    parts: dict[str, Any] = {}
-    for name, (default, about) in kind.values.items():
-        parts[name] = hints[name], Field(default, **about)
+    definitions: dict[str, Any] = {}
+    for name, (default, description) in kind.values.items():
+        definitions[name] = hints[name], Field(default, **description)
 
     def check(model: Any) -> Any:
         kind.check(model)
@@ -66,122 +49,130 @@ def _model_of(kind: Any) -> type[Strict]:
 
     rules: Any = {"check": model_validator(mode="after")(check)}
     return create_model(
-        kind.__name__, __base__=Strict, __doc__=kind.__doc__, __validators__=rules, **parts
+        kind.__name__, __base__=Strict, __doc__=kind.__doc__, __validators__=rules, **definitions
     )
 
 
-model_of: Callable[[Any], type[Strict]] = cache(_model_of)
+model_of: Callable[[Any], type[Strict]] = cache(_make_model)
 
 
 def validate_content(model: type[T], content: dict[str, Any], what: str) -> T:
-    """Return `content` as a `model`.
+    """Return `content` as an object of `model`.
+
+    Parameters
+    ----------
+    model : type
+    content : dict
+        Content of a TOML file, or of one table.
+    what : str
+        Name of the file, for an error.
 
     Raises
     ------
     SchemaError
-        With all problems: place in the file, what came, what is allowed.
+        With all problems: position in the file, the value, the allowed values.
     """
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        kind = _other_kind(model, content)
-        raise SchemaError(
-            what, [kind] if kind else [_sentence(model, item) for item in error.errors()]
-        ) from error
+        # a file of another kind gets one sentence instead of a problem for each key
+        if kind := _describe_other_kind(model, content):
+            problems = [kind]
+        else:
+            problems = [_describe_problem(model, item) for item in error.errors()]
+        raise SchemaError(what, problems) from error
 
 
-def _other_kind(model: type[BaseModel], content: dict[str, Any]) -> str:
-    """Return a sentence on a file that is plainly of another kind than `model`, else nothing."""
-    if not content and any(field.is_required() for field in model.model_fields.values()):
-        return f"the file is empty; expected the keys {', '.join(model.model_fields)}"
-    if kind := foreign_kind(content, model.model_fields):
-        return f"{kind}; expected the keys {', '.join(model.model_fields)}"
-    required = {name for name, field in model.model_fields.items() if field.is_required()}
-    plain = {key for key, part in content.items() if not isinstance(part, dict)}
-    few = 2 * len(required & set(content)) <= len(required)
-    if (
-        len(required) > 2 and few and not plain & set(model.model_fields)
-    ):  # tables alone, as in a name map, where others are required
-        expected = ", ".join(model.model_fields)
+def _describe_other_kind(model: type[BaseModel], content: dict[str, Any]) -> str:
+    """Return a sentence if a file is of another kind than `model`, else an empty text."""
+    keys = model.model_fields
+    required = {name for name, field in keys.items() if field.is_required()}
+    if not content and required:
+        return f"the file is empty; expected the keys {', '.join(keys)}"
+    if kind := foreign_kind(content, keys):
+        return f"{kind}; expected the keys {', '.join(keys)}"
+    # Tables only, as in a name map, while this kind of file requires other keys.
+    values = {key for key, item in content.items() if not isinstance(item, dict)}
+    has_few = 2 * len(required & set(content)) <= len(required)
+    if len(required) > 2 and has_few and not values & set(keys):
         return (
             f"no key of this kind of file, found {', '.join(content)} (a name map of records "
-            f"goes with --names); expected {expected}"
+            f"goes with --names); expected {', '.join(keys)}"
         )
     return ""
 
 
-def _sentence(model: type[BaseModel], item: Any) -> str:
-    place = ".".join(str(part) for part in item["loc"])
+def _describe_problem(model: type[BaseModel], item: Any) -> str:
+    """Return the sentence of a problem that pydantic reports."""
+    position = ".".join(map(str, item["loc"]))
     if item["type"] == "extra_forbidden":
-        allowed = sorted(_fields(model, item["loc"][:-1]))
-        return f"{place}: unknown key{_near(str(item['loc'][-1]), allowed)}"
+        allowed = sorted(_allowed_keys(model, item["loc"][:-1]))
+        near = near_names(str(item["loc"][-1]), allowed, 3)
+        if near:
+            return f"{position}: unknown key; near it: {', '.join(near)}"
+        return f"{position}: unknown key; allowed: {', '.join(allowed)}"
     if item["type"] == "missing":
-        return f"{place}: missing; give it"
+        return f"{position}: missing; give it"
     message = item["msg"].removeprefix("Value error, ")
-    came = "" if message.startswith("found ") else f"; found {item['input']!r}"
-    return f"{place}: {message[:1].lower()}{message[1:]}{came}"
+    message = message[:1].lower() + message[1:]
+    if not message.startswith("found "):
+        message += f"; found {item['input']!r}"
+    return f"{position}: {message}"
 
 
-def _near(name: str, allowed: list[str]) -> str:
-    near = near_names(name, allowed, 3)
-    return f"; near it: {', '.join(near)}" if near else f"; allowed: {', '.join(allowed)}"
-
-
-def _fields(model: Any, loc: tuple[Any, ...]) -> set[str]:
-    """Return the keys allowed at a place, by walking down the annotations."""
+def _allowed_keys(model: Any, loc: tuple[Any, ...]) -> set[str]:
+    """Return the keys that are allowed at a position, from the annotations."""
     for part in loc:
-        if (
-            isinstance(part, str)
-            and isinstance(model, type)
-            and issubclass(model, BaseModel)
-            and part in model.model_fields
-        ):
-            model = _inner(model.model_fields[part].annotation)
+        if _is_model(model) and part in model.model_fields:
+            model = _inner_model(model.model_fields[part].annotation)
         else:
-            model = _inner(model)
-    return (
-        set(model.model_fields)
-        if isinstance(model, type) and issubclass(model, BaseModel)
-        else set()
-    )
+            # an index of an array, or a free key of a table
+            model = _inner_model(model)
+    return set(model.model_fields) if _is_model(model) else set()
 
 
-def _inner(annotation: Any) -> Any:
+def _inner_model(annotation: Any) -> Any:
     """Return the model inside ``Optional``, ``tuple``, ``list`` or ``dict`` annotations."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+    if _is_model(annotation):
         return annotation
-    for part in getattr(annotation, "__args__", ()):
-        found = _inner(part)
-        if found is not None:
-            return found
+    for argument in getattr(annotation, "__args__", ()):
+        model = _inner_model(argument)
+        if model is not None:
+            return model
     return None
 
 
+def _is_model(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
 def file_schema(model: type[BaseModel], text: str) -> dict[str, Any]:
-    """Return the schema (JSON Schema 2020-12) of the files that a model reads.
+    """Return the schema (JSON Schema 2020-12) of the files of a model.
 
     Parameters
     ----------
     model : type
         Model of the whole file.
     text : str
-        What the file is.
+        Description of the file.
 
     Returns
     -------
     dict
-        Keys with description and unit, ``x-unit`` once more for programs.  TOML has no null, so the
-        schema has none either; what depends on several keys at once the reader alone checks.
+        Keys with description and unit, and the unit as ``x-unit`` for programs. TOML has no null,
+        so the schema has no null. Conditions between several keys are not in the schema.
     """
     return {"$schema": DIALECT, **part_schema(model), "description": text}
 
 
 def part_schema(model: type[Any]) -> dict[str, Any]:
-    """Return the schema of one table, in the form that `file_schema` describes; models inside it
-    stand in its ``$defs``.
+    """Return the schema of one table in the form of `file_schema`, with inner models in ``$defs``.
+
+    `model` is a model of pydantic or a class of `plain_tables`.
     """
-    whole = model if issubclass(model, BaseModel) else model_of(model)
-    return _plain(whole.model_json_schema())
+    if not _is_model(model):
+        model = model_of(model)
+    return _simplify(model.model_json_schema())
 
 
 def schema_text(schema: dict[str, Any]) -> str:
@@ -189,44 +180,53 @@ def schema_text(schema: dict[str, Any]) -> str:
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 
 
-def _plain(item: Any) -> Any:
-    """Return a part of a schema without null, titles and defaults that are tables; descriptions end
-    with the unit.
+def _simplify(item: Any) -> Any:
+    """Return a part of a schema without null, titles and defaults that are tables.
+
+    The unit is added to the descriptions.
     """
     if isinstance(item, list):
-        return [_plain(part) for part in item]
+        return [_simplify(part) for part in item]
     if not isinstance(item, dict):
         return item
-    found: dict[str, Any] = {
-        key: _table(part) if key in ("properties", "$defs") else _plain(part)
-        for key, part in item.items()
-        if key != "title"
-    }
-    if found.get("default", 0) is None or isinstance(found.get("default"), dict):
-        del found["default"]
-    if "anyOf" in found:
-        given: list[dict[str, Any]] = [
-            part for part in found.pop("anyOf") if part != {"type": "null"}
-        ]
-        found = {**found, "anyOf": given} if len(given) > 1 else {**given[0], **found}
-    unit = unit_of(found)
-    if unit not in ("", "1") and "description" in found and "]" not in found["description"]:
-        found["description"] += f" [{unit}]"
-    return found
-
-
-def _table(properties: dict[str, Any]) -> dict[str, Any]:
-    """Return the properties of a table: their names are no words of the schema."""
-    return {name: _plain(part) for name, part in properties.items()}
+    schema: dict[str, Any] = {}
+    for key, part in item.items():
+        if key in ("properties", "$defs"):
+            # the keys of this table are names and not keywords of JSON Schema
+            schema[key] = {name: _simplify(inner) for name, inner in part.items()}
+        elif key != "title":
+            schema[key] = _simplify(part)
+    if schema.get("default", 0) is None or isinstance(schema.get("default"), dict):
+        del schema["default"]
+    if "anyOf" in schema:
+        choices = [choice for choice in schema.pop("anyOf") if choice != {"type": "null"}]
+        if len(choices) > 1:
+            schema["anyOf"] = choices
+        else:
+            schema = {**choices[0], **schema}
+    unit = unit_of(schema)
+    if unit not in ("", "1") and "description" in schema and "]" not in schema["description"]:
+        schema["description"] += f" [{unit}]"
+    return schema
 
 
 def unit_of(item: Any) -> str:
-    """Return the unit of a quantity, of the items of an array or of the values of a table; empty
-    when there is none.
+    """Return the unit in the schema of a quantity, an array or a table of free keys.
+
+    Without a unit the result is an empty text.
     """
     if isinstance(item, list):
-        return next((unit for part in item if (unit := unit_of(part))), "")
+        return _first_unit(item)
     if not isinstance(item, dict) or item.get("properties"):
         return ""
-    inside = (item.get(key) for key in ("items", "prefixItems", "anyOf", "additionalProperties"))
-    return item.get(UNIT) or next((unit for part in inside if (unit := unit_of(part))), "")
+    if unit := item.get(UNIT):
+        return unit
+    keywords = ("items", "prefixItems", "anyOf", "additionalProperties")
+    return _first_unit([item.get(keyword) for keyword in keywords])
+
+
+def _first_unit(items: list[Any]) -> str:
+    for item in items:
+        if unit := unit_of(item):
+            return unit
+    return ""

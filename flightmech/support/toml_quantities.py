@@ -1,5 +1,6 @@
-"""Quantities in TOML files: a bare number is SI, a text carries its unit; as annotations of the
-fields of `Plain` and of pydantic.
+"""Annotations of quantities in TOML files, for the fields of `Plain` and of pydantic.
+
+A bare number is SI, and a text has its unit.
 """
 
 from __future__ import annotations
@@ -10,20 +11,27 @@ from flightmech.errors import UnitError
 from flightmech.units import parse_quantity
 
 UNFILLED = "?"
-"""What a drafted file holds in place of a value that nobody knew yet."""
+"""Placeholder in a drafted file for a value that the user must give."""
 UNIT = "x-unit"
-"""Key of a JSON schema that holds the SI unit of a quantity."""
+"""Key of a JSON schema for the SI unit of a quantity."""
 
 
 def quantity_schema(units: str) -> dict[str, Any]:
-    """Return the JSON schema of a quantity: a number in `units`, or a text with its unit; not what
-    stands for a value still to be given.
+    """Return the JSON schema of a quantity: a number in `units`, or a text with its unit.
+
+    The placeholder `UNFILLED` does not fit the schema.
     """
     return {"type": ["number", "string"], "not": {"const": UNFILLED}, UNIT: units}
 
 
 class InUnits:
-    """Of the annotation of a number: a bare number is SI, a text carries its unit (``"40 deg"``)."""
+    """Annotation of a number: a bare number is in `units`, a text has its unit (``"40 deg"``).
+
+    Parameters
+    ----------
+    units : str
+        SI unit of the quantity.
+    """
 
     def __init__(self, units: str) -> None:
         self.units = units
@@ -34,7 +42,7 @@ class InUnits:
         Raises
         ------
         ValueError
-            No quantity of this kind.
+            `item` is not a quantity of this kind, or the placeholder `UNFILLED`.
         """
         if item == UNFILLED:
             raise ValueError(
@@ -46,7 +54,8 @@ class InUnits:
             raise ValueError(str(error)) from error
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Return the schema of pydantic: `convert`, then that of a number."""
+        """Return the schema of pydantic: `convert`, then the schema of a number."""
+        # deferred: tables of `Plain` are read without pydantic
         from pydantic_core.core_schema import no_info_before_validator_function
 
         return no_info_before_validator_function(self.convert, handler(source))
@@ -57,7 +66,7 @@ class InUnits:
 
 
 class Above:
-    """Of the annotation of a number: it is greater than `low`, in SI; stands behind `InUnits`."""
+    """Annotation of a number that is greater than `low`, in SI. It follows `InUnits`."""
 
     def __init__(self, low: float) -> None:
         self.low = low

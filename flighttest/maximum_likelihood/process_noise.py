@@ -1,20 +1,19 @@
-"""Filter error: maximum likelihood of linear models whose motion is disturbed, by turbulence or by
-what the model lacks.
+"""Filter error: maximum likelihood of linear models with process noise, such as turbulence.
 
-An open-loop simulation leaves the measured path for good after a gust.  The filter predicts one
-sample ahead from all samples before, so that its innovations are white when the model is right, and
-the likelihood is that of the innovations:
+After a gust, an open-loop simulation deviates from the measured path permanently. The filter
+predicts one sample ahead from all previous samples. Its innovations are white if the model is
+correct, and the likelihood is that of the innovations [Maine1981]_, [Jategaonkar]_:
 
     J = 1/2 sum_k e_k' S^-1 e_k + N/2 ln |S| + 1/2 (theta - theta_0)' P^-1 (theta - theta_0)
 
-The intensities of the disturbance and the noise of the instruments are unknowns too, estimated as
-variances; S and the gain follow from them.  Fisher's scoring: M_ij = sum e_i' S^-1 e_j + N/2
-tr(S^-1 S_i S^-1 S_j), with e_i and S_i by central differences.
+The intensities of the disturbance and the noise of the instruments are unknowns too. They are
+estimated as variances. S and the gain follow from them. The search uses Fisher's scoring:
+M_ij = sum e_i' S^-1 e_j + N/2 tr(S^-1 S_i S^-1 S_j), with e_i and S_i by central differences.
 
 References
 ----------
-.. [Maine1981] Maine, Iliff, Formulation and implementation of a practical algorithm for parameter estimation with process and
-   measurement noise, SIAM J. Appl. Math. 41, 1981.
+.. [Maine1981] Maine, Iliff, Formulation and implementation of a practical algorithm for parameter
+   estimation with process and measurement noise, SIAM J. Appl. Math. 41, 1981.
 .. [Jategaonkar] Jategaonkar, Flight Vehicle System Identification, 2nd ed., AIAA 2015, ch. 5.
 """
 
@@ -34,14 +33,7 @@ from flighttest.maximum_likelihood.residual_covariance import (
     warn_of_turbulence,
 )
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import (
-    LikelihoodMaximum,
-    Unknown,
-    UnknownVector,
-    Wanted,
-    lay_out,
-    maximise_likelihood,
-)
+from flighttest.maximum_likelihood.search import LikelihoodMaximum, maximise_likelihood
 from flighttest.maximum_likelihood.state_space import (
     LinearModel,
     Predictor,
@@ -54,10 +46,12 @@ from flighttest.maximum_likelihood.state_space import (
     steady_filter,
 )
 from flighttest.maximum_likelihood.time_domain import uniform_step
+from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out
 
-_POSITIVE = ("process", "noise")
+_POSITIVE = ("process", "noise")  # kinds of unknowns that are standard deviations
 _LEAST = 1e-6  # smallest start of a noise, of the spread of the output
-_CALM = 1e-4  # bound of intensities and noises, of their start: below it there is none
+_LEAST_NOISE = 1e-12  # smallest start of a noise
+_CALM = 1e-4  # lower bound of intensities and noises, of their start: below, they count as zero
 
 
 def filter_error(
@@ -75,207 +69,215 @@ def filter_error(
     manoeuvres : Dataset (time,) or sequence of Dataset
         Inputs and measured outputs of the model on a uniform ``time``. [SI]
     parameters : mapping of str to Unknown, tuple or float
-        Parameters of the model; ``process.alpha``, what disturbs a state [its unit per square root
-        of second]; ``noise.alpha``, standard deviation of an output, estimated from a start of its
-        own unless given; ``init.alpha``, a state at the first sample, zero unless given;
-        ``drift.alpha``, a constant in its rate; ``sensor.alpha``, a constant added to an output.
-        [SI]
+        Parameters of the model; ``process.alpha``, intensity of the disturbance of a state [its
+        unit per square root of second]; ``noise.alpha``, standard deviation of the noise of an
+        output, with a start from the record by default; ``init.alpha``, a state at the first
+        sample, default zero; ``drift.alpha``, a constant in its rate; ``sensor.alpha``, a constant
+        added to an output. [SI]
     iterations : int
-        At most so many.
+        Largest number of iterations.
 
     Returns
     -------
     OutputError
-        ``residuals`` are the innovations.  Without any ``process.*`` this is `linear_output_error`
-        with the noise among the unknowns.
+        ``residuals`` are the innovations. Without any ``process.*`` the result is that of
+        `linear_output_error` with the noise among the unknowns.
 
     Warns
     -----
     AeromatchWarning
-        No ``process.*`` is among the parameters and the residuals are a disturbance of the motion.
+        The parameters have no ``process.*``, and the residuals are a disturbance of the motion.
 
     Raises
     ------
     UnknownName
-        A parameter the model does not have, a signal the record does not hold.
+        A parameter that the model does not have, or a signal that the record does not hold.
     SchemaError
         ``process.*`` or ``noise.*`` that does not start above zero, samples that are not finite,
         time that is not uniform.
     IdentificationError
-        The start leads to no filter, or unknowns that the records cannot determine.
+        The start does not have a filter, or the records cannot determine the unknowns.
     """
     records = [manoeuvres] if isinstance(manoeuvres, xr.Dataset) else list(manoeuvres)
-    extra = {
-        "process": model.states,
-        "init": model.states,
-        "drift": model.states,
-        "noise": model.outputs,
-        "sensor": model.outputs,
-    }
-    demand_known(
-        model,
-        list(parameters),
-        [f"{kind}.{name}" for kind, names in extra.items() for name in names],
-    )
+    states, outputs = model.states, model.outputs
+    extra = {"process": states, "init": states, "drift": states, "noise": outputs}
+    demand_known(model, list(parameters), {**extra, "sensor": outputs})
     starts = _noise_starts([input_output_arrays(model, record)[1] for record in records])
-    wanted = {f"noise.{name}": Unknown(start) for name, start in zip(model.outputs, starts)} | dict(
-        parameters
-    )
-    plain = lay_out(wanted, [{} for _ in records])
-    layout, squares = _squared(plain)
-    pieces = [
-        _Predicted(model, record, names, plain.start[place])
-        for record, names, place in zip(records, layout.bases, layout.columns)
-    ]
-    found = maximise_likelihood(_Innovated(pieces, layout), iterations)
-    white = _whitened(found)
+    unknowns: Wanted = {f"noise.{name}": Unknown(start) for name, start in zip(outputs, starts)}
+    # Every output has a noise; given parameters replace the starts from the record.
+    natural = lay_out({**unknowns, **parameters}, [{} for _ in records])
+    layout, is_squared = _square_deviations(natural)
+    pieces = []
+    for record, names, columns in zip(records, layout.bases, layout.columns):
+        pieces.append(_FilteredRecord(model, record, names=names, starts=natural.start[columns]))
+    maximum = maximise_likelihood(_InnovationLikelihood(pieces, layout), iterations)
+    white = _whiten_innovations(maximum)
     covariance, colours = coloured_likelihood_covariance(
         white, layout.columns, [piece.step for piece in pieces]
     )
-    theta = np.where(squares, plain.start * np.sqrt(np.abs(found.theta)), found.theta)
-    scale = np.where(squares, plain.start**2 / (2.0 * theta), 1.0)
+
+    # Back from squares to deviations: sigma = start sqrt(s), d sigma/d s = start^2 / (2 sigma).
+    deviation = natural.start * np.sqrt(np.abs(maximum.theta))
+    theta = np.where(is_squared, deviation, maximum.theta)
+    scale = np.where(is_squared, natural.start**2 / (2.0 * theta), 1.0)
     size = np.outer(scale, scale)
-    plainly = replace(white, theta=theta, information=found.information / size)
-    estimates = estimates_dataset(plainly, plain, covariance * size, {"method": "filter error"})
-    inside = replace(white, residuals=found.residuals.parts, noise=found.noise)
-    rest = tuple(piece.residual(e) for piece, e in zip(pieces, found.residuals.parts))
-    scaled = [piece.z / np.sqrt(R) for piece, R in zip(pieces, found.noise)]
-    effect = effect_on_motion(white, layout.columns, covariance, scaled)
+    in_deviations = replace(white, theta=theta, information=maximum.information / size)
+    estimates = estimates_dataset(
+        in_deviations, natural, covariance=covariance * size, about={"method": "filter error"}
+    )
+
+    # The noise is reported in the unit of the outputs, the effect in white units.
+    innovations = maximum.residuals.parts
+    scaled = [piece.z / np.sqrt(R) for piece, R in zip(pieces, maximum.noise)]
     scatter = noise_dataset(
-        inside, list(model.outputs), colours, [piece.z for piece in pieces], effect
+        replace(white, residuals=innovations, noise=maximum.noise),
+        list(outputs),
+        colours=colours,
+        measured=[piece.z for piece in pieces],
+        effect=effect_on_motion(white, layout.columns, covariance=covariance, measured=scaled),
     )
-    warnings = (
-        ()
-        if any(name.startswith("process.") for name in parameters)
-        else warn_of_turbulence(scatter)
-    )
-    return OutputError(estimates, rest, scatter, warnings)
+    warnings: tuple[str, ...] = ()
+    if not any(name.startswith("process.") for name in parameters):
+        warnings = warn_of_turbulence(scatter)
+    residuals = tuple(piece.residual(e) for piece, e in zip(pieces, innovations))
+    return OutputError(estimates, residuals, noise=scatter, warnings=warnings)
 
 
 def _noise_starts(measured: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the noise of each output as second differences show it, which smooth motion does not
-    reach.
-    """
+    """Return the noise of each output from second differences, in which smooth motion is small."""
     bends = np.concatenate([np.diff(z, 2, axis=0) for z in measured])
     spread = np.concatenate([z - z.mean(axis=0) for z in measured]).std(axis=0)
-    return np.maximum(np.sqrt((bends**2).mean(axis=0) / 6.0), np.maximum(_LEAST * spread, 1e-12))
+    # The second difference of white noise has six times its variance: 1 + 4 + 1.
+    noise = np.sqrt((bends**2).mean(axis=0) / 6.0)
+    return np.maximum(noise, np.maximum(_LEAST * spread, _LEAST_NOISE))
 
 
-def _squared(plain: UnknownVector) -> tuple[UnknownVector, np.ndarray]:
-    """Return the layout with deviations as squares over that of their start, and which they are.
+def _square_deviations(natural: UnknownVector) -> tuple[UnknownVector, np.ndarray]:
+    """Return the unknowns with deviations as squares over that of their start, and their mask.
 
-    In the variance of a noise alone one step of scoring reaches the maximum.
+    For the variance of a noise alone, one step of scoring reaches the maximum.
     """
-    squares = np.array([name.split(".")[0] in _POSITIVE for name in plain.names])
-    low = [
-        name
-        for name, squared, start in zip(plain.names, squares, plain.start)
-        if squared and not start > 0.0
-    ]
-    if low:
-        raise SchemaError(
-            "unknowns",
-            [
+    is_squared = np.array([name.split(".")[0] in _POSITIVE for name in natural.names])
+    problems = []
+    for name, squared, start in zip(natural.names, is_squared, natural.start):
+        if squared and not start > 0.0:
+            problems.append(
                 f"{name} starts at zero or below; give a positive start, or leave it out"
-                for name in low
-            ],
-        )
-    unit = np.where(squares, plain.start, 1.0)
-    return (
-        replace(
-            plain,
-            start=np.where(squares, 1.0, plain.start),
-            sigma=np.where(squares, 2.0 * plain.sigma / unit, plain.sigma),
-            low=np.where(squares, np.maximum(plain.low / unit, _CALM) ** 2, plain.low),
-            high=np.where(squares, (plain.high / unit) ** 2, plain.high),
-        ),
-        squares,
+            )
+    if problems:
+        raise SchemaError("unknowns", problems)
+    unit = np.where(is_squared, natural.start, 1.0)
+    low = np.maximum(natural.low / unit, _CALM) ** 2
+    squares = replace(
+        natural,
+        start=np.where(is_squared, 1.0, natural.start),
+        sigma=np.where(is_squared, 2.0 * natural.sigma / unit, natural.sigma),
+        low=np.where(is_squared, low, natural.low),
+        high=np.where(is_squared, (natural.high / unit) ** 2, natural.high),
     )
+    return squares, is_squared
 
 
-class _Step(NamedTuple):
-    """Innovations and their variances, per record; `maximise_likelihood` carries them as its residuals."""
+class _Innovations(NamedTuple):
+    """Innovations (time, output) and their variances (output, output), per record.
+
+    They are the residuals of `maximise_likelihood`.
+    """
 
     parts: list[np.ndarray]
     variances: list[np.ndarray]
 
 
-class _Slope(NamedTuple):
-    """Slopes of innovations (time, output, unknown) and of their variance (unknown, output,
-    output).
+class _InnovationSlopes(NamedTuple):
+    """Slopes of innovations and of their variance.
+
+    Attributes
+    ----------
+    e : array (time, output, unknown)
+    S : array (unknown, output, output)
     """
 
     e: np.ndarray
     S: np.ndarray
 
 
-class _Innovated:
-    """J of the innovations, as `maximise_likelihood` requires it."""
+class _InnovationLikelihood:
+    """J of the innovations, the target of `maximise_likelihood`."""
 
-    def __init__(self, pieces: Sequence[_Predicted], layout: UnknownVector):
+    def __init__(self, pieces: Sequence[_FilteredRecord], layout: UnknownVector):
         self.pieces, self.layout = pieces, layout
 
-    def residuals(self, theta: np.ndarray) -> _Step:
+    def residuals(self, theta: np.ndarray) -> _Innovations:
         """Return innovations and their variances."""
-        made = [
-            piece.predict(theta[columns])
-            for piece, columns in zip(self.pieces, self.layout.columns)
-        ]
-        return _Step([e for e, _ in made], [S for _, S in made])
+        innovations = _Innovations([], [])
+        for piece, columns in zip(self.pieces, self.layout.columns):
+            e, S = piece.predict(theta[columns])
+            innovations.parts.append(e)
+            innovations.variances.append(S)
+        return innovations
 
-    def scatter(self, step: _Step) -> np.ndarray:
+    def scatter(self, innovations: _Innovations) -> np.ndarray:
         """Return the variances of the innovations (manoeuvre, output)."""
-        return np.array([np.diag(S) for S in step.variances])
+        return np.array([np.diag(S) for S in innovations.variances])
 
-    def cost(self, theta: np.ndarray, step: _Step) -> float:
-        """Return J; infinite where there is no filter."""
+    def cost(self, theta: np.ndarray, innovations: _Innovations) -> float:
+        """Return J; infinite without a filter."""
         total = 0.5 * float((((theta - self.layout.start) / self.layout.sigma) ** 2).sum())
-        for e, S in zip(step.parts, step.variances):
-            sign, size = np.linalg.slogdet(S) if np.isfinite(S).all() else (-1.0, 0.0)
-            if sign <= 0.0 or not np.isfinite(e).all():
+        for e, S in zip(innovations.parts, innovations.variances):
+            if not np.isfinite(S).all() or not np.isfinite(e).all():
+                return np.inf
+            sign, size = np.linalg.slogdet(S)
+            if sign <= 0.0:
                 return np.inf
             total += 0.5 * float((e * np.linalg.solve(S, e.T).T).sum()) + 0.5 * len(e) * float(size)
         return total
 
     def expect(self, steps: np.ndarray, central: bool) -> None:
-        """Nothing is prepared: all runs of a record cost little."""
+        """Do nothing: all runs of a record are fast."""
 
-    def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> list[_Slope]:
-        """Return slopes by central differences of the filters, which cost little here."""
-        return [
-            piece.slopes(theta[columns], steps[columns])
-            for piece, columns in zip(self.pieces, self.layout.columns)
-        ]
+    def slopes(
+        self, theta: np.ndarray, steps: np.ndarray, central: bool
+    ) -> list[_InnovationSlopes]:
+        """Return slopes by central differences of the filters, which are fast here."""
+        slopes = []
+        for piece, columns in zip(self.pieces, self.layout.columns):
+            slopes.append(piece.slopes(theta[columns], steps[columns]))
+        return slopes
 
     def normal(
-        self, theta: np.ndarray, step: _Step, slopes: Sequence[_Slope]
+        self, theta: np.ndarray, innovations: _Innovations, slopes: Sequence[_InnovationSlopes]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return Fisher's information and the downhill gradient."""
         M = np.diag(self.layout.sigma**-2.0)
         g = -(theta - self.layout.start) / self.layout.sigma**2
-        for place, e, S, slope in zip(self.layout.columns, step.parts, step.variances, slopes):
+        for columns, e, S, slope in zip(
+            self.layout.columns, innovations.parts, innovations.variances, slopes
+        ):
+            # With S = L L': X = L^-1 e_i, w = L^-1 e and T_i = L^-1 S_i L^-T, so that
+            # M_ij = sum X_i' X_j + N/2 tr(T_i T_j).
             root = np.linalg.cholesky(S)
-            X = np.linalg.solve(root, slope.e).reshape(-1, len(place))
+            X = np.linalg.solve(root, slope.e).reshape(-1, len(columns))
             w = np.linalg.solve(root, e.T).T
-            turned = np.linalg.solve(
-                root, np.linalg.solve(root, slope.S).transpose(0, 2, 1)
-            )  # L^-1 dS L^-T
-            flat = turned.reshape(len(place), -1)
-            M[np.ix_(place, place)] += X.T @ X + 0.5 * len(e) * flat @ flat.T
-            g[place] -= X.T @ w.ravel() + 0.5 * flat @ (len(e) * np.eye(len(S)) - w.T @ w).ravel()
+            T = np.linalg.solve(root, np.linalg.solve(root, slope.S).transpose(0, 2, 1))
+            flat = T.reshape(len(columns), -1)
+            excess = (len(e) * np.eye(len(S)) - w.T @ w).ravel()
+            M[np.ix_(columns, columns)] += X.T @ X + 0.5 * len(e) * flat @ flat.T
+            g[columns] -= X.T @ w.ravel() + 0.5 * flat @ excess
         return M, g
 
 
-def _whitened(found: LikelihoodMaximum) -> LikelihoodMaximum:
-    """Return innovations and slopes turned so that their variance is one."""
-    roots = [np.linalg.cholesky(S) for S in found.residuals.variances]
-    e = [np.linalg.solve(root, part.T).T for root, part in zip(roots, found.residuals.parts)]
-    slopes = [np.linalg.solve(root, slope.e) for root, slope in zip(roots, found.slopes)]
-    return replace(found, residuals=e, slopes=slopes, noise=np.ones_like(found.noise))
+def _whiten_innovations(maximum: LikelihoodMaximum) -> LikelihoodMaximum:
+    """Return innovations and slopes transformed to unit variance."""
+    e, slopes = [], []
+    for part, S, slope in zip(maximum.residuals.parts, maximum.residuals.variances, maximum.slopes):
+        root = np.linalg.cholesky(S)
+        e.append(np.linalg.solve(root, part.T).T)
+        slopes.append(np.linalg.solve(root, slope.e))
+    return replace(maximum, residuals=e, slopes=slopes, noise=np.ones_like(maximum.noise))
 
 
-class _Predicted:
-    """One record."""
+class _FilteredRecord:
+    """One record and the filter of its readings."""
 
     def __init__(
         self, model: LinearModel, record: xr.Dataset, names: Sequence[str], starts: np.ndarray
@@ -285,61 +287,60 @@ class _Predicted:
         self.step = uniform_step(self.time, "record")
         self.u, self.z = input_output_arrays(model, record)
 
-    def _run(self, values: np.ndarray) -> tuple[Predictor, np.ndarray]:
-        """Return the filter and the variance of its innovations; LinAlgError or ValueError without
-        one.
+    def _make_run(self, values: np.ndarray) -> tuple[Predictor, np.ndarray]:
+        """Return the filter and the variance of its innovations.
+
+        Raise LinAlgError or ValueError if there is no steady filter.
         """
-        at, states, outputs = self._natural(values), self.model.states, self.model.outputs
-        stirred, noise = pick_values(at, "process", states), pick_values(at, "noise", outputs)
-        made = steady_filter(
-            self.model.at(at), pick_values(at, "drift", states), stirred, noise, self.step
+        named, states, outputs = self._name_values(values), self.model.states, self.model.outputs
+        steady = steady_filter(
+            self.model.at(named),
+            drift=pick_values(named, "drift", states),
+            intensity=pick_values(named, "process", states),
+            noise=pick_values(named, "noise", outputs),
+            step=self.step,
         )
-        return make_predictor(
-            made, pick_values(at, "init", states), pick_values(at, "sensor", outputs)
-        ), made.S
+        start = pick_values(named, "init", states)
+        run = make_predictor(steady, start, offset=pick_values(named, "sensor", outputs))
+        return run, steady.S
 
     def predict(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return innovations (time, output) and their variance (output, output); NaN without a
-        filter.
-        """
+        """Return innovations (time, output) and their variance; NaN without a filter."""
         try:
-            run, S = self._run(values)
+            run, S = self._make_run(values)
         except (np.linalg.LinAlgError, ValueError):
             return np.full(self.z.shape, np.nan), np.full(2 * self.z.shape[1:], np.nan)
         with np.errstate(over="ignore", invalid="ignore"):
             return filter_innovations(run, self.u, self.z), S
 
-    def slopes(self, values: np.ndarray, steps: np.ndarray) -> _Slope:
-        """Return their slopes; NaN where a step leads to no filter."""
-        moves = np.diag(steps)
+    def slopes(self, values: np.ndarray, steps: np.ndarray) -> _InnovationSlopes:
+        """Return their slopes; NaN if a step does not have a filter."""
+        shifts = np.diag(steps)
         try:
-            run, _ = self._run(values)
-            up, down = (
-                list(zip(*(self._run(values + side * move) for move in moves)))
-                for side in (1.0, -1.0)
-            )
+            run, _ = self._make_run(values)
+            up, S_up = zip(*(self._make_run(values + shift) for shift in shifts))
+            down, S_down = zip(*(self._make_run(values - shift) for shift in shifts))
         except (np.linalg.LinAlgError, ValueError):
-            return _Slope(
+            return _InnovationSlopes(
                 np.full((*self.z.shape, len(values)), np.nan),
                 np.full((len(values), *2 * self.z.shape[1:]), np.nan),
             )
-        dS = (np.stack(up[1]) - np.stack(down[1])) / (2.0 * steps[:, None, None])
+        dS = (np.stack(S_up) - np.stack(S_down)) / (2.0 * steps[:, None, None])
         with np.errstate(over="ignore", invalid="ignore"):
-            e = innovation_slopes(run, up[0], down[0], 2.0 * steps, self.u, self.z)
-        return _Slope(np.moveaxis(e, 0, 2), dS)
+            e = innovation_slopes(run, up, down=down, width=2.0 * steps, u=self.u, z=self.z)
+        return _InnovationSlopes(np.moveaxis(e, 0, 2), dS)
 
-    def _natural(self, row: np.ndarray) -> dict[str, float]:
-        whole = {name: float(x) for name, x in zip(self.names, row)}
-        deviations = {
-            name: start * np.sqrt(abs(whole[name]))
-            for name, start in zip(self.names, self.starts)
-            if name.split(".")[0] in _POSITIVE
-        }
-        return whole | deviations
+    def _name_values(self, values: np.ndarray) -> dict[str, float]:
+        """Return the unknowns by name, deviations in place of their squares."""
+        # sigma = start sqrt(s) of the squares s
+        named = {}
+        for name, value, start in zip(self.names, values, self.starts):
+            named[name] = float(value)
+            if name.split(".")[0] in _POSITIVE:
+                named[name] = start * np.sqrt(abs(float(value)))
+        return named
 
     def residual(self, e: np.ndarray) -> xr.Dataset:
         """Return innovations as a Dataset."""
-        return xr.Dataset(
-            {name: ("time", e[:, k]) for k, name in enumerate(self.model.outputs)},
-            {"time": self.time},
-        )
+        columns = {name: ("time", e[:, k]) for k, name in enumerate(self.model.outputs)}
+        return xr.Dataset(columns, {"time": self.time})

@@ -1,198 +1,88 @@
 """Search for the maximum of a likelihood whose noise covariance is unknown.
 
-With independent Gaussian noise of variance R_j on output j, the best R_j for given parameters is
-the mean square of the residual. Put in, the negative log-likelihood becomes  J = sum_j N_j/2 ln
-R_j(theta) + 1/2 (theta - theta_0)' P^-1 (theta - theta_0).  Its gradient is that of weighted least
-squares with the present R, and Gauss-Newton's matrix  M = sum S'R^-1 S + P^-1  its Fisher
-information.  So one Levenberg-Marquardt search takes the place of the usual relaxation between
-parameters and R, and J falls in every step.
+For independent Gaussian noise of variance R_j on output j, the best R_j for given parameters is the
+mean square of the residual. With this R_j the negative log-likelihood [Maine1985]_ becomes
+
+    J = sum_j N_j/2 ln R_j(theta) + 1/2 (theta - theta_0)' P^-1 (theta - theta_0)
+
+Its gradient is that of weighted least squares with the present R. The Gauss-Newton matrix
+M = sum S'R^-1 S + P^-1 is its Fisher information. One Levenberg-Marquardt search therefore replaces
+the usual relaxation between parameters and R [Jategaonkar]_, and J falls in every step.
 
 References
 ----------
-.. [Maine1985] Maine, Iliff, Identification of dynamic systems: theory and formulation, NASA RP-1138, 1985.
+.. [Maine1985] Maine, Iliff, Identification of dynamic systems: theory and formulation, NASA
+   RP-1138, 1985.
 .. [Jategaonkar] Jategaonkar, Flight Vehicle System Identification, 2nd ed., AIAA 2015, ch. 4.
 """
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from flightmech.errors import IdentificationError, SchemaError
+from flightmech.errors import IdentificationError
+from flighttest.maximum_likelihood.unknowns import UnknownVector
 from flighttest.regression.uncertainty.collinearity import describe_combination
 
-
-class Unknown(NamedTuple):
-    """One parameter to estimate.
-
-    Attributes
-    ----------
-    start : float or None
-        First value, and mean of the prior.  None for what a record gives at its first sample, such
-        as ``init.alpha``. [SI]
-    sigma : float
-        Standard error of the a-priori value; infinite when nothing is known. [SI]
-    low, high : float
-        Bounds. [SI]
-    own : bool
-        Whether every manoeuvre has a value of its own.
-    """
-
-    start: float | None
-    sigma: float = math.inf
-    low: float = -math.inf
-    high: float = math.inf
-    own: bool = False
-
-
-Wanted = Mapping[str, "Unknown | float | tuple"]
-
-
-@dataclass(frozen=True)
-class UnknownVector:
-    """All unknowns as one vector.
-
-    Attributes
-    ----------
-    names : tuple of str
-        One per unknown; that of a manoeuvre alone ends in ``@1``, ``@2`` ...
-    bases : tuple of tuple of str
-        Per manoeuvre the plain names of its unknowns.
-    columns : tuple of array of int
-        Per manoeuvre their places in the vector.
-    start, sigma, low, high : array (unknown,)
-    """
-
-    names: tuple[str, ...]
-    bases: tuple[tuple[str, ...], ...]
-    columns: tuple[np.ndarray, ...]
-    start: np.ndarray
-    sigma: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-
-
-def lay_out(wanted: Wanted, recorded: Sequence[Mapping[str, float]]) -> UnknownVector:
-    """Return the vector of the unknowns.
-
-    Parameters
-    ----------
-    wanted : mapping of str to Unknown, tuple or float
-        A tuple holds the first fields of `Unknown`, a number is the start alone.
-    recorded : sequence of mapping of str to float
-        Per manoeuvre, what stands for a start of None.
-
-    Raises
-    ------
-    SchemaError
-        Unknowns without a start, outside their bounds, with a prior that is not positive; all at
-        once.
-    """
-    unknowns = {name: _unknown(item) for name, item in wanted.items()}
-    problems = [] if unknowns else ["no unknown; name at least one parameter"]
-    rows: list[tuple[str, float, Unknown]] = []
-    places: list[dict[str, int]] = [{} for _ in recorded]
-    for name, unknown in unknowns.items():
-        groups = (
-            [[k] for k in range(len(recorded))] if unknown.own else [list(range(len(recorded)))]
-        )
-        for group in groups:
-            label = f"{name}@{group[0] + 1}" if unknown.own and len(recorded) > 1 else name
-            start = recorded[group[0]].get(name) if unknown.start is None else float(unknown.start)
-            problems += _problems(label, start, unknown)
-            for k in group:
-                places[k][name] = len(rows)
-            rows.append((label, math.nan if start is None else start, unknown))
-    if problems:
-        raise SchemaError("unknowns", problems)
-    return UnknownVector(
-        tuple(label for label, _, _ in rows),
-        tuple(tuple(place) for place in places),
-        tuple(np.array(list(place.values()), int) for place in places),
-        np.array([start for _, start, _ in rows]),
-        *(
-            np.array([getattr(unknown, field) for _, _, unknown in rows], float)
-            for field in ("sigma", "low", "high")
-        ),
-    )
-
-
-def _unknown(item: Unknown | float | tuple) -> Unknown:
-    return Unknown(*item) if isinstance(item, tuple) else Unknown(item)
-
-
-def _problems(label: str, start: float | None, unknown: Unknown) -> list[str]:
-    if start is None:
-        return [f"{label} has no start, and neither model nor record gives it; give a start"]
-    if (
-        not math.isfinite(start)
-        or not unknown.low < unknown.high
-        or not unknown.low <= start <= unknown.high
-    ):
-        return [
-            f"{label} starts at {start:g}, bounds {unknown.low:g} ... {unknown.high:g}; the "
-            f"start must be finite and lie between them"
-        ]
-    if not unknown.sigma > 0.0:
-        return [
-            f"{label} has a prior standard error of {unknown.sigma:g}; give a positive one, "
-            f"or hold the parameter at its value"
-        ]
-    return []
-
-
 FLOOR = 1e-7  # smallest residual that counts, of the rms of a measured output about its mean
+_LEAST_RMS = 1e-12  # smallest rms of an output for this floor
 STEP = 0.05  # step of a difference, in standard errors
 SMALL, LARGE = 1e-6, 1e-2  # its limits, in sizes of the parameter
+_FIRST_STEP = 1e-4  # step of the first differences, in sizes of the parameter
+_LEAST_SIZE = 1e-2  # smallest size of a parameter without prior and bounds
 CLOSE = 1e-2  # a step of so many standard errors is the last one
 RANK = 1e-12  # smallest eigenvalue of the information scaled to unit diagonal
-_DAMPING, _STUCK = 1e-3, 1e12
+_LEAST_EIGENVALUE = 1e-14  # of the scaled information that is inverted
+# damping of Levenberg and Marquardt: first value, factors of a change, and limits
+_DAMPING, _RAISE, _LOWER = 1e-3, 10.0, 0.1
+_LEAST_DAMPING, _STUCK = 1e-12, 1e12
 
 
 class Piece(Protocol):
     """One manoeuvre."""
 
-    measured: np.ndarray  # (samples, outputs), NaN where there is no reading
+    measured: np.ndarray  # (samples, outputs), NaN without a reading
 
     def predict(self, values: np.ndarray) -> np.ndarray:
-        """Return the outputs (samples, outputs) for the unknowns of this manoeuvre; NaN when they
-        cannot be flown.
+        """Return the outputs (samples, outputs) for the unknowns of this manoeuvre.
+
+        The outputs are NaN if the manoeuvre cannot be simulated.
         """
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
-        """Return their slopes (samples, outputs, unknowns), by central differences when asked."""
+        """Return the slopes (samples, outputs, unknowns); central differences if requested."""
 
 
 @runtime_checkable
 class PrefetchedRuns(Protocol):
-    """A manoeuvre that flies the slopes of its next prediction with it."""
+    """A manoeuvre that simulates the slopes of its next prediction together with it."""
 
     def expect(self, steps: np.ndarray, central: bool) -> None:
-        """Learn which slopes will follow unless the next prediction is discarded."""
+        """Announce the slopes that follow unless the next prediction is discarded."""
 
 
 @dataclass(frozen=True)
 class LikelihoodMaximum:
-    """The maximum.
+    """Maximum of a likelihood.
 
     Attributes
     ----------
     theta : array (unknown,)
     residuals : list of array (samples, outputs)
-        Per manoeuvre measured minus predicted, 0 where there is no reading.
-    slopes : list of array (samples, outputs, own unknowns)
+        Per manoeuvre measured minus predicted, 0 without a reading.
+    slopes : list of array (samples, outputs, unknowns of the manoeuvre)
     noise : array (manoeuvre, output)
         Variance R.
     information : array (unknown, unknown)
         M, prior included.
     active : array of bool (unknown,)
-        At a bound against which the likelihood pushes.
+        Unknowns at a bound against which the likelihood pushes.
     cost : float
         J.
     iterations : int
@@ -211,24 +101,24 @@ class LikelihoodMaximum:
 
 
 class Target(Protocol):
-    """What is minimised; what stands for residuals and slopes is its own affair."""
+    """A cost to minimise. The types of its residuals and slopes are private to it."""
 
     layout: UnknownVector
 
     def residuals(self, theta: np.ndarray) -> Any:
-        """Return what cost and normal equations are made of."""
+        """Return the residuals, from which cost and normal equations follow."""
 
     def scatter(self, residuals: Any) -> np.ndarray:
         """Return the variance of the residuals (manoeuvre, output)."""
 
     def cost(self, theta: np.ndarray, residuals: Any) -> float:
-        """Return J, infinite where there is none."""
+        """Return J; infinite if the manoeuvres cannot be simulated."""
 
     def expect(self, steps: np.ndarray, central: bool) -> None:
-        """Learn which slopes will follow the next residuals, unless the cost rises."""
+        """Announce the slopes that follow the next residuals, unless the cost rises."""
 
     def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> Any:
-        """Return the derivatives of the residuals; one-sided differences will do unless `central`."""
+        """Return the derivatives of the residuals; one-sided ones suffice if not `central`."""
 
     def normal(
         self, theta: np.ndarray, residuals: Any, slopes: Any
@@ -242,87 +132,91 @@ class Likelihood:
     Parameters
     ----------
     pieces : sequence of Piece
-    layout : Layout
+    layout : UnknownVector
     groups : array of int (manoeuvre,)
         Manoeuvres of one group have one noise covariance.
     """
 
     def __init__(self, pieces: Sequence[Piece], layout: UnknownVector, groups: np.ndarray):
         self.pieces, self.layout, self.groups = pieces, layout, groups
-        self.seen = [np.isfinite(piece.measured) for piece in pieces]
-        self.counts = self._grouped([seen.sum(axis=0) for seen in self.seen])
-        together = np.concatenate(
-            [piece.measured - np.nanmean(piece.measured, axis=0) for piece in pieces]
-        )
-        self.flown = len(pieces) > 1 and all(isinstance(piece, PrefetchedRuns) for piece in pieces)
-        self.floor = (FLOOR * np.maximum(np.sqrt(np.nanmean(together**2, axis=0)), 1e-12)) ** 2
+        self.has_reading = [np.isfinite(piece.measured) for piece in pieces]
+        self.counts = self._sum_groups([mask.sum(axis=0) for mask in self.has_reading])
+        # A noise-free output would have the logarithm of zero: its variance has a floor.
+        centred = []
+        for piece in pieces:
+            centred.append(piece.measured - np.nanmean(piece.measured, axis=0))
+        rms = np.sqrt(np.nanmean(np.concatenate(centred) ** 2, axis=0))
+        self.floor = (FLOOR * np.maximum(rms, _LEAST_RMS)) ** 2
+        is_simulated = all(isinstance(piece, PrefetchedRuns) for piece in pieces)
+        self.in_parallel = len(pieces) > 1 and is_simulated
 
-    def _grouped(self, rows: Sequence[np.ndarray]) -> np.ndarray:
+    def _sum_groups(self, rows: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the sums of rows (manoeuvre, output) over the groups, (group, output)."""
         total = np.zeros((self.groups.max() + 1, len(rows[0])))
         for group, row in zip(self.groups, rows):
             total[group] += row
         return total
 
-    def _each(self, evaluate: Callable[[Any, np.ndarray], np.ndarray]) -> list[np.ndarray]:
-        """Evaluate every piece, with the columns of its unknowns; those that fly do so together: a
-        batch of one fills few processors.
+    def _map_pieces(self, evaluate: Callable[[Any, np.ndarray], np.ndarray]) -> list[np.ndarray]:
+        """Evaluate every piece with the columns of its unknowns.
+
+        Simulated pieces are evaluated in parallel: a batch of one uses few processors.
         """
-        if not self.flown:
+        if not self.in_parallel:
             return list(map(evaluate, self.pieces, self.layout.columns))
         with ThreadPoolExecutor(min(len(self.pieces), os.cpu_count() or 1)) as pool:
             return list(pool.map(evaluate, self.pieces, self.layout.columns))
 
     def residuals(self, theta: np.ndarray) -> list[np.ndarray]:
         """Return measured minus predicted per piece."""
-        predicted = self._each(lambda piece, columns: piece.predict(theta[columns]))
-        return [
-            np.where(seen, piece.measured - y, 0.0)
-            for piece, y, seen in zip(self.pieces, predicted, self.seen)
-        ]
+        predicted = self._map_pieces(lambda piece, columns: piece.predict(theta[columns]))
+        residuals = []
+        for piece, y, mask in zip(self.pieces, predicted, self.has_reading):
+            residuals.append(np.where(mask, piece.measured - y, 0.0))
+        return residuals
 
     def noise(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
         """Return R (group, output)."""
-        return np.maximum(
-            self._grouped([(v**2).sum(axis=0) for v in residuals]) / np.maximum(self.counts, 1),
-            self.floor,
-        )
+        squares = self._sum_groups([(v**2).sum(axis=0) for v in residuals])
+        return np.maximum(squares / np.maximum(self.counts, 1), self.floor)
 
     def scatter(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
         """Return R (manoeuvre, output)."""
         return self.noise(residuals)[self.groups]
 
     def cost(self, theta: np.ndarray, residuals: Sequence[np.ndarray]) -> float:
-        """Return J; infinite when a piece could not be flown."""
-        total = 0.5 * float((self.counts * np.log(self.noise(residuals))).sum()) + 0.5 * float(
-            (self._pull(theta) ** 2).sum()
-        )
+        """Return J; infinite if a piece cannot be simulated."""
+        by_noise = 0.5 * float((self.counts * np.log(self.noise(residuals))).sum())
+        by_prior = 0.5 * float((self._prior_distance(theta) ** 2).sum())
+        total = by_noise + by_prior
         return total if np.isfinite(total) else np.inf
 
-    def _pull(self, theta: np.ndarray) -> np.ndarray:
+    def _prior_distance(self, theta: np.ndarray) -> np.ndarray:
         return (theta - self.layout.start) / self.layout.sigma
 
     def expect(self, steps: np.ndarray, central: bool) -> None:
-        """Prepare those pieces that fly slopes with a prediction."""
+        """Announce the slopes to those pieces that simulate them with a prediction."""
         for piece, columns in zip(self.pieces, self.layout.columns):
             if isinstance(piece, PrefetchedRuns):
                 piece.expect(steps[columns], central)
 
     def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> list[np.ndarray]:
         """Return S per piece."""
-        made = self._each(
+        slopes = self._map_pieces(
             lambda piece, columns: piece.slopes(theta[columns], steps[columns], central)
         )
-        for S, seen in zip(made, self.seen):
-            if not seen.all():
-                S[~seen] = 0.0
-        return made
+        for S, mask in zip(slopes, self.has_reading):
+            if not mask.all():
+                S[~mask] = 0.0
+        return slopes
 
     def normal(
         self, theta: np.ndarray, residuals: Sequence[np.ndarray], slopes: Sequence[np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the information M and the downhill gradient."""
+        # M = sum S'R^-1 S + P^-1, gradient sum S'R^-1 v - P^-1 (theta - theta_0)
         M = np.diag(self.layout.sigma**-2.0)
-        g = -self._pull(theta) / self.layout.sigma
+        g = -self._prior_distance(theta) / self.layout.sigma
         noise = self.noise(residuals)
         for columns, group, v, S in zip(self.layout.columns, self.groups, residuals, slopes):
             root = 1.0 / np.sqrt(noise[group])
@@ -332,17 +226,32 @@ class Likelihood:
         return M, g
 
 
+class _Trial(NamedTuple):
+    """Parameters to try, with the damping of their step."""
+
+    theta: np.ndarray
+    damping: float
+    is_first: bool
+
+
 def maximise_likelihood(likelihood: Target, iterations: int) -> LikelihoodMaximum:
-    """Return the maximum of a likelihood, by Levenberg and Marquardt inside bounds.
+    """Return the maximum of a likelihood by Levenberg-Marquardt steps inside bounds.
+
+    Parameters
+    ----------
+    likelihood : Target
+    iterations : int
+        Largest number of iterations.
 
     Raises
     ------
     IdentificationError
-        The start cannot be flown, an unknown has no effect, or a combination of unknowns has none.
+        The start cannot be simulated, an unknown has no effect, or a combination of unknowns has
+        none.
     """
     layout = likelihood.layout
-    theta, size = layout.start.copy(), _sizes(layout)
-    steps, damping, converged, hopeful, count = 1e-4 * size, _DAMPING, False, True, 0
+    theta, size = layout.start.copy(), _parameter_sizes(layout)
+    steps = _FIRST_STEP * size
     likelihood.expect(steps, central=iterations == 0)
     residuals = likelihood.residuals(theta)
     cost = likelihood.cost(theta, residuals)
@@ -352,63 +261,86 @@ def maximise_likelihood(likelihood: Target, iterations: int) -> LikelihoodMaximu
             "them once and look"
         )
     slopes = likelihood.slopes(theta, steps, central=iterations == 0)
+    damping, converged, last_was_first, count = _DAMPING, False, True, 0
     while True:
         M, g = likelihood.normal(theta, residuals, slopes)
         _demand_effect(M, layout.names)
         steps = np.clip(STEP / np.sqrt(np.diag(M)), SMALL * size, LARGE * size)
-        active = _active(theta, g, layout)
+        active = _active_bounds(theta, g, layout)
         if converged or count == iterations:
             break
         count += 1
-        error = np.where(active, np.inf, np.sqrt(np.diag(invert_information(M, ~active))))
-        for trial, damped, first in _trials(layout, theta, M, g, ~active, damping):
-            near = bool((np.abs(trial - theta) < CLOSE * error).all())
-            if first and hopeful:
-                likelihood.expect(steps, central=near or count == iterations)
-            tried = likelihood.residuals(trial)
-            lower = likelihood.cost(trial, tried)
-            if lower <= cost:
-                converged, hopeful = near and cost - lower < CLOSE, first
-                theta, residuals, cost, damping = trial, tried, lower, max(0.1 * damped, 1e-12)
+        stderr = np.where(active, np.inf, np.sqrt(np.diag(invert_information(M, ~active))))
+        for trial in _damped_trials(layout, theta, M=M, g=g, free=~active, damping=damping):
+            is_near = bool((np.abs(trial.theta - theta) < CLOSE * stderr).all())
+            # Slopes are simulated with the trial only if it is likely to be accepted.
+            if trial.is_first and last_was_first:
+                likelihood.expect(steps, central=is_near or count == iterations)
+            trial_residuals = likelihood.residuals(trial.theta)
+            trial_cost = likelihood.cost(trial.theta, trial_residuals)
+            if trial_cost <= cost:
+                converged = is_near and cost - trial_cost < CLOSE
+                last_was_first = trial.is_first
+                theta, residuals, cost = trial.theta, trial_residuals, trial_cost
+                damping = max(_LOWER * trial.damping, _LEAST_DAMPING)
                 break
         else:
-            converged = True
-        # on the way a one-sided difference over a part of the standard error is as good
+            converged = True  # no step lowers the cost
+        # Before the last iteration, one-sided differences over part of a standard error suffice.
         slopes = likelihood.slopes(theta, steps, central=converged or count == iterations)
-    _demand_rank(
-        M[np.ix_(~active, ~active)], [name for name, held in zip(layout.names, active) if not held]
-    )
+    free_names = [name for name, is_active in zip(layout.names, active) if not is_active]
+    _demand_rank(M[np.ix_(~active, ~active)], free_names)
     return LikelihoodMaximum(
-        theta, residuals, slopes, likelihood.scatter(residuals), M, active, cost, count, converged
+        theta=theta,
+        residuals=residuals,
+        slopes=slopes,
+        noise=likelihood.scatter(residuals),
+        information=M,
+        active=active,
+        cost=cost,
+        iterations=count,
+        converged=converged,
     )
 
 
-def _trials(
-    layout: UnknownVector, theta, M, g, free, damping
-) -> Iterator[tuple[np.ndarray, float, bool]]:
-    """Give parameters to try, each with its damping, ever closer to `theta`; and whether they are
-    the first.
-    """
-    first = True
+def _damped_trials(
+    layout: UnknownVector,
+    theta: np.ndarray,
+    M: np.ndarray,
+    g: np.ndarray,
+    free: np.ndarray,
+    damping: float,
+) -> Iterator[_Trial]:
+    """Yield parameters to try, with rising damping and so ever closer to `theta`."""
+    is_first = True
     while damping < _STUCK:
         step = np.zeros(len(theta))
-        step[free] = _solve(M[np.ix_(free, free)], g[free], damping)
-        yield np.clip(theta + step, layout.low, layout.high), damping, first
-        damping, first = 10.0 * damping, False
+        step[free] = _solve_damped(M[np.ix_(free, free)], g[free], damping)
+        yield _Trial(np.clip(theta + step, layout.low, layout.high), damping, is_first)
+        damping, is_first = _RAISE * damping, False
 
 
-def _solve(M: np.ndarray, g: np.ndarray, damping: float) -> np.ndarray:
+def _solve_damped(M: np.ndarray, g: np.ndarray, damping: float) -> np.ndarray:
+    """Return the step (M + damping diag(M))^-1 g, computed with a unit diagonal."""
     scale = 1.0 / np.sqrt(np.diag(M))
     return scale * np.linalg.solve(M * np.outer(scale, scale) + damping * np.eye(len(g)), scale * g)
 
 
 def root_of_inverse(information: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Return B with B B' the inverse of the information over the free unknowns."""
+    """Return B with B B' the inverse of the information over the free unknowns.
+
+    Parameters
+    ----------
+    information : array (unknown, unknown)
+    free : array of bool (unknown,)
+        The rows of the other unknowns are zero.
+    """
+    # Scaled to a unit diagonal, eigenvalues of different units are comparable.
     scale = np.where(free, 1.0 / np.sqrt(np.diag(information)), 0.0)
     part = (information * np.outer(scale, scale))[np.ix_(free, free)]
     values, vectors = np.linalg.eigh(part)
     root = np.zeros_like(information)
-    root[np.ix_(free, free)] = vectors / np.sqrt(np.maximum(values, 1e-14))
+    root[np.ix_(free, free)] = vectors / np.sqrt(np.maximum(values, _LEAST_EIGENVALUE))
     return scale[:, None] * root
 
 
@@ -418,35 +350,40 @@ def invert_information(information: np.ndarray, free: np.ndarray) -> np.ndarray:
     return root @ root.T
 
 
-def _sizes(layout: UnknownVector) -> np.ndarray:
-    """Size of each unknown: its a-priori standard error, the width of its bounds or its value,
-    whichever is there.
-    """
+def _parameter_sizes(layout: UnknownVector) -> np.ndarray:
+    """Return the size of each unknown: its a-priori stderr, else its range, else its value."""
+    # Differences need a step in the unit of the parameter before its standard error is available.
     width = layout.high - layout.low
-    rough = np.where(np.isfinite(width), width, np.maximum(np.abs(layout.start), 1e-2))
-    return np.where(np.isfinite(layout.sigma), layout.sigma, rough)
+    by_value = np.maximum(np.abs(layout.start), _LEAST_SIZE)
+    by_range = np.where(np.isfinite(width), width, by_value)
+    return np.where(np.isfinite(layout.sigma), layout.sigma, by_range)
 
 
-def _active(theta: np.ndarray, downhill: np.ndarray, layout: UnknownVector) -> np.ndarray:
-    return ((theta <= layout.low) & (downhill < 0.0)) | ((theta >= layout.high) & (downhill > 0.0))
+def _active_bounds(theta: np.ndarray, downhill: np.ndarray, layout: UnknownVector) -> np.ndarray:
+    """Return which unknowns are at a bound against which the likelihood pushes."""
+    at_low = (theta <= layout.low) & (downhill < 0.0)
+    at_high = (theta >= layout.high) & (downhill > 0.0)
+    return at_low | at_high
 
 
 def _demand_effect(M: np.ndarray, names: Sequence[str]) -> None:
+    """Raise when no output responds to an unknown."""
     idle = [name for name, size in zip(names, np.diag(M)) if not size > 0.0]
     if idle:
+        pronoun = "it" if len(idle) == 1 else "them"
         raise IdentificationError(
-            f"no output responds to {', '.join(idle)}; leave "
-            f"{'it' if len(idle) == 1 else 'them'} out, choose other outputs "
-            "or add a manoeuvre that excites them"
+            f"no output responds to {', '.join(idle)}; leave {pronoun} out, choose other outputs "
+            f"or add a manoeuvre that excites them"
         )
 
 
 def _demand_rank(M: np.ndarray, names: Sequence[str]) -> None:
+    """Raise when a combination of the unknowns changes no output."""
     scale = 1.0 / np.sqrt(np.diag(M))
     values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
     if len(values) and values[0] < RANK * values[-1]:
+        combination = describe_combination(vectors[:, 0], names)
         raise IdentificationError(
-            f"the records cannot distinguish: {describe_combination(vectors[:, 0], names)} changes no "
-            f"output; hold one of them, give a prior "
-            "or add a manoeuvre"
+            f"the records cannot distinguish: {combination} changes no output; hold one of them, "
+            f"give a prior or add a manoeuvre"
         )

@@ -1,4 +1,4 @@
-"""An output-error fit as a TOML file: model, records, outputs, and what is estimated.
+"""Output-error fit as a TOML file: model, records, outputs and unknowns.
 
 title = "Citation II, short period"
 aircraft = "citation.toml"          # files are relative to this one
@@ -6,21 +6,23 @@ database = "prior.nc"
 outputs = ["alpha", "q", "theta", "az"]
 noise = "common"                    # or "own": a noise variance per record
 
-[conditions]                        # held, for all records; numbers are SI, texts carry their unit
+[conditions]                        # fixed values of all records; numbers in SI, texts with unit
 delta_f = "0 deg"
 
-[[record]]                          # a path as `flight reconstruct` or `flight report --save` writes it
+# a path as `flight reconstruct` or `flight report --save` writes it
+[[record]]
 file = "path_short_period.nc"
 window = [3634.0, 3645.0]
 [record.conditions]
 "init.h" = 1500.0
 
-[parameter."term.Cm.basic"]         # any parameter of the model, sensor.* and factor.* of an output
-start = 1.0                         # left out: what the record gives at its first sample, or the model
-sigma = 0.3                         # standard error of what is known before; left out: nothing is
+# any parameter of the model, sensor.* and factor.* of an output
+[parameter."term.Cm.basic"]
+start = 1.0                         # default: first sample of the record, or value of the model
+sigma = 0.3                         # a-priori standard error; default: infinite
 low = 0.2
 high = 3.0
-own = false                         # one value per record
+own = false                         # whether every record has a separate value
 """
 
 from __future__ import annotations
@@ -38,10 +40,13 @@ from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, Simulation
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.units import parse_quantity
-from flighttest.maximum_likelihood.search import Unknown
+from flighttest.maximum_likelihood.unknowns import Unknown
 
 _Number = float | str
-_AS_RECORDED = "init"
+_AS_RECORDED = "init"  # parameters whose start is the first sample of the record
+
+# unit and start value of a parameter; None if the record gives the start
+Entry = tuple[str, float | None]
 
 
 class RecordTable(Strict):
@@ -81,115 +86,124 @@ class Specification(Strict):
         Raises
         ------
         SchemaError
-            Wrong units and texts that are no quantity; all at once.
+            Wrong units and texts that are not a quantity. One error lists all of them.
         """
-        entries, problems, found = _entries(sim), [], {}
+        entries = _list_entries(sim)
+        problems: list[str] = []
+        unknowns = {}
         for name, table in self.parameter.items():
-            units, nominal = entries.get(name) or ("1", _of_table(sim, name))
+            # Parts of tables, such as node.CL.basic[3], are in no catalogue.
+            units, nominal = entries.get(name) or ("1", _table_value(sim, name))
             if name not in entries and nominal is None:
-                problems.append(
-                    str(
-                        UnknownName(
-                            name,
-                            entries,
-                            "parameter",
-                            "a parameter of the model, sensor.* or factor.*",
-                        )
-                    )
-                )
+                expected = "a parameter of the model, sensor.* or factor.*"
+                problems.append(str(UnknownName(name, entries, "parameter", expected)))
                 continue
             try:
-                start = nominal if table.start is None else parse_quantity(table.start, units)
-                sigma, low, high = (
-                    parse_quantity(item, units) for item in (table.sigma, table.low, table.high)
+                start = nominal
+                if table.start is not None:
+                    start = parse_quantity(table.start, units)
+                unknowns[name] = Unknown(
+                    start=start,
+                    sigma=parse_quantity(table.sigma, units),
+                    low=parse_quantity(table.low, units),
+                    high=parse_quantity(table.high, units),
+                    own=table.own,
                 )
             except UnitError as error:
                 problems.append(f"parameter {name}: {error}")
-                continue
-            found[name] = Unknown(None if start is None else start, sigma, low, high, table.own)
         if problems:
             raise SchemaError("fit", problems)
-        return found
+        return unknowns
 
-    def held(self, sim: SimModel) -> list[dict[str, float]]:
+    def fixed_conditions(self, sim: SimModel) -> list[dict[str, float]]:
         """Return the conditions of each record in SI; errors as `unknowns`."""
-        entries, problems = _entries(sim), []
-
-        def converted(table: Mapping[str, _Number]) -> dict[str, float]:
-            values = {}
-            for name, item in table.items():
-                try:
-                    values[name] = parse_quantity(item, entries.get(name, ("1", None))[0])
-                except UnitError as error:
-                    problems.append(f"conditions: {name}: {error}")
-            return values
-
-        found = [
-            {**converted(self.conditions), **converted(table.conditions)} for table in self.record
-        ]
+        entries = _list_entries(sim)
+        problems: list[str] = []
+        fixed = []
+        for table in self.record:
+            values = _convert_conditions(self.conditions, entries, problems)
+            fixed.append(values | _convert_conditions(table.conditions, entries, problems))
         if problems:
             raise SchemaError("fit", list(dict.fromkeys(problems)))
-        return found
+        return fixed
 
 
-def _entries(sim: SimModel) -> dict[str, tuple[str, float | None]]:
-    """Return unit and first value of everything that can be named; no first value where the record
-    is asked.
-    """
-    found: dict[str, tuple[str, float | None]] = {}
+def _convert_conditions(
+    table: Mapping[str, _Number], entries: Mapping[str, Entry], problems: list[str]
+) -> dict[str, float]:
+    """Return conditions in SI; append their problems."""
+    values = {}
+    for name, item in table.items():
+        units = entries[name][0] if name in entries else "1"
+        try:
+            values[name] = parse_quantity(item, units)
+        except UnitError as error:
+            problems.append(f"conditions: {name}: {error}")
+    return values
+
+
+def _list_entries(sim: SimModel) -> dict[str, Entry]:
+    """Return unit and start value of every input, parameter, and parameter of an instrument."""
+    entries: dict[str, Entry] = {}
     for entry in sim.entries(INPUT):
-        found[entry.name] = entry.units, None
+        entries[entry.name] = entry.units, None
     for entry in sim.entries(OUTPUT):
-        found |= {f"sensor.{entry.name}": (entry.units, 0.0), f"factor.{entry.name}": ("1", 1.0)}
+        entries[f"sensor.{entry.name}"] = entry.units, 0.0
+        entries[f"factor.{entry.name}"] = "1", 1.0
     for entry in sim.entries(PARAMETER):
-        found[entry.name] = (
-            entry.units,
-            None if entry.name.startswith(_AS_RECORDED) else entry.value,
-        )
-    return found
+        is_recorded = entry.name.startswith(_AS_RECORDED)
+        entries[entry.name] = entry.units, None if is_recorded else entry.value
+    return entries
 
 
-def _of_table(sim: SimModel, name: str) -> float | None:
-    """Return the present value of a part of a table, which is in no catalogue; None of what the
-    model does not know.
-    """
+def _table_value(sim: SimModel, name: str) -> float | None:
+    """Return the value of a part of a table, which no catalogue lists; None for another name."""
     index = sim.model.find(PARAMETER, name)
-    return None if index < 0 else Simulation(sim.model).parameter(index)
+    if index < 0:
+        return None
+    return Simulation(sim.model).parameter(index)
 
 
 def read_specification(path: str | Path) -> Specification:
-    """Read an output-error fit; names of files become relative to it.
+    """Read an output-error fit. Names of files are relative to its folder.
 
     Raises
     ------
     ParseError
-        Not TOML.
+        A file that is not TOML.
     SchemaError
-        Every unknown key, missing value and absent file.
+        Every unknown key, missing value and missing file.
     """
     path = Path(path)
-    found = validate_content(Specification, _placed(read_toml(path), path.parent), f"fit {path}")
-    files = [found.aircraft, found.database, *(table.file for table in found.record)]
-    absent = [
-        f"no file {file}; names are relative to the fit" for file in files if not file.is_file()
-    ]
-    if absent:
-        raise SchemaError(f"fit {path}", absent)
-    return found
+    content = _resolve_files(read_toml(path), path.parent)
+    specification = validate_content(Specification, content, f"fit {path}")
+    files = [specification.aircraft, specification.database]
+    files += [table.file for table in specification.record]
+    missing = []
+    for file in files:
+        if not file.is_file():
+            missing.append(f"no file {file}; names are relative to the fit")
+    if missing:
+        raise SchemaError(f"fit {path}", missing)
+    return specification
 
 
-def _placed(content: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Return the content with the names of its files put behind the folder."""
+def _resolve_files(content: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return the content with the folder in front of the names of its files."""
+    resolved = _resolve_keys(content, ("aircraft", "database"), folder)
+    records = resolved.get("record")
+    if isinstance(records, list):
+        resolved["record"] = [_resolve_keys(table, ("file",), folder) for table in records]
+    return resolved
 
-    def placed(table: Any, *keys: str) -> Any:
-        if not isinstance(table, dict):
-            return table
-        return {
-            key: folder / item if key in keys and isinstance(item, str) else item
-            for key, item in table.items()
-        }
 
-    found = placed(content, "aircraft", "database")
-    if isinstance(found.get("record"), list):
-        found["record"] = [placed(table, "file") for table in found["record"]]
-    return found
+def _resolve_keys(table: Any, keys: tuple[str, ...], folder: Path) -> Any:
+    """Return a table with the folder in front of the texts of some keys."""
+    # The content is not validated yet: a record may be something else than a table.
+    if not isinstance(table, dict):
+        return table
+    resolved = dict(table)
+    for key in keys:
+        if isinstance(resolved.get(key), str):
+            resolved[key] = folder / resolved[key]
+    return resolved

@@ -1,5 +1,6 @@
-"""Linear models with named parameters: elements of the matrices, or whatever a function makes
-matrices from.
+"""Linear models with named parameters, and their steady-state Kalman filter.
+
+The parameters are elements of the matrices, or arguments of a function that returns the matrices.
 """
 
 from __future__ import annotations
@@ -39,12 +40,12 @@ class LinearModel:
     ----------
     states, inputs, outputs : tuple of str
     matrices : callable
-        Takes a mapping of parameter to value and returns A, B, C, D; parameters that it does not
-        find keep a value of its own.
+        Mapping of parameter to value -> A, B, C, D. A parameter that is not in the mapping keeps
+        its default.
     parameters : tuple of str
-        What may be estimated.
+        Parameters that may be estimated.
     reference : mapping of str to float
-        Inputs and outputs about which the model is linear; 0 where none is named.  [SI]
+        Inputs and outputs of the point of linearisation; default 0. [SI]
     """
 
     states: tuple[str, ...]
@@ -62,87 +63,100 @@ class LinearModel:
         SchemaError
             The function returned matrices of other shapes than the names imply.
         """
-        found = Matrices(*(np.asarray(item, float) for item in self.matrices(values)))
+        matrices = Matrices(*(np.asarray(item, float) for item in self.matrices(values)))
         n, m, p = len(self.states), len(self.inputs), len(self.outputs)
-        wanted = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
-        wrong = [
-            f"{name} is {x.shape}; the names require {wanted[name]}"
-            for name, x in found._asdict().items()
-            if x.shape != wanted[name]
-        ]
-        if wrong:
-            raise SchemaError("linear model", wrong)
-        return found
+        required = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
+        problems = []
+        for name, x in matrices._asdict().items():
+            if x.shape != required[name]:
+                problems.append(f"{name} is {x.shape}; the names require {required[name]}")
+        if problems:
+            raise SchemaError("linear model", problems)
+        return matrices
 
 
 def linear_model(
     linear: xr.Dataset, ties: Mapping[str, Mapping[str, float]] | None = None
 ) -> LinearModel:
-    """Return the model whose parameters are the elements of given matrices, ``A[alpha,q]``,
-    ``B[q,delta_e]``, ``C[nz,alpha]`` ...
+    """Return the model whose parameters are the elements of given matrices.
+
+    The elements are named ``A[alpha,q]``, ``B[q,delta_e]``, ``C[nz,alpha]`` ...
 
     Parameters
     ----------
     linear : Dataset
-        As from `flightmech.linearize`: ``A (state, state_)``, ``B (state, input)``, ``C (output,
-        state_)``, ``D (output, input)``, with ``u`` and ``y`` for the point.  [SI]
+        As from `flightmech.linearize`: ``A (state, state_)``, ``B (state, input)``,
+        ``C (output, state_)``, ``D (output, input)``, with ``u`` and ``y`` of the point. [SI]
     ties : mapping of str to mapping of str to float, optional
-        Elements that move with another one: ``{"A[alpha,alpha]": {"C[nz,alpha]": -V / g}}`` adds
-        -V/g times the change of the first to the second.
+        Elements that change with another one: ``{"A[alpha,alpha]": {"C[nz,alpha]": -V / g}}`` adds
+        -V/g times the change of the first element to the second.
 
     Raises
     ------
     UnknownName
-        A tie that names no element.
+        A tie of a name that is not an element.
     """
-    names = {
-        key: [str(x) for x in linear[key].values] for key in ("state", "state_", "input", "output")
-    }
-    places = {
-        f"{matrix}[{row},{column}]": (matrix, i, j)
-        for matrix, (down, across) in _DIMS.items()
-        for i, row in enumerate(names[down])
-        for j, column in enumerate(names[across])
-    }
-    base = {
-        matrix: linear[matrix].transpose(*dims).values.astype(float)
-        for matrix, dims in _DIMS.items()
-    }
-    linked = {name: dict(others) for name, others in (ties or {}).items()}
-    for name in [*linked, *(other for others in linked.values() for other in others)]:
-        if name not in places:
-            raise UnknownName(name, places, "element")
+    elements = _list_elements(linear)
+    base = {}
+    for matrix, dims in _DIMS.items():
+        base[matrix] = linear[matrix].transpose(*dims).values.astype(float)
+    tied = {name: dict(slopes) for name, slopes in (ties or {}).items()}
+    for name, slopes in tied.items():
+        for element in (name, *slopes):
+            if element not in elements:
+                raise UnknownName(element, elements, "element")
 
     def matrices(values: Mapping[str, float]) -> list[np.ndarray]:
-        made = {matrix: x.copy() for matrix, x in base.items()}
-        for name in places.keys() & values.keys():
-            matrix, i, j = places[name]
+        changed = {matrix: x.copy() for matrix, x in base.items()}
+        for name in elements.keys() & values.keys():
+            matrix, i, j = elements[name]
             change = values[name] - base[matrix][i, j]
-            for other, slope in {name: 1.0, **linked.get(name, {})}.items():
-                where, k, l = places[other]
-                made[where][k, l] += slope * change
-        return [made[matrix] for matrix in _DIMS]
+            for element, slope in {name: 1.0, **tied.get(name, {})}.items():
+                element_matrix, k, l = elements[element]
+                changed[element_matrix][k, l] += slope * change
+        return [changed[matrix] for matrix in _DIMS]
 
-    reference = {
-        name: float(x)
-        for at, key in (("u", "input"), ("y", "output"))
-        if at in linear
-        for name, x in zip(names[key], linear[at].values)
-    }
+    reference = {}
+    for point, dim in (("u", "input"), ("y", "output")):
+        if point in linear:
+            for name, x in zip(linear[dim].values, linear[point].values):
+                reference[str(name)] = float(x)
     return LinearModel(
-        tuple(names["state"]),
-        tuple(names["input"]),
-        tuple(names["output"]),
-        matrices,
-        tuple(places),
-        reference,
+        states=tuple(str(name) for name in linear["state"].values),
+        inputs=tuple(str(name) for name in linear["input"].values),
+        outputs=tuple(str(name) for name in linear["output"].values),
+        matrices=matrices,
+        parameters=tuple(elements),
+        reference=reference,
     )
 
 
-def demand_known(model: LinearModel, wanted: Sequence[str], extra: Sequence[str]) -> None:
-    """Refuse unknowns that are neither parameters of the model nor among `extra`."""
-    allowed = [*model.parameters, *extra]
-    for name in wanted:
+def _list_elements(linear: xr.Dataset) -> dict[str, tuple[str, int, int]]:
+    """Return matrix, row and column of every element by its name."""
+    elements = {}
+    for matrix, (row_dim, column_dim) in _DIMS.items():
+        for i, row in enumerate(linear[row_dim].values):
+            for j, column in enumerate(linear[column_dim].values):
+                elements[f"{matrix}[{row},{column}]"] = matrix, i, j
+    return elements
+
+
+def demand_known(
+    model: LinearModel, names: Sequence[str], extra: Mapping[str, Sequence[str]]
+) -> None:
+    """Raise for unknowns that are neither parameters of the model nor ``kind.name`` of `extra`.
+
+    Parameters
+    ----------
+    model : LinearModel
+    names : sequence of str
+    extra : mapping of str to sequence of str
+        Names by kind, such as ``{"init": model.states}``.
+    """
+    allowed = list(model.parameters)
+    for kind, kind_names in extra.items():
+        allowed += [f"{kind}.{name}" for name in kind_names]
+    for name in names:
         if name not in allowed:
             raise UnknownName(name, allowed, "parameter")
 
@@ -172,10 +186,10 @@ def input_output_arrays(
             raise UnknownName(
                 name, map(str, record.data_vars), "signal", "the record does not hold it"
             )
-        x = np.broadcast_to(
-            record[name].values.astype(float), (record.sizes["time"],)
-        ) - model.reference.get(name, 0.0)
-        if not (gaps and name in model.outputs) and not np.isfinite(x).all():
+        values = record[name].values.astype(float)
+        x = np.broadcast_to(values, (record.sizes["time"],)) - model.reference.get(name, 0.0)
+        may_have_gaps = gaps and name in model.outputs
+        if not may_have_gaps and not np.isfinite(x).all():
             problems.append(
                 f"{name} is not finite in {int((~np.isfinite(x)).sum())} samples; fill short "
                 f"gaps or cut the record there"
@@ -183,18 +197,19 @@ def input_output_arrays(
         columns.append(x)
     if problems:
         raise SchemaError("record", problems)
-    together = np.column_stack(columns)
-    return together[:, : len(model.inputs)], together[:, len(model.inputs) :]
+    signals = np.column_stack(columns)
+    return signals[:, : len(model.inputs)], signals[:, len(model.inputs) :]
 
 
 def pick_values(values: Mapping[str, float], kind: str, names: Sequence[str]) -> np.ndarray:
-    """Return the values called `kind`.name, zero where there is none."""
+    """Return the values named ``kind.name``, (names,); zero for a name without value."""
     return np.array([values.get(f"{kind}.{name}", 0.0) for name in names])
 
 
 class Filter(NamedTuple):
-    """A predictor: x_(k+1) = F (x_k + K e_k) + G0 u_k + G1 u_(k+1) + g, e_k = z_k - C x_k - D u_k,
-    cov(e) = S.
+    """A steady-state predictor.
+
+    x_(k+1) = F (x_k + K e_k) + G0 u_k + G1 u_(k+1) + g, e_k = z_k - C x_k - D u_k, cov(e) = S.
     """
 
     F: np.ndarray
@@ -227,41 +242,42 @@ def steady_filter(
     Raises
     ------
     LinAlgError
-        No filter settles: what grows is not seen in the outputs.
+        No steady filter exists: the outputs do not show a growing motion.
 
     References
     ----------
-    .. [VanLoan1978] Van Loan, Computing integrals involving the matrix exponential, IEEE Trans. Automatic Control 23, 1978.
+    .. [VanLoan1978] Van Loan, Computing integrals involving the matrix exponential, IEEE Trans.
+       Automatic Control 23, 1978.
     """
     A, B, C, D = model
     n, m = B.shape
-    # constant and ramp of [u; 1] as further states: the transition over one step holds the
-    # integrals
-    whole = np.zeros((n + 2 * (m + 1), n + 2 * (m + 1)))
-    whole[:n, :n], whole[:n, n : n + m], whole[:n, n + m] = A, B, drift
-    whole[n : n + m + 1, n + m + 1 :] = np.eye(m + 1) / step
-    made = scipy.linalg.expm(whole * step)
-    F, level, ramp = made[:n, :n], made[:n, n : n + m + 1], made[:n, n + m + 1 :]
+    # [VanLoan1978]: with the level and the ramp of [u; 1] as further states, the transition matrix
+    # over one step contains the integrals of the input.
+    augmented = np.zeros((n + 2 * (m + 1), n + 2 * (m + 1)))
+    augmented[:n, :n], augmented[:n, n : n + m], augmented[:n, n + m] = A, B, drift
+    augmented[n : n + m + 1, n + m + 1 :] = np.eye(m + 1) / step
+    transition = scipy.linalg.expm(augmented * step)
+    F = transition[:n, :n]
+    level, ramp = transition[:n, n : n + m + 1], transition[:n, n + m + 1 :]
+    # Inputs are linear between samples: u_k has the level less the ramp, u_(k+1) the ramp.
+    G0, G1, g = level[:, :m] - ramp[:, :m], ramp[:, :m], level[:, m]
     R = np.diag(noise**2)
     if not intensity.any():
-        return Filter(
-            F, level[:, :m] - ramp[:, :m], ramp[:, :m], level[:, m], C, D, np.zeros((n, len(C))), R
-        )
+        return Filter(F, G0, G1=G1, g=g, C=C, D=D, K=np.zeros((n, len(C))), S=R)
+    # [VanLoan1978]: covariance Q of the process noise over one step
     paired = np.zeros((2 * n, 2 * n))
     paired[:n, :n], paired[:n, n:], paired[n:, n:] = -A, np.diag(intensity**2), A.T
-    spread = scipy.linalg.expm(paired * step)
-    Q = F @ spread[:n, n:]
+    Q = F @ scipy.linalg.expm(paired * step)[:n, n:]
     P = scipy.linalg.solve_discrete_are(F.T, C.T, 0.5 * (Q + Q.T), R)
     S = C @ P @ C.T + R
     K = np.linalg.solve(S, C @ P).T
-    return Filter(F, level[:, :m] - ramp[:, :m], ramp[:, :m], level[:, m], C, D, K, 0.5 * (S + S.T))
+    return Filter(F, G0, G1=G1, g=g, C=C, D=D, K=K, S=0.5 * (S + S.T))
 
 
 class Predictor(NamedTuple):
-    """One run of a filter: x_(k+1) = M x_k + W [u_k, u_(k+1), 1, z_k], e_k = z_k - N [x_k, u_k, 1];
-    or the rates of one.
+    """One run of a filter, or the derivatives of one.
 
-    ``start`` is x_0.
+    x_(k+1) = M x_k + W [u_k, u_(k+1), 1, z_k], e_k = z_k - N [x_k, u_k, 1], x_0 = ``start``.
     """
 
     M: np.ndarray
@@ -270,70 +286,86 @@ class Predictor(NamedTuple):
     start: np.ndarray
 
 
-def make_predictor(made: Filter, start: np.ndarray, offset: np.ndarray) -> Predictor:
-    """Return a filter with its first state (state,) and the errors of the instruments (output,),
-    which are added to y.
+def make_predictor(steady: Filter, start: np.ndarray, offset: np.ndarray) -> Predictor:
+    """Return a filter with its first state and the offsets of the instruments.
+
+    Parameters
+    ----------
+    steady : Filter
+    start : array (state,)
+    offset : array (output,)
+        Added to y.
     """
-    F, G0, G1, g, C, D, K, _ = made
+    F, G0, G1, g, C, D, K, _ = steady
     gain = F @ K
     return Predictor(
-        F - gain @ C,
-        np.column_stack([G0 - gain @ D, G1, g - gain @ offset, gain]),
-        np.column_stack([C, D, offset]),
-        start,
+        M=F - gain @ C,
+        W=np.column_stack([G0 - gain @ D, G1, g - gain @ offset, gain]),
+        N=np.column_stack([C, D, offset]),
+        start=start,
     )
 
 
 def filter_innovations(run: Predictor, u: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Return the innovations (time, output) under inputs u (time, input) and readings z (time,
-    output).
-    """
-    return z - np.column_stack([_states(run, u, z), u, np.ones(len(u))]) @ run.N.T
-
-
-def innovation_slopes(
-    run: Predictor,
-    up: list[Predictor],
-    down: list[Predictor],
-    width: np.ndarray,
-    u: np.ndarray,
-    z: np.ndarray,
-):
-    """Return the slopes of the innovations (unknown, time, output).
-
-    The matrices by differences; of what they make of the record the exact derivative, so that all
-    unknowns share one recursion: s_(k+1) = M s_k + M' x_k + W' [u_k, u_(k+1), 1, z_k].
+    """Return the innovations (time, output) of a filter.
 
     Parameters
     ----------
     run : Predictor
-    up, down : list of Predictor
+    u : array (time, input)
+        Inputs.
+    z : array (time, output)
+        Readings.
+    """
+    return z - np.column_stack([_filter_states(run, u, z), u, np.ones(len(u))]) @ run.N.T
+
+
+def innovation_slopes(
+    run: Predictor,
+    up: Sequence[Predictor],
+    down: Sequence[Predictor],
+    width: np.ndarray,
+    u: np.ndarray,
+    z: np.ndarray,
+) -> np.ndarray:
+    """Return the slopes of the innovations (unknown, time, output).
+
+    The derivatives M', W', N' of the matrices are differences. The derivative of the states is
+    exact, so that all unknowns have one recursion:
+    s_(k+1) = M s_k + M' x_k + W' [u_k, u_(k+1), 1, z_k].
+
+    Parameters
+    ----------
+    run : Predictor
+    up, down : sequence of Predictor
         After a step of each unknown.
     width : array (unknown,)
         Distance between the two.
-    u, z : array (time, input), (time, output)
+    u : array (time, input)
+    z : array (time, output)
     """
+    # Differences of the matrices, (unknown, row, column); they are divided by the width at the end.
     M, W, N, start = (np.stack(a) - np.stack(b) for a, b in zip(zip(*up), zip(*down)))
-    x = _states(run, u, z)
-    drive = np.column_stack([x[:-1], _driving(u, z)]) @ np.concatenate([M, W], axis=2).transpose(
-        0, 2, 1
-    )
+    x = _filter_states(run, u, z)
+    matrices = np.concatenate([M, W], axis=2).transpose(0, 2, 1)
+    drive = np.column_stack([x[:-1], _filter_inputs(u, z)]) @ matrices
     s = solve_recursion(run.M, drive, start)
-    seen = np.column_stack([x, u, np.ones(len(u))]) @ N.transpose(0, 2, 1)
-    return -(seen + s @ run.N[:, : len(run.M)].T) / width[:, None, None]
+    direct = np.column_stack([x, u, np.ones(len(u))]) @ N.transpose(0, 2, 1)
+    return -(direct + s @ run.N[:, : len(run.M)].T) / width[:, None, None]
 
 
-def _driving(u: np.ndarray, z: np.ndarray) -> np.ndarray:
+def _filter_inputs(u: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Return [u_k, u_(k+1), 1, z_k] of all steps."""
     return np.column_stack([u[:-1], u[1:], np.ones(len(u) - 1), z[:-1]])
 
 
-def _states(run: Predictor, u: np.ndarray, z: np.ndarray) -> np.ndarray:
-    return solve_recursion(run.M, (_driving(u, z) @ run.W.T)[None], run.start[None])[0]
+def _filter_states(run: Predictor, u: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Return the states of a filter, (time, state)."""
+    return solve_recursion(run.M, (_filter_inputs(u, z) @ run.W.T)[None], run.start[None])[0]
 
 
 def solve_recursion(M: np.ndarray, drive: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Return x_(k+1) = M x_k + drive_k, x_0 = start, (run, time, state): one triangular banded
-    system for all runs.
+    """Return x_(k+1) = M x_k + drive_k with x_0 = start, (run, time, state).
 
     Parameters
     ----------
@@ -341,10 +373,10 @@ def solve_recursion(M: np.ndarray, drive: np.ndarray, start: np.ndarray) -> np.n
     drive : array (run, time - 1, state)
     start : array (run, state)
     """
+    # One triangular banded system for all runs: the main diagonal has ones, and row n + i - j of
+    # `band` is the diagonal at this distance below it, with the elements -M[i, j].
     runs, steps, n = drive.shape
-    band = np.zeros(
-        (2 * n, (steps + 1) * n)
-    )  # row i - j of the diagonals below the main one, which is of ones
+    band = np.zeros((2 * n, (steps + 1) * n))
     for i, j in np.ndindex(n, n):
         band[n + i - j, j : steps * n : n] = -M[i, j]
     x = np.concatenate([start[:, None], drive], axis=1).reshape(runs, -1)

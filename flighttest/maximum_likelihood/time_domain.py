@@ -1,9 +1,10 @@
-"""Output error in time over the compiled simulation."""
+"""Output error in time with the compiled simulation."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -18,101 +19,130 @@ from flighttest.maximum_likelihood.residual_covariance import (
     warn_of_turbulence,
 )
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import Likelihood, Wanted, lay_out, maximise_likelihood
+from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
+from flighttest.maximum_likelihood.unknowns import Wanted, lay_out
 
 Fly = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
+_STARTS = ("V", "alpha", "beta", "phi", "theta", "psi", "p", "q", "r", "h", "lat", "lon")
+_THRUST = re.compile(r"engine\d+\.thrust")
+_FEWEST = 9  # readings of an output, and samples of a record
+_UNIFORM = 1e-3  # largest spread of the sampling intervals, of their mean
+_INSTRUMENTS = ("sensor", "factor")  # kinds of parameters of the instruments
+_THRUST_DRIVES = 2.0  # mode.engine in which recorded thrust drives the engines
+
+
+class _Prefetched(NamedTuple):
+    """Runs of slopes that were simulated together with a response."""
+
+    steps: np.ndarray
+    central: bool
+    outputs: np.ndarray
+    succeeded: np.ndarray
+
 
 class Runs:
-    """The runs that a search requires of one manoeuvre.
+    """The runs of one manoeuvre that a search requires.
 
-    The last response is remembered, so that it is not flown again for its slopes.  Slopes that are
-    expected are flown in the batch of the response itself: the lanes of the processor are then
-    full, and no run flies alone.
+    The last response is stored, so that it is not simulated again for its slopes. Announced slopes
+    are simulated in the batch of the response itself. The batch then fills the lanes of the
+    processor, and no run is simulated alone.
 
     Parameters
     ----------
     fly : callable
-        Takes unknowns (run, unknown), returns outputs (run, time, output) and which runs went
-        through (run,).
+        Takes unknowns (run, unknown); returns outputs (run, time, output) and which runs succeeded
+        (run,).
     """
 
     def __init__(self, fly: Fly):
         self.fly = fly
-        self.at = np.empty(0)  # unknowns of the last response
+        self.values = np.empty(0)  # unknowns of the last response
         self.response = np.empty((0, 0))
-        self.ahead: tuple[np.ndarray, bool] | None = None  # steps of the slopes that are expected
-        self.flown: tuple[np.ndarray, bool, np.ndarray, np.ndarray] | None = (
-            None  # steps, sides and runs that were flown with it
-        )
+        self.announced: tuple[np.ndarray, bool] | None = None  # steps of the next slopes
+        self.prefetched: _Prefetched | None = None
 
     def expect(self, steps: np.ndarray, central: bool) -> None:
-        """Fly slopes together with the next response; they are required unless that response is
-        discarded.
-        """
-        self.ahead = steps, central
+        """Simulate slopes together with the next response, unless that response is discarded."""
+        self.announced = steps, central
 
     def outputs(self, values: np.ndarray) -> np.ndarray:
-        """Return the outputs (time, output), NaN behind the end of a run that failed."""
-        ahead, self.ahead = self.ahead, None
-        if not np.array_equal(values, self.at):
-            rows = np.concatenate([values[None], _moved(values, *ahead)]) if ahead else values[None]
-            y, ok = self.fly(rows)
-            self.at, self.response = values.copy(), y[0].copy()
-            self.flown = (*ahead, y[1:], ok[1:]) if ahead else None
+        """Return the outputs (time, output), NaN after the end of a failed run."""
+        announced, self.announced = self.announced, None
+        if np.array_equal(values, self.values):
+            return self.response
+        rows = values[None]
+        if announced:
+            rows = np.concatenate([rows, _shift_values(values, *announced)])
+        y, succeeded = self.fly(rows)
+        self.values, self.response = values.copy(), y[0].copy()
+        self.prefetched = None
+        if announced:
+            self.prefetched = _Prefetched(*announced, outputs=y[1:], succeeded=succeeded[1:])
         return self.response
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
-        """Return the slopes (unknown, time, output), of both sides when asked or where one side
-        cannot be flown.
+        """Return the slopes (unknown, time, output).
+
+        The differences are central if requested, or if a one-sided run fails.
         """
         base = self.outputs(values)
-        flown, self.flown = self.flown, None
-        if flown and np.array_equal(flown[0], steps) and flown[1] >= central:
-            _, central, y, ok = flown
+        prefetched, self.prefetched = self.prefetched, None
+        # Prefetched central differences serve for one-sided ones, but not the reverse.
+        if prefetched and np.array_equal(prefetched.steps, steps) and prefetched.central >= central:
+            _, central, y, succeeded = prefetched
         else:
-            y, ok = self.fly(_moved(values, steps, central))
-        if not central and not ok.all():
+            y, succeeded = self.fly(_shift_values(values, steps, central))
+        if not central and not succeeded.all():
             return self.slopes(values, steps, central=True)
-        return output_slopes(base, y[: len(steps)], y[len(steps) :] if central else None, steps, ok)
+        down = y[len(steps) :] if central else None
+        return output_slopes(base, y[: len(steps)], down=down, steps=steps, succeeded=succeeded)
 
 
-def _moved(values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
-    moves = np.diag(steps)
-    return values + (np.concatenate([moves, -moves]) if central else moves)
+def _shift_values(values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
+    """Return the unknowns after a step of each, up and, for central differences, down."""
+    shifts = np.diag(steps)
+    if central:
+        shifts = np.concatenate([shifts, -shifts])
+    return values + shifts
 
 
 def output_slopes(
-    base: np.ndarray, up: np.ndarray, down: np.ndarray | None, steps: np.ndarray, flown: np.ndarray
+    base: np.ndarray,
+    up: np.ndarray,
+    down: np.ndarray | None,
+    steps: np.ndarray,
+    succeeded: np.ndarray,
 ) -> np.ndarray:
-    """Return the slopes of outputs (unknown, time, output); one-sided where one side could not be
-    flown, zero where neither could.
+    """Return the slopes of outputs (unknown, time, output).
+
+    They are one-sided if the run of one side failed, and zero if both failed.
 
     Parameters
     ----------
     base : array (time, output)
         Outputs without a step.
     up, down : array (unknown, time, output)
-        Outputs after a step of each unknown up and down; `up` is overwritten.  None for one-sided
+        Outputs after a step of each unknown up and down; `up` is overwritten. None for one-sided
         differences.
     steps : array (unknown,)
-    flown : array of bool (unknown,) or (2 unknowns,)
-        Whether the runs up, then those down, went through.
+    succeeded : array of bool (unknown,) or (2 unknowns,)
+        Whether the runs up, and then those down, succeeded.
     """
-    if down is not None and flown.all():
+    if down is not None and succeeded.all():
         up -= down
         up /= 2.0 * steps[:, None, None]
         return up
-    good = flown.reshape(-1, len(steps))
-    up[~good[0]] = base
-    up -= base if down is None else np.where(good[1][:, None, None], down, base)
-    width = steps * good.sum(axis=0)
+    # A failed run is replaced by the base, and the width is that of the runs that succeeded.
+    by_side = succeeded.reshape(-1, len(steps))
+    up[~by_side[0]] = base
+    if down is None:
+        up -= base
+    else:
+        up -= np.where(by_side[1][:, None, None], down, base)
+    width = steps * by_side.sum(axis=0)
     up /= np.where(width > 0.0, width, np.inf)[:, None, None]
     return up
-
-
-_STARTS = ("V", "alpha", "beta", "phi", "theta", "psi", "p", "q", "r", "h", "lat", "lon")
-_THRUST = re.compile(r"engine\d+\.thrust")
 
 
 def output_error(
@@ -125,40 +155,39 @@ def output_error(
     step: float | None = None,
     iterations: int = 50,
 ) -> OutputError:
-    """Estimate parameters of a compiled model by maximum likelihood, from the responses of whole
-    manoeuvres.
+    """Estimate parameters of a compiled model by maximum likelihood, from full responses.
 
-    The model is flown under the recorded inputs, and the parameters are solved for under which it
-    is most probable that the outputs were recorded.  All differences of a manoeuvre are flown as
-    one batch, on all processors.
+    The model is simulated with the recorded inputs. The estimates are the parameters for which the
+    recorded outputs are most probable. All differences of a manoeuvre are simulated as one batch,
+    on all processors.
 
     Parameters
     ----------
     sim : SimModel
         The compiled model.
     manoeuvres : Dataset (time,) or sequence of Dataset
-        Inputs and measured outputs at the c.g. on a uniform ``time``; NaN in an output is no
+        Inputs and measured outputs at the c.g. on a uniform ``time``; NaN in an output is a missing
         reading. [SI]
     parameters : mapping of str to Unknown, tuple or float
-        What is estimated: start, standard error of the prior, bounds, and whether every manoeuvre
-        has its own value.  Any parameter of the model by name, ``term.CL.basic``,
+        Estimated parameters: start, standard error of the prior, bounds, and whether every
+        manoeuvre has a separate value. Any parameter of the model by name, ``term.CL.basic``,
         ``node.Cm.basic[3]``, ``table.*``, ``offset.*``, ``mass.*``, ``bias.*``, ``init.*`` and
-        constants of submodels; besides them ``sensor.alpha``, a constant added to the output, and
-        ``factor.alpha``, by which it is multiplied. [SI]
+        constants of submodels. Also ``sensor.alpha``, a constant added to the output, and
+        ``factor.alpha``, a factor of the output. [SI]
     outputs : sequence of str
         Measured outputs of the model, weighted by the noise that is estimated with the parameters.
     conditions : mapping of str to float or sequence of mappings
-        What is held: for all manoeuvres, or one mapping for each.  What is not named starts as the
-        first sample of a manoeuvre gives (``V alpha beta phi theta psi p q r h lat lon``), with its
-        ``mass``, ``x_cg_b`` ... ; recorded thrust drives engines whose lever is not in the record.
+        Fixed values: for all manoeuvres, or one mapping for each. Other conditions start at the
+        first sample of a manoeuvre (``V alpha beta phi theta psi p q r h lat lon``), with its
+        ``mass``, ``x_cg_b`` ... Recorded thrust drives engines whose lever is not in the record.
         [SI]
     noise : {"common", "own"}
         One noise variance per output, or one per output and manoeuvre.
     step : float, optional
-        Largest internal step of the simulation, the sampling interval of the manoeuvre without it.
+        Largest internal step of the simulation; default the sampling interval of the manoeuvre.
         [s]
     iterations : int
-        At most so many.
+        Largest number of iterations.
 
     Returns
     -------
@@ -167,24 +196,25 @@ def output_error(
     Raises
     ------
     SchemaError
-        Unknowns without a start or outside their bounds, a record whose time is not uniform, a
+        Unknowns without a start or outside their bounds, a record whose time is not uniform, or a
         wrong number of conditions.
     UnknownName
         A parameter or output that the model or the record does not have.
     IdentificationError
-        The start cannot be flown, no output responds to a parameter, or the records cannot
+        The start cannot be simulated, no output responds to a parameter, or the records cannot
         distinguish a combination.
 
     Warns
     -----
     AeromatchWarning
-        The residuals carry a disturbance far above the noise of the instruments, as turbulence
-        leaves it: see `filter_error`.
+        The residuals contain a disturbance far above the noise of the instruments, as turbulence
+        causes it: see `filter_error`.
 
     Notes
     -----
-    J = sum_j N_j/2 ln mean(v_j^2) + 1/2 (theta - theta_0)' P^-1 (theta - theta_0), [Jategaonkar] ch. 4, by Levenberg and Marquardt
-    inside the bounds.  Standard errors are those of coloured residuals; the Cramer-Rao bound stands next to them.
+    J = sum_j N_j/2 ln mean(v_j^2) + 1/2 (theta - theta_0)' P^-1 (theta - theta_0), [Jategaonkar]_
+    ch. 4 and [Maine1985]_, by Levenberg-Marquardt steps inside the bounds. Standard errors are
+    those of coloured residuals. The Cramer-Rao bound is ``stderr_white``.
 
     References
     ----------
@@ -192,54 +222,73 @@ def output_error(
     .. [Jategaonkar] Jategaonkar, Flight Vehicle System Identification, 2nd ed., AIAA 2015.
     """
     records = [manoeuvres] if isinstance(manoeuvres, xr.Dataset) else list(manoeuvres)
-    held = _conditions(conditions, len(records))
+    fixed = _list_conditions(conditions, len(records))
     groups = noise_groups(noise, len(records))
-    flown = [
-        _Flight(sim, record, values, list(outputs), step) for record, values in zip(records, held)
-    ]
-    layout = lay_out(parameters, [piece.starts for piece in flown])
-    for piece, names in zip(flown, layout.bases):
-        piece.take(names)
-    found = maximise_likelihood(Likelihood(flown, layout, groups), iterations)
+    pieces = []
+    for record, values in zip(records, fixed):
+        pieces.append(_SimulatedRecord(sim, record, fixed=values, outputs=list(outputs), step=step))
+    layout = lay_out(parameters, [piece.starts for piece in pieces])
+    # The starts of the records complete the unknowns, whose names then reach the records.
+    for piece, names in zip(pieces, layout.bases):
+        piece.set_unknowns(names)
+    maximum = maximise_likelihood(Likelihood(pieces, layout, groups), iterations)
     covariance, colours = coloured_likelihood_covariance(
-        found, layout.columns, [piece.interval for piece in flown]
+        maximum, layout.columns, [piece.interval for piece in pieces]
     )
-    estimates = estimates_dataset(
-        found, layout, covariance, {"method": "output error in time", "title": sim.title}
-    )
-    measured = [piece.measured for piece in flown]
+    measured = [piece.measured for piece in pieces]
+    effect = effect_on_motion(maximum, layout.columns, covariance=covariance, measured=measured)
     scatter = noise_dataset(
-        found,
-        list(outputs),
-        colours,
-        measured,
-        effect_on_motion(found, layout.columns, covariance, measured),
+        maximum, list(outputs), colours=colours, measured=measured, effect=effect
     )
-    rest = tuple(piece.residual(v) for piece, v in zip(flown, found.residuals))
-    return OutputError(estimates, rest, scatter, warn_of_turbulence(scatter))
+    return OutputError(
+        estimates=estimates_dataset(
+            maximum,
+            layout,
+            covariance=covariance,
+            about={"method": "output error in time", "title": sim.title},
+        ),
+        residuals=tuple(piece.residual(v) for piece, v in zip(pieces, maximum.residuals)),
+        noise=scatter,
+        warnings=warn_of_turbulence(scatter),
+    )
 
 
 def noise_groups(noise: str, count: int) -> np.ndarray:
-    """Return the noise group of each manoeuvre."""
+    """Return the noise group of each manoeuvre, (count,)."""
     if noise not in ("common", "own"):
         raise ValueError(f"noise is {noise!r}; allowed: common, own")
     return np.zeros(count, int) if noise == "common" else np.arange(count)
 
 
 def uniform_step(time: np.ndarray, what: str) -> float:
-    """Return the sampling interval of a uniform clock. [s]"""
+    """Return the sampling interval of a uniform clock. [s]
+
+    Raises
+    ------
+    SchemaError
+        Time that is not uniform, or fewer than nine samples; `what` is the name of the record.
+    """
     steps = np.diff(time)
-    if len(steps) < 8 or not (steps > 0.0).all() or np.ptp(steps) > 1e-3 * steps.mean():
+    is_short = len(steps) < _FEWEST - 1
+    if is_short or not (steps > 0.0).all() or np.ptp(steps) > _UNIFORM * steps.mean():
         raise SchemaError(
             what,
-            ["its time is not uniform, or it has fewer than 9 samples; cut it with flighttest.cut"],
+            [
+                f"its time is not uniform, or it has fewer than {_FEWEST} samples; cut it with "
+                f"flighttest.cut"
+            ],
         )
     return float(steps.mean())
 
 
-def _conditions(conditions, count: int) -> list[dict[str, float]]:
-    if isinstance(conditions, Mapping) or not len(conditions):
+def _list_conditions(
+    conditions: Mapping[str, float] | Sequence[Mapping[str, float]], count: int
+) -> list[dict[str, float]]:
+    """Return the conditions of each manoeuvre."""
+    if isinstance(conditions, Mapping):
         return [dict(conditions)] * count
+    if not len(conditions):
+        return [{}] * count
     if len(conditions) != count:
         raise SchemaError(
             "conditions",
@@ -251,144 +300,143 @@ def _conditions(conditions, count: int) -> list[dict[str, float]]:
     return [dict(item) for item in conditions]
 
 
-class _Flight:
-    """One manoeuvre as the simulation flies it."""
+class _SimulatedRecord:
+    """One manoeuvre and its simulation."""
 
     def __init__(
         self,
         sim: SimModel,
         record: xr.Dataset,
-        held: dict[str, float],
+        fixed: dict[str, float],
         outputs: list[str],
         step: float | None,
     ):
-        what = f"manoeuvre {record.attrs.get('record', '')}".strip()
-        for name in outputs:
-            if name not in sim.outputs:
-                raise UnknownName(name, sim.outputs, "output")
-            if name not in record:
-                raise UnknownName(
-                    name, map(str, record.data_vars), "measured output", f"{what} does not hold it"
-                )
-        self.sim, self.record, self.outputs = sim, record, outputs
+        label = f"manoeuvre {record.attrs.get('record', '')}".strip()
+        _demand_outputs(sim, record, outputs=outputs, label=label)
+        self.sim, self.record, self.output_names = sim, record, outputs
         self.time = record["time"].values.astype(float)
-        self.interval = uniform_step(self.time, what)
+        self.interval = uniform_step(self.time, label)
         self.step = self.interval if step is None else step
         self.measured = np.column_stack([record[name].values.astype(float) for name in outputs])
-        idle = [
-            name for name, column in zip(outputs, self.measured.T) if np.isfinite(column).sum() < 9
-        ]
+        readings = np.isfinite(self.measured).sum(axis=0)
+        idle = [name for name, count in zip(outputs, readings) if count < _FEWEST]
         if idle:
             raise IdentificationError(
-                f"{what}: {', '.join(idle)} has fewer than 9 readings; leave it out of the outputs"
+                f"{label}: {', '.join(idle)} has fewer than {_FEWEST} readings; leave it out of "
+                f"the outputs"
             )
-        self.starts = _recorded(sim, record)
-        self.inputs, drive = _inputs(sim, record)
-        self.held = {**self.starts, **drive, **held}
-        self.names: tuple[str, ...] = ()
-        self.runs = Runs(self._fly)
+        self.starts = _recorded_starts(sim, record)
+        self.inputs, drive = _select_inputs(sim, record)
+        # Given conditions have priority over recorded starts.
+        self.conditions = {**self.starts, **drive, **fixed}
+        self.runs = Runs(self._simulate)
 
-    def take(self, names: Sequence[str]) -> None:
-        """Learn what is estimated, and read what no run changes; refuse names that mean nothing."""
-        self.names = tuple(names)
-        self.errors = {
-            k: name.split(".", 1)
-            for k, name in enumerate(names)
-            if name.split(".")[0] in ("sensor", "factor")
-        }
-        for kind, output in self.errors.values():
-            if output not in self.outputs:
-                raise UnknownName(
-                    f"{kind}.{output}", [f"{kind}.{name}" for name in self.outputs], "parameter"
-                )
-        self.flown = [k for k in range(len(names)) if k not in self.errors]
-        self.varied = [names[k] for k in self.flown]
-        self.fixed = {"mode.step": self.step} | {
-            name: value for name, value in self.held.items() if name not in self.varied
-        }
+    def set_unknowns(self, names: Sequence[str]) -> None:
+        """Set the estimated parameters, and read the inputs that no run changes."""
+        # Parameters of instruments need no simulation: position of the unknown, kind and output.
+        self.instruments: dict[int, tuple[str, str]] = {}
+        for k, name in enumerate(names):
+            kind, _, output = name.partition(".")
+            if kind not in _INSTRUMENTS:
+                continue
+            if output not in self.output_names:
+                allowed = [f"{kind}.{allowed_output}" for allowed_output in self.output_names]
+                raise UnknownName(name, allowed, "parameter")
+            self.instruments[k] = kind, output
+        self.simulated = [k for k in range(len(names)) if k not in self.instruments]
+        self.varied = [names[k] for k in self.simulated]
+        self.fixed = {"mode.step": self.step}
+        for name, value in self.conditions.items():
+            if name not in self.varied:
+                self.fixed[name] = value
         self.u = read_inputs(self.sim, self.inputs, self.fixed, len(self.time))
 
-    def _fly(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the outputs (run, time, output) without the errors of the instruments, and which
-        runs went through.
-        """
+    def _simulate(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the outputs (run, time, output) without instruments, and which runs succeeded."""
         y, done, _ = fly_batch(
-            self.sim, self.time, self.u, self.varied, rows, self.fixed, self.outputs
+            self.sim, self.time, self.u, self.varied, rows, self.fixed, self.output_names
         )
         return y, done == len(self.time)
 
-    def _factors(self, values: np.ndarray) -> np.ndarray:
-        """Return by what the instruments multiply each output."""
-        found = np.ones(len(self.outputs))
-        for k, (kind, output) in self.errors.items():
+    def _output_factors(self, values: np.ndarray) -> np.ndarray:
+        """Return the factors of the instruments, (output,)."""
+        factors = np.ones(len(self.output_names))
+        for k, (kind, output) in self.instruments.items():
             if kind == "factor":
-                found[self.outputs.index(output)] *= values[k]
-        return found
+                factors[self.output_names.index(output)] *= values[k]
+        return factors
 
     def predict(self, values: np.ndarray) -> np.ndarray:
-        """Return the outputs as the instruments show them."""
-        z = self.runs.outputs(values[self.flown]) * self._factors(values)
-        for k, (kind, output) in self.errors.items():
+        """Return the outputs with the errors of the instruments."""
+        # Instruments multiply the output first and add their constant then.
+        z = self.runs.outputs(values[self.simulated]) * self._output_factors(values)
+        for k, (kind, output) in self.instruments.items():
             if kind == "sensor":
-                z[:, self.outputs.index(output)] += values[k]
+                z[:, self.output_names.index(output)] += values[k]
         return z
 
     def expect(self, steps: np.ndarray, central: bool) -> None:
-        """Fly slopes with the next prediction."""
-        self.runs.expect(steps[self.flown], central)
+        """Simulate slopes with the next prediction."""
+        self.runs.expect(steps[self.simulated], central)
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
-        """Return differences; those of a step that cannot be flown are one-sided, the other way."""
-        D = self.runs.slopes(values[self.flown], steps[self.flown], central)
-        if not self.errors:
+        """Return differences, (time, output, unknown); one-sided for a step that fails."""
+        D = self.runs.slopes(values[self.simulated], steps[self.simulated], central)
+        if not self.instruments:
             return np.moveaxis(D, 0, 2)
-        y = self.runs.outputs(values[self.flown])
+        # The derivatives by parameters of the instruments are exact.
+        y = self.runs.outputs(values[self.simulated])
         S = np.zeros((len(values), *y.shape))
-        S[self.flown] = D * self._factors(values)
-        for k, (kind, output) in self.errors.items():
-            at = self.outputs.index(output)
-            S[k, :, at] = 1.0 if kind == "sensor" else y[:, at]
+        S[self.simulated] = D * self._output_factors(values)
+        for k, (kind, output) in self.instruments.items():
+            column = self.output_names.index(output)
+            S[k, :, column] = 1.0 if kind == "sensor" else y[:, column]
         return np.moveaxis(S, 0, 2)
 
     def residual(self, v: np.ndarray) -> xr.Dataset:
-        """Return residuals as a Dataset; NaN where there is no reading."""
+        """Return residuals as a Dataset; NaN for a missing reading."""
         v = np.where(np.isfinite(self.measured), v, np.nan)
-        units = [{"units": str(self.record[name].attrs.get("units", ""))} for name in self.outputs]
-        return xr.Dataset(
-            {name: ("time", v[:, k], units[k]) for k, name in enumerate(self.outputs)},
-            {"time": self.time},
-            dict(self.record.attrs),
-        )
+        columns = {}
+        for k, name in enumerate(self.output_names):
+            units = str(self.record[name].attrs.get("units", ""))
+            columns[name] = "time", v[:, k], {"units": units}
+        return xr.Dataset(columns, {"time": self.time}, dict(self.record.attrs))
 
 
-def _recorded(sim: SimModel, record: xr.Dataset) -> dict[str, float]:
-    """Return what the record gives of start and mass."""
-    found = {}
-    for prefix, names in (
-        ("init", _STARTS),
-        ("mass", [name[5:] for name in sim.parameters if name.startswith("mass.")]),
-    ):
-        for name in names:
-            if name in record and f"{prefix}.{name}" in sim.parameters:
-                first = float(np.ravel(record[name].values)[0])
-                if np.isfinite(first):
-                    found[f"{prefix}.{name}"] = first
-    return found
+def _demand_outputs(sim: SimModel, record: xr.Dataset, outputs: Sequence[str], label: str) -> None:
+    """Raise for an output that the model or the record does not have."""
+    for name in outputs:
+        if name not in sim.outputs:
+            raise UnknownName(name, sim.outputs, "output")
+        if name not in record:
+            raise UnknownName(
+                name, map(str, record.data_vars), "measured output", f"{label} does not hold it"
+            )
 
 
-def _inputs(sim: SimModel, record: xr.Dataset) -> tuple[xr.Dataset, dict[str, float]]:
-    """Return the inputs of the model, and the mode of the engines where recorded thrust drives
-    them.
-    """
+def _recorded_starts(sim: SimModel, record: xr.Dataset) -> dict[str, float]:
+    """Return the start values and masses of the record, from its first sample."""
+    starts = {}
+    parameters = [f"init.{name}" for name in _STARTS]
+    parameters += [name for name in sim.parameters if name.startswith("mass.")]
+    for parameter in parameters:
+        name = parameter.partition(".")[2]
+        if name in record and parameter in sim.parameters:
+            first = float(np.ravel(record[name].values)[0])
+            if np.isfinite(first):
+                starts[parameter] = first
+    return starts
+
+
+def _select_inputs(sim: SimModel, record: xr.Dataset) -> tuple[xr.Dataset, dict[str, float]]:
+    """Return the inputs of the model, and the engine mode if recorded thrust drives them."""
     inputs = record[[str(name) for name in record.data_vars if name in sim.inputs]]
-    levers = any(str(name).startswith("engine") for name in inputs.data_vars)
-    thrusts = {
-        str(name): f"{name}_drive"
-        for name in record.data_vars
-        if _THRUST.fullmatch(str(name)) and f"{name}_drive" in sim.inputs
-    }
-    if levers or not thrusts:
+    # A recorded lever has priority over recorded thrust.
+    has_levers = any(str(name).startswith("engine") for name in inputs.data_vars)
+    drives = {}
+    for name in map(str, record.data_vars):
+        if _THRUST.fullmatch(name) and f"{name}_drive" in sim.inputs:
+            drives[f"{name}_drive"] = record[name]
+    if has_levers or not drives:
         return inputs, {}
-    return inputs.assign({drive: record[name] for name, drive in thrusts.items()}), {
-        "mode.engine": 2.0
-    }
+    return inputs.assign(drives), {"mode.engine": _THRUST_DRIVES}

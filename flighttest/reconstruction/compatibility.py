@@ -23,7 +23,7 @@ from scipy.stats import chi2
 from flightmech.support.figures import write_figure
 from flighttest.reconstruction.path_quantities import compatibility_figure
 from flighttest.reconstruction.smoother import FlightPath
-from flighttest.regression.uncertainty.significance import theil
+from flighttest.regression.uncertainty.prediction_errors import theil
 
 LAGS = 20  # of the Ljung-Box test
 

@@ -1,4 +1,4 @@
-"""Models with parameters that they are not linear in: expressions, their derivatives, their text."""
+"""Regression of flight-test records: linear, separable and pooled models with their errors."""
 
 from flightmech.support.imports import attach_stub
 

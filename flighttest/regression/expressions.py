@@ -1,4 +1,4 @@
-"""From a text to an expression.
+"""Expressions of terms, parsed from text.
 
     sum      product { (+|-) product }
     product  signed { (*|/) signed }
@@ -6,162 +6,33 @@
     power    atom [ (^|**) signed ]
     atom     number [unit] | name | function(sum, ...) | (sum) | [name of an estimate]
 
-A number with a unit, ``12 deg``, counts in SI.  Nothing else can be written, so a text from a file
-cannot run code.
+A number with a unit, ``12 deg``, is converted to SI. The grammar has nothing else, so a text from a
+file cannot run code.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
 
 import numpy as np
-import scipy
 
 from flightmech.errors import OutOfRange, ParseError, UnknownName
 from flightmech.units import to_si
-
-
-@dataclass(frozen=True)
-class Pieces:
-    """Stretches of samples without a gap, and the sampling interval of each [s]."""
-
-    slices: Sequence[slice] = ()
-    steps: Sequence[float] = ()
-
-
-class ExpressionFunction(NamedTuple):
-    """Number of arguments, and the value with its derivatives from those of the arguments and the
-    pieces.
-    """
-
-    arity: int
-    apply: Callable[[Sequence[Any], Pieces], tuple[np.ndarray, dict[str, np.ndarray]]]
-
-
-def _by(given, partial: np.ndarray) -> dict[str, np.ndarray]:
-    return {name: partial * slope for name, slope in given.by.items()}
-
-
-def _plain(value: Callable, slope: Callable) -> ExpressionFunction:
-    """A function of one argument from its value and its derivative, both of the argument."""
-    return ExpressionFunction(
-        1, lambda given, _: (value(given[0].value), _by(given[0], slope(given[0].value)))
-    )
-
-
-def _positive(name: str, value: Callable, slope: Callable) -> ExpressionFunction:
-    """The same, of a positive argument."""
-
-    def apply(given, _):
-        x = given[0].value
-        if (x <= 0.0).any():
-            raise OutOfRange(f"{name} of {np.min(x):g}; it must stay positive")
-        return value(x), _by(given[0], slope(x))
-
-    return ExpressionFunction(1, apply)
-
-
-def _chosen(first: Callable) -> ExpressionFunction:
-    """One of two arguments, sample by sample: the first where `first` of the two values holds."""
-
-    def apply(given, _):
-        x, y = given
-        choice = first(x.value, y.value)
-        by = {
-            name: np.where(choice, x.by.get(name, 0.0), y.by.get(name, 0.0))
-            for name in sorted({*x.by, *y.by})
-        }
-        return np.where(choice, x.value, y.value), by
-
-    return ExpressionFunction(2, apply)
-
-
-def _ramp(given, _):
-    """x - a above the knot a, zero below."""
-    x, a = given
-    above = x.value > a.value
-    by = {
-        name: np.where(above, np.subtract(x.by.get(name, 0.0), a.by.get(name, 0.0)), 0.0)
-        for name in sorted({*x.by, *a.by})
-    }
-    return np.where(above, x.value - a.value, 0.0), by
-
-
-def _lag(given, pieces: Pieces):
-    """First-order lag, tau y' + y = x, from rest at the first sample of each piece; x is straight
-    between samples.
-
-    With a = exp(-dt/tau) and e = (1 - a) tau/dt:  y_k = a y_(k-1) + (e - a) x_(k-1) + (1 - e) x_k.
-    """
-    x, tau = given
-    if tau.value.ndim or not tau.value > 0.0:
-        raise OutOfRange(
-            "the time constant of a lag is one positive number or parameter, as in lag(n1, tau)"
-        )
-    T = float(tau.value)
-    size = pieces.slices[-1].stop if pieces.slices else 0
-    if not size:
-        raise OutOfRange("a lag needs samples in time")
-
-    def run(signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        signal = np.broadcast_to(np.asarray(signal, float), (size,))
-        out, slope = np.empty(size), np.empty(size)
-        for at, step in zip(pieces.slices, pieces.steps):
-            out[at], slope[at] = _lagged(signal[at], step, T)
-        return out, slope
-
-    value, slope = run(x.value)
-    by = {name: run(inner)[0] for name, inner in x.by.items()}
-    for name, inner in tau.by.items():
-        by[name] = by.get(name, 0.0) + slope * inner
-    return value, by
-
-
-def _lagged(x: np.ndarray, step: float, T: float) -> tuple[np.ndarray, np.ndarray]:
-    """A lagged signal and its derivative with respect to the time constant."""
-    r = step / T
-    a, e = np.exp(-r), -np.expm1(-r) / r
-    da, de = a * r / T, (e - a) / T  # by T
-    before, later = x[:-1], x[1:]
-    push = (e - a) * before + (1.0 - e) * later
-    y, _ = scipy.signal.lfilter([1.0], [1.0, -a], push, zi=[a * x[0]])
-    y = np.concatenate([x[:1], y])
-    dpush = da * y[:-1] + (de - da) * before - de * later
-    return y, np.concatenate([[0.0], scipy.signal.lfilter([1.0], [1.0, -a], dpush)])
-
-
-FUNCTIONS: dict[str, ExpressionFunction] = {
-    "exp": _plain(np.exp, np.exp),
-    "tanh": _plain(np.tanh, lambda x: 1.0 - np.tanh(x) ** 2),
-    "sin": _plain(np.sin, np.cos),
-    "cos": _plain(np.cos, lambda x: -np.sin(x)),
-    "abs": _plain(np.abs, np.sign),
-    "sign": _plain(np.sign, np.zeros_like),
-    "sqrt": _positive("sqrt", np.sqrt, lambda x: 0.5 / np.sqrt(x)),
-    "log": _positive("log", np.log, lambda x: 1.0 / x),
-    "max": _chosen(np.greater_equal),
-    "min": _chosen(np.less_equal),
-    "ramp": ExpressionFunction(2, _ramp),
-    "lag": ExpressionFunction(2, _lag),
-}
-
-
-class Slopes(NamedTuple):
-    """A value along the samples, and its derivatives with respect to the parameters on which it
-    depends.
-    """
-
-    value: np.ndarray
-    by: dict[str, np.ndarray]
+from flighttest.regression.expression_functions import FUNCTIONS, OPERATIONS, Pieces, Slopes
 
 
 @dataclass(frozen=True)
 class Scope:
-    """What the names of an expression stand for: quantities along the samples, parameters, and
-    where time is continuous.
+    """Values of the names of an expression.
+
+    Attributes
+    ----------
+    quantities : mapping of str to array (samples,)
+    parameters : mapping of str to float
+    pieces : Pieces
+        Stretches in which time is continuous.
     """
 
     quantities: Mapping[str, np.ndarray]
@@ -171,7 +42,7 @@ class Scope:
 
 @dataclass(frozen=True)
 class Expression:
-    """A node of an expression: a number, a name, or an operation on others.
+    """A node of an expression: a number, a name, or an operation on other nodes.
 
     Attributes
     ----------
@@ -199,26 +70,28 @@ class Expression:
         Raises
         ------
         UnknownName
-            A name that stands for nothing.
+            A name that is neither a quantity nor a parameter.
         OutOfRange
-            A power, root or logarithm of what is not positive, a lag that is not positive.
+            A power, root or logarithm of a value that is not positive, or a time constant that is
+            not positive.
         """
         if self.kind == "number":
             return Slopes(np.array(float(self.content)), {})
         if self.kind == "name":
-            return _named(str(self.content), scope)
-        given = [argument.at(scope) for argument in self.arguments]
-        operation = _OPERATIONS.get(self.kind) or FUNCTIONS[self.kind].apply
+            return _look_up_name(str(self.content), scope)
+        arguments = [argument.at(scope) for argument in self.arguments]
+        operation = OPERATIONS.get(self.kind) or FUNCTIONS[self.kind].apply
         try:
-            return Slopes(*operation(given, scope.pieces))
+            return Slopes(*operation(arguments, scope.pieces))
         except OutOfRange as error:
             raise OutOfRange(f"{self}: {error}") from None
 
     def __str__(self) -> str:
-        return _written(self)
+        return _write_expression(self)
 
 
-def _named(name: str, scope: Scope) -> Slopes:
+def _look_up_name(name: str, scope: Scope) -> Slopes:
+    """Return the value of a name; a parameter has the derivative one by itself."""
     if name in scope.parameters:
         return Slopes(np.array(float(scope.parameters[name])), {name: np.array(1.0)})
     if name not in scope.quantities:
@@ -228,87 +101,52 @@ def _named(name: str, scope: Scope) -> Slopes:
     return Slopes(np.asarray(scope.quantities[name], float), {})
 
 
-def apply_chain_rule(
-    value: np.ndarray, *parts: tuple[Slopes, np.ndarray]
-) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Return a value with its derivatives by the chain rule, from the arguments and the partial
-    derivatives.
-    """
-    by: dict[str, np.ndarray] = {}
-    for given, partial in parts:
-        for name, slope in given.by.items():
-            by[name] = by.get(name, 0.0) + partial * slope
-    return value, by
-
-
-def _power(given: Sequence[Slopes], _: Pieces):
-    x, y = given
-    if y.by and (x.value <= 0.0).any():
-        raise OutOfRange(
-            f"the base of a power with an unknown exponent reaches {np.min(x.value):g}; it "
-            f"must stay positive, as in max(h, 1)"
-        )
-    if (x.value < 0.0).any() and (y.value != np.round(y.value)).any():
-        raise OutOfRange(
-            f"the base of a power that is no integer reaches {np.min(x.value):g}; it must "
-            f"not be negative"
-        )
-    if (x.value == 0.0).any() and (y.value < 0.0).any():
-        raise OutOfRange("a negative power of zero")
-    value = x.value**y.value
-    parts = [(x, y.value * x.value ** (y.value - 1.0))] if x.by else []
-    return apply_chain_rule(value, *parts, *([(y, value * np.log(x.value))] if y.by else []))
-
-
-def _ratio(given: Sequence[Slopes], _: Pieces):
-    x, y = given
-    if (y.value == 0.0).any():
-        raise OutOfRange("division by zero")
-    return apply_chain_rule(x.value / y.value, (x, 1.0 / y.value), (y, -x.value / y.value**2))
-
-
-_ONE = np.array(1.0)
-_OPERATIONS: dict[str, Callable] = {
-    "+": lambda given, _: apply_chain_rule(
-        given[0].value + given[1].value, (given[0], _ONE), (given[1], _ONE)
-    ),
-    "-": lambda given, _: apply_chain_rule(
-        given[0].value - given[1].value, (given[0], _ONE), (given[1], -_ONE)
-    ),
-    "*": lambda given, _: apply_chain_rule(
-        given[0].value * given[1].value, (given[0], given[1].value), (given[1], given[0].value)
-    ),
-    "/": _ratio,
-    "^": _power,
-    "negative": lambda given, _: apply_chain_rule(-given[0].value, (given[0], -_ONE)),
-}
+# binding strength of the operations; numbers, names and functions bind strongest
 _RANK = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 3, "^": 4}
+_ATOM_RANK = 5
 
 
-def _written(node: Expression) -> str:
-    """One spelling of each expression, with no more parentheses than it needs."""
+def _write_expression(node: Expression) -> str:
+    """Return the one spelling of an expression, with the fewest parentheses."""
     if node.kind == "number":
         return f"{node.content:.12g}"
     if node.kind == "name":
         return str(node.content)
     if node.kind not in _RANK:
-        return f"{node.kind}({','.join(map(_written, node.arguments))})"
-    own = _RANK[node.kind]
-    words = [_written(argument) for argument in node.arguments]
-    ranks = [_RANK.get(argument.kind, 5) for argument in node.arguments]
+        return f"{node.kind}({','.join(map(_write_expression, node.arguments))})"
+    rank = _RANK[node.kind]
     if node.kind == "negative":
-        return f"-{words[0]}" if ranks[0] >= 3 else f"-({words[0]})"
+        return f"-{_write_argument(node.arguments[0], rank)}"
+    first, second = node.arguments
     if node.kind == "^":
-        return f"{words[0] if ranks[0] > own else f'({words[0]})'}^{words[1] if ranks[1] >= 3 else f'({words[1]})'}"
-    left = words[0] if ranks[0] >= own else f"({words[0]})"
-    right = (
-        words[1] if ranks[1] > own or (node.kind in "+*" and ranks[1] == own) else f"({words[1]})"
-    )
-    return f"{left}{f' {node.kind} ' if own == 1 else node.kind}{right}"
+        # a^b^c is a^(b^c): the base needs a higher rank, the exponent may be negative
+        return f"{_write_argument(first, rank + 1)}^{_write_argument(second, _RANK['negative'])}"
+    # a - b - c is (a - b) - c: the second argument of - and / needs a higher rank
+    least_second = rank if _commutes(node, second) else rank + 1
+    sign = f" {node.kind} " if rank == 1 else node.kind
+    return f"{_write_argument(first, rank)}{sign}{_write_argument(second, least_second)}"
+
+
+def _commutes(node: Expression, second: Expression) -> bool:
+    """Return whether the second argument of + or * needs no parentheses at equal rank."""
+    return node.kind in "+*" and _RANK.get(second.kind, _ATOM_RANK) == _RANK[node.kind]
+
+
+def _write_argument(argument: Expression, least_rank: int) -> str:
+    """Return an argument, in parentheses if it binds less than `least_rank`."""
+    text = _write_expression(argument)
+    if _RANK.get(argument.kind, _ATOM_RANK) >= least_rank:
+        return text
+    return f"({text})"
 
 
 _TOKEN = re.compile(
-    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|(?P<name>[A-Za-z_]\w*(?:\.\w+)*)|\[(?P<estimate>[^\[\]]+)\]|(?P<sign>\*\*|[-+*/^(),]))"
+    r"\s*(?:"
+    r"(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+    r"|(?P<name>[A-Za-z_]\w*(?:\.\w+)*)"
+    r"|\[(?P<estimate>[^\[\]]+)\]"
+    r"|(?P<sign>\*\*|[-+*/^(),])"
+    r")"
 )
 _EXPECTED = "numbers, names, + - * / ^, parentheses and the functions " + ", ".join(FUNCTIONS)
 _MOST = 60  # nested parentheses
@@ -320,143 +158,165 @@ def parse_expression(text: str) -> Expression:
     Raises
     ------
     ParseError
-        What is no expression; the message states where reading stopped.
+        A text that is not an expression; the message states where reading stopped.
     UnitError
-        A unit that is not known.
+        A unit that is not defined.
     """
-    reader = _Parser(text)
-    found = reader.sum()
-    reader.demand_end()
-    return found
+    parser = _Parser(text)
+    expression = parser.parse_sum()
+    parser.demand_end()
+    return expression
 
 
 def parse_terms(text: str) -> tuple[Expression, ...]:
-    """Return the terms of a sum; a term that is subtracted is refused, since its coefficient takes
-    the sign.
+    """Return the terms of a sum. Terms are joined by +, because a coefficient has the sign.
 
     Raises
     ------
     ParseError
-        What is no sum of terms.
+        A text that is not a sum of terms.
     """
-    reader = _Parser(text)
-    found = [reader.product()]
-    while reader.accept("+"):
-        found.append(reader.product())
-    if reader.next == "-":
+    parser = _Parser(text)
+    terms = [parser.parse_product()]
+    while parser.accept("+"):
+        terms.append(parser.parse_product())
+    if parser.next_sign == "-":
         raise ParseError(
             "<model>",
             0,
             f"{text.strip()!r}",
             "terms joined by +; the coefficient of a term takes its sign",
         )
-    reader.demand_end()
-    return tuple(found)
+    parser.demand_end()
+    return tuple(terms)
 
 
 class _Parser:
-    """Recursive descent over the tokens of a text."""
+    """Recursive-descent parser of the tokens of a text; one method per rule of the grammar."""
 
     def __init__(self, text: str):
         self.text, self.depth = text, 0
-        self.tokens, at = [], 0
-        while text[at:].strip():
-            match = _TOKEN.match(text, at)
+        self.tokens: list[tuple[str, str]] = []  # kind and text
+        start = 0
+        while text[start:].strip():
+            match = _TOKEN.match(text, start)
             if match is None:
-                raise self.refuse(text[at:].strip())
+                raise self.make_error(text[start:].strip())
             self.tokens.append((str(match.lastgroup), str(match[str(match.lastgroup)])))
-            at = match.end()
-        self.at = 0
+            start = match.end()
+        self.position = 0
 
     @property
-    def next(self) -> str:
-        return (
-            self.tokens[self.at][1]
-            if self.at < len(self.tokens) and self.tokens[self.at][0] == "sign"
-            else ""
-        )
+    def next_kind(self) -> str:
+        """Kind of the next token; empty at the end."""
+        if self.position == len(self.tokens):
+            return ""
+        return self.tokens[self.position][0]
 
-    def refuse(self, found: str) -> ParseError:
+    @property
+    def next_text(self) -> str:
+        """Text of the next token; empty at the end."""
+        if self.position == len(self.tokens):
+            return ""
+        return self.tokens[self.position][1]
+
+    @property
+    def next_sign(self) -> str:
+        """The next token if it is a sign, otherwise an empty text."""
+        if self.next_kind != "sign":
+            return ""
+        return self.next_text
+
+    def make_error(self, text: str) -> ParseError:
+        """Return the error of an unexpected text."""
         return ParseError(
-            "<model>", 0, f"{found or 'the end'!r} in {self.text.strip()!r}", _EXPECTED
+            "<model>", 0, f"{text or 'the end'!r} in {self.text.strip()!r}", _EXPECTED
         )
 
     def accept(self, *signs: str) -> str:
-        sign = self.next
+        """Return the next sign and go past it, if it is one of `signs`."""
+        sign = self.next_sign
         if sign not in signs:
             return ""
-        self.at += 1
+        self.position += 1
         return sign
 
     def demand(self, sign: str) -> None:
+        """Go past a sign; raise if another token comes."""
         if not self.accept(sign):
-            raise self.refuse("" if self.at >= len(self.tokens) else self.tokens[self.at][1])
+            raise self.make_error(self.next_text)
 
     def demand_end(self) -> None:
-        if self.at < len(self.tokens):
-            raise self.refuse(self.tokens[self.at][1])
+        """Raise if a token follows."""
+        if self.next_kind:
+            raise self.make_error(self.next_text)
 
-    def sum(self) -> Expression:
+    def parse_sum(self) -> Expression:
         self.depth += 1
         if self.depth > _MOST:
-            raise self.refuse("more than 60 nested parentheses")
-        found = self.product()
+            raise self.make_error("more than 60 nested parentheses")
+        expression = self.parse_product()
         while sign := self.accept("+", "-"):
-            found = Expression(sign, (found, self.product()))
+            expression = Expression(sign, (expression, self.parse_product()))
         self.depth -= 1
-        return found
+        return expression
 
-    def product(self) -> Expression:
-        found = self.signed()
+    def parse_product(self) -> Expression:
+        expression = self.parse_signed()
         while sign := self.accept("*", "/"):
-            found = Expression(sign, (found, self.signed()))
-        return found
+            expression = Expression(sign, (expression, self.parse_signed()))
+        return expression
 
-    def signed(self) -> Expression:
+    def parse_signed(self) -> Expression:
+        # Signs are counted, not nested: two of them cancel.
         signs = 0
         while self.accept("-"):
             signs += 1
-        found = self.power()
-        return Expression("negative", (found,)) if signs % 2 else found
+        expression = self.parse_power()
+        if signs % 2 == 0:
+            return expression
+        return Expression("negative", (expression,))
 
-    def power(self) -> Expression:
-        base = self.atom()
+    def parse_power(self) -> Expression:
+        base = self.parse_atom()
         if not self.accept("^", "**"):
             return base
         self.depth += 1
         if self.depth > _MOST:
-            raise self.refuse("more than 60 nested powers")
-        found = Expression("^", (base, self.signed()))
+            raise self.make_error("more than 60 nested powers")
+        expression = Expression("^", (base, self.parse_signed()))
         self.depth -= 1
-        return found
+        return expression
 
-    def atom(self) -> Expression:
+    def parse_atom(self) -> Expression:
         if self.accept("("):
-            found = self.sum()
+            expression = self.parse_sum()
             self.demand(")")
-            return found
-        if self.at >= len(self.tokens) or self.tokens[self.at][0] == "sign":
-            raise self.refuse(self.next)
-        kind, text = self.tokens[self.at]
-        self.at += 1
+            return expression
+        if self.next_kind in ("", "sign"):
+            raise self.make_error(self.next_text)
+        kind, text = self.next_kind, self.next_text
+        self.position += 1
         if kind == "number":
-            return Expression("number", content=self.number(float(text)))
+            return Expression("number", content=self.convert_number(float(text)))
         if kind == "name" and self.accept("("):
-            return self.call(text)
+            return self.parse_call(text)
         return Expression("name", content=text.strip())
 
-    def number(self, value: float) -> float:
-        if self.at < len(self.tokens) and self.tokens[self.at][0] == "name":
-            self.at += 1
-            return float(to_si(value, self.tokens[self.at - 1][1]))
-        return value
+    def convert_number(self, value: float) -> float:
+        """Return a number in SI, from the unit that follows it."""
+        if self.next_kind != "name":
+            return value
+        unit = self.next_text
+        self.position += 1
+        return float(to_si(value, unit))
 
-    def call(self, name: str) -> Expression:
+    def parse_call(self, name: str) -> Expression:
         if name not in FUNCTIONS:
             raise UnknownName(name, FUNCTIONS, "function")
-        arguments = [self.sum()]
+        arguments = [self.parse_sum()]
         while self.accept(","):
-            arguments.append(self.sum())
+            arguments.append(self.parse_sum())
         self.demand(")")
         if len(arguments) != FUNCTIONS[name].arity:
             raise ParseError(

@@ -1,6 +1,4 @@
-"""A measured quantity as a sum of terms, each with one unknown coefficient and a form that few
-parameters shape.
-"""
+"""Model of a measured quantity with linear coefficients and nonlinear shape parameters."""
 
 from __future__ import annotations
 
@@ -17,23 +15,24 @@ from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.names import VOCABULARY, lookup
 from flightmech.support.arrays import columns_with_count
 from flightmech.units import parse_unit
-from flighttest.regression.expressions import FUNCTIONS, Expression, Pieces, Scope, parse_terms
+from flighttest.regression.expression_functions import FUNCTIONS, Pieces
+from flighttest.regression.expressions import Expression, Scope, parse_terms
 
 _NAME = re.compile(r"^[A-Za-z_]\w*(\.\w+)*$")
 
 
 class ShapeParameter(NamedTuple):
-    """A parameter on which a term does not depend linearly: an exponent, a time constant, a knot.
+    """A nonlinear parameter of a term: an exponent, a time constant, a knot.
 
     Attributes
     ----------
     low, high : float
-        Bounds of the search. [as the expression needs it, SI]
+        Bounds of the search. [SI]
     start : float, optional
-        First value; without it the search starts from several values between the bounds. With
-        `sigma` the a-priori value.
+        Start value, and the a-priori value if `sigma` is finite. Without it the search starts from
+        several values between the bounds.
     sigma : float
-        Standard error of the a-priori value `start`; infinite when nothing is known.
+        Standard error of the a-priori value `start`; infinite without a-priori value.
     """
 
     low: float
@@ -43,8 +42,9 @@ class ShapeParameter(NamedTuple):
 
     @property
     def spread(self) -> float:
-        """Standard deviation before the flights: `sigma`, or that of a uniform distribution between
-        the bounds.
+        """Standard deviation before the flights.
+
+        The smaller of `sigma` and range/sqrt(12), that of a uniform distribution in the bounds.
         """
         return min(self.sigma, (self.high - self.low) / np.sqrt(12.0))
 
@@ -59,33 +59,32 @@ class Slope(NamedTuple):
 
 @dataclass(frozen=True)
 class SeparableModel:
-    """A quantity as a sum of terms that are linear in their coefficients and nonlinear in few shape
-    parameters.
+    """A quantity as a sum of terms, each with one unknown coefficient.
+
+    The terms may contain shape parameters, in which the model is nonlinear.
 
     Parameters
     ----------
     target : str
-        The measured quantity: a name of the vocabulary, or one that `units` declares.
+        The measured quantity: a name of the vocabulary, or a name that `units` declares.
     terms : sequence of str
-        Expressions of quantities and parameters, each with a coefficient of its own: ``1``,
-        ``alpha``, ``alpha*h_agl^s``, ``Fz*tanh(g*slip)``, ``lag(n1, tau)``; see `reading` for the
-        grammar.
+        Expressions of quantities and parameters, each with one coefficient: ``1``, ``alpha``,
+        ``alpha*h_agl^s``, ``Fz*tanh(g*slip)``, ``lag(n1, tau)``; see `expressions` for the grammar.
     parameters : mapping of str to ShapeParameter or tuple
-        The shape parameters by name; a tuple holds the fields of `ShapeParameter`: ``{"s": (-4.0,
-        -0.1)}``.
+        The shape parameters by name. A tuple contains the fields of `ShapeParameter`:
+        ``{"s": (-4.0, -0.1)}``.
     units : mapping of str to str, optional
-        Quantities that the vocabulary does not have, and their units: ``{"slip": "rad", "Fz":
-        "N"}``.
+        Units of quantities that are not in the vocabulary: ``{"slip": "rad", "Fz": "N"}``.
 
     Raises
     ------
     UnknownName
         A name that is neither in the vocabulary nor declared.
     ParseError
-        A term that cannot be read, or that stands twice.
+        A term that is not valid, or that occurs twice.
     SchemaError
-        Parameters with impossible bounds or start, or that no term has; names that mean two things;
-        all at once.
+        Parameters with invalid bounds or start, parameters that no term contains, and names with
+        two meanings. One error lists all of them.
 
     Examples
     --------
@@ -101,33 +100,31 @@ class SeparableModel:
     expressions: tuple[Expression, ...] = field(init=False, repr=False, compare=False, default=())
 
     def __post_init__(self):
-        expressions = tuple(term for text in self.terms for term in parse_terms(text))
+        expressions: list[Expression] = []
+        for text in self.terms:
+            expressions.extend(parse_terms(text))
         names = tuple(map(str, expressions))
-        if not names:
-            raise ParseError("<model>", 0, "no term", "at least one, such as '1'")
-        if len(set(names)) < len(names):
-            raise ParseError(
-                "<model>",
-                0,
-                f"the term {next(n for n in names if names.count(n) > 1)} more than once",
-                "each term once",
-            )
-        parameters = {
-            name: item if isinstance(item, ShapeParameter) else ShapeParameter(*item)
-            for name, item in self.parameters.items()
+        _demand_terms(names)
+        parameters = {}
+        for name, item in self.parameters.items():
+            if not isinstance(item, ShapeParameter):
+                item = ShapeParameter(*item)
+            parameters[name] = item
+        # A frozen dataclass: its fields are set once, here.
+        fields = {
+            "terms": names,
+            "expressions": tuple(expressions),
+            "parameters": MappingProxyType(parameters),
+            "units": MappingProxyType(dict(self.units)),
         }
-        for name, value in (("terms", names), ("expressions", expressions)):
+        for name, value in fields.items():
             object.__setattr__(self, name, value)
-        for name, mapping in (("parameters", parameters), ("units", dict(self.units))):
-            object.__setattr__(self, name, MappingProxyType(mapping))
-        problems = [
-            text for name, item in parameters.items() for text in _faults(name, item, self._names)
-        ]
-        problems += [
-            f"the parameter {name} is also a quantity with a unit; rename it"
-            for name in parameters
-            if name in self.units
-        ]
+        problems = []
+        for name, item in parameters.items():
+            problems.extend(_list_faults(name, item, self._names))
+        for name in parameters:
+            if name in self.units:
+                problems.append(f"the parameter {name} is also a quantity with a unit; rename it")
         if problems:
             raise SchemaError(str(self), problems)
         for name in (self.target, *self.variables):
@@ -144,22 +141,25 @@ class SeparableModel:
 
         Examples
         --------
-        >>> SeparableModel.parse("Fy = Fz*tanh(g*slip)", {"g": (1.0, 50.0)}, {"Fy": "N", "Fz": "N", "slip": "rad"}).terms
+        >>> units = {"Fy": "N", "Fz": "N", "slip": "rad"}
+        >>> SeparableModel.parse("Fy = Fz*tanh(g*slip)", {"g": (1.0, 50.0)}, units).terms
         ('Fz*tanh(g*slip)',)
         """
-        left, sign, right = text.partition("=")
-        if not sign or not right.strip():
+        target, sign, terms = text.partition("=")
+        if not sign or not terms.strip():
             raise ParseError("<model>", 0, repr(text), "'CL = 1 + alpha + h_agl^s'")
-        return cls(left.strip(), [right], parameters or {}, units or {})
+        return cls(target.strip(), [terms], parameters=parameters or {}, units=units or {})
 
     def __str__(self) -> str:
         return f"{self.target} = {' + '.join(self.terms)}"
 
     @property
     def _names(self) -> tuple[str, ...]:
-        return tuple(
-            dict.fromkeys(name for expression in self.expressions for name in expression.names())
-        )
+        """All names in the terms, each once, in order of appearance."""
+        names: dict[str, None] = {}
+        for expression in self.expressions:
+            names.update(dict.fromkeys(expression.names()))
+        return tuple(names)
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -168,11 +168,12 @@ class SeparableModel:
 
     @property
     def shapes(self) -> dict[str, tuple[str, ...]]:
-        """The parameters that shape each term, by term."""
-        return {
-            term: tuple(n for n in self.parameters if n in set(e.names()))
-            for term, e in zip(self.terms, self.expressions)
-        }
+        """The shape parameters in each term, by term."""
+        shapes = {}
+        for term, expression in zip(self.terms, self.expressions):
+            names = set(expression.names())
+            shapes[term] = tuple(name for name in self.parameters if name in names)
+        return shapes
 
     def unit(self, name: str) -> str:
         """Return the unit of the target or of a variable.
@@ -182,18 +183,18 @@ class SeparableModel:
         UnknownName
             A name that is neither in the vocabulary nor declared.
         UnitError
-            A declared unit that is not known.
+            A declared unit that is not defined.
         """
+        # A declared unit has priority over the vocabulary; parsing validates it.
         if name in self.units:
             parse_unit(self.units[name])
             return self.units[name]
         try:
             return lookup(name).units
         except UnknownName:
-            known = [*VOCABULARY, *self.units, *self.parameters]
             raise UnknownName(
                 name,
-                known,
+                [*VOCABULARY, *self.units, *self.parameters],
                 "quantity",
                 "declare its unit in `units`, or its bounds in `parameters`",
             ) from None
@@ -209,7 +210,7 @@ class SeparableModel:
         Parameters
         ----------
         data : Dataset (sample,) or (time,), or mapping of str to array (sample,)
-            Holds every variable of the model; scalars are allowed.
+            Contains every variable of the model; scalars are allowed.
         parameters : mapping of str to float
             Values of all shape parameters.
         pieces : Pieces, optional
@@ -226,14 +227,14 @@ class SeparableModel:
         UnknownName
             A variable that the data do not hold.
         OutOfRange
-            A power, root, logarithm or lag of values for which there is none, or numbers beyond all
-            bounds.
+            A power, root, logarithm or lag that is not defined for the values.
         """
         columns, size = columns_with_count(data)
-        quantities = {
-            str(name): np.asarray(columns[name]) for name in self.variables if name in columns
-        }
-        return self.columns(quantities, size, parameters, pieces)
+        quantities = {}
+        for name in self.variables:
+            if name in columns:
+                quantities[name] = np.asarray(columns[name])
+        return self.columns(quantities, size, parameters=parameters, pieces=pieces)
 
     def columns(
         self,
@@ -242,43 +243,53 @@ class SeparableModel:
         parameters: Mapping[str, float],
         pieces: Pieces | None = None,
     ) -> tuple[np.ndarray, list[Slope]]:
-        """Return what `design` does, of arrays (size,) by name."""
+        """Return the result of `design` for arrays (size,) by name."""
+        # A lag needs the stretches without a gap; other terms ignore them.
         scope = Scope(quantities, dict(parameters), pieces or Pieces())
-        X, slopes = np.empty((size, len(self.terms))), []
+        X = np.empty((size, len(self.terms)))
+        slopes: list[Slope] = []
+        # Overflow gives infinite regressors, which the projection refuses.
         with np.errstate(over="ignore", invalid="ignore"):
             for j, expression in enumerate(self.expressions):
-                value, by = expression.at(scope)
+                value, derivatives = expression.at(scope)
                 X[:, j] = value
-                slopes += [
-                    Slope(name, j, np.broadcast_to(slope, (size,))) for name, slope in by.items()
-                ]
+                for name, slope in derivatives.items():
+                    slopes.append(Slope(name, j, np.broadcast_to(slope, (size,))))
         return X, slopes
 
 
-def _faults(name: str, item: ShapeParameter, used: Sequence[str]) -> list[str]:
-    problems = (
-        []
-        if _NAME.match(name) and name not in FUNCTIONS
-        else [f"{name!r} is no name for a parameter; take letters and digits"]
-    )
+def _demand_terms(names: Sequence[str]) -> None:
+    """Raise when there is no term, or when a term occurs twice."""
+    if not names:
+        raise ParseError("<model>", 0, "no term", "at least one, such as '1'")
+    for k, name in enumerate(names):
+        if name in names[:k]:
+            raise ParseError("<model>", 0, f"the term {name} more than once", "each term once")
+
+
+def _list_faults(name: str, item: ShapeParameter, used: Sequence[str]) -> list[str]:
+    """Return the faults of a shape parameter; `used` are the names in the terms."""
+    faults = []
+    if not _NAME.match(name) or name in FUNCTIONS:
+        faults.append(f"{name!r} is not a name for a parameter; take letters and digits")
     if name in VOCABULARY:
-        problems.append(
+        faults.append(
             f"the parameter {name} has the name of a quantity "
             f"({VOCABULARY[name].long_name}); rename it"
         )
     if name not in used:
-        problems.append(f"no term has the parameter {name}")
+        faults.append(f"no term has the parameter {name}")
     if not (np.isfinite([item.low, item.high]).all() and item.low < item.high):
-        problems.append(
+        faults.append(
             f"{name}: bounds {item.low:g} ... {item.high:g}; give two finite numbers, the "
             f"lower first"
         )
     elif item.start is not None and not item.low <= item.start <= item.high:
-        problems.append(
+        faults.append(
             f"{name}: start {item.start:g} is outside its bounds {item.low:g} ... {item.high:g}"
         )
     if not item.sigma > 0.0 or (item.start is None and np.isfinite(item.sigma)):
-        problems.append(
-            f"{name}: a standard error of {item.sigma:g}; it must be positive and goes with a start"
+        faults.append(
+            f"{name}: a standard error of {item.sigma:g}; it must be positive and needs a start"
         )
-    return problems
+    return faults

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import xarray as xr
@@ -24,7 +25,8 @@ from flightmech.axes import euler_from_matrix, matrix_from_quaternion, quaternio
 from flightmech.errors import IdentificationError, SchemaError
 from flightmech.names import lookup
 from flightmech.support.input_files import read_toml
-from flightmech.support.toml_models import Strict, make_si_type, validate_content
+from flightmech.support.toml_models import Strict, validate_content
+from flightmech.support.toml_quantities import InUnits
 from flightmech.units import to_si
 from flighttest.records.readers.columns import locate_column
 from flighttest.records.readers.name_map import NameMap
@@ -228,16 +230,16 @@ _WAYS = {
     "up": (2, -1.0),
 }
 _EVEN = 1e-3  # of the median step
-Metres = make_si_type("m")
+Metres = Annotated[float, InUnits("m")]
 
 
 class MarkerSetup(Strict):
     """Bodies with their markers, axes of the cameras, cut-off."""
 
-    body: dict[str, dict[str, tuple[Metres, Metres, Metres]]] = Field(  # type: ignore[valid-type]
+    body: dict[str, dict[str, tuple[Metres, Metres, Metres]]] = Field(
         min_length=1, description="Markers of each body in body axes, x forward, y right, z down."
     )
-    flapping_frequency: make_si_type("Hz") = Field(  # type: ignore[valid-type]
+    flapping_frequency: Annotated[float, InUnits("Hz")] = Field(
         gt=0.0, description="Frequency of the periodic motion."
     )
     multiples: float = Field(
@@ -247,7 +249,7 @@ class MarkerSetup(Strict):
         default="north east down",
         description="Where x, y and z of the cameras point to: north east down, their opposites.",
     )
-    noise: make_si_type("m") | None = Field(  # type: ignore[valid-type]
+    noise: Annotated[float, InUnits("m")] | None = Field(
         default=None, description="Standard deviation of a coordinate of a marker."
     )
     unit: str = Field(default="m", description="Unit of the positions, where the file states none.")

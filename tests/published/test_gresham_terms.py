@@ -14,7 +14,7 @@ import xarray as xr
 from flighttest.regression.combining.joined_fits import join_fits
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
-from flighttest.regression.model_structure.selection import apply_deletion_rule
+from flighttest.regression.model_structure.deletion_rule import apply_deletion_rule
 
 PRINTED = {
     "1": 0.012,

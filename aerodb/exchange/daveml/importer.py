@@ -1,48 +1,45 @@
-"""A DAVE-ML aerodynamic model as a database: its build-up equations multiplied out into terms,
-exactly, or refused.
-"""
+"""Import of a DAVE-ML aerodynamic model: build-up equations to terms of a database."""
 
 from __future__ import annotations
 
 import os
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from aerodb.exchange.daveml import export_checks as sample_states
 from aerodb.exchange.daveml import polynomials
-from aerodb.exchange.daveml.document.model import DaveModel, DaveReference, DaveVariable, Shot
+from aerodb.exchange.daveml.approximation import approximate_variable
+from aerodb.exchange.daveml.document.elements import DaveReference
+from aerodb.exchange.daveml.document.model import DaveModel
 from aerodb.exchange.daveml.document.reading import read
-from aerodb.exchange.daveml.expansion import approximate_variable, expand_variables
-from aerodb.exchange.daveml.polynomials import Sum
+from aerodb.exchange.daveml.expansion import expand_variables
+from aerodb.exchange.daveml.import_checks import (
+    SAMPLED_STATES,
+    compare_with_model,
+    convert_check_cases,
+)
+from aerodb.exchange.daveml.imported_model import (
+    REFERENCE_POINT,
+    ImportedModel,
+    apply_user_names,
+    identify_coefficients,
+    identify_inputs,
+    input_sums,
+    is_own_file,
+    read_reference_quantities,
+)
 from aerodb.exchange.daveml.sampler import Sampler
 from aerodb.exchange.daveml.terms import CoefficientPart, leaves_from_parts, parts_of
-from aerodb.exchange.daveml.vocabulary import (
-    COEFFICIENTS,
-    STORED,
-    WRITER,
-    device_of,
-    file_unit_conversion,
-    quantity_of,
-    unpack_attributes,
-)
-from aerodb.store.evaluation import contributions
-from aerodb.store.schema import FORCE_AXES, make_database, terms
-from flightmech.errors import AeromatchWarning, SchemaError, UnitError, UnknownName
-from flightmech.names import ITEM, VOCABULARY, lookup, quantity_attributes
+from aerodb.exchange.daveml.vocabulary import file_unit_conversion, quantity_of, unpack_attributes
+from aerodb.store.schema import FORCE_AXES, make_database
+from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.support.netcdf_trees import CHECKS
 from flightmech.terms import list_model_variables
 
-_REFERENCE = ("S", "cbar", "b")
-_PLACE = ("x_ref", "y_ref", "z_ref")
-_PROOFS = 500  # states at which the database is compared with the model
-_SAMPLES = 5000  # the same where functions were sampled
-_ATTEMPTS = 4  # times that sampling becomes finer before it is given up
-_ROUNDING = 1e-11  # of the sum of the absolute contributions: some hundred roundings
+_ATTEMPTS = 4  # refinements of the sampling before the import fails
 
 
 def import_daveml(
@@ -60,50 +57,51 @@ def import_daveml(
 ) -> xr.DataTree:
     """Read the aerodynamic model of a DAVE-ML file as a database.
 
-    Tables become tables and calculations are multiplied out into *table x table x variables*;
-    angles become radians, lengths metres, ``p b / 2V`` the reduced rate ``phat``.  Look-ups over
-    the absolute value or a limited value of a variable, and tables whose sign follows that of an
-    axis, become tables over the variable.  The result equals the model but for rounding; this is
-    tried at 500 states, inside the tables and beyond, before it is returned.
+    Tables become tables, and calculations are multiplied out into *table x table x variables*.
+    Angles become radians, lengths metres, ``p b / 2V`` the reduced rate ``phat``.  A look-up over
+    the absolute value or a limited value of a variable becomes a table over the variable.  So does
+    a table whose sign follows the sign of an axis.  The result equals the model except for
+    rounding.  It is compared with the model at 500 states, inside the tables and beyond, before it
+    is returned.
 
     Parameters
     ----------
     path : path
         The file.
     names : mapping of str to str, optional
-        Quantity of the vocabulary by varID or name, for variables that do not carry a name of
-        S-119: ``{"DEFL": "delta_e"}``.  An S-119 unit in brackets counts instead of the file's:
+        Quantity of the vocabulary by varID or name, for variables without a name of S-119:
+        ``{"DEFL": "delta_e"}``.  An S-119 unit in brackets replaces the unit of the file:
         ``{"ALPHA_TOT_D": "alpha [deg]"}``.  An angle or pure number without a quantity is an input
         of the model by its varID, ``device.DBFLL.deflection`` or ``device.SPIKE.setting``.
     S, cbar, b : float, optional
         Reference area [m2], chord and span [m] of a file that does not state them.
     force_axes : {"stability", "wind", "body"}, optional
-        Axes of the forces; by default those of the coefficients found, lift and drag counting as
-        stability axes unless the file states wind axes.
+        Axes of the forces.  By default they follow from the coefficients of the file.  Lift and
+        drag are in stability axes unless the file states wind axes.
     without : collection of str
-        Coefficients to leave out, because they cannot be taken over exactly: ``("CD",)``.
+        Coefficients to leave out, because they have no exact terms: ``("CD",)``.
     checks : {"raise", "ignore"}
-        What a check case of the file that fails does.
+        Action on a check case of the file that fails.
     sample : float, optional
-        Largest difference of a coefficient with which functions that are no product of tables may
-        be put onto tables; without it such coefficients are refused.  [1]
+        Largest difference of a coefficient if functions that are not a product of tables are
+        sampled on tables.  Without it such coefficients are refused.  [1]
     grid : mapping of str to sequence of float, optional
-        Where they are sampled, by quantity: two numbers, the range, or more, the breakpoints.
-        Without an entry the range is that of the tables over the quantity, inside the limits of the
-        input, and breakpoints are added until `sample` is kept. [SI]
+        Sampling points by quantity: two numbers, the range, or more, the breakpoints.  Without an
+        entry the range is that of the tables over the quantity, inside the limits of the input,
+        and breakpoints are added until the difference is at most `sample`. [SI]
 
     Returns
     -------
     DataTree
-        Moments about the reference point of the file.  Its check cases stand in ``/checks``, in SI.
-        A term with a sampled table states how well in its attribute ``sampled``; the difference of
-        each coefficient, measured at 5000 states, stands in the history.
+        Moments about the reference point of the file.  ``/checks`` holds its check cases in SI.
+        The attribute ``sampled`` of a term states the accuracy of a sampled table.  The history
+        states the difference of each coefficient at 5000 states.
 
     Raises
     ------
     ParseError, SchemaError
-        As `read`; SchemaError also with every variable that cannot be taken over and the reason,
-        and when reference quantities are missing or differ.
+        As `read`.  SchemaError also lists every variable that has no exact terms with the reason,
+        and reference quantities that are missing or differ.
     UnknownName
         A variable of `names` that the file does not have, or a quantity that the vocabulary does
         not have.
@@ -111,301 +109,139 @@ def import_daveml(
     Warns
     -----
     AeromatchWarning
-        Inputs that are no quantity of the vocabulary and became inputs of the model by their varID.
+        Inputs are not in the vocabulary and became inputs of the model by their varID.
     """
-    model, names = _named(read(path, checks), names or {})
-    mine = _quantities(model, names)
-    geometry = _geometry(model, {"S": S, "cbar": cbar, "b": b})
-    inputs = {
-        varID: _substitute(model.variables[varID], quantity) for varID, quantity in mine.items()
-    }
-    sums, reasons = expand_variables(model, inputs, geometry)
-    outputs, axes = _coefficients(model, names, force_axes, without)
-    source = _ImportedModel(model, mine, outputs, geometry, sums, reasons)
+    # Identify inputs, reference quantities and coefficients, and multiply the calculations out.
+    path = Path(path)
+    model, names = apply_user_names(read(path, checks), names or {})
+    quantities = identify_inputs(model, names)
+    geometry = read_reference_quantities(model, {"S": S, "cbar": cbar, "b": b})
+    sums, reasons = expand_variables(model, input_sums(model, quantities), geometry)
+    outputs, axes = identify_coefficients(model, names, force_axes, without)
+    source = ImportedModel(model, quantities, outputs, geometry, sums=sums, reasons=reasons)
     if sample is None and grid:
         raise ValueError(
             "grid= states where functions are sampled; give sample=, the largest difference "
             "allowed, with it"
         )
+
+    def make_tree(leaves: dict[str, xr.Dataset]) -> xr.DataTree:
+        return make_database(leaves, **_root_attributes(source, path, axes))
+
     if sample is None:
-        leaves, lines = _terms(source, None), list[str]()
-        _prove(make_database(leaves, **_root(source, Path(path), axes)), source, {}, 0.0)
+        leaves, history = _build_terms(source, None), list[str]()
+        compare_with_model(make_tree(leaves), source, {}, 0.0)
     else:
-        leaves, lines = _sampled_terms(
-            source,
-            lambda found: make_database(found, **_root(source, Path(path), axes)),
-            sample,
-            grid or {},
-        )
-    root = _root(source, Path(path), axes, _named_inputs(model, mine, names, leaves), lines)
-    db, cases = make_database(leaves, **root), _checks(model, mine, outputs, geometry)
-    return db if cases is None else xr.DataTree.from_dict({**db.to_dict(), f"/{CHECKS}": cases})
+        leaves, history = _sample_terms(source, make_tree, sample, grid or {})
+    # The attributes need the terms: they list unnamed inputs and the accuracy of the sampling.
+    remark = _warn_unnamed_inputs(model, quantities, names, leaves)
+    root = _root_attributes(source, path, axes, remark=remark, history=history)
+    db = make_database(leaves, **root)
+    cases = convert_check_cases(source)
+    if cases is None:
+        return db
+    return xr.DataTree.from_dict({**db.to_dict(), f"/{CHECKS}": cases})
 
 
-@dataclass(frozen=True)
-class _ImportedModel:
-    """A model as it is taken over: quantities of inputs and varIDs of coefficients, lengths, exact
-    sums and why others are not exact.
-    """
-
-    model: DaveModel
-    mine: Mapping[str, str]
-    outputs: Mapping[str, str]
-    geometry: Mapping[str, float]
-    sums: Mapping[str, Sum]
-    reasons: Mapping[str, str]
-
-
-def _terms(source: _ImportedModel, sampler: Sampler | None) -> dict[str, xr.Dataset]:
-    """Return the terms of all coefficients by name.
-
-    Raises
-    ------
-    SchemaError
-        With every coefficient that is no sum of terms and the reason.
-    """
+def _build_terms(source: ImportedModel, sampler: Sampler | None) -> dict[str, xr.Dataset]:
+    """Return the terms of all coefficients by name, or raise with every inexact coefficient."""
     leaves: dict[str, xr.Dataset] = {}
     problems = []
     for coefficient, varID in source.outputs.items():
         try:
-            leaves |= _leaves(source, coefficient, varID, sampler)
+            leaves |= _coefficient_terms(source, coefficient, varID, sampler)
         except polynomials.Inexact as error:
-            problems.append(
-                f"{coefficient}: {varID} ({source.model.variables[varID].name}): {error}"
-            )
+            name = source.model.variables[varID].name
+            problems.append(f"{coefficient}: {varID} ({name}): {error}")
     if problems:
-        ways = (
-            ["put them onto tables with sample=", "leave them out with without="]
-            if sampler is None
-            else ["leave them out with without="]
+        remedy = (
+            "leave them out with without=, or evaluate the model itself with "
+            "aerodb.exchange.daveml.read(path).evaluate"
         )
-        way = (
-            f"{', '.join(ways)}, or evaluate the model itself with "
-            f"aerodb.exchange.daveml.read(path).evaluate"
-        )
+        if sampler is None:
+            remedy = f"put them onto tables with sample=, {remedy}"
         raise SchemaError(
             f"{Path(source.model.file).name} holds coefficients that are no exact sum of "
-            f"terms; {way}",
+            f"terms; {remedy}",
             problems,
         )
     return leaves
 
 
-def _sampled_terms(
-    source: _ImportedModel,
-    put: Callable[[dict[str, xr.Dataset]], xr.DataTree],
+def _sample_terms(
+    source: ImportedModel,
+    make_tree: Callable[[dict[str, xr.Dataset]], xr.DataTree],
     sample: float,
     grid: Mapping[str, Sequence[float]],
 ) -> tuple[dict[str, xr.Dataset], list[str]]:
-    """Return the terms, sampled more finely until every coefficient keeps the bound, and a line on
-    each coefficient that was sampled.
-    """
+    """Return the terms with sampled tables, and a line of history for each sampled coefficient."""
     if not sample > 0.0:
         raise ValueError(
             f"sample is {sample!r}; give the largest difference of a coefficient, such as 1e-4"
         )
-    bound = (
-        2.0 * sample
-    )  # of one function along all axes; what a coefficient makes of it is measured
+    # The bound applies to one function along all its axes. The difference of a coefficient is
+    # measured, and the bound is reduced until the difference is at most `sample`.
+    bound = 2.0 * sample
     for attempt in range(_ATTEMPTS):
-        sampler = Sampler(source.model, source.mine, source.sums, bound, grid)
-        leaves = _terms(source, sampler)
-        gaps = _prove(
-            put(leaves), source, sampler.ranges(), np.inf if attempt + 1 < _ATTEMPTS else sample
-        )
-        worst = max(gaps.values(), default=0.0)
+        sampler = Sampler(source.model, source.quantities, source.sums, bound, grid=grid)
+        leaves = _build_terms(source, sampler)
+        # Only the last attempt raises if the difference is too large.
+        allowed = np.inf if attempt + 1 < _ATTEMPTS else sample
+        differences = compare_with_model(make_tree(leaves), source, sampler.ranges(), allowed)
+        worst = max(differences.values(), default=0.0)
         if worst <= sample:
             break
+        # The difference grows with the bound. The factor 0.5 is a margin.
         bound *= 0.5 * sample / worst
     box = ", ".join(f"{name} {low:.6g} ... {high:.6g}" for name, (low, high) in sampler.box.items())
-    text = (
-        f"from the file by at most {{:.2g}} at {_SAMPLES} states, allowed {sample:g}; sampled "
-        f"over {box} (SI)"
-    )
-    return leaves, [f"{name} differs {text.format(gap)}" for name, gap in gaps.items()]
-
-
-def _named(model: DaveModel, names: Mapping[str, str]) -> tuple[DaveModel, dict[str, str]]:
-    """Return the model with the units that the names carry, and the quantities by varID."""
-    quantities, variables = {}, dict(model.variables)
-    for key, text in names.items():
-        name, _, unit = text.partition("[")
-        variable = model.find(key)
-        lookup(name.strip())  # raises for a name that there is not
-        quantities[variable.varID] = name.strip()
-        if unit:
-            variables[variable.varID] = replace(variable, units=unit.strip(" ]"))
-    return replace(model, variables=variables), quantities
-
-
-def _quantities(model: DaveModel, names: Mapping[str, str]) -> dict[str, str]:
-    """Return the quantity of each input, by varID."""
-    found: dict[str, str] = {}
-    for varID in model.inputs:
-        variable = model.variables[varID]
-        quantity = names.get(varID) or quantity_of(variable) or device_of(variable)
-        if quantity and quantity in found.values():
-            other = next(key for key, item in found.items() if item == quantity)
-            raise SchemaError(
-                model.file,
-                [f"the inputs {other} and {varID} are both {quantity}; state which with names="],
-            )
-        if quantity:
-            found[varID] = quantity
-    return found
-
-
-def _substitute(variable: DaveVariable, quantity: str) -> Sum:
-    factor, offset = file_unit_conversion(variable, quantity)
-    return polynomials.make_variable_sum(quantity, factor, offset)
-
-
-def _geometry(model: DaveModel, given: Mapping[str, float | None]) -> dict[str, float]:
-    """Return S, cbar, b in SI, from the constants of the file or the caller; they must not
-    contradict each other.
-    """
-    found: dict[str, float] = {}
-    for variable in model.variables.values():
-        quantity = variable.name if variable.name in _PLACE else quantity_of(variable)
-        if (
-            quantity in (*_REFERENCE, *_PLACE)
-            and variable.initial is not None
-            and variable.varID not in model.functions
-        ):
-            factor, offset = file_unit_conversion(
-                variable, "cbar" if quantity in _PLACE else quantity
-            )
-            found[quantity] = (variable.initial - offset) / factor
-    problems = []
-    for quantity, value in given.items():
-        if (
-            value is not None
-            and quantity in found
-            and not np.isclose(value, found[quantity], rtol=1e-6)
-        ):
-            problems.append(
-                f"{quantity} is {found[quantity]:.9g} in the file and {value:.9g} in the "
-                f"call; leave it out"
-            )
-        if value is not None:
-            found.setdefault(quantity, value)
-    problems += [
-        f"the file does not state {quantity}; pass {quantity}="
-        for quantity in _REFERENCE
-        if quantity not in found
-    ]
-    if problems:
-        raise SchemaError(f"reference quantities of {model.file}", problems)
-    return found
-
-
-def _coefficients(
-    model: DaveModel, names: Mapping[str, str], axes: str | None, without: Collection[str]
-) -> tuple[dict[str, str], str]:
-    """Return the varID of each coefficient that the file gives, and the axes of its forces."""
-    found: dict[str, str] = {}
-    for varID in model.outputs:
-        quantity = names.get(varID) or quantity_of(model.variables[varID])
-        if quantity not in COEFFICIENTS:
-            continue
-        if quantity in found:
-            raise SchemaError(
-                model.file,
-                [
-                    f"the outputs {found[quantity]} and {varID} are both {quantity}; state "
-                    f"which with names="
-                ],
-            )
-        found[quantity] = varID
-    if axes is None:
-        axes = _axes_of(model, found)
-    if axes not in FORCE_AXES:
-        raise ValueError(f"force_axes is {axes!r}; allowed: {', '.join(FORCE_AXES)}")
-    for name in without:
-        if name not in COEFFICIENTS:
-            raise UnknownName(name, COEFFICIENTS, "coefficient")
-    kept = {name: varID for name, varID in found.items() if name not in without}
-    kept = {
-        name: varID
-        for name, varID in kept.items()
-        if name in FORCE_AXES[axes] or name.startswith("Ch_")
-    }
-    if model.header.version.startswith(
-        WRITER
-    ):  # we write all totals, also of coefficients that have no term
-        kept = {
-            name: varID
-            for name, varID in kept.items()
-            if model.variables[varID].calculation is not None
-        }
-    if not kept:
-        given = ", ".join(f"{varID} ({model.variables[varID].name})" for varID in model.outputs)
-        raise SchemaError(
-            model.file,
-            [
-                f"no output is a coefficient: {given}; state which with "
-                f"names={{'{model.outputs[0]}': 'CL'}}, say"
-            ],
+    history = []
+    for name, difference in differences.items():
+        history.append(
+            f"{name} differs from the file by at most {difference:.2g} at {SAMPLED_STATES} states, "
+            f"allowed {sample:g}; sampled over {box} (SI)"
         )
-    return kept, axes
+    return leaves, history
 
 
-def _axes_of(model: DaveModel, found: Mapping[str, str]) -> str:
-    body, other = (
-        [name for name in ("CX", "CZ") if name in found],
-        [name for name in ("CL", "CD") if name in found],
-    )
-    if body and other:
-        raise SchemaError(
-            model.file,
-            [f"gives both {' '.join(body)} and {' '.join(other)}; choose with force_axes="],
-        )
-    if body:
-        return "body"
-    axis_systems = " ".join(model.variables[found[name]].axis_system.lower() for name in other)
-    return "wind" if "wind" in axis_systems else "stability"
-
-
-def _leaves(
-    source: _ImportedModel, coefficient: str, varID: str, sampler: Sampler | None
+def _coefficient_terms(
+    source: ImportedModel, coefficient: str, varID: str, sampler: Sampler | None
 ) -> dict[str, xr.Dataset]:
     """Return the terms of one coefficient by name."""
-    model, sums = source.model, source.sums if sampler is None else sampler.sums
+    model, sums, join = source.model, source.sums, None
     factor, offset = file_unit_conversion(model.variables[varID], coefficient)
     if sampler is not None:
-        approximate_variable(sampler, varID, source.reasons, source.geometry)
+        approximate_variable(sampler, varID, source.reasons, lengths=source.geometry)
+        sums, join = sampler.sums, sampler.joined
+    # Without sampling only exact sums are accepted.
     if varID not in sums:
         raise polynomials.Inexact(source.reasons[varID])
     parts = parts_of(model, coefficient, varID, sums)
     if factor != 1.0 or offset != 0.0:
-        parts = [
-            CoefficientPart(
-                part.name, polynomials.scale_sum(part.sum, 1.0 / factor), part.order, part.texts
-            )
-            for part in parts
-        ]
-    return leaves_from_parts(model, coefficient, parts, None if sampler is None else sampler.joined)
+        # The output is in the unit or the sense of the file. The terms are in SI.
+        scaled_parts = []
+        for part in parts:
+            scaled = polynomials.scale_sum(part.sum, 1.0 / factor)
+            scaled_parts.append(CoefficientPart(part.name, scaled, part.order, part.texts))
+        parts = scaled_parts
+    return leaves_from_parts(model, coefficient, parts, join)
 
 
-def _named_inputs(
+def _warn_unnamed_inputs(
     model: DaveModel,
-    mine: Mapping[str, str],
+    quantities: Mapping[str, str],
     names: Mapping[str, str],
     leaves: Mapping[str, xr.Dataset],
 ) -> str:
-    """Return which inputs the terms use under a name that nobody gave them, as a remark; empty when
-    there are none.
-    """
+    """Warn of inputs without a quantity; return the warning as a remark, or ``""``."""
+    # An input that no term uses needs no quantity.
     used = set().union(*(list_model_variables(leaf) for leaf in leaves.values()))
-    unnamed = {
-        v: name
-        for v, name in mine.items()
-        if name in used and v not in names and not quantity_of(model.variables[v])
-    }
-    found = [f"{varID} is {name}" for varID, name in unnamed.items()]
-    if not found:
+    unnamed = []
+    for varID, name in quantities.items():
+        if name in used and varID not in names and not quantity_of(model.variables[varID]):
+            unnamed.append(f"{varID} is {name}")
+    if not unnamed:
         return ""
-    text = f"inputs that are no quantity of the vocabulary: {', '.join(found)}"
+    text = f"inputs that are no quantity of the vocabulary: {', '.join(unnamed)}"
     warnings.warn(
         f"{text}; give a quantity with names= if one of them is meant",
         AeromatchWarning,
@@ -414,197 +250,85 @@ def _named_inputs(
     return text
 
 
-def _root(
-    source: _ImportedModel, path: Path, axes: str, remark: str = "", lines: Sequence[str] = ()
+def _root_attributes(
+    source: ImportedModel,
+    path: Path,
+    axes: str,
+    *,
+    remark: str = "",
+    history: Sequence[str] = (),
 ) -> dict[str, str | float]:
+    """Return the attributes of the root of the database."""
     model, header = source.model, source.model.header
+    if is_own_file(model):
+        # The description of an exported file holds the attributes of the original database.
+        attributes = unpack_attributes(header.description)
+        modifications = [entry.description for entry in header.modifications]
+    else:
+        attributes = _attributes_of_header(source, path, axes, remark)
+        modifications = _modification_lines(model)
+    line = _import_line(model, path)
+    attributes["history"] = "\n".join(filter(None, [*modifications, line, *history]))
+    return {
+        **attributes,
+        **dict.fromkeys(REFERENCE_POINT, 0.0),
+        **source.geometry,
+        "force_axes": axes,
+    }
+
+
+def _attributes_of_header(
+    source: ImportedModel, path: Path, axes: str, remark: str
+) -> dict[str, str | float]:
+    """Return title, source, references and comment from the header of the file."""
+    model, header = source.model, source.model.header
+    # A coefficient of the force axes without terms is declared absent.
     missing = [name for name in FORCE_AXES[axes] if name not in source.outputs]
-    attributes: dict[str, str | float] = {
+    return {
         "title": header.name or path.stem,
         "aircraft": header.name or path.stem,
         "source": f"DAVE-ML file {path.name}",
-        "references": "; ".join(_cited(reference) for reference in header.references),
+        "references": "; ".join(_cite_reference(reference) for reference in header.references),
         "comment": "\n".join(filter(None, [header.description, *_remarks(model), remark])),
         "absent": " ".join(f"{name}/basic" for name in missing),
     }
-    if header.version.startswith(WRITER):
-        attributes = unpack_attributes(header.description)
+
+
+def _import_line(model: DaveModel, path: Path) -> str:
+    """Return the line of history that states the file and the result of its check cases."""
     values = model.check()
-    line = (
-        f"import_daveml: {path.name}, version {header.version or 'unnamed'}, "
-        f"{len(model.shots)} check cases with {len(values)} values, "
+    result = "all met"
+    if not values["passed"].all():
+        result = f"{int((~values['passed']).sum())} NOT met"
+    return (
+        f"import_daveml: {path.name}, version {model.header.version or 'unnamed'}, "
+        f"{len(model.shots)} check cases with {len(values)} values, {result}"
     )
-    line += "all met" if values["passed"].all() else f"{int((~values['passed']).sum())} NOT met"
-    history = (
-        [m.description for m in header.modifications]
-        if header.version.startswith(WRITER)
-        else _modifications(model)
-    )
-    attributes["history"] = "\n".join(filter(None, [*history, line, *lines]))
-    return {**attributes, **dict.fromkeys(_PLACE, 0.0), **source.geometry, "force_axes": axes}
 
 
-def _cited(reference: DaveReference) -> str:
+def _cite_reference(reference: DaveReference) -> str:
+    # A semicolon separates the references, so a part must not contain one.
     parts = (reference.author, reference.title, reference.accession, reference.date)
     return ", ".join(part.replace(";", ",") for part in parts if part)
 
 
-def _modifications(model: DaveModel) -> list[str]:
-    return [
-        " ".join(f"{m.date} modification {m.modID}: {m.description}".split())
-        for m in model.header.modifications
-    ]
+def _modification_lines(model: DaveModel) -> list[str]:
+    lines = []
+    for entry in model.header.modifications:
+        text = f"{entry.date} modification {entry.modID}: {entry.description}"
+        lines.append(" ".join(text.split()))
+    return lines
 
 
 def _remarks(model: DaveModel) -> list[str]:
-    """Return what a reader of the database should know of the file."""
-    limited = [
-        f"{v.varID} is limited to {v.low:g} ... {v.high:g} {v.units} in the file; the "
-        f"reduced rates of the database have no such limit"
-        for v in model.variables.values()
-        if quantity_of(v) == "V" and v.varID in model.inputs and np.isfinite((v.low, v.high)).any()
-    ]
-    return [*limited, *model.notes]
-
-
-def _file_inputs(
-    model: DaveModel, mine: Mapping[str, str], states: Mapping[str, np.ndarray]
-) -> dict[str, np.ndarray]:
-    """Return states in the variables and units of the file."""
-    found = {}
-    for varID, quantity in mine.items():
-        if quantity in states:
-            factor, offset = file_unit_conversion(model.variables[varID], quantity)
-            found[varID] = factor * states[quantity] + offset
-    return found
-
-
-def _prove(
-    db: xr.DataTree, source: _ImportedModel, box: Mapping[str, tuple[float, float]], sample: float
-) -> dict[str, float]:
-    """Compare the database with the model at states inside and beyond its tables; where functions
-    were sampled, inside their range.
-
-    Returns
-    -------
-    dict of str to float
-        Largest difference of the coefficients that have sampled tables.
-
-    Raises
-    ------
-    SchemaError
-        A coefficient that differs by more than rounding, or by more than `sample` where it has
-        sampled tables.
-    """
-    model, mine = source.model, source.mine
-    count = _SAMPLES if box else _PROOFS
-    drawn = sample_states.draw_check_states(
-        terms(db).values(), count, 0.0 if box else sample_states.BEYOND, box
-    )
-    states = sample_states.with_rates(drawn, source.geometry)
-    for quantity in mine.values():
-        states.setdefault(quantity, np.zeros(count))
-    found = model.evaluate(
-        _file_inputs(model, mine, states) | {v: 0.0 for v in model.inputs if v not in mine}
-    )
-    sampled = {name.split("/")[0] for name, leaf in terms(db).items() if "sampled" in leaf.attrs}
-    problems, gaps = [], {}
-    for coefficient, varID in source.outputs.items():
-        factor, offset = file_unit_conversion(model.variables[varID], coefficient)
-        parts = contributions(db, coefficient, states, outside="clamp")
-        total, size = (
-            sum(parts.values(), np.zeros(count)),
-            sum(map(np.abs, parts.values()), np.zeros(count)),
-        )
-        gap = np.abs(total - (found[varID] - offset) / factor)
-        allowed = _ROUNDING * np.maximum(size, 1e-3)
-        if coefficient in sampled:
-            gaps[coefficient] = float(gap.max())
-            allowed = np.maximum(allowed, sample)
-        if not (gap <= allowed).all():
-            at = int(np.nanargmax(gap - allowed))
-            place = ", ".join(f"{name} {states[name][at]:.6g}" for name in sorted(drawn))
-            problems.append(f"{coefficient} differs from {varID} by {gap[at]:.3g} at {place}")
-    if problems and sampled:
-        raise SchemaError(
-            f"{model.file}: sample={sample:g} is not kept; give more breakpoints with grid=, "
-            f"or a larger sample",
-            problems,
-        )
-    if problems:
-        raise SchemaError(f"{model.file}: the terms do not give the model back", problems)
-    return gaps
-
-
-def _checks(
-    model: DaveModel,
-    mine: Mapping[str, str],
-    outputs: Mapping[str, str],
-    geometry: Mapping[str, float],
-) -> xr.Dataset | None:
-    """Return the check cases as a Dataset over ``case``: inputs and expected coefficients in SI,
-    with their tolerances.
-
-    Their names are the lines of the attribute ``names``.
-    """
-    shots = [shot for shot in model.shots if _is_known(model, shot)]
-    if model.header.version.startswith(
-        WRITER
-    ):  # the other ones of our files were drawn, and are drawn again
-        shots = [
-            replace(shot, name=shot.name.removeprefix(STORED))
-            for shot in shots
-            if shot.name.startswith(STORED)
-        ]
-    if not shots:
-        return None
-    back = {varID: quantity for quantity, varID in outputs.items()}
-    rows = [_case(model, shot, mine, back) for shot in shots]
-    keys = dict.fromkeys(key for row in rows for key in row)
-    columns = {key: np.array([row.get(key, np.nan) for row in rows]) for key in keys}
-    columns = sample_states.with_reduced(columns, geometry)
-    cases = xr.Dataset(
-        {key: ("case", column) for key, column in columns.items()},
-        {"case": np.arange(1, len(shots) + 1)},
-    )
-    for key in columns:
-        if ITEM.sub("", key) in VOCABULARY:
-            cases[key].attrs.update(quantity_attributes(key))
-    names = "\n".join(
-        " ".join(shot.name.split()) for shot in shots
-    )  # arrays of a database file are numbers
-    cases.attrs = {"source": f"check data of {Path(model.file).name}", "names": names}
-    return cases
-
-
-def _is_known(model: DaveModel, shot: Shot) -> bool:
-    """Whether the file has the variables of a check case, in units that can be converted; one that
-    has not was ignored on demand.
-    """
-    try:
-        return all(model.converted(signal) for signal in (*shot.inputs, *shot.outputs))
-    except (UnknownName, UnitError):
-        return False
-
-
-def _case(
-    model: DaveModel, shot: Shot, mine: Mapping[str, str], back: Mapping[str, str]
-) -> dict[str, float]:
-    row: dict[str, float] = {}
-    initial = {v: model.variables[v].initial for v in mine}
-    given = {model.signal(signal).varID: model.converted(signal).value for signal in shot.inputs}
-    for varID, value in {**{v: i for v, i in initial.items() if i is not None}, **given}.items():
-        if varID in mine:
-            factor, offset = file_unit_conversion(model.variables[varID], mine[varID])
-            row[mine[varID]] = (value - offset) / factor
-    for signal in shot.outputs:
-        variable = model.signal(signal)
-        quantity = back.get(variable.varID)
-        if quantity is not None:
-            due, (factor, offset) = (
-                model.converted(signal),
-                file_unit_conversion(variable, quantity),
+    """Return the remarks on the file for the reader of the database."""
+    remarks = []
+    for variable in model.variables.values():
+        is_limited = np.isfinite((variable.low, variable.high)).any()
+        if quantity_of(variable) == "V" and variable.varID in model.inputs and is_limited:
+            remarks.append(
+                f"{variable.varID} is limited to {variable.low:g} ... {variable.high:g} "
+                f"{variable.units} in the file; the reduced rates of the database have no such "
+                f"limit"
             )
-            row[quantity] = (due.value - offset) / factor
-            row[f"{quantity}_tolerance"] = abs(due.tolerance / factor)
-    return row
+    return [*remarks, *model.notes]

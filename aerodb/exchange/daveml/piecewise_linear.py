@@ -1,7 +1,7 @@
-"""Piecewise-linear functions of one variable, exactly: sums, compositions, parts.
+"""Exact algebra of piecewise-linear functions of one variable: sums, compositions, restrictions.
 
-A function is given by its nodes and its slopes beyond them.  The values may be arrays: then it is
-one function per entry, with common nodes, as a table seen along one of its axes is.
+A function is given by its nodes and its slopes beyond them.  The values may be arrays: then there
+is one function per entry, with common nodes.  A table along one of its axes is such a function.
 """
 
 from __future__ import annotations
@@ -10,21 +10,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# nodes and slopes closer than this, in terms of their size, are one: units were converted in
-# between
+# Nodes and slopes are equal if they differ by less than this share of their size. The difference
+# comes from conversions of units.
 _SAME = 1e-12
+_LEAST_SLACK = 1e-300  # avoids a tolerance of zero at the origin
 
 
 @dataclass(frozen=True, eq=False)
 class PiecewiseLinear:
-    """A piecewise-linear function: ``points`` (node,) rising, ``values`` (node, ...), slopes
-    ``left`` and ``right`` (...) beyond.
+    """A piecewise-linear function.
+
+    Parameters
+    ----------
+    points : array (node,)
+        Nodes, rising.
+    values : array (node, ...)
+        Values at the nodes.
+    left_slope, right_slope : array (...)
+        Slopes below the first and above the last node.
     """
 
     points: np.ndarray
     values: np.ndarray
-    left: np.ndarray
-    right: np.ndarray
+    left_slope: np.ndarray
+    right_slope: np.ndarray
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """Return the values (x, ...) at x (x,)."""
@@ -33,27 +42,26 @@ class PiecewiseLinear:
         if len(points) == 1:
             inside = np.broadcast_to(values, (len(x), *values.shape[1:]))
         else:
+            # `low` is the node below x; outside the nodes the fraction is limited to 0 or 1.
             low = np.clip(np.searchsorted(points, x, side="right") - 1, 0, len(points) - 2)
-            fraction = np.clip(
-                (x - points[low]) / (points[low + 1] - points[low]), 0.0, 1.0
-            ).reshape(shape)
+            share = (x - points[low]) / (points[low + 1] - points[low])
+            fraction = np.clip(share, 0.0, 1.0).reshape(shape)
             inside = (1.0 - fraction) * values[low] + fraction * values[low + 1]
-        below, above = (
-            np.minimum(x - points[0], 0.0).reshape(shape),
-            np.maximum(x - points[-1], 0.0).reshape(shape),
-        )
-        return inside + below * self.left + above * self.right
+        # Distances beyond the end nodes times the end slopes.
+        below = np.minimum(x - points[0], 0.0).reshape(shape)
+        above = np.maximum(x - points[-1], 0.0).reshape(shape)
+        return inside + below * self.left_slope + above * self.right_slope
 
     @property
     def is_line(self) -> bool:
         """Whether the function has no bend."""
-        slopes = _slopes(self)
-        return bool(_same(slopes, np.broadcast_to(slopes[0], slopes.shape)))
+        slopes = _piece_slopes(self)
+        return bool(_are_equal(slopes, np.broadcast_to(slopes[0], slopes.shape)))
 
     def times(self, factor: float) -> PiecewiseLinear:
         """Return the function multiplied by a number."""
         return PiecewiseLinear(
-            self.points, factor * self.values, factor * self.left, factor * self.right
+            self.points, factor * self.values, factor * self.left_slope, factor * self.right_slope
         )
 
 
@@ -63,14 +71,14 @@ def make_line(slope: float, offset: float = 0.0) -> PiecewiseLinear:
 
 
 def from_nodes(
-    points: list[float], values: list[float], left: float, right: float
+    points: list[float], values: list[float], left_slope: float, right_slope: float
 ) -> PiecewiseLinear:
     """Return a function by its nodes and end slopes."""
     return PiecewiseLinear(
         np.array(points, float),
         np.array(values, float),
-        np.asarray(left, float),
-        np.asarray(right, float),
+        np.asarray(left_slope, float),
+        np.asarray(right_slope, float),
     )
 
 
@@ -81,144 +89,167 @@ POSITIVE = from_nodes([0.0], [0.0], 0.0, 1.0)
 def make_limiter(low: float, high: float) -> PiecewiseLinear:
     """Return the limiter to low ... high; either may be infinite."""
     if np.isfinite(low) and np.isfinite(high):
-        return (
-            from_nodes([low, high], [low, high], 0.0, 0.0)
-            if low < high
-            else from_nodes([low], [low], 0.0, 0.0)
-        )
+        nodes = [low, high] if low < high else [low]
+        return from_nodes(nodes, nodes, 0.0, 0.0)
     if np.isfinite(low):
         return from_nodes([low], [low], 0.0, 1.0)
-    return from_nodes([high], [high], 1.0, 0.0) if np.isfinite(high) else make_line(1.0)
+    if np.isfinite(high):
+        return from_nodes([high], [high], 1.0, 0.0)
+    return make_line(1.0)
 
 
 def add_functions(f: PiecewiseLinear, g: PiecewiseLinear) -> PiecewiseLinear:
     """Return f + g."""
-    points = g.points if f.is_line else f.points if g.is_line else merge_points(f.points, g.points)
-    return PiecewiseLinear(
-        points, f(points) + g(points), _total(f.left, g.left), _total(f.right, g.right)
-    )
+    # The node of a line is not a bend, so the sum does not need it.
+    if f.is_line:
+        points = g.points
+    elif g.is_line:
+        points = f.points
+    else:
+        points = merge_points(f.points, g.points)
+    left_slope = _add_slopes(f.left_slope, g.left_slope)
+    right_slope = _add_slopes(f.right_slope, g.right_slope)
+    return PiecewiseLinear(points, f(points) + g(points), left_slope, right_slope)
 
 
 def compose_functions(outer: PiecewiseLinear, inner: PiecewiseLinear) -> PiecewiseLinear:
     """Return outer(inner(x)); the inner function is a single one."""
-    places, nodes = find_preimages(outer.points, inner)
-    points = merge_points(places, inner.points)
+    preimages, nodes = find_preimages(outer.points, inner)
+    points = merge_points(preimages, inner.points)
     values = outer(inner(points))
-    for at, node in zip(
-        places, nodes, strict=True
-    ):  # the breakpoints of a table keep its values to the last digit
-        values[np.argmin(np.abs(points - at))] = outer.values[node]
-    left = (
-        np.where(inner.left > 0.0, outer.left, outer.right) * inner.left
-        if inner.left != 0.0
-        else 0.0 * outer.left
+    # The breakpoints of a table keep its values without any rounding.
+    for preimage, node in zip(preimages, nodes, strict=True):
+        values[np.argmin(np.abs(points - preimage))] = outer.values[node]
+    # Chain rule. Far below the nodes a rising inner function reaches the lower end of the outer
+    # function, a falling one its upper end.
+    left_slope = 0.0 * outer.left_slope
+    if inner.left_slope != 0.0:
+        left_slope = (
+            np.where(inner.left_slope > 0.0, outer.left_slope, outer.right_slope) * inner.left_slope
+        )
+    right_slope = 0.0 * outer.right_slope
+    if inner.right_slope != 0.0:
+        right_slope = (
+            np.where(inner.right_slope > 0.0, outer.right_slope, outer.left_slope)
+            * inner.right_slope
+        )
+    return _remove_straight_nodes(
+        PiecewiseLinear(points, values, left_slope, right_slope), preimages
     )
-    right = (
-        np.where(inner.right > 0.0, outer.right, outer.left) * inner.right
-        if inner.right != 0.0
-        else 0.0 * outer.right
-    )
-    return _without(PiecewiseLinear(points, values, left, right), places)
 
 
-def restrict_function(f: PiecewiseLinear, at: float, below: bool) -> PiecewiseLinear | None:
-    """Return f on one side of a place and zero on the other, or None when f jumps there."""
-    points = merge_points(f.points, np.array([at]))
+def restrict_function(f: PiecewiseLinear, limit: float, below: bool) -> PiecewiseLinear | None:
+    """Return f on one side of a limit and zero on the other, or None if f jumps there."""
+    points = merge_points(f.points, np.array([limit]))
     values = f(points)
-    here = int(np.argmin(np.abs(points - at)))
-    if np.abs(values[here]).max(initial=0.0) > _SAME * max(
-        1.0, float(np.abs(values).max(initial=0.0))
-    ):
+    node = int(np.argmin(np.abs(points - limit)))
+    size = max(1.0, float(np.abs(values).max(initial=0.0)))
+    if np.abs(values[node]).max(initial=0.0) > _SAME * size:
         return None
-    values[here] = 0.0
+    values[node] = 0.0
     if below:
-        values[here + 1 :] = 0.0
-        return PiecewiseLinear(points[: here + 1], values[: here + 1], f.left, 0.0 * f.right)
-    return PiecewiseLinear(points[here:], values[here:], 0.0 * f.left, f.right)
+        values[node + 1 :] = 0.0
+        return PiecewiseLinear(
+            points[: node + 1], values[: node + 1], f.left_slope, 0.0 * f.right_slope
+        )
+    return PiecewiseLinear(points[node:], values[node:], 0.0 * f.left_slope, f.right_slope)
 
 
 def as_axis(f: PiecewiseLinear) -> tuple[np.ndarray, np.ndarray, bool, bool]:
-    """Return points, values, and whether the table goes on with its end slope below and above;
-    nodes are added where it must.
+    """Return a function as a table axis: points, values, and whether it is open below and above.
+
+    An open table continues with the slope of its last interval.  If an end slope of the function
+    differs from it, an additional node is added.
     """
     points, values = f.points, f.values
     step = float(points[-1] - points[0]) or 1.0
-    slopes = _slopes(f)
-    if np.any(f.left != 0.0) and (len(points) == 1 or not _same(slopes[0], slopes[1])):
-        points, values = (
-            np.concatenate([[points[0] - step], points]),
-            np.concatenate([values[:1] - step * f.left, values]),
-        )
-    if np.any(f.right != 0.0) and (len(f.points) == 1 or not _same(slopes[-1], slopes[-2])):
-        points, values = (
-            np.concatenate([points, [points[-1] + step]]),
-            np.concatenate([values, values[-1:] + step * f.right]),
-        )
-    return points, values, bool(np.any(f.left != 0.0)), bool(np.any(f.right != 0.0))
+    slopes = _piece_slopes(f)
+    open_low, open_high = bool(np.any(f.left_slope != 0.0)), bool(np.any(f.right_slope != 0.0))
+    is_single = len(f.points) == 1
+    if open_low and (is_single or not _are_equal(slopes[0], slopes[1])):
+        points = np.concatenate([[points[0] - step], points])
+        values = np.concatenate([values[:1] - step * f.left_slope, values])
+    if open_high and (is_single or not _are_equal(slopes[-1], slopes[-2])):
+        points = np.concatenate([points, [points[-1] + step]])
+        values = np.concatenate([values, values[-1:] + step * f.right_slope])
+    return points, values, open_low, open_high
 
 
-def _slopes(f: PiecewiseLinear) -> np.ndarray:
-    """Return the slopes (node + 1, ...) of all pieces, the two beyond the nodes included."""
+def _piece_slopes(f: PiecewiseLinear) -> np.ndarray:
+    """Return the slopes (node + 1, ...) of all pieces, with the two beyond the nodes."""
     steps = np.diff(f.points).reshape((-1,) + (1,) * (f.values.ndim - 1))
     inside = np.diff(f.values, axis=0) / steps
-    ends = [np.broadcast_to(end, f.values.shape[1:])[None] for end in (f.left, f.right)]
-    return np.concatenate([ends[0], inside, ends[1]])
+    shape = f.values.shape[1:]
+    first = np.broadcast_to(f.left_slope, shape)[None]
+    last = np.broadcast_to(f.right_slope, shape)[None]
+    return np.concatenate([first, inside, last])
 
 
-def _total(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the sum of two slopes; those that cancel but for rounding are zero."""
+def _add_slopes(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the sum of two slopes; zero if they cancel except for rounding."""
     return np.where(np.abs(a + b) <= _SAME * (np.abs(a) + np.abs(b)), 0.0, a + b)
 
 
-def _same(a: np.ndarray, b: np.ndarray) -> bool:
+def _are_equal(a: np.ndarray, b: np.ndarray) -> bool:
     scale = max(float(np.abs(a).max(initial=0.0)), float(np.abs(b).max(initial=0.0)))
     return bool((np.abs(a - b) <= _SAME * scale).all())
 
 
 def merge_points(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the points of both, rising; those of the first win over nearly equal ones of the
-    second.
-    """
-    span = max(
-        np.ptp(np.concatenate([a, b])), float(np.abs(b).max(initial=0.0)), np.finfo(float).tiny
-    )
-    new = [point for point in b if not len(a) or np.abs(a - point).min() > _SAME * span]
-    return np.sort(np.concatenate([a, new]))
+    """Return the points of both, rising; a point of b that nearly equals one of a is dropped."""
+    spread, size = np.ptp(np.concatenate([a, b])), float(np.abs(b).max(initial=0.0))
+    tolerance = _SAME * max(spread, size, np.finfo(float).tiny)
+    additional = [point for point in b if not len(a) or np.abs(a - point).min() > tolerance]
+    return np.sort(np.concatenate([a, additional]))
 
 
 def find_preimages(targets: np.ndarray, inner: PiecewiseLinear) -> tuple[np.ndarray, list[int]]:
-    """Return the places where the inner function meets the targets, and the number of the target at
-    each.
+    """Return the points at which a function has a target value, and the index of the target.
+
+    Parameters
+    ----------
+    targets : array (target,)
+        Values of the function.
+    inner : PiecewiseLinear
+        The function.
+
+    Returns
+    -------
+    points : array (point,)
+        Points x with inner(x) = target, rising.
+    indices : list of int
+        Index of the target at each point.
     """
     edges = np.concatenate([[-np.inf], inner.points, [np.inf]])
-    slopes = _slopes(inner)
-    found: dict[float, int] = {}
+    slopes = _piece_slopes(inner)
+    # A pure conversion of units has one node at zero. It takes one rounding only.
+    is_conversion = len(inner.points) == 1 and inner.points[0] == 0.0
+    index_of: dict[float, int] = {}
     for i, slope in enumerate(slopes):
         if abs(slope) <= _SAME * np.abs(slopes).max():
             continue
+        # Piece i lies between the edges i and i + 1. It passes through the node `anchor`.
         anchor = min(max(i - 1, 0), len(inner.points) - 1)
-        for node, target in enumerate(targets):
-            if (
-                anchor == 0 and len(inner.points) == 1 and inner.points[0] == 0.0
-            ):  # a straight conversion of units: one rounding
+        for index, target in enumerate(targets):
+            if is_conversion:
                 x = float((target - inner.values[0]) / slope)
             else:
                 x = float(inner.points[anchor] + (target - inner.values[anchor]) / slope)
-            slack = _SAME * max(abs(x), 1e-300)
-            if edges[i] - slack <= x <= edges[i + 1] + slack and not any(
-                abs(x - other) <= slack for other in found
-            ):
-                found[x] = node
-    return np.array(sorted(found)), [found[x] for x in sorted(found)]
+            slack = _SAME * max(abs(x), _LEAST_SLACK)
+            is_in_piece = edges[i] - slack <= x <= edges[i + 1] + slack
+            if is_in_piece and not any(abs(x - point) <= slack for point in index_of):
+                index_of[x] = index
+    points = sorted(index_of)
+    return np.array(points), [index_of[x] for x in points]
 
 
-def _without(f: PiecewiseLinear, needed: np.ndarray) -> PiecewiseLinear:
-    """Drop the nodes at which the function goes straight on, except the needed ones."""
-    slopes = _slopes(f)
-    keep = [
-        bool(np.isin(point, needed)) or not _same(slopes[i], slopes[i + 1])
-        for i, point in enumerate(f.points)
-    ]
+def _remove_straight_nodes(f: PiecewiseLinear, needed: np.ndarray) -> PiecewiseLinear:
+    """Remove the nodes at which the function has no bend, except the needed ones."""
+    slopes = _piece_slopes(f)
+    keep = []
+    for i, point in enumerate(f.points):
+        has_bend = not _are_equal(slopes[i], slopes[i + 1])
+        keep.append(has_bend or bool(np.isin(point, needed)))
     if not any(keep):
         keep[0] = True
-    return PiecewiseLinear(f.points[keep], f.values[keep], f.left, f.right)
+    return PiecewiseLinear(f.points[keep], f.values[keep], f.left_slope, f.right_slope)

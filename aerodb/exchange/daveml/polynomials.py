@@ -1,8 +1,7 @@
-"""Sums of products of tables and powers of model variables: what a database can hold, and the
-algebra that stays inside it.
+"""Algebra of sums of products of tables and powers of variables, as a database holds them.
 
-Everything here is exact but for rounding.  What would leave the class, such as a product of two
-tables of one variable, raises `Inexact` with the reason.
+All operations are exact except for rounding.  An operation whose result is not such a sum raises
+`Inexact` with the reason, for example a product of two tables of one variable.
 """
 
 from __future__ import annotations
@@ -19,22 +18,30 @@ from aerodb.exchange.daveml.piecewise_linear import PiecewiseLinear
 
 MAX_PRODUCTS = 1000
 MAX_POWER = 16
+# A coefficient below this share of its summands is the rounding of zero.
 _ROUNDING = 1e-15
 
 
 class Inexact(Exception):
-    """An expression that is no sum of products of multilinear tables and variables; the text states
-    why.
-    """
+    """An expression that is not a sum of products of multilinear tables and variables."""
 
 
-_serial = itertools.count(10**6)  # tables that are made; those of a file count from 0, in its order
+# Serials of new tables. The tables of a file count from 0 in its order and sort before them.
+_serial = itertools.count(10**6)
 
 
 @dataclass(frozen=True, eq=False)
 class GridAxis:
-    """An axis of a `MultilinearTable`: model variable, rising points [SI], and whether the table goes on with
-    its end slope below and above.
+    """An axis of a `MultilinearTable`.
+
+    Parameters
+    ----------
+    variable : str
+        Model variable.
+    points : array (node,)
+        Breakpoints, rising. [SI]
+    open_low, open_high : bool
+        Whether the table continues with its end slope below or above the breakpoints.
     """
 
     variable: str
@@ -45,10 +52,22 @@ class GridAxis:
 
 @dataclass(frozen=True, eq=False)
 class MultilinearTable:
-    """A multilinear table over model variables, with the standard error of its nodes where the file
-    states it.
+    """A multilinear table over model variables.
 
-    ``note`` states how well a table stands for what it was sampled from; empty for an exact one.
+    Parameters
+    ----------
+    axes : tuple of GridAxis
+        The axes.
+    values : array
+        Values at the nodes, one dimension per axis.
+    stderr : array, optional
+        Standard errors of the values, if the file states them.
+    label : str
+        Name of the table in messages.
+    serial : int
+        Position of the table in a product.
+    note : str
+        Accuracy of a sampled table; empty for an exact table.
     """
 
     axes: tuple[GridAxis, ...]
@@ -68,51 +87,49 @@ class MultilinearTable:
         index = self.variables.index(variable)
         axis, values = self.axes[index], np.moveaxis(self.values, index, 0)
         flat = np.zeros(values.shape[1:])
-        if len(axis.points) == 1:
-            return PiecewiseLinear(axis.points, values, flat, flat)
-        slopes = (
-            (values[1] - values[0]) / (axis.points[1] - axis.points[0]),
-            (values[-1] - values[-2]) / (axis.points[-1] - axis.points[-2]),
-        )
-        return PiecewiseLinear(
-            axis.points,
-            values,
-            slopes[0] if axis.open_low else flat,
-            slopes[1] if axis.open_high else flat,
-        )
+        points = axis.points
+        if len(points) == 1:
+            return PiecewiseLinear(points, values, flat, flat)
+        first_slope = (values[1] - values[0]) / (points[1] - points[0])
+        last_slope = (values[-1] - values[-2]) / (points[-1] - points[-2])
+        # A closed end holds its value, so its slope is zero.
+        left_slope = first_slope if axis.open_low else flat
+        right_slope = last_slope if axis.open_high else flat
+        return PiecewiseLinear(points, values, left_slope, right_slope)
 
     def replaced(self, variable: str, along: PiecewiseLinear) -> MultilinearTable:
-        """Return the table with another function along one of its variables, without standard
-        errors.
-        """
+        """Return the table with another function along a variable, without standard errors."""
         index = self.variables.index(variable)
         points, values, low, high = piecewise_linear.as_axis(along)
-        axes = (*self.axes[:index], GridAxis(variable, points, low, high), *self.axes[index + 1 :])
-        return MultilinearTable(axes, np.moveaxis(values, 0, index), None, self.label)
+        axes = self._replace_axis(index, GridAxis(variable, points, low, high))
+        return MultilinearTable(axes, np.moveaxis(values, 0, index), None, label=self.label)
 
     def opened(self, index: int) -> MultilinearTable:
-        """Return the same table with an axis that goes on with its end slope on both sides: held
-        ends get a flat piece.
+        """Return the same table with an axis that continues with its end slope on both sides.
+
+        A closed end gets an additional interval in which the table is constant.
         """
         axis, values = self.axes[index], np.moveaxis(self.values, index, 0)
-        stderr = None if self.stderr is None else np.moveaxis(self.stderr, index, 0)
         step = float(np.ptp(axis.points)) / max(len(axis.points) - 1, 1) or 1.0
+        # `order` maps the new nodes to the nodes whose values they repeat.
         points, order = list(axis.points), list(range(len(axis.points)))
         if not axis.open_low:
             points, order = [points[0] - step, *points], [0, *order]
         if not axis.open_high or len(points) == 1:
             points, order = [*points, points[-1] + step], [*order, order[-1]]
-        axes = (
-            *self.axes[:index],
-            GridAxis(axis.variable, np.array(points), True, True),
-            *self.axes[index + 1 :],
+        new_axis = GridAxis(axis.variable, np.array(points), open_low=True, open_high=True)
+        stderr = None
+        if self.stderr is not None:
+            stderr = np.moveaxis(np.moveaxis(self.stderr, index, 0)[order], 0, index)
+        return MultilinearTable(
+            self._replace_axis(index, new_axis),
+            np.moveaxis(values[order], 0, index),
+            stderr,
+            label=self.label,
         )
-        put = [
-            None if item is None else np.moveaxis(item[order], 0, index)
-            for item in (values, stderr)
-        ]
-        assert put[0] is not None
-        return MultilinearTable(axes, put[0], put[1], self.label)
+
+    def _replace_axis(self, index: int, axis: GridAxis) -> tuple[GridAxis, ...]:
+        return (*self.axes[:index], axis, *self.axes[index + 1 :])
 
 
 Powers = tuple[tuple[str, int], ...]
@@ -122,15 +139,20 @@ ONE: Product = ((), ())
 
 @dataclass(frozen=True, eq=False)
 class Sum:
-    """A sum of products: coefficient by product of grids, in the order of their making, and powers
-    of variables, by name.
+    """A sum of products.
+
+    Parameters
+    ----------
+    products : mapping of Product to float
+        Coefficient of each product.  A product is its tables, sorted by serial, and the powers of
+        its variables, sorted by name.
     """
 
     products: Mapping[Product, float]
 
     @property
     def constant(self) -> float | None:
-        """The value when there is no variable in the sum, else None."""
+        """The value if the sum has no variable, else None."""
         if any(product != ONE for product in self.products):
             return None
         return self.products.get(ONE, 0.0)
@@ -138,11 +160,12 @@ class Sum:
     @property
     def variables(self) -> set[str]:
         """All model variables of the sum."""
-        return {
-            name
-            for grids, powers in self.products
-            for name in (*(v for grid in grids for v in grid.variables), *dict(powers))
-        }
+        names: set[str] = set()
+        for grids, powers in self.products:
+            names.update(dict(powers))
+            for grid in grids:
+                names.update(grid.variables)
+        return names
 
 
 def make_constant_sum(value: float) -> Sum:
@@ -161,222 +184,240 @@ def make_table_sum(grid: MultilinearTable) -> Sum:
 
 
 def add_sums(sums: Iterable[Sum]) -> Sum:
-    """Return the sum of sums; like products are joined, and those that cancel but for rounding are
-    gone.
-    """
+    """Return the total of sums; like products are added, and cancelled products are removed."""
     total: dict[Product, float] = {}
     size: dict[Product, float] = {}
-    for one in sums:
-        for product, coefficient in one.products.items():
+    for summand in sums:
+        for product, coefficient in summand.products.items():
             total[product] = total.get(product, 0.0) + coefficient
             size[product] = size.get(product, 0.0) + abs(coefficient)
     if len(total) > MAX_PRODUCTS:
         raise Inexact(f"more than {MAX_PRODUCTS} products")
-    return Sum(
-        {
-            product: coefficient
-            for product, coefficient in total.items()
-            if abs(coefficient) > _ROUNDING * size[product]
-        }
-    )
+    products = {}
+    # A coefficient that is small against the absolute sum of its summands is their rounding.
+    for product, coefficient in total.items():
+        if abs(coefficient) > _ROUNDING * size[product]:
+            products[product] = coefficient
+    return Sum(products)
 
 
-def scale_sum(one: Sum, factor: float) -> Sum:
+def scale_sum(expression: Sum, factor: float) -> Sum:
     """Return a sum times a number."""
-    return Sum(
-        {product: coefficient * factor for product, coefficient in one.products.items()}
-        if factor != 0.0
-        else {}
-    )
+    if factor == 0.0:
+        return Sum({})
+    products = expression.products
+    return Sum({product: coefficient * factor for product, coefficient in products.items()})
 
 
-def multiply_sums(one: Sum, other: Sum) -> Sum:
+def multiply_sums(left: Sum, right: Sum) -> Sum:
     """Return the product of two sums."""
-    if len(one.products) * len(other.products) > MAX_PRODUCTS:
+    if len(left.products) * len(right.products) > MAX_PRODUCTS:
         raise Inexact(f"more than {MAX_PRODUCTS} products")
-    return add_sums(
-        Sum({_joined(a, b): x * y})
-        for a, x in one.products.items()
-        for b, y in other.products.items()
-    )
+    pairs = itertools.product(left.products.items(), right.products.items())
+    return add_sums(Sum({_multiply_products(a, b): x * y}) for (a, x), (b, y) in pairs)
 
 
-def _joined(a: Product, b: Product) -> Product:
-    powers = dict(a[1])
-    for name, power in b[1]:
+def _multiply_products(left: Product, right: Product) -> Product:
+    # x^m x^n = x^(m + n); a power of zero is dropped.
+    powers = dict(left[1])
+    for name, power in right[1]:
         powers[name] = powers.get(name, 0) + power
         if abs(powers[name]) > MAX_POWER:
             raise Inexact(f"a power of {name} beyond {MAX_POWER}")
-    grids = tuple(sorted((*a[0], *b[0]), key=lambda grid: grid.serial))
+    # Tables in the order of their serials, so that equal products have equal keys.
+    grids = tuple(sorted((*left[0], *right[0]), key=lambda grid: grid.serial))
     return grids, tuple(sorted((name, power) for name, power in powers.items() if power))
 
 
-def invert_sum(one: Sum) -> Sum:
+def invert_sum(expression: Sum) -> Sum:
     """Return 1 / sum, for a number times powers of variables."""
-    if len(one.products) != 1:
-        raise Inexact("division by a sum" if one.products else "division by zero")
-    ((grids, powers), coefficient) = next(iter(one.products.items()))
+    if not expression.products:
+        raise Inexact("division by zero")
+    if len(expression.products) != 1:
+        raise Inexact("division by a sum")
+    ((grids, powers), coefficient) = next(iter(expression.products.items()))
     if grids:
         raise Inexact(f"division by the table {grids[0].label}")
     return Sum({((), tuple((name, -power) for name, power in powers)): 1.0 / coefficient})
 
 
-def power_of_sum(one: Sum, exponent: float) -> Sum:
+def power_of_sum(expression: Sum, exponent: float) -> Sum:
     """Return a sum to a whole power."""
     if exponent != round(exponent) or abs(exponent) > MAX_POWER:
-        raise Inexact(
-            f"the power {exponent:g} of {', '.join(sorted(one.variables))} is no sum of products"
-        )
+        # The expansion of a high power would exceed the limit of products.
+        names = ", ".join(sorted(expression.variables))
+        raise Inexact(f"the power {exponent:g} of {names} is not a sum of products")
     if exponent < 0:
-        return power_of_sum(invert_sum(one), -exponent)
+        return power_of_sum(invert_sum(expression), -exponent)
     result = make_constant_sum(1.0)
     for _ in range(round(exponent)):
-        result = multiply_sums(result, one)
+        result = multiply_sums(result, expression)
     return result
 
 
-def as_piecewise_linear(one: Sum) -> tuple[str, PiecewiseLinear]:
-    """Return a sum that is a piecewise-linear function of one variable as that variable and
-    function; a number has no variable, ``""``.
+def as_piecewise_linear(expression: Sum) -> tuple[str, PiecewiseLinear]:
+    """Return variable and function of a sum that is piecewise linear in one variable.
+
+    The variable of a number is ``""``.
+
+    Raises
+    ------
+    Inexact
+        The sum depends on several variables, or it is not piecewise linear.
     """
-    names = one.variables
+    names = expression.variables
     if len(names) > 1:
         raise Inexact(f"it depends on {', '.join(sorted(names))} together")
     name = next(iter(names), "")
-    shapes = [piecewise_linear.make_line(0.0)]
-    for (grids, powers), coefficient in one.products.items():
+    functions = [piecewise_linear.make_line(0.0)]
+    for (grids, powers), coefficient in expression.products.items():
         degree = len(grids) + sum(abs(power) for _, power in powers)
         if degree > 1 or any(power < 0 for _, power in powers):
             raise Inexact(f"it is no piecewise-linear function of {name}")
-        shape = (
-            grids[0].along(name)
-            if grids and name in grids[0].variables
-            else piecewise_linear.make_line(1.0)
-            if powers
-            else piecewise_linear.make_line(0.0, 1.0)
-        )
+        # A table without axes is a constant with a standard error.
+        # With degree 0 or 1 the product is a table, the variable itself, or a number.
         if grids and not grids[0].axes:
-            shape = piecewise_linear.make_line(0.0, float(grids[0].values))
-        shapes.append(shape.times(coefficient))
-    return name, reduce(piecewise_linear.add_functions, shapes)
+            function = piecewise_linear.make_line(0.0, float(grids[0].values))
+        elif grids:
+            function = grids[0].along(name)
+        elif powers:
+            function = piecewise_linear.make_line(1.0)
+        else:
+            function = piecewise_linear.make_line(0.0, 1.0)
+        functions.append(function.times(coefficient))
+    return name, reduce(piecewise_linear.add_functions, functions)
 
 
 def from_piecewise_linear(name: str, function: PiecewiseLinear, label: str = "") -> Sum:
     """Return a piecewise-linear function of one variable as a sum: a line, or a table."""
     if function.is_line:
-        offset = float(function(np.zeros(1))[0])
-        return (
-            add_sums(
-                [
-                    scale_sum(make_variable_sum(name), float(function.left)),
-                    make_constant_sum(offset),
-                ]
-            )
-            if name
-            else make_constant_sum(offset)
-        )
+        offset = make_constant_sum(float(function(np.zeros(1))[0]))
+        if not name:
+            return offset
+        slope = scale_sum(make_variable_sum(name), float(function.left_slope))
+        return add_sums([slope, offset])
+    # A function with a bend becomes a table over its nodes.
     points, values, low, high = piecewise_linear.as_axis(function)
-    return make_table_sum(
-        MultilinearTable((GridAxis(name, points, low, high),), values, None, label)
-    )
+    axis = GridAxis(name, points, low, high)
+    return make_table_sum(MultilinearTable((axis,), values, None, label=label))
 
 
-def apply_piecewise_linear(outer: PiecewiseLinear, one: Sum, label: str = "") -> Sum:
-    """Return a piecewise-linear function of a sum, which must be one of a single variable itself."""
-    name, inner = as_piecewise_linear(one)
+def apply_piecewise_linear(outer: PiecewiseLinear, expression: Sum, label: str = "") -> Sum:
+    """Return a piecewise-linear function of a sum that is piecewise linear in one variable."""
+    name, inner = as_piecewise_linear(expression)
     return from_piecewise_linear(name, piecewise_linear.compose_functions(outer, inner), label)
 
 
-def restrict_sum(one: Sum, name: str, at: float, below: bool) -> Sum:
-    """Return a sum where a variable is on one side of a place, and zero on the other; it must
-    vanish at the place.
+def restrict_sum(expression: Sum, name: str, limit: float, below: bool) -> Sum:
+    """Return a sum on one side of a limit of a variable, and zero on the other side.
 
-    The products are gathered by what else they hold; each gathering must vanish by itself.
+    The products are grouped by their factors that do not depend on the variable.
+
+    Parameters
+    ----------
+    expression : Sum
+        The sum.
+    name : str
+        The variable.
+    limit : float
+        Value of the variable at which each group must vanish. [SI]
+    below : bool
+        Whether the sum stays below the limit, or above it.
+
+    Raises
+    ------
+    Inexact
+        A group does not vanish at the limit, or a product is not linear in the variable.
     """
-    gathered: dict[Product, list[tuple[MultilinearTable | None, float]]] = {}
-    for (grids, powers), coefficient in one.products.items():
-        own = [grid for grid in grids if name in grid.variables]
+    groups: dict[Product, list[tuple[MultilinearTable | None, float]]] = {}
+    for (grids, powers), coefficient in expression.products.items():
+        dependent = [grid for grid in grids if name in grid.variables]
         degree = dict(powers).get(name, 0)
-        if len(own) + abs(degree) > 1 or degree < 0:
+        if len(dependent) + abs(degree) > 1 or degree < 0:
             raise Inexact(f"a condition on {name} meets a product that is not linear in it")
-        rest = (
-            tuple(grid for grid in grids if name not in grid.variables),
-            tuple(p for p in powers if p[0] != name),
-        )
-        shape = own[0] if own else None if degree else MultilinearTable((), np.ones(()))
-        gathered.setdefault(rest, []).append((shape, coefficient))
-    return add_sums(
-        multiply_sums(Sum({rest: 1.0}), _side(parts, name, at, below))
-        for rest, parts in gathered.items()
-    )
+        other_grids = tuple(grid for grid in grids if name not in grid.variables)
+        other_powers = tuple(entry for entry in powers if entry[0] != name)
+        # None stands for the variable itself, a table without axes for a constant.
+        factor: MultilinearTable | None = None
+        if dependent:
+            factor = dependent[0]
+        elif not degree:
+            factor = MultilinearTable((), np.ones(()))
+        groups.setdefault((other_grids, other_powers), []).append((factor, coefficient))
+    restricted = []
+    for other_factors, parts in groups.items():
+        side = _restrict_group(parts, name, limit, below=below)
+        restricted.append(multiply_sums(Sum({other_factors: 1.0}), side))
+    return add_sums(restricted)
 
 
-def _side(
-    parts: list[tuple[MultilinearTable | None, float]], name: str, at: float, below: bool
+def _restrict_group(
+    parts: list[tuple[MultilinearTable | None, float]], name: str, limit: float, below: bool
 ) -> Sum:
-    flat = Sum(
-        {
-            (
-                (grid,) if grid is not None and grid.axes else (),
-                () if grid is not None else ((name, 1),),
-            ): c
-            for grid, c in parts
-        }
-    )
+    """Restrict a sum of tables and multiples of one variable to one side of the limit."""
     if all(grid is None or len(grid.axes) < 2 for grid, _ in parts):
-        _, function = as_piecewise_linear(flat)
-        cut = piecewise_linear.restrict_function(function, at, below)
-        if cut is not None:
-            return from_piecewise_linear(name, cut)
+        products: dict[Product, float] = {}
+        for grid, coefficient in parts:
+            product: Product = ONE
+            if grid is None:
+                product = ((), ((name, 1),))
+            elif grid.axes:
+                product = ((grid,), ())
+            products[product] = coefficient
+        _, function = as_piecewise_linear(Sum(products))
+        restricted = piecewise_linear.restrict_function(function, limit, below)
+        if restricted is not None:
+            return from_piecewise_linear(name, restricted)
     elif len(parts) == 1:
+        # One table of several variables is restricted along the axis of the condition.
         grid, coefficient = parts[0]
         assert grid is not None
-        cut = piecewise_linear.restrict_function(grid.along(name), at, below)
-        if cut is not None:
-            return scale_sum(make_table_sum(grid.replaced(name, cut)), coefficient)
-    raise Inexact(f"it jumps where {name} passes {at:g}")
+        restricted = piecewise_linear.restrict_function(grid.along(name), limit, below)
+        if restricted is not None:
+            return scale_sum(make_table_sum(grid.replaced(name, restricted)), coefficient)
+    raise Inexact(f"it jumps where {name} passes {limit:g}")
 
 
-def merge_tables(one: Sum) -> Sum:
-    """Return a sum in which tables over the same variables, with the same factors, are one table."""
-    kept: dict[tuple[frozenset[str], Powers], MultilinearTable] = {}
-    rest: list[Sum] = []
-    for (grids, powers), coefficient in one.products.items():
+def merge_tables(expression: Sum) -> Sum:
+    """Return a sum in which tables over the same variables, with the same factors, are added."""
+    merged: dict[tuple[frozenset[str], Powers], MultilinearTable] = {}
+    others: list[Sum] = []
+    for (grids, powers), coefficient in expression.products.items():
         if len(grids) != 1 or not grids[0].axes:
-            rest.append(Sum({(grids, powers): coefficient}))
+            others.append(Sum({(grids, powers): coefficient}))
             continue
-        key, grid = (frozenset(grids[0].variables), powers), _scaled(grids[0], coefficient)
-        kept[key] = _total(kept[key], grid) if key in kept else grid
-    return add_sums([*(Sum({((grid,), powers): 1.0}) for (_, powers), grid in kept.items()), *rest])
+        # The key is the set of variables of the table and the powers that multiply it.
+        key, grid = (frozenset(grids[0].variables), powers), _scale_table(grids[0], coefficient)
+        merged[key] = _add_tables(merged[key], grid) if key in merged else grid
+    tables = [Sum({((grid,), powers): 1.0}) for (_, powers), grid in merged.items()]
+    return add_sums([*tables, *others])
 
 
-def _scaled(grid: MultilinearTable, factor: float) -> MultilinearTable:
+def _scale_table(grid: MultilinearTable, factor: float) -> MultilinearTable:
     stderr = None if grid.stderr is None else abs(factor) * grid.stderr
-    return MultilinearTable(grid.axes, factor * grid.values, stderr, grid.label)
+    return MultilinearTable(grid.axes, factor * grid.values, stderr, label=grid.label)
 
 
-def _total(a: MultilinearTable, b: MultilinearTable) -> MultilinearTable:
+def _add_tables(a: MultilinearTable, b: MultilinearTable) -> MultilinearTable:
     """Return the sum of two tables over the same variables, on the breakpoints of both."""
+    # The axes of the second table take the order of the first.
     order = [b.variables.index(name) for name in a.variables]
-    b = MultilinearTable(
-        tuple(b.axes[i] for i in order), np.transpose(b.values, order), None, b.label
-    )
+    axes = tuple(b.axes[i] for i in order)
+    b = MultilinearTable(axes, np.transpose(b.values, order), None, label=b.label)
+    # Axis by axis: first the same ends, then the same breakpoints.
     for index in range(len(a.axes)):
-        flags = [(grid.axes[index].open_low, grid.axes[index].open_high) for grid in (a, b)]
-        if flags[0] != flags[1]:
+        first, second = a.axes[index], b.axes[index]
+        if (first.open_low, first.open_high) != (second.open_low, second.open_high):
             a, b = a.opened(index), b.opened(index)
         points = piecewise_linear.merge_points(a.axes[index].points, b.axes[index].points)
-        a, b = _refined(a, index, points), _refined(b, index, points)
-    return MultilinearTable(a.axes, a.values + b.values, None, a.label or b.label)
+        a, b = _refine_table(a, index, points), _refine_table(b, index, points)
+    return MultilinearTable(a.axes, a.values + b.values, None, label=a.label or b.label)
 
 
-def _refined(grid: MultilinearTable, index: int, points: np.ndarray) -> MultilinearTable:
+def _refine_table(grid: MultilinearTable, index: int, points: np.ndarray) -> MultilinearTable:
     """Return the same table on more breakpoints."""
     axis = grid.axes[index]
     values = np.moveaxis(grid.along(axis.variable)(points), 0, index)
-    axes = (
-        *grid.axes[:index],
-        GridAxis(axis.variable, points, axis.open_low, axis.open_high),
-        *grid.axes[index + 1 :],
-    )
-    return MultilinearTable(axes, values, None, grid.label)
+    refined = GridAxis(axis.variable, points, axis.open_low, axis.open_high)
+    axes = (*grid.axes[:index], refined, *grid.axes[index + 1 :])
+    return MultilinearTable(axes, values, None, label=grid.label)

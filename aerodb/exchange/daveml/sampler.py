@@ -1,4 +1,4 @@
-"""Parts of a DAVE-ML model that no product of tables gives, put onto tables within a bound."""
+"""Sampling of the inexact parts of a DAVE-ML model on tables, within an error bound."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from aerodb.exchange.daveml.vocabulary import REDUCED, file_unit_conversion
 from aerodb.exchange.sampling import Function, SamplingError, largest_difference, tabulate_function
 from flightmech.terms import MAX_AXES, evaluate_term, make_term
 
-_FIRST = 5  # breakpoints of an axis whose table has its two ends only
-_RATES = {rate for rate, _ in REDUCED.values()} - {
-    "p",
-    "q",
-    "r",
-}  # what the simulation knows as reduced rates only
+_FIRST = 5  # initial breakpoints of an axis whose tables state its two ends only
+_LEAST_WEIGHT = 1e-12  # avoids a division by zero if the other factors vanish
+# Rates that the simulation has as reduced rates only. A table cannot have them as an axis.
+_RATES = {rate for rate, _ in REDUCED.values()} - {"p", "q", "r"}
 
 
 class Sampler:
-    """Tables in the place of functions of a model.
+    """Tables that replace functions of a model.
 
     Parameters
     ----------
     model : DaveModel
         The model.
-    mine : mapping of str to str
+    quantities : mapping of str to str
         Quantity of each input, by varID.
+    sums : mapping of str to Sum
+        Variables with an exact sum, by varID.
     bound : float
-        Largest difference of a table from its function, times the usual size of what multiplies it.
-        [1]
+        Largest difference of a table from its function, times the usual size of the factors that
+        multiply it.  [1]
     grid : mapping of str to sequence of float
         By quantity: two numbers, the range in which breakpoints are chosen; or more, the
         breakpoints themselves. [SI]
@@ -44,7 +44,7 @@ class Sampler:
     Attributes
     ----------
     sums : dict of str to Sum
-        Variables by varID as far as they are known; at first those that are exact.
+        Sums of the variables by varID: the exact sums, and the approximations made so far.
     box : dict of str to (low, high)
         Range of every axis that was sampled. [SI]
     """
@@ -52,261 +52,271 @@ class Sampler:
     def __init__(
         self,
         model: DaveModel,
-        mine: Mapping[str, str],
+        quantities: Mapping[str, str],
         sums: Mapping[str, Sum],
         bound: float,
         grid: Mapping[str, Collection[float]],
     ):
-        self.model, self.mine, self.sums, self.bound = model, mine, dict(sums), bound
-        self.given = {
+        self.model, self.quantities, self.bound = model, quantities, bound
+        self.sums = dict(sums)
+        self.grid = {
             name: np.unique(np.asarray(list(points), float)) for name, points in grid.items()
         }
         self.box: dict[str, tuple[float, float]] = {}
 
     def variable(self, varID: str, weight: float) -> Sum:
-        """Return a variable of the model as a table over the quantities it rests on; `weight` is
-        the size of what multiplies it.
-        """
-        return self._table(varID, (varID,), lambda values: values[varID], weight)
+        """Return a variable as a table over its quantities; `weight` is the size of its factors."""
+        return self._sample_values(varID, (varID,), lambda values: values[varID], weight=weight)
 
     def expression(self, expression: mathml.Expression, label: str, weight: float) -> Sum:
-        """Return an expression as a table; `label` is the variable it belongs to."""
+        """Return an expression as a table; `label` is the variable that contains it."""
         names = tuple(mathml.expression_variables(expression))
-        return self._table(
-            f"part of {label}",
-            names,
-            lambda values: mathml.evaluate_mathml(expression, values),
-            weight,
-        )
+
+        def evaluate(values: Mapping) -> np.ndarray:
+            return mathml.evaluate_mathml(expression, values)
+
+        return self._sample_values(f"part of {label}", names, evaluate, weight=weight)
 
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Return the range of every quantity as far as it is known: where it was sampled, given, or
-        covered by tables. [SI]
-        """
-        found: dict[str, tuple[float, float]] = {}
-        for name in self.mine.values():
+        """Return the range (low, high) of each quantity with samples or tables. [SI]"""
+        ranges: dict[str, tuple[float, float]] = {}
+        for name in self.quantities.values():
             try:
-                points = self._start(name, ())
+                points = self._initial_points(name, ())
             except Inexact:
                 continue
-            found[name] = float(points[0]), float(points[-1])
-        return {**found, **self.box}
+            ranges[name] = float(points[0]), float(points[-1])
+        return {**ranges, **self.box}
 
-    def magnitude(self, one: Sum) -> float:
-        """Return the size that a sum does not exceed: tables at their largest node, variables at
-        the end of their range.
-        """
+    def magnitude(self, expression: Sum) -> float:
+        """Return an upper bound of a sum: largest nodes of tables, largest values of variables."""
         total = 0.0
-        for (grids, powers), coefficient in one.products.items():
-            largest = [float(np.abs(grid.values).max(initial=0.0)) for grid in grids]
-            total += abs(coefficient) * float(
-                np.prod(largest + [self._size(name) ** abs(power) for name, power in powers])
-            )
+        for (grids, powers), coefficient in expression.products.items():
+            sizes = [float(np.abs(grid.values).max(initial=0.0)) for grid in grids]
+            for name, power in powers:
+                sizes.append(self._quantity_size(name) ** abs(power))
+            total += abs(coefficient) * float(np.prod(sizes))
         return total
 
-    def _size(self, quantity: str) -> float:
+    def _quantity_size(self, quantity: str) -> float:
         try:
-            return float(np.abs(self._start(quantity, ())).max())
-        except Inexact:  # what no table is over has a usual range
+            return float(np.abs(self._initial_points(quantity, ())).max())
+        except Inexact:
+            # No table has the quantity as an axis, so its usual size applies.
             return sample_states.typical_size(quantity)
 
     def joined(
         self, grids: list[MultilinearTable], powers: Mapping[str, int], factor: float
     ) -> Iterator[Factors]:
-        """Yield a product, a number apart, with the factors that share variables on one table, then
-        with all of them on one.
+        """Yield a product with joined factors: those that share variables, then all of them.
+
+        Parameters
+        ----------
+        grids : list of MultilinearTable
+            Tables of the product.
+        powers : mapping of str to int
+            Powers of the variables of the product.
+        factor : float
+            Number that multiplies the product.
 
         Raises
         ------
         Inexact
-            They depend on more variables than a table has axes.
+            The factors depend on more variables than a table has axes.
         """
-        counts = [name for grid in grids for name in grid.variables]
-        clash = {name for name in counts if counts.count(name) > 1} | {
-            name for name, power in powers.items() if power < 0
-        }
-        for chosen in ([clash] if clash else []) + [{*counts, *powers}]:
-            mine = [grid for grid in grids if chosen & set(grid.variables)]
-            own = {name: power for name, power in powers.items() if name in chosen}
-            rest = {name: power for name, power in powers.items() if name not in chosen}
-            others = [grid for grid in grids if grid not in mine]
-            yield (
-                [
-                    *others,
-                    self._product(
-                        mine,
-                        own,
-                        self.magnitude(Sum({(tuple(others), tuple(rest.items())): factor})),
-                    ),
-                ],
-                rest,
-            )
+        axis_names: list[str] = []
+        for grid in grids:
+            axis_names += grid.variables
+        # Two tables of one variable, or a negative power, cannot be factors of a term.
+        conflicts = {name for name in axis_names if axis_names.count(name) > 1}
+        conflicts |= {name for name, power in powers.items() if power < 0}
+        choices = [{*axis_names, *powers}]
+        if conflicts:
+            choices.insert(0, conflicts)
+        for names in choices:
+            selected = [grid for grid in grids if names & set(grid.variables)]
+            remaining = [grid for grid in grids if grid not in selected]
+            selected_powers: dict[str, int] = {}
+            remaining_powers: dict[str, int] = {}
+            for name, power in powers.items():
+                target = selected_powers if name in names else remaining_powers
+                target[name] = power
+            # The error of the new table is multiplied by the remaining factors.
+            others = Sum({(tuple(remaining), tuple(remaining_powers.items())): factor})
+            table = self._sample_product(selected, selected_powers, self.magnitude(others))
+            yield [*remaining, table], remaining_powers
 
-    def _table(
+    def _sample_values(
         self,
-        what: str,
+        label: str,
         names: Iterable[str],
-        of_values: Callable[[Mapping], np.ndarray],
+        evaluate: Callable[[Mapping], np.ndarray],
         weight: float,
     ) -> Sum:
+        """Return a function of variables of the model, sampled over its quantities."""
         model, needed = self.model, self.model.rests_on(names)
-        inputs = {varID: name for varID, name in self.mine.items() if varID in needed}
+        inputs = {varID: name for varID, name in self.quantities.items() if varID in needed}
         scales = {
             varID: file_unit_conversion(model.variables[varID], name)
             for varID, name in inputs.items()
         }
-        unknown = [
-            v
-            for v in model.inputs
-            if v in needed and v not in inputs and model.variables[v].initial is None
-        ]
-        if unknown or _RATES & set(inputs.values()):
-            of = unknown or sorted(_RATES & set(inputs.values()))
+        self._demand_axes(label, needed, inputs)
+
+        def function(states: Mapping[str, np.ndarray]) -> np.ndarray:
+            file_inputs = {}
+            for varID, (factor, offset) in scales.items():
+                file_inputs[varID] = factor * states[inputs[varID]] + offset
+            return np.asarray(evaluate(model.values(names, file_inputs)), float)
+
+        starts = {name: self._initial_points(name, needed) for name in sorted(set(inputs.values()))}
+        return polynomials.make_table_sum(
+            self._sample_function(label, function, starts, weight=weight)
+        )
+
+    def _demand_axes(self, label: str, needed: set[str], inputs: Mapping[str, str]) -> None:
+        """Raise if a function depends on an input that cannot be an axis of a table."""
+        invalid = []
+        for varID in self.model.inputs:
+            has_value = varID in inputs or self.model.variables[varID].initial is not None
+            if varID in needed and not has_value:
+                invalid.append(varID)
+        invalid = invalid or sorted(_RATES & set(inputs.values()))
+        if invalid:
             raise Inexact(
-                f"{what} cannot be sampled: it depends on {', '.join(of)}, which can be no axis"
+                f"{label} cannot be sampled: it depends on {', '.join(invalid)}, which can be no "
+                f"axis"
             )
 
-        def function(at: Mapping[str, np.ndarray]) -> np.ndarray:
-            given = {
-                varID: factor * at[inputs[varID]] + offset
-                for varID, (factor, offset) in scales.items()
-            }
-            return np.asarray(of_values(model.values(names, given)), float)
-
-        starts = {name: self._start(name, needed) for name in sorted(set(inputs.values()))}
-        return polynomials.make_table_sum(self._sampled(what, function, starts, weight))
-
-    def _product(
+    def _sample_product(
         self, grids: list[MultilinearTable], powers: Mapping[str, int], weight: float
     ) -> MultilinearTable:
+        """Return a product of tables and powers as one table."""
         leaves = []
+        axis_points: dict[str, list[np.ndarray]] = {}
         for grid in grids:
             outside, (table,) = unify_rules([grid])
-            leaves.append(
-                make_term(
-                    table.values,
-                    {axis.variable: axis.points for axis in table.axes},
-                    outside=outside,
-                )
-            )
-        own: dict[str, list[np.ndarray]] = {}
-        for grid in grids:
+            axes = {axis.variable: axis.points for axis in table.axes}
+            leaves.append(make_term(table.values, axes, outside=outside))
             for axis in grid.axes:
-                own.setdefault(axis.variable, []).append(axis.points)
-        starts = {
-            name: self._within(name, reduce(np.union1d, points)) for name, points in own.items()
-        }
-        starts |= {
-            name: self._start(name, set(self.model.order)) for name in powers if name not in starts
-        }
+                axis_points.setdefault(axis.variable, []).append(axis.points)
+        # The first breakpoints are those of all tables, so that the product is exact on them.
+        starts = {}
+        for name, points in axis_points.items():
+            starts[name] = self._limit_points(name, reduce(np.union1d, points))
+        for name in powers:
+            if name not in starts:
+                starts[name] = self._initial_points(name, set(self.model.order))
 
-        def function(at: Mapping[str, np.ndarray]) -> np.ndarray:
-            factors = [evaluate_term(leaf, at, "clamp") for leaf in leaves]
-            return reduce(
-                np.multiply,
-                [*factors, *(at[name] ** float(power) for name, power in powers.items())],
-            )
+        def function(states: Mapping[str, np.ndarray]) -> np.ndarray:
+            factors = [evaluate_term(leaf, states, "clamp") for leaf in leaves]
+            for name, power in powers.items():
+                factors.append(states[name] ** float(power))
+            return reduce(np.multiply, factors)
 
-        words = [grid.label or "a table" for grid in grids] + [
-            f"{name}^{power}" for name, power in powers.items()
-        ]
-        return self._sampled(" x ".join(words), function, dict(sorted(starts.items())), weight)
+        labels = [grid.label or "a table" for grid in grids]
+        labels += [f"{name}^{power}" for name, power in powers.items()]
+        ordered_starts = dict(sorted(starts.items()))
+        return self._sample_function(" x ".join(labels), function, ordered_starts, weight=weight)
 
-    def _sampled(
-        self, what: str, function: Function, starts: Mapping[str, np.ndarray], weight: float
+    def _sample_function(
+        self, label: str, function: Function, starts: Mapping[str, np.ndarray], weight: float
     ) -> MultilinearTable:
+        """Return a function of quantities as a table; `starts` are its first breakpoints."""
         if len(starts) > MAX_AXES:
             raise Inexact(
-                f"{what} cannot be sampled: it depends on {', '.join(starts)}; a table has "
+                f"{label} cannot be sampled: it depends on {', '.join(starts)}; a table has "
                 f"at most {MAX_AXES} axes"
             )
 
-        def finite(at: Mapping[str, np.ndarray]) -> np.ndarray:
-            found = function(at)
-            if not np.isfinite(found).all():
+        def finite_function(states: Mapping[str, np.ndarray]) -> np.ndarray:
+            values = function(states)
+            if not np.isfinite(values).all():
                 raise Inexact(
-                    f"{what} cannot be sampled: it is not finite everywhere; narrow the "
+                    f"{label} cannot be sampled: it is not finite everywhere; narrow the "
                     f"range with grid="
                 )
-            return found
+            return values
 
-        fixed = [name for name in starts if len(self.given.get(name, ())) > 2]
+        # Breakpoints of the caller are not refined. The weight converts the bound of a coefficient
+        # to a bound of the function.
+        fixed = [name for name in starts if len(self.grid.get(name, ())) > 2]
+        bound = self.bound / max(weight, _LEAST_WEIGHT)
         try:
-            table = tabulate_function(finite, starts, self.bound / max(weight, 1e-12), fixed)
+            table = tabulate_function(finite_function, starts, bound, fixed=fixed)
         except SamplingError as error:
-            raise Inexact(f"{what} cannot be sampled: {error}") from None
+            raise Inexact(f"{label} cannot be sampled: {error}") from None
         for name, points in starts.items():
+            # Several tables may have the same axis. The result is valid where all of them are.
             low, high = self.box.get(name, (points[0], points[-1]))
             self.box[name] = float(max(low, points[0])), float(min(high, points[-1]))
         note = (
-            f"{what} sampled on {' x '.join(map(str, table.shape))} nodes: largest difference "
-            f"seen {largest_difference(finite, table):.2g}"
+            f"{label} sampled on {' x '.join(map(str, table.shape))} nodes: largest difference "
+            f"seen {largest_difference(finite_function, table):.2g}"
         )
-        return MultilinearTable(
-            tuple(GridAxis(str(name), table[name].values) for name in table.dims),
-            table.values,
-            None,
-            what,
-            note=note,
-        )
+        axes = tuple(GridAxis(str(name), table[name].values) for name in table.dims)
+        return MultilinearTable(axes, table.values, label=label, note=note)
 
-    def _start(self, quantity: str, needed: Collection[str]) -> np.ndarray:
-        """Return the breakpoints of the tables that a function rests on, with the ends of all
-        tables over the quantity.
+    def _initial_points(self, quantity: str, needed: Collection[str]) -> np.ndarray:
+        """Return the first breakpoints along a quantity, from the tables of the `needed` variables.
+
+        The ends of all other tables over the quantity are added.
         """
-        own, all_points = [], []
+        needed_points: list[float] = []
+        all_points: list[float] = []
         for function in self.model.functions.values():
             for name, axis in zip(function.inputs, function.axes, strict=True):
-                places = self._places(quantity, name, axis.points)
-                all_points += places
-                own += places if function.output in needed else []
-        return self._within(
-            quantity, np.unique([*own, *((min(all_points), max(all_points)) if all_points else ())])
-        )
+                points = self._points_over_quantity(quantity, name, axis.points)
+                all_points += points
+                if function.output in needed:
+                    needed_points += points
+        # The range of the quantity is that of all tables.
+        if all_points:
+            needed_points += [min(all_points), max(all_points)]
+        return self._limit_points(quantity, np.unique(needed_points))
 
-    def _places(self, quantity: str, name: str, points: np.ndarray) -> list[float]:
-        """Return where an input of a function passes breakpoints, if it is a piecewise-linear
-        function of the quantity.
-        """
+    def _points_over_quantity(self, quantity: str, name: str, points: np.ndarray) -> list[float]:
+        """Return the values of the quantity at which an input of a function is at a breakpoint."""
         try:
             variable, inner = polynomials.as_piecewise_linear(self.sums[name])
         except (KeyError, Inexact):
             return []
-        return (
-            piecewise_linear.find_preimages(points, inner)[0].tolist()
-            if variable == quantity
-            else []
-        )
+        if variable != quantity:
+            return []
+        return piecewise_linear.find_preimages(points, inner)[0].tolist()
 
-    def _within(self, quantity: str, points: np.ndarray) -> np.ndarray:
-        """Return breakpoints as the caller gives them, or inside the range that he or the file
-        gives.
-        """
-        given = self.given.get(quantity, np.zeros(0))
-        if len(given) > 2:
-            return given
-        ends = given if len(given) == 2 else self._limits(quantity, points)
+    def _limit_points(self, quantity: str, points: np.ndarray) -> np.ndarray:
+        """Return the breakpoints of `grid`, or the breakpoints inside the range of the quantity."""
+        requested = self.grid.get(quantity, np.zeros(0))
+        if len(requested) > 2:
+            return requested
+        ends = requested if len(requested) == 2 else self._range_of_tables(quantity, points)
         if len(ends) < 2 or not ends[0] < ends[1]:
             raise Inexact(
                 f"no table and no limit states how far {quantity} goes; give "
                 f"grid={{{quantity!r}: (low, high)}}"
             )
-        found = np.union1d(points[(points > ends[0]) & (points < ends[1])], ends)
-        return found if len(found) > 2 else np.linspace(found[0], found[-1], _FIRST)
+        # The ends of the range are always breakpoints.
+        inside = points[(points > ends[0]) & (points < ends[1])]
+        limited = np.union1d(inside, ends)
+        if len(limited) > 2:
+            return limited
+        return np.linspace(limited[0], limited[-1], _FIRST)
 
-    def _limits(self, quantity: str, points: np.ndarray) -> np.ndarray:
-        """Return the range of the tables, and inside the limits of the input; the limits themselves
-        where there is no table.
-        """
-        varID = next((v for v, name in self.mine.items() if name == quantity), None)
+    def _range_of_tables(self, quantity: str, points: np.ndarray) -> np.ndarray:
+        """Return the range of the tables inside the limits of the input; empty if it is unknown."""
         low, high = -np.inf, np.inf
-        if varID is not None:
-            variable, (factor, offset) = (
-                self.model.variables[varID],
-                file_unit_conversion(self.model.variables[varID], quantity),
-            )
-            low, high = sorted(
-                ((variable.low - offset) / factor, (variable.high - offset) / factor)
-            )
-        ends = np.clip([points[0], points[-1]], low, high) if len(points) else np.array([low, high])
-        return ends if np.isfinite(ends).all() else np.zeros(0)
+        for varID, name in self.quantities.items():
+            if name == quantity:
+                variable = self.model.variables[varID]
+                factor, offset = file_unit_conversion(variable, quantity)
+                # A negative factor exchanges the limits.
+                limits = (variable.low - offset) / factor, (variable.high - offset) / factor
+                low, high = sorted(limits)
+                break
+        # Without any table the limits of the input are the range.
+        ends = np.array([low, high])
+        if len(points):
+            ends = np.clip([points[0], points[-1]], low, high)
+        if not np.isfinite(ends).all():
+            return np.zeros(0)
+        return ends

@@ -1,4 +1,4 @@
-"""Products of tables and variables to term leaves with the names of the vocabulary."""
+"""Conversion of products of tables and variables to the terms of a database."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from aerodb.exchange.daveml.document import mathml
+from aerodb.exchange.daveml.document.elements import DaveFunction
 from aerodb.exchange.daveml.document.model import DaveModel
 from aerodb.exchange.daveml.polynomials import GridAxis, Inexact, MultilinearTable, Sum
 from aerodb.exchange.daveml.vocabulary import source_codes, unpack_attributes
@@ -19,25 +20,37 @@ from flightmech.aircraft.controls import DEVICE
 from flightmech.names import lookup, quantity_attributes
 from flightmech.terms import MAX_AXES, MAX_REGRESSORS, SOURCES, make_term
 
-# what a regressor makes of a contribution's name; others keep their own
+# Name of the contribution of a regressor. Another regressor gives its own name.
 _WORDS = {
     "delta_e": "elevator", "delta_a": "aileron", "delta_r": "rudder", "delta_f": "flap", "delta_t": "tab", "delta_ta": "tab_aileron",
     "delta_tr": "tab_rudder", "delta_s": "spoiler", "delta_d": "differential_tail", "dnz": "load_factor", "CT": "power", "h_agl": "ground",
 }  # fmt: skip
 _FLOW = {"alpha", "beta", "mach", "h"}
-_SPAN = {
-    "rad": math.pi,
-    "m s-1": 1000.0,
-    "m": 1e5,
-    "Pa": 1e6,
-}  # half width of a table that stands for its variable
+# Half width of a table that stands for its variable, by unit.
+_SPAN = {"rad": math.pi, "m s-1": 1000.0, "m": 1e5, "Pa": 1e6}
+_OTHER_SPAN = 10.0  # half width for all other units
 _TABLES = 1 + 2  # value, K1, K2
+
+Factors = tuple[list[MultilinearTable], dict[str, int]]
+"""Tables of a product, and the powers of its variables."""
+
+Join = Callable[[list[MultilinearTable], Mapping[str, int], float], Iterator[Factors]]
 
 
 @dataclass(frozen=True)
 class CoefficientPart:
-    """A part of a coefficient: its sum, the name the file gives it or ``""``, the order of its
-    factors, and what is noted about it.
+    """A part of a coefficient.
+
+    Parameters
+    ----------
+    name : str
+        Name of the contribution in the file, or ``""``.
+    sum : Sum
+        The part as a sum.
+    order : tuple of str
+        Variables that multiply the part, in the order of the file.
+    texts : mapping of str to str or float
+        Attributes of the term.
     """
 
     name: str
@@ -49,59 +62,66 @@ class CoefficientPart:
 def parts_of(
     model: DaveModel, coefficient: str, varID: str, sums: Mapping[str, Sum]
 ) -> list[CoefficientPart]:
-    """Return a coefficient as its parts: the summands that the file names ``CL/flap`` each by
-    itself, or one part without a name.
+    """Return the parts of a coefficient, or one part without a name.
+
+    The parts are the summands, if the file names every summand like ``CL/flap``.
+
+    Parameters
+    ----------
+    model : DaveModel
+        The model.
+    coefficient : str
+        The coefficient.
+    varID : str
+        The output that gives the coefficient.
+    sums : mapping of str to Sum
+        Variables of the model, by varID.
     """
-    calculation = model.variables[varID].calculation
-    summands = _summands(calculation)
+    summands = _summand_names(model.variables[varID].calculation)
     pattern = re.compile(rf"{coefficient}/([A-Za-z][A-Za-z0-9_]*)")
-    found = [pattern.fullmatch(model.variables[name].name) for name in summands]
-    if not summands or not all(found):
+    matches = [pattern.fullmatch(model.variables[name].name) for name in summands]
+    if not all(matches):
         return [CoefficientPart("", sums[varID])]
-    return [
-        CoefficientPart(
-            match[1],
-            sums[name],
-            _factors(model, name, sums),
-            unpack_attributes(model.variables[name].description),
-        )
-        for match, name in zip(found, summands, strict=True)
-        if match is not None
-    ]
+    parts = []
+    for name, match in zip(summands, matches, strict=True):
+        assert match is not None
+        order = _multiplying_variables(model, name, sums)
+        texts = unpack_attributes(model.variables[name].description)
+        parts.append(CoefficientPart(match[1], sums[name], order, texts))
+    return parts or [CoefficientPart("", sums[varID])]
 
 
-def _summands(calculation: mathml.Expression | None) -> list[str]:
+def _summand_names(calculation: mathml.Expression | None) -> list[str]:
+    """Return the variables of a plain sum; empty for any other calculation."""
     if isinstance(calculation, mathml.Name):
         return [calculation.varID]
-    if isinstance(calculation, mathml.Apply) and calculation.operator == "plus":
-        names = [
-            argument.varID
-            for argument in calculation.arguments
-            if isinstance(argument, mathml.Name)
-        ]
-        return names if len(names) == len(calculation.arguments) else []
-    return []
+    if not isinstance(calculation, mathml.Apply) or calculation.operator != "plus":
+        return []
+    names = []
+    for argument in calculation.arguments:
+        if not isinstance(argument, mathml.Name):
+            return []
+        names.append(argument.varID)
+    return names
 
 
-def _factors(model: DaveModel, varID: str, sums: Mapping[str, Sum]) -> tuple[str, ...]:
+def _multiplying_variables(
+    model: DaveModel, varID: str, sums: Mapping[str, Sum]
+) -> tuple[str, ...]:
     """Return the variables that multiply a term, in the order of the file."""
     calculation = model.variables[varID].calculation
     if not isinstance(calculation, mathml.Apply) or calculation.operator != "times":
         return ()
-    factors = [
-        sums[argument.varID]
-        for argument in calculation.arguments
-        if isinstance(argument, mathml.Name)
-    ]
-    powers = [next(iter(factor.products), ((), ()))[1] for factor in factors]
-    return tuple(power[0][0] for power in powers if len(power) == 1)
-
-
-Factors = tuple[list[MultilinearTable], dict[str, int]]
-"""Tables of a product, and the powers of its variables."""
-
-
-Join = Callable[[list[MultilinearTable], Mapping[str, int], float], Iterator[Factors]]
+    names = []
+    for argument in calculation.arguments:
+        if not isinstance(argument, mathml.Name):
+            continue
+        products = sums[argument.varID].products
+        _, powers = next(iter(products), ((), ()))
+        # A factor with several variables, or none, does not determine the order.
+        if len(powers) == 1:
+            names.append(powers[0][0])
+    return tuple(names)
 
 
 def leaves_from_parts(
@@ -111,247 +131,260 @@ def leaves_from_parts(
 
     Parameters
     ----------
+    model : DaveModel
+        The model.
+    coefficient : str
+        The coefficient.
+    parts : sequence of CoefficientPart
+        Its parts.
     join : callable, optional
-        Yields a product that is no term with some of its factors on one table, in the order in
-        which to try; without it such a product is refused.
+        Yields a product that is not a term with some of its factors on one table, in the order of
+        the attempts.  Without it such a product is refused.
 
     Raises
     ------
     Inexact
-        A product that is no term: more factors than a term has, two tables of one variable, a
+        A product is not a term: more factors than a term has, two tables of one variable, a
         division by a variable.
     """
     leaves: dict[str, xr.Dataset] = {}
     for part in parts:
-        products = part.sum.products or {
-            ((), ()): 0.0
-        }  # a coefficient that is zero is a statement too
+        # A coefficient that is zero has a term with the value zero.
+        products = part.sum.products or {((), ()): 0.0}
         for (grids, powers), factor in products.items():
-            leaf = _leaf_or_joined(model, list(grids), dict(powers), factor, part, join)
-            name = _unused(
-                part.name or _name(leaf), [grid.label for grid in grids], leaves, coefficient
-            )
+            product = _Product(list(grids), dict(powers), factor)
+            leaf = _make_leaf_or_join(model, product, part, join)
+            labels = [grid.label for grid in grids]
+            preferred = part.name or _contribution_name(leaf)
+            name = _unused_name(preferred, labels, leaves, coefficient=coefficient)
             leaves[f"{coefficient}/{name}"] = leaf
     return leaves
 
 
-def _leaf_or_joined(
-    model: DaveModel,
-    grids: list[MultilinearTable],
-    powers: dict[str, int],
-    factor: float,
-    part: CoefficientPart,
-    join: Join | None,
+@dataclass(frozen=True)
+class _Product:
+    """Factors of a term: tables, powers of variables, a number."""
+
+    grids: list[MultilinearTable]
+    powers: dict[str, int]
+    factor: float
+
+
+def _make_leaf_or_join(
+    model: DaveModel, product: _Product, part: CoefficientPart, join: Join | None
 ) -> xr.Dataset:
+    """Return a product as a term, if necessary with joined factors."""
     try:
-        return _leaf(model, grids, powers, factor, part)
+        return _make_leaf(model, product, part)
     except Inexact as error:
         reason = error
-    for fewer, rest in join(grids, powers, factor) if join is not None else ():
-        try:
-            return _leaf(model, fewer, rest, factor, part)
-        except Inexact as error:
-            reason = error
+    if join is not None:
+        for grids, powers in join(product.grids, product.powers, product.factor):
+            try:
+                return _make_leaf(model, _Product(grids, powers, product.factor), part)
+            except Inexact as error:
+                reason = error
     raise reason
 
 
-def _leaf(
-    model: DaveModel,
-    grids: list[MultilinearTable],
-    powers: Mapping[str, int],
-    factor: float,
-    part: CoefficientPart,
-) -> xr.Dataset:
-    labels = [grid.label for grid in grids if grid.label in model.functions]
-    notes = [grid.note for grid in grids if grid.note]
-    words = _regressors(powers, part.order)
-    tables, words = _tables(grids, words, named=bool(part.name))
+def _make_leaf(model: DaveModel, product: _Product, part: CoefficientPart) -> xr.Dataset:
+    # Functions of the file become references, remarks on sampling become an attribute.
+    labels = [grid.label for grid in product.grids if grid.label in model.functions]
+    notes = [grid.note for grid in product.grids if grid.note]
+    regressors = _repeat_powers(product.powers, part.order)
+    tables, regressors = _fit_factors(product.grids, regressors, named=bool(part.name))
     _demand_disjoint(tables)
     outside, tables = unify_rules(tables)
     value, *factors = tables or [MultilinearTable((), np.ones(()))]
-    texts = dict(part.texts) if part.name else _texts(model, labels)
+    texts = dict(part.texts) if part.name else _texts_of_functions(model, labels)
     source = str(texts.pop("source", ""))
+
+    # The number of the product scales the first table.
+    factor, values, stderr = product.factor, value.values, value.stderr
+    if factor != 1.0:
+        values = factor * values
+    if stderr is not None:
+        stderr = abs(factor) * stderr
     leaf = make_term(
-        factor * value.values if factor != 1.0 else value.values,
+        values,
         {axis.variable: axis.points for axis in value.axes},
-        words,
-        stderr=None if value.stderr is None else abs(factor) * value.stderr,
+        regressors,
+        stderr=stderr,
         outside=outside,
-        **{f"K{i}": _array(grid) for i, grid in enumerate(factors, 1)},  # type: ignore[arg-type]
+        **{f"K{i}": _table_array(grid) for i, grid in enumerate(factors, 1)},  # type: ignore[arg-type]
     )
+    # The source of the nodes is stored only if it fits the shape of the table.
     flags = source_codes(source, value.values.shape) if source else None
     if flags is not None:
-        leaf["source"] = (
-            leaf["value"].dims,
-            flags,
-            {"flag_values": "0 1 2", "flag_meanings": " ".join(SOURCES)},
-        )
+        attributes = {"flag_values": "0 1 2", "flag_meanings": " ".join(SOURCES)}
+        leaf["source"] = (leaf["value"].dims, flags, attributes)
     leaf.attrs |= texts
     if notes:
         leaf.attrs["sampled"] = "; ".join(notes)
     return leaf
 
 
-def _regressors(powers: Mapping[str, int], order: Sequence[str]) -> list[str]:
-    words = []
+def _repeat_powers(powers: Mapping[str, int], order: Sequence[str]) -> list[str]:
+    """Return each variable as often as its power, in the order of the file."""
+    names = []
     for name, power in powers.items():
         if power < 0:
             raise Inexact(f"it divides by {name}")
-        words += [name] * power
-    return sorted(words, key=lambda word: order.index(word) if word in order else len(order))
+        names += [name] * power
+    return sorted(names, key=lambda name: order.index(name) if name in order else len(order))
 
 
-def _tables(
-    grids: list[MultilinearTable], words: list[str], named: bool
+def _fit_factors(
+    grids: list[MultilinearTable], regressors: list[str], named: bool
 ) -> tuple[list[MultilinearTable], list[str]]:
-    """Return at most three tables and two regressors for a product: what is too much becomes
-    tables, or one table of several.
-    """
+    """Return at most three tables and two regressors with the same product."""
     if not named:
-        grids = _without_scalars(grids)
-    taken = {name for grid in grids for name in grid.variables}
-    for word in dict.fromkeys(words):
-        if len(words) > MAX_REGRESSORS and word not in taken:
-            words.remove(word)
-            grids = [*grids, _identity(word)]
-    if len(words) > MAX_REGRESSORS:
+        grids = _absorb_scalars(grids)
+    axis_names: set[str] = set()
+    for grid in grids:
+        axis_names |= set(grid.variables)
+    # A regressor too many becomes a table of itself.
+    for name in dict.fromkeys(regressors):
+        if len(regressors) > MAX_REGRESSORS and name not in axis_names:
+            regressors.remove(name)
+            grids = [*grids, _identity_table(name)]
+    if len(regressors) > MAX_REGRESSORS:
         raise Inexact(
-            f"it is a product of {' '.join(words)}; a term has at most {MAX_REGRESSORS} such "
+            f"it is a product of {' '.join(regressors)}; a term has at most {MAX_REGRESSORS} such "
             f"factors"
         )
     _demand_disjoint(grids)
+    # Too many tables: the two with the fewest axes become one table, their outer product.
     while len(grids) > _TABLES:
-        a, b, *rest = sorted(grids, key=lambda grid: len(grid.axes))
+        a, b, *others = sorted(grids, key=lambda grid: len(grid.axes))
         if len(a.axes) + len(b.axes) > MAX_AXES:
             raise Inexact(f"it multiplies {len(grids)} tables; a term has at most {_TABLES}")
-        grids = [
-            *rest,
-            MultilinearTable(
-                (*a.axes, *b.axes), np.multiply.outer(a.values, b.values), None, a.label
-            ),
-        ]
+        values = np.multiply.outer(a.values, b.values)
+        joined = MultilinearTable((*a.axes, *b.axes), values, None, label=a.label)
+        grids = [*others, joined]
     for grid in grids:
         if len(grid.axes) > MAX_AXES:
             raise Inexact(
                 f"the table {grid.label} has {len(grid.axes)} axes; a term has at most {MAX_AXES}"
             )
-    return grids, words
+    return grids, regressors
 
 
-def _without_scalars(grids: list[MultilinearTable]) -> list[MultilinearTable]:
-    """Multiply uncertain constants into the first table, or into the first of themselves; standard
-    errors to first order.
-    """
-    tables, scalars = (
-        [grid for grid in grids if grid.axes],
-        [grid for grid in grids if not grid.axes],
-    )
+def _absorb_scalars(grids: list[MultilinearTable]) -> list[MultilinearTable]:
+    """Multiply uncertain constants into the first table, or into the first constant."""
+    tables = [grid for grid in grids if grid.axes]
+    scalars = [grid for grid in grids if not grid.axes]
     if not tables:
         tables, scalars = scalars[:1], scalars[1:]
     for scalar in scalars:
-        first, c = tables[0], float(scalar.values)
-        spread = [np.zeros(()) if grid.stderr is None else grid.stderr for grid in (first, scalar)]
-        stderr = np.hypot(c * spread[0], first.values * spread[1])
+        table, constant = tables[0], float(scalar.values)
+        table_spread = np.zeros(()) if table.stderr is None else table.stderr
+        scalar_spread = np.zeros(()) if scalar.stderr is None else scalar.stderr
+        # Error of a product to first order, independent errors: (c s_t)^2 + (t s_c)^2.
+        stderr = np.hypot(constant * table_spread, table.values * scalar_spread)
         tables[0] = MultilinearTable(
-            first.axes, c * first.values, stderr, first.label, first.serial
+            table.axes, constant * table.values, stderr, label=table.label, serial=table.serial
         )
     return tables
 
 
-def _identity(name: str) -> MultilinearTable:
-    """Return the table that gives its variable."""
-    span = _SPAN.get(lookup(name).units, 10.0)
+def _identity_table(name: str) -> MultilinearTable:
+    """Return a table whose value is its variable."""
+    span = _SPAN.get(lookup(name).units, _OTHER_SPAN)
     points = np.array([-span, span])
-    return MultilinearTable((GridAxis(name, points, True, True),), points.copy())
+    axis = GridAxis(name, points, open_low=True, open_high=True)
+    return MultilinearTable((axis,), points.copy())
 
 
 def _demand_disjoint(grids: Sequence[MultilinearTable]) -> None:
-    seen: dict[str, MultilinearTable] = {}
+    """Raise if two tables have the same variable."""
+    table_of: dict[str, MultilinearTable] = {}
     for grid in grids:
         for name in grid.variables:
-            if name in seen:
+            if name in table_of:
                 raise Inexact(
-                    f"it multiplies two tables of {name}, {seen[name].label} and {grid.label}"
+                    f"it multiplies two tables of {name}, {table_of[name].label} and {grid.label}"
                 )
-            seen[name] = grid
+            table_of[name] = grid
 
 
 def unify_rules(tables: Sequence[MultilinearTable]) -> tuple[str, list[MultilinearTable]]:
-    """Return the rule of the leaf, and its tables so that it holds for all axes: where some go on,
-    held ends get a flat piece.
+    """Return the rule outside the tables that holds for all axes, and tables that follow it.
+
+    A term has one rule, ``hold`` or ``linear``, for all axes.  If some ends are open and others
+    closed, the rule is ``linear``, and a closed end gets an interval in which the table is
+    constant.
     """
-    ends = {
-        end
-        for grid in tables
-        for axis in grid.axes
-        if len(axis.points) > 1
-        for end in (axis.open_low, axis.open_high)
-    }
+    ends = set()
+    for grid in tables:
+        for axis in grid.axes:
+            if len(axis.points) > 1:
+                ends |= {axis.open_low, axis.open_high}
     if True not in ends:
         return "hold", list(tables)
-    if False in ends:
-        for index, grid in enumerate(tables):
-            for number, axis in enumerate(grid.axes):
-                if not (axis.open_low and axis.open_high):
-                    grid = grid.opened(number)
-            tables = [*tables[:index], grid, *tables[index + 1 :]]
-    return "linear", list(tables)
+    if False not in ends:
+        return "linear", list(tables)
+    opened = []
+    for grid in tables:
+        for index, axis in enumerate(grid.axes):
+            if not (axis.open_low and axis.open_high):
+                grid = grid.opened(index)
+        opened.append(grid)
+    return "linear", opened
 
 
-def _array(grid: MultilinearTable) -> xr.DataArray:
-    array = xr.DataArray(
-        grid.values, {axis.variable: axis.points for axis in grid.axes}, grid.variables
-    )
+def _table_array(grid: MultilinearTable) -> xr.DataArray:
+    points = {axis.variable: axis.points for axis in grid.axes}
+    array = xr.DataArray(grid.values, points, grid.variables)
     for name in grid.variables:
         array[name].attrs.update(quantity_attributes(name))
     return array
 
 
-def _texts(model: DaveModel, labels: Sequence[str]) -> dict[str, str | float]:
-    """Return references and comment of a term made from functions of a foreign file."""
+def _texts_of_functions(model: DaveModel, labels: Sequence[str]) -> dict[str, str | float]:
+    """Return references and comment of a term from the functions of a foreign file."""
     functions = [model.functions[label] for label in labels]
     file = Path(model.file).name
-    references = [
-        f"{file}, line {f.line}: function {f.name}"
-        + _cited(f.provenance.references if f.provenance else ())
-        for f in functions
-    ]
+    references = [_cite_function(file, function) for function in functions]
     comments = [" ".join(f.description.split()) for f in functions if f.description]
     return {"references": "; ".join(references) or file, "comment": "; ".join(comments)}
 
 
-def _cited(references: Sequence[str]) -> str:
-    return f" ({', '.join(references)})" if references else ""
+def _cite_function(file: str, function: DaveFunction) -> str:
+    text = f"{file}, line {function.line}: function {function.name}"
+    if function.provenance and function.provenance.references:
+        text += f" ({', '.join(function.provenance.references)})"
+    return text
 
 
-def _name(leaf: xr.Dataset) -> str:
-    """Return the contribution that a term without a name is, after its regressors, or else its
-    axes.
-    """
-    words = str(leaf.attrs["regressors"]).split()
-    if words:
-        return "_".join(_word(word) for word in words)
+def _contribution_name(leaf: xr.Dataset) -> str:
+    """Return the name of a term without a name, from its regressors, or else from its axes."""
+    regressors = str(leaf.attrs["regressors"]).split()
+    if regressors:
+        return "_".join(_contribution_word(name) for name in regressors)
     axes = [str(axis) for axis in leaf.dims]
-    other = [axis for axis in axes if axis not in _FLOW]
-    if not axes or (set(axes) & {"alpha", "beta"}):
+    configuration = [axis for axis in axes if axis not in _FLOW]
+    # A table over the flow angles is the basic contribution, whatever its other axes.
+    if not configuration or (set(axes) & {"alpha", "beta"}):
         return "basic"
-    return _word(other[0]) if other else "basic"
+    return _contribution_word(configuration[0])
 
 
-def _word(variable: str) -> str:
-    """Return what a variable calls a contribution: the word of the field, the name of a device,
-    else its own.
-    """
-    return _WORDS.get(variable, variable.split(".")[1] if variable.startswith(DEVICE) else variable)
+def _contribution_word(variable: str) -> str:
+    """Return the usual name of a contribution, the name of a device, or the variable."""
+    default = variable.split(".")[1] if variable.startswith(DEVICE) else variable
+    return _WORDS.get(variable, default)
 
 
-def _unused(
+def _unused_name(
     name: str, labels: Sequence[str], leaves: Mapping[str, xr.Dataset], coefficient: str
 ) -> str:
-    """Return the name, or the name with the varID of a table or a number behind it."""
-    tails = [
-        "",
-        *("_" + re.sub("[^A-Za-z0-9_]", "_", label) for label in labels if label),
-        *(f"_{i}" for i in range(2, len(leaves) + 3)),
-    ]
-    return next(name + tail for tail in tails if f"{coefficient}/{name}{tail}" not in leaves)
+    """Return the name, or the name with the varID of a table or with a number."""
+    candidates = [name]
+    for label in labels:
+        if label:
+            candidates.append(f"{name}_{re.sub('[^A-Za-z0-9_]', '_', label)}")
+    # With len(leaves) + 1 numbers at least one candidate is free.
+    for number in range(2, len(leaves) + 3):
+        candidates.append(f"{name}_{number}")
+    return next(text for text in candidates if f"{coefficient}/{text}" not in leaves)

@@ -1,6 +1,4 @@
-"""Which quantity of the vocabulary a variable of a DAVE-ML file is, in which unit and with which
-sign.
-"""
+"""Quantity, unit and sign of the variables of a DAVE-ML file, in the vocabulary of this package."""
 
 from __future__ import annotations
 
@@ -10,7 +8,7 @@ from itertools import groupby
 
 import numpy as np
 
-from aerodb.exchange.daveml.document.model import DaveVariable
+from aerodb.exchange.daveml.document.elements import DaveVariable
 from aerodb.exchange.daveml.document.units import unit_of_code
 from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import SchemaError, UnitError, UnknownName
@@ -18,10 +16,10 @@ from flightmech.names import VOCABULARY, lookup
 from flightmech.terms import SOURCES
 from flightmech.units import parse_unit
 
-STORED = "checks: "  # how the name of a case begins that stands in the database
+# Prefix of the name of a check case that is stored in the database.
+STORED = "checks: "
 
-
-# reduced rate: the rate it is made of and the reference length; rate * length / (2 V)
+# Reduced rate: the rate and the reference length in rate * length / (2 V).
 REDUCED = {
     "phat": ("p", "b"),
     "qhat": ("q", "cbar"),
@@ -29,79 +27,79 @@ REDUCED = {
     "alphadothat": ("alpha_dot", "cbar"),
     "betadothat": ("beta_dot", "b"),
 }
-# how the name of a constant ends that is the table of a term; it stays one, with or without
-# standard error
+# End of the name of a constant that is the table of a term. It becomes a table without axes again,
+# with or without standard error.
 VALUE = " value"
 
-
-WRITER = "aeromatch"  # how the fileVersion of our files begins
-_MORE = "| "  # a line that goes on
+WRITER = "aeromatch"  # prefix of the fileVersion of an exported file
+_MORE = "| "  # prefix of a continuation line
 _KEY = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)(:=|:) ?(.*)", re.DOTALL)
 
 
 def pack_attributes(attributes: Mapping[str, str | float]) -> str:
-    """Return attributes as lines; numbers stand behind ``:=``.  Characters that XML does not allow
-    become question marks.
+    """Return attributes as lines of text; a number has the separator ``:=``, a text ``:``.
+
+    Characters that XML does not allow become question marks.
     """
     lines = []
-    for key, item in attributes.items():
-        if isinstance(item, str):
-            lines += f"{key}: {item}".replace("\r", "").replace("\n", f"\n{_MORE}").split("\n")
+    for key, value in attributes.items():
+        if isinstance(value, str):
+            text = f"{key}: {value}".replace("\r", "").replace("\n", f"\n{_MORE}")
+            lines += text.split("\n")
+        elif isinstance(value, int | np.integer):
+            lines.append(f"{key}:= {value}")
         else:
-            lines.append(
-                f"{key}:= {item}"
-                if isinstance(item, int | np.integer)
-                else f"{key}:= {float(item)!r}"
-            )
+            lines.append(f"{key}:= {float(value)!r}")
     return replace_illegal_characters("\n".join(lines))
 
 
 def unpack_attributes(text: str) -> dict[str, str | float]:
-    """Return the attributes that `pack_attributes` wrote."""
-    found: dict[str, str | float] = {}
+    """Return the attributes of a text by `pack_attributes`."""
+    attributes: dict[str, str | float] = {}
+    # A NUL, which XML cannot contain, marks the line breaks inside a value.
     for line in text.replace(f"\n{_MORE}", "\0").replace("\n|", "\0").split("\n"):
         match = _KEY.fullmatch(line)
-        if match:
-            found[match[1]] = (
-                _number(match[3]) if match[2] == ":=" else match[3].replace("\0", "\n")
-            )
-    return found
+        if match is None:
+            continue
+        key, separator, value = match.groups()
+        if separator == ":=":
+            attributes[key] = _parse_number(value)
+        else:
+            attributes[key] = value.replace("\0", "\n")
+    return attributes
 
 
-def _number(text: str) -> int | float:
+def _parse_number(text: str) -> int | float:
     return int(text) if re.fullmatch(r"-?\d{1,18}", text) else float(text)
 
 
 def replace_illegal_characters(text: str) -> str:
-    """Return a text in which the characters that XML does not allow are question marks."""
+    """Replace the characters that XML does not allow by question marks."""
     return re.sub("[^\t\n\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "?", text)
 
 
 def source_runs(source: np.ndarray) -> str:
     """Return the source codes of nodes as runs in C order: ``12 datcom, 3 judgement``."""
-    return ", ".join(
-        f"{len(list(group))} {SOURCES[code]}" for code, group in groupby(source.ravel().tolist())
-    )
+    runs = []
+    for code, group in groupby(source.ravel().tolist()):
+        runs.append(f"{len(list(group))} {SOURCES[code]}")
+    return ", ".join(runs)
 
 
 def source_codes(text: str, shape: tuple[int, ...]) -> np.ndarray | None:
-    """Return the source codes that `source_runs` wrote, or None when they do not fit the shape."""
+    """Return the source codes of a text by `source_runs`, or None if they do not fit the shape."""
     pairs = [part.split() for part in text.split(", ")]
     if not all(len(pair) == 2 and pair[0].isdigit() and pair[1] in SOURCES for pair in pairs):
         return None
     counts = [int(pair[0]) for pair in pairs]
     if sum(counts) != int(np.prod(shape)):
         return None
-    return (
-        np.repeat([SOURCES.index(pair[1]) for pair in pairs], counts)
-        .astype(np.uint8)
-        .reshape(shape)
-    )
+    codes = np.repeat([SOURCES.index(pair[1]) for pair in pairs], counts)
+    return codes.astype(np.uint8).reshape(shape)
 
 
 COEFFICIENTS = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn", "Ch_e", "Ch_a", "Ch_r")
-# names found in published files in addition to those of S-119 that `flightmech.names` lists;
-# letters only, lower case
+# Names in published files that are not in S-119 (`flightmech.names`). Letters only, lower case.
 _ALIASES = {
     "totalcoefficientoflift": "CL",
     "totalcoefficientofdrag": "CD",
@@ -114,7 +112,8 @@ _ALIASES = {
     "lateralreferencelength": "b",
     "referencearea": "S",
 }
-_OPPOSITES = [  # words and abbreviations of S-119 for the two senses
+# Words and abbreviations of S-119 for the two senses of a sign convention.
+_OPPOSITES = [
     ({"ted", "trailingedgedown"}, {"teu", "trailingedgeup"}),
     ({"tel", "trailingedgeleft"}, {"ter", "trailingedgeright"}),
     (
@@ -138,15 +137,15 @@ _S119 = {_letters(row.s119): row.name for row in VOCABULARY.values() if row.s119
 
 
 def quantity_of(variable: DaveVariable) -> str:
-    """Return the quantity of the vocabulary that a variable is by its name or varID, or ``""``.
+    """Return the quantity that a variable is by its name or varID, or ``""``.
 
     Names of S-119 come first, in any case and with or without a unit at their end
-    (``angleOfAttack_d``); then the names of the vocabulary.
+    (``angleOfAttack_d``).  The names of the vocabulary follow.
     """
     for text in (variable.name, variable.varID):
-        for known in (_letters(text), _letters(re.sub("_(d|deg|rad|r)$", "", text))):
-            if known in _S119:
-                return _S119[known]
+        for letters in (_letters(text), _letters(re.sub("_(d|deg|rad|r)$", "", text))):
+            if letters in _S119:
+                return _S119[letters]
     for text in (variable.name, variable.varID):
         if _is_quantity(text):
             return text
@@ -154,27 +153,25 @@ def quantity_of(variable: DaveVariable) -> str:
 
 
 def device_of(variable: DaveVariable) -> str:
-    """Return the name of an input that is no quantity of the vocabulary,
-    ``device.DBFLL.deflection``; ``""`` for other units.
+    """Return the name of an input that is not in the vocabulary: ``device.DBFLL.deflection``.
 
-    An angle is a deflection, a pure number a setting; other units have no place in the tables of a
-    database.
+    An angle is a deflection, a pure number a setting.  For any other unit the result is ``""``,
+    because such an input cannot enter the tables of a database.
     """
     try:
         unit = unit_of_code(variable.units)
         dimension = parse_unit(unit)[0]
     except UnitError:
         return ""
-    kind = {
-        parse_unit("rad")[0]: "deflection" if "rad" in unit or "deg" in unit else "setting"
-    }.get(dimension, "")
-    return f"{DEVICE}{re.sub('[^A-Za-z0-9_]', '_', variable.varID)}.{kind}" if kind else ""
+    # An angle and a pure number have the same dimension.
+    if dimension != parse_unit("rad")[0]:
+        return ""
+    kind = "deflection" if "rad" in unit or "deg" in unit else "setting"
+    return f"{DEVICE}{re.sub('[^A-Za-z0-9_]', '_', variable.varID)}.{kind}"
 
 
 def _is_quantity(text: str) -> bool:
-    """Whether a text names a quantity of the vocabulary; those of one engine, ``engine1.thrust``,
-    are in the vocabulary without prefix.
-    """
+    """Return whether a text is a quantity; that of one engine, ``engine1.thrust``, is also one."""
     try:
         lookup(text)
     except UnknownName:
@@ -183,20 +180,20 @@ def _is_quantity(text: str) -> bool:
 
 
 def file_unit_conversion(variable: DaveVariable, quantity: str) -> tuple[float, float]:
-    """Return factor and offset of value_file = factor * value_SI + offset, units and sign.
+    """Return factor and offset of value_file = factor * value_SI + offset, for unit and sign.
 
     Raises
     ------
     SchemaError
-        A unit of another quantity, or none where an angle needs one.
+        The unit belongs to another quantity, or an angle has no unit.
     """
     expected = lookup(quantity).units
     try:
         unit = unit_of_code(variable.units)
         dimension, to_si, offset = parse_unit(unit)
-        if dimension != parse_unit(expected)[0] or (
-            "rad" in expected and "rad" not in unit and "deg" not in unit
-        ):
+        # Angles and pure numbers have the same dimension, so the unit itself is compared.
+        lacks_angle = "rad" in expected and "rad" not in unit and "deg" not in unit
+        if dimension != parse_unit(expected)[0] or lacks_angle:
             problem = f"unit {variable.units!r}, where {quantity} needs one such as {expected}"
             raise UnitError(
                 f"{problem}; name it with names={{'{variable.varID}': '{quantity} [deg]'}}, say"
@@ -207,9 +204,15 @@ def file_unit_conversion(variable: DaveVariable, quantity: str) -> tuple[float, 
     return sense / to_si, -offset / to_si
 
 
-def has_opposite_sign(sign: str, own: str) -> bool:
-    """Whether a sign convention is the opposite of that of the vocabulary; what is not known counts
-    as the same.
+def has_opposite_sign(sign: str, vocabulary_sign: str) -> bool:
+    """Return whether a sign convention is opposite to that of the vocabulary.
+
+    An unknown convention counts as the same.
     """
-    theirs, ours = _letters(sign), _letters(own)
-    return any((theirs in a and ours in b) or (theirs in b and ours in a) for a, b in _OPPOSITES)
+    file_letters, vocabulary_letters = _letters(sign), _letters(vocabulary_sign)
+    for first, second in _OPPOSITES:
+        if file_letters in first and vocabulary_letters in second:
+            return True
+        if file_letters in second and vocabulary_letters in first:
+            return True
+    return False

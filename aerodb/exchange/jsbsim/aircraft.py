@@ -1,6 +1,4 @@
-"""The aircraft of a JSBSim file: geometry, mass, centre of gravity and inertia with its point
-masses and the fuel on board.
-"""
+"""Import of geometry, mass, centre of gravity and inertia from a JSBSim aircraft file."""
 
 from __future__ import annotations
 
@@ -11,54 +9,64 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aerodb.exchange.jsbsim.read import _LENGTH, _reference, _section, _sizes, _unit
+from aerodb.exchange.jsbsim.metrics import (
+    LENGTH_UNITS,
+    read_reference,
+    read_section,
+    read_sizes,
+    unit_of_element,
+)
 from aerodb.exchange.xml_reader import Element, read_xml
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.units import FOOT, POUND, SLUG
 
 _MASS = {"LBS": POUND, "KG": 1.0}
 _INERTIA = {"SLUG*FT2": SLUG * FOOT**2, "KG*M2": 1.0}
+_SPHERE = 0.4  # inertia of a solid sphere over m r^2
 
 
 class _PointMass(NamedTuple):
-    """A mass [kg], its place from the drawing datum along body axes [m], and its inertia about
-    itself, alike about all axes [kg m2].
+    """A mass [kg], its position from the drawing datum along body axes [m], its inertia [kg m2].
+
+    The inertia is about its own centre and equal about all axes.
     """
 
     mass: float
-    place: np.ndarray
-    own: float = 0.0
+    position: np.ndarray
+    inertia: float = 0.0
 
 
 def import_jsbsim_aircraft(
     path: str | os.PathLike, *, name: str = "", x_ref_mac: float = 0.25
 ) -> Aircraft:
-    """Read the aircraft that belongs to the aerodynamics of a JSBSim file.
+    """Read the aircraft of the aerodynamics of a JSBSim file.
 
     Parameters
     ----------
     path : path
         The aircraft file.
     name : str
-        Of the aircraft; that in the file unless given.
+        Name of the aircraft.  The default is the name in the file.
     x_ref_mac : float
-        ``AERORP`` behind the leading edge of the mean chord, which JSBSim does not state. [chords]
+        Distance of ``AERORP`` behind the leading edge of the mean chord, which JSBSim does not
+        state. [chords]
 
     Returns
     -------
     Aircraft
         Reference quantities, moment reference ``AERORP``, mass, c.g. and inertia of the empty
         aircraft with its point masses and the contents of its tanks, as JSBSim starts.  Engines,
-        landing gear and travel of the controls are not read: they stand in other files and other
-        forms there; the history states so.
+        landing gear and travel of the controls are not read, because JSBSim has them in other files
+        and other forms.  The history states so.
 
     Raises
     ------
     ParseError
-        Not an aircraft file, no mass or inertia, an unknown unit, point masses with an extent, gas
-        cells; with the line.
+        The file is not an aircraft file, or mass or inertia are missing, or it has an unknown unit,
+        point masses with an extent, or gas cells; with the line.
     """
-    root = read_xml(Path(path))
+    path = Path(path)
+    root = read_xml(path)
     if root.tag != "fdm_config":
         raise root.error(f"<{root.tag}>", "an aircraft file of JSBSim, <fdm_config>")
     gas = root.first("buoyant_forces")
@@ -67,19 +75,21 @@ def import_jsbsim_aircraft(
             "<buoyant_forces>",
             "an aircraft without gas cells; the mass and inertia of the gas are not read",
         )
-    metrics, balance = _section(root, "metrics"), _section(root, "mass_balance")
-    sizes, reference = _sizes(metrics), _reference(metrics)
+    metrics, balance = read_section(root, "metrics"), read_section(root, "mass_balance")
+    sizes, reference = read_sizes(metrics), read_reference(metrics)
     datum = np.array([reference[f"{axis}_ref"] for axis in "xyz"])
-    empty = _PointMass(_number(balance.need("emptywt"), _MASS, "LBS"), _place(_cg(balance)))
-    points = [*_point_masses(balance), *_tanks(root)]
+    empty_mass = _read_number(balance.need("emptywt"), _MASS, "LBS")
+    empty = _PointMass(empty_mass, _read_position(_find_cg(balance)))
+    points = [*_read_point_masses(balance), *_read_tanks(root)]
+
+    # Centre of gravity of all masses, then inertia about it.
     mass = empty.mass + sum(point.mass for point in points)
-    cg = (
-        empty.mass * empty.place + sum((point.mass * point.place for point in points), np.zeros(3))
-    ) / mass
-    J = _inertia(balance) + sum((_about(point, cg) for point in (empty, *points)), np.zeros((3, 3)))
-    left_out = "engines, landing gear and limits of the controls are not read"
+    moments = sum((point.mass * point.position for point in points), np.zeros(3))
+    cg = (empty.mass * empty.position + moments) / mass
+    parallel = sum((_inertia_about(point, cg) for point in (empty, *points)), np.zeros((3, 3)))
+    J = _read_inertia(balance) + parallel
     return Aircraft(
-        name or root.attributes.get("name", "") or Path(path).stem,
+        name or root.attributes.get("name", "") or path.stem,
         S=sizes["S"],
         cbar=sizes["cbar"],
         b=sizes["b"],
@@ -93,28 +103,31 @@ def import_jsbsim_aircraft(
         reference=(float(datum[0]), float(datum[1]), float(datum[2])),
         x_ref_mac=x_ref_mac,
         cg=tuple(map(float, cg - datum)),  # type: ignore[arg-type]
-        history=f"import_jsbsim_aircraft: {Path(path).name}, {len(points)} point masses and "
-        f"tanks; {left_out}",
+        history=f"import_jsbsim_aircraft: {path.name}, {len(points)} point masses and "
+        f"tanks; engines, landing gear and limits of the controls are not read",
     )
 
 
-def _inertia(balance: Element) -> np.ndarray:
-    """Return the inertia tensor (3, 3) of the empty aircraft about its c.g., body axes. [kg m2]
-
-    x and z of structural axes are turned round, which changes the sign of the products with one of
-    them.
-    """
-    read = {
-        key: 0.0 if (e := balance.first(key)) is None else _number(e, _INERTIA, "SLUG*FT2")
-        for key in ("ixy", "ixz", "iyz")
-    }
-    xx, yy, zz = (_number(balance.need(key), _INERTIA, "SLUG*FT2") for key in ("ixx", "iyy", "izz"))
-    sign = -1.0 if balance.attributes.get("negated_crossproduct_inertia", "true") == "true" else 1.0
-    xy, xz, yz = sign * read["ixy"], -sign * read["ixz"], sign * read["iyz"]
+def _read_inertia(balance: Element) -> np.ndarray:
+    """Return the inertia tensor (3, 3) of the empty aircraft about its c.g., body axes. [kg m2]"""
+    products = {}
+    for key in ("ixy", "ixz", "iyz"):
+        element = balance.first(key)
+        products[key] = 0.0
+        if element is not None:
+            products[key] = _read_number(element, _INERTIA, "SLUG*FT2")
+    xx, yy, zz = (
+        _read_number(balance.need(key), _INERTIA, "SLUG*FT2") for key in ("ixx", "iyy", "izz")
+    )
+    # Structural axes have x aft and z up. The reversal of one of them changes the sign of a
+    # product, the reversal of both does not.
+    is_negated = balance.attributes.get("negated_crossproduct_inertia", "true") == "true"
+    sign = -1.0 if is_negated else 1.0
+    xy, xz, yz = sign * products["ixy"], -sign * products["ixz"], sign * products["iyz"]
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def _cg(balance: Element) -> Element:
+def _find_cg(balance: Element) -> Element:
     for location in balance.all("location"):
         if location.attributes.get("name") == "CG":
             return location
@@ -123,7 +136,7 @@ def _cg(balance: Element) -> Element:
     )
 
 
-def _point_masses(balance: Element) -> Iterator[_PointMass]:
+def _read_point_masses(balance: Element) -> Iterator[_PointMass]:
     for element in balance.all("pointmass"):
         form = element.first("form")
         if form is not None:
@@ -131,47 +144,49 @@ def _point_masses(balance: Element) -> Iterator[_PointMass]:
                 "<form> of a point mass",
                 "point masses without an extent of their own; its inertia is not read",
             )
-        yield _PointMass(
-            _number(element.need("weight"), _MASS, "LBS"), _place(element.need("location"))
-        )
+        mass = _read_number(element.need("weight"), _MASS, "LBS")
+        yield _PointMass(mass, _read_position(element.need("location")))
 
 
-def _tanks(root: Element) -> Iterator[_PointMass]:
+def _read_tanks(root: Element) -> Iterator[_PointMass]:
     """Yield the contents of the tanks."""
     if root.first("propulsion") is None:
         return
-    for element in _section(root, "propulsion").all("tank"):
+    for element in read_section(root, "propulsion").all("tank"):
         contents, location = element.first("contents"), element.first("location")
         if contents is not None and location is not None:
-            mass = _number(contents, _MASS, "LBS")
-            yield _PointMass(
-                mass, _place(location), 0.4 * mass * _radius(element) ** 2
-            )  # JSBSim takes it for a sphere
+            # JSBSim takes the fuel of a tank as a sphere.
+            mass = _read_number(contents, _MASS, "LBS")
+            inertia = _SPHERE * mass * _tank_radius(element) ** 2
+            yield _PointMass(mass, _read_position(location), inertia)
 
 
-def _radius(tank: Element) -> float:
+def _tank_radius(tank: Element) -> float:
     """Return the radius of a sphere with the inertia of a tank. [m]"""
     radius, factor = tank.first("radius"), tank.first("inertia_factor")
-    return (
-        0.0
-        if radius is None
-        else _number(radius, _LENGTH, "IN") * (1.0 if factor is None else factor.number) ** 0.5
-    )
+    if radius is None:
+        return 0.0
+    # The inertia is proportional to the square of the radius.
+    inertia_factor = 1.0 if factor is None else factor.number
+    return _read_number(radius, LENGTH_UNITS, "IN") * inertia_factor**0.5
 
 
-def _place(location: Element) -> np.ndarray:
-    """Return a place of structural axes, x aft and z up, along body axes. [m]"""
-    scale = _unit(location, "IN", _LENGTH)
-    return np.array(
-        [sign * location.need(axis).number * scale for axis, sign in zip("xyz", (-1.0, 1.0, -1.0))]
-    )
+def _read_position(location: Element) -> np.ndarray:
+    """Return a point in structural axes, x aft and z up, along body axes. [m]"""
+    scale = unit_of_element(location, "IN", LENGTH_UNITS)
+    coordinates = []
+    for axis, sign in zip("xyz", (-1.0, 1.0, -1.0), strict=True):
+        coordinates.append(sign * location.need(axis).number * scale)
+    return np.array(coordinates)
 
 
-def _number(element: Element, units: dict[str, float], default: str) -> float:
-    return element.number * _unit(element, default, units)
+def _read_number(element: Element, units: dict[str, float], default: str) -> float:
+    return element.number * unit_of_element(element, default, units)
 
 
-def _about(point: _PointMass, cg: np.ndarray) -> np.ndarray:
+def _inertia_about(point: _PointMass, cg: np.ndarray) -> np.ndarray:
     """Return the inertia tensor (3, 3) of a mass about the c.g. [kg m2]"""
-    arm = point.place - cg
-    return point.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm)) + point.own * np.eye(3)
+    # Parallel axes: m (r^T r I - r r^T) + J_own.
+    arm = point.position - cg
+    steiner = arm @ arm * np.eye(3) - np.outer(arm, arm)
+    return point.mass * steiner + point.inertia * np.eye(3)

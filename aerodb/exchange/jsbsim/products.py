@@ -1,12 +1,12 @@
-"""Sums of products of numbers, variables and tables: what functions of a JSBSim file are resolved
-into.
+"""Sums of products of numbers, variables and tables, the form of the functions of a JSBSim file.
 
-What is no product - a sine, a quotient of tables, a limiter - is kept as an `OpaqueFactor`, a
-factor that knows its variables and its value.
+An operation that does not give a product, such as a sine, a quotient of tables or a limiter, is an
+`OpaqueFactor`: a factor with its variables and a function for its value.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 import operator
 from collections import Counter
@@ -23,16 +23,27 @@ from flightmech.terms import evaluate_term, make_term
 MOST_PRODUCTS = 64
 MOST_NODES = 5_000_000  # of one table
 LENGTHS = ("S", "cbar", "b")
+_EXPONENTS = (1.0, 2.0, 3.0, 4.0)  # powers that are multiplied out
 Values = Mapping[str, np.ndarray]
 
 
 class NotAProduct(Exception):
-    """Why something is no term; the import collects these."""
+    """Reason why a function is not a term; the import collects these."""
 
 
 @dataclass(frozen=True)
 class OpaqueFactor:
-    """A factor that is no table: what it is, its variables, and its value at conditions in SI."""
+    """A factor that is not a table.
+
+    Parameters
+    ----------
+    what : str
+        Description for messages.
+    variables : frozenset of str
+        Its model variables.
+    value : callable
+        Value at conditions by variable. [SI]
+    """
 
     what: str
     variables: frozenset[str]
@@ -41,8 +52,20 @@ class OpaqueFactor:
 
 @dataclass(frozen=True)
 class Product:
-    """A number times powers of symbols times tables times opaque; `shared` are tables of functions
-    that are used by name.
+    """A product of a number, powers of symbols, tables and opaque factors.
+
+    Parameters
+    ----------
+    factor : float
+        The number.
+    symbols : mapping of str to int
+        Powers of model variables and reference quantities, in the units of JSBSim.
+    tables : tuple of DataArray
+        Tables; coordinates in SI.
+    shared : tuple of DataArray
+        Tables of functions that are used by name.
+    opaque : tuple of OpaqueFactor
+        Factors that are not tables.
     """
 
     factor: float = 1.0
@@ -52,33 +75,36 @@ class Product:
     opaque: tuple[OpaqueFactor, ...] = ()
 
     def __mul__(self, other: Product) -> Product:
-        symbols = Counter(self.symbols)
-        symbols.update(other.symbols)
+        # x^m x^n = x^(m + n); a power of zero is dropped.
+        powers = Counter(self.symbols)
+        powers.update(other.symbols)
         return Product(
-            self.factor * other.factor,
-            {symbol: power for symbol, power in symbols.items() if power},
-            self.tables + other.tables,
-            self.shared + other.shared,
-            self.opaque + other.opaque,
+            factor=self.factor * other.factor,
+            symbols={symbol: power for symbol, power in powers.items() if power},
+            tables=self.tables + other.tables,
+            shared=self.shared + other.shared,
+            opaque=self.opaque + other.opaque,
         )
 
     @property
     def constant(self) -> bool:
-        """Nothing but a number."""
+        """Whether the product is a number only."""
         return not (self.symbols or self.tables or self.shared or self.opaque)
 
     @property
     def monomial(self) -> bool:
-        """Nothing but a number and powers of symbols."""
+        """Whether the product is a number and powers of symbols only."""
         return not (self.tables or self.shared or self.opaque)
 
     @property
     def variables(self) -> frozenset[str]:
-        """The model variables in it."""
-        axes = {str(axis) for table in (*self.tables, *self.shared) for axis in table.dims}
-        return frozenset(axes | (set(self.symbols) - set(LENGTHS))).union(
-            *(one.variables for one in self.opaque)
-        )
+        """The model variables of the product."""
+        names = set(self.symbols) - set(LENGTHS)
+        for table in (*self.tables, *self.shared):
+            names.update(map(str, table.dims))
+        for factor in self.opaque:
+            names |= factor.variables
+        return frozenset(names)
 
 
 Sum = list[Product]
@@ -92,22 +118,25 @@ def combine_sums(tag: str, sums: Sequence[Sum], sizes: Mapping[str, float]) -> S
     tag : str
         Name of the operation in JSBSim, one of `KNOWN`.
     sums : sequence of Sum
-        What it works on, at least one.
+        Its arguments, at least one.
     sizes : mapping of str to float
         ``S``, ``cbar``, ``b`` in square feet and feet.
 
     Raises
     ------
-    Unfit
-        It multiplies out too far, or the operation cannot be computed from model variables.
+    NotAProduct
+        The result has too many products, or the operation is not a function of model variables.
     """
     if tag in NOT_COMPUTED:
         raise NotAProduct(f"<{tag}> is no function of model variables")
-    exact = _EXACT[tag](sums) if tag in _EXACT else None
-    found = _opaque(tag, sums, sizes) if exact is None else exact
-    if len(found) > MOST_PRODUCTS:
+    result = None
+    if tag in _EXACT:
+        result = _EXACT[tag](sums)
+    if result is None:
+        result = _make_opaque(tag, sums, sizes)
+    if len(result) > MOST_PRODUCTS:
         raise NotAProduct(f"it multiplies out to more than {MOST_PRODUCTS} products")
-    return found
+    return result
 
 
 def scale_products(factor: float, parts: Sum) -> Sum:
@@ -116,125 +145,132 @@ def scale_products(factor: float, parts: Sum) -> Sum:
 
 
 def absolute_value_table(parts: Sum) -> Sum | None:
-    """Return the magnitude of a multiple of one variable as a table over all values it can take;
-    None for anything else.
+    """Return the magnitude of a multiple of one variable as a table over all its values.
+
+    The result is None for any other sum.
     """
     if len(parts) != 1 or not parts[0].monomial:
         return None
     part = parts[0]
     if part.constant:
         return [Product(abs(part.factor))]
-    (variable, power), *more = part.symbols.items()
-    if more or power != 1 or variable not in RANGE:
+    if len(part.symbols) != 1:
         return None
+    ((variable, power),) = part.symbols.items()
+    if power != 1 or variable not in RANGE:
+        return None
+    # The nodes are the ends of the range and zero, where the magnitude has its bend.
     points = np.unique([0.0, *RANGE[variable]])
-    return [
-        Product(
-            abs(part.factor),
-            tables=(xr.DataArray(np.abs(points), {variable: points}, (variable,)),),
-        )
-    ]
+    table = xr.DataArray(np.abs(points), {variable: points}, (variable,))
+    return [Product(abs(part.factor), tables=(table,))]
 
 
 def reference_factor(symbols: Mapping[str, int], sizes: Mapping[str, float]) -> float:
-    """Return the part of a product that are reference quantities. [ft2, ft]"""
+    """Return the product of the powers of the reference quantities. [ft2, ft]"""
     return math.prod(sizes[name] ** symbols[name] for name in LENGTHS if name in symbols)
 
 
 def evaluate_products(
-    parts: Iterable[Product], at: Values, sizes: Mapping[str, float]
+    parts: Iterable[Product], states: Values, sizes: Mapping[str, float]
 ) -> np.ndarray:
     """Return a sum of products at conditions in SI."""
-    return sum((_value(part, at, sizes) for part in parts), np.zeros(()))
+    return sum((_evaluate_product(part, states, sizes) for part in parts), np.zeros(()))
 
 
-def _value(part: Product, at: Values, sizes: Mapping[str, float]) -> np.ndarray:
-    found = np.asarray(part.factor * reference_factor(part.symbols, sizes))
+def _evaluate_product(part: Product, states: Values, sizes: Mapping[str, float]) -> np.ndarray:
+    value = np.asarray(part.factor * reference_factor(part.symbols, sizes))
+    # A symbol is in the unit of JSBSim, the conditions are in SI.
     for symbol, power in part.symbols.items():
         if symbol not in LENGTHS:
-            found = found * (np.asarray(at[symbol], float) / jsbsim_unit(symbol)) ** power
+            value = value * (np.asarray(states[symbol], float) / jsbsim_unit(symbol)) ** power
     for table in (*part.tables, *part.shared):
-        found = found * evaluate_term(
-            make_term(table.values, {str(d): table[d].values for d in table.dims}), at, "clamp"
-        )
-    for one in part.opaque:
-        found = found * one.value(at)
-    return found
+        leaf = make_term(table.values, {str(d): table[d].values for d in table.dims})
+        value = value * evaluate_term(leaf, states, "clamp")
+    for factor in part.opaque:
+        value = value * factor.value(states)
+    return value
 
 
-def _opaque(tag: str, sums: Sequence[Sum], sizes: Mapping[str, float]) -> Sum:
-    """Return an operation that makes no product as one factor."""
+def _make_opaque(tag: str, sums: Sequence[Sum], sizes: Mapping[str, float]) -> Sum:
+    """Return an operation that does not give a product as one factor."""
 
-    def compute(at: Values) -> np.ndarray:
+    def compute(states: Values) -> np.ndarray:
+        # Sampling checks the result for values that are not finite.
         with np.errstate(all="ignore"):
-            return np.asarray(
-                _CURVED[tag](*(evaluate_products(parts, at, sizes) for parts in sums)), float
-            )
+            arguments = [evaluate_products(parts, states, sizes) for parts in sums]
+            return np.asarray(_NONLINEAR[tag](*arguments), float)
 
-    variables = frozenset().union(*(part.variables for parts in sums for part in parts))
-    return (
-        [Product(opaque=(OpaqueFactor(f"<{tag}>", variables, compute),))]
-        if variables
-        else [Product(float(compute({})))]
-    )
-
-
-def _sum(sums: Sequence[Sum]) -> Sum:
-    return [part for parts in sums for part in parts]
+    variables: frozenset[str] = frozenset()
+    for part in itertools.chain.from_iterable(sums):
+        variables |= part.variables
+    if not variables:
+        return [Product(float(compute({})))]
+    return [Product(opaque=(OpaqueFactor(f"<{tag}>", variables, compute),))]
 
 
-def _difference(sums: Sequence[Sum]) -> Sum:
-    return _sum([sums[0], *(scale_products(-1.0, parts) for parts in sums[1:])])
+def _add_sums(sums: Sequence[Sum]) -> Sum:
+    return list(itertools.chain.from_iterable(sums))
 
 
-def _product(sums: Sequence[Sum]) -> Sum:
+def _subtract_sums(sums: Sequence[Sum]) -> Sum:
+    return _add_sums([sums[0], *(scale_products(-1.0, parts) for parts in sums[1:])])
+
+
+def _multiply_sums(sums: Sequence[Sum]) -> Sum:
     if math.prod(map(len, sums)) > MOST_PRODUCTS:
         raise NotAProduct(f"it multiplies out to more than {MOST_PRODUCTS} products")
-    return reduce(lambda a, b: [x * y for x in a for y in b], sums)
+    return reduce(_multiply_two, sums)
 
 
-def _quotient(sums: Sequence[Sum]) -> Sum | None:
-    """Return a quotient by numbers and powers as a product."""
-    if len(sums) != 2 or len(sums[1]) != 1 or not sums[1][0].monomial or sums[1][0].factor == 0.0:
+def _multiply_two(a: Sum, b: Sum) -> Sum:
+    return [x * y for x, y in itertools.product(a, b)]
+
+
+def _divide_sums(sums: Sequence[Sum]) -> Sum | None:
+    """Return a quotient as a product if the denominator is a number times powers of symbols."""
+    if len(sums) != 2 or len(sums[1]) != 1:
         return None
-    below = Product(
-        1.0 / sums[1][0].factor, {symbol: -power for symbol, power in sums[1][0].symbols.items()}
-    )
-    return [part * below for part in sums[0]]
+    denominator = sums[1][0]
+    if not denominator.monomial or denominator.factor == 0.0:
+        return None
+    powers = {symbol: -power for symbol, power in denominator.symbols.items()}
+    inverse = Product(1.0 / denominator.factor, powers)
+    return [part * inverse for part in sums[0]]
 
 
-def _power(sums: Sequence[Sum]) -> Sum | None:
+def _raise_sum(sums: Sequence[Sum]) -> Sum | None:
     """Return a small whole power as a product."""
-    if (
-        len(sums) != 2
-        or len(sums[1]) != 1
-        or not sums[1][0].constant
-        or sums[1][0].factor not in (1.0, 2.0, 3.0, 4.0)
-    ):
+    if len(sums) != 2 or len(sums[1]) != 1:
         return None
-    return _product([sums[0]] * int(sums[1][0].factor))
+    exponent = sums[1][0]
+    if not exponent.constant or exponent.factor not in _EXPONENTS:
+        return None
+    return _multiply_sums([sums[0]] * int(exponent.factor))
 
 
 def _sign(x: np.ndarray) -> np.ndarray:
     return np.where(x < 0.0, -1.0, 1.0)
 
 
-def _each(function: Callable) -> Callable:
+def _reduce_with(function: Callable) -> Callable:
+    """Return a function of two arguments as one of any number of arguments."""
     return lambda *values: reduce(function, values)
 
 
+# Operations whose result may be a sum of products. None means that it is not.
 _EXACT: dict[str, Callable[[Sequence[Sum]], Sum | None]] = {
-    "sum": _sum,
-    "difference": _difference,
-    "product": _product,
-    "quotient": _quotient,
-    "pow": _power,
+    "sum": _add_sums,
+    "difference": _subtract_sums,
+    "product": _multiply_sums,
+    "quotient": _divide_sums,
+    "pow": _raise_sum,
     "abs": lambda sums: absolute_value_table(sums[0]),
-    "avg": lambda sums: scale_products(1.0 / len(sums), _sum(sums)),
+    "avg": lambda sums: scale_products(1.0 / len(sums), _add_sums(sums)),
     "toradians": lambda sums: scale_products(math.pi / 180.0, sums[0]),
     "todegrees": lambda sums: scale_products(180.0 / math.pi, sums[0]),
 }
-_CURVED: dict[str, Callable] = {
+# Operations over arrays, for opaque factors.
+_NONLINEAR: dict[str, Callable] = {
     "quotient": operator.truediv,
     "pow": np.power,
     "abs": np.abs,
@@ -251,8 +287,8 @@ _CURVED: dict[str, Callable] = {
     "acos": np.arccos,
     "atan": np.arctan,
     "atan2": np.arctan2,
-    "min": _each(np.minimum),
-    "max": _each(np.maximum),
+    "min": _reduce_with(np.minimum),
+    "max": _reduce_with(np.maximum),
     "integer": np.trunc,
     "fraction": lambda x: x - np.trunc(x),
     "lt": np.less,
@@ -261,19 +297,24 @@ _CURVED: dict[str, Callable] = {
     "ge": np.greater_equal,
     "eq": np.equal,
     "nq": np.not_equal,
-    "and": _each(np.logical_and),
-    "or": _each(np.logical_or),
+    "and": _reduce_with(np.logical_and),
+    "or": _reduce_with(np.logical_or),
     "not": np.logical_not,
     "ifthen": lambda test, yes, no: np.where(test != 0.0, yes, no),
 }
+# Operations of JSBSim that the import refuses.
 NOT_COMPUTED = (
-    *("random", "urandom", "mod", "fmod", "floor", "ceil", "switch"),
-    *(
-        "rotation_alpha_local",
-        "rotation_beta_local",
-        "rotation_gamma_local",
-        "rotation_bf_to_wf",
-        "rotation_wf_to_bf",
-    ),
+    "random",
+    "urandom",
+    "mod",
+    "fmod",
+    "floor",
+    "ceil",
+    "switch",
+    "rotation_alpha_local",
+    "rotation_beta_local",
+    "rotation_gamma_local",
+    "rotation_bf_to_wf",
+    "rotation_wf_to_bf",
 )
-KNOWN = frozenset((*_EXACT, *_CURVED, *NOT_COMPUTED))
+KNOWN = frozenset((*_EXACT, *_NONLINEAR, *NOT_COMPUTED))

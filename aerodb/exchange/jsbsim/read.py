@@ -1,9 +1,9 @@
-"""The aerodynamics of a JSBSim aircraft file as a database.
+"""Import of the aerodynamics of a JSBSim aircraft file as a database.
 
-Read are functions that are sums of products of numbers, properties and tables of one to four axes,
-on the axes ``DRAG SIDE LIFT`` (wind), ``AXIAL SIDE NORMAL`` (body), ``X Y Z`` with a frame, and
-``ROLL PITCH YAW`` (body).  Degrees become radians, feet metres, and a rate times ``bi2vel`` or
-``ci2vel`` a reduced rate.
+The import accepts functions that are sums of products of numbers, properties and tables of one to
+four axes.  The axes are ``DRAG SIDE LIFT`` (wind), ``AXIAL SIDE NORMAL`` (body), ``X Y Z`` with a
+frame, and ``ROLL PITCH YAW`` (body).  Degrees become radians, feet metres, and a rate times
+``bi2vel`` or ``ci2vel`` a reduced rate.
 """
 
 from __future__ import annotations
@@ -11,54 +11,76 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import xarray as xr
 
 from aerodb.exchange.jsbsim.functions import Functions, sample_product
-from aerodb.exchange.jsbsim.products import NotAProduct, scale_products
+from aerodb.exchange.jsbsim.metrics import read_reference, read_section, read_sizes, read_tail_sizes
+from aerodb.exchange.jsbsim.products import NotAProduct, OpaqueFactor, scale_products
 from aerodb.exchange.jsbsim.properties import COEFFICIENT, stated_travel
 from aerodb.exchange.jsbsim.terms import term_of_product
 from aerodb.exchange.xml_reader import Element, read_xml
 from aerodb.store.schema import HINGE, make_database
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.units import FOOT, INCH
+from flightmech.units import FOOT
 
-_LENGTH = {"FT": FOOT, "M": 1.0, "IN": INCH}
-_AREA = {"FT2": FOOT**2, "M2": 1.0}
+# Axis and frame of the file: force axes of the database, coefficient, sign of the coefficient.
+# JSBSim reverses X and Z of the stability and wind frames: they are drag and lift.
 _FRAMES = {
     ("LIFT", ""): ("wind", "CL", 1.0),
     ("DRAG", ""): ("wind", "CD", 1.0),
     ("AXIAL", ""): ("body", "CX", -1.0),
     ("NORMAL", ""): ("body", "CZ", -1.0),
-    **{(axis, frame): ("body", f"C{axis}", 1.0) for axis in "XYZ" for frame in ("", "BODY")},
-    # JSBSim turns the signs of X and Z of these frames round: they are drag and lift
-    **{
-        (axis, frame.upper()): (frame, name, 1.0)
-        for frame in ("stability", "wind")
-        for axis, name in (("X", "CD"), ("Y", "CY"), ("Z", "CL"))
-    },
+    ("X", ""): ("body", "CX", 1.0),
+    ("Y", ""): ("body", "CY", 1.0),
+    ("Z", ""): ("body", "CZ", 1.0),
+    ("X", "BODY"): ("body", "CX", 1.0),
+    ("Y", "BODY"): ("body", "CY", 1.0),
+    ("Z", "BODY"): ("body", "CZ", 1.0),
+    ("X", "STABILITY"): ("stability", "CD", 1.0),
+    ("Y", "STABILITY"): ("stability", "CY", 1.0),
+    ("Z", "STABILITY"): ("stability", "CL", 1.0),
+    ("X", "WIND"): ("wind", "CD", 1.0),
+    ("Y", "WIND"): ("wind", "CY", 1.0),
+    ("Z", "WIND"): ("wind", "CL", 1.0),
 }
-_TAIL = {
-    "htailarea": "metrics/Sh-sqft",
-    "htailarm": "metrics/lh-ft",
-    "vtailarea": "metrics/Sv-sqft",
-    "vtailarm": "metrics/lv-ft",
-}
+# Axis of the file: coefficient and the length that multiplies it.
 _MOMENTS = {"ROLL": ("Cl", "b"), "PITCH": ("Cm", "cbar"), "YAW": ("Cn", "b")}
 _AILERONS = "both ailerons are taken to move by the same angle, left = -delta_a and right = delta_a"
-_WORD = re.compile(r"[^A-Za-z0-9_]+")
+_SEPARATOR = re.compile(r"[^A-Za-z0-9_]+")
 
 
 @dataclass(frozen=True)
 class _JsbsimAxis:
-    """An axis of the file: the coefficient, its sign there and what a coefficient is multiplied by."""
+    """An axis of the file.
+
+    Parameters
+    ----------
+    coefficient : str
+        Its coefficient.
+    sign : float
+        Sign of the coefficient in the functions.
+    per : mapping of str to int
+        Powers of dynamic pressure, area and length that multiply the coefficient.
+    functions : list of Element
+        Its functions.
+    """
 
     coefficient: str
     sign: float
     per: Mapping[str, int]
     functions: list[Element]
+
+
+@dataclass(frozen=True)
+class _Options:
+    """Options of `import_jsbsim` for the conversion of functions."""
+
+    leave_out: Collection[str] = ()
+    sample: float | None = None
+    box: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 def import_jsbsim(
@@ -76,57 +98,63 @@ def import_jsbsim(
     path : path
         The aircraft file.
     travel : mapping of str to float, optional
-        Deflection where a normalised position is 1, ``{"delta_f": 0.698}`` for
-        ``fcs/flap-pos-norm``; what the control system of the file states by scaling a position to
-        its fraction needs no entry. [rad]
+        Deflection at which a normalised position is 1, ``{"delta_f": 0.698}`` for
+        ``fcs/flap-pos-norm``.  A position that the control system of the file scales to its
+        fraction needs no entry. [rad]
     leave_out : collection of str, optional
-        Names of functions to do without; they are listed in ``absent``.
+        Names of functions to leave out.  They are listed in ``absent``.
     sample : float, optional
-        Largest difference with which a function that is no product of tables may be put onto one
-        table; without it such functions are refused.  [1, or per unit of the regressors]
+        Largest difference if a function that is not a product of tables is sampled on one table.
+        Without it such functions are refused.  [1, or per unit of the regressors]
     box : mapping of str to (low, high), optional
-        Range of variables for `sample`; without an entry, the range of the tables over it. [SI]
+        Range of variables for `sample`.  The default is the range of the tables over it. [SI]
 
     Returns
     -------
     DataTree
-        A database in the force axes of the file; terms carry the names of the functions,
-        ``CL/CLalpha``, and those of `export_jsbsim` their own.  Moment reference is ``AERORP``.
+        A database in the force axes of the file.  Terms have the names of the functions,
+        ``CL/CLalpha``.  Terms of `export_jsbsim` have their original names.  The moment reference
+        is ``AERORP``.
 
     Raises
     ------
     ParseError
-        Not an aircraft file, a faulty table, an unknown unit; with the line.
+        The file is not an aircraft file, or it has a faulty table or an unknown unit; with the
+        line.
     SchemaError
-        With every function that is no term, and why.
+        Functions that are not terms; with the reason of each.
     UnknownName
         A name in `leave_out` that the file does not have.
 
     Notes
     -----
-    ``aero/cl-squared`` is ``CL CL``, the lift coefficient of the same instant; JSBSim takes the lift of the step before over the present
-    dynamic pressure.  Ailerons are taken to move by the same angle: ``left-aileron-pos`` is -delta_a.  Magnitudes such as
-    ``aero/mag-beta-rad``, and a third factor such as ``gear-pos-norm``, become tables over all values of the variable.
+    ``aero/cl-squared`` is ``CL CL``, the lift coefficient of the same instant.  JSBSim takes the
+    lift of the step before over the present dynamic pressure.  Both ailerons move by the same
+    angle: ``left-aileron-pos`` is -delta_a.  Magnitudes such as ``aero/mag-beta-rad``, and a third
+    factor such as ``gear-pos-norm``, become tables over all values of the variable.
     """
-    root = read_xml(Path(path))
+    path = Path(path)
+    root = read_xml(path)
     if root.tag != "fdm_config":
         raise root.error(f"<{root.tag}>", "an aircraft file of JSBSim, <fdm_config>")
-    metrics, aerodynamics = (_section(root, tag) for tag in ("metrics", "aerodynamics"))
-    sizes = _sizes(metrics)
-    force_axes, axes = _axes(aerodynamics)
-    named = {
-        name: element
-        for element in aerodynamics.walk()
-        if element.tag == "function" and (name := element.attributes.get("name", ""))
-    }
+    metrics, aerodynamics = read_section(root, "metrics"), read_section(root, "aerodynamics")
+    sizes = read_sizes(metrics)
+    force_axes, axes = _read_axes(aerodynamics)
+    named = _named_functions(aerodynamics)
     for name in leave_out:
         if name not in named:
             raise UnknownName(name, named, "function")
-    in_feet = {"S": sizes["S"] / FOOT**2, "cbar": sizes["cbar"] / FOOT, "b": sizes["b"] / FOOT}
-    functions = Functions(
-        named, in_feet, {**_stated_travel(root), **(travel or {})}, _tail(metrics)
-    )
-    leaves, problems = _leaves(axes, functions, leave_out, sample, box or {})
+
+    # Functions compute in feet, as JSBSim does.
+    sizes_in_feet = {
+        "S": sizes["S"] / FOOT**2,
+        "cbar": sizes["cbar"] / FOOT,
+        "b": sizes["b"] / FOOT,
+    }
+    all_travel = {**_stated_travel(root), **(travel or {})}
+    functions = Functions(named, sizes_in_feet, all_travel, constants=read_tail_sizes(metrics))
+    options = _Options(leave_out, sample, box or {})
+    leaves, problems = _convert_functions(axes, functions, options)
     if problems:
         raise SchemaError(
             f"{path}: functions that are no terms; leave_out = [names] does without them, "
@@ -136,71 +164,98 @@ def import_jsbsim(
     return make_database(
         leaves,
         title=_title(root),
-        aircraft=root.attributes.get("name", "") or Path(path).stem,
+        aircraft=root.attributes.get("name", "") or path.stem,
         **sizes,
-        **_reference(metrics),
+        **read_reference(metrics),
         force_axes=force_axes,
-        source=f"JSBSim aircraft file {Path(path).name}",
-        history=f"import_jsbsim: {Path(path).name}",
-        comment=_AILERONS
-        if any("aileron-pos" in e.text for axis in axes for f in axis.functions for e in f.walk())
-        else "",
-        absent=" ".join(
-            f"{axis.coefficient}/{_word(name)}"
-            for axis in axes
-            for name in _left_out(axis, leave_out)
-        ),
+        source=f"JSBSim aircraft file {path.name}",
+        history=f"import_jsbsim: {path.name}",
+        comment=_AILERONS if _uses_ailerons(axes) else "",
+        absent=" ".join(_absent_terms(axes, leave_out)),
     )
 
 
-def _leaves(
-    axes: list[_JsbsimAxis],
-    functions: Functions,
-    leave_out: Collection[str],
-    sample: float | None,
-    box: Mapping[str, tuple[float, float]],
+def _named_functions(aerodynamics: Element) -> dict[str, Element]:
+    named = {}
+    for element in aerodynamics.walk():
+        name = element.attributes.get("name", "")
+        if element.tag == "function" and name:
+            named[name] = element
+    return named
+
+
+def _uses_ailerons(axes: list[_JsbsimAxis]) -> bool:
+    """Return whether a function contains the position of one aileron."""
+    for axis in axes:
+        for function in axis.functions:
+            if any("aileron-pos" in element.text for element in function.walk()):
+                return True
+    return False
+
+
+def _absent_terms(axes: list[_JsbsimAxis], leave_out: Collection[str]) -> list[str]:
+    """Return the terms of the functions that are left out."""
+    terms = []
+    for axis in axes:
+        for function in axis.functions:
+            title = function.attributes.get("name", "")
+            if title in leave_out:
+                terms.append(f"{axis.coefficient}/{_to_word(title)}")
+    return terms
+
+
+def _convert_functions(
+    axes: list[_JsbsimAxis], functions: Functions, options: _Options
 ) -> tuple[dict[str, xr.Dataset], list[str]]:
-    """Return the terms by name, and a problem for each function that is none."""
+    """Return the terms by name, and a problem for each function that is not a sum of terms."""
     leaves: dict[str, xr.Dataset] = {}
     problems = []
     for axis in axes:
         for element in axis.functions:
             title = element.attributes.get("name", "")
-            if title in leave_out:
+            if title in options.leave_out:
                 continue
-            text = {
-                "comment": _description(element),
-                "references": f"{Path(element.file).name}, line {element.line}, {title}",
-            }
-            text["history"] = f"import_jsbsim: {Path(element.file).name}"
+            label = f"line {element.line}: {title or 'function'}"
             try:
-                for product in scale_products(axis.sign, functions.products(element)):
-                    found = term_of_product(
-                        product,
-                        axis.per,
-                        functions.sizes,
-                        lambda opaque, tables: sample_product(opaque, tables, sample, box),
-                        **text,
-                    )
-                    leaves[
-                        _free(
-                            f"{axis.coefficient}/{_contribution(title, axis.coefficient)}", leaves
-                        )
-                    ] = found
+                _convert_function(element, axis, functions, options=options, leaves=leaves)
             except NotAProduct as reason:
-                problems.append(f"line {element.line}: {title or 'function'}: {reason}")
+                problems.append(f"{label}: {reason}")
             except SchemaError as error:
-                problems += [
-                    f"line {element.line}: {title or 'function'}: {reason}"
-                    for reason in error.problems
-                ]
+                problems += [f"{label}: {reason}" for reason in error.problems]
     return leaves, problems
 
 
-def _axes(aerodynamics: Element) -> tuple[str, list[_JsbsimAxis]]:
-    """Return the force axes of the file and its axes, hinge moments behind them."""
+def _convert_function(
+    element: Element,
+    axis: _JsbsimAxis,
+    functions: Functions,
+    *,
+    options: _Options,
+    leaves: dict[str, xr.Dataset],
+) -> None:
+    """Add the terms of a function to `leaves`, one for each of its products."""
+    title, file = element.attributes.get("name", ""), Path(element.file).name
+    texts = {
+        "comment": _description(element),
+        "references": f"{file}, line {element.line}, {title}",
+        "history": f"import_jsbsim: {file}",
+    }
+
+    def sample_factors(
+        opaque: list[OpaqueFactor], tables: list[xr.DataArray]
+    ) -> tuple[xr.DataArray, str]:
+        return sample_product(opaque, tables, options.sample, options.box)
+
+    for product in scale_products(axis.sign, functions.products(element)):
+        leaf = term_of_product(product, axis.per, functions.sizes, sample_factors, **texts)
+        name = f"{axis.coefficient}/{_contribution_name(title, axis.coefficient)}"
+        leaves[_unused_name(name, leaves)] = leaf
+
+
+def _read_axes(aerodynamics: Element) -> tuple[str, list[_JsbsimAxis]]:
+    """Return the force axes of the file and its axes, followed by hinge moments."""
     frames: dict[str, Element] = {}
-    found: list[_JsbsimAxis] = []
+    axes: list[_JsbsimAxis] = []
     elements = aerodynamics.all("axis")
     names = {element.attributes.get("name", "") for element in elements}
     for element in elements:
@@ -209,13 +264,13 @@ def _axes(aerodynamics: Element) -> tuple[str, list[_JsbsimAxis]]:
                 f"unit {element.attributes['unit']!r}",
                 "forces in LBS and moments in LBSFT, as JSBSim takes them",
             )
-        frame, axis = _axis(element, names)
-        if axis.coefficient in {other.coefficient for other in found}:
+        frame, axis = _read_axis(element, names)
+        if any(axis.coefficient == earlier.coefficient for earlier in axes):
             raise element.error(
                 f"a second axis {element.attributes['name']}",
                 "each axis once; JSBSim keeps the last one only, join them",
             )
-        found.append(axis)
+        axes.append(axis)
         if frame:
             frames.setdefault(frame, element)
     if len(frames) > 1:
@@ -229,11 +284,12 @@ def _axes(aerodynamics: Element) -> tuple[str, list[_JsbsimAxis]]:
                 "<aero_ref_pt_shift_x>",
                 "a fixed moment reference; the database has no term for one that moves",
             )
-    return next(iter(frames), "wind"), [*found, *_hinges(aerodynamics)]
+    # A file without forces has no frame.
+    return next(iter(frames), "wind"), [*axes, *_hinge_axes(aerodynamics)]
 
 
-def _axis(element: Element, names: set[str]) -> tuple[str, _JsbsimAxis]:
-    """Return the frame of the forces ("" for moments) and the axis."""
+def _read_axis(element: Element, names: set[str]) -> tuple[str, _JsbsimAxis]:
+    """Return the frame of the forces ("" for moments) and the axis; `names` are all axes."""
     name, frame = element.attributes.get("name", ""), element.attributes.get("frame", "")
     functions = element.all("function")
     for function in functions:
@@ -250,9 +306,11 @@ def _axis(element: Element, names: set[str]) -> tuple[str, _JsbsimAxis]:
             )
         coefficient, span = _MOMENTS[name]
         return "", _JsbsimAxis(coefficient, 1.0, {"qbar": 1, "S": 1, span: 1}, functions)
+    force = {"qbar": 1, "S": 1}
     if name == "SIDE":
-        side = "body" if names & {"AXIAL", "NORMAL"} else "wind"
-        return side, _JsbsimAxis("CY", 1.0, {"qbar": 1, "S": 1}, functions)
+        # SIDE belongs to both sets of axes, so the other axes of the file decide.
+        axes = "body" if names & {"AXIAL", "NORMAL"} else "wind"
+        return axes, _JsbsimAxis("CY", 1.0, force, functions)
     if (name, frame) not in _FRAMES:
         allowed = (
             "DRAG SIDE LIFT, AXIAL SIDE NORMAL, X Y Z (frame BODY, STABILITY or WIND), "
@@ -260,155 +318,56 @@ def _axis(element: Element, names: set[str]) -> tuple[str, _JsbsimAxis]:
         )
         raise element.error(f"axis {name!r} {frame}".rstrip(), allowed)
     axes, coefficient, sign = _FRAMES[name, frame]
-    return axes, _JsbsimAxis(coefficient, sign, {"qbar": 1, "S": 1}, functions)
+    return axes, _JsbsimAxis(coefficient, sign, force, functions)
 
 
-def _hinges(aerodynamics: Element) -> Iterator[_JsbsimAxis]:
-    """Yield the hinge-moment coefficients that `export_jsbsim` writes next to the axes."""
+def _hinge_axes(aerodynamics: Element) -> Iterator[_JsbsimAxis]:
+    """Yield the hinge-moment coefficients, which `export_jsbsim` writes next to the axes."""
     for coefficient in HINGE:
-        named = [
-            e
-            for e in aerodynamics.all("function")
-            if e.attributes.get("name", "").startswith(f"{COEFFICIENT}{coefficient}/")
-        ]
-        if named:
-            yield _JsbsimAxis(coefficient, 1.0, {}, named)
+        prefix = f"{COEFFICIENT}{coefficient}/"
+        functions = []
+        for element in aerodynamics.all("function"):
+            if element.attributes.get("name", "").startswith(prefix):
+                functions.append(element)
+        if functions:
+            yield _JsbsimAxis(coefficient, 1.0, {}, functions)
 
 
 def _stated_travel(root: Element) -> dict[str, float]:
-    """Return the travel of the controls that the file states; of one whose control system is
-    elsewhere, none.
-    """
+    """Return the travel of the controls in the file; empty if the control system is elsewhere."""
     control = root.first("flight_control")
     return {} if control is None else stated_travel(control)
 
 
-def _section(root: Element, tag: str) -> Element:
-    """Return a section, from its own file in the folder of the aircraft file where it refers to
-    one.
-    """
-    element = root.first(tag)
-    if element is None:
-        raise root.error(f"no <{tag}>", f"an aircraft file with <{tag}>")
-    name = element.attributes.get("file", "")
-    if not name:
-        return element
-    folder = Path(root.file).resolve().parent
-    for candidate in (
-        folder / name,
-        folder / f"{name}.xml",
-        folder / "Systems" / name,
-        folder / "Systems" / f"{name}.xml",
-    ):
-        if candidate.is_file() and candidate.resolve().is_relative_to(folder):
-            found = read_xml(candidate)
-            if found.tag != tag:
-                raise found.error(
-                    f"<{found.tag}>",
-                    f"<{tag}>, which {Path(root.file).name} refers to in line {element.line}",
-                )
-            return found
-    raise element.error(
-        f"file {name!r}", f"a file in the folder of {Path(root.file).name}; put it there"
-    )
-
-
-def _sizes(metrics: Element) -> dict[str, float]:
-    """Return ``S``, ``cbar`` and ``b``. [m2, m, m]"""
-    rows = {
-        "S": ("wingarea", "FT2", _AREA),
-        "cbar": ("chord", "FT", _LENGTH),
-        "b": ("wingspan", "FT", _LENGTH),
-    }
-    return {
-        name: _measure(metrics, tag, default, units) for name, (tag, default, units) in rows.items()
-    }
-
-
-def _tail(metrics: Element) -> dict[str, float]:
-    """Return the areas and arms of the tail by property. [ft2, ft]"""
-    found = {}
-    for tag, name in _TAIL.items():
-        element = metrics.first(tag)
-        if element is not None:
-            area = tag.endswith("area")
-            units, default = (_AREA, "FT2") if area else (_LENGTH, "FT")
-            found[name] = element.number * _unit(element, default, units) / units[default]
-    return found
-
-
-def _measure(parent: Element, tag: str, default: str, units: Mapping[str, float]) -> float:
-    element = parent.first(tag)
-    if element is None:
-        raise parent.error(
-            f"<{parent.tag}> without <{tag}>", f"<{tag}> with a unit, {' or '.join(units)}"
-        )
-    if element.number <= 0.0:
-        raise element.error(f"<{tag}> {element.number:g}", "a positive number")
-    return element.number * _unit(element, default, units)
-
-
-def _unit(element: Element, default: str, units: Mapping[str, float]) -> float:
-    name = element.attributes.get("unit", default)
-    if name not in units:
-        raise element.error(f"unit {name!r} of <{element.tag}>", f"one of {', '.join(units)}")
-    return units[name]
-
-
-def _reference(metrics: Element) -> dict[str, float]:
-    """Return the moment reference point, body directions, from structural axes: x aft, z up. [m]"""
-    for location in metrics.all("location"):
-        if location.attributes.get("name") == "AERORP":
-            scale = _unit(location, "IN", _LENGTH)
-            found = {}
-            for axis, sign in zip("xyz", (-1.0, 1.0, -1.0)):
-                element = location.first(axis)
-                if element is None:
-                    raise location.error(f"AERORP without <{axis}>", "x, y and z")
-                found[f"{axis}_ref"] = sign * element.number * scale
-            return found
-    raise metrics.error(
-        "no location AERORP", "the moment reference point, <location name='AERORP'>"
-    )
-
-
 def _title(root: Element) -> str:
+    """Return the description of the file, or else its name."""
     head = root.first("fileheader")
     description = head.first("description") if head is not None else None
-    return (
-        " ".join(description.text.split())
-        if description is not None and description.text
-        else root.attributes.get("name", "")
-    )
+    if description is not None and description.text:
+        return " ".join(description.text.split())
+    return root.attributes.get("name", "")
 
 
 def _description(function: Element) -> str:
-    found = function.first("description")
-    return " ".join(found.text.split()) if found is not None else ""
+    description = function.first("description")
+    return " ".join(description.text.split()) if description is not None else ""
 
 
-def _contribution(title: str, coefficient: str) -> str:
-    """Return the name of a term: ours as it was written, else the last word of the function's name."""
-    own = title.removeprefix(f"{COEFFICIENT}{coefficient}/")
-    return _word(own if own != title else title.rpartition("/")[2])
+def _contribution_name(title: str, coefficient: str) -> str:
+    """Return the name of a term of an exported file, or else the last word of the function name."""
+    exported = title.removeprefix(f"{COEFFICIENT}{coefficient}/")
+    return _to_word(exported if exported != title else title.rpartition("/")[2])
 
 
-def _word(text: str) -> str:
-    word = _WORD.sub("_", text.rpartition("/")[2]).strip("_")
+def _to_word(text: str) -> str:
+    """Return the last part of a name with letters, digits and underscores only."""
+    word = _SEPARATOR.sub("_", text.rpartition("/")[2]).strip("_")
     return word if word[:1].isalpha() else f"f_{word}".rstrip("_")
 
 
-def _free(name: str, taken: Collection[str]) -> str:
-    number, found = 1, name
-    while found in taken:
+def _unused_name(name: str, leaves: Collection[str]) -> str:
+    number, candidate = 1, name
+    while candidate in leaves:
         number += 1
-        found = f"{name}_{number}"
-    return found
-
-
-def _left_out(axis: _JsbsimAxis, leave_out: Collection[str]) -> list[str]:
-    return [
-        title
-        for function in axis.functions
-        if (title := function.attributes.get("name", "")) in leave_out
-    ]
+        candidate = f"{name}_{number}"
+    return candidate

@@ -1,8 +1,8 @@
-"""Products to terms: what remains when dynamic pressure and reference quantities are taken off a
-force or moment.
+"""Tables of a JSBSim file, and conversion of its products to terms of a database.
 
-A rate over the airspeed becomes the reduced rate, p b/2V; a rate alone stays one, except those of
-the flow angles, which exist reduced only: alpha_dot = alphadothat * 2V/cbar.
+A term is the product without the dynamic pressure and the reference quantities of a force or
+moment.  A rate over the airspeed becomes the reduced rate, p b/2V.  A rate alone stays a rate.  The
+rates of the flow angles exist as reduced rates only: alpha_dot = alphadothat * 2V/cbar.
 """
 
 from __future__ import annotations
@@ -27,13 +27,12 @@ from aerodb.exchange.jsbsim.properties import AXIS, ENGINE, FUNCTION, RANGE, RAT
 from aerodb.exchange.xml_reader import Element
 from flightmech.terms import MAX_AXES, MAX_REGRESSORS, make_term
 
-_PLACES = ("axis4", "table", "row", "column")
+# Values of the attribute ``lookup``, from the outermost axis to the columns.
+_LOOKUPS = ("axis4", "table", "row", "column")
 
 
 def read_jsbsim_table(element: Element) -> tuple[list[str], list[np.ndarray], np.ndarray]:
-    """Return the properties, breakpoints and nodes of a ``<table>``, axes from the outermost to the
-    columns.
-    """
+    """Return properties, breakpoints and nodes of a ``<table>``, the outermost axis first."""
     axes = element.all("independentVar")
     data = element.all("tableData")
     if not axes or not data:
@@ -41,62 +40,66 @@ def read_jsbsim_table(element: Element) -> tuple[list[str], list[np.ndarray], np
             "a table without independentVar or tableData", "a table over at least one property"
         )
     if len(axes) == 1:
-        points, values = _columns(data[0])
+        points, values = _read_column(data[0])
         return [axes[0].text], [points], values
-    places = [axis.attributes.get("lookup", "") for axis in axes]
-    order = list(_PLACES[-len(axes) :])
-    if sorted(places) != sorted(order):
+    lookups = [axis.attributes.get("lookup", "") for axis in axes]
+    order = list(_LOOKUPS[-len(axes) :])
+    if sorted(lookups) != sorted(order):
         raise axes[0].error(
-            f"lookup {' '.join(places)!r} for {len(axes)} axes",
+            f"lookup {' '.join(lookups)!r} for {len(axes)} axes",
             f"lookup {' '.join(order)!r}, each once",
         )
-    names = {place: axis.text for place, axis in zip(places, axes)}
-    grid, values = _block(element, len(axes))
-    return [names[place] for place in order], grid, values
+    names = {lookup: axis.text for lookup, axis in zip(lookups, axes, strict=True)}
+    if len(axes) > 2:
+        grid, values = _read_blocks(data, len(axes), element)
+    elif len(data) != 1:
+        raise element.error(f"{len(data)} tableData for two axes", "one")
+    else:
+        grid, values = _read_rows(data[0])
+    return [names[lookup] for lookup in order], grid, values
 
 
-def _block(parent: Element, axes: int) -> tuple[list[np.ndarray], np.ndarray]:
-    """Return breakpoints and nodes of the ``tableData`` in an element."""
-    data = parent.all("tableData")
-    if axes == 2:
-        if len(data) != 1:
-            raise parent.error(f"{len(data)} tableData for two axes", "one")
-        return _rows(data[0])
-    return _stack(data, axes, parent)
-
-
-def _stack(data: list[Element], axes: int, parent: Element) -> tuple[list[np.ndarray], np.ndarray]:
+def _read_blocks(
+    data: list[Element], axes: int, parent: Element
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """Return breakpoints and nodes of a table whose outermost axis counts the blocks."""
     if len(data) < 2:
         raise parent.error(f"{len(data)} tableData where breakPoint counts", "at least two")
-    points = [_break_point(item) for item in data]
-    for item, low, high in zip(data[1:], points, points[1:]):
+    points = [_read_break_point(item) for item in data]
+    for item, low, high in zip(data[1:], points, points[1:], strict=False):
         if high <= low:
             raise item.error(f"breakPoint {high:g} after {low:g}", "breakpoints in rising order")
-    blocks = [
-        _rows(item) if axes == 3 else _stack(item.all("tableData"), axes - 1, item) for item in data
-    ]
-    grid = [np.unique(np.concatenate(points)) for points in zip(*(own for own, _ in blocks))]
+    blocks = []
+    for item in data:
+        if axes == 3:
+            blocks.append(_read_rows(item))
+        else:
+            blocks.append(_read_blocks(item.all("tableData"), axes - 1, item))
+    # Each block may have breakpoints of its own. The table has those of all blocks.
+    grid = []
+    for block_points in zip(*(block_grid for block_grid, _ in blocks), strict=True):
+        grid.append(np.unique(np.concatenate(block_points)))
     if len(blocks) * math.prod(map(len, grid)) > MOST_NODES:
         raise parent.error(
             "blocks with breakpoints of their own, all together too many",
             f"a table of up to {MOST_NODES} nodes",
         )
-    return [np.array(points), *grid], np.stack(
-        [_regridded(values, own, grid) for own, values in blocks]
-    )
+    values = [_refine_block(nodes, block_grid, grid) for block_grid, nodes in blocks]
+    return [np.array(points), *grid], np.stack(values)
 
 
-def _regridded(values: np.ndarray, own: list[np.ndarray], grid: list[np.ndarray]) -> np.ndarray:
-    """Return a block on the breakpoints of all blocks: the same function, for it is linear between
-    its own and held beyond.
-    """
-    for position, (points, wanted) in enumerate(zip(own, grid)):
-        if len(points) != len(wanted):
-            values = np.apply_along_axis(partial(np.interp, wanted, points), position, values)
+def _refine_block(
+    values: np.ndarray, block_grid: list[np.ndarray], grid: list[np.ndarray]
+) -> np.ndarray:
+    """Return a block on the breakpoints of all blocks, without a change of the function."""
+    # A block is linear between its breakpoints and constant beyond, like np.interp.
+    for index, (points, all_points) in enumerate(zip(block_grid, grid, strict=True)):
+        if len(points) != len(all_points):
+            values = np.apply_along_axis(partial(np.interp, all_points, points), index, values)
     return values
 
 
-def _break_point(element: Element) -> float:
+def _read_break_point(element: Element) -> float:
     text = element.attributes.get("breakPoint", "")
     try:
         value = float(text)
@@ -107,8 +110,8 @@ def _break_point(element: Element) -> float:
     return value
 
 
-def _columns(data: Element) -> tuple[np.ndarray, np.ndarray]:
-    """Return breakpoints and nodes of a table of one axis: pairs, one to a line."""
+def _read_column(data: Element) -> tuple[np.ndarray, np.ndarray]:
+    """Return breakpoints and nodes of a table of one axis, one pair in a line."""
     lines = data.numbers()
     for line, numbers in lines:
         if len(numbers) != 2:
@@ -120,11 +123,11 @@ def _columns(data: Element) -> tuple[np.ndarray, np.ndarray]:
     if len(lines) < 2:
         raise data.error(f"a table of {len(lines)} breakpoints", "at least two")
     pairs = np.array([numbers for _, numbers in lines])
-    _rising(data, pairs[:, 0], [line for line, _ in lines])
+    _demand_rising(data, pairs[:, 0], [line for line, _ in lines])
     return pairs[:, 0], pairs[:, 1]
 
 
-def _rows(data: Element) -> tuple[list[np.ndarray], np.ndarray]:
+def _read_rows(data: Element) -> tuple[list[np.ndarray], np.ndarray]:
     """Return breakpoints of rows and columns, and nodes, of a table of two axes."""
     lines = data.numbers()
     if len(lines) < 3 or len(lines[0][1]) < 2:
@@ -132,33 +135,36 @@ def _rows(data: Element) -> tuple[list[np.ndarray], np.ndarray]:
             f"a table of {max(len(lines) - 1, 0)} rows",
             "a line of column breakpoints, then at least two rows",
         )
-    head = lines[0][1]
-    _rising(data, head, [lines[0][0]] * len(head))
+    # The first line holds the columns, the first number of each other line is its row.
+    first_line, columns = lines[0]
+    _demand_rising(data, columns, [first_line] * len(columns))
     for line, numbers in lines[1:]:
-        if len(numbers) != len(head) + 1:
+        if len(numbers) != len(columns) + 1:
             raise data.error(
                 f"{len(numbers)} numbers",
-                f"a row breakpoint and {len(head)} values, one to a column",
+                f"a row breakpoint and {len(columns)} values, one to a column",
                 line,
             )
     rows = np.array([numbers for _, numbers in lines[1:]])
-    _rising(data, rows[:, 0], [line for line, _ in lines[1:]])
-    return [rows[:, 0], head], rows[:, 1:]
+    _demand_rising(data, rows[:, 0], [line for line, _ in lines[1:]])
+    return [rows[:, 0], columns], rows[:, 1:]
 
 
-def _rising(data: Element, points: np.ndarray, lines: Sequence[int]) -> None:
-    for at in np.flatnonzero(np.diff(points) <= 0).tolist():
+def _demand_rising(data: Element, points: np.ndarray, lines: Sequence[int]) -> None:
+    """Raise at the line of the first breakpoint that does not rise."""
+    falling = np.flatnonzero(np.diff(points) <= 0)
+    if falling.size:
+        index = int(falling[0])
         raise data.error(
-            f"breakpoint {points[at + 1]:g} after {points[at]:g}",
+            f"breakpoint {points[index + 1]:g} after {points[index]:g}",
             "breakpoints in rising order",
-            lines[at + 1],
+            lines[index + 1],
         )
 
 
 _MOST_TABLES = 3
-_HIGHEST = (
-    2 * MAX_REGRESSORS
-)  # power of a symbol; dynamic pressure and lengths may stand next to regressors
+# Largest power of a symbol. Dynamic pressure and lengths may be there in addition to regressors.
+_HIGHEST = 2 * MAX_REGRESSORS
 _KNOWN = {*AXIS, *FUNCTION, "CL"}
 Sampler = Callable[[list[OpaqueFactor], list[xr.DataArray]], tuple[xr.DataArray, str]]
 
@@ -177,144 +183,159 @@ def term_of_product(
     product : Product
         One product of a function of the file.
     per : mapping of str to int
-        Powers by which a coefficient is multiplied there: ``{"qbar": 1, "S": 1, "b": 1}`` for a
-        rolling moment.
+        Powers that multiply the coefficient: ``{"qbar": 1, "S": 1, "b": 1}`` for a rolling moment.
     sizes : mapping of str to float
         ``S``, ``cbar``, ``b`` in square feet and feet.
     sampler : callable
-        Makes one table of what is none and of the tables that share axes with it, or with each
-        other; or raises `NotAProduct`.
+        Returns one table for opaque factors and the tables that share axes with them or with each
+        other, and a remark; or raises `NotAProduct`.
     **text : str
         Attributes of the leaf.
 
     Raises
     ------
-    Unfit
-        With the reason.
+    NotAProduct
+        The product is not a term; with the reason.
     """
-    factor, words = _regressors(product, per, sizes)
-    tables, note = _tables(product, sampler)
-    tables += _lines(words, tables)
-    if len(words) > MAX_REGRESSORS:
+    factor, regressors = _split_regressors(product, per, sizes)
+    tables, note = _separate_tables(product, sampler)
+    tables += _lines_for_excess(regressors, tables)
+    if len(regressors) > MAX_REGRESSORS:
         raise NotAProduct(
-            f"{' x '.join(words)}: more than {MAX_REGRESSORS} regressors, and none of them "
+            f"{' x '.join(regressors)}: more than {MAX_REGRESSORS} regressors, and none of them "
             f"bounded so that it could be an axis"
         )
-    tables = _merged(tables)
-    for axis in sorted(str(axis) for table in tables for axis in table.dims):
-        _demand_known(axis)
-    value, K1, K2, *_ = [*(tables or [xr.DataArray(1.0)]), None, None]
-    assert value is not None
+    tables = _merge_small_tables(tables)
+    for axis in sorted(_axis_names(tables)):
+        _demand_variable(axis)
+    # The number of the product scales the first table.
+    value, *factors = tables or [xr.DataArray(1.0)]
     if note:
-        text["comment"] = "; ".join(part for part in (text.get("comment", ""), note) if part)
-    found = make_term(
-        (value * factor).values, _grid(value), words, K1=_like_ours(K1), K2=_like_ours(K2)
+        text["comment"] = "; ".join(filter(None, (text.get("comment", ""), note)))
+    leaf = make_term(
+        (value * factor).values,
+        _axis_points(value),
+        regressors,
+        **{f"K{i}": _factor_table(table) for i, table in enumerate(factors, 1)},  # type: ignore[arg-type]
     )
-    return found.assign_attrs(text)
+    return leaf.assign_attrs(text)
 
 
-def _regressors(
+def _split_regressors(
     product: Product, per: Mapping[str, int], sizes: Mapping[str, float]
 ) -> tuple[float, list[str]]:
-    """Return the number and the regressors that are left when the reference quantities are taken
-    off.
-    """
+    """Return the number and the regressors of a product without its reference quantities."""
     symbols = Counter(product.symbols)
     symbols.subtract(per)
     if symbols["qbar"] < 0:
         raise NotAProduct("it is not proportional to the dynamic pressure")
     if max(symbols.values(), default=0) > _HIGHEST:
         raise NotAProduct(f"a variable to a power above {_HIGHEST}")
-    factor, words = product.factor, []
+    factor = product.factor
+    regressors: list[str] = []
     for reduced, (rate, reference) in RATES.items():
-        for _ in range(symbols.pop(rate) if symbols[rate] > 0 else 0):
+        count = symbols.pop(rate) if symbols[rate] > 0 else 0
+        for _ in range(count):
+            # A body rate that is not divided by the airspeed stays a rate.
             if symbols["V"] >= 0 and reduced in ("phat", "qhat", "rhat"):
-                words.append(rate)
+                regressors.append(rate)
                 continue
+            # rate = reduced rate * 2 V / length
             factor *= 2.0
             symbols.update({reference: -1, "V": 1})
-            words.append(reduced)
-    factor *= reference_factor({name: symbols[name] for name in LENGTHS if symbols[name]}, sizes)
+            regressors.append(reduced)
+    lengths = {name: symbols[name] for name in LENGTHS if symbols[name]}
+    factor *= reference_factor(lengths, sizes)
     for symbol, power in symbols.items():
         if symbol in LENGTHS:
             continue
         if power < 0:
             raise NotAProduct(f"it divides by {symbol}")
+        # The product is in the units of JSBSim, the term in SI.
         factor /= jsbsim_unit(symbol) ** power
-        words += [symbol] * power
-    for word in words:
-        _demand_known(word)
-    return factor, _in_order(words, product)
+        regressors += [symbol] * power
+    for name in regressors:
+        _demand_variable(name)
+    return factor, _sort_like_file(regressors, product)
 
 
-def _in_order(words: list[str], product: Product) -> list[str]:
+def _sort_like_file(regressors: list[str], product: Product) -> list[str]:
     """Return regressors in the order in which the file multiplies them."""
-    place = {symbol: number for number, symbol in enumerate(product.symbols)}
-    rate: dict[str, str] = {reduced: name for reduced, (name, _) in RATES.items()}
-    return sorted(words, key=lambda word: place.get(rate.get(word) or word, len(place)))
+    positions = {symbol: index for index, symbol in enumerate(product.symbols)}
+    rate_of: dict[str, str] = {reduced: rate for reduced, (rate, _) in RATES.items()}
+    return sorted(regressors, key=lambda n: positions.get(rate_of.get(n) or n, len(positions)))
 
 
-def _demand_known(word: str) -> None:
-    if word not in _KNOWN and not ENGINE.match(word):
-        raise NotAProduct(f"{word} is no variable of the model")
+def _demand_variable(name: str) -> None:
+    if name not in _KNOWN and not ENGINE.match(name):
+        raise NotAProduct(f"{name} is no variable of the model")
 
 
-def _tables(product: Product, sampler: Sampler) -> tuple[list[xr.DataArray], str]:
-    """Return tables without common axes, and what was sampled."""
+def _axis_names(tables: Sequence[xr.DataArray]) -> list[str]:
+    """Return the axes of all tables, each as often as a table has it."""
+    names: list[str] = []
+    for table in tables:
+        names += map(str, table.dims)
+    return names
+
+
+def _separate_tables(product: Product, sampler: Sampler) -> tuple[list[xr.DataArray], str]:
+    """Return tables without common axes, and a remark on the sampling."""
     tables = [*product.tables, *product.shared]
-    counts = Counter(str(axis) for table in tables for axis in table.dims)
-    clash = {axis for axis, count in counts.items() if count > 1}.union(
-        *(one.variables for one in product.opaque)
-    )
-    while (
-        more := {str(axis) for table in tables if clash & set(table.dims) for axis in table.dims}
-        - clash
-    ):
-        clash |= more
-    inside = [table for table in tables if clash & set(table.dims)]
-    if not inside and not product.opaque:
+    counts = Counter(_axis_names(tables))
+    shared = {axis for axis, count in counts.items() if count > 1}
+    for factor in product.opaque:
+        shared |= factor.variables
+    # A table with a shared axis is sampled as a whole, so its other axes become shared as well.
+    # This is repeated until no further axis is added.
+    count = -1
+    while count != len(shared):
+        count = len(shared)
+        for table in tables:
+            if shared & set(table.dims):
+                shared.update(map(str, table.dims))
+    joined = [table for table in tables if shared & set(table.dims)]
+    if not joined and not product.opaque:
         return tables, ""
-    sampled, note = sampler(list(product.opaque), inside)
-    return [sampled, *(table for table in tables if not clash & set(table.dims))], note
+    separate = [table for table in tables if not shared & set(table.dims)]
+    sampled, note = sampler(list(product.opaque), joined)
+    return [sampled, *separate], note
 
 
-def _lines(words: list[str], tables: list[xr.DataArray]) -> list[xr.DataArray]:
-    """Take regressors too many off `words` and return them as tables: lines over all values the
-    variable can take.
-    """
-    found = []
-    taken = {str(axis) for table in tables for axis in table.dims}
-    for name in sorted(
-        set(words) & set(RANGE),
-        key=lambda name: (name not in ("gear", "speedbrake", "delta_f"), name),
-    ):
-        if len(words) > MAX_REGRESSORS and words.count(name) == 1 and name not in taken:
-            words.remove(name)
+def _lines_for_excess(regressors: list[str], tables: list[xr.DataArray]) -> list[xr.DataArray]:
+    """Remove excess regressors from `regressors`; return them as tables over all their values."""
+    lines = []
+    axes = set(_axis_names(tables))
+    # Configuration variables become tables first, then the others by name.
+    configuration = ("gear", "speedbrake", "delta_f")
+    candidates = sorted(set(regressors) & set(RANGE), key=lambda n: (n not in configuration, n))
+    for name in candidates:
+        is_excess = len(regressors) > MAX_REGRESSORS
+        if is_excess and regressors.count(name) == 1 and name not in axes:
+            regressors.remove(name)
             ends = list(RANGE[name])
-            found.append(xr.DataArray(ends, {name: ends}, (name,)))
-    return found
+            lines.append(xr.DataArray(ends, {name: ends}, (name,)))
+    return lines
 
 
-def _merged(tables: list[xr.DataArray]) -> list[xr.DataArray]:
-    """Return at most three tables: the smallest ones multiplied out, which is exact because they
-    have no axis in common.
-    """
+def _merge_small_tables(tables: list[xr.DataArray]) -> list[xr.DataArray]:
+    """Return at most three tables: the smallest ones are multiplied out."""
+    # The product is exact because the tables have no common axis.
     tables = list(tables)
     while len(tables) > _MOST_TABLES:
-        small = sorted(range(len(tables)), key=lambda i: (tables[i].ndim, tables[i].size))[:2]
-        first, second = sorted(small)
-        if (
-            tables[first].ndim + tables[second].ndim > MAX_AXES
-            or tables[first].size * tables[second].size > MOST_NODES
-        ):
+        by_size = sorted(range(len(tables)), key=lambda i: (tables[i].ndim, tables[i].size))
+        first, second = sorted(by_size[:2])
+        axes = tables[first].ndim + tables[second].ndim
+        if axes > MAX_AXES or tables[first].size * tables[second].size > MOST_NODES:
             raise NotAProduct(f"a product of {len(tables)} tables")
         tables[first] = tables[first] * tables.pop(second)
     return tables
 
 
-def _like_ours(table: xr.DataArray | None) -> xr.DataArray | None:
-    return None if table is None else make_term(table.values, _grid(table))["value"]
+def _factor_table(table: xr.DataArray) -> xr.DataArray:
+    """Return a table with the attributes of its axes."""
+    return make_term(table.values, _axis_points(table))["value"]
 
 
-def _grid(table: xr.DataArray) -> dict[str, np.ndarray]:
+def _axis_points(table: xr.DataArray) -> dict[str, np.ndarray]:
     return {str(axis): table[axis].values for axis in table.dims}

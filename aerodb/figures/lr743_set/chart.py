@@ -1,6 +1,4 @@
-"""A chart of the set drawn: panels in equal scales, bands of one standard error, labels at the ends
-of the curves, points from flight.
-"""
+"""Content of a figure of the LR-743 set: panels, lines with standard errors, points from flight."""
 
 from __future__ import annotations
 
@@ -9,9 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+# Member of a line that is not one of the family: a boundary of the flight envelope.
+BOUNDARY = 99
+
 
 class NotDrawn(Exception):
-    """A figure that cannot be drawn; the text names what is missing."""
+    """A figure that cannot be drawn; the text states the missing data."""
 
 
 @dataclass(frozen=True)
@@ -21,10 +22,13 @@ class ChartLine:
     Attributes
     ----------
     label : str
-    x, y, stderr : array (points,)
-        In display units; the standard error is that of `y`, or with `is_across` that of `x`.
+        Label for the legend or for the end of the curve.
+    x, y, stderr : array (point,)
+        Coordinates and standard errors in display units.
     member : int
-        Of the family, for the colour; -1 for black.
+        Index in the family, which determines the colour; -1 for black.
+    is_across : bool
+        Whether the standard error is that of `x`, and not of `y`.
     """
 
     label: str
@@ -42,14 +46,14 @@ class FlightPoints:
     Attributes
     ----------
     label : str
-        For the legend.
-    x, y, stderr : array (points,)
-        In display units; standard errors may be zero.
+        Label for the legend.
+    x, y, stderr : array (point,)
+        Coordinates and standard errors of `y` in display units; zero for no standard error.
     kind : {"estimate", "test point", "sample", "trace"}
         Local estimate with its standard error, steady start of a manoeuvre, single samples, samples
         of one manoeuvre joined by a line.
     member : int
-        Of the family, for the colour; -1 for black.
+        Index in the family, which determines the colour; -1 for black.
     """
 
     label: str
@@ -67,11 +71,14 @@ class ChartPanel:
     Attributes
     ----------
     title : str
-    lines : sequence of Line
-        Of the database that is shown.
-    points : sequence of Points
+        Title of the panel.
+    lines : sequence of ChartLine
+        Lines of one database.
+    points : sequence of FlightPoints
+        Points from flight.
     by : str
-        What distinguishes the lines, as written above the labels at their ends: ``$M$``.
+        Symbol of the variable that distinguishes the lines, such as ``$M$``.  It is above the
+        labels at their ends.
     """
 
     title: str
@@ -89,18 +96,19 @@ class Chart:
     stem : str
         File name without suffix.
     number : str
-        In LR-743: ``Fig. 3``; empty for a figure that it does not have.
+        Number in LR-743: ``Fig. 3``; empty for an additional figure.
     title : str
+        Title of the figure.
     line : str
-        What is drawn and where the other variables are held.
+        Ordinate, abscissa and the values of the fixed variables.
     x_label, y_label : str
-        With units.
-    panels : sequence of Panel
-        Next to each other in equal scales, in rows of three.
+        Labels of the axes with units.
+    panels : sequence of ChartPanel
+        Panels in equal scales, next to each other and in rows.
     notes : sequence of str
-        At the foot: sources and definitions.
+        Sources and definitions at the foot.
     is_by_database : bool
-        Whether the lines are databases, with their line code, and no family.
+        Whether the lines are databases, with their line code, and not a family.
     x_zero, y_zero : bool
         Whether an axis begins at zero.
     """

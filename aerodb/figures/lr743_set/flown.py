@@ -1,6 +1,4 @@
-"""What was flown, as ``aeromatch match`` writes it next to its databases: samples, manoeuvres,
-local estimates, submodels.
-"""
+"""Flight data of ``aeromatch match``: samples, manoeuvres, local estimates, submodels."""
 
 from __future__ import annotations
 
@@ -22,6 +20,7 @@ from flightmech.errors import ParseError
 FLOWN = "flown.nc"
 """Name of the file in the folder that ``aeromatch match`` writes."""
 
+# Columns that each table of the file must have.
 _COLUMNS = {
     "samples": ("manoeuvre", "alpha", "mach", "CL"),
     "manoeuvres": (
@@ -54,32 +53,32 @@ _COLUMNS = {
 }
 _GROUND = ("coefficient", "term", "y_inf", "k", "k_stderr", "s", "s_stderr", "correlation", "note")
 _AT_REST = 0.01  # of an extension or a flap angle [1, rad]
-# height above the ground from which there is no ground effect, more than one span of any aeroplane
-# [m]
+_EXTENDED = 0.5  # extension of a gear or speed brake that counts as extended
+# Height above the ground without ground effect, more than one span of any aeroplane. [m]
 _FREE = 100.0
-_APART = 300.0  # between two heights that were flown [m]
+_HEIGHT_GAP = 300.0  # between two heights that are distinguished [m]
 
 
 @dataclass(frozen=True)
 class FlightData:
-    """What was flown.
+    """Flight data of one project.
 
     Attributes
     ----------
     source : str
-        What the data come from, in words.
+        Origin of the data in words.
     samples : DataFrame
         ``manoeuvre`` (row of `manoeuvres`) and variables and coefficients along it. [SI]
     manoeuvres : DataFrame
-        ``record label start end`` and the means over the first half second: the steady condition
-        from which it begins. [SI]
+        ``record label start end`` and the means over the first half second, the steady condition
+        from which the manoeuvre begins. [SI]
     estimates : DataFrame
         One row per local estimate: ``fit coefficient term estimate stderr`` and the means of its
         samples. [SI]
     submodels : DataFrame
         [LR743] table 1: ``submodel part technique residual``.
     ground : DataFrame
-        [LR743] table 2; empty where no ground effect was identified.
+        [LR743] table 2; empty if no ground effect was identified.
     """
 
     source: str
@@ -91,52 +90,51 @@ class FlightData:
 
 
 def read_flown(path: str | os.PathLike) -> FlightData:
-    """Return what was flown from a file that ``aeromatch match`` wrote.
+    """Return the flight data of a file that ``aeromatch match`` wrote.
 
     Raises
     ------
     ParseError
-        Not such a file.
+        The file is not such a file.
     FileNotFoundError
-        It is not there.
+        The file does not exist.
     """
-    if not Path(path).exists():
+    path = Path(path)
+    if not path.exists():
         raise FileNotFoundError(
             f"{path}: no such file; `aeromatch match` writes {FLOWN} next to its databases"
         )
     try:
         with xr.open_datatree(path, engine="h5netcdf") as tree:
-            held = tree.load()
-    except (
-        Exception
-    ) as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
+            content = tree.load()
+    except Exception as error:
+        # A damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError and others.
         raise ParseError(
             str(path),
             0,
             f"no netCDF-4 file ({type(error).__name__}: {error})",
             f"{FLOWN} of `aeromatch match`",
         ) from error
-    tables = {
-        name: held[name].to_dataset().to_dataframe() if name in held.children else pd.DataFrame()
-        for name in (*_COLUMNS, "ground")
-    }
-    lacking = [
-        f"{name}/{column}"
-        for name, columns in _COLUMNS.items()
-        for column in columns
-        if column not in tables[name]
-    ]
+    tables = {}
+    for name in (*_COLUMNS, "ground"):
+        tables[name] = pd.DataFrame()
+        if name in content.children:
+            tables[name] = content[name].to_dataset().to_dataframe()
+    missing = []
+    for name, columns in _COLUMNS.items():
+        missing += [f"{name}/{column}" for column in columns if column not in tables[name]]
+    # The table of the ground effect may be empty.
     if len(tables["ground"]):
-        lacking += [f"ground/{column}" for column in _GROUND if column not in tables["ground"]]
-    if lacking:
+        missing += [f"ground/{column}" for column in _GROUND if column not in tables["ground"]]
+    if missing:
         raise ParseError(
-            str(path), 0, f"a file without {', '.join(lacking)}", f"{FLOWN} of `aeromatch match`"
+            str(path), 0, f"a file without {', '.join(missing)}", f"{FLOWN} of `aeromatch match`"
         )
-    return FlightData(str(held.attrs.get("title", Path(path).name)), **tables)
+    return FlightData(str(content.attrs.get("title", path.name)), **tables)
 
 
 def is_clean(table: pd.DataFrame) -> pd.Series:
-    """Whether rows are of the clean aeroplane in free air."""
+    """Return whether rows are of the clean aeroplane in free air."""
     return (
         is_free(table)
         & (table["delta_f"].abs() < _AT_REST)
@@ -146,54 +144,57 @@ def is_clean(table: pd.DataFrame) -> pd.Series:
 
 
 def is_free(table: pd.DataFrame) -> pd.Series:
-    """Whether rows are out of ground effect."""
+    """Return whether rows are out of ground effect."""
     return table["h_agl"] >= _FREE
 
 
 def configuration_text(row: pd.Series) -> str:
     """Return the configuration in words: ``clean``, ``flaps 40 deg, gear``."""
-    words = (
-        [f"flaps {number_text(float(np.round(to_printed_unit('delta_f', row['delta_f']))))} deg"]
-        if abs(row["delta_f"]) >= _AT_REST
-        else []
-    )
-    words += [
-        word for word, name in (("gear", "gear"), ("speed brake", "speedbrake")) if row[name] >= 0.5
-    ]
-    return ", ".join(words) or "clean"
+    parts = []
+    if abs(row["delta_f"]) >= _AT_REST:
+        degrees = np.round(to_printed_unit("delta_f", row["delta_f"]))
+        parts.append(f"flaps {number_text(float(degrees))} deg")
+    if row["gear"] >= _EXTENDED:
+        parts.append("gear")
+    if row["speedbrake"] >= _EXTENDED:
+        parts.append("speed brake")
+    return ", ".join(parts) or "clean"
 
 
 def group_heights(table: pd.DataFrame) -> np.ndarray:
-    """Return the height at which each row was flown, those within 300 m of each other as their
-    mean. [m]
-    """
+    """Return the height of each row, the mean of its group; groups are 300 m apart. [m]"""
     h = table["h"].to_numpy(float)
+    if not len(h):
+        return np.array([])
+    # A gap in the sorted heights begins a new group.
     order = np.argsort(h, kind="stable")
     group = np.empty(len(h), int)
-    group[order] = np.concatenate([[0], np.cumsum(np.diff(h[order]) > _APART)]) if len(h) else []
-    return np.array([h[group == one].mean() for one in group])
+    group[order] = np.concatenate([[0], np.cumsum(np.diff(h[order]) > _HEIGHT_GAP)])
+    return np.array([h[group == number].mean() for number in group])
 
 
 def height_text(h: float) -> str:
-    """Return a height as it is named: to the nearest hundred of its display unit."""
+    """Return a height to the nearest hundred of its display unit, in words."""
     return f"{number_text(float(np.round(to_printed_unit('h', h), -2)))} {printed_unit('h')}"
 
 
 _LEAST = 8  # samples of a manoeuvre
-_EXCITED = (
-    0.1  # of the largest rms excitation of the term: a manoeuvre with less shows nothing of it
-)
-_MOST_RHO = 0.95  # of the correlation of neighbours, which short manoeuvres estimate poorly
+# Share of the largest rms excitation of the term. A manoeuvre with less contains no information.
+_EXCITED = 0.1
+# Upper limit of the correlation of neighbours, which short manoeuvres estimate poorly.
+_MOST_RHO = 0.95
+_LEAST_SQUARE = 1e-300  # avoids a division by zero if the residual vanishes
+_LEAST_SPEED = 1.0  # avoids a division by zero at rest [m/s]
 
 
 def partial_residuals(db: xr.DataTree, flown: FlightData, name: str) -> pd.DataFrame:
-    """Return for each manoeuvre that excites a term what its value would have to be there.
+    """Return the value of a term that each manoeuvre which excites it requires.
 
     Parameters
     ----------
     db : DataTree
-        Its other terms are taken off.
-    flown : Flown
+        Database with the other terms, which are subtracted.
+    flown : FlightData
         Samples of the manoeuvres.
     name : str
         The term, such as ``Cl/beta_flap``.
@@ -202,82 +203,94 @@ def partial_residuals(db: xr.DataTree, flown: FlightData, name: str) -> pd.DataF
     -------
     DataFrame
         A row per manoeuvre: ``record label``, ``estimate`` and ``stderr``, and the means of the
-        samples weighted by the square of the excitation: where in the table the manoeuvre counts.
-        [SI] Empty where the samples lack the coefficient or a variable.
+        samples weighted by the square of the excitation, the point in the table at which the
+        manoeuvre counts. [SI]  It is empty if the samples lack the coefficient or a variable.
 
     Notes
     -----
-    With the measured coefficient C, all other terms O and what one unit of the table makes x (regressors, powers, factors K): the
-    estimate is sum(x (C - O)) / sum(x^2) over the samples at 10 Hz.  Its standard error is that of the scatter about it, widened by
-    sqrt((1 + rho) / (1 - rho)) with the correlation rho of neighbours; errors of the other terms are not in it.  The rate of the angle of
-    attack is differentiated; the excess of the load factor (``dnz``) counts as zero.
+    C is the measured coefficient, O the sum of all other terms, and x the contribution of a table
+    of ones (regressors, powers, factors K).  The estimate is sum(x (C - O)) / sum(x^2) over the
+    samples at 10 Hz.  Its standard error is that of the scatter about it times
+    sqrt((1 + rho) / (1 - rho)) with the correlation rho of neighbours.  It does not contain errors
+    of the other terms.  The rate of the angle of attack is differentiated.  The excess of the load
+    factor (``dnz``) is zero.
     """
-    coefficient, _, own = name.partition("/")
-    samples = flown.samples
-    leaf = terms(db)[name]
+    coefficient, _, contribution = name.partition("/")
+    samples, leaves = flown.samples, terms(db)
+    leaf = leaves[name]
     if coefficient not in samples:
         return pd.DataFrame()
-    conditions = _conditions(db, samples)
-    needed = {
-        word
-        for one, part in terms(db).items()
-        if one.startswith(f"{coefficient}/")
-        for word in _terms.list_model_variables(part)
-    }
+    conditions = _sample_conditions(db, samples)
+    needed: set[str] = set()
+    for term, other_leaf in leaves.items():
+        if term.startswith(f"{coefficient}/"):
+            needed |= set(_terms.list_model_variables(other_leaf))
     if needed - set(conditions):
         return pd.DataFrame()
+
+    # x: the term with ones in its table. y = C - O.
     unit = leaf.assign(value=xr.ones_like(leaf["value"]))
     x = np.broadcast_to(_terms.evaluate_term(unit, conditions, "clamp"), len(samples))
     parts = contributions(db, coefficient, conditions, "clamp")
-    rest = samples[coefficient].to_numpy(float) - sum(
-        value for part, value in parts.items() if part != own
-    )
+    other_terms = sum(value for part, value in parts.items() if part != contribution)
+    y = samples[coefficient].to_numpy(float) - other_terms
+
     rows = []
-    good = np.isfinite(x) & np.isfinite(rest)
-    excitation = pd.Series(x[good] ** 2).groupby(samples["manoeuvre"].to_numpy()[good]).mean()
+    is_finite = np.isfinite(x) & np.isfinite(y)
+    manoeuvres = samples["manoeuvre"].to_numpy()
+    excitation = pd.Series(x[is_finite] ** 2).groupby(manoeuvres[is_finite]).mean()
     for manoeuvre, size in excitation.items():
-        on = good & (samples["manoeuvre"] == manoeuvre).to_numpy()
-        if on.sum() < _LEAST or not size > _EXCITED**2 * excitation.max():
+        selected = is_finite & (manoeuvres == manoeuvre)
+        is_excited = size > _EXCITED**2 * excitation.max()
+        if selected.sum() < _LEAST or not is_excited:
             continue
-        estimate, stderr = _slope(x[on], rest[on])
-        at = {
-            key: float(np.average(samples[key][on], weights=x[on] ** 2))
-            for key in samples
-            if key not in ("manoeuvre", "time")
-        }
-        about = flown.manoeuvres.loc[[manoeuvre]].iloc[0]
-        rows.append(
-            {
-                **at,
-                "record": about["record"],
-                "label": about["label"],
-                "estimate": estimate,
-                "stderr": stderr,
-            }
-        )
+        manoeuvre_row = flown.manoeuvres.loc[[manoeuvre]].iloc[0]
+        rows.append(_residual_row(manoeuvre_row, samples[selected], x[selected], y[selected]))
     return pd.DataFrame(rows)
 
 
-def _conditions(db: xr.DataTree, samples: pd.DataFrame) -> dict[str, np.ndarray]:
-    """Return the samples as conditions of `contributions`, with the rate of the angle of attack per
-    cbar/2V.
-    """
-    found = {str(key): samples[key].to_numpy(float) for key in samples if key != "manoeuvre"}
-    if {"alpha", "time", "mach", "h"} <= found.keys():
+def _residual_row(
+    manoeuvre: pd.Series, samples: pd.DataFrame, x: np.ndarray, y: np.ndarray
+) -> dict[str, float | str]:
+    """Return the estimate of one manoeuvre, and the weighted means of its samples."""
+    row: dict[str, float | str] = {}
+    for key in samples:
+        if key not in ("manoeuvre", "time"):
+            row[str(key)] = float(np.average(samples[key], weights=x**2))
+    estimate, stderr = _fit_slope(x, y)
+    row |= {
+        "record": manoeuvre["record"],
+        "label": manoeuvre["label"],
+        "estimate": estimate,
+        "stderr": stderr,
+    }
+    return row
+
+
+def _sample_conditions(db: xr.DataTree, samples: pd.DataFrame) -> dict[str, np.ndarray]:
+    """Return the samples as conditions of `contributions`, with the reduced rate of alpha."""
+    conditions = {str(key): samples[key].to_numpy(float) for key in samples if key != "manoeuvre"}
+    if {"alpha", "time", "mach", "h"} <= conditions.keys():
         rate = np.zeros(len(samples))
-        for places in samples.groupby("manoeuvre", sort=False).indices.values():
-            if len(places) > 1:
-                rate[places] = np.gradient(found["alpha"][places], found["time"][places])
-        speed = found["mach"] * atmosphere(found["h"]).a_sound
-        found["alphadothat"] = rate * float(db.attrs["cbar"]) / (2.0 * np.maximum(speed, 1.0))
-    return found | {"dnz": np.zeros(len(samples))}
+        for indices in samples.groupby("manoeuvre", sort=False).indices.values():
+            if len(indices) > 1:
+                alpha, time = conditions["alpha"][indices], conditions["time"][indices]
+                rate[indices] = np.gradient(alpha, time)
+        # alphadothat = alpha_dot cbar / (2 V)
+        speed = conditions["mach"] * atmosphere(conditions["h"]).a_sound
+        chord = float(db.attrs["cbar"])
+        conditions["alphadothat"] = rate * chord / (2.0 * np.maximum(speed, _LEAST_SPEED))
+    return conditions | {"dnz": np.zeros(len(samples))}
 
 
-def _slope(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Return the least-squares factor of `x` in `y` and its standard error, neighbours correlated."""
+def _fit_slope(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Return the least-squares factor of `x` in `y` and its standard error."""
     square = float(x @ x)
     estimate = float(x @ y) / square
-    left = y - estimate * x
-    rho = float(np.clip(left[1:] @ left[:-1] / max(float(left @ left), 1e-300), 0.0, _MOST_RHO))
-    scatter = float(left @ left) / (len(x) - 1)
+    residual = y - estimate * x
+    residual_square = float(residual @ residual)
+    # Correlation of neighbours, which widens the standard error.
+    products = residual[1:] @ residual[:-1]
+    rho = float(np.clip(products / max(residual_square, _LEAST_SQUARE), 0.0, _MOST_RHO))
+    scatter = residual_square / (len(x) - 1)
     return estimate, float(np.sqrt(scatter / square * (1.0 + rho) / (1.0 - rho)))

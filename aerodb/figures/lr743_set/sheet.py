@@ -1,4 +1,4 @@
-"""A chart of the set drawn: panels in equal scales, bands of one standard error, labels at the ends of the curves, points from flight."""
+"""Drawing of a chart of the LR-743 set: panels, bands, labels, points from flight."""
 
 from __future__ import annotations
 
@@ -24,32 +24,20 @@ from aerodb.figures.drawing import (
     foot_height,
     foot_lines,
 )
-from aerodb.figures.figures import end_labels
-from aerodb.figures.lr743_set.chart import Chart, ChartLine, ChartPanel, FlightPoints
+from aerodb.figures.family_panels import end_labels
+from aerodb.figures.lr743_set.chart import BOUNDARY, Chart, ChartLine, ChartPanel, FlightPoints
 
-_TOP, _KEY, _PANEL, _ALONE, _AXIS, _TITLE = 0.52, 0.17, 2.1, 3.6, 0.4, 0.2  # [in]
-
-
-_BEYOND = 0.2  # of the range of lines and points: bands that reach farther are cut
-
-
-_ROOM = 0.62  # right of a panel, for the labels of its curves [in]
-
-
+_TOP, _KEY, _PANEL, _ALONE, _AXIS, _TITLE = 0.52, 0.17, 2.1, 3.6, 0.4, 0.2  # heights [in]
+_LABELS = 0.62  # right of a panel, for the labels of its curves [in]
+_GAP = 0.25  # between two panels, in addition to the labels [in]
+# Share of the range of lines and points by which bands extend the axis. Wider bands are cut.
+_BEYOND = 0.2
 _COLUMNS, _KEYS = 2, 4  # panels and entries of the legend next to each other
-
-
-_BLACK = "#000000"
-
-
-# members that are no scale: heights, configurations; colours of Okabe and Ito that are apart in
-# grey too
-_APART = ("#0072b2", "#d55e00", "#009e73", "#7a3f7d", "#8a5a00", "#56b4e9")
-
-
+_BLACK, _GREY = "#000000", "#8c8c8c"
+# Colours of members that are not a scale, such as heights and configurations. They are colours of
+# Okabe and Ito that differ in grey as well.
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#7a3f7d", "#8a5a00", "#56b4e9")
 _MARKS = ("o", "s", "^", "D", "v", "P")
-
-
 _DASHES: tuple[Any, ...] = (
     "-",
     (0, (5, 1.5)),
@@ -58,95 +46,97 @@ _DASHES: tuple[Any, ...] = (
     (0, (2.5, 1)),
     (0, (8, 2)),
 )
+_BOUNDARY_DASHES = (0, (9, 2, 1.2, 2))
+
+Limits = tuple[tuple[float, float], tuple[float, float]]
+"""Limits of the abscissa and of the ordinate."""
 
 
 def draw_chart(chart: Chart, aircraft: str, notes: Sequence[str] = ()) -> Figure:
-    """Return a chart as a figure, `notes` at its foot after its own; its lines and points carry
-    their labels.
+    """Return a chart as a figure; `notes` follow those of the chart at its foot.
+
+    Lines and points have their labels.
     """
     with drawing_style():
-        return _sheet(chart, aircraft, foot_lines((*chart.notes, *notes)))
+        return _draw_sheet(chart, aircraft, foot_lines((*chart.notes, *notes)))
 
 
-def _sheet(chart: Chart, aircraft: str, notes: list[str]) -> Figure:
-    handles = _handles(chart)
-    rows_of_key = -(-len(handles) // _KEYS)
-    titled = _TITLE if any(panel.title or panel.by for panel in chart.panels) else 0.0
-    top = _TOP + _KEY * rows_of_key + 0.06
-    columns = min(len(chart.panels), _COLUMNS)
-    rows = -(-len(chart.panels) // columns)
-    height = _ALONE if len(chart.panels) == 1 else _PANEL
-    sheet = FigureSheet(top + rows * (titled + height + _AXIS) + foot_height(notes))
-    number = f"{chart.number}, " if chart.number else ""
-    sheet.figure.set_label(f"{number}{chart.title}")
-    sheet.head(
-        f"{aircraft}: {chart.title}" + (f" (LR-743 {chart.number})" if chart.number else ""),
-        [chart.line],
-    )
+def _draw_sheet(chart: Chart, aircraft: str, notes: list[str]) -> Figure:
+    handles = _legend_handles(chart)
+    count = len(chart.panels)
+    # Rows of panels and rows of the legend; the height of the sheet follows from them.
+    columns = min(count, _COLUMNS)
+    rows, key_rows = -(-count // columns), -(-len(handles) // _KEYS)
+    panel_height = _ALONE if count == 1 else _PANEL
+    title_height = _TITLE if any(panel.title or panel.by for panel in chart.panels) else 0.0
+    row_height = title_height + panel_height + _AXIS
+    top = _TOP + _KEY * key_rows + 0.06
+    sheet = FigureSheet(top + rows * row_height + foot_height(notes))
+    _write_titles(sheet, chart, aircraft)
     if handles:
-        sheet.figure.legend(
-            handles=_row_by_row(handles),
-            loc="upper left",
-            bbox_to_anchor=(0.0, 1.0 - _TOP / sheet.height),
-            ncols=min(len(handles), _KEYS),
-            frameon=False,
-            fontsize=7,
-            handlelength=2.1,
-            columnspacing=1.1,
-            borderaxespad=0.2,
-            labelspacing=0.25,
-        )
-    limits = _limits(chart)
-    room = _ROOM if any(panel.by for panel in chart.panels) else RIGHT
-    width = (WIDTH - LEFT - room - (columns - 1) * (room + 0.25)) / columns
+        _draw_legend(sheet, handles)
+
+    limits = _chart_limits(chart)
+    label_width = _LABELS if any(panel.by for panel in chart.panels) else RIGHT
+    gap = label_width + _GAP
+    width = (WIDTH - LEFT - label_width - (columns - 1) * gap) / columns
     for k, panel in enumerate(chart.panels):
-        left = LEFT + (k % columns) * (width + room + 0.25)
-        axes = sheet.panel(
-            left, top + titled + (k // columns) * (titled + height + _AXIS), width, height
-        )
-        _draw(axes, chart, panel, limits, (width, height))
-        axes.set_xlabel(chart.x_label if k + columns >= len(chart.panels) else "", labelpad=1)
-        axes.set_ylabel(chart.y_label if k % columns == 0 else "")
+        row, column = divmod(k, columns)
+        left_edge = LEFT + column * (width + gap)
+        axes = sheet.panel(left_edge, top + title_height + row * row_height, width, panel_height)
+        _draw_panel(axes, chart, panel, limits=limits, size=(width, panel_height))
+        is_lowest = k + columns >= count
+        axes.set_xlabel(chart.x_label if is_lowest else "", labelpad=1)
+        axes.set_ylabel(chart.y_label if column == 0 else "")
     sheet.foot(notes)
     return sheet.figure
 
 
-def _draw(
-    axes: Axes,
-    chart: Chart,
-    panel: ChartPanel,
-    limits: tuple[tuple[float, float], tuple[float, float]],
-    size: tuple[float, float],
+def _write_titles(sheet: FigureSheet, chart: Chart, aircraft: str) -> None:
+    label, title = chart.title, f"{aircraft}: {chart.title}"
+    if chart.number:
+        label = f"{chart.number}, {label}"
+        title += f" (LR-743 {chart.number})"
+    sheet.figure.set_label(label)
+    sheet.head(title, [chart.line])
+
+
+def _draw_legend(sheet: FigureSheet, handles: Sequence[Any]) -> None:
+    sheet.figure.legend(
+        handles=_order_by_rows(handles),
+        loc="upper left",
+        bbox_to_anchor=(0.0, 1.0 - _TOP / sheet.height),
+        ncols=min(len(handles), _KEYS),
+        frameon=False,
+        fontsize=7,
+        handlelength=2.1,
+        columnspacing=1.1,
+        borderaxespad=0.2,
+        labelspacing=0.25,
+    )
+
+
+def _draw_panel(
+    axes: Axes, chart: Chart, panel: ChartPanel, *, limits: Limits, size: tuple[float, float]
 ) -> None:
-    (left, right), (low, high) = limits
-    axes.set_xlim(left, right)
-    axes.set_ylim(low, high)
+    """Draw points, bands and lines of a panel, and the labels at the ends of its lines."""
+    (low_x, high_x), y_limits = limits
+    axes.set_xlim(low_x, high_x)
+    axes.set_ylim(*y_limits)
     axes.xaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 4, 5, 10]))
     axes.yaxis.set_major_locator(MaxNLocator(7))
     axes.set_title(panel.title, fontsize=7.5, loc="left", pad=3)
-    codes = _codes(chart, panel.lines)
+    # Points are below the lines of the database.
     for points in panel.points:
-        _points(axes, chart, points)
-    for line, looks in zip(panel.lines, codes):
+        _draw_points(axes, chart, points)
+    for line, looks in zip(panel.lines, _line_looks(chart, panel.lines), strict=True):
         if line.stderr.any():
-            fill, along, across = (
-                (axes.fill_betweenx, line.y, line.x)
-                if line.is_across
-                else (axes.fill_between, line.x, line.y)
-            )
-            shade = {"color": looks["color"], "alpha": 0.16, "linewidth": 0, "zorder": 1.5}
-            fill(
-                along,
-                across - line.stderr,
-                across + line.stderr,
-                label=f"{line.label} error",
-                **shade,
-            )
+            _draw_band(axes, line, looks["color"])
         axes.plot(line.x, line.y, label=line.label, zorder=2.5, **looks)
     if panel.by:
-        ends = [_end(line, right, (low, high)) for line in panel.lines if len(line.x)]
-        end_labels(axes, ends, (low, high), size)
-        axes.set_xlim(left, right)
+        ends = [_line_end(line, high_x, y_limits) for line in panel.lines if len(line.x)]
+        end_labels(axes, ends, y_limits, size)
+        axes.set_xlim(low_x, high_x)
         axes.text(
             1.0 + 0.14 / size[0],
             1.0 + 0.05 / size[1],
@@ -157,73 +147,100 @@ def _draw(
         )
 
 
-def _end(line: ChartLine, right: float, limits: tuple[float, float]) -> tuple[float, float, str]:
-    """Return the last point of a line inside the axes and its label, without symbol and unit where
-    it has a number.
-    """
-    inside = np.flatnonzero(
-        (line.x <= right) & (line.y >= limits[0]) & (line.y <= limits[1]) & np.isfinite(line.y)
+def _draw_band(axes: Axes, line: ChartLine, color: Any) -> None:
+    """Draw the band of one standard error, in the direction of the axis that has it."""
+    fill: Any = axes.fill_between
+    along, across = line.x, line.y
+    if line.is_across:
+        fill, along, across = axes.fill_betweenx, line.y, line.x
+    fill(
+        along,
+        across - line.stderr,
+        across + line.stderr,
+        label=f"{line.label} error",
+        color=color,
+        alpha=0.16,
+        linewidth=0,
+        zorder=1.5,
     )
-    at = inside[-1] if len(inside) else -1
-    return float(line.x[at]), float(line.y[at]), short_label(line.label)
+
+
+def _line_end(
+    line: ChartLine, high_x: float, y_limits: tuple[float, float]
+) -> tuple[float, float, str]:
+    """Return the last point of a line inside the axes, and its short label."""
+    # The label belongs to the last point that the axes show.
+    is_inside = (line.x <= high_x) & (line.y >= y_limits[0]) & (line.y <= y_limits[1])
+    inside = np.flatnonzero(is_inside & np.isfinite(line.y))
+    last = inside[-1] if len(inside) else -1
+    return float(line.x[last]), float(line.y[last]), short_label(line.label)
 
 
 def short_label(label: str) -> str:
-    """Return the number of a label ``$M$ = 0.3``, with the unit of a height; another label as it
-    is.
-    """
+    """Return the number of a label ``$M$ = 0.3``, or a label without a number."""
     value = label.rpartition(" = ")[2]
     return value.removesuffix(" deg") if " = " in label else value
 
 
-def _codes(chart: Chart, lines: Sequence[ChartLine]) -> list[dict[str, Any]]:
+def _line_looks(chart: Chart, lines: Sequence[ChartLine]) -> list[dict[str, Any]]:
+    """Return colour, dashes and width of lines: by database, or by member of the family."""
+    looks = []
     if chart.is_by_database:
-        code = list(database_pens([line.label for line in lines]).values())
-        return [
-            {"color": pen.color, "linestyle": pen.dashes, "linewidth": pen.width} for pen in code
-        ]
-    return [
-        {
-            "color": _colour(chart, line.member),
-            "linestyle": _dashes(chart, line.member),
-            "linewidth": 1.1,
-        }
-        for line in lines
-    ]
+        for pen in database_pens([line.label for line in lines]).values():
+            looks.append({"color": pen.color, "linestyle": pen.dashes, "linewidth": pen.width})
+        return looks
+    for line in lines:
+        color, dashes = _member_colour(chart, line.member), _member_dashes(line.member)
+        looks.append({"color": color, "linestyle": dashes, "linewidth": 1.1})
+    return looks
 
 
-def _scaled(chart: Chart) -> bool:
-    """Whether the members of the family are a scale, drawn in shades from dark to light."""
+def _has_scale(chart: Chart) -> bool:
+    """Return whether the members are a scale, which is drawn in shades from dark to light."""
     return any("$M$" in panel.by for panel in chart.panels)
 
 
-def _colour(chart: Chart, member: int) -> Any:
-    if member < 0 or member == 99:
+def _all_lines(chart: Chart) -> list[ChartLine]:
+    lines: list[ChartLine] = []
+    for panel in chart.panels:
+        lines += panel.lines
+    return lines
+
+
+def _all_points(chart: Chart) -> list[FlightPoints]:
+    points: list[FlightPoints] = []
+    for panel in chart.panels:
+        points += panel.points
+    return points
+
+
+def _member_colour(chart: Chart, member: int) -> Any:
+    if member < 0 or member == BOUNDARY:
         return _BLACK
-    if _scaled(chart):
-        count = 1 + max((line.member for panel in chart.panels for line in panel.lines), default=0)
+    # From dark to light; the lightest shades are not used.
+    if _has_scale(chart):
+        count = 1 + max((line.member for line in _all_lines(chart)), default=0)
         return colormaps["cividis"](0.72 * member / max(count - 1, 1))
-    return _APART[member % len(_APART)]
+    return _COLOURS[member % len(_COLOURS)]
 
 
-def _dashes(chart: Chart, member: int) -> Any:
-    return (
-        (0, (9, 2, 1.2, 2))
-        if member == 99
-        else "-"
-        if member < 0
-        else _DASHES[member % len(_DASHES)]
-    )
+def _member_dashes(member: int) -> Any:
+    if member == BOUNDARY:
+        return _BOUNDARY_DASHES
+    return "-" if member < 0 else _DASHES[member % len(_DASHES)]
 
 
-def _points(axes: Axes, chart: Chart, points: FlightPoints) -> None:
-    colour = _colour(chart, points.member)
+def _member_mark(member: int) -> str:
+    return _MARKS[member % len(_MARKS)] if member >= 0 else "o"
+
+
+def _draw_points(axes: Axes, chart: Chart, points: FlightPoints) -> None:
+    colour = _member_colour(chart, points.member)
     if points.kind == "trace":
-        shade = "#8c8c8c" if points.member < 0 else colour
         axes.plot(
             points.x,
             points.y,
-            color=shade,
+            color=_GREY if points.member < 0 else colour,
             linewidth=0.5,
             alpha=0.75,
             label=points.label,
@@ -242,13 +259,12 @@ def _points(axes: Axes, chart: Chart, points: FlightPoints) -> None:
             zorder=1.8,
         )
     else:
-        mark = _MARKS[points.member % len(_MARKS)] if points.member >= 0 else "o"
         axes.errorbar(
             points.x,
             points.y,
             points.stderr if points.stderr.any() else None,
             linestyle="none",
-            marker=mark,
+            marker=_member_mark(points.member),
             markersize=3.4,
             markerfacecolor="white",
             markeredgewidth=0.7,
@@ -259,66 +275,70 @@ def _points(axes: Axes, chart: Chart, points: FlightPoints) -> None:
         )
 
 
-def _handles(chart: Chart) -> list[Any]:
-    """Return the legend: each database or curve that has no label at its end, each kind of points,
-    the band.
-    """
-    found: dict[str, Any] = {}
+def _legend_handles(chart: Chart) -> list[Any]:
+    """Return the legend: lines without a label at their end, kinds of points, the band."""
+    # Equal labels have one entry, that of their first occurrence.
+    handles: dict[str, Any] = {}
     for panel in chart.panels:
-        for line, looks in zip(panel.lines, _codes(chart, panel.lines)):
-            if not panel.by:
-                found.setdefault(line.label, Line2D([], [], label=line.label, **looks))
-    for points in (points for panel in chart.panels for points in panel.points):
-        found.setdefault(points.label, _handle(chart, points))
-    if any(line.stderr.any() for panel in chart.panels for line in panel.lines):
-        found["band"] = band_handle("#6e6e6e", "one standard error")
-    return list(found.values())
+        if panel.by:
+            continue
+        for line, looks in zip(panel.lines, _line_looks(chart, panel.lines), strict=True):
+            handles.setdefault(line.label, Line2D([], [], label=line.label, **looks))
+    for points in _all_points(chart):
+        handles.setdefault(points.label, _points_handle(chart, points))
+    if any(line.stderr.any() for line in _all_lines(chart)):
+        handles["band"] = band_handle("#6e6e6e", "one standard error")
+    return list(handles.values())
 
 
-def _row_by_row(handles: Sequence[Any]) -> list[Any]:
-    """Return handles in the order in which matplotlib, which fills columns, puts them in rows."""
-    return [handle for column in range(_KEYS) for handle in handles[column::_KEYS]]
+def _order_by_rows(handles: Sequence[Any]) -> list[Any]:
+    """Return handles in an order that gives rows, because matplotlib fills columns."""
+    ordered: list[Any] = []
+    for column in range(_KEYS):
+        ordered += handles[column::_KEYS]
+    return ordered
 
 
-def _handle(chart: Chart, points: FlightPoints) -> Line2D:
-    several = _scaled(chart) and points.kind != "estimate"
-    colour = (
-        _BLACK
-        if several and points.kind == "test point"
-        else "#8c8c8c"
-        if several
-        else _colour(chart, points.member)
-    )
+def _points_handle(chart: Chart, points: FlightPoints) -> Line2D:
+    """Return the entry of points in the legend."""
     if points.kind == "trace":
-        return Line2D([], [], color="#8c8c8c", linewidth=0.7, label=points.label)
+        return Line2D([], [], color=_GREY, linewidth=0.7, label=points.label)
+    colour = _member_colour(chart, points.member)
+    # One entry stands for points of several members, so it has a neutral colour.
+    if _has_scale(chart) and points.kind != "estimate":
+        colour = _BLACK if points.kind == "test point" else _GREY
     if points.kind == "sample":
         return Line2D([], [], color=colour, linestyle="none", marker=".", label=points.label)
-    mark = _MARKS[points.member % len(_MARKS)] if points.member >= 0 else "o"
     return Line2D(
         [],
         [],
         color=colour,
         linestyle="none",
-        marker=mark,
+        marker=_member_mark(points.member),
         markerfacecolor="white",
         label=points.label,
     )
 
 
-def _limits(chart: Chart) -> tuple[tuple[float, float], tuple[float, float]]:
-    lines = [line for panel in chart.panels for line in panel.lines]
-    points = [points for panel in chart.panels for points in panel.points if len(points.x)]
-    x = axis_limits([*(line.x for line in lines), *(p.x for p in points)], zero=chart.x_zero)
-    values = [
-        line.y + s * line.stderr * (not line.is_across) for line in lines for s in (-1.0, 1.0)
-    ]
-    core = axis_limits([*(line.y for line in lines), *(p.y for p in points)], zero=chart.y_zero)
-    whole = axis_limits(
-        [*values, *(p.y + s * p.stderr for p in points for s in (-1.0, 1.0))], zero=chart.y_zero
-    )
-    more = _BEYOND * (core[1] - core[0])
-    y = max(whole[0], core[0] - more), min(whole[1], core[1] + more)
-    return (max(x[0], 0.0) if chart.x_zero else x[0], x[1]), (
-        max(y[0], 0.0) if chart.y_zero else y[0],
-        y[1],
-    )
+def _chart_limits(chart: Chart) -> Limits:
+    """Return limits that show all lines and points, and bands as far as `_BEYOND`."""
+    lines = _all_lines(chart)
+    points = [item for item in _all_points(chart) if len(item.x)]
+    curves: list[ChartLine | FlightPoints] = [*lines, *points]
+    low_x, high_x = axis_limits([item.x for item in curves], zero=chart.x_zero)
+    # A horizontal band does not extend the ordinate.
+    bands = []
+    for line in lines:
+        stderr = line.stderr * (not line.is_across)
+        bands += [line.y - stderr, line.y + stderr]
+    for item in points:
+        bands += [item.y - item.stderr, item.y + item.stderr]
+    inner = axis_limits([item.y for item in curves], zero=chart.y_zero)
+    outer = axis_limits(bands, zero=chart.y_zero)
+    margin = _BEYOND * (inner[1] - inner[0])
+    low_y, high_y = max(outer[0], inner[0] - margin), min(outer[1], inner[1] + margin)
+    if chart.x_zero:
+        low_x = max(low_x, 0.0)
+    if chart.y_zero:
+        low_y = max(low_y, 0.0)
+    return (low_x, high_x), (low_y, high_y)

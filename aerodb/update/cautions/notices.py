@@ -1,4 +1,4 @@
-"""Warnings that a database keeps: in its history and in the root attribute `NOTICES`, one a line."""
+"""Warnings that a database stores in its root attribute `NOTICES`, one a line."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pandas as pd
 
 NOTICES = "notices"
 INCOMPATIBLE = 1e-6
-"""Probability of chi-squared below which fits count as incompatible with each other and with the a-priori tables."""
+"""Probability of chi-squared below which fits count as incompatible."""
 
 
 def notices_of(attributes: Mapping) -> list[str]:
@@ -17,15 +17,20 @@ def notices_of(attributes: Mapping) -> list[str]:
 
 
 def with_notices(attributes: Mapping, more: Iterable[str]) -> dict[str, str]:
-    """Return the root attribute `NOTICES` with more warnings, empty if there are none; a repeated
-    one is kept once.
+    """Return the root attribute `NOTICES` with further warnings.
+
+    It is empty without warnings.  A repeated warning is stored once.
     """
-    lines = [*notices_of(attributes), *(" ".join(text.split()) for text in more)]
-    return {NOTICES: "\n".join(dict.fromkeys(lines))} if lines else {}
+    lines = notices_of(attributes)
+    # A warning is one line of the attribute, whatever its line breaks.
+    lines += [" ".join(text.split()) for text in more]
+    if not lines:
+        return {}
+    return {NOTICES: "\n".join(dict.fromkeys(lines))}
 
 
 def incompatible_fits(compatibility: pd.DataFrame) -> list[str]:
-    """Return the warning on coefficients whose fits are incompatible, one line, or none.
+    """Return the warning on coefficients with incompatible fits: one line, or none.
 
     Parameters
     ----------
@@ -33,15 +38,16 @@ def incompatible_fits(compatibility: pd.DataFrame) -> list[str]:
         Of a `Tabulation`: index coefficient; ``chi2 count probability inflation``.
     """
     rows = compatibility[compatibility["probability"] < INCOMPATIBLE]
-    words = [
-        f"{coefficient} (chi-squared {row['chi2']:.4g} of {int(row['count'])} estimates, "
-        f"probability {row['probability']:.1g})"
-        for coefficient, row in rows.iterrows()
-    ]
-    if not words:
+    if rows.empty:
         return []
+    coefficients = []
+    for coefficient, row in rows.iterrows():
+        coefficients.append(
+            f"{coefficient} (chi-squared {row['chi2']:.4g} of {int(row['count'])} estimates, "
+            f"probability {row['probability']:.1g})"
+        )
     return [
-        f"incompatible fits: {', '.join(words)}: the fits contradict each other or the "
+        f"incompatible fits: {', '.join(coefficients)}: the fits contradict each other or the "
         f"a-priori tables by more than their standard errors; "
         "look for an effect that no table holds, a faulty record, or standard errors of the "
         "tables that are too small"

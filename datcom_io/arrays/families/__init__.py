@@ -1,5 +1,6 @@
-"""The leaves of a case's tree, by subject: each function stacks one family of tables, or returns
-None where the case has none.
+"""Leaves of the tree of a case, by subject.
+
+Each function stacks one family of tables.  It returns None where the case does not have the tables.
 """
 
 from __future__ import annotations
@@ -16,10 +17,11 @@ from datcom_io.arrays.families import (
     tabs,
     trim,
 )
-from datcom_io.arrays.stacking import LeafBuilder, Stacker
+from datcom_io.arrays.leaves import LeafBuilder
+from datcom_io.arrays.stacking import Stacker
 
 _SUBJECTS = (clean, devices, tabs, trim, auxiliary, fairing, sections, special)
 
-LEAVES: dict[str, Callable[[Stacker], LeafBuilder | None]] = {
-    name: make for subject in _SUBJECTS for name, make in subject.LEAVES.items()
-}
+LEAVES: dict[str, Callable[[Stacker], LeafBuilder | None]] = {}
+for _subject in _SUBJECTS:
+    LEAVES |= _subject.LEAVES

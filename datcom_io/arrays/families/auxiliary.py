@@ -1,16 +1,19 @@
-"""Leaves of the pages of card PART: ``auxiliary planform interference vortex increments
-canard_downwash``.
+"""Leaves of the pages of card PART.
+
+They are ``auxiliary planform interference vortex increments canard_downwash``.
 """
 
 from __future__ import annotations
 
 from datcom_io.arrays.families.single_numbers import (
     Item,
+    Numbers,
     NumberStack,
     labelled_numbers,
     row_numbers,
 )
-from datcom_io.arrays.stacking import LeafBuilder, Stacker
+from datcom_io.arrays.leaves import LeafBuilder
+from datcom_io.arrays.stacking import Stacker
 from datcom_io.printout.layouts.auxiliary import (
     BODY,
     CANARD,
@@ -24,86 +27,34 @@ from datcom_io.printout.layouts.auxiliary import (
     SURFACES,
     VORTEX,
 )
-from datcom_io.printout.tables import TableLayout
+from datcom_io.printout.rows import PrintedColumn
+from datcom_io.printout.tables import PrintedValues, TableLayout
 
 _ALONG = ("condition",)
-_BODY_NAMES = {
-    "area_wetted": "wetted area of the body",
-    "x_moment_centre": "moment centre aft of the drawing datum",
-    "z_moment_centre": "moment centre above the drawing datum",
-    "area_base": "base area of the body",
-    "CD0": "zero-lift drag coefficient of the body, on the reference area",
-    "CD_base": "base drag coefficient of the body",
-    "CD_friction": "friction drag coefficient of the body",
-    "CD_pressure": "pressure drag coefficient of the body",
-    "x_behind_mac": "moment centre aft of the leading edge of the theoretical mean chord, of the "
-    "wing where there is one",
-}
-_PLANFORM_NAMES = {
-    "area": "area of the panels of both sides",
-    "taper_ratio": "tip chord over root chord",
-    "aspect_ratio": "aspect ratio; of the theoretical inboard panel right with DIM FT only",
-    "sweep_c4": "sweep of the quarter-chord line",
-    "mac": "mean chord",
-    "x_c4_mac": "quarter chord of the mean chord aft of the drawing datum",
-    "y_mac": "mean chord outboard of the root of the theoretical surface",
-    "CD0": "zero-lift drag coefficient, on the reference area",
-    "Cf": "skin-friction coefficient",
-}
-_INTERFERENCE_NAMES = {
-    "CL_alpha_body": "lift-curve slope carried over to the body by the surface, on the reference "
-    "area",
-    "CL_alpha_surface": "lift-curve slope of the surface in the presence of the body, on the "
-    "reference area",
-    "K_body": "lift carried over to the body over that of the exposed surface alone",
-    "K_surface": "lift of the surface in the presence of the body over that of the exposed "
-    "surface alone",
-    "xac_body": "aerodynamic centre of the lift carried over to the body, in chords as printed",
-    "sidewash": "(1 + d sigma/d beta) q_v/q at the vertical tail",
-}
-_VORTEX_NAMES = {
-    "i_body_wing": "interference factor of the body vortices on the wing",
-    "i_wing_tail": "interference factor of the wing vortices on the horizontal tail",
-    "i_body_tail": "interference factor of the body vortices on the horizontal tail",
-    "gamma": "strength of a body vortex at the wing over 2 pi alpha V r",
-    "gamma_tail": "strength of a body vortex at the horizontal tail over 2 pi alpha V r",
-}
-_INCREMENT_NAMES = {
-    "Cl_phat": "roll damping of the wing without dihedral and lift, on theoretical wing area and "
-    "span",
-    "Cl_phat_ratio_dihedral": "roll damping with dihedral over that without",
-    "Cn_phat_twist": "yawing moment from roll rate per twist of the wing",
-    "dCY_phat_dihedral": "side force from roll rate due to the dihedral of the wing; the label "
-    "CYP/GAMMA pretends a division",
-    "CY_phat_CL": "side force from roll rate per lift coefficient, at zero lift",
-    "Cl_beta_dihedral": "rolling moment from sideslip per dihedral of the wing",
-    "Cm0_twist_wing": "pitching moment at zero lift per twist of the wing",
-    "Cm0_twist_tail": "pitching moment at zero lift per twist of the horizontal tail",
-}
-_CANARD_NAMES = {
-    "epsilon_effective": "effective downwash angle of a canard at the wing",
-    "epsilon_alpha_effective": "slope of the effective downwash angle with alpha",
-}
+
+
+def items_by_condition(stacker: Stacker, name: str) -> list[Item]:
+    """Return the groups of a kind, with the index of their flight condition."""
+    items: list[Item] = []
+    for spot, page, group in stacker.placed_values(name):
+        items.append(((spot.condition,), page, labelled_numbers(group)))
+    return items
 
 
 def stack_auxiliary(stacker: Stacker) -> LeafBuilder | None:
-    """Stack the properties of the body and the place of the moment centre."""
-    bodies = stacker.placed("body")
-    places = stacker.placed_values("mac")
-    if not bodies and not places:
+    """Stack the properties of the body and the position of the moment centre."""
+    # The body has a row of its own; the line of the moment centre has a label.
+    bodies: list[Item] = []
+    for spot, page, table in stacker.placed_tables("body"):
+        bodies.append(((spot.condition,), page, row_numbers(table)))
+    centres = items_by_condition(stacker, "mac")
+    if not bodies and not centres:
         return None
     sheet = NumberStack(stacker, {"condition": None})
-    sheet.add(
-        BODY.columns,
-        _ALONG,
-        (((spot.condition,), page, row_numbers(table)) for spot, page, table in bodies),
-    )
-    sheet.add(
-        MAC.numbers,
-        _ALONG,
-        (((spot.condition,), page, labelled_numbers(group)) for spot, page, group in places),
-    )
-    return sheet.finished(_BODY_NAMES, configuration=(bodies or places)[0][1].configuration)
+    sheet.add(BODY.columns, _ALONG, bodies)
+    sheet.add(MAC.numbers, _ALONG, centres)
+    _, page, _ = (bodies or centres)[0]
+    return sheet.finish(configuration=page.configuration)
 
 
 def stack_planform(stacker: Stacker) -> LeafBuilder | None:
@@ -111,95 +62,108 @@ def stack_planform(stacker: Stacker) -> LeafBuilder | None:
     groups = stacker.placed_values("planform")
     if not groups:
         return None
-    labels = {label for _, _, group in groups for label in group.labels}
-    surfaces = [name for name in SURFACES if any(label.startswith(f"{name} ") for label in labels)]
-    panels = [
-        name for name in PANELS if any(f"{surface} {name} AREA" in labels for surface in surfaces)
-    ]
-    names = [panel.lower().replace("theoritical", "theoretical") for panel in panels]
-    sheet = NumberStack(
-        stacker, {"condition": None, "surface": [name.lower() for name in surfaces], "panel": names}
-    )
-    items: list[Item] = [
-        ((spot.condition, i, k), page, numbers)
-        for spot, page, group in groups
-        for i, surface in enumerate(surfaces)
-        for k, panel in enumerate(panels)
-        if (numbers := labelled_numbers(group, f"{surface} {panel}"))
-    ]
+    surfaces, panels = _printed_surfaces([group for _, _, group in groups])
+    # The misspelling of the print is corrected in the labels of the panels.
+    panel_names = [panel.lower().replace("theoritical", "theoretical") for panel in panels]
+    axes = {
+        "condition": None,
+        "surface": [surface.lower() for surface in surfaces],
+        "panel": panel_names,
+    }
+    sheet = NumberStack(stacker, axes)
+    items: list[Item] = []
+    for spot, page, group in groups:
+        for i, surface in enumerate(surfaces):
+            for k, panel in enumerate(panels):
+                numbers = labelled_numbers(group, f"{surface} {panel}")
+                if numbers:
+                    items.append(((spot.condition, i, k), page, numbers))
     sheet.add(PLANFORM, ("condition", "surface", "panel"), items)
-    return sheet.finished(_PLANFORM_NAMES)
+    return sheet.finish()
+
+
+def _printed_surfaces(groups: list[PrintedValues]) -> tuple[list[str], list[str]]:
+    """Return the surfaces and panels that are printed, in the order of the program."""
+    # Every panel of a surface has an area; see the labels of `PLANFORM`.
+    pairs = set()
+    for surface in SURFACES:
+        for panel in PANELS:
+            if any(f"{surface} {panel} AREA" in group.labels for group in groups):
+                pairs.add((surface, panel))
+    printed_surfaces = {surface for surface, _ in pairs}
+    printed_panels = {panel for _, panel in pairs}
+    surfaces = [surface for surface in SURFACES if surface in printed_surfaces]
+    panels = [panel for panel in PANELS if panel in printed_panels]
+    return surfaces, panels
 
 
 def stack_interference(stacker: Stacker) -> LeafBuilder | None:
-    """Stack the interference factors of wing and horizontal tail with the body, and the sidewash."""
-    groups = stacker.placed_values("interference")
-    if not groups:
+    """Stack the interference of wing and horizontal tail with the body, and the sidewash."""
+    items = items_by_condition(stacker, "interference")
+    if not items:
         return None
-    present = {label for _, _, group in groups for label in group.labels}
-    surfaces = [name for name, form in INTERFERENCE.items() if form.numbers[0].name in present]
-    sheet = NumberStack(
-        stacker, {"condition": None, "surface": [name.lower() for name in surfaces]}
-    )
+    surfaces = []
+    for name, form in INTERFERENCE.items():
+        if any(form.numbers[0].name in numbers for _, _, numbers in items):
+            surfaces.append(name)
+    axes = {"condition": None, "surface": [name.lower() for name in surfaces]}
+    sheet = NumberStack(stacker, axes)
+    # Labels hold the letter of the surface, W or H; variables are named by those of the wing.
     wing = INTERFERENCE["WING"].numbers
-    items: list[Item] = []
-    for spot, page, group in groups:
-        numbers = labelled_numbers(group)
+    factors: list[Item] = []
+    for (condition,), page, numbers in items:
         for k, name in enumerate(surfaces):
-            own = {
-                column.name: number
-                for column, other in zip(wing, INTERFERENCE[name].numbers)
-                if (number := numbers.get(other.name))
-            }
-            items.append(((spot.condition, k), page, own))
-    sheet.add(wing, ("condition", "surface"), items)
-    sheet.add(
-        SIDEWASH.numbers,
-        _ALONG,
-        (((spot.condition,), page, labelled_numbers(group)) for spot, page, group in groups),
-    )
-    found = sheet.finished(_INTERFERENCE_NAMES)
+            named_as_wing = _rename(numbers, INTERFERENCE[name].numbers, wing)
+            factors.append(((condition, k), page, named_as_wing))
+    sheet.add(wing, ("condition", "surface"), factors)
+    sheet.add(SIDEWASH.numbers, _ALONG, items)
+    leaf = sheet.finish()
+    # The attribute states both labels, because one variable has the numbers of both surfaces.
     for column in wing:
-        found[column.quantity].attrs["printed_as"] = (
-            f"{column.name} of the wing, {column.name.replace('W', 'H')} of the horizontal tail"
-        )
-    return found
+        of_tail = column.name.replace("W", "H")
+        label = f"{column.name} of the wing, {of_tail} of the horizontal tail"
+        leaf[column.quantity].attrs["printed_as"] = label
+    return leaf
+
+
+def _rename(
+    numbers: Numbers, columns: tuple[PrintedColumn, ...], names: tuple[PrintedColumn, ...]
+) -> Numbers:
+    """Return the numbers of some columns under the names of others."""
+    renamed = {}
+    for column, name in zip(columns, names):
+        if column.name in numbers:
+            renamed[name.name] = numbers[column.name]
+    return renamed
 
 
 def stack_increments(stacker: Stacker) -> LeafBuilder | None:
     """Stack the increments of dynamic derivatives, and the derivatives per dihedral and twist."""
-    groups = stacker.placed_values("increments")
-    if not groups:
+    items = items_by_condition(stacker, "increments")
+    if not items:
         return None
     sheet = NumberStack(stacker, {"condition": None})
-    columns = [column for form in INCREMENTS for column in form.numbers] + list(DIHEDRAL_AND_TWIST)
-    sheet.add(
-        columns,
-        _ALONG,
-        (((spot.condition,), page, labelled_numbers(group)) for spot, page, group in groups),
-    )
-    return sheet.finished(_INCREMENT_NAMES)
+    for form in INCREMENTS:
+        sheet.add(form.numbers, _ALONG, items)
+    sheet.add(DIHEDRAL_AND_TWIST, _ALONG, items)
+    return sheet.finish()
 
 
-def _over_alpha(stacker: Stacker, layout: TableLayout) -> LeafBuilder | None:
-    placed = stacker.placed(layout.name)
+def _stack_over_alpha(stacker: Stacker, layout: TableLayout) -> LeafBuilder | None:
+    placed = stacker.placed_tables(layout.name)
     if not placed:
         return None
-    items = [([spot.condition], page, table) for spot, page, table in placed]
-    alphas = stacker.axis(placed, "alpha", stacker.alphas())
-    return stacker.stack(layout.columns[1:], [stacker.condition_axis()], alphas, items)
+    return stacker.stack_over_alpha(placed, stacker.row_axis(placed, "alpha", stacker.alphas()))
 
 
 def stack_vortex(stacker: Stacker) -> LeafBuilder | None:
     """Stack the vortex interference factors and vortex strengths."""
-    found = _over_alpha(stacker, VORTEX)
-    return None if found is None else found.described(_VORTEX_NAMES)
+    return _stack_over_alpha(stacker, VORTEX)
 
 
 def canard_downwash(stacker: Stacker) -> LeafBuilder | None:
     """Stack the effective downwash of a canard."""
-    found = _over_alpha(stacker, CANARD)
-    return None if found is None else found.described(_CANARD_NAMES)
+    return _stack_over_alpha(stacker, CANARD)
 
 
 LEAVES = {

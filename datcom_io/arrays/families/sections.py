@@ -1,10 +1,11 @@
-"""Leaves of the airfoil sections, once per case: ``section`` over surface and Mach number,
-``coordinates`` over surface and point.
+"""Leaves of the airfoil sections, which are printed once per case.
+
+They are ``section`` over surface and Mach number, and ``coordinates`` over surface and point.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import xarray as xr
@@ -15,7 +16,8 @@ from datcom_io.arrays.families.single_numbers import (
     labelled_numbers,
     row_numbers,
 )
-from datcom_io.arrays.stacking import LeafBuilder, Stacker
+from datcom_io.arrays.leaves import LeafBuilder
+from datcom_io.arrays.stacking import Stacker
 from datcom_io.printout.content import Page
 from datcom_io.printout.layouts.auxiliary import SURFACES
 from datcom_io.printout.layouts.sections import COORDINATES, SLOPE, SUMMARY
@@ -23,120 +25,105 @@ from datcom_io.printout.tables import PrintedTable
 from flightmech.errors import ParseError
 
 _HALF_UNIT = 0.5001e-4  # of the printed Mach number
-_NAMES = {
-    "alpha_ideal": "ideal angle of attack of the section",
-    "alpha_zero_lift": "angle of attack of the section at zero lift",
-    "CL_ideal": "lift coefficient of the section at the ideal angle of attack",
-    "Cm_zero_lift": "pitching-moment coefficient of the section at zero lift, about the quarter "
-    "chord",
-    "CL_alpha_mach_zero": "lift-curve slope of the section at Mach 0",
-    "leading_edge_radius": "leading-edge radius, in chords",
-    "thickness_ratio": "greatest thickness, in chords",
-    "delta_y": "difference of the upper ordinates at 6 and 0.15 % chord, in chords",
-    "mach_crest": "crest-critical Mach number",
-    "x_crest": "crest behind the leading edge, in chords",
-    "CL_alpha_crest": "lift-curve slope of the section at the crest-critical Mach number, used "
-    "above it",
-    "CL_alpha": "lift-curve slope of the section, absent from the crest-critical Mach number on",
-    "xac": "aerodynamic centre of the section behind the leading edge, in chords",
-    "designation": "name of a NACA section, empty for one that the user defines",
-}
-_COORDINATE_NAMES = {
-    "x_upper": "upper surface behind the leading edge, in chords",
-    "z_upper": "upper surface above the chord line, in chords",
-    "x_lower": "lower surface behind the leading edge, in chords",
-    "z_lower": "lower surface above the chord line, in chords",
-    "x": "station of mean line and thickness behind the leading edge, in chords",
-    "mean_line": "mean line above the chord line, in chords",
-    "thickness": "thickness, in chords",
-    "designation": _NAMES["designation"],
-}
+_DESIGNATION = "name of a NACA section, empty for one that the user defines"
 
 
-def _surface(page: Page) -> str:
-    """Return the surface that a section page describes."""
-    words = page.heading[0] if page.heading else ""
-    return next((name for name in SURFACES if name in words), "")
+def _surface_of(page: Page) -> str:
+    """Return the surface that a section page describes, empty for any other page."""
+    heading = ""
+    if page.heading:
+        heading = page.heading[0]
+    for name in SURFACES:
+        if name in heading:
+            return name
+    return ""
 
 
-def _surfaces(pages: Sequence[Page]) -> list[str]:
-    found = {_surface(page) for page in pages}
-    return [name for name in SURFACES if name in found]
+def _surfaces_of(pages: Iterable[Page]) -> list[str]:
+    """Return the surfaces of section pages in the order of the program."""
+    printed = {_surface_of(page) for page in pages}
+    return [name for name in SURFACES if name in printed]
 
 
 def stack_section(stacker: Stacker) -> LeafBuilder | None:
-    """Stack what the section module computes."""
+    """Stack the results of the section module."""
     case = stacker.case
-    summaries = [(page, group) for page, group in case.values("section") if _surface(page)]
-    slopes = [(page, table) for page, table in case.tables(SLOPE.name) if _surface(page)]
+    # Section pages belong to no flight condition, so they are taken from the case itself.
+    summaries = [(page, group) for page, group in case.values("section") if _surface_of(page)]
+    slopes = [(page, table) for page, table in case.tables(SLOPE.name) if _surface_of(page)]
     if not summaries and not slopes:
         return None
-    surfaces = _surfaces([page for page, _ in (*summaries, *slopes)])
+    pages = [page for page, _ in summaries]
+    pages += [page for page, _ in slopes]
+    surfaces = _surfaces_of(pages)
     machs = case.deck.schedule("FLTCON", "MACH", "NMACH")
-    machs = machs or max((table.values[:, 0].tolist() for _, table in slopes), key=len, default=[])
+    if not machs:
+        # Without cards the longest table has the Mach numbers.
+        printed = [table.values[:, 0].tolist() for _, table in slopes]
+        machs = max(printed, key=len, default=[])
     sheet = NumberStack(stacker, {"surface": [name.lower() for name in surfaces], "mach": machs})
-    single = [column for form in SUMMARY for column in form.numbers]
-    sheet.add(
-        single,
-        ("surface",),
-        (
-            ((surfaces.index(_surface(page)),), page, labelled_numbers(group))
-            for page, group in summaries
-        ),
-    )
-    items: list[Item] = []
+    numbers: list[Item] = []
+    for page, group in summaries:
+        numbers.append(((surfaces.index(_surface_of(page)),), page, labelled_numbers(group)))
+    for form in SUMMARY:
+        sheet.add(form.numbers, ("surface",), numbers)
+    # Lift slope and aerodynamic centre are printed for the subsonic Mach numbers.
+    rows: list[Item] = []
     for page, table in slopes:
-        places = _places(stacker, table, machs)
-        items += [
-            ((surfaces.index(_surface(page)), place), page, row_numbers(table, k))
-            for k, place in enumerate(places)
-        ]
-    sheet.add(SLOPE.columns[1:], ("surface", "mach"), items)
-    found = sheet.finished(_NAMES)
-    found.coords["lines"] = xr.Variable(
-        ("surface", "mach"), np.repeat(found["lines"].values[:, None], len(machs), axis=1)
-    )
+        surface = surfaces.index(_surface_of(page))
+        for k, mach_index in enumerate(_mach_indices(stacker, table, machs)):
+            rows.append(((surface, mach_index), page, row_numbers(table, k)))
+    sheet.add(SLOPE.columns[1:], ("surface", "mach"), rows)
+    leaf = sheet.finish()
+    # The dimension mach is joined between runs, so provenance goes along it as well.
+    lines = np.repeat(leaf["lines"].values[:, None], len(machs), axis=1)
+    leaf.coords["lines"] = xr.Variable(("surface", "mach"), lines)
     for name, text in (("case", case.name), ("file", case.file)):
-        found.coords[name] = xr.Variable("mach", [text] * len(machs))
-    return found
+        leaf.coords[name] = xr.Variable("mach", [text] * len(machs))
+    return leaf
 
 
-def _places(stacker: Stacker, table: PrintedTable, machs: Sequence[float]) -> list[int]:
-    """Return the index of each printed Mach number in the schedule; some are not printed, but none
-    out of turn.
+def _mach_indices(stacker: Stacker, table: PrintedTable, machs: Sequence[float]) -> list[int]:
+    """Return the index of each printed Mach number in the schedule.
+
+    The program leaves some Mach numbers out, but keeps their order.
     """
-    places, at = [], 0
+    indices: list[int] = []
+    start = 0
     for line, mach in zip(table.lines, table.values[:, 0].tolist()):
-        at = next((k for k in range(at, len(machs)) if abs(machs[k] - mach) <= _HALF_UNIT), -1) + 1
-        if not at:
+        index = start
+        while index < len(machs) and not abs(machs[index] - mach) <= _HALF_UNIT:
+            index += 1
+        if index == len(machs):
             expected = "one of the Mach numbers of the input cards, in their order"
             raise ParseError(stacker.case.file, line, f"MACH = {mach:g}", expected)
-        places.append(at - 1)
-    return places
+        indices.append(index)
+        start = index + 1
+    return indices
 
 
 def stack_coordinates(stacker: Stacker) -> LeafBuilder | None:
     """Stack the coordinates of the sections."""
-    tables = [
-        (page, table) for page, table in stacker.case.tables(COORDINATES.name) if _surface(page)
-    ]
+    case = stacker.case
+    tables = [(page, table) for page, table in case.tables(COORDINATES.name) if _surface_of(page)]
     if not tables:
         return None
-    surfaces = _surfaces([page for page, _ in tables])
+    surfaces = _surfaces_of(page for page, _ in tables)
     points = range(max(len(table.rows) for _, table in tables))
     sheet = NumberStack(stacker, {"surface": [name.lower() for name in surfaces], "point": points})
-    items = (
-        ((surfaces.index(_surface(page)), k), page, row_numbers(table, k))
-        for page, table in tables
-        for k in range(len(table.rows))
-    )
+    items: list[Item] = []
+    for page, table in tables:
+        surface = surfaces.index(_surface_of(page))
+        for k in range(len(table.rows)):
+            items.append(((surface, k), page, row_numbers(table, k)))
     sheet.add(COORDINATES.columns, ("surface", "point"), items)
-    names = {
-        _surface(page): " ".join(group.texts) for page, group in stacker.case.values("designation")
-    }
-    designations = [names.get(surface, "") for surface in surfaces]
-    sheet.leaf.coords["designation"] = xr.Variable("surface", designations)
-    return sheet.finished(_COORDINATE_NAMES, file=stacker.case.file)
+    # The designation has one or two texts: the name, and the mean line of a 6-series section.
+    designations = {}
+    for page, group in case.values("designation"):
+        designations[_surface_of(page)] = " ".join(group.texts)
+    names = [designations.get(surface, "") for surface in surfaces]
+    sheet.leaf.coords["designation"] = xr.Variable("surface", names, {"long_name": _DESIGNATION})
+    return sheet.finish(file=case.file)
 
 
 LEAVES = {"section": stack_section, "coordinates": stack_coordinates}

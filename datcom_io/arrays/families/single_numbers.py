@@ -1,5 +1,6 @@
-"""Stacking numbers that are printed one by one, with a label or in a row of their own, into arrays:
-SI, a flag for every value.
+"""Stacking of numbers that are printed one by one into arrays: SI, a flag for every value.
+
+Such a number has a label, or stands in a row of its own.
 """
 
 from __future__ import annotations
@@ -10,11 +11,12 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from datcom_io.arrays.stacking import LeafBuilder, Stacker
+from datcom_io.arrays.leaves import LeafBuilder, empty_cells
+from datcom_io.arrays.stacking import Stacker
 from datcom_io.cells import ABSENT, OK, SUSPECT
 from datcom_io.printout.content import Page
 from datcom_io.printout.rows import PrintedColumn
-from datcom_io.printout.tables import PrintedTable, Values
+from datcom_io.printout.tables import PrintedTable, PrintedValues
 from flightmech.errors import ParseError
 from flightmech.names import VOCABULARY, quantity_attributes
 
@@ -35,21 +37,25 @@ Item = tuple[tuple[int, ...], Page, Numbers]
 """Index along the dimensions, page and numbers."""
 
 
-def labelled_numbers(group: Values, subject: str = "") -> dict[str, PrintedNumber]:
-    """Return the numbers of a group; with a subject only those whose labels begin with it, without
-    it.
+def labelled_numbers(group: PrintedValues, subject: str = "") -> dict[str, PrintedNumber]:
+    """Return the numbers of a group by their labels.
+
+    With a subject, only numbers whose labels begin with it are returned, without the subject.
     """
-    start = f"{subject} " if subject else ""
+    start = ""
+    if subject:
+        start = f"{subject} "
+    # Lists are faster than arrays for single numbers.
     cells = zip(group.labels, group.lines, group.values.tolist(), group.flags.tolist())
-    return {
-        label.removeprefix(start): PrintedNumber(*cell)
-        for label, *cell in cells
-        if label.startswith(start)
-    }
+    numbers = {}
+    for label, line, value, flag in cells:
+        if label.startswith(start):
+            numbers[label.removeprefix(start)] = PrintedNumber(line, value, flag)
+    return numbers
 
 
 def row_numbers(table: PrintedTable, k: int = 0) -> dict[str, PrintedNumber]:
-    """Return the numbers of a row."""
+    """Return the numbers of a row by their columns."""
     cells = zip(table.columns, table.values[k].tolist(), table.flags[k].tolist())
     return {
         column.name: PrintedNumber(table.lines[k], value, flag) for column, value, flag in cells
@@ -57,63 +63,69 @@ def row_numbers(table: PrintedTable, k: int = 0) -> dict[str, PrintedNumber]:
 
 
 class NumberStack:
-    """A leaf in the making.
+    """Collects single numbers into the variables of a leaf.
 
-    `axes` maps dimensions to coordinate values, None for the dimension ``condition``; the
-    coordinate ``lines`` goes over the first one.
+    Parameters
+    ----------
+    stacker : Stacker
+    axes : mapping of str to sequence or None
+        Dimensions to coordinate values, None for the dimension ``condition``; the coordinate
+        ``lines`` goes along the first one.
     """
 
     def __init__(self, stacker: Stacker, axes: Mapping[str, Sequence | None]):
-        self.stacker, self.axes = stacker, axes
-        self.first = next(iter(axes))
-        self.leaf = LeafBuilder(
-            stacker.coords([stacker.condition_axis()]) if "condition" in axes else {}
-        )
-        self.sizes = {
-            name: len(stacker.conditions if values is None else values)
-            for name, values in axes.items()
-        }
+        self.stacker = stacker
+        self.lines_axis = next(iter(axes))
+        self.lines: dict[int, list[int]] = {}  # of all numbers, by index along the first dimension
+        self.sizes: dict[str, int] = {}
+        coords: dict[str, xr.Variable] = {}
+        if "condition" in axes:
+            coords = stacker.make_coords([stacker.condition_axis()])
         for name, values in axes.items():
-            if values is not None:
-                self.leaf.coords[name] = xr.Variable(
-                    name, np.array(values), quantity_attributes(name) if name in VOCABULARY else {}
-                )
-        self.seen: dict[int, list[int]] = {}
+            if values is None:
+                self.sizes[name] = len(stacker.conditions)
+                continue
+            self.sizes[name] = len(values)
+            attrs = {}
+            if name in VOCABULARY:
+                attrs = quantity_attributes(name)
+            coords[name] = xr.Variable(name, np.array(values), attrs)
+        self.leaf = LeafBuilder(coords)
 
     def add(
         self, columns: Iterable[PrintedColumn], dims: Sequence[str], items: Iterable[Item]
     ) -> None:
-        """Add a variable over `dims` for each column, filled where an item has a number of that
-        name.
-        """
+        """Add a variable over `dims` for each column, from the numbers of its name."""
+        # Every column becomes a variable; places without a number stay absent.
         shape = tuple(self.sizes[dim] for dim in dims)
         items = list(items)
         for column in columns:
-            value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
-            for where, page, numbers in items:
+            value, flag = empty_cells(shape)
+            for index, page, numbers in items:
                 number = numbers.get(column.name)
                 if number is None:
                     continue
-                if flag[where] != ABSENT:
-                    found = f"a second {column.name} for the place of an earlier one"
+                if flag[index] != ABSENT:
                     raise ParseError(
                         self.stacker.case.file,
                         number.line,
-                        found,
+                        f"a second {column.name} for the place of an earlier one",
                         f"one for each {' and '.join(dims)}",
                     )
+                # Other flags have no number; their value stays NaN.
                 if number.flag in (OK, SUSPECT):
-                    value[where] = number.value * self.stacker.factor(column, page)
-                flag[where] = number.flag
-                self.seen.setdefault(where[0], []).append(number.line)
-            self.leaf.add(column, dims, value, flag)
+                    value[index] = number.value * self.stacker.column_factor(column, page)
+                flag[index] = number.flag
+                self.lines.setdefault(index[0], []).append(number.line)
+            self.leaf.add_described(column, dims, value, flag)
             if column.units in _PER:
                 self.leaf[column.quantity].attrs["per"] = _PER[column.units]
 
-    def finished(self, long_names: Mapping[str, str], **attributes: str) -> LeafBuilder:
-        """Return the leaf with long names, attributes and the range of lines of its numbers."""
-        lines = np.full(self.sizes[self.first], "", dtype=object)
-        for k, numbers in self.seen.items():
-            lines[k] = f"{min(numbers)}-{max(numbers)}"
-        self.leaf.coords["lines"] = xr.Variable(self.first, lines.astype(str))
-        return self.leaf.described(long_names, **attributes)
+    def finish(self, **attributes: str) -> LeafBuilder:
+        """Return the leaf with its attributes and the range of lines of its numbers."""
+        # The lines of all variables along the first dimension, as first and last one.
+        ranges = np.full(self.sizes[self.lines_axis], "", dtype=object)
+        for k, lines in self.lines.items():
+            ranges[k] = f"{min(lines)}-{max(lines)}"
+        self.leaf.coords["lines"] = xr.Variable(self.lines_axis, ranges.astype(str))
+        return self.leaf.describe({}, **attributes)

@@ -5,82 +5,73 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from datcom_io.arrays.stacking import LeafBuilder, StackedAxis, Stacker
-from datcom_io.cells import ABSENT, BLANK
+from datcom_io.arrays.leaves import LeafBuilder, empty_cells
+from datcom_io.arrays.stacking import StackedAxis, Stacker
+from datcom_io.cells import BLANK
 from datcom_io.printout.layouts import tabs as streams
 from datcom_io.printout.tables import TableLayout
 from flightmech.errors import ParseError
 
-_LONG_NAMES = {
-    "F_stick": "stick force as printed; the program divides by qbar S cbar where it ought to "
-    "multiply",
-    "CF_stick": "stick-force coefficient",
-    "Ch_tab_free": "hinge-moment coefficient of the flap, tab free",
-    "Ch_tab_locked": "hinge-moment coefficient of the flap, tab locked",
-    "Ch_tab_gearing": "hinge-moment coefficient of the flap due to the gearing of the tab",
-    "delta_tab_trim": "deflection of the trim tab for zero stick force",
-    "one_decimal": "1 where the print has one decimal only: the first value of each line",
-}
+_ONE_DECIMAL = "1 where the print has one decimal only: the first value of each line"
 
 
 def stack_tabs(stacker: Stacker) -> LeafBuilder | None:
-    """Stack the value streams of control tabs as (condition, alpha, delta), alpha and delta taken
-    from the input cards.
+    """Stack the value streams of control tabs as (condition, alpha, delta).
+
+    The print does not show alpha, so alpha and delta come from the input cards.
     """
-    alphas, deltas = stacker.alphas(), stacker.case.deck.schedule("SYMFLP", "DELTA", "NDELTA")
-    layouts = [layout for layout in streams.LAYOUTS if stacker.placed(layout.name)]
+    alphas = stacker.alphas()
+    deltas = stacker.case.deck.schedule("SYMFLP", "DELTA", "NDELTA")
+    layouts = [layout for layout in streams.LAYOUTS if stacker.placed_tables(layout.name)]
     if not layouts or not alphas or not deltas:
         return None
-    found = LeafBuilder(
-        stacker.coords(
-            [
-                stacker.condition_axis(),
-                StackedAxis("alpha", alphas, "deg"),
-                StackedAxis("delta", deltas, "deg"),
-            ]
-        )
-    )
+    axes = [
+        stacker.condition_axis(),
+        StackedAxis("alpha", alphas, "deg"),
+        StackedAxis("delta", deltas, "deg"),
+    ]
+    leaf = LeafBuilder(stacker.make_coords(axes))
     for layout in layouts:
         for _, group in stacker.case.values(layout.name):
-            stacker.demand(group.labels[0], group.values, deltas, group.lines)
-        _add_stream(stacker, found, layout, (len(stacker.conditions), len(alphas), len(deltas)))
-    first_of_line = (
-        np.arange(len(alphas) * len(deltas)).reshape(len(alphas), len(deltas)) % streams.PER_LINE
-        == 0
+            stacker.check_axis(group.labels[0], group.values, exact=deltas, lines=group.lines)
+        _add_stream(stacker, leaf, layout, (len(stacker.conditions), len(alphas), len(deltas)))
+    # The stream has delta in the inner loop and `PER_LINE` values on a line.
+    position = np.arange(len(alphas) * len(deltas)).reshape(len(alphas), len(deltas))
+    first_of_line = position % streams.PER_LINE == 0
+    attrs = {"units": "1", "long_name": _ONE_DECIMAL}
+    leaf.variables["one_decimal"] = xr.Variable(
+        ("alpha", "delta"), first_of_line.astype(np.uint8), attrs
     )
-    found.variables["one_decimal"] = xr.Variable(
-        ("alpha", "delta"), first_of_line.astype(np.uint8), {"units": "1"}
-    )
-    return found.described(_LONG_NAMES)
+    return leaf
 
 
 def _add_stream(
-    stacker: Stacker, found: LeafBuilder, layout: TableLayout, shape: tuple[int, int, int]
+    stacker: Stacker, leaf: LeafBuilder, layout: TableLayout, shape: tuple[int, int, int]
 ) -> None:
     """Add the streams of one kind as a variable (condition, alpha, delta)."""
-    column, placed = layout.columns[0], stacker.placed(layout.name)
-    count = shape[1] * shape[2]
-    wanted = max(shape[1], stacker.case.deck.count("FLTCON", "NALPHA") or 0) * shape[2]
-    value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
+    column = layout.columns[0]
+    placed = stacker.placed_tables(layout.name)
+    _, alphas, deltas = shape
+    used = alphas * deltas
+    # The stream also has values for angles that NALPHA counts and the cards do not give.
+    expected = max(alphas, stacker.case.deck.count("FLTCON", "NALPHA") or 0) * deltas
+    value, flag = empty_cells(shape)
     for spot, page, table in placed:
         printed = table.flags.ravel() != BLANK
-        if printed.sum() != wanted or not printed[:count].all():
-            text = f"{printed.sum()} values in the {layout.name} table"
+        if printed.sum() != expected or not printed[:used].all():
             raise ParseError(
                 stacker.case.file,
                 table.lines[-1],
-                text,
-                f"{wanted} values, alphas x deflections of the input cards",
+                f"{printed.sum()} values in the {layout.name} table",
+                f"{expected} values, alphas x deflections of the input cards",
             )
-        numbers, codes = (
-            array.ravel()[:count].reshape(shape[1:]) for array in (table.values, table.flags)
-        )
-        value[spot.condition], flag[spot.condition] = (
-            stacker.si(column, page, numbers, codes),
-            codes,
-        )
-    found.add(column, ("condition", "alpha", "delta"), value, flag)
-    found.coords[f"lines_{column.quantity}"] = stacker.lines_of_conditions(placed)
+        # The stream is flat: values of the lines follow each other.
+        numbers = table.values.ravel()[:used].reshape(shape[1:])
+        codes = table.flags.ravel()[:used].reshape(shape[1:])
+        value[spot.condition] = stacker.to_si(column, page, numbers, codes)
+        flag[spot.condition] = codes
+    leaf.add_described(column, ("condition", "alpha", "delta"), value, flag)
+    leaf.coords[f"lines_{column.quantity}"] = stacker.line_ranges_by_condition(placed)
 
 
 LEAVES = {"tabs": stack_tabs}

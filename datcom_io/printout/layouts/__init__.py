@@ -1,5 +1,6 @@
-"""The layout of every printed table, by subject; a new kind of table is one entry in one of these
-modules.
+"""Layouts of all printed tables, by subject.
+
+A new kind of table is one entry in one of these modules.
 """
 
 from __future__ import annotations
@@ -21,15 +22,27 @@ from datcom_io.printout.tables import PrintedBlock, TableLayout
 
 _SUBJECTS = (clean, devices, tabs, trim, special, diagnostics, auxiliary, fairing, sections)
 
-LAYOUTS: tuple[TableLayout, ...] = tuple(
-    layout for subject in _SUBJECTS for layout in subject.LAYOUTS
-)
-BLOCKS: tuple[PrintedBlock, ...] = tuple(
-    block for subject in _SUBJECTS for block in getattr(subject, "BLOCKS", ())
-)
+
+def _collect() -> tuple[tuple[TableLayout, ...], tuple[PrintedBlock, ...]]:
+    """Return the layouts and blocks of all subjects, in their order."""
+    layouts: list[TableLayout] = []
+    blocks: list[PrintedBlock] = []
+    for subject in _SUBJECTS:
+        layouts += subject.LAYOUTS
+        blocks += getattr(subject, "BLOCKS", ())
+    return tuple(layouts), tuple(blocks)
+
+
+def _kind_names() -> tuple[str, ...]:
+    """Return the names of all kinds of tables and groups, each once."""
+    names = [*BY_NAME]
+    for block in BLOCKS:
+        names += block.names
+    return tuple(dict.fromkeys([*names, *notes.NAMES]))
+
+
+LAYOUTS, BLOCKS = _collect()
 BY_HEADING = {layout.heading: layout for layout in LAYOUTS if layout.heading}
 BY_NAME = {layout.name: layout for layout in (CONDITIONS, *LAYOUTS)}
-NAMES = tuple(
-    dict.fromkeys((*BY_NAME, *(name for block in BLOCKS for name in block.names), *notes.NAMES))
-)
+NAMES = _kind_names()
 """All kinds of table."""

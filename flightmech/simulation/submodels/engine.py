@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from flightmech.aircraft.engine import MOST, OWN, Engine
+from flightmech.aircraft.engine import MOST, Engine
+from flightmech.aircraft.engine_deck import OWN
 from flightmech.errors import SchemaError
 from flightmech.simulation.catalogue_row import make_row, make_vocabulary_row
 from flightmech.simulation.kernel import INPUT, OUTPUT, STATE, VARIABLE, CatalogueEntry

@@ -1,3 +1,1 @@
-"""Results of the stages of a job, kept by the hash of all that they depend on, so that nothing is
-computed twice.
-"""
+"""Store for results of the stages of a job, by the hash of all their inputs."""

@@ -1,6 +1,4 @@
-"""The hash of plain data, arrays, labelled data and dataclasses by what they hold: the same in
-every process.
-"""
+"""Content hash of plain data, arrays, labelled data and dataclasses, equal in all processes."""
 
 from __future__ import annotations
 
@@ -17,13 +15,14 @@ import xarray as xr
 
 
 def content_hash(*items: Any) -> str:
-    """Return the SHA-256 of what items hold.
+    """Return the SHA-256 of the content of items.
 
     Parameters
     ----------
-    *items : numbers, texts, None, arrays, labelled data, dataclasses, pydantic models, and mappings, sequences and sets of them
-        What carries a hash of its own as ``content_digest`` counts by it; anything else by its
-        pickle, never by a text that may be shortened.
+    *items : object
+        Numbers, texts, None, arrays, labelled data, dataclasses, pydantic models, and mappings,
+        sequences and sets of them. An object with a ``content_digest`` is hashed by this text. Other
+        objects are hashed by their pickle, because a ``repr`` can be abbreviated.
 
     Examples
     --------
@@ -33,19 +32,19 @@ def content_hash(*items: Any) -> str:
     False
     """
     digest = hashlib.sha256()
-    _add(digest, items)
+    _update(digest, items)
     return digest.hexdigest()
 
 
 @dataclass(frozen=True)
 class FileContent:
-    """A file as an input of a stage: it counts by its name without folder, and by its bytes.
+    """A file as an input of a stage, hashed by its name without folder and by its bytes.
 
     Attributes
     ----------
     path : Path
     sha256 : str
-        Of its bytes.
+        Hash of its bytes.
     """
 
     path: Path
@@ -53,7 +52,7 @@ class FileContent:
 
     @classmethod
     def of(cls, path: str | Path) -> FileContent:
-        """Return a file with the hash of its bytes now."""
+        """Return a file with the hash of its present bytes."""
         with Path(path).open("rb") as content:
             return cls(Path(path), hashlib.file_digest(content, "sha256").hexdigest())
 
@@ -63,65 +62,63 @@ class FileContent:
         return f"{self.path.name} {self.sha256}"
 
 
-_SINGLE = {str, float, int, bool, type(None)}
+# types that are hashed by their repr
+_SCALARS = {str, float, int, bool, type(None)}
 
 
-def _add(digest: Any, item: Any) -> None:
-    if type(item) in _SINGLE:  # most are: before the kinds that take longer to recognise
+def _update(digest: Any, item: Any) -> None:
+    """Add the content of an item to a digest.
+
+    Lengths and types are added too, so that different structures have different hashes.
+    """
+    # scalars first: most items are scalars, and the other checks take longer
+    if type(item) in _SCALARS:
         digest.update(repr(item).encode())
-    elif isinstance(own := getattr(item, "content_digest", None), str):
-        digest.update(f"digest {own}".encode())
+    elif isinstance(text := getattr(item, "content_digest", None), str):
+        digest.update(f"digest {text}".encode())
     elif isinstance(item, np.ndarray):
         digest.update(f"array {item.dtype} {item.shape}".encode())
-        digest.update(
-            repr(item.tolist()).encode()
-            if item.dtype == object
-            else np.ascontiguousarray(item).tobytes()
-        )
+        digest.update(_array_bytes(item))
     elif isinstance(item, xr.Dataset):
-        _add(
-            digest,
-            {
-                "attrs": dict(item.attrs),
-                **{name: (v.dims, v.values, dict(v.attrs)) for name, v in item.variables.items()},
-            },
-        )
+        variables = {name: (v.dims, v.values, dict(v.attrs)) for name, v in item.variables.items()}
+        _update(digest, {"attrs": dict(item.attrs), **variables})
     elif isinstance(item, xr.DataTree):
-        _add(digest, {node.path: node.to_dataset(inherit=False) for node in item.subtree})
+        _update(digest, {node.path: node.to_dataset(inherit=False) for node in item.subtree})
     elif isinstance(item, pd.DataFrame):
-        _add(
-            digest,
-            (
-                "table",
-                item.index.to_numpy(),
-                {str(name): column.to_numpy() for name, column in item.items()},
-            ),
-        )
+        columns = {str(name): column.to_numpy() for name, column in item.items()}
+        _update(digest, ("table", item.index.to_numpy(), columns))
     elif is_dataclass(item) and not isinstance(item, type):
-        _add(digest, {f.name: getattr(item, f.name) for f in fields(item)})
+        _update(digest, {f.name: getattr(item, f.name) for f in fields(item)})
     elif isinstance(item, Mapping):
         digest.update(f"mapping {len(item)}".encode())
         for name, value in item.items():
             digest.update(f"\0{name}=".encode())
-            _add(digest, value)
+            _update(digest, value)
     elif isinstance(item, list | tuple):
         digest.update(f"sequence {len(item)}".encode())
         for value in item:
             digest.update(b"\0,")
-            _add(digest, value)
+            _update(digest, value)
     else:
-        digest.update(_other(item))
+        digest.update(_object_bytes(item))
 
 
-def _other(item: Any) -> bytes:
-    """Return bytes for what is rarer."""
+def _array_bytes(array: np.ndarray) -> bytes:
+    # the bytes of an array of objects are addresses
+    if array.dtype == object:
+        return repr(array.tolist()).encode()
+    return np.ascontiguousarray(array).tobytes()
+
+
+def _object_bytes(item: Any) -> bytes:
+    """Return the bytes of an item of a rare type."""
     if isinstance(item, np.generic | PurePath | bytes):
         return repr(item).encode()
     if isinstance(item, set | frozenset):
         return f"set {sorted(content_hash(value) for value in item)}".encode()
     kind = type(item)
-    if hasattr(kind, "model_fields"):  # of pydantic, which need not be imported here
-        return content_hash(
-            kind.__name__, {name: getattr(item, name) for name in kind.model_fields}
-        ).encode()
+    # a model of pydantic, recognised without an import of pydantic
+    if hasattr(kind, "model_fields"):
+        values = {name: getattr(item, name) for name in kind.model_fields}
+        return content_hash(kind.__name__, values).encode()
     return pickle.dumps(item, protocol=5)

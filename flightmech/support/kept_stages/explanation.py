@@ -1,4 +1,4 @@
-"""Why a stage runs: its inputs set against those of the job that last wrote the same folder."""
+"""Reasons for which stages run: changes since the last job that wrote the same folder."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from flightmech.support.atomic_write import written_atomically
 
 
 class StageTrace:
-    """The inputs of every stage of the last job of a folder, by hash, one line each as the stages
-    are reached.
+    """Hashes of the inputs of all stages in the last job of a folder.
 
-    A job that is killed leaves the lines of what it reached; of several lines of one stage the last
-    counts.
+    The file gets a line when a stage begins, so a killed job leaves the lines of the stages that it
+    began. The last line of a stage is the valid one.
 
     Parameters
     ----------
@@ -28,41 +27,36 @@ class StageTrace:
         self._before: dict[str, dict[str, str]] = {}
         with suppress(OSError):
             for line in file.read_text(encoding="utf-8").splitlines():
-                with suppress(
-                    ValueError, TypeError
-                ):  # a line that was being written when the job was killed
+                # the last line of a killed job can be incomplete
+                with suppress(ValueError, TypeError):
                     name, inputs = json.loads(line)
                     self._before[name] = dict(inputs)
         self._now: dict[str, dict[str, str]] = {}
 
     @classmethod
     def of(cls, store: Path, output: Path) -> StageTrace:
-        """Return the trace of an output folder, which lies in the folder of the store."""
-        return cls(
-            store
-            / "traces"
-            / f"{hashlib.sha256(str(output.resolve()).encode()).hexdigest()[:32]}.jsonl"
-        )
+        """Return the trace of an output folder. Its file is in the folder of the store."""
+        name = hashlib.sha256(str(output.resolve()).encode()).hexdigest()[:32]
+        return cls(store / "traces" / f"{name}.jsonl")
 
     def reason(self, name: str, inputs: Mapping[str, str]) -> str:
-        """Return why a stage has to run although a store is there, in words."""
+        """Return the reason for which a stage must run, as a text."""
         before = self._before.get(name)
         if before is None:
             return "not computed for this folder before"
         changed = [key for key in inputs if inputs[key] != before.get(key)]
-        gone = [key for key in before if key not in inputs]
-        if changed or gone:
-            return "; ".join(
-                [
-                    *([f"changed: {', '.join(changed)}"] if changed else []),
-                    *([f"left out: {', '.join(gone)}"] if gone else []),
-                ]
-            )
-        return "nothing changed, but no intact result is kept"
+        removed = [key for key in before if key not in inputs]
+        texts = []
+        if changed:
+            texts.append(f"changed: {', '.join(changed)}")
+        if removed:
+            texts.append(f"left out: {', '.join(removed)}")
+        return "; ".join(texts) or "nothing changed, but no intact result is kept"
 
     def note(self, name: str, inputs: Mapping[str, str]) -> None:
-        """Keep the inputs of a stage."""
+        """Record the inputs of a stage."""
         self._now[name] = dict(inputs)
+        # the line of the last job is still valid
         if self._before.get(name) == self._now[name]:
             return
         with suppress(OSError):
@@ -71,11 +65,9 @@ class StageTrace:
                 file.write(json.dumps([name, self._now[name]]) + "\n")
 
     def close(self) -> None:
-        """Leave the lines of this job only."""
-
+        """Replace the file by the lines of this job."""
+        lines = [json.dumps(item) + "\n" for item in self._now.items()]
         with suppress(OSError):
             self._file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
             with written_atomically(self._file, durable=False) as part:
-                part.write_text(
-                    "".join(json.dumps(item) + "\n" for item in self._now.items()), encoding="utf-8"
-                )
+                part.write_text("".join(lines), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Results as bytes: pickles that also hold what pickle refuses, and are no larger than need be."""
+"""Pickles of results, also of read-only mappings, without the rows of zeros of large tables."""
 
 from __future__ import annotations
 
@@ -10,42 +10,40 @@ from typing import Any
 import numpy as np
 
 LARGE = 10_000
-"""Numbers of a table from which on its rows of zeros are looked for."""
+"""Smallest number of elements of a table whose rows of zeros are left out."""
 
 
 class _Pickler(pickle.Pickler):
-    """Pickles the read-only view of a mapping, which pickle does not, and leaves rows of zeros out
-    of large tables.
+    """Pickler that accepts the read-only view of a mapping, and omits rows of zeros.
 
-    A third of the errors along a record are zero, and coefficients with their errors are 100 MB a
-    record.
+    A third of the errors along a record are zero, and the coefficients of a record with their
+    errors take 100 MB.
     """
 
     def reducer_override(self, item: Any) -> Any:
         if isinstance(item, MappingProxyType):
-            return _view, (dict(item),)
-        if (
-            type(item) is np.ndarray
-            and item.dtype == np.float64
-            and item.ndim == 2
-            and item.size >= LARGE
-            and item.flags.c_contiguous
-        ):
-            bits = item.view(np.int64)  # a negative zero is kept
-            full = bits.any(axis=1)
-            if not full.all():
-                return _filled, (item.shape, full, item[full])
+            return _make_view, (dict(item),)
+        if type(item) is np.ndarray and _is_large_table(item):
+            # as integers, because a negative zero is not a row of zero bits
+            has_bits = item.view(np.int64).any(axis=1)
+            if not has_bits.all():
+                return _fill_table, (item.shape, has_bits, item[has_bits])
         return NotImplemented
 
 
-def _view(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+def _is_large_table(array: np.ndarray) -> bool:
+    is_table = array.dtype == np.float64 and array.ndim == 2
+    return is_table and array.size >= LARGE and array.flags.c_contiguous
+
+
+def _make_view(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(mapping)
 
 
-def _filled(shape: tuple[int, int], full: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    found = np.zeros(shape)
-    found[full] = rows
-    return found
+def _fill_table(shape: tuple[int, int], mask: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    table = np.zeros(shape)
+    table[mask] = rows
+    return table
 
 
 def to_pickle(value: Any) -> bytes:

@@ -1,6 +1,4 @@
-"""What decides the last bit of a result apart from its inputs: the program, the libraries it counts
-with, the arithmetic of the machine.
-"""
+"""Hashes of program, libraries and arithmetic, which results depend on besides their inputs."""
 
 from __future__ import annotations
 
@@ -17,8 +15,9 @@ from platform import machine
 from flightmech.support.imports import PACKAGES
 
 LIBRARIES = ("aeromatch", "fmpy", "numpy", "scipy", "pandas", "xarray", "h5py", "jinja2", "typst")
-"""Libraries whose version decides what is counted or written."""
+"""Libraries whose version can change results or files."""
 
+# environment variables that select kernels and threads of the linear algebra
 _ARITHMETIC = (
     "OPENBLAS_CORETYPE",
     "OPENBLAS_NUM_THREADS",
@@ -31,64 +30,57 @@ _ARITHMETIC = (
 
 @cache
 def hash_installation() -> str:
-    """Return the hash of our packages with kernel, templates and tables, then the versions of
-    `LIBRARIES` and the kind of machine.
+    """Return the hash of our packages, the versions of `LIBRARIES` and the kind of machine.
+
+    The packages include kernel, templates and tables.
     """
     digest = hashlib.sha256()
     for name in PACKAGES:
         folder = os.path.dirname(str(find_spec(name).origin))  # type: ignore[union-attr]
-        for file in sorted(_files(folder)):
-            digest.update(
-                f"{name}/{file[len(folder) + 1 :]}".replace(os.sep, "/").encode()
-                + b"\0"
-                + Path(file).read_bytes()
-            )
-    return " ".join(
-        [
-            digest.hexdigest(),
-            *(f"{name} {_version(name)}" for name in LIBRARIES),
-            sys.platform,
-            machine(),
-        ]
-    )
+        for file in sorted(_list_files(folder)):
+            # the same path on all systems
+            path = f"{name}/{file[len(folder) + 1 :]}".replace(os.sep, "/")
+            digest.update(path.encode() + b"\0" + Path(file).read_bytes())
+    versions = [f"{name} {_find_version(name)}" for name in LIBRARIES]
+    return " ".join([digest.hexdigest(), *versions, sys.platform, machine()])
 
 
 @cache
 def hash_arithmetic() -> str:
-    """Return what decides how linear algebra sums, short of importing it: settings of the
-    environment, and the kind of processor.
+    """Return the hash of the settings that change the sums of the linear algebra.
+
+    These are environment variables, the version of Python and the kind of processor. The libraries
+    are not imported.
     """
-    set_to = {name: os.environ.get(name, "") for name in _ARITHMETIC}
-    return hashlib.sha256(repr((set_to, sys.version_info[:3], _processor())).encode()).hexdigest()
+    settings = {name: os.environ.get(name, "") for name in _ARITHMETIC}
+    text = repr((settings, sys.version_info[:3], _describe_processor()))
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _processor() -> str:
-    """Return model and features of the processor; its architecture where the system does not state
-    them.
-    """
+def _describe_processor() -> str:
+    """Return model and features of the processor, or its architecture if they are unknown."""
     with suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
-        wanted = ("model name", "flags", "Features", "CPU part")
-        return " ".join(dict.fromkeys(line for line in lines if line.startswith(wanted)))
+        keys = ("model name", "flags", "Features", "CPU part")
+        # the lines repeat for each core
+        return " ".join(dict.fromkeys(line for line in lines if line.startswith(keys)))
     return f"{machine()} {os.environ.get('PROCESSOR_IDENTIFIER', '')}"
 
 
-def _files(folder: str) -> list[str]:
-    """Return the files of a package, without what Python compiles and what lies hidden."""
-    found: list[str] = []
+def _list_files(folder: str) -> list[str]:
+    """Return the files of a package, without compiled and hidden files."""
+    files: list[str] = []
     for item in os.scandir(folder):
+        if item.name.startswith(".") or item.name == "__pycache__":
+            continue
         if item.is_dir():
-            found += (
-                [] if item.name == "__pycache__" or item.name.startswith(".") else _files(item.path)
-            )
-        elif not item.name.startswith(".") and not item.name.endswith(
-            (".pyc", ".pyi", ".md", ".part")
-        ):
-            found.append(item.path)
-    return found
+            files += _list_files(item.path)
+        elif not item.name.endswith((".pyc", ".pyi", ".md", ".part")):
+            files.append(item.path)
+    return files
 
 
-def _version(name: str) -> str:
+def _find_version(name: str) -> str:
     try:
         return version(name)
     except PackageNotFoundError:

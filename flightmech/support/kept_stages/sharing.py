@@ -1,5 +1,6 @@
-"""Calls shared out to the cores of this machine, or to the workers of a dask.distributed cluster:
-the same results either way.
+"""Parallel calls on the cores of this machine, or on the workers of a dask.distributed cluster.
+
+The results are the same.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
+from itertools import islice
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -21,8 +23,9 @@ from flightmech.errors import SchemaError, SimulationError
 from flightmech.support.kept_stages.program import hash_installation
 
 WAIT = 20.0
-"""How long a scheduler may take to answer and to have a worker. [s]"""
-_AHEAD = 4  # calls per core of the cluster that are on their way at the same time
+"""Time limit for the answer of a scheduler, and for its first worker. [s]"""
+# submitted calls per core of the cluster
+_AHEAD = 4
 
 
 class Cores:
@@ -35,32 +38,30 @@ class Cores:
         jobs: int,
         threads: bool,
     ) -> Iterator[tuple[int, Any]]:
-        """Give place and result of every call as soon as it is there.
+        """Yield index and result of each call as soon as it is complete.
 
         Parameters
         ----------
         function : callable
         calls : iterable of tuple
-            Arguments.
+            Arguments of each call.
         jobs : int
-            Processes or threads at the same time; -1 for one per core.
+            Number of parallel processes or threads, -1 for one per core.
         threads : bool
-            Threads instead of processes: where numbers are crunched by libraries that let others
-            run.
+            Threads instead of processes, for functions that release the interpreter lock.
         """
-        if jobs == 1:  # one after the other, without what shares them out
-            for place, call in enumerate(calls):
-                yield _placed(place, function, *call)
+        if jobs == 1:
+            # without the overhead of joblib
+            for i, call in enumerate(calls):
+                yield _call_indexed(i, function, *call)
             return
-
-        work = (delayed(_placed)(place, function, *call) for place, call in enumerate(calls))
-        yield from Parallel(
-            n_jobs=jobs, backend="threading" if threads else None, return_as="generator_unordered"
-        )(work)
+        work = (delayed(_call_indexed)(i, function, *call) for i, call in enumerate(calls))
+        backend = "threading" if threads else None
+        yield from Parallel(n_jobs=jobs, backend=backend, return_as="generator_unordered")(work)
 
 
 class Cluster:
-    """The workers of a dask.distributed cluster; made by `open_cluster`."""
+    """The workers of a dask.distributed cluster, from `open_cluster`."""
 
     def __init__(self, client: Any) -> None:
         self._client = client
@@ -68,16 +69,14 @@ class Cluster:
     def in_order(
         self, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]]
     ) -> Iterator[Any]:
-        """Give the results of calls in their order, with few calls ahead of the one that is waited
-        for.
-        """
-        waiting = deque[Any]()
+        """Yield the results of calls in their order. Few calls are submitted ahead."""
+        futures = deque[Any]()
         for call in calls:
-            if len(waiting) >= self._window:
-                yield waiting.popleft().result()
-            waiting.append(self._submit(function, *call))
-        while waiting:
-            yield waiting.popleft().result()
+            if len(futures) >= self._window:
+                yield futures.popleft().result()
+            futures.append(self._submit(function, *call))
+        while futures:
+            yield futures.popleft().result()
 
     def unordered(
         self,
@@ -86,22 +85,22 @@ class Cluster:
         jobs: int,
         threads: bool,
     ) -> Iterator[tuple[int, Any]]:
-        """Give place and result of every call as soon as it is there; the workers take the place of
-        `jobs` and `threads`.
+        """Yield index and result of each call as soon as it is complete.
+
+        The number of workers replaces `jobs` and `threads`.
         """
         from distributed import as_completed
 
-        left = iter(enumerate(calls))
-        first = [
-            self._submit(_placed, place, function, *call)
-            for (place, call), _ in zip(left, range(self._window), strict=False)
-        ]
+        indexed = enumerate(calls)
+        first = []
+        for i, call in islice(indexed, self._window):
+            first.append(self._submit(_call_indexed, i, function, *call))
         running = as_completed(first)
         for future in running:
             yield future.result()
-            for place, call in left:
-                running.add(self._submit(_placed, place, function, *call))
-                break
+            # one new call for each complete call
+            for i, call in islice(indexed, 1):
+                running.add(self._submit(_call_indexed, i, function, *call))
 
     @property
     def _window(self) -> int:
@@ -109,18 +108,17 @@ class Cluster:
 
     def _submit(self, function: Callable[..., Any], *call: Any) -> Any:
         with warnings.catch_warnings():
-            warnings.filterwarnings(
-                "ignore", "Sending large graph", UserWarning
-            )  # a record is as large as it is
+            # a call has a whole record as argument
+            warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
             return self._client.submit(function, *call, pure=False)
 
 
-def _placed(place: int, function: Callable[..., Any], *call: Any) -> tuple[int, Any]:
-    return place, function(*call)
+def _call_indexed(i: int, function: Callable[..., Any], *call: Any) -> tuple[int, Any]:
+    return i, function(*call)
 
 
 def demand_scheduler(address: str) -> None:
-    """Raise when no cluster can be used at an address, before any work is done.
+    """Raise if there is no cluster at an address, before any work is done.
 
     Raises
     ------
@@ -133,15 +131,17 @@ def demand_scheduler(address: str) -> None:
         raise SchemaError(
             "scheduler", ["dask.distributed is not installed; pip install 'aeromatch[cluster]'"]
         )
-    place = urlsplit(address)
+    url = urlsplit(address)
     try:
-        host, port = place.hostname, place.port
+        host, port = url.hostname, url.port
     except ValueError as error:
         raise SchemaError("scheduler", [f"{address!r}: {error}; write tcp://HOST:PORT"]) from error
     if host is None or port is None:
-        return  # an address of another kind, which dask.distributed resolves
+        # an address of another kind, which dask.distributed resolves
+        return
     end = time.monotonic() + WAIT
-    while True:  # a scheduler that has just been started does not listen yet
+    # repeated, because a scheduler that has just been started does not listen yet
+    while True:
         try:
             socket.create_connection((host, port), WAIT).close()
             return
@@ -154,7 +154,7 @@ def demand_scheduler(address: str) -> None:
 
 @contextmanager
 def open_cluster(scheduler: str) -> Iterator[Cluster]:
-    """Give the workers of a scheduler as long as the block lasts.
+    """Yield the workers of a scheduler for the duration of the block.
 
     Parameters
     ----------
@@ -166,8 +166,8 @@ def open_cluster(scheduler: str) -> Iterator[Cluster]:
     SchemaError
         dask.distributed is not installed.
     SimulationError
-        No scheduler or no worker answers, workers have another program, those of one call died
-        again and again, or the scheduler ended.
+        No scheduler or no worker answers, the workers have another program, several workers died
+        in the same call, or the scheduler ended.
     """
     try:
         from distributed import CancelledError, Client, KilledWorker
@@ -176,9 +176,8 @@ def open_cluster(scheduler: str) -> Iterator[Cluster]:
         raise SchemaError(
             "scheduler", ["dask.distributed is not installed; pip install 'aeromatch[cluster]'"]
         ) from error
-    with _quiet(
-        "distributed", "distributed.client", "distributed.comm"
-    ):  # what they report comes as one error below
+    # their messages are replaced by the errors below
+    with _limit_to_critical("distributed", "distributed.client", "distributed.comm"):
         try:
             client = Client(scheduler, timeout=WAIT)
         except (OSError, ValueError) as error:
@@ -205,8 +204,8 @@ def open_cluster(scheduler: str) -> Iterator[Cluster]:
 
 
 @contextmanager
-def _quiet(*names: str) -> Iterator[None]:
-    """Let loggers report what is critical only."""
+def _limit_to_critical(*names: str) -> Iterator[None]:
+    """Limit loggers to critical messages inside the block."""
     loggers = [logging.getLogger(name) for name in names]
     levels = [logger.level for logger in loggers]
     for logger in loggers:
@@ -219,21 +218,18 @@ def _quiet(*names: str) -> Iterator[None]:
 
 
 def _check_workers(client: Any, scheduler: str) -> None:
-    """Wait for a worker, and refuse workers that would judge by another program."""
+    """Wait for a worker, and raise if a worker has another program."""
     try:
         client.wait_for_workers(1, timeout=WAIT)
     except TimeoutError as error:
         raise SimulationError(
             f"the scheduler at {scheduler} has no worker after {WAIT:g} s; start some"
         ) from error
-    others = [
-        worker
-        for worker, found in client.run(hash_installation).items()
-        if found != hash_installation()
-    ]
+    hashes = client.run(hash_installation)
+    others = sorted(worker for worker in hashes if hashes[worker] != hash_installation())
     if others:
         raise SimulationError(
-            f"{', '.join(sorted(others))}: another version of aeromatch (any file of it) or "
+            f"{', '.join(others)}: another version of aeromatch (any file of it) or "
             f"of a library that it counts with (FMPy, NumPy, "
             "SciPy, pandas, xarray, h5py, Jinja2, typst), or another kind of machine than "
             "here; install the same on the workers"

@@ -1,8 +1,8 @@
-"""Stages of a job: each is a function of its inputs, whose hashes name what is kept of it.
+"""Stages of a job: functions of their inputs, whose results are stored by the hash of the inputs.
 
-There is no graph and no engine: a job calls its stages one after the other, and a stage that is
-kept under its inputs is not computed. What a stage gives counts as an input of the next by the hash
-of what is kept, so that a change without effect ends there.
+A job calls its stages one after the other. A stage is not computed if the store has a result for
+its inputs. The result of a stage is an input of the next stages by the hash of its stored bytes.
+Therefore a change without an effect on the result does not lead to further computations.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, Generic, TypeVar
 
 from flightmech.errors import AeromatchWarning
@@ -23,16 +24,16 @@ _Value = TypeVar("_Value")
 
 
 class Kept(Generic[_Value]):
-    """The result of a stage: at hand, or in the store until somebody needs it.
+    """The result of a stage, in memory, or in the store until its first use.
 
     Parameters
     ----------
     digest : str
-        Of what it holds, where that is known.
+        Hash of the value, if known.
     made : tuple
-        The value, where it is at hand.
+        The value as a tuple of one, if it is in memory.
     make : callable
-        Gives that tuple elsewhere.
+        Returns the tuple, if the value is not in memory.
     """
 
     def __init__(
@@ -45,9 +46,7 @@ class Kept(Generic[_Value]):
 
     @property
     def value(self) -> _Value:
-        """What it holds: read from the store when it is first needed, computed again where the file
-        turns out to be damaged.
-        """
+        """The value. It is read from the store on first use, or computed if the file is damaged."""
         if not self._made:
             assert self._make is not None
             self._made = self._make()
@@ -55,20 +54,20 @@ class Kept(Generic[_Value]):
 
     @property
     def content_digest(self) -> str:
-        """Hash of what it holds, by which it counts as an input."""
+        """Hash of the value, which represents it as an input."""
         if not self._digest:
+            # a value that was not read from the store
             self._digest = content_hash(self.value)
         return self._digest
 
     def part(self, name: str, pick: Callable[[_Value], Any]) -> Kept[Any]:
-        """Return a part of the result, which counts by the whole; nothing is read for it."""
-        return Kept(
-            f"{self._digest} {name}" if self._digest else "", make=lambda: (pick(self.value),)
-        )
+        """Return a part of the result. Its hash is that of the result, so nothing is read."""
+        digest = f"{self._digest} {name}" if self._digest else ""
+        return Kept(digest, make=lambda: (pick(self.value),))
 
 
 class Values(Mapping[str, Any]):
-    """The values of results by name, each read when it is first needed."""
+    """The values of results by name. Each value is read on first use."""
 
     def __init__(self, kept: Mapping[str, Kept[Any]]) -> None:
         self.kept = kept
@@ -84,27 +83,27 @@ class Values(Mapping[str, Any]):
 
 
 class Stages:
-    """Where the stages of a job are computed and kept.
+    """Computation and storage of the stages of a job.
 
     Parameters
     ----------
     store : StageStore, optional
-        None: nothing is kept.
+        Without a store no results are stored.
     trace : StageTrace, optional
-        Of the last job, for the reasons.
+        Trace of the last job, for the reasons.
     fresh : bool
-        Compute everything, whatever is kept, and keep it anew.
+        Compute all stages, and replace their stored results.
     workers : Cores or Cluster, optional
-        The cores of this machine unless given.
+        The default is the cores of this machine.
     explain : callable, optional
-        Called with a line for every stage that is computed, which states why.
+        Called with a line for each stage that is computed, with the reason.
 
     Attributes
     ----------
     computed, reused : Counter
         Number of results by stage.
     remarks : list of str
-        Texts of the warnings that stages gave, now or when they were computed.
+        Texts of the warnings of all stages, also of stages with stored results.
     """
 
     def __init__(
@@ -120,25 +119,30 @@ class Stages:
         self.reused: Counter[str] = Counter()
         self.remarks: list[str] = []
         self._trace, self._explain = trace, explain
-        self._done: dict[str, Kept[Any]] = {}  # by key
+        # results of this job by key
+        self._results: dict[str, Kept[Any]] = {}
 
     def one(
         self, stage: str, inputs: Mapping[str, Any], make: Callable[[], _Value], item: str = ""
     ) -> Kept[_Value]:
-        """Return what `make` gives, or what is kept of it.
+        """Return the result of `make`, from the store if possible.
 
         Parameters
         ----------
         stage : str
+            Name of the stage.
         inputs : mapping of str to object
-            All that the result depends on besides the program: `Kept`, `FileContent`, or what
-            `content_hash` takes.
+            All inputs of the result besides the program: `Kept`, `FileContent`, or an argument of
+            `content_hash`.
         make : callable
+            Computes the result.
         item : str
-            Of several results of the stage.
+            Name of the result, if the stage has several results.
         """
-        key, kept = self._known(stage, item, inputs, lambda: capture_warnings(make))
-        return kept if kept is not None else self._keep(stage, key, capture_warnings(make))
+        key, result = self._find(stage, item, inputs, lambda: capture_warnings(make))
+        if result is not None:
+            return result
+        return self._store_result(stage, key, capture_warnings(make))
 
     def each(
         self,
@@ -149,44 +153,41 @@ class Stages:
         jobs: int = 1,
         threads: bool = False,
     ) -> dict[str, Kept[_Value]]:
-        """Return what a function gives for every item; what is not kept is shared out to cores or
-        workers, and kept as it comes.
+        """Return the results of a function for all items.
+
+        Results that are not in the store are computed in parallel, and stored when they are
+        complete.
 
         Parameters
         ----------
         stage : str
+            Name of the stage.
         inputs : mapping of str to mapping
-            Those of `one`, by item.
+            Inputs of each item, as in `one`.
         function : callable
-            Of a module, so that it can go to another process.
+            A function of a module, so that another process can import it.
         arguments : callable
-            Gives the arguments for an item; called only for what has to be computed.
+            Returns the arguments for an item. It is called only for items that are computed.
         jobs, threads
-            As `Cores.unordered`.
+            As in `Cores.unordered`.
         """
 
-        def again(item: str) -> Callable[[], tuple[_Value, list[str]]]:
-            return lambda: capture_warnings(function, *arguments(item))
+        # for an item whose file turns out to be damaged when it is read
+        def recompute(item: str) -> tuple[_Value, list[str]]:
+            return capture_warnings(function, *arguments(item))
 
-        known = {
-            item: self._known(stage, item, given, again(item)) for item, given in inputs.items()
-        }
-        found = {item: kept for item, (_, kept) in known.items() if kept is not None}
-        missing = [item for item in inputs if item not in found]
-        # threads share what catches warnings: theirs are shown as they come
-        work = _without_record if threads else capture_warnings
-        calls = ((function, *arguments(item)) for item in missing)
-        shared = (
-            self.workers.unordered(
-                work, calls, min(jobs, len(missing)) if jobs > 0 else jobs, threads
-            )
-            if missing
-            else ()
-        )
-        for place, result in shared:
-            item = missing[place]
-            found[item] = self._keep(stage, known[item][0], result)
-        return {item: found[item] for item in inputs}
+        keys, results = self._find_items(stage, inputs, recompute)
+        missing = [item for item in inputs if item not in results]
+        if missing:
+            # threads share the list of caught warnings, so their warnings are not recorded
+            work = _call_without_record if threads else capture_warnings
+            calls = ((function, *arguments(item)) for item in missing)
+            if jobs > 0:
+                jobs = min(jobs, len(missing))
+            for i, result in self.workers.unordered(work, calls, jobs, threads):
+                item = missing[i]
+                results[item] = self._store_result(stage, keys[item], result)
+        return {item: results[item] for item in inputs}
 
     def batch(
         self,
@@ -194,126 +195,141 @@ class Stages:
         inputs: Mapping[str, Mapping[str, Any]],
         compute: Callable[[list[str], Callable[..., None]], None],
     ) -> dict[str, Kept[Any]]:
-        """Return the results of a call that makes several of them, as far as they are not kept.
+        """Return the results of a function that computes several items in one call.
 
         Parameters
         ----------
         stage, inputs
-            As `each`.
+            As in `each`.
         compute : callable
-            Called with the items to compute, unless there are none, and with ``put(item, value,
-            keep=True)``, which it calls for each of them as soon as it is there.
+            Called once with the items that are not in the store, and with a function
+            ``put(item, value, keep=True)``. It calls `put` for each item when its value is
+            complete. With ``keep=False`` the value is not stored.
         """
-        found: dict[str, Kept[Any]] = {}
 
         def put(item: str, value: Any, keep: bool = True) -> None:
-            found[item] = (
-                self._keep(stage, known[item][0], (value, [])) if keep else self.given(value)
-            )
+            if keep:
+                results[item] = self._store_result(stage, keys[item], (value, []))
+            else:
+                results[item] = self.given(value)
 
-        def again(item: str) -> Callable[[], tuple[Any, list[str]]]:
-            def make() -> tuple[Any, list[str]]:
-                made: list[Any] = []
-                compute([item], lambda _, value, keep=True: made.append(value))
-                return made[0], []
+        def recompute(item: str) -> tuple[Any, list[str]]:
+            values: list[Any] = []
+            compute([item], lambda _, value, keep=True: values.append(value))
+            return values[0], []
 
-            return make
-
-        known = {
-            item: self._known(stage, item, given, again(item)) for item, given in inputs.items()
-        }
-        found |= {item: kept for item, (_, kept) in known.items() if kept is not None}
-        missing = [item for item in inputs if item not in found]
+        keys, results = self._find_items(stage, inputs, recompute)
+        missing = [item for item in inputs if item not in results]
         if missing:
             compute(missing, put)
-        return {item: found[item] for item in inputs}
+        return {item: results[item] for item in inputs}
 
     def given(self, value: _Value) -> Kept[_Value]:
-        """Return a value that is at hand as an input of a stage."""
+        """Return a value in memory as an input of a stage."""
         return Kept(made=(value,))
 
     @property
     def local(self) -> bool:
-        """Whether the cores of this machine do the work, so that threads share what is at hand."""
+        """Whether the cores of this machine compute the stages, so that threads share memory."""
         return isinstance(self.workers, Cores)
 
     def recall(self, stage: str, inputs: Mapping[str, Any], nothing: _Value) -> _Value:
-        """Return what `remember` kept under these inputs, else `nothing`.
+        """Return the value that `remember` stored for these inputs, else `nothing`.
 
-        It may have become more with every job, and saves work only: the results of stages do not
-        depend on how much there is.
+        Such a value only saves time, and can grow from job to job. The results of stages must not
+        depend on it.
         """
         if self.store is None or self.fresh:
             return nothing
-        found = self.store.read(stage, self._key(stage, inputs)[0])
-        return found[0] if found else nothing
+        entry = self.store.read(stage, self._make_key(stage, inputs)[0])
+        return entry[0] if entry else nothing
 
     def remember(self, stage: str, inputs: Mapping[str, Any], value: Any) -> None:
-        """Keep a value for `recall`, in the place of an earlier one."""
+        """Store a value for `recall`, which replaces an earlier value."""
         if self.store is not None:
-            self.store.write(stage, self._key(stage, inputs)[0], value)
+            self.store.write(stage, self._make_key(stage, inputs)[0], value)
 
     def close(self) -> None:
-        """Keep what the next job is compared with; called when the job is done."""
+        """Store the inputs of this job for the reasons of the next one. Call it after the job."""
         if self._trace is not None:
             self._trace.close()
 
-    def _known(
+    def _find_items(
+        self,
+        stage: str,
+        inputs: Mapping[str, Mapping[str, Any]],
+        recompute: Callable[[str], tuple[Any, list[str]]],
+    ) -> tuple[dict[str, str], dict[str, Kept[Any]]]:
+        """Return the keys of all items, and the results of the items that need no computation."""
+        keys: dict[str, str] = {}
+        results: dict[str, Kept[Any]] = {}
+        for item, item_inputs in inputs.items():
+            keys[item], result = self._find(stage, item, item_inputs, partial(recompute, item))
+            if result is not None:
+                results[item] = result
+        return keys, results
+
+    def _find(
         self,
         stage: str,
         item: str,
         inputs: Mapping[str, Any],
         make: Callable[[], tuple[Any, list[str]]],
     ) -> tuple[str, Kept[Any] | None]:
-        """Return the key of a result, and the result; None when it has to be computed. `make`
-        computes what turns out to be damaged.
+        """Return the key of a result, and the result, or None if it must be computed.
+
+        `make` computes the result again if its file is damaged.
         """
         if self.store is None:
             self.computed[stage] += 1
             return "", None
-        (key, hashes), name = self._key(stage, inputs), f"{stage} {item}".rstrip()
-        if key in self._done:  # this job had it before, and counted it
-            return key, self._done[key]
+        key, hashes = self._make_key(stage, inputs)
+        name = f"{stage} {item}".rstrip()
+        # an earlier stage of this job had the same inputs, and was counted
+        if key in self._results:
+            return key, self._results[key]
         head = None if self.fresh else self.store.head(stage, key)
-        if head is not None:
-            self.reused[stage] += 1
-            self._remark(head[1])
-        else:
+        if head is None:
             self.computed[stage] += 1
-            if self._explain is not None:
-                why = (
-                    "--fresh"
-                    if self.fresh
-                    else self._trace.reason(name, hashes)
-                    if self._trace is not None
-                    else "not kept"
-                )
-                self._explain(f"{name}: {why}")
+            self._explain_run(name, hashes)
+        else:
+            self.reused[stage] += 1
+            self._add_remarks(head[1])
+            self._results[key] = self._read_later(stage, key, head[0], make)
         if self._trace is not None:
             self._trace.note(name, hashes)
-        if head is not None:
-            self._done[key] = self._lazily(stage, key, head[0], make)
-        return key, self._done.get(key)
+        return key, self._results.get(key)
+
+    def _explain_run(self, name: str, hashes: Mapping[str, str]) -> None:
+        if self._explain is None:
+            return
+        reason = "not kept"
+        if self.fresh:
+            reason = "--fresh"
+        elif self._trace is not None:
+            reason = self._trace.reason(name, hashes)
+        self._explain(f"{name}: {reason}")
 
     @staticmethod
-    def _key(stage: str, inputs: Mapping[str, Any]) -> tuple[str, dict[str, str]]:
-        """Return the key of a result, and the hashes it is made of."""
-        hashes = {
-            "program": content_hash(hash_installation(), hash_arithmetic()),
-            **{name: content_hash(one) for name, one in inputs.items()},
-        }
+    def _make_key(stage: str, inputs: Mapping[str, Any]) -> tuple[str, dict[str, str]]:
+        """Return the key of a result, and the hashes of its inputs."""
+        hashes = {"program": content_hash(hash_installation(), hash_arithmetic())}
+        for name, value in inputs.items():
+            hashes[name] = content_hash(value)
         return content_hash(stage, hashes), hashes
 
-    def _lazily(
+    def _read_later(
         self, stage: str, key: str, digest: str, make: Callable[[], tuple[Any, list[str]]]
     ) -> Kept[Any]:
+        """Return a result that is read from the store on first use."""
         assert self.store is not None
         store = self.store
 
         def read() -> tuple[Any, ...]:
             if entry := store.read(stage, key):
                 return entry
-            self.computed[stage] += 1  # it is damaged, or another job cleared it
+            # the file is damaged, or another job cleared the store
+            self.computed[stage] += 1
             if self._explain is not None:
                 self._explain(f"{stage}: what was kept is damaged")
             value, remarks = make()
@@ -322,41 +338,49 @@ class Stages:
 
         return Kept(digest, make=read)
 
-    def _keep(self, stage: str, key: str, result: tuple[Any, list[str]]) -> Kept[Any]:
+    def _store_result(self, stage: str, key: str, result: tuple[Any, list[str]]) -> Kept[Any]:
         value, remarks = result
-        self._remark(remarks)
+        self._add_remarks(remarks)
         if self.store is None:
             return Kept(made=(value,))
-        self._done[key] = Kept(self.store.write(stage, key, value, remarks), (value,))
-        return self._done[key]
+        digest = self.store.write(stage, key, value, remarks)
+        self._results[key] = Kept(digest, (value,))
+        return self._results[key]
 
-    def _remark(self, texts: Sequence[str]) -> None:
+    def _add_remarks(self, texts: Sequence[str]) -> None:
+        # also for a stored result, so that each run shows the same warnings
         self.remarks += texts
         for text in texts:
             warnings.warn(text, AeromatchWarning, stacklevel=4)
 
 
 def capture_warnings(function: Callable[..., _Value], *arguments: Any) -> tuple[_Value, list[str]]:
-    """Return the result of a call, and the texts of the warnings of this package; others are given
-    on as they are.
+    """Return the result of a call, and the texts of its `AeromatchWarning`, each once.
+
+    Other warnings are issued again. If the call raises, all warnings are issued again.
     """
     caught: list[warnings.WarningMessage] = []
-    own: list[str] = []
+    texts: list[str] = []
     try:
         with warnings.catch_warnings(record=True) as caught:
+            # by default Python shows a repeated warning only once per process
             warnings.simplefilter("always", AeromatchWarning)
             value = function(*arguments)
-        own = list(
-            dict.fromkeys(
-                str(one.message) for one in caught if issubclass(one.category, AeromatchWarning)
-            )
-        )
+        messages = [str(w.message) for w in caught if issubclass(w.category, AeromatchWarning)]
+        texts = list(dict.fromkeys(messages))
     finally:
-        for one in caught:
-            if str(one.message) not in own:
-                warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
-    return value, own
+        for warning in caught:
+            if str(warning.message) not in texts:
+                warnings.warn_explicit(
+                    warning.message,
+                    category=warning.category,
+                    filename=warning.filename,
+                    lineno=warning.lineno,
+                )
+    return value, texts
 
 
-def _without_record(function: Callable[..., _Value], *arguments: Any) -> tuple[_Value, list[str]]:
+def _call_without_record(
+    function: Callable[..., _Value], *arguments: Any
+) -> tuple[_Value, list[str]]:
     return function(*arguments), []

@@ -1,10 +1,9 @@
-"""The folder that keeps the results of stages: of its user alone, checked when it is read, bounded
-in size.
+"""Folder for results of stages, private to its user, with checksums and a limit of its size.
 
-Entries lie as those of `joblib.Memory` do, so that joblib clears them and removes what was not used
-for the longest time.  They are pickles, and whoever can write a pickle can run a program: a folder
-that another user owns or may write to is refused, and the place is the cache of the user, never a
-folder of a project, which may come from elsewhere.
+The entries have the layout of `joblib.Memory`, so that joblib can clear them and remove the least
+recently used ones. The entries are pickles, and a pickle can run any program when it is read.
+Therefore a folder that another user owns or can write to is an error. The default folder is the
+cache of the user, not a folder of a project, which can come from another person.
 """
 
 from __future__ import annotations
@@ -30,9 +29,10 @@ from flightmech.support.atomic_write import written_atomically
 from flightmech.support.kept_stages.pickles import to_pickle
 
 PLACE, LIMIT = "AEROMATCH_STORE", "AEROMATCH_STORE_LIMIT"
-"""Environment variables: the folder of the store (``off``: none), and its size."""
+"""Environment variables for the folder of the store (``off``: no store), and for its size."""
 USUAL_LIMIT = "10 GB"
 
+# length of a digest, and factors of the units of a size
 _DIGEST = hashlib.sha256().digest_size
 _UNITS = {"": 1, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}
 _SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kmgt]?)i?b?\s*", re.IGNORECASE)
@@ -40,32 +40,31 @@ _SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([kmgt]?)i?b?\s*", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class StageStore:
-    """Results by stage and key, one file each, written atomically, after the SHA-256 of its bytes.
+    """Results by stage and key, in one file each.
 
-    Two jobs may share it: who comes second writes the same.  What cannot be kept, since the disk is
-    full or another job clears the store, is computed again next time.
+    A file begins with the SHA-256 of the remaining bytes, and is written atomically. Two jobs can
+    share a store, because they write the same results. A result that cannot be stored, for example
+    on a full disk, is computed again next time.
 
     Attributes
     ----------
     folder : Path
-        Made when it is missing, for its user alone.
+        A missing folder is created with access for its user only.
 
     Raises
     ------
     SchemaError
-        The folder is another user's, or others may write to it.
+        The folder belongs to another user, or others can write to it.
     """
 
     folder: Path
 
     def __post_init__(self) -> None:
         self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        _demand_own(self.folder)
+        _demand_private(self.folder)
 
     def head(self, stage: str, key: str) -> tuple[str, list[str]] | None:
-        """Return the hash of what is kept under a key, and the remarks kept with it; None when
-        nothing is.
-        """
+        """Return the hash and the remarks of a result, None if there is no result."""
         try:
             with self._file(stage, key).open("rb") as file:
                 digest, remarks = file.read(_DIGEST), json.loads(file.readline())
@@ -74,33 +73,30 @@ class StageStore:
         return digest.hex(), [str(text) for text in remarks]
 
     def read(self, stage: str, key: str) -> tuple[Any, ...]:
-        """Return what is kept under a key as a tuple of one; empty when nothing is, or a damaged
-        file.
-        """
+        """Return a result as a tuple of one, an empty tuple if it is missing or damaged."""
         file = self._file(stage, key)
         try:
             content = memoryview(file.read_bytes())
         except OSError:
             return ()
+        # checked before the pickle is loaded
         if hashlib.sha256(content[_DIGEST:]).digest() != content[:_DIGEST]:
             return ()
+        # joblib removes the entries with the oldest time
         with suppress(OSError):
-            os.utime(file)  # it was used: what was not for the longest time goes first
+            os.utime(file)
         stream = io.BytesIO(content[_DIGEST:])
+        # the line of remarks
         stream.readline()
         return (pickle.load(stream),)
 
     def write(self, stage: str, key: str, value: Any, remarks: Sequence[str] = ()) -> str:
-        """Keep a value and remarks on it under a key, and return the hash of what is kept."""
+        """Store a result with its remarks, and return the hash of the stored bytes."""
         head = json.dumps(list(remarks)).encode() + b"\n"
-
         try:
             body = to_pickle(value)
-        except (
-            pickle.PicklingError,
-            TypeError,
-            AttributeError,
-        ):  # it cannot be kept: known by what it was made of
+        except (pickle.PicklingError, TypeError, AttributeError):
+            # It cannot be stored. The key of its inputs takes the place of its hash.
             return f"of {key}"
         digest = hashlib.sha256(head)
         digest.update(body)
@@ -113,36 +109,36 @@ class StageStore:
 
     def usage(self) -> dict[str, tuple[int, int]]:
         """Return number and size of the entries by stage. [bytes]"""
-        found: dict[str, tuple[int, int]] = {}
+        usage: dict[str, tuple[int, int]] = {}
         for item in self._memory().store_backend.get_items():
             stage = Path(item.path).parent.name
-            count, size = found.get(stage, (0, 0))
-            found[stage] = count + 1, size + item.size
-        return dict(sorted(found.items()))
+            count, size = usage.get(stage, (0, 0))
+            usage[stage] = count + 1, size + item.size
+        return dict(sorted(usage.items()))
 
     def shorten(self, limit: float) -> None:
-        """Remove what was not used for the longest time, until the rest is within a limit. [bytes]"""
-        if self._size() > limit:
+        """Remove the least recently used entries until the size is within a limit. [bytes]"""
+        if self._total_size() > limit:
             self._memory().reduce_size(bytes_limit=int(limit))
 
     def clear(self) -> None:
-        """Remove everything that is kept."""
+        """Remove all entries and traces."""
         self._memory().clear(warn=False)
         for name in ("traces", "finished"):
             for file in (self.folder / name).glob("*"):
                 file.unlink(missing_ok=True)
 
-    def _size(self) -> int:
+    def _total_size(self) -> int:
         """Return the size of all entries. [bytes]"""
-        found = 0
-        for place, _, names in os.walk(self.folder / "joblib"):
+        size = 0
+        for folder, _, names in os.walk(self.folder / "joblib"):
             for name in names:
-                with suppress(OSError):  # another job clears it
-                    found += os.stat(os.path.join(place, name)).st_size
-        return found
+                # another job can remove the file at this moment
+                with suppress(OSError):
+                    size += os.stat(os.path.join(folder, name)).st_size
+        return size
 
     def _memory(self) -> Any:
-
         return Memory(self.folder, verbose=0)
 
     def _file(self, stage: str, key: str) -> Path:
@@ -150,13 +146,16 @@ class StageStore:
 
 
 def store_folder() -> Path | None:
-    """Return the folder of the store: as `PLACE` states, else in the cache of the user; None where
-    it is switched off.
+    """Return the folder of the store, None if the store is switched off.
+
+    The environment variable `PLACE` names the folder. The default is in the cache of the user.
     """
-    given = os.environ.get(PLACE, "")
-    if given.lower() == "off":
+    folder = os.environ.get(PLACE, "")
+    if folder.lower() == "off":
         return None
-    return Path(given).absolute() if given else _user_cache() / "aeromatch" / "stages"
+    if folder:
+        return Path(folder).absolute()
+    return _user_cache() / "aeromatch" / "stages"
 
 
 def _user_cache() -> Path:
@@ -168,26 +167,26 @@ def _user_cache() -> Path:
 
 
 def size_limit() -> float:
-    """Return the size that the store may have, as `LIMIT` states. [bytes]
+    """Return the greatest size of the store, from the environment variable `LIMIT`. [bytes]
 
     Raises
     ------
     SchemaError
-        No size.
+        The text of the variable is not a size.
     """
     return bytes_of(os.environ.get(LIMIT) or USUAL_LIMIT)
 
 
 def bytes_of(text: str) -> float:
-    """Return the size that a text states. [bytes]
+    """Return the size in a text. [bytes]
 
     Examples
     --------
     >>> bytes_of("1.5 GB")
     1500000000.0
     """
-    found = _SIZE.fullmatch(text)
-    if found is None:
+    match = _SIZE.fullmatch(text)
+    if match is None:
         raise SchemaError(
             LIMIT,
             [
@@ -195,11 +194,11 @@ def bytes_of(text: str) -> float:
                 f"{USUAL_LIMIT!r}"
             ],
         )
-    return float(found[1]) * _UNITS[found[2].lower()]
+    return float(match[1]) * _UNITS[match[2].lower()]
 
 
-def _demand_own(folder: Path) -> None:
-    """Refuse a folder into which somebody else can lay what would be run here."""
+def _demand_private(folder: Path) -> None:
+    """Raise if another user can write pickles into a folder. Windows has other permissions."""
     if os.name == "nt":
         return
     state = folder.stat()

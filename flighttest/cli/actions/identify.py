@@ -18,7 +18,7 @@ from flightmech.support.console import (
 )
 from flightmech.units import to_si
 from flighttest.maximum_likelihood.fit_job import perform_fit_job
-from flighttest.maximum_likelihood.fit_job import render_fit_page as page_of
+from flighttest.maximum_likelihood.fit_page import render_fit_page as page_of
 from flighttest.maximum_likelihood.result import save_output_error
 from flighttest.maximum_likelihood.specification import read_specification
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
@@ -26,8 +26,8 @@ from flighttest.reconstruction.dynamics.saved_paths import open_path, open_state
 from flighttest.reconstruction.quality.assessment import report_faults
 from flighttest.regression.combining.data_partition import fit_bins
 from flighttest.regression.combining.joined_fits import join_fits
-from flighttest.regression.combining.pooling import mix_with_prior, prior_of
-from flighttest.regression.combining.published import read_published
+from flighttest.regression.combining.mixed_estimation import mix_with_prior, prior_of
+from flighttest.regression.combining.published_table import read_published
 from flighttest.regression.equation_error.fit import (
     correlation_lines,
     open_fit,

@@ -66,7 +66,8 @@ from pydantic import Field, model_validator
 
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
 from flightmech.support.input_files import WESTERN, csv_rows, read_text, read_toml
-from flightmech.support.toml_models import Strict, make_si_type, validate_content
+from flightmech.support.toml_models import Strict, validate_content
+from flightmech.support.toml_quantities import InUnits
 from flightmech.units import to_si
 
 
@@ -158,7 +159,7 @@ class TestPointSheet:
             ) from None
 
 
-_Length = make_si_type("m")
+_Length = Annotated[float, InUnits("m")]
 _Window = tuple[float, float]
 _Name = Annotated[str, Field(pattern=r"^\w+$")]  # of a figure, and of a file
 
@@ -179,7 +180,7 @@ class Loading(Strict):
     mass: SheetColumn
     station: SheetColumn
     fuel: str
-    leading_edge: _Length  # type: ignore[valid-type]
+    leading_edge: _Length
     fuel_table: FuelMomentTable
 
 

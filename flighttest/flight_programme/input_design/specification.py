@@ -36,7 +36,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import xarray as xr
 from pydantic import Field, field_validator, model_validator
@@ -44,7 +44,8 @@ from pydantic import Field, field_validator, model_validator
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.input_files import read_toml
-from flightmech.support.toml_models import Strict, make_si_type, validate_content
+from flightmech.support.toml_models import Strict, validate_content
+from flightmech.support.toml_quantities import InUnits
 from flightmech.units import parse_quantity
 from flighttest.flight_programme.input_design.input_shapes import (
     PATTERNS,
@@ -58,8 +59,9 @@ from flighttest.flight_programme.input_design.input_shapes import (
 from flighttest.flight_programme.input_design.input_signals import LEAD_IN, RATE, measures
 from flighttest.flight_programme.input_design.predicted_response import scale_signal
 
-_Time, _Frequency = make_si_type("s"), make_si_type("Hz")
-_Band = tuple[_Frequency, _Frequency]  # type: ignore[valid-type]
+_Time = Annotated[float, InUnits("s")]
+_Frequency = Annotated[float, InUnits("Hz")]
+_Band = tuple[_Frequency, _Frequency]
 
 
 class AxisTable(Strict):
@@ -69,15 +71,15 @@ class AxisTable(Strict):
     rate_limit: float | None = None
     band: _Band | None = None
     exclude: tuple[_Band, ...] | None = None
-    spectrum: tuple[tuple[_Frequency, float], ...] = ()  # type: ignore[valid-type]
+    spectrum: tuple[tuple[_Frequency, float], ...] = ()
     harmonics: tuple[int, ...] = ()
     pattern: Literal["doublet", "1-2-1", "3-2-1-1"] | None = None
     widths: tuple[float, ...] = ()
-    step: _Time | None = None  # type: ignore[valid-type]
-    omega: make_si_type("rad s-1") | None = None  # type: ignore[valid-type]
-    rise: _Time = 0.0  # type: ignore[valid-type]
-    free: _Time = 0.0  # type: ignore[valid-type]
-    duration: _Time | None = None  # type: ignore[valid-type]
+    step: _Time | None = None
+    omega: Annotated[float, InUnits("rad s-1")] | None = None
+    rise: _Time = 0.0
+    free: _Time = 0.0
+    duration: _Time | None = None
     law: Literal["logarithmic", "linear"] = "logarithmic"
 
 
@@ -118,7 +120,7 @@ class AccuracyTable(Strict):
     parameters: tuple[str, ...] = ()
     nuisance: tuple[str, ...] = ()
     outputs: dict[str, float] = Field(default_factory=dict)
-    memory: _Time = 0.0  # type: ignore[valid-type]
+    memory: _Time = 0.0
 
     @field_validator("outputs", mode="before")
     @classmethod
@@ -145,14 +147,14 @@ class Design(Strict):
     title: str = ""
     kind: Literal["multisine", "multistep", "sweep"]
     axis: dict[str, AxisTable] = Field(min_length=1)
-    period: _Time | None = None  # type: ignore[valid-type]
+    period: _Time | None = None
     band: _Band | None = None
     exclude: tuple[_Band, ...] = ()
-    rate: _Frequency = RATE  # type: ignore[valid-type]
-    lead_in: _Time = LEAD_IN  # type: ignore[valid-type]
+    rate: _Frequency = RATE
+    lead_in: _Time = LEAD_IN
     repeats: int = Field(default=1, ge=1)
     seed: int = 0
-    pause: _Time = 0.0  # type: ignore[valid-type]
+    pause: _Time = 0.0
     condition: ConditionTable | None = None
     accuracy: AccuracyTable | None = None
 

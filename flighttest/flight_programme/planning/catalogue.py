@@ -54,7 +54,7 @@ until it is as much higher), ``device`` (`device` goes to `amplitude`, in `durat
 from __future__ import annotations
 
 import os
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import pandas as pd
 from pydantic import Field, field_validator, model_validator
@@ -62,7 +62,8 @@ from pydantic import Field, field_validator, model_validator
 from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.input_files import read_toml
-from flightmech.support.toml_models import Strict, make_si_type, validate_content
+from flightmech.support.toml_models import Strict, validate_content
+from flightmech.support.toml_quantities import InUnits
 from flightmech.units import parse_quantity
 from flighttest.flight_programme.input_design.specification import ConditionTable, Design, design_of
 from flighttest.reconstruction.dynamics.force_coefficients import ERRORS
@@ -71,7 +72,8 @@ from flighttest.regression.equation_error.model import RegressionModel
 INPUTS = ("multisine", "multistep", "sweep")
 STEADY = ("sideslip", "pull_up_push_down", "level_speed", "device")
 RATE = 50.0  # of an instrument whose rate is not given [Hz]
-_Time, _Frequency = make_si_type("s"), make_si_type("Hz")
+_Time = Annotated[float, InUnits("s")]
+_Frequency = Annotated[float, InUnits("Hz")]
 _OF_KIND = {
     "sideslip": "delta_r",
     "pull_up_push_down": "theta",
@@ -85,7 +87,7 @@ class PlannedCondition(ConditionTable):
     """
 
     name: str
-    setup: _Time = Field(ge=0.0)  # type: ignore[valid-type]
+    setup: _Time = Field(ge=0.0)
     parameters: dict[str, float] = Field(default_factory=dict)
 
 
@@ -96,12 +98,12 @@ class PlannedManoeuvre(Strict):
     kind: Literal[
         "multisine", "multistep", "sweep", "sideslip", "pull_up_push_down", "level_speed", "device"
     ]
-    setup: _Time = Field(default=0.0, ge=0.0)  # type: ignore[valid-type]
+    setup: _Time = Field(default=0.0, ge=0.0)
     conditions: tuple[str, ...] = ()
     marks: tuple[str, ...] = ()
     abort: tuple[str, ...] = ()
     amplitude: float = 0.0
-    duration: _Time = 0.0  # type: ignore[valid-type]
+    duration: _Time = 0.0
     device: str = ""
     hold: float | None = Field(default=None, ge=0.0, le=1.0)
     design: Design | None = None
@@ -173,11 +175,11 @@ class Catalogue(Strict):
 
     title: str = ""
     margin: float = Field(default=1.0, gt=0.0, le=1.0)
-    cutoff: _Frequency | None = None  # type: ignore[valid-type]
+    cutoff: _Frequency | None = None
     errors: dict[str, float] = Field(default_factory=dict)
     held: tuple[str, ...] = ()
     assumed: dict[str, float] = Field(default_factory=dict)
-    rates: dict[str, _Frequency] = Field(default_factory=dict)  # type: ignore[valid-type]
+    rates: dict[str, _Frequency] = Field(default_factory=dict)
     limits: dict[str, tuple[float, float]] = Field(default_factory=dict)
     abort: tuple[str, ...] = ()
     seed: int = 0

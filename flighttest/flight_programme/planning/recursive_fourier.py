@@ -23,8 +23,8 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.regression.equation_error.frequency_domain import stack_complex
 from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.regression.equation_error.transformed_stretches import stack_complex
 
 SPACING = 0.04  # of the frequencies [Hz]
 _NUISANCE = 2  # constant and ramp

@@ -12,6 +12,7 @@ from jinja2 import ChoiceLoader, PackageLoader, Template
 from markupsafe import Markup
 
 from flightmech.names import lookup
+from flightmech.support.arrays import thin_to_extremes, true_runs
 from flightmech.support.atomic_write import write_text
 from flightmech.support.figures import (
     Frame,
@@ -24,8 +25,6 @@ from flightmech.support.figures import (
     find_axis_limits,
     make_svg_figure,
     make_template_environment,
-    thin_to_extremes,
-    true_runs,
 )
 from flightmech.units import from_si
 from flighttest.reconstruction.quality.checks.control_response import SIGNIFICANT

@@ -42,8 +42,8 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, field_validator
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.input_files import json_content
-from flightmech.support.toml_models import Strict, fixed_array, make_si_type, validate_content
-from flightmech.support.toml_quantities import quantity_schema
+from flightmech.support.toml_models import Strict, fixed_array, validate_content
+from flightmech.support.toml_quantities import InUnits, quantity_schema
 from flightmech.units import DEGREE, parse_quantity
 
 IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
@@ -112,7 +112,7 @@ if TYPE_CHECKING:
     _Number: TypeAlias = tuple[float, float]
 else:
     _Time, _Number = _pair("s"), _pair("1")
-_Length = make_si_type("m")
+_Length = Annotated[float, InUnits("m")]
 _Channels = Annotated[
     dict[str, float],
     BeforeValidator(_per_channel),
@@ -123,7 +123,7 @@ _Channels = Annotated[
 class Instrument(Strict):
     """One instrument."""
 
-    position: tuple[_Length, _Length, _Length] | None = Field(  # type: ignore[valid-type]
+    position: tuple[_Length, _Length, _Length] | None = Field(
         default=None,
         examples=[[0.9, 0.25, 0.32]],
         description="Of the sensor, body axes, from the moment reference point.",
@@ -164,12 +164,12 @@ class Instrument(Strict):
         examples=[[0.0, 0.02]],
         description="[mean, sigma] of the static-pressure error over impact pressure.",
     )
-    minimum_speed: make_si_type("m s-1") = Field(  # type: ignore[valid-type]
+    minimum_speed: Annotated[float, InUnits("m s-1")] = Field(
         default=0.0,
         examples=["50 kt"],
         description="Airspeed below which the readings mean nothing.",
     )
-    maximum: make_si_type("m") | None = Field(  # type: ignore[valid-type]
+    maximum: Annotated[float, InUnits("m")] | None = Field(
         default=None,
         examples=["2500 ft"],
         description="Height above which a radio altimeter shows nothing.",

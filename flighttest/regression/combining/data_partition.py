@@ -1,12 +1,13 @@
-"""Data partitioned into bins over conditions, a local model in each.
+"""Data partitioned into bins over conditions, with a local model in each bin.
 
-Samples of large manoeuvres, over which no simple model holds, are sorted by angle of attack or Mach
-number, and a simple model is fitted to each bin: derivatives as functions of the condition, before
-a structure for the whole range is known.
+Large manoeuvres cover a range in which no simple model holds. Their samples are sorted by angle of
+attack or Mach number, and a simple model is fitted to each bin. The result is derivatives as
+functions of the condition, before a model structure for the full range is available.
 
 References
 ----------
-.. [Klein2006] Klein, Morelli, Aircraft System Identification, AIAA 2006, chapter 5 (data partitioning).
+.. [Klein2006] Klein, Morelli, Aircraft System Identification, AIAA 2006, chapter 5 (data
+   partitioning).
 """
 
 from __future__ import annotations
@@ -23,7 +24,10 @@ from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 
-LEAST_STRETCH = 0.5  # stretches inside a bin that are shorter are left out [s]
+LEAST_STRETCH = 0.5  # shorter stretches inside a bin are ignored [s]
+
+Limits = dict[str, tuple[float, float]]
+Bin = tuple[Limits, list[xr.Dataset]]
 
 
 @dataclass(frozen=True)
@@ -32,15 +36,15 @@ class Partition:
 
     Attributes
     ----------
-    model : Model
+    model : RegressionModel
     estimates : Dataset (bin, term, term_)
-        ``estimate``, ``stderr``, ``stderr_white``, ``correlation`` (NaN where a bin gave no fit),
+        ``estimate``, ``stderr``, ``stderr_white``, ``correlation`` (NaN for a bin without fit),
         ``samples`` (bin); of every condition ``<name>_low``, ``<name>_high`` and the
         ``<name>_mean`` of the samples.
     fits : tuple of Fit
-        Of the bins that gave one; `aerodb.tabulate` takes them.
+        Fits of the bins, for `aerodb.tabulate`.
     refused : dict of int to str
-        Bins without a fit, and why.
+        Bins without a fit, and the reason.
     """
 
     model: RegressionModel
@@ -53,31 +57,29 @@ class Partition:
         e = self.estimates
         names = e.attrs["conditions"].split()
         terms = [str(term) for term in e["term"].values]
-        heads = "".join(f"{name:>22}" for name in names)
+        conditions = "".join(f"{name:>22}" for name in names)
         lines = [
             f"{self.model} in {e.sizes['bin']} bins",
-            f"{heads}{'samples':>9}" + "".join(f"{term:>24}" for term in terms),
+            f"{conditions}{'samples':>9}" + "".join(f"{term:>24}" for term in terms),
         ]
         for k in range(e.sizes["bin"]):
             row = e.isel(bin=k)
-            edges = "".join(
-                f"{float(row[name + '_low']):>10.4g} ...{float(row[name + '_high']):>8.4g}"
-                for name in names
-            )
+            line = ""
+            for name in names:
+                line += f"{float(row[f'{name}_low']):>10.4g} ...{float(row[f'{name}_high']):>8.4g}"
+            line += f"{int(row['samples']):>9}"
             if k in self.refused:
-                lines.append(f"{edges}{int(row['samples']):>9}  no fit: {self.refused[k]}")
+                lines.append(f"{line}  no fit: {self.refused[k]}")
                 continue
-            cells = "".join(
-                f"{float(row['estimate'][j]):>13.4g} ({float(row['stderr'][j]):>8.2g})"
-                for j in range(len(terms))
-            )
-            lines.append(f"{edges}{int(row['samples']):>9}{cells}")
+            for estimate, stderr in zip(row["estimate"].values, row["stderr"].values):
+                line += f"{float(estimate):>13.4g} ({float(stderr):>8.2g})"
+            lines.append(line)
         return "\n".join(lines)
 
 
 def bins(
     data: xr.Dataset | Sequence[xr.Dataset], edges: Mapping[str, Sequence[float]]
-) -> list[tuple[dict, list[xr.Dataset]]]:
+) -> list[Bin]:
     """Sort the samples of manoeuvres into bins.
 
     Parameters
@@ -89,9 +91,9 @@ def bins(
     Returns
     -------
     list of (conditions, manoeuvres)
-        Name -> (low, high), and the stretches of each manoeuvre that lie inside for half a second
-        at least, with gaps in time where the condition was elsewhere.  All combinations, the last
-        condition fastest.
+        Limits (low, high) by name, and the stretches of each manoeuvre that are inside for at least
+        half a second. They have gaps in time where the condition was outside. All combinations are
+        returned, with the last condition the fastest.
 
     Raises
     ------
@@ -106,18 +108,22 @@ def bins(
             raise IdentificationError(
                 f"edges of {name} are {list(values)}; expected two or more numbers that rise"
             )
-        for one in manoeuvres:
-            if name not in one:
+        for manoeuvre in manoeuvres:
+            if name not in manoeuvre:
                 raise UnknownName(
-                    name, map(str, one.data_vars), "condition", "the data do not hold it"
+                    name, map(str, manoeuvre.data_vars), "condition", "the data do not hold it"
                 )
-    found = []
-    for pick in product(*(list(pairwise(values)) for values in edges.values())):
-        limits = dict(zip(edges, pick))
-        found.append(
-            (limits, [part for one in manoeuvres if (part := _inside(one, limits)).sizes["time"]])
-        )
-    return found
+    sorted_bins = []
+    # all combinations of one range per condition, the last condition fastest
+    for ranges in product(*(list(pairwise(values)) for values in edges.values())):
+        limits = dict(zip(edges, ranges))
+        parts = []
+        for manoeuvre in manoeuvres:
+            part = _select_inside(manoeuvre, limits)
+            if part.sizes["time"]:
+                parts.append(part)
+        sorted_bins.append((limits, parts))
+    return sorted_bins
 
 
 def fit_bins(
@@ -130,13 +136,13 @@ def fit_bins(
 
     Parameters
     ----------
-    model : Model
-        Simple enough for one bin; take its `reference` near the middle of the range, or leave out
-        what hardly moves there.
+    model : RegressionModel
+        A model that is simple enough for one bin. Its `reference` is near the middle of the range,
+        and it has no variable that hardly moves in a bin.
     data, edges
         As in `bins`.
     name : str
-        For reports and provenance.
+        Name in reports and in the provenance.
 
     Returns
     -------
@@ -145,7 +151,7 @@ def fit_bins(
     Raises
     ------
     IdentificationError
-        No bin gave a fit; the message states why for each.
+        No bin gave a fit. The message states the reason of each bin.
     UnknownName
         A variable of the model that the data do not hold.
     """
@@ -153,71 +159,78 @@ def fit_bins(
     fits: dict[int, Fit] = {}
     refused = {}
     for k, (limits, parts) in enumerate(sorted_bins):
-        label = ", ".join(f"{key} {low:g} ... {high:g}" for key, (low, high) in limits.items())
         if not parts:
             refused[k] = f"no stretch of {LEAST_STRETCH:g} s"
             continue
+        label = ", ".join(f"{key} {low:g} ... {high:g}" for key, (low, high) in limits.items())
+        if name:
+            label = f"{name}: {label}"
         try:
-            fits[k] = regress(model, parts, f"{name}: {label}" if name else label)
+            fits[k] = regress(model, parts, label)
         except IdentificationError as error:
+            # without the label, which the report prints in columns
             refused[k] = str(error).split(": ", 1)[-1]
     if not fits:
-        raise IdentificationError(
-            f"{model}: no bin gave a fit\n"
-            + "\n".join(f"  - bin {k}: {why}" for k, why in refused.items())
-        )
-    return Partition(model, _table(model, sorted_bins, fits), tuple(fits.values()), refused)
+        reasons = "\n".join(f"  - bin {k}: {reason}" for k, reason in refused.items())
+        raise IdentificationError(f"{model}: no bin gave a fit\n{reasons}")
+    estimates = _tabulate_bins(model, sorted_bins, fits)
+    return Partition(model, estimates, fits=tuple(fits.values()), refused=refused)
 
 
-def _inside(one: xr.Dataset, limits: Mapping[str, tuple[float, float]]) -> xr.Dataset:
-    """The samples inside all limits, in stretches long enough."""
-    size = one.sizes["time"]
-    inside = np.ones(size, bool)
+def _select_inside(manoeuvre: xr.Dataset, limits: Limits) -> xr.Dataset:
+    """Return the samples inside all limits, in stretches of sufficient length."""
+    size = manoeuvre.sizes["time"]
+    is_inside = np.ones(size, bool)
     for name, (low, high) in limits.items():
-        x = np.broadcast_to(np.asarray(one[name].values, float), (size,))
-        inside &= (x >= low) & (x < high)
-    step = float(np.median(np.diff(one["time"].values))) if size > 1 else 1.0
+        x = _read_column(manoeuvre, name)
+        is_inside &= (x >= low) & (x < high)
+    step = 1.0
+    if size > 1:
+        step = float(np.median(np.diff(manoeuvre["time"].values)))
     shortest = max(1, round(LEAST_STRETCH / step))
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
-    for start, stop in zip(edges[::2], edges[1::2]):
+    # Padded with zeros, the mask changes at the start and at the end of every stretch.
+    changes = np.flatnonzero(np.diff(np.concatenate([[0], is_inside.astype(int), [0]])))
+    for start, stop in zip(changes[::2], changes[1::2]):
         if stop - start < shortest:
-            inside[start:stop] = False
-    return one.isel(time=inside)
+            is_inside[start:stop] = False
+    return manoeuvre.isel(time=is_inside)
 
 
-def _table(model: RegressionModel, sorted_bins, fits: Mapping[int, Fit]) -> xr.Dataset:
+def _read_column(manoeuvre: xr.Dataset, name: str) -> np.ndarray:
+    """Return a variable, (time,); a scalar has the same value at all samples."""
+    values = np.asarray(manoeuvre[name].values, float)
+    return np.broadcast_to(values, (manoeuvre.sizes["time"],))
+
+
+def _tabulate_bins(
+    model: RegressionModel, sorted_bins: Sequence[Bin], fits: Mapping[int, Fit]
+) -> xr.Dataset:
+    """Return the estimates of all bins; NaN for a bin without fit."""
     terms, count = list(model.terms), len(sorted_bins)
-    shapes = {
-        "estimate": (count, len(terms)),
-        "stderr": (count, len(terms)),
-        "stderr_white": (count, len(terms)),
-    }
-    tables = {key: np.full(shape, np.nan) for key, shape in shapes.items()}
+    # Arrays have one row per bin; a bin without fit keeps NaN.
+    table = xr.Dataset(coords={"term": terms, "term_": terms})
+    for key in ("estimate", "stderr", "stderr_white"):
+        values = np.full((count, len(terms)), np.nan)
+        for k, fit in fits.items():
+            values[k] = fit.estimates[key].values
+        table[key] = ("bin", "term"), values
     correlation = np.full((count, len(terms), len(terms)), np.nan)
     for k, fit in fits.items():
-        for key, values in tables.items():
-            values[k] = fit.estimates[key].values
         correlation[k] = fit.estimates["correlation"].values
-    found = xr.Dataset(
-        {key: (("bin", "term"), values) for key, values in tables.items()},
-        coords={"term": terms, "term_": terms},
-    )
-    found["correlation"] = ("bin", "term", "term_"), correlation
-    found["samples"] = (
-        "bin",
-        np.array([sum(part.sizes["time"] for part in parts) for _, parts in sorted_bins]),
-    )
-    for name in sorted_bins[0][0]:
-        found[f"{name}_low"] = "bin", np.array([limits[name][0] for limits, _ in sorted_bins])
-        found[f"{name}_high"] = "bin", np.array([limits[name][1] for limits, _ in sorted_bins])
-        found[f"{name}_mean"] = "bin", np.array([_mean(parts, name) for _, parts in sorted_bins])
-    found.attrs = {"coefficient": model.coefficient, "conditions": " ".join(sorted_bins[0][0])}
-    return found
+    table["correlation"] = ("bin", "term", "term_"), correlation
+    samples = [sum(part.sizes["time"] for part in parts) for _, parts in sorted_bins]
+    table["samples"] = "bin", np.array(samples)
+    names = list(sorted_bins[0][0])
+    for name in names:
+        table[f"{name}_low"] = "bin", np.array([limits[name][0] for limits, _ in sorted_bins])
+        table[f"{name}_high"] = "bin", np.array([limits[name][1] for limits, _ in sorted_bins])
+        table[f"{name}_mean"] = "bin", np.array([_mean(parts, name) for _, parts in sorted_bins])
+    table.attrs = {"coefficient": model.coefficient, "conditions": " ".join(names)}
+    return table
 
 
 def _mean(parts: Sequence[xr.Dataset], name: str) -> float:
-    values = [
-        np.broadcast_to(np.asarray(part[name].values, float), (part.sizes["time"],))
-        for part in parts
-    ]
-    return float(np.concatenate(values).mean()) if values else float("nan")
+    """Return the mean of a condition over all samples of a bin; NaN without samples."""
+    if not parts:
+        return float("nan")
+    return float(np.concatenate([_read_column(part, name) for part in parts]).mean())

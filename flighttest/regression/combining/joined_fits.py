@@ -1,26 +1,39 @@
-"""Fits of several manoeuvres joined into one set of estimates.
+"""Joint estimates from the fits of several manoeuvres.
 
-The manoeuvres must be independent.  The median is deaf to a record that went wrong; the inverse
-covariance is the most exact when all fits deserve their standard errors.
+The manoeuvres must be independent. The median is insensitive to a faulty record. Weights by the
+inverse covariance are the most accurate ones if all standard errors are correct.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 import aerodb
 from flightmech import terms as _terms
-from flightmech.errors import IdentificationError, UnknownName
-from flighttest.regression.combining.pooling import METHODS, Pooled, pool
+from flightmech.errors import UnknownName
+from flighttest.regression.combining.pooling import (
+    METHODS,
+    common_coefficient,
+    list_terms,
+    pool_term,
+)
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.samples import RegressionSamples, stack_samples
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 from flighttest.remarks import Remark, remark_lines
+
+_DISAGREEMENT = 3.0  # combined standard errors between two fits that are remarked
+# standard deviation of a scaled median absolute deviation over its value, times the root of the
+# number
+_LOOSE = 1.17
+_FEWEST = 5  # fits from which on their scatter is judged
+_POOLED = ("scatter", "scatter_ratio", "chi2", "birge", "disagreement")  # figures of a term
 
 
 def table_samples(
@@ -33,11 +46,11 @@ def table_samples(
     coefficient : str
         Such as ``"CL"``.
     database : DataTree
-        Its terms of the coefficient name the variables.
+        Its terms of the coefficient contain the variables.
     data : Dataset (time,) or sequence of them
         Manoeuvres of one disturbance; from `flighttest.coefficients`. [SI]
     name : str
-        For reports.
+        Name in reports.
 
     Returns
     -------
@@ -49,31 +62,31 @@ def table_samples(
     Raises
     ------
     IdentificationError
-        No manoeuvre, or one whose time does not rise.
+        No manoeuvre, or a manoeuvre whose time does not rise.
     UnknownName
         The database has no term of the coefficient, or a manoeuvre does not hold it.
     """
-    mine = [
-        leaf for term, leaf in aerodb.terms(database).items() if term.startswith(f"{coefficient}/")
-    ]
-    if not mine:
-        raise UnknownName(
-            coefficient, {term.split("/")[0] for term in aerodb.terms(database)}, "coefficient"
-        )
+    variables: set[str] = set()
+    coefficients: set[str] = set()
+    for term, leaf in aerodb.terms(database).items():
+        coefficients.add(term.split("/")[0])
+        if term.startswith(f"{coefficient}/"):
+            variables.update(_terms.list_model_variables(leaf))
+    if coefficient not in coefficients:
+        raise UnknownName(coefficient, coefficients, "coefficient")
     manoeuvres = [data] if isinstance(data, xr.Dataset) else list(data)
-    needed = {variable for leaf in mine for variable in _terms.list_model_variables(leaf)}
-    in_error = sorted(
-        variable
-        for variable in needed
-        if manoeuvres and all(f"{variable}_error" in one for one in manoeuvres)
+    in_error = []
+    for variable in sorted(variables):
+        if manoeuvres and all(f"{variable}_error" in manoeuvre for manoeuvre in manoeuvres):
+            in_error.append(variable)
+    samples = stack_samples(
+        coefficient, in_error, manoeuvres, purpose=f"the terms of {coefficient}"
     )
-    samples = stack_samples(coefficient, in_error, manoeuvres, f"the terms of {coefficient}")
     return samples.data.assign_attrs(coefficient=coefficient, name=name, steps=samples.steps)
 
 
 def coloured_covariance(samples: xr.Dataset, X: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return the covariance of a least-squares estimate from samples whose residuals are correlated
-    in time.
+    """Return the covariance of a least-squares estimate whose residuals are correlated in time.
 
     Parameters
     ----------
@@ -89,18 +102,12 @@ def coloured_covariance(samples: xr.Dataset, X: np.ndarray, v: np.ndarray) -> np
     .. [Morelli1997] Morelli, Klein, J. Guidance 20, 1997.
     """
     pieces, steps = RegressionSamples(samples, list(samples.attrs["steps"])).pieces()
-    return coloured_covariance_of(X, v, pieces, steps).covariance
-
-
-_DISAGREEMENT = 3.0
-# standard deviation of a scaled median absolute deviation over its value, times the root of the
-# number
-_LOOSE = 1.17
+    return coloured_covariance_of(X, v, pieces=pieces, steps=steps).covariance
 
 
 @dataclass(frozen=True)
 class Joined:
-    """Several fits of one coefficient joined.
+    """Joint estimates from several fits of one coefficient.
 
     Attributes
     ----------
@@ -119,50 +126,45 @@ class Joined:
 
     @property
     def remarks(self) -> list[Remark]:
-        """Terms whose fits contradict each other, or scatter otherwise than their standard errors
-        indicate.
-        """
+        """Terms whose fits contradict each other, or whose scatter contradicts the stderr."""
         e = self.estimates
-        found = []
+        remarks = []
         for term in e["term"].values:
             row = e.sel(term=term)
-            if float(row["disagreement"]) > _DISAGREEMENT:
-                apart = float(row["disagreement"])
-                words = f"{term}: two fits are {apart:.1f} combined standard errors apart"
-                found.append(Remark("scatter", words, str(term), apart, _DISAGREEMENT))
+            disagreement = float(row["disagreement"])
+            if disagreement > _DISAGREEMENT:
+                text = f"{term}: two fits are {disagreement:.1f} combined standard errors apart"
+                remarks.append(Remark("scatter", text, str(term), disagreement, _DISAGREEMENT))
+            # The limits are two standard deviations of the scatter of `count` estimates.
             ratio, count = float(row["scatter_ratio"]), int(row["count"])
-            loose = 1.0 + 2.0 * _LOOSE / np.sqrt(count)
-            if count >= 5 and not 1.0 / loose <= ratio <= loose:
-                words = (
+            high = 1.0 + 2.0 * _LOOSE / np.sqrt(count)
+            low = 1.0 / high
+            if count >= _FEWEST and not low <= ratio <= high:
+                text = (
                     f"{term}: the fits scatter {ratio:.1f} times as much as their standard "
                     f"errors indicate"
                 )
-                found.append(
-                    Remark(
-                        "scatter", words, str(term), ratio, loose if ratio > 1.0 else 1.0 / loose
-                    )
-                )
-        return found
+                limit = high if ratio > 1.0 else low
+                remarks.append(Remark("scatter", text, str(term), ratio, limit))
+        return remarks
 
     def report(self) -> str:
-        """Return the joined estimates as a text table."""
+        """Return the joint estimates as a text table."""
         e = self.estimates
-        text = [
+        lines = [
             f"{self.name or self.coefficient}: {e.attrs['fits']} fits joined by "
             f"{self.method.replace('_', ' ')}",
-            f"{'term':<18}{'estimate':>11}{'stderr':>10}{'white':>10}{'scatter':>10}{'ratio':>7}{'Birge':>7}{'apart':>7}{'fits':>6}",
+            f"{'term':<18}{'estimate':>11}{'stderr':>10}{'white':>10}{'scatter':>10}{'ratio':>7}"
+            f"{'Birge':>7}{'apart':>7}{'fits':>6}",
         ]
-        for term in e["term"].values:
-            row = {
-                str(name): float(item.sel(term=term))
-                for name, item in e.data_vars.items()
-                if item.dims == ("term",)
-            }
-            text.append(
-                f"{term!s:<18}{row['estimate']:>11.5g}{row['stderr']:>10.2g}{row['stderr_white']:>10.2g}{row['scatter']:>10.2g}"
-                f"{row['scatter_ratio']:>7.2f}{row['birge']:>7.2f}{row['disagreement']:>7.1f}{row['count']:>6.0f}"
+        for k, term in enumerate(e["term"].values):
+            lines.append(
+                f"{term!s:<18}{float(e['estimate'][k]):>11.5g}{float(e['stderr'][k]):>10.2g}"
+                f"{float(e['stderr_white'][k]):>10.2g}{float(e['scatter'][k]):>10.2g}"
+                f"{float(e['scatter_ratio'][k]):>7.2f}{float(e['birge'][k]):>7.2f}"
+                f"{float(e['disagreement'][k]):>7.1f}{float(e['count'][k]):>6.0f}"
             )
-        return "\n".join([*text, *remark_lines(self.remarks)])
+        return "\n".join([*lines, *remark_lines(self.remarks)])
 
 
 def join_fits(fits: Sequence[Fit], method: str = "inverse_variance", name: str = "") -> Joined:
@@ -171,12 +173,12 @@ def join_fits(fits: Sequence[Fit], method: str = "inverse_variance", name: str =
     Parameters
     ----------
     fits : sequence of Fit
-        Of one coefficient, at comparable conditions; a term need not be in all of them.
+        Fits of one coefficient, at comparable conditions. Not all of them need every term.
     method : {"inverse_variance", "median", "inverse_sigma"}
-        Weights by the inverse of the whole covariances, errors inflated by each term's Birge ratio;
-        the median with 1.25 scatter/sqrt(n); weights 1/sigma.  See `pool`.
+        Weights by the inverse of the full covariances, with standard errors inflated by each term's
+        Birge ratio; the median with 1.25 scatter/sqrt(n) [Gresham]_; weights 1/sigma. See `pool`.
     name : str
-        For reports.
+        Name in reports.
 
     Returns
     -------
@@ -189,76 +191,76 @@ def join_fits(fits: Sequence[Fit], method: str = "inverse_variance", name: str =
 
     Notes
     -----
-    The correlation of medians is taken as that of the inverse-variance mean.  Common errors of the measurement do not
-    average out: `systematic` is the mean of theirs.
+    Medians have the correlation of the inverse-variance mean. Common errors of the measurement do
+    not average out: `systematic` is their mean.
 
     References
     ----------
-    .. [Gresham] Gresham, Simmons, Hopwood, Woolsey, Spin aerodynamic modeling for a fixed-wing aircraft, IV.C (median,
-       scaled median absolute deviation).
+    .. [Gresham] Gresham, Simmons, Hopwood, Woolsey, Spin aerodynamic modeling for a fixed-wing
+       aircraft, IV.C (median, scaled median absolute deviation).
     """
     if method not in METHODS:
         raise ValueError(f"method is {method!r}; allowed: {', '.join(METHODS)}")
-    if len(found := {fit.model.coefficient for fit in fits}) != 1:
-        raise IdentificationError(
-            f"fits of {', '.join(sorted(found)) or 'nothing'} cannot be joined; give fits of "
-            f"one coefficient"
-        )
-    terms = list(dict.fromkeys(str(term) for fit in fits for term in fit.estimates["term"].values))
-    single = {term: _pooled(fits, term, "stderr", method) for term in terms}
-    white = np.array([_pooled(fits, term, "stderr_white", method).stderr for term in terms])
-    theta, C, systematic = _weighted(fits, terms)
+    coefficient = common_coefficient(fits, "joined")
+    terms = list_terms(fits)
+    pooled = [pool_term(fits, term, method) for term in terms]
+    white = []
+    for term in terms:
+        white.append(pool_term(fits, term, method, stderr_name="stderr_white").stderr)
+    theta, C, systematic = _generalised_mean(fits, terms)
     if method == "inverse_variance":
-        widen = np.array([max(1.0, single[term].birge) for term in terms])
-        C = C * np.outer(widen, widen)
+        inflation = np.array([max(1.0, item.birge) for item in pooled])
+        C = C * np.outer(inflation, inflation)
     else:
-        theta = np.array([single[term].value for term in terms])
-        stderr = np.array([single[term].stderr for term in terms])
+        # The correlations of the inverse-variance mean with the standard errors of the method.
+        theta = np.array([item.value for item in pooled])
+        stderr = np.array([item.stderr for item in pooled])
         C = C * np.outer(stderr, stderr) / np.sqrt(np.outer(np.diag(C), np.diag(C)))
-    more = {
-        key: ("term", np.array([getattr(single[term], key) for term in terms], float))
-        for key in _SHOWN
-    }
-    more["count"] = "term", np.array([single[term].count for term in terms])
-    estimates = least_squares.regression_estimates(terms, theta, C, white, systematic, more)
+    variables: dict[str, Any] = {}
+    for key in _POOLED:
+        variables[key] = "term", np.array([getattr(item, key) for item in pooled], float)
+    variables["count"] = "term", np.array([item.count for item in pooled])
+    estimates = least_squares.regression_estimates(
+        terms,
+        theta,
+        covariance=C,
+        white=np.array(white),
+        systematic=systematic,
+        extra=variables,
+    )
     estimates.attrs = {
-        "coefficient": found.pop(),
+        "coefficient": coefficient,
         "name": name,
         "method": method,
         "fits": len(fits),
     }
-    return Joined(name, estimates.attrs["coefficient"], method, estimates)
+    return Joined(name, coefficient, method=method, estimates=estimates)
 
 
-_SHOWN = ("scatter", "scatter_ratio", "chi2", "birge", "disagreement")
-
-
-def _pooled(fits: Sequence[Fit], term: str, errors: str, method: str) -> Pooled:
-    having = [fit.estimates.sel(term=term) for fit in fits if term in fit.estimates["term"].values]
-    return pool([float(e["estimate"]) for e in having], [float(e[errors]) for e in having], method)
-
-
-def _weighted(
+def _generalised_mean(
     fits: Sequence[Fit], terms: list[str]
 ) -> tuple[np.ndarray, np.ndarray, tuple[list[str], np.ndarray]]:
-    """Generalised mean of all terms together, its covariance, and what the common errors change."""
-    sources = list(
-        dict.fromkeys(str(source) for fit in fits for source in fit.estimates["error"].values)
-    )
-    information, pull = np.zeros((len(terms), len(terms))), np.zeros((len(terms), 1 + len(sources)))
+    """Return the generalised mean of all terms, its covariance, and its common errors."""
+    names: dict[str, None] = {}
+    for fit in fits:
+        names.update(dict.fromkeys(map(str, fit.estimates["error"].values)))
+    sources = list(names)
+    # theta = (sum C_i^-1)^-1 sum C_i^-1 theta_i; the changes by common errors have the same mean.
+    information = np.zeros((len(terms), len(terms)))
+    weighted_sum = np.zeros((len(terms), 1 + len(sources)))
     for fit in fits:
         e = fit.estimates
-        at = [terms.index(str(term)) for term in e["term"].values]
-        sd = e["stderr"].values
-        inverse = np.linalg.inv(e["correlation"].values) / np.outer(sd, sd)
-        columns = np.zeros((len(at), 1 + len(sources)))
+        rows = [terms.index(str(term)) for term in e["term"].values]
+        stderr = e["stderr"].values
+        inverse = np.linalg.inv(e["correlation"].values) / np.outer(stderr, stderr)
+        source_columns = [1 + sources.index(str(source)) for source in e["error"].values]
+        columns = np.zeros((len(rows), 1 + len(sources)))
         columns[:, 0] = e["estimate"].values
-        columns[:, [1 + sources.index(str(source)) for source in e["error"].values]] = e[
-            "systematic"
-        ].values
-        information[np.ix_(at, at)] += inverse
-        pull[at] += inverse @ columns
+        columns[:, source_columns] = e["systematic"].values
+        information[np.ix_(rows, rows)] += inverse
+        weighted_sum[rows] += inverse @ columns
+    # The information is scaled to a unit diagonal before it is inverted.
     scale = 1.0 / np.sqrt(np.diag(information))
     C = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale)
-    means = C @ pull
+    means = C @ weighted_sum
     return means[:, 0], C, (sources, means[:, 1:])

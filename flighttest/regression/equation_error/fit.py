@@ -1,4 +1,4 @@
-"""What a regression found: estimates, their errors, the samples behind them; as text and as a file."""
+"""Result of a regression: estimates, their errors and the samples, as text and as a file."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import os
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,32 +33,35 @@ from flighttest.remarks import Remark, remark_lines
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_ROUNDING = 1e-9  # of the ends of a range: what the conversion of units may add
+_ROUNDING = 1e-9  # margin of a range, of its ends: rounding by the conversion of units
+_CONTENT = "aeromatch fit"
+_WHITE = 0.01  # probability of the portmanteau statistic above which a residual counts as white
+# columns of a report between interval and end, with their widths
+_HEADS = {"white": 10, "system.": 10, "t": 9, "p": 9, "dof": 6, "VIF": 8, "share": 8}
+_EXPECTED = "a fit as `aeromatch flight identify -o` writes it"
 
 
 def predict_samples(fit: FitData, data: xr.Dataset, manoeuvre: int | None) -> xr.Dataset:
     """Return coefficient and standard error at the samples of `data`; see `Fit.predict`."""
-    samples = _samples(fit, data)
-    X = _design(fit, samples, manoeuvre)
+    samples = _read_samples(fit, data)
+    X = _regressors_at(fit, samples, manoeuvre)
     e = fit.estimates
-    variance = np.einsum("ij,jk,ik->i", X, e["covariance"].values, X) + (
-        (X @ e["systematic"].values) ** 2
-    ).sum(axis=1)
-    found = describe_extrapolation(fit, samples, X)
-    if found:
+    # x'(C + D D')x of every sample, with the covariance C and the systematic changes D
+    variance = np.einsum("ij,jk,ik->i", X, e["covariance"].values, X)
+    variance = variance + ((X @ e["systematic"].values) ** 2).sum(axis=1)
+    outside = describe_extrapolation(fit, samples, X)
+    if outside:
         name = f"{fit.name}: " if fit.name else ""
         warnings.warn(
-            f"{name}{fit.model} is used outside the fitted range: {'; '.join(found)}",
+            f"{name}{fit.model} is used outside the fitted range: {'; '.join(outside)}",
             AeromatchWarning,
             stacklevel=3,
         )
     (dim,) = samples.sizes
+    coefficient = fit.model.coefficient
+    predicted = X @ e["estimate"].values
     columns = {
-        fit.model.coefficient: (
-            dim,
-            X @ e["estimate"].values,
-            quantity_attributes(fit.model.coefficient),
-        ),
+        coefficient: (dim, predicted, quantity_attributes(coefficient)),
         "stderr": (
             dim,
             np.sqrt(variance),
@@ -70,8 +72,7 @@ def predict_samples(fit: FitData, data: xr.Dataset, manoeuvre: int | None) -> xr
 
 
 def describe_extrapolation(fit: FitData, samples: xr.Dataset, X: np.ndarray) -> list[str]:
-    """Return in words which variables and which further terms leave the range of the samples that
-    were fitted.
+    """Return texts of the variables and terms that exceed the range of the fitted samples.
 
     Parameters
     ----------
@@ -82,32 +83,41 @@ def describe_extrapolation(fit: FitData, samples: xr.Dataset, X: np.ndarray) -> 
         Regressors of the estimates there.
     """
     variables = fit.model.variables
-    found = [
-        _beyond(name, samples[name].values, fit.data[name].values, partial(display_text, name))
-        for name in variables
-    ]
-    for term, x, known in zip(fit.estimates["term"].values, X.T, fit.regressors.values.T):
+    texts = []
+    for name in variables:
+        fitted = fit.data[name].values
+        texts.append(_describe_excess(name, samples[name].values, fitted, _variable_text(name)))
+    for term, x, fitted in zip(fit.estimates["term"].values, X.T, fit.regressors.values.T):
         if str(term) not in variables and not least_squares.intercept_mask([str(term)])[0]:
-            found.append(_beyond(str(term), x, known, plain_number))
-    return [text for text in found if text]
+            texts.append(_describe_excess(str(term), x, fitted, plain_number))
+    return [text for text in texts if text]
 
 
-def _beyond(name: str, x: np.ndarray, known: np.ndarray, words: Callable[[float], str]) -> str:
-    x, low, high = x[np.isfinite(x)], float(known.min()), float(known.max())
+def _variable_text(name: str) -> Callable[[float], str]:
+    """Return the function that writes a value of a variable with its unit."""
+    return lambda value: display_text(name, value)
+
+
+def _describe_excess(
+    name: str, x: np.ndarray, fitted: np.ndarray, to_text: Callable[[float], str]
+) -> str:
+    """Return the text of one variable or term; empty if its samples are inside the range."""
+    x, low, high = x[np.isfinite(x)], float(fitted.min()), float(fitted.max())
+    # Values beyond the range by the rounding of a unit conversion are inside.
     margin = _ROUNDING * max(abs(low), abs(high))
-    out = (x < low - margin) | (x > high + margin)
-    if not out.any():
+    outside = (x < low - margin) | (x > high + margin)
+    if not outside.any():
         return ""
-    span, fitted = (
-        f"{words(a)} ... {words(b)}" for a, b in ((float(x.min()), float(x.max())), (low, high))
+    used_range = f"{to_text(float(x.min()))} ... {to_text(float(x.max()))}"
+    fitted_range = f"{to_text(low)} ... {to_text(high)}"
+    return (
+        f"{name} is {used_range}, fitted over {fitted_range} "
+        f"({int(outside.sum())} of {len(x)} samples outside)"
     )
-    return f"{name} is {span}, fitted over {fitted} ({int(out.sum())} of {len(x)} samples outside)"
 
 
-def _design(fit: FitData, samples: xr.Dataset, manoeuvre: int | None) -> np.ndarray:
-    """Return the regressors of the estimates (sample, term): of separate intercepts, that of
-    `manoeuvre` is one, the others zero.
-    """
+def _regressors_at(fit: FitData, samples: xr.Dataset, manoeuvre: int | None) -> np.ndarray:
+    """Return the regressors of the estimates (sample, term), with the constant of `manoeuvre`."""
     terms = [str(term) for term in fit.estimates["term"].values]
     separate = [term for term in terms if term.startswith("1[")]
     if manoeuvre is None and separate:
@@ -120,20 +130,21 @@ def _design(fit: FitData, samples: xr.Dataset, manoeuvre: int | None) -> np.ndar
             f"1[{manoeuvre}]",
             separate,
             "intercept",
-            f"manoeuvre={manoeuvre} is none of those with a constant of their own",
+            f"manoeuvre={manoeuvre} has no separate constant in this fit",
         )
-    rows = term_regressors(
-        ["1" if term in separate else term for term in terms], samples, fit.model.reference
-    )
-    away = [term in separate and term != f"1[{manoeuvre}]" for term in terms]
-    return np.where(away, 0.0, rows.T)
+    # Of separate constants, that of the manoeuvre is one, and the others are zero.
+    names, is_off = [], []
+    for term in terms:
+        names.append("1" if term in separate else term)
+        is_off.append(term in separate and term != f"1[{manoeuvre}]")
+    rows = term_regressors(names, samples, fit.model.reference)
+    return np.where(is_off, 0.0, rows.T)
 
 
-def _samples(fit: FitData, data: xr.Dataset) -> xr.Dataset:
-    """Return the variables of the model along the one dimension that they have; other variables may
-    have dimensions of their own.
-    """
-    for name in fit.model.variables:
+def _read_samples(fit: FitData, data: xr.Dataset) -> xr.Dataset:
+    """Return the model variables along their one dimension; other variables are ignored."""
+    names = list(fit.model.variables)
+    for name in names:
         if name not in data:
             raise UnknownName(
                 name,
@@ -141,12 +152,17 @@ def _samples(fit: FitData, data: xr.Dataset) -> xr.Dataset:
                 "model variable",
                 f"the data do not hold it; {fit.model} needs it",
             )
-    own = data[list(fit.model.variables)]
-    sizes = (
-        dict(own.sizes)
-        or {dim: data.sizes[dim] for dim in ("time", "sample") if dim in data.sizes}
-        or {"sample": 1}
-    )
+    dim, size = _common_dimension(fit, data)
+    columns = {}
+    for name in names:
+        columns[name] = dim, np.broadcast_to(data[name].values.astype(float), (size,))
+    coordinate = data[dim] if dim in data.coords else np.arange(size)
+    return xr.Dataset(columns, {dim: coordinate})
+
+
+def _common_dimension(fit: FitData, data: xr.Dataset) -> tuple[str, int]:
+    """Return the dimension of the model variables and its size; scalars have that of the data."""
+    sizes = {str(dim): size for dim, size in data[list(fit.model.variables)].sizes.items()}
     if len(sizes) > 1:
         raise SchemaError(
             "data",
@@ -155,44 +171,43 @@ def _samples(fit: FitData, data: xr.Dataset) -> xr.Dataset:
                 f"{', '.join(map(str, sizes))}; one is allowed"
             ],
         )
-    ((dim, size),) = sizes.items()
-    columns = {
-        name: (dim, np.broadcast_to(own[name].values.astype(float), (size,)))
-        for name in fit.model.variables
-    }
-    return xr.Dataset(columns, {dim: data[dim] if dim in data.coords else np.arange(size)})
-
-
-_CONTENT = "aeromatch fit"
+    if sizes:
+        return next(iter(sizes.items()))
+    for dim in ("time", "sample"):
+        if dim in data.sizes:
+            return dim, data.sizes[dim]
+    return "sample", 1
 
 
 @dataclass(frozen=True)
 class Fit(FitData):
-    """Estimates of one model from one or several manoeuvres: `FitData` with remarks, text and
-    predictions.
+    """Estimates of one model from one or several manoeuvres, with remarks and predictions.
+
+    The attributes are those of `FitData`.
     """
 
     def predict(self, data: xr.Dataset, manoeuvre: int | None = None) -> xr.Dataset:
-        """Return what the fit predicts of other data.
+        """Return the prediction of the fit for other data.
 
         Parameters
         ----------
         data : Dataset (time,) or (sample,)
-            Holds the variables of the model; scalars are allowed. [SI]
+            Contains the variables of the model; scalars are allowed. [SI]
         manoeuvre : int, optional
-            Of a fit with ``intercepts="separate"``: which manoeuvre's constant is meant, from 0.
+            Number of the manoeuvre, from 0, whose constant a fit with ``intercepts="separate"``
+            uses.
 
         Returns
         -------
         Dataset (time,) or (sample,)
             The coefficient, and ``stderr`` of its mean, sqrt(x'(C + D D')x) with the covariance C
-            and the systematic changes D of the estimates; what scatters about the mean,
-            ``residual_rms``, is not in it.
+            and the systematic changes D of the estimates. The scatter about the mean,
+            ``residual_rms``, is not part of it.
 
         Raises
         ------
         UnknownName
-            A variable that `data` does not hold, or a manoeuvre without a constant of its own.
+            A variable that `data` does not hold, or a manoeuvre without a separate constant.
         IdentificationError
             A fit with separate intercepts, and no manoeuvre chosen.
         SchemaError
@@ -201,24 +216,24 @@ class Fit(FitData):
         Warns
         -----
         AeromatchWarning
-            A variable, or a further term such as a product or a power, leaves the range of the
-            samples that were fitted.
+            A variable, or a further term such as a product or a power, exceeds the range of the
+            fitted samples.
 
         Notes
         -----
-        Ranges are those of one variable or term at a time.  Data may lie inside all of them and still where no sample was, as at high
-        alpha with an elevator that trims at low alpha; `stderr` grows there.
+        The ranges are those of single variables and terms. Data may be inside all of them and still
+        far from all fitted samples, as at high alpha with an elevator that trims at low alpha.
+        ``stderr`` is large there.
         """
         return predict_samples(self, data, manoeuvre)
 
     @property
     def remarks(self) -> list[Remark]:
-        """What a reader of the numbers must know."""
+        """Remarks on the validity of the estimates; errors first."""
         return remarks_of(self)
 
     def plot(self) -> Figure:
-        """Return a figure: the measured coefficient, the fitted one and the residual over the
-        samples.
+        """Return a figure of the measured and the fitted coefficient, and of the residual.
 
         Raises
         ------
@@ -231,19 +246,16 @@ class Fit(FitData):
 
     def _repr_html_(self) -> str:
         """Return the estimates as a table for a notebook."""
-        columns = ("estimate", "stderr", "stderr_systematic", "contribution")
-        given = [name for name in columns if name in self.estimates]
-        rows = [
-            (str(term), *(float(self.estimates[name].sel(term=term)) for name in given))
-            for term in self.estimates["term"].values
-        ]
-        caption = f"{self.name}: {self.model}" if self.name else str(self.model)
-        return html_table(
-            caption,
-            ("term", *given),
-            rows,
-            [_headline(self.estimates.attrs), *remark_lines(self.remarks)],
-        )
+        names = []
+        for name in ("estimate", "stderr", "stderr_systematic", "contribution"):
+            if name in self.estimates:
+                names.append(name)
+        rows = []
+        for term in self.estimates["term"].values:
+            row = self.estimates.sel(term=term)
+            rows.append((str(term), *(float(row[name]) for name in names)))
+        notes = [_describe_quality(self.estimates.attrs), *remark_lines(self.remarks)]
+        return html_table(_title(self), ("term", *names), rows, notes)
 
     def report(self, correlation: bool = False) -> str:
         """Return estimates with 95 % confidence intervals, tests and remarks as text.
@@ -251,9 +263,42 @@ class Fit(FitData):
         Parameters
         ----------
         correlation : bool
-            Print the correlation matrix of the estimates too.
+            Add the correlation matrix of the estimates.
         """
-        return _report(self, correlation)
+        e, a = self.estimates, self.estimates.attrs
+        width = max(18, *(len(str(term)) + 2 for term in e["term"].values))
+        heads = "".join(f"{head:>{head_width}}" for head, head_width in _HEADS.items())
+        lines = [
+            _title(self),
+            _describe_quality(a),
+            *slope_test_lines(a),
+            f"{'term':<{width}}{'estimate':>11}{'stderr':>10}{'95 % interval':>24}{heads}",
+        ]
+        for k, term in enumerate(e["term"].values):
+            lines.append(f"{term!s:<{width}}{_term_line(e, k)}")
+        if correlation:
+            lines += correlation_lines(e)
+        return "\n".join([*lines, *remark_lines(self.remarks)])
+
+
+def _title(fit: Fit) -> str:
+    return f"{fit.name}: {fit.model}" if fit.name else str(fit.model)
+
+
+def _term_line(e: xr.Dataset, k: int) -> str:
+    """Return the figures of one term; figures that the fit does not have are NaN."""
+
+    def figure(name: str) -> float:
+        return float(e[name][k]) if name in e else float("nan")
+
+    interval = f"{figure('low'):.4g} ... {figure('high'):.4g}"
+    vif = "-" if np.isnan(figure("vif")) else f"{figure('vif'):.1f}"
+    return (
+        f"{figure('estimate'):>11.5g}{figure('stderr'):>10.2g}{interval:>24}"
+        f"{figure('stderr_white'):>10.2g}{figure('stderr_systematic'):>10.2g}"
+        f"{figure('t'):>9.1f}{figure('p_value'):>9.1g}{figure('dof'):>6.0f}{vif:>8}"
+        f"{figure('contribution'):>8.2f}"
+    )
 
 
 def save_fit(fit: Fit, path: str | os.PathLike) -> None:
@@ -263,10 +308,10 @@ def save_fit(fit: Fit, path: str | os.PathLike) -> None:
     ----------
     fit : Fit
     path : path
-        An older file is replaced.
+        An existing file is replaced.
     """
     path = Path(path)
-    about = {
+    attributes = {
         "content": _CONTENT,
         "name": fit.name,
         "model": str(fit.model),
@@ -274,7 +319,7 @@ def save_fit(fit: Fit, path: str | os.PathLike) -> None:
     }
     tree = xr.DataTree.from_dict(
         {
-            "/": xr.Dataset(attrs=about),
+            "/": xr.Dataset(attrs=attributes),
             "/estimates": fit.estimates,
             "/data": fit.data,
             "/design": xr.Dataset({"design": fit.design, "regressors": fit.regressors}),
@@ -290,31 +335,39 @@ def open_fit(path: str | os.PathLike) -> Fit:
     Raises
     ------
     ParseError
-        Not such a file.
+        A file that is not a fit.
     """
-    tree = open_tree(path, _CONTENT, "a fit as `aeromatch flight identify -o` writes it")
-    about, parts = (
-        tree.attrs,
-        {str(name): node.to_dataset(inherit=False) for name, node in tree.children.items()},
-    )
-    model = replace(RegressionModel.parse(about["model"]), reference=json.loads(about["reference"]))
+    # The model is stored as text; its reference values are a separate attribute.
+    tree = open_tree(path, _CONTENT, _EXPECTED)
+    attributes = tree.attrs
+    parts = {}
+    for name, node in tree.children.items():
+        parts[str(name)] = node.to_dataset(inherit=False)
+    model = RegressionModel.parse(attributes["model"])
     return Fit(
-        str(about["name"]),
-        model,
-        parts["estimates"],
-        parts["data"],
-        parts["design"]["design"],
-        parts["design"]["regressors"],
+        name=str(attributes["name"]),
+        model=replace(model, reference=json.loads(attributes["reference"])),
+        estimates=parts["estimates"],
+        data=parts["data"],
+        design=parts["design"]["design"],
+        regressors=parts["design"]["regressors"],
     )
 
 
 def open_tree(path: str | os.PathLike, content: str, expected: str) -> xr.DataTree:
     """Read a netCDF file whose root attribute ``content`` must be `content`.
 
+    Parameters
+    ----------
+    path : path
+    content : str
+    expected : str
+        Description of the expected file, for the error message.
+
     Raises
     ------
     ParseError
-        Not such a file; the text ends with what was `expected`.
+        A file of another content, or a file that is not a netCDF file.
     """
     demand_self_contained(path)
     try:
@@ -329,88 +382,53 @@ def open_tree(path: str | os.PathLike, content: str, expected: str) -> xr.DataTr
     return tree
 
 
-def _headline(a) -> str:
-    """How the fit was made, in words."""
+def _describe_quality(a: Mapping[str, Any]) -> str:
+    """Return samples, R2 and options of a fit as text, from the attributes of its estimates."""
     if a.get("domain") == "published":
         return "published values, no samples"
-    words = (
+    # Options appear only if they differ from their defaults.
+    text = (
         f"samples {a['samples']}, manoeuvres {a['manoeuvres']}, R2 {a['R2']:.4f}, residual "
         f"rms {a['residual_rms']:.3g}"
     )
     if a.get("domain") == "frequency":
-        words += f", {a['frequencies']} frequencies in {a['band']} Hz"
+        text += f", {a['frequencies']} frequencies in {a['band']} Hz"
     if a.get("weights", "equal") != "equal":
-        words += f", weights {a['weights']}"
+        text += f", weights {a['weights']}"
     if a.get("ridge"):
-        words += f", ridge {a['ridge']:.3g} (biased)"
-    return words
+        text += f", ridge {a['ridge']:.3g} (biased)"
+    return text
 
 
 def slope_test_lines(a: Mapping[str, Any]) -> list[str]:
-    """Return the test of all slopes and the colour of the residual, in words.
+    """Return the test of all slopes and the colour of the residual, as text.
 
     Parameters
     ----------
     a : mapping
         Attributes of the estimates.
     """
-    found = []
+    lines = []
     if a.get("F_terms"):
-        found.append(
+        lines.append(
             f"all slopes: F({a['F_terms']}, {a['F_dof']:.0f}) {a['F']:.4g}, probability "
             f"{a['F_probability']:.2g}"
         )
     if "portmanteau" in a:
-        white = "white" if a["portmanteau_probability"] > 0.01 else "not white"
-        found.append(
-            f"residual: {white}, portmanteau {a['portmanteau']:.4g} over "
+        colour = "white" if a["portmanteau_probability"] > _WHITE else "not white"
+        lines.append(
+            f"residual: {colour}, portmanteau {a['portmanteau']:.4g} over "
             f"{a['portmanteau_lags']} lags, probability "
             f"{a['portmanteau_probability']:.2g}, correlation time {a['correlation_time']:.2g} s"
         )
-    return found
+    return lines
 
 
 def correlation_lines(e: xr.Dataset) -> list[str]:
     """Return the correlation matrix of estimates as lines of text."""
     terms = [str(term) for term in e["term"].values]
     width = max(9, *(len(term) + 2 for term in terms))
-    head = f"{'correlation':<18}" + "".join(f"{term:>{width}}" for term in terms)
-    return [
-        head,
-        *(
-            f"{term:<18}" + "".join(f"{x:>{width}.3f}" for x in row)
-            for term, row in zip(terms, e["correlation"].values)
-        ),
-    ]
-
-
-_HEADS = {"white": 10, "system.": 10, "t": 9, "p": 9, "dof": 6, "VIF": 8, "share": 8}
-
-
-def _report(fit: Fit, correlation: bool) -> str:
-    e, a = fit.estimates, fit.estimates.attrs
-    wide = max(18, *(len(str(term)) + 2 for term in e["term"].values))
-    text = [
-        f"{fit.name}: {fit.model}" if fit.name else str(fit.model),
-        _headline(a),
-        *slope_test_lines(a),
-        f"{'term':<{wide}}{'estimate':>11}{'stderr':>10}{'95 % interval':>24}"
-        + "".join(f"{head:>{width}}" for head, width in _HEADS.items()),
-    ]
-    for term in e["term"].values:
-        found = {
-            str(name): float(e[name].sel(term=term))
-            for name, item in e.data_vars.items()
-            if item.dims == ("term",)
-        }
-        row = {name: float("nan") for name in ("low", "high", "t", "p_value", "dof")} | found
-        vif = "-" if np.isnan(row["vif"]) else f"{row['vif']:.1f}"
-        errors = "".join(f"{row[name]:>10.2g}" for name in ("stderr_white", "stderr_systematic"))
-        between = f"{row['low']:.4g} ... {row['high']:.4g}"
-        t = f"{row['t']:>9.1f}{row['p_value']:>9.1g}{row['dof']:>6.0f}"
-        text.append(
-            f"{term!s:<{wide}}{row['estimate']:>11.5g}{row['stderr']:>10.2g}{between:>24}{errors}{t}{vif:>8}{row['contribution']:>8.2f}"
-        )
-    return "\n".join(
-        [*text, *(correlation_lines(e) if correlation else []), *remark_lines(fit.remarks)]
-    )
+    lines = [f"{'correlation':<18}" + "".join(f"{term:>{width}}" for term in terms)]
+    for term, row in zip(terms, e["correlation"].values):
+        lines.append(f"{term:<18}" + "".join(f"{x:>{width}.3f}" for x in row))
+    return lines

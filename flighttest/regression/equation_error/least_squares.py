@@ -1,15 +1,15 @@
-"""Least squares with weights and a penalty, and the one fact about linear estimates that the tables
-need.
+"""Least squares with weights and a penalty, and the labelled tables of its results.
 
-Every estimate here is linear in the measurements, theta = A z.  It is the ordinary least squares of
-the regressors E = A' (A A')^-1, because pinv(E) = A.  So whoever knows E knows what an estimate
-expects of tables that the local model does not describe, theta = A B g, whichever way it was made:
-weighted, ridge, or in frequency.
+Every estimate here is linear in the measurements, theta = A z. It is the ordinary least-squares
+estimate with the regressors E = A' (A A')^-1, because pinv(E) = A. The regressors E therefore
+determine what the estimate expects of tables g that the local model does not describe,
+theta = A B g. This holds for weighted, ridge and frequency-domain estimates alike.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -17,11 +17,20 @@ import xarray as xr
 from flightmech.errors import IdentificationError
 from flighttest.regression.uncertainty import collinearity
 
+WEIGHTS = ("equal", "manoeuvre", "robust")
+RIDGE_BIAS = "bias of the ridge, from the estimates without it"
+# scaled deviations from which on a residual loses weight: 95 % efficiency on Gaussian noise
+HUBER = 1.345
+_TO_SIGMA = 1.4826  # standard deviation of Gaussian noise over its median absolute deviation
+_ROUNDS = 20  # alternations of fit and weights
+_STILL = 1e-4  # change of the root of a weight that ends them
+_LEAST_RMS = 1e-6  # smallest rms of a manoeuvre that its weight uses, of the largest rms
+
 
 def solve_least_squares(
     X: np.ndarray, z: np.ndarray, penalty: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least-squares estimate and the regressors of which it is the ordinary one.
+    """Return the least-squares estimate and its equivalent regressors.
 
     Parameters
     ----------
@@ -39,7 +48,8 @@ def solve_least_squares(
     Q, R = np.linalg.qr(X)
     if penalty is None or not penalty.any():
         return np.linalg.solve(R, Q.T @ z), X
-    raised = np.linalg.solve(R.T, R.T @ R + np.diag(penalty))  # E = Q R^-T (X'X + K)
+    # E = Q R^-T (X'X + K), with the penalty K on the diagonal
+    raised = np.linalg.solve(R.T, R.T @ R + np.diag(penalty))
     return np.linalg.solve(R.T @ R + np.diag(penalty), R.T @ (Q.T @ z)), Q @ raised
 
 
@@ -55,6 +65,20 @@ def estimator_matrix(E: np.ndarray) -> np.ndarray:
     return np.linalg.solve(R, Q.T)
 
 
+def ridge_bias(X: np.ndarray, z: np.ndarray, penalty: np.ndarray) -> np.ndarray:
+    """Return the bias of a ridge estimate, -(X'X + K)^-1 K theta, (terms,).
+
+    Parameters
+    ----------
+    X : array (rows, terms)
+    z : array (rows,)
+    penalty : array (terms,)
+        Diagonal of K. theta is the estimate without penalty.
+    """
+    unbiased = solve_least_squares(X, z)[0]
+    return -np.linalg.solve(X.T @ X + np.diag(penalty), penalty * unbiased)
+
+
 def label_terms(X: np.ndarray, terms: Sequence[str]) -> xr.DataArray:
     """Return regressors with the names of their terms."""
     return xr.DataArray(X, dims=("sample", "term"), coords={"term": list(terms)})
@@ -65,7 +89,7 @@ def intercept_mask(terms: Sequence[str]) -> np.ndarray:
     return np.array([term == "1" or term.startswith("1[") for term in terms])
 
 
-def regressor_diagnostics(X: np.ndarray, fixed: np.ndarray) -> dict[str, tuple]:
+def regressor_diagnostics(X: np.ndarray, fixed: np.ndarray) -> dict[str, Any]:
     """Return the diagnostics of the regressors, as variables of a Dataset.
 
     Parameters
@@ -108,25 +132,26 @@ def regression_estimates(
     covariance: np.ndarray,
     white: np.ndarray,
     systematic: tuple[Sequence[str], np.ndarray],
-    more: dict[str, tuple],
+    extra: dict[str, Any],
 ) -> xr.Dataset:
-    """Return estimates under the names that all methods share.
+    """Return estimates as a Dataset with the names that all methods share.
 
     Parameters
     ----------
     terms : sequence of str
     theta : array (terms,)
     covariance : array (terms, terms)
-        Of coloured residuals.
+        Covariance for coloured residuals.
     white : array (terms,)
-        Standard errors if the residuals were white.
+        Standard errors for white residuals.
     systematic : (names, array (terms, errors))
         Change of the estimates for one standard error of each common error of the measurement.
-    more : dict
-        Further variables.
+    extra : dict
+        Further variables of the Dataset.
     """
     stderr = np.sqrt(np.diag(covariance))
     sources, change = systematic
+    # An estimate without standard error keeps a correlation of zero.
     scale = np.where(stderr > 0, stderr, 1.0)
     return xr.Dataset(
         {
@@ -145,7 +170,7 @@ def regression_estimates(
             "covariance": (("term", "term_"), covariance),
             "correlation": (("term", "term_"), covariance / np.outer(scale, scale)),
             "systematic": (("term", "error"), change),
-            **more,
+            **extra,
         },
         coords={
             "term": list(terms),
@@ -155,13 +180,6 @@ def regression_estimates(
     )
 
 
-WEIGHTS = ("equal", "manoeuvre", "robust")
-# scaled deviations from which on a residual loses weight: 95 % efficiency on Gaussian noise
-HUBER = 1.345
-_ROUNDS = 20
-_STILL = 1e-4
-
-
 def weight_roots(kind: str, X: np.ndarray, z: np.ndarray, data: xr.Dataset) -> np.ndarray:
     """Return the square roots of the weights, (samples,); their squares have the mean one.
 
@@ -169,9 +187,10 @@ def weight_roots(kind: str, X: np.ndarray, z: np.ndarray, data: xr.Dataset) -> n
     ----------
     kind : str
         One of `WEIGHTS`, or a variable of `data` with standard errors.
-    X, z : array (samples, terms), (samples,)
+    X : array (samples, terms)
+    z : array (samples,)
     data : Dataset (sample,)
-        With ``manoeuvre``.
+        Contains ``manoeuvre``.
 
     Raises
     ------
@@ -187,12 +206,15 @@ def weight_roots(kind: str, X: np.ndarray, z: np.ndarray, data: xr.Dataset) -> n
                 f"{kind} is not positive in {int((~(sigma > 0)).sum())} samples; a standard "
                 f"error is needed in each"
             )
-        return _scaled(1.0 / sigma)
-    root, rule = np.ones(len(z)), _by_manoeuvre if kind == "manoeuvre" else _huber
+        return _scale_to_unit_mean(1.0 / sigma)
+    # The weights depend on the residual: iteratively reweighted least squares.
+    rule = _manoeuvre_weights if kind == "manoeuvre" else _huber_weights
+    root = np.ones(len(z))
     for _ in range(_ROUNDS):
         theta = np.linalg.lstsq(X * root[:, None], z * root, rcond=None)[0]
-        last, root = root, _scaled(rule(z - X @ theta, data["manoeuvre"].values))
-        if np.abs(root - last).max() < _STILL:
+        previous = root
+        root = _scale_to_unit_mean(rule(z - X @ theta, data["manoeuvre"].values))
+        if np.abs(root - previous).max() < _STILL:
             break
     return root
 
@@ -200,14 +222,15 @@ def weight_roots(kind: str, X: np.ndarray, z: np.ndarray, data: xr.Dataset) -> n
 def ridge_penalty(
     ridge: float | str, X: np.ndarray, z: np.ndarray, fixed: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Return what a ridge adds to the diagonal of X'X, (terms,), and the ridge parameter.
+    """Return the penalty on the diagonal of X'X, (terms,), and the ridge parameter.
 
     Parameters
     ----------
     ridge : float or "auto"
-        The parameter on standardised regressors; ``auto``: n s^2/(theta' theta) of the standardised
-        regression.
-    X, z : array (rows, terms), (rows,)
+        The parameter k on standardised regressors. ``auto`` takes k = n s^2/(theta' theta) of the
+        standardised regression.
+    X : array (rows, terms)
+    z : array (rows,)
     fixed : array of bool (terms,)
         Intercepts, which are not penalised.
 
@@ -216,9 +239,9 @@ def ridge_penalty(
     IdentificationError
         A negative parameter.
     """
-    length2 = np.where(
-        fixed, 0.0, ((X - (X.mean(axis=0) if fixed.any() else 0.0)) ** 2).sum(axis=0)
-    )
+    # squared length of each regressor about its mean; without a constant, about zero
+    centre = X.mean(axis=0) if fixed.any() else 0.0
+    length2 = np.where(fixed, 0.0, ((X - centre) ** 2).sum(axis=0))
     if ridge == "auto":
         theta = np.linalg.lstsq(X, z, rcond=None)[0]
         v = z - X @ theta
@@ -231,20 +254,20 @@ def ridge_penalty(
     return ridge * length2, float(ridge)
 
 
-def _by_manoeuvre(v: np.ndarray, manoeuvre: np.ndarray) -> np.ndarray:
+def _manoeuvre_weights(v: np.ndarray, manoeuvre: np.ndarray) -> np.ndarray:
+    """Return one over the residual rms of the manoeuvre of each sample."""
     rms = np.sqrt(np.bincount(manoeuvre, v**2) / np.maximum(np.bincount(manoeuvre), 1))
-    least = 1e-6 * rms.max() or 1.0
+    least = _LEAST_RMS * rms.max() or 1.0
     return 1.0 / np.maximum(rms, least)[manoeuvre]
 
 
-def _huber(v: np.ndarray, manoeuvre: np.ndarray) -> np.ndarray:
-    scale = 1.4826 * float(np.median(np.abs(v - np.median(v))))
-    return (
-        np.sqrt(np.minimum(1.0, HUBER * scale / np.maximum(np.abs(v), 1e-300)))
-        if scale
-        else np.ones(len(v))
-    )
+def _huber_weights(v: np.ndarray, manoeuvre: np.ndarray) -> np.ndarray:
+    """Return the roots of Huber's weights of the residuals."""
+    scale = _TO_SIGMA * float(np.median(np.abs(v - np.median(v))))
+    if not scale:
+        return np.ones(len(v))
+    return np.sqrt(np.minimum(1.0, HUBER * scale / np.maximum(np.abs(v), 1e-300)))
 
 
-def _scaled(root: np.ndarray) -> np.ndarray:
+def _scale_to_unit_mean(root: np.ndarray) -> np.ndarray:
     return root / np.sqrt(np.mean(root**2))

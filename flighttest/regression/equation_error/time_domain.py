@@ -1,15 +1,19 @@
-"""Equation error in time: a linear model of a coefficient fitted to measured coefficients by least
-squares.
+"""Equation error in time: a linear model fitted to measured coefficients by least squares.
 
-Errors of the regressors bias the slopes towards zero by about var(noise)/var(signal): reconstruct
-the states first. Standard errors are those of coloured residuals; the errors of mass, inertia,
-thrust, surface pick-ups and reconstructed states, which are common to many samples, are kept apart
-as systematic ones.
+The method is that of [Klein2006]_. Errors of the regressors bias the slopes towards zero by about
+var(noise)/var(signal), so the states are reconstructed first. Standard errors are those of coloured
+residuals. The errors of mass, inertia, thrust, surface pick-ups and reconstructed states are common
+to many samples. They are reported separately, as systematic errors.
+
+References
+----------
+.. [Klein2006] Klein, Morelli, Aircraft System Identification, AIAA 2006.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -43,27 +47,27 @@ def regress(
 
     Parameters
     ----------
-    model : Model
+    model : RegressionModel
         Coefficient and terms.
     data : Dataset (time,) or list of them
-        Manoeuvres, as `coefficients` returns them; samples with NaN in the coefficient or a
-        regressor are left out.
+        Manoeuvres, as `coefficients` returns them. Samples with NaN in the coefficient or a
+        regressor are ignored.
     name : str
-        For reports and provenance.
+        Name of the fit in reports and in the provenance.
     intercepts : {"common", "separate"}
         ``separate`` gives each manoeuvre its own constant, in place of the term ``1``: terms
         ``1[0]``, ``1[1]`` ...
     lag : float, optional
-        Take the residual's own autocorrelation over this window, in place of the autoregression;
+        Lag window of the residual's own autocorrelation, which replaces the estimated spectrum;
         see `coloured_covariance_of`. [s]
     weights : str
-        ``equal``; ``manoeuvre``, by the inverse variance of each manoeuvre's residual; ``robust``,
-        Huber's weights against spikes; or a variable of the data with the standard error of the
-        coefficient, sample by sample.
+        ``equal``; ``manoeuvre``, the inverse variance of each manoeuvre's residual; ``robust``,
+        Huber's weights against spikes [Huber1981]_; or a variable of the data with the standard
+        error of the coefficient, sample by sample.
     ridge : float or "auto"
-        Ridge parameter on standardised regressors, intercepts left out; ``auto`` takes that of
-        Hoerl, Kennard and Baldwin.  The estimates are biased towards zero then: variable
-        ``shrinkage``.
+        Ridge parameter on standardised regressors without the intercepts. ``auto`` takes the
+        parameter of Hoerl, Kennard and Baldwin [Hoerl1975]_. A ridge biases the estimates towards
+        zero; the variable ``shrinkage`` is the bias.
 
     Returns
     -------
@@ -72,40 +76,45 @@ def regress(
     Raises
     ------
     IdentificationError
-        Too few samples, a term without movement, terms that the data cannot distinguish, or weights
-        that are none.
+        Too few samples, a term without movement, terms that the data cannot distinguish, or
+        standard errors in `weights` that are not positive.
     UnknownName
         A variable that the data do not hold.
 
     References
     ----------
     .. [Huber1981] Huber, Robust Statistics, Wiley 1981.
-    .. [Hoerl1975] Hoerl, Kennard, Baldwin, Ridge regression: some simulations, Communications in Statistics 4, 1975.
+    .. [Hoerl1975] Hoerl, Kennard, Baldwin, Ridge regression: some simulations, Communications in
+       Statistics 4, 1975.
     """
     demand_choice("intercepts", intercepts, ("common", "separate"))
-    extra = [] if weights in WEIGHTS else [weights]
-    samples = stack_samples(model.coefficient, [*model.variables, *extra], data, model)
+    # Weights may be the standard errors in a variable of the data.
+    needed = list(model.variables)
+    if weights not in WEIGHTS:
+        needed.append(weights)
+    samples = stack_samples(model.coefficient, needed, data, purpose=model)
     X, terms = model.design(samples.data), list(model.terms)
     if intercepts == "separate":
         X, terms = separate_intercepts(X, terms, samples.data["manoeuvre"].values)
-    demand_determined(name, model, samples.data[model.coefficient].values, X, terms)
-    found, design, change = _solve(model, samples, X, terms, lag, weights, ridge)
-    found.attrs.update(name=name, intercepts=intercepts)
-    data = samples.kept(model.coefficient, change)
+    demand_determined(name, model, z=samples.data[model.coefficient].values, X=X, terms=terms)
+    estimates, design, errors = _solve(
+        model, samples, X=X, terms=terms, lag=lag, weights=weights, ridge=ridge
+    )
+    estimates.attrs.update(name=name, intercepts=intercepts)
     return Fit(
-        name,
-        model,
-        found,
-        data,
-        least_squares.label_terms(design, terms),
-        least_squares.label_terms(X, terms),
+        name=name,
+        model=model,
+        estimates=estimates,
+        data=samples.for_fit(model.coefficient, errors),
+        design=least_squares.label_terms(design, terms),
+        regressors=least_squares.label_terms(X, terms),
     )
 
 
-def demand_choice(what: str, given: str, allowed: Sequence[str]) -> None:
-    """Raise ValueError when a word is not among those allowed."""
-    if given not in allowed:
-        raise ValueError(f"{what} is {given!r}; allowed: {', '.join(allowed)}")
+def demand_choice(what: str, choice: str, allowed: Sequence[str]) -> None:
+    """Raise ValueError when a word is not among the allowed words."""
+    if choice not in allowed:
+        raise ValueError(f"{what} is {choice!r}; allowed: {', '.join(allowed)}")
 
 
 def demand_determined(
@@ -113,11 +122,22 @@ def demand_determined(
 ) -> None:
     """Raise when the samples cannot determine the terms.
 
+    Parameters
+    ----------
+    name : str
+        Name of the fit, for the error message.
+    model : object
+        Model, for the error message.
+    z : array (samples,)
+        Measured coefficient.
+    X : array (samples, terms)
+        Regressors.
+    terms : sequence of str
+
     Raises
     ------
     IdentificationError
-        Too few samples, a variable that stays where it is, or combinations that vanish; the message
-        states which.
+        Too few samples, a variable that does not move, or combinations that vanish.
     """
     label = f"{name}: " if name else ""
     if len(X) < SAMPLES_PER_TERM * len(terms):
@@ -136,30 +156,43 @@ def demand_determined(
 def separate_intercepts(
     X: np.ndarray, terms: list[str], manoeuvre: np.ndarray
 ) -> tuple[np.ndarray, list[str]]:
-    """Return regressors and terms with one intercept per manoeuvre in place of the term ``1``."""
+    """Return regressors and terms with one intercept per manoeuvre in place of the term ``1``.
+
+    Parameters
+    ----------
+    X : array (samples, terms)
+    terms : list of str
+    manoeuvre : array of int (samples,)
+        Number of the manoeuvre of each sample.
+
+    Raises
+    ------
+    IdentificationError
+        The model has no term ``1``.
+    """
     if "1" not in terms:
         raise IdentificationError("intercepts='separate' needs the term 1 in the model")
     numbers = np.unique(manoeuvre)
     columns = (manoeuvre[:, None] == numbers).astype(float)
-    at = terms.index("1")
-    return np.hstack([X[:, :at], columns, X[:, at + 1 :]]), [
-        *terms[:at],
-        *(f"1[{k}]" for k in numbers),
-        *terms[at + 1 :],
-    ]
+    position = terms.index("1")
+    constants = [f"1[{number}]" for number in numbers]
+    X_separate = np.hstack([X[:, :position], columns, X[:, position + 1 :]])
+    return X_separate, [*terms[:position], *constants, *terms[position + 1 :]]
 
 
 def _demand_movement(z: np.ndarray, X: np.ndarray, terms: Sequence[str]) -> None:
-    """A single variable that stays where it is cannot carry a slope next to a constant."""
+    """Raise when a single variable does not move: next to a constant it cannot have a slope."""
     if np.ptp(z) == 0.0:
         raise IdentificationError("the coefficient is constant; look at its accelerations")
-    fixed = least_squares.intercept_mask(terms)
-    if not fixed.any():
+    is_constant = least_squares.intercept_mask(terms)
+    if not is_constant.any():
         return
-    for column, term, constant in zip(X.T, terms, fixed):
-        factors = {} if constant else term_powers(term)
-        if list(factors.values()) != [1]:
+    for column, term, constant in zip(X.T, terms, is_constant):
+        if constant:
             continue
+        factors = term_powers(term)
+        if list(factors.values()) != [1]:
+            continue  # the limits are those of single variables, not of products and powers
         name = variable_of(next(iter(factors)))
         least = LEAST_MOVEMENT.get(lookup(name).units, 0.0)
         if np.std(column) < least:
@@ -174,59 +207,70 @@ def _solve(
     samples: RegressionSamples,
     X: np.ndarray,
     terms: list[str],
-    lag,
+    lag: float | None,
     weights: str,
-    ridge,
+    ridge: float | str,
 ) -> tuple[xr.Dataset, np.ndarray, np.ndarray]:
-    """The estimates, the regressors of which they are the ordinary least squares, and what the
-    common errors change.
-    """
-    z, fixed = samples.data[model.coefficient].values, least_squares.intercept_mask(terms)
-    root = weight_roots(weights, X, z, samples.data)
+    """Return estimates, equivalent regressors (samples, terms), and errors of the samples."""
+    z = samples.data[model.coefficient].values
+    is_constant = least_squares.intercept_mask(terms)
+    # Weighted least squares with a ridge: theta = (X'WX + K)^-1 X'W z, W the squares of `root`.
+    root = weight_roots(weights, X, z=z, data=samples.data)
     Xw, zw = X * root[:, None], z * root
-    penalty, parameter = ridge_penalty(ridge, Xw, zw, fixed)
+    penalty, parameter = ridge_penalty(ridge, Xw, z=zw, fixed=is_constant)
     theta, E = least_squares.solve_least_squares(Xw, zw, penalty)
     v = z - X @ theta
     s2 = float(v * root @ (v * root)) / (len(z) - len(terms))
     pieces, steps = samples.pieces()
-    C = coloured_covariance_of(E, v * root, pieces, steps, lag)
+    coloured = coloured_covariance_of(E, v * root, pieces=pieces, steps=steps, lag=lag)
+    # A maps the samples without weights to the estimates, theta = A z.
     A = least_squares.estimator_matrix(E) * root
     sources, errors = samples.errors(model.coefficient, model.variables, slopes_of(model, theta))
-    spread = float(np.std(z))
-    more = least_squares.regressor_diagnostics(Xw, fixed)
-    more["contribution"] = "term", np.std(X, axis=0) * np.abs(theta) / spread
-    if parameter:
-        shrinkage = -np.linalg.solve(
-            Xw.T @ Xw + np.diag(penalty), penalty * least_squares.solve_least_squares(Xw, zw)[0]
-        )
-        more["shrinkage"] = (
-            "term",
-            shrinkage,
-            {"long_name": "bias of the ridge, from the estimates without it"},
-        )
-    more["stderr_window"] = (
-        "term",
-        C.windowed,
-        {"long_name": "standard error by a lag window, for comparison"},
-    )
+
+    contribution = np.std(X, axis=0) * np.abs(theta) / float(np.std(z))
+    bias = least_squares.ridge_bias(Xw, zw, penalty) if parameter else None
+    variables = {
+        **least_squares.regressor_diagnostics(Xw, is_constant),
+        **_term_variables(contribution, bias=bias, windowed=coloured.windowed),
+    }
     white = np.sqrt(s2 * ((A / root) ** 2).sum(axis=1))
-    found = least_squares.regression_estimates(
-        terms, theta, C.covariance, white, (sources, A @ errors.T), more
+    estimates = least_squares.regression_estimates(
+        terms,
+        theta,
+        covariance=coloured.covariance,
+        white=white,
+        systematic=(sources, A @ errors.T),
+        extra=variables,
     )
-    found.attrs = {
+    estimates.attrs = {
         "coefficient": model.coefficient,
         "domain": "time",
         "R2": 1.0 - float(v @ v) / float(((z - z.mean()) ** 2).sum()),
         "residual_rms": float(np.sqrt(v @ v / len(v))),
         "samples": len(z),
         "manoeuvres": len(samples.steps),
-        "offset": C.offset,
-        "hidden": C.hidden,
-        "edge": C.edge,
+        "offset": coloured.offset,
+        "hidden": coloured.hidden,
+        "edge": coloured.edge,
         "weights": weights,
         "ridge": parameter,
         **significance.residual_whiteness(v * root, pieces, steps),
     }
-    dof = significance.of_slopes(A, v, pieces, fixed)
-    found = significance.add_tests(found, fixed, dof, np.ones(len(terms)))
-    return found, E if weights == "equal" else least_squares.equivalent_regressors(A), errors
+    dof = significance.of_slopes(A, v, pieces=pieces, fixed=is_constant)
+    not_inflated = np.ones(len(terms))
+    estimates = significance.add_tests(estimates, is_constant, dof=dof, inflated=not_inflated)
+    if weights == "equal":
+        return estimates, E, errors
+    return estimates, least_squares.equivalent_regressors(A), errors
+
+
+def _term_variables(
+    contribution: np.ndarray, bias: np.ndarray | None, windowed: np.ndarray
+) -> dict[str, Any]:
+    """Return contribution, bias of the ridge and lag-window error of the terms for a Dataset."""
+    variables: dict[str, Any] = {"contribution": ("term", contribution)}
+    if bias is not None:
+        variables["shrinkage"] = "term", bias, {"long_name": least_squares.RIDGE_BIAS}
+    window_name = {"long_name": "standard error by a lag window, for comparison"}
+    variables["stderr_window"] = "term", windowed, window_name
+    return variables

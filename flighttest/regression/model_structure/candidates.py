@@ -1,4 +1,4 @@
-"""Candidate terms, and their regressors in time or in a band of frequency."""
+"""Candidate terms, and their regressors in time or in a frequency band."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ import xarray as xr
 from flightmech.errors import IdentificationError, ParseError
 from flightmech.names import lookup
 from flighttest.regression.equation_error import least_squares
-from flighttest.regression.equation_error.frequency_domain import (
-    WEIGHTS,
-    select_stretches,
-    stack_complex,
-    transform_columns,
-    whitening_weights,
-)
+from flighttest.regression.equation_error.frequency_domain import WEIGHTS
 from flighttest.regression.equation_error.model import (
     term_powers,
     term_regressors,
     term_text,
     variable_of,
 )
-from flighttest.regression.equation_error.samples import stack_samples
+from flighttest.regression.equation_error.samples import RegressionSamples, stack_samples
+from flighttest.regression.equation_error.spectral_weights import whitening_weights
 from flighttest.regression.equation_error.time_domain import demand_choice
+from flighttest.regression.equation_error.transformed_stretches import (
+    select_stretches,
+    stack_complex,
+    transform_columns,
+)
 
-FREE = 2  # frequencies per candidate, from which on the residual of all candidates shows the noise
-IDLE = 1e-9  # variation of a column, over its size, below which it is taken for a constant
+FREE = 2  # frequencies per candidate, from which on the residual of all candidates is the noise
+IDLE = 1e-9  # variation of a column, over its size, up to which it counts as a constant
 
 
 def monomials(variables: Sequence[str], order: int) -> list[str]:
@@ -52,16 +52,18 @@ def monomials(variables: Sequence[str], order: int) -> list[str]:
         raise IdentificationError(f"order is {order}; allowed: 1 to 9")
     for name in variables:
         lookup(name)
-    found = ["1"]
+    terms = ["1"]
     for size in range(1, order + 1):
-        for pick in combinations_with_replacement(variables, size):
-            found.append(term_text({name: pick.count(name) for name in dict.fromkeys(pick)}))
-    return found
+        for factors in combinations_with_replacement(variables, size):
+            powers = {name: factors.count(name) for name in dict.fromkeys(factors)}
+            terms.append(term_text(powers))
+    return terms
 
 
 def spline_terms(variable: str, knots: Sequence[float | str], order: int = 1) -> list[str]:
-    """Return truncated powers of a variable, one per knot: with the powers up to `order` they make
-    a spline.
+    """Return truncated powers of a variable, one per knot.
+
+    Together with the powers up to `order` they form a spline [Klein2006]_.
 
     Parameters
     ----------
@@ -83,20 +85,24 @@ def spline_terms(variable: str, knots: Sequence[float | str], order: int = 1) ->
     """
     if order not in (1, 2):
         raise ParseError("<model>", 0, f"order {order} of a spline", "1 or 2")
-    return [
-        term_text({factor: order})
-        for knot in knots
-        for factor in term_powers(f"ramp({variable},{knot})")
-    ]
+    terms = []
+    for knot in knots:
+        # The parser converts the knot to SI.
+        (ramp,) = term_powers(f"ramp({variable},{knot})")
+        terms.append(term_text({ramp: order}))
+    return terms
 
 
 @lru_cache(maxsize=16)
-def _spelled(candidates: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Terms in one spelling, each once, and their variables."""
-    terms = tuple(dict.fromkeys(term_text(term_powers(term)) for term in candidates))
-    return terms, tuple(
-        dict.fromkeys(variable_of(factor) for term in terms for factor in term_powers(term))
-    )
+def _parse_candidates(candidates: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the terms in one spelling, each once, and their variables."""
+    terms: dict[str, None] = {}
+    variables: dict[str, None] = {}
+    for candidate in candidates:
+        powers = term_powers(candidate)
+        terms[term_text(powers)] = None
+        variables.update(dict.fromkeys(map(variable_of, powers)))
+    return tuple(terms), tuple(variables)
 
 
 @dataclass(frozen=True)
@@ -111,14 +117,14 @@ class CandidateEquations:
     X : array (candidates, rows)
     z : array (rows,)
     idle : tuple of str
-        Candidates that do not move and are left out.
+        Candidates that do not move and are not in `terms`.
     band : (low, high) or None
-        Of a problem in frequency, where real parts stand above imaginary parts and there is no
-        constant. [Hz]
+        Band of a problem in frequency. Its rows are real parts above imaginary parts, and it has
+        no constant. [Hz]
     weights : str
-        Of its frequencies, which the rows contain already.
+        Weights of the frequencies, which the rows contain already.
     rows : int
-        Independent ones.
+        Number of independent rows.
     """
 
     coefficient: str
@@ -133,8 +139,8 @@ class CandidateEquations:
     def place(self, term: str) -> int:
         """Return the row of a candidate."""
         if term not in self.terms:
-            why = "it does not move" if term in self.idle else "it is not among the candidates"
-            raise IdentificationError(f"{term} is to be kept, but {why}")
+            reason = "it does not move" if term in self.idle else "it is not among the candidates"
+            raise IdentificationError(f"{term} is to be kept, but {reason}")
         return self.terms.index(term)
 
 
@@ -151,12 +157,13 @@ def candidate_equations(
     ----------
     coefficient : str
     candidates : sequence of str
-        Terms; ``1`` is left out in frequency.
+        Terms; ``1`` is ignored in frequency.
     data : Dataset (time,) or list of them
     band : (low, high) or None
-        None works in time. [Hz]
+        Band of a problem in frequency; None for time. [Hz]
     weights : {"equal", "spectrum"}
-        Of the frequencies of a band; ``spectrum`` is that of the residual of all candidates.
+        Weights of the frequencies of a band; ``spectrum`` is that of the residual of all
+        candidates.
 
     Raises
     ------
@@ -165,189 +172,69 @@ def candidate_equations(
         the weights allow.
     """
     demand_choice("weights", weights, WEIGHTS if band is not None else ("equal",))
-    terms, variables = _spelled(tuple(candidates))
-    samples = stack_samples(coefficient, variables, data, f"the candidates of {coefficient}")
+    terms, variables = _parse_candidates(tuple(candidates))
+    samples = stack_samples(
+        coefficient, variables, data, purpose=f"the candidates of {coefficient}"
+    )
     z = samples.data[coefficient].values
     if len(z) < 2 or np.ptp(z) == 0.0:
         raise IdentificationError(
             f"{coefficient} is constant, or has no samples; look at its accelerations"
         )
     X = term_regressors(terms, samples.data)
-    fixed = least_squares.intercept_mask(terms)
-    top, low = X.max(axis=1), X.min(axis=1)
-    moving = top - low > IDLE * np.maximum(np.abs(top), np.abs(low))
-    keep, lost = moving | fixed, 0
+    is_constant = least_squares.intercept_mask(terms)
+    high, low = X.max(axis=1), X.min(axis=1)
+    # The limit is relative: a large constant with rounding noise does not move.
+    is_moving = high - low > IDLE * np.maximum(np.abs(high), np.abs(low))
+    is_used = is_moving | is_constant
+    rows = len(z)
     if band is not None:
-        keep = moving & ~fixed
-        parts = select_stretches(samples, band)
-        Xf, zf = transform_columns(X[keep].T, parts), transform_columns(z[:, None], parts)
-        if weights == "spectrum":
-            if len(zf) < FREE * Xf.shape[1]:
-                raise IdentificationError(
-                    f"{len(zf)} frequencies for {Xf.shape[1]} candidates do not show the "
-                    f"spectrum of the noise; weights='spectrum' needs "
-                    f"{FREE} per candidate: give fewer candidates, widen the band, or take "
-                    f"equal weights"
-                )
-            whitened = whitening_weights(Xf, zf[:, 0], parts)
-            X, z, lost = (
-                whitened.equations(Xf).T,
-                whitened.equations(zf)[:, 0],
-                whitened.ends.shape[1],
-            )
-        else:
-            X, z = stack_complex(Xf).T, stack_complex(zf)[:, 0]
-    elif not keep.all():
-        X = X[keep]
+        is_used = is_moving & ~is_constant
+        X, z, rows = _transform_equations(
+            X[is_used], z, samples=samples, band=band, weights=weights
+        )
+    elif not is_used.all():
+        X = X[is_used]
     return CandidateEquations(
-        coefficient,
-        tuple(term for term, use in zip(terms, keep) if use),
-        np.ascontiguousarray(X),
-        z,
-        tuple(
-            term for term, use, constant in zip(terms, moving, fixed) if not use and not constant
-        ),
-        band,
-        weights,
-        len(z) - lost,
+        coefficient=coefficient,
+        terms=_select_terms(terms, is_used),
+        X=np.ascontiguousarray(X),
+        z=z,
+        idle=_select_terms(terms, ~is_moving & ~is_constant),
+        band=band,
+        weights=weights,
+        rows=rows,
     )
 
 
-_TIE = 1e-9
-LEAST = 1e-4  # of a candidate's size that must be left for it to be taken
+def _select_terms(terms: Sequence[str], mask: np.ndarray) -> tuple[str, ...]:
+    return tuple(term for term, flag in zip(terms, mask) if flag)
 
 
-class OrthogonalBasis:
-    """State of a forward selection.
+def _transform_equations(
+    X: np.ndarray,
+    z: np.ndarray,
+    samples: RegressionSamples,
+    band: tuple[float, float],
+    weights: str,
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """Return candidates (candidates, rows) and coefficient (rows,) in frequency.
 
-    Parameters
-    ----------
-    X : array (candidates, rows)
-    z : array (rows,)
+    The third result is the number of independent rows.
     """
-
-    def __init__(self, X: np.ndarray, z: np.ndarray):
-        self.X, self.z = X, z
-        self.size2 = np.einsum("ij,ij->i", X, X)
-        self.start(())
-
-    def start(self, taken: Sequence[int]) -> None:
-        """Begin anew with given candidates."""
-        self.taken: list[int] = []
-        self.Q = np.empty((8, len(self.z)))
-        self.R: list[np.ndarray] = []
-        self.a: list[float] = []
-        self.left2 = self.size2.copy()
-        self.residual = self.z.copy()
-        self.product = self.X @ self.z
-        for j in taken:
-            self.take(j)
-
-    @property
-    def rss(self) -> float:
-        """Sum of the squares of the residual."""
-        return float(self.residual @ self.residual)
-
-    def gains(self) -> np.ndarray:
-        """Return by how much each candidate would lower the sum of squares, (candidates,); zero for
-        those it cannot be computed for.
-        """
-        usable = self.left2 > LEAST**2 * self.size2
-        usable[self.taken] = False
-        return np.where(usable, self.product**2 / np.where(usable, self.left2, 1.0), 0.0)
-
-    @staticmethod
-    def best(gains: np.ndarray) -> int:
-        """Return the candidate with the largest gain; of equal ones the first, which a list by
-        order has as the simplest.
-        """
-        return int(np.flatnonzero(gains >= (1.0 - _TIE) * gains.max())[0])
-
-    def take(self, j: int) -> None:
-        """Add a candidate; made orthogonal twice, so that rounding does not add up."""
-        n = len(self.taken)
-        if n == len(self.Q):
-            self.Q = np.concatenate([self.Q, np.empty_like(self.Q)])
-        known, q, r = self.Q[:n], self.X[j].copy(), np.zeros(n + 1)
-        for _ in range(2):
-            share = known @ q
-            q -= share @ known
-            r[:n] += share
-        r[n] = np.linalg.norm(q)
-        self.Q[n] = q / r[n]
-        a = float(self.Q[n] @ self.residual)
-        shadow = self.X @ self.Q[n]
-        self.left2 -= shadow**2
-        self.product -= a * shadow
-        self.residual -= a * self.Q[n]
-        self.taken.append(j)
-        self.R.append(r)
-        self.a.append(a)
-
-    @property
-    def functions(self) -> np.ndarray:
-        """The orthonormal functions, (rows, taken)."""
-        return self.Q[: len(self.taken)].T
-
-    @property
-    def triangle(self) -> np.ndarray:
-        """R with X_taken = Q R, (taken, taken)."""
-        n = len(self.taken)
-        R = np.zeros((n, n))
-        for k, column in enumerate(self.R):
-            R[: k + 1, k] = column
-        return R
-
-    def estimates(self) -> np.ndarray:
-        """Return the parameters of the terms taken, of the orthogonal functions turned back into
-        terms.
-        """
-        return np.linalg.solve(self.triangle, np.array(self.a)) if self.taken else np.zeros(0)
-
-    def losses(self) -> np.ndarray:
-        """Return by how much the sum of squares would rise without each of the terms taken,
-        (taken,).
-        """
-        if not self.taken:
-            return np.zeros(0)
-        return self.estimates() ** 2 / (np.linalg.inv(self.triangle) ** 2).sum(axis=1)
-
-    def exchange(self, places: Sequence[int]) -> tuple[int, int, float]:
-        """Return the best exchange of one term taken for one candidate.
-
-        Parameters
-        ----------
-        places : sequence of int
-            Terms taken that may go, by their place in `taken`.
-
-        Returns
-        -------
-        place, candidate, gain : int, int, float
-            The sum of squares would fall by `gain`; zero when no exchange helps.
-
-        Notes
-        -----
-        A term that goes gives back one direction: the remainder of it when all others are removed.  Along it every
-        candidate and the residual have something to regain.
-        """
-        if not len(places):
-            return 0, 0, 0.0
-        inverse = np.linalg.inv(self.triangle)[places]
-        directions = (inverse / np.linalg.norm(inverse, axis=1, keepdims=True)) @ self.Q[
-            : len(self.taken)
-        ]
-        along, regained = self.X @ directions.T, directions @ self.z
-        left2 = self.left2[:, None] + along**2
-        usable = left2 > LEAST**2 * self.size2[:, None]
-        usable[self.taken] = False
-        product = self.product[:, None] + along * regained
-        gains = np.where(usable, product**2 / np.where(usable, left2, 1.0), 0.0) - regained**2
-        j, k = (int(at) for at in np.unravel_index(int(np.argmax(gains)), gains.shape))
-        return places[k], j, max(0.0, float(gains[j, k]))
-
-    def press(self) -> float:
-        """Return the sum of squares of the residuals with each row left out in turn, divided by the
-        rows.
-        """
-        leverage = np.einsum("ij,ij->j", self.Q[: len(self.taken)], self.Q[: len(self.taken)])
-        return float(np.mean((self.residual / np.maximum(1e-9, 1.0 - leverage)) ** 2))
+    # Complex rows, one per frequency, become two real rows.
+    parts = select_stretches(samples, band)
+    Xf, zf = transform_columns(X.T, parts), transform_columns(z[:, None], parts)
+    if weights == "equal":
+        z = stack_complex(zf)[:, 0]
+        return stack_complex(Xf).T, z, len(z)
+    if len(zf) < FREE * Xf.shape[1]:
+        raise IdentificationError(
+            f"{len(zf)} frequencies for {Xf.shape[1]} candidates do not show the spectrum of the "
+            f"noise; weights='spectrum' needs {FREE} per candidate: give fewer candidates, widen "
+            f"the band, or take equal weights"
+        )
+    whitened = whitening_weights(Xf, zf[:, 0], parts)
+    z = whitened.equations(zf)[:, 0]
+    # The leakage of the ends of the stretches takes as many rows as it has unknowns.
+    return whitened.equations(Xf).T, z, len(z) - whitened.ends.shape[1]

@@ -1,25 +1,29 @@
-"""Multivariate orthogonal functions: candidates ranked by what each adds, as many as lower the
-predicted squared error.
+"""Selection of terms: multivariate orthogonal functions, and stepwise regression.
 
-The functions are made in the order of what they add, each orthogonal to those already chosen
-(forward orthogonal least squares).  Made in the order in which the candidates were written down,
-functions of correlated variables share their meaning and far too many are kept.  With correlated
-variables an early choice may be a mixture of later ones: when nothing more is worth taking, terms
-that have become void are dropped, and one is exchanged for another candidate as long as that lowers
-the error.
+Multivariate orthogonal functions [Morelli1995]_ rank the candidates by the decrease of the sum of
+squares. As many terms are chosen as lower the predicted squared error [Barron1984]_. The functions
+are formed in the order of their gain, each orthogonal to the chosen ones (forward orthogonal least
+squares [Chen1989]_). If they were formed in the order of the candidate list, functions of
+correlated variables would share their content, and far too many would be chosen.
+
+With correlated variables an early choice may be a mixture of later ones. If no further candidate is
+worth its price, void terms are dropped, and one term is exchanged for another candidate as long as
+this lowers the error.
 
 References
 ----------
-.. [Morelli1995] Morelli, Global nonlinear aerodynamic modeling using multivariate orthogonal functions, J. Aircraft 32, 1995.
-.. [Chen1989] Chen, Billings, Luo, Orthogonal least squares methods and their application to non-linear system
-   identification, Int. J. Control 50, 1989.
-.. [Barron1984] Barron, Predicted squared error: a criterion for automatic model selection, in Self-Organizing Methods in
-   Modeling, 1984.
+.. [Morelli1995] Morelli, Global nonlinear aerodynamic modeling using multivariate orthogonal
+   functions, J. Aircraft 32, 1995.
+.. [Chen1989] Chen, Billings, Luo, Orthogonal least squares methods and their application to
+   non-linear system identification, Int. J. Control 50, 1989.
+.. [Barron1984] Barron, Predicted squared error: a criterion for automatic model selection, in
+   Self-Organizing Methods in Modeling, 1984.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -27,22 +31,90 @@ import xarray as xr
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error.model import term_powers, term_text
 from flighttest.regression.model_structure.candidates import (
-    FREE,
-    LEAST,
     CandidateEquations,
-    OrthogonalBasis,
     candidate_equations,
 )
+from flighttest.regression.model_structure.orthogonal_basis import OrthogonalBasis
+from flighttest.regression.model_structure.rating import Rating
 from flighttest.regression.model_structure.selection import Selection, fit_selected_terms
 
 GAIN = 0.005  # rise of R2 that a further function must bring
-_WORTH = (
-    0.05  # of what a term must bring: the fall of the sum of squares that an exchange must bring
-)
-_MARGIN = 50.0  # times the variance of the noise that the penalty takes when that is known
-# of the sum of squares of the coefficient: less is the rounding of the sums, in which terms would
-# come and go for ever
-_ROUNDING = 1e-18
+# decrease of the sum of squares that an exchange must bring, of that which a new term must bring
+_WORTH = 0.05
+# partial F: the theoretical 4 for residuals that are white, and a factor of 5 because they are not
+ENTER = 20.0
+LEAVE = 0.9  # of the threshold to enter
+
+
+class _Search:
+    """State of a selection: the basis, its steps, and the terms that must stay."""
+
+    def __init__(
+        self,
+        problem: CandidateEquations,
+        keep: Sequence[str],
+        gain: float,
+        noise: float | None = None,
+    ):
+        self.problem, self.gain = problem, gain
+        self.basis = OrthogonalBasis(problem.X, problem.z)
+        self.steps: list[dict[str, Any]] = []
+        self.required: list[int] = []
+        for term in keep:
+            # The constant of a model in frequency is estimated at the end.
+            if term != "1" or problem.band is None:
+                self.required.append(problem.place(term))
+        self.rating = Rating(problem, noise)
+        for j in self.required:
+            self.basis.add(j)
+            self.note("kept", j)
+
+    def note(self, action: str, j: int, partial: float = np.nan, F: float | None = None) -> None:
+        """Record a step that the basis has made."""
+        term = self.problem.terms[j]
+        self.steps.append(
+            self.rating.make_row(action, term, basis=self.basis, partial=partial, F=F)
+        )
+
+    def add(self, action: str, j: int, gain: float) -> None:
+        """Add a candidate with its partial correlation."""
+        basis = self.basis
+        # partial correlation of candidate and coefficient, both without the chosen terms
+        partial = float(np.sign(basis.product[j]) * np.sqrt(min(1.0, gain / basis.rss)))
+        basis.add(j)
+        self.note(action, j, partial)
+
+    def remove(self, action: str, j: int, F: float) -> None:
+        """Remove a chosen term."""
+        self.basis.restart([chosen for chosen in self.basis.chosen if chosen != j])
+        self.note(action, j, F=F)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether the rows do not allow a further term."""
+        return len(self.basis.chosen) + 2 >= self.rating.rows
+
+    @property
+    def removable(self) -> list[int]:
+        """Positions of the chosen terms that may be removed."""
+        return [k for k, j in enumerate(self.basis.chosen) if j not in self.required]
+
+    def exchange(self) -> bool:
+        """Exchange one term for another candidate if it is worth it; return whether it is."""
+        basis, rss, chosen = self.basis, self.basis.rss, self.basis.chosen
+        least = _WORTH * self.rating.least(self.gain, rss)
+        position, j, gain = basis.best_exchange(self.removable)
+        if gain <= least:
+            return False
+        removed = chosen[position]
+        basis.restart([k for k in chosen if k != removed])
+        basis.add(j)
+        # `gain` is a difference of large sums. For two terms with the same effect it is rounding.
+        if rss - basis.rss <= least:
+            basis.restart(chosen)
+            return False
+        self.note("for " + self.problem.terms[removed], j)
+        return True
 
 
 def select_orthogonal(
@@ -56,7 +128,7 @@ def select_orthogonal(
     name: str = "",
     weights: str = "equal",
 ) -> Selection:
-    """Choose terms as multivariate orthogonal functions.
+    """Select terms as multivariate orthogonal functions.
 
     Parameters
     ----------
@@ -65,7 +137,7 @@ def select_orthogonal(
     gain : float
         Rise of R2 that a further function must bring.
     noise : float, optional
-        Standard deviation of the coefficient's noise where it is known, from repeats: its variance
+        Standard deviation of the coefficient's noise, if it is known from repeats. Its variance
         then sets the penalty of the predicted squared error, in place of the variance of the
         coefficient. [1]
 
@@ -76,180 +148,51 @@ def select_orthogonal(
     Raises
     ------
     IdentificationError
-        Nothing explains the coefficient, or a term to keep does not move.
+        No candidate explains the coefficient, or a term to keep does not move.
 
     Notes
     -----
-    PSE = v'v/N + s2_max n/N, s2_max the variance of the coefficient, or 50 times that of the noise but never less than
-    the variance of the residual.  In frequency see `Rating`.
+    PSE = v'v/N + s2_max n/N. s2_max is the variance of the coefficient, or 50 times that of the
+    noise but never less than the variance of the residual. For frequency see `Rating`.
     """
-    problem = candidate_equations(coefficient, candidates, data, band, weights)
-    work = OrthogonalBasis(problem.X, problem.z)
-    kept = [problem.place(term) for term in keep if not (term == "1" and band is not None)]
-    rows: list[dict] = []
-    rate = Rating(problem, noise)
-    for j in kept:
-        work.take(j)
-        rows.append(rate.row("kept", problem.terms[j], work, np.nan))
-    while _forward(problem, work, rate, gain, rows) or _better(
-        problem, work, rate, gain, kept, rows
-    ):
+    problem = candidate_equations(coefficient, candidates, data, band=band, weights=weights)
+    search = _Search(problem, keep, gain=gain, noise=noise)
+    while _add_function(search) or _drop_void_term(search) or search.exchange():
         pass
     return fit_selected_terms(
-        "orthogonal functions", problem, work, rows, kept, data, name, drop=True
+        "orthogonal functions",
+        problem,
+        work=search.basis,
+        rows=search.steps,
+        keep=search.required,
+        data=data,
+        name=name,
+        drop=True,
     )
 
 
-def _forward(
-    problem: CandidateEquations, work: OrthogonalBasis, rate: Rating, gain: float, rows: list[dict]
-) -> bool:
-    """Take the function that adds most, when it adds enough."""
-    gains = work.gains()
-    j = work.best(gains)
-    if len(work.taken) + 2 >= rate.rows or gains[j] <= rate.least(gain, work.rss - gains[j]):
+def _add_function(search: _Search) -> bool:
+    """Add the function with the largest gain if it is worth it; return whether it is."""
+    basis = search.basis
+    gains = basis.gains()
+    j = basis.best_candidate(gains)
+    if search.is_full or gains[j] <= search.rating.least(search.gain, basis.rss - gains[j]):
         return False
-    partial = float(np.sign(work.product[j]) * np.sqrt(min(1.0, gains[j] / work.rss)))
-    work.take(j)
-    rows.append(rate.row("taken", problem.terms[j], work, partial))
+    search.add("taken", j, gains[j])
     return True
 
 
-def _better(
-    problem: CandidateEquations,
-    work: OrthogonalBasis,
-    rate: Rating,
-    gain: float,
-    kept: Sequence[int],
-    rows: list[dict],
-) -> bool:
-    """Drop a term that has become void, or exchange one; each lowers the sum of squares plus a
-    price per term.
-    """
-    free = [k for k, j in enumerate(work.taken) if j not in kept]
-    losses = work.losses()
-    weakest = min(free, key=lambda k: losses[k], default=None)
-    if weakest is not None and losses[weakest] < rate.least(gain, work.rss):
-        gone = work.taken[weakest]
-        work.start([j for j in work.taken if j != gone])
-        rows.append(
-            rate.row(
-                "dropped", problem.terms[gone], work, np.nan, losses[weakest] / rate.variance(work)
-            )
-        )
-        return True
-    return exchange_term(problem, work, rate, gain, kept, rows)
-
-
-def exchange_term(
-    problem: CandidateEquations,
-    work: OrthogonalBasis,
-    rate: Rating,
-    gain: float,
-    kept: Sequence[int],
-    rows: list[dict],
-) -> bool:
-    """Exchange one term for another candidate where that lowers the sum of squares enough; return
-    whether it did.
-    """
-    before, taken = work.rss, work.taken
-    least = _WORTH * rate.least(gain, before)
-    place, j, fall = work.exchange([k for k, one in enumerate(taken) if one not in kept])
-    if fall <= least:
+def _drop_void_term(search: _Search) -> bool:
+    """Drop the weakest term if it is not worth its price; return whether it was dropped."""
+    basis, rating = search.basis, search.rating
+    losses = basis.losses()
+    weakest = min(search.removable, key=lambda k: losses[k], default=None)
+    if weakest is None or not losses[weakest] < rating.least(search.gain, basis.rss):
         return False
-    gone = taken[place]
-    work.start([k for k in taken if k != gone])
-    work.take(j)
-    if (
-        before - work.rss <= least
-    ):  # two that do the same: `fall`, a difference of large sums, was their rounding
-        work.start(taken)
-        return False
-    rows.append(rate.row("for " + problem.terms[gone], problem.terms[j], work, np.nan))
+    j, loss = basis.chosen[weakest], losses[weakest]
+    basis.restart([chosen for chosen in basis.chosen if chosen != j])
+    search.note("dropped", j, F=loss / rating.variance(basis))
     return True
-
-
-class Rating:
-    """Measures of a set of terms.
-
-    Parameters
-    ----------
-    problem : Equations
-    noise : float, optional
-        Standard deviation of the noise of the coefficient in time; no use in frequency.
-
-    Raises
-    ------
-    IdentificationError
-        Noise that is not positive, or given for a problem in frequency.
-
-    Notes
-    -----
-    s2_max of the predicted squared error bounds the variance of the noise of a row.  Samples in time are correlated, and their residual
-    does not show by how much a void term lowers the sum of squares: without `noise` the bound is the variance of the coefficient.
-    Spectral ordinates are independent, so that the residual of all candidates, over its degrees of freedom, is the variance of the noise
-    whatever is chosen.  Inside a band, where the coefficient moves and there are few rows, the variance of the coefficient would ask of a
-    term a hundredth of R2 and more; the bound is the smaller of it and of 50 times the variance of the noise.
-    """
-
-    def __init__(self, problem: CandidateEquations, noise: float | None = None):
-        centred, z = problem.band is None, problem.z
-        if noise is not None and not (noise > 0 and centred):
-            raise IdentificationError(
-                f"noise is {noise:g}; expected a positive standard deviation, and only in time"
-            )
-        self.rows = problem.rows
-        self.total = float(((z - (z.mean() if centred else 0.0)) ** 2).sum())
-        self.most = self.total / self.rows if noise is None else np.inf
-        self.noise2 = noise**2 if noise is not None else np.inf if centred else _of_all(problem)
-
-    def price(self, rss: float) -> float:
-        """Return the fall of the sum of squares that one more term must bring for the PSE to fall."""
-        return min(self.most, max(_MARGIN * self.noise2, rss / self.rows, _ROUNDING * self.total))
-
-    def least(self, gain: float, rss: float) -> float:
-        """Return the fall of the sum of squares that makes a term worth its place."""
-        return max(gain * self.total, self.price(rss))
-
-    def variance(self, work: OrthogonalBasis) -> float:
-        """Return the variance of the residual."""
-        return work.rss / max(1, self.rows - len(work.taken))
-
-    def row(
-        self, action: str, term: str, work: OrthogonalBasis, partial: float, F: float | None = None
-    ) -> dict:
-        """Return one step of a selection."""
-        n, rss, s2 = len(work.taken), work.rss, self.variance(work)
-        if F is None:
-            F = work.a[-1] ** 2 / s2 if s2 > 0 else np.inf
-        return {
-            "action": action,
-            "term": term,
-            "F": F,
-            "partial_correlation": partial,
-            "R2": 1.0 - rss / self.total,
-            "PSE": rss / self.rows + self.price(rss) * n / self.rows,
-            "PRESS": work.press(),
-            "terms": n,
-        }
-
-
-def _of_all(problem: CandidateEquations) -> float:
-    """The variance of a row that all candidates together do not explain; infinite where there are
-    too many of them.
-    """
-    count, rows = len(problem.X), problem.rows
-    if rows < 2 * FREE * count or not count:
-        return np.inf
-    size = np.linalg.norm(problem.X, axis=1)
-    Q, s, _ = np.linalg.svd((problem.X / size[:, None]).T, full_matrices=False)
-    Q = Q[:, s > LEAST * s[0]]
-    v = problem.z - Q @ (Q.T @ problem.z)
-    return float(v @ v) / (rows - Q.shape[1])
-
-
-# partial F: the theoretical 4 for residuals that are white, and a factor of 5 because they are not
-ENTER = 20.0
-LEAVE = 0.9  # of the threshold to enter
 
 
 def select_stepwise(
@@ -265,7 +208,7 @@ def select_stepwise(
     name: str = "",
     weights: str = "equal",
 ) -> Selection:
-    """Choose terms by stepwise regression.
+    """Select terms by stepwise regression.
 
     Parameters
     ----------
@@ -276,21 +219,21 @@ def select_stepwise(
     data : Dataset (time,) or list of them
         Manoeuvres, as `coefficients` returns them.
     band : (low, high), optional
-        Work in frequency, inside this band; default in time. [Hz]
+        Band of a selection in frequency; default in time. [Hz]
     enter, leave : float
         Partial F above which a term enters and below which it leaves; default 20 and 0.9 of the
         first.
     gain : float
         Rise of R2 that a further term must bring.
     keep : sequence of str
-        Terms that are in from the start and stay; in frequency ``1`` is found at the end whatever
-        is given here.
+        Terms that are in the model from the start and stay. In frequency ``1`` is always estimated
+        at the end.
     hierarchy : bool
         A product enters only after the candidates that it is a product of.
     name : str
-        For reports and provenance.
+        Name in reports and in the provenance.
     weights : {"equal", "spectrum"}
-        Of the frequencies of a band, as in `regress_frequency`; the spectrum is that of the
+        Weights of the frequencies of a band, as in `regress_frequency`. The spectrum is that of the
         residual of all candidates.
 
     Returns
@@ -300,14 +243,20 @@ def select_stepwise(
     Raises
     ------
     IdentificationError
-        Nothing explains the coefficient, thresholds that are none, or a term to keep does not move.
+        No candidate explains the coefficient, invalid thresholds, or a term to keep does not move.
 
     Notes
     -----
-    F = (fall of the sum of squares)/s^2 with the s^2 of the larger model; partial correlation of a candidate and the
-    coefficient, both freed from the terms that are in.  It ends when nothing moves, when R2 rises by less than `gain`, or
-    when the predicted squared error would rise; see `Rating`.  As F to leave is at most F to enter, terms cannot come and go for ever
-    [Miller1984]_.  With `hierarchy` nothing is exchanged.
+    F = (fall of the sum of squares)/s^2 with the s^2 of the larger model. The partial correlation
+    is that of a candidate and the coefficient, both without the chosen terms. The search ends if no
+    term enters or leaves, if R2 rises by less than `gain`, or if the predicted squared error would
+    rise; see `Rating`. F to leave is at most F to enter so terms cannot enter and
+    leave without end. With `hierarchy` no term is exchanged.
+
+    References
+    ----------
+    .. [Miller1984] Miller, Selection of subsets of regression variables, J. Royal Statistical
+       Society A 147, 1984.
     """
     leave = LEAVE * enter if leave is None else leave
     if not 0.0 < leave <= enter:
@@ -315,75 +264,74 @@ def select_stepwise(
             f"F to enter {enter:g}, to leave {leave:g}; expected 0 < leave <= enter, or "
             f"terms would come and go for ever"
         )
-    problem = candidate_equations(coefficient, candidates, data, band, weights)
-    kept = [problem.place(term) for term in keep if not (term == "1" and band is not None)]
-    work, rate = OrthogonalBasis(problem.X, problem.z), Rating(problem)
-    rows: list[dict] = []
-    for j in kept:
-        work.take(j)
-        rows.append(rate.row("kept", problem.terms[j], work, np.nan))
-    parents = _parents(problem) if hierarchy else None
+    problem = candidate_equations(coefficient, candidates, data, band=band, weights=weights)
+    search = _Search(problem, keep, gain=gain)
+    parents = _list_parents(problem) if hierarchy else None
     while True:
-        while (best := _next(work, rate, enter, gain, parents)) is not None:
-            j, partial = (
-                best,
-                float(
-                    np.sign(work.product[best]) * np.sqrt(min(1.0, work.gains()[best] / work.rss))
-                ),
-            )
-            work.take(j)
-            rows.append(rate.row("entered", problem.terms[j], work, partial))
-            while (weak := _weakest(work, rate, kept, leave)) is not None:
-                place, F = weak
-                work.start([k for k in work.taken if k != place])
-                rows.append(rate.row("removed", problem.terms[place], work, np.nan, F))
-        if hierarchy or not exchange_term(problem, work, rate, gain, kept, rows):
+        while _enter_term(search, enter, parents):
+            while _remove_weakest(search, leave):
+                pass
+        if hierarchy or not search.exchange():
             break
-    return fit_selected_terms("stepwise", problem, work, rows, kept, data, name, drop=False)
-
-
-def _next(
-    work: OrthogonalBasis, rate: Rating, enter: float, gain: float, parents: list[set[int]] | None
-) -> int | None:
-    """The candidate to enter, or None."""
-    if len(work.taken) + 2 >= rate.rows or work.rss <= 0.0:
-        return None
-    gains = work.gains()
-    if parents is not None:
-        have = set(work.taken)
-        gains[[not need <= have for need in parents]] = 0.0
-    j = work.best(gains)
-    after = work.rss - gains[j]
-    partial_F = gains[j] / (after / (rate.rows - len(work.taken) - 1)) if after > 0 else np.inf
-    return (
-        j
-        if partial_F > enter and gains[j] > gain * rate.total and gains[j] > rate.price(after)
-        else None
+    return fit_selected_terms(
+        "stepwise",
+        problem,
+        work=search.basis,
+        rows=search.steps,
+        keep=search.required,
+        data=data,
+        name=name,
+        drop=False,
     )
 
 
-def _weakest(
-    work: OrthogonalBasis, rate: Rating, kept: Sequence[int], leave: float
-) -> tuple[int, float] | None:
-    """The term in the model with the smallest partial F, when that is too small."""
-    s2 = rate.variance(work)
+def _enter_term(search: _Search, enter: float, parents: list[set[int]] | None) -> bool:
+    """Enter the best candidate if its partial F is large enough; return whether it is."""
+    basis, rating = search.basis, search.rating
+    if search.is_full or basis.rss <= 0.0:
+        return False
+    gains = basis.gains()
+    if parents is not None:
+        chosen = set(basis.chosen)
+        gains[[not needed <= chosen for needed in parents]] = 0.0
+    j = basis.best_candidate(gains)
+    rss = basis.rss - gains[j]
+    partial_F = np.inf
+    if rss > 0:
+        partial_F = gains[j] / (rss / (rating.rows - len(basis.chosen) - 1))
+    is_worth = gains[j] > search.gain * rating.total and gains[j] > rating.price(rss)
+    if not (partial_F > enter and is_worth):
+        return False
+    search.add("entered", j, gains[j])
+    return True
+
+
+def _remove_weakest(search: _Search, leave: float) -> bool:
+    """Remove the term with the smallest partial F if it is too small; return whether it is."""
+    basis = search.basis
+    s2 = search.rating.variance(basis)
     if s2 == 0.0:
-        return None
-    F = work.losses() / s2
-    F[[j in kept for j in work.taken]] = np.inf
+        return False
+    F = basis.losses() / s2
+    F[[j in search.required for j in basis.chosen]] = np.inf
     k = int(np.argmin(F))
-    return (work.taken[k], float(F[k])) if F[k] < leave else None
+    if not F[k] < leave:
+        return False
+    search.remove("removed", basis.chosen[k], float(F[k]))
+    return True
 
 
-def _parents(problem: CandidateEquations) -> list[set[int]]:
-    """For every candidate the candidates with one factor less."""
-    places = {term: j for j, term in enumerate(problem.terms)}
-    found = []
+def _list_parents(problem: CandidateEquations) -> list[set[int]]:
+    """Return for every candidate the candidates with one factor less."""
+    row_of = {term: j for j, term in enumerate(problem.terms)}
+    parents = []
     for term in problem.terms:
-        factors = term_powers(term)
-        lower = [
-            term_text({f: p - (f == less) for f, p in factors.items() if p - (f == less)})
-            for less in factors
-        ]
-        found.append({places[one] for one in lower if one in places and one != "1"})
-    return found
+        powers = term_powers(term)
+        lower = set()
+        for factor in powers:
+            reduced = {**powers, factor: powers[factor] - 1}
+            name = term_text({key: power for key, power in reduced.items() if power})
+            if name in row_of and name != "1":
+                lower.add(row_of[name])
+        parents.append(lower)
+    return parents

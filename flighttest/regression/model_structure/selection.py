@@ -1,214 +1,47 @@
-"""What a selection chose, step by step, and the ordinary polynomial with its errors."""
+"""Result of a selection: the steps, and the ordinary polynomial with its errors."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from flightmech.errors import IdentificationError
-from flighttest.regression.combining.pooling import pool_fits
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
-from flighttest.regression.model_structure.candidates import CandidateEquations, OrthogonalBasis
-from flighttest.regression.uncertainty.collinearity import VIF
+from flighttest.regression.model_structure.candidates import CandidateEquations
+from flighttest.regression.model_structure.orthogonal_basis import OrthogonalBasis
 
-CONTRIBUTION = 0.01  # rms of the term over rms of the coefficient below which a weak term is void
-CORRELATION = 0.95
-DETERMINED = 10.0  # standard errors above which a collinear term counts as determined
-GAIN = 0.02  # relative rise of the validation error below which a term is not needed
-
-
-def apply_deletion_rule(
-    fits: Sequence[Fit],
-    prior: Mapping[str, tuple[float, float]] | None = None,
-    validation: Fit | None = None,
-    keep: Sequence[str] = ("1",),
-):
-    """Decide for each term of a model whether the data have identified it.
-
-    A term is not identified when one of these holds after pooling: (a) it is smaller than two
-    standard errors and contributes less than 1 % of the coefficient's rms; (b) VIF above 10 or a
-    correlation above 0.95 with a term of larger contribution, unless the pooled value, scatter
-    between the fits included, stands above ten standard errors: then it is collinear and determined
-    all the same; (c) the sign changes between fits, or their scatter exceeds the median; (d)
-    leaving it out raises the error on validation data by less than 2 %; (e) the term with its
-    a-priori value would not stand out of the residual.
-
-    Parameters
-    ----------
-    fits : sequence of Fit
-        Of one coefficient.
-    prior : mapping of str to (value, stderr), optional
-        A-priori values, for (e) and for the outcome "kept at the a-priori value".
-    validation : Fit, optional
-        A fit of the same model on data that are not in `fits`; only its samples are used, for (d):
-        the models with and without the term are estimated from all samples of `fits`.
-    keep : sequence of str
-        Terms that are not judged.
-
-    Returns
-    -------
-    DataFrame
-        One row per term: ``decision`` (``identified``, ``embedded``, ``a priori``, ``deleted``),
-        ``into`` (the term that takes it up), ``reasons`` (letters as above), the pooled ``value
-        stderr scatter``, and the deciding numbers ``t contribution vif correlation sign_changes
-        validation_rise prior_signal``.
-
-    References
-    ----------
-    .. [LR743] Report LR-743, 1993, 4.5.
-    """
-
-    prior = prior or {}
-    pooled = pool_fits(fits)
-    rows = {}
-    for term, row in pooled.iterrows():
-        having = [fit for fit in fits if term in fit.estimates["term"].values]
-        numbers = _numbers(str(term), having, prior, validation)
-        reasons = "" if term in keep or str(term).startswith("1[") else _reasons(row, numbers)
-        rows[term] = {
-            "decision": _outcome(str(term), reasons, prior),
-            "into": numbers["partner"] if "b" in reasons else "",
-            "reasons": reasons,
-        }
-        rows[term] |= {
-            "value": row["value"],
-            "stderr": row["stderr"],
-            "scatter": row["scatter"],
-            **numbers,
-        }
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("term")
-
-
-def _numbers(
-    term: str, fits: Sequence[Fit], prior: Mapping[str, tuple[float, float]], validation: Fit | None
-) -> dict:
-    values = np.array([float(fit.estimates["estimate"].sel(term=term)) for fit in fits])
-    sizes = np.array([float(fit.estimates["contribution"].sel(term=term)) for fit in fits])
-    pooled = pool_fits(fits).loc[term]
-    partner, correlation = _partner(term, fits)
-    return {
-        "t": abs(pooled["value"]) / pooled["stderr"],
-        "contribution": float(np.sqrt((sizes**2).mean())),
-        "vif": float(np.median([fit.estimates["vif"].sel(term=term) for fit in fits])),
-        "correlation": correlation,
-        "partner": partner,
-        "sign_changes": int((np.sign(values) != np.sign(np.median(values))).sum()),
-        "validation_rise": _validation_rise(term, fits, validation),
-        "prior_signal": _prior_signal(term, fits, prior),
-    }
-
-
-def _partner(term: str, fits: Sequence[Fit]) -> tuple[str, float]:
-    """The term of larger contribution that moves most like `term`, and their correlation; largest
-    over the fits.
-    """
-    best = ("", 0.0)
-    for fit in fits:
-        e = fit.estimates
-        larger = e["contribution"].values > float(e["contribution"].sel(term=term))
-        for other, rho in zip(
-            e["term"].values[larger], e["regressor_correlation"].sel(term=term).values[larger]
-        ):
-            if abs(rho) > abs(best[1]):
-                best = str(other), float(rho)
-    return best
-
-
-def _validation_rise(term: str, fits: Sequence[Fit], validation: Fit | None) -> float:
-    """Relative rise of the rms error on the validation samples when the term is left out of the
-    model.
-    """
-    if validation is None:
-        return float("nan")
-    terms = [str(name) for name in validation.regressors["term"].values]
-    full = [fit for fit in fits if [str(name) for name in fit.regressors["term"].values] == terms]
-    if term not in terms or len(terms) == 1 or not full:
-        return float("nan")
-    X = np.vstack([fit.regressors.values for fit in full])
-    z = np.concatenate([fit.data[fit.model.coefficient].values for fit in full])
-    X_new, z_new = (
-        validation.regressors.values,
-        validation.data[validation.model.coefficient].values,
-    )
-    rest = np.array([name != term for name in terms])
-
-    def error(use):
-        return np.sqrt(
-            np.mean((z_new - X_new[:, use] @ np.linalg.lstsq(X[:, use], z, rcond=None)[0]) ** 2)
-        )
-
-    return float(error(rest) / error(np.ones(len(terms), bool)) - 1.0)
-
-
-def _prior_signal(
-    term: str, fits: Sequence[Fit], prior: Mapping[str, tuple[float, float]]
-) -> float:
-    """Rms of the term with its a-priori value over the rms of the residual; the largest of the
-    fits.
-    """
-    if term not in prior:
-        return float("nan")
-    return max(
-        float(np.std(fit.regressors.sel(term=term)))
-        * abs(prior[term][0])
-        / fit.estimates.attrs["residual_rms"]
-        for fit in fits
-    )
-
-
-def _reasons(row, numbers: Mapping) -> str:
-    found = ""
-    if numbers["t"] < 2.0 and numbers["contribution"] < CONTRIBUTION:
-        found += "a"
-    collinear = numbers["vif"] > VIF or abs(numbers["correlation"]) > CORRELATION
-    if numbers["partner"] and collinear and numbers["t"] < DETERMINED:
-        found += "b"
-    if row["count"] > 1 and (numbers["sign_changes"] > 0 or row["scatter"] > abs(row["value"])):
-        found += "c"
-    if numbers["validation_rise"] < GAIN:
-        found += "d"
-    if numbers["prior_signal"] < 1.0:
-        found += "e"
-    return found
-
-
-def _outcome(term: str, reasons: str, prior: Mapping) -> str:
-    if not reasons:
-        return "identified"
-    if "b" in reasons:
-        return "embedded"
-    return "a priori" if term in prior else "deleted"
-
-
-NEGLIGIBLE = 1e-3  # rms of a term over that of the coefficient below which it is dropped in the end
+# rms of a term over that of the coefficient below which the polynomial does not contain the term
+NEGLIGIBLE = 1e-3
+_MOST_IDLE = 10  # names of idle candidates in a report
 
 
 @dataclass(frozen=True)
 class Selection:
-    """A chosen model and how it came about.
+    """A selected model and the steps of its selection.
 
     Attributes
     ----------
     method : str
         ``stepwise`` or ``orthogonal functions``.
     fit : Fit
-        The chosen terms as an ordinary polynomial by `regress` or `regress_frequency`, with
+        The selected terms as an ordinary polynomial by `regress` or `regress_frequency`, with
         coloured errors.
     steps : DataFrame
         One row per step: ``action`` (kept, taken, entered, removed, dropped, for another term),
         ``term``, ``F``, ``partial_correlation``, ``R2``, ``PSE`` (predicted squared error),
         ``PRESS``, ``terms``.
     functions : Dataset (function, term)
-        The orthogonal functions in the order taken, one named after the term that came with it:
-        ``estimate``, ``stderr``, ``stderr_white``, ``share`` of the mean square explained,
-        ``expansion`` (function, term) of each in terms.
+        The orthogonal functions in the order of their choice, named after the term that each of
+        them adds: ``estimate``, ``stderr``, ``stderr_white``, ``share`` of the mean square
+        explained, ``expansion`` (function, term) of each in terms.
     idle : tuple of str
         Candidates that did not move.
     """
@@ -221,69 +54,76 @@ class Selection:
 
     @property
     def model(self) -> RegressionModel:
-        """The chosen model."""
+        """The selected model."""
         return self.fit.model
 
     @property
     def estimates(self) -> xr.Dataset:
-        """Estimates of the ordinary polynomial; names as everywhere."""
+        """Estimates of the ordinary polynomial, as in `Fit`."""
         return self.fit.estimates
 
     def report(self, correlation: bool = False) -> str:
-        """Return the steps and the final estimates as text, with their correlation matrix on
-        demand.
+        """Return the steps and the final estimates as text.
+
+        Parameters
+        ----------
+        correlation : bool
+            Add the correlation matrix of the estimates.
         """
         lines = [
             f"{self.method}: {self.model}",
-            f"{'step':<28}{'term':<24}{'F':>10}{'partial':>9}{'R2':>9}{'PSE':>11}{'PRESS':>11}{'terms':>7}",
+            f"{'step':<28}{'term':<24}{'F':>10}{'partial':>9}{'R2':>9}{'PSE':>11}{'PRESS':>11}"
+            f"{'terms':>7}",
         ]
         for row in self.steps.itertuples():
             lines.append(
-                f"{row.action:<28}{row.term:<24}{row.F:>10.1f}{row.partial_correlation:>9.3f}{row.R2:>9.4f}{row.PSE:>11.3g}{row.PRESS:>11.3g}"
-                f"{row.terms:>7}"
+                f"{row.action:<28}{row.term:<24}{row.F:>10.1f}{row.partial_correlation:>9.3f}"
+                f"{row.R2:>9.4f}{row.PSE:>11.3g}{row.PRESS:>11.3g}{row.terms:>7}"
             )
         if self.idle:
-            lines.append(
-                f"candidates that do not move: "
-                f"{' '.join(self.idle[:10])}{' ...' if len(self.idle) > 10 else ''}"
-            )
+            names = list(self.idle[:_MOST_IDLE])
+            if len(self.idle) > _MOST_IDLE:
+                names.append("...")
+            lines.append(f"candidates that do not move: {' '.join(names)}")
         return "\n".join([*lines, "", self.fit.report(correlation)])
 
 
 def count_selections(selections: Sequence[Selection]) -> pd.DataFrame:
-    """Count in how many selections each term was chosen: the way from single records to a common
-    model.
+    """Count in how many selections each term was selected.
+
+    The counts lead from single records to a common model. All records are then fitted with the
+    terms of a share above one half and those that physics requires.
 
     Parameters
     ----------
     selections : sequence of Selection
-        Of one coefficient, one per record.
+        Selections of one coefficient, one per record.
 
     Returns
     -------
     DataFrame
-        Index term, ``count`` and ``share`` (of the selections), most often chosen first.  Terms of
-        a share above one half, and those physics requires, make the model that all records are then
-        fitted with.
+        Index term, ``count`` and ``share`` (of the selections), the most frequent first.
 
     Raises
     ------
     IdentificationError
-        Selections of different coefficients, or none.
+        Selections of different coefficients, or no selection.
 
     References
     ----------
-    .. [Gresham] Gresham, Simmons, Hopwood, Woolsey, Spin aerodynamic modeling for a fixed-wing aircraft, Fig. 6.
+    .. [Gresham] Gresham, Simmons, Hopwood, Woolsey, Spin aerodynamic modeling for a fixed-wing
+       aircraft, Fig. 6.
     """
-
-    if len(found := {one.model.coefficient for one in selections}) != 1:
+    coefficients = {selection.model.coefficient for selection in selections}
+    if len(coefficients) != 1:
         raise IdentificationError(
-            f"selections of {', '.join(sorted(found)) or 'nothing'} cannot be counted; give "
+            f"selections of {', '.join(sorted(coefficients)) or 'nothing'} cannot be counted; give "
             f"those of one coefficient"
         )
-    counts = pd.Series([term for one in selections for term in one.model.terms]).value_counts(
-        sort=True
-    )
+    terms: list[str] = []
+    for selection in selections:
+        terms.extend(selection.model.terms)
+    counts = pd.Series(terms).value_counts(sort=True)
     return pd.DataFrame({"count": counts, "share": counts / len(selections)}).rename_axis("term")
 
 
@@ -291,81 +131,92 @@ def fit_selected_terms(
     method: str,
     problem: CandidateEquations,
     work: OrthogonalBasis,
-    rows: Sequence[dict],
+    rows: Sequence[dict[str, Any]],
     keep: Sequence[int],
-    data,
+    data: xr.Dataset | Sequence[xr.Dataset],
     name: str,
     drop: bool,
 ) -> Selection:
-    """Turn the terms taken into an ordinary polynomial and fit it.
+    """Fit the selected terms as an ordinary polynomial.
 
     Parameters
     ----------
     method : str
-    problem : Equations
-    work : Working
-        With the terms taken.
+    problem : CandidateEquations
+    work : OrthogonalBasis
+        Basis with the selected terms.
     rows : sequence of dict
-        The steps.
+        Steps of the selection.
     keep : sequence of int
-        Candidates that stay whatever they contribute.
+        Candidates that stay regardless of their contribution.
     data, name
         As in `regress`.
     drop : bool
-        Leave out terms whose rms is below a thousandth of that of the coefficient.
+        Remove terms whose rms is below a thousandth of that of the coefficient.
 
     Raises
     ------
     IdentificationError
-        Nothing was chosen.
+        No term was selected.
     """
-
-    terms = [problem.terms[j] for j in work.taken]
-    if not [term for term in terms if term != "1"]:
+    terms = [problem.terms[j] for j in work.chosen]
+    if set(terms) <= {"1"}:
         raise IdentificationError(
-            f"{name or problem.coefficient}: none of {len(problem.terms)} candidates "
-            f"explains {problem.coefficient}; "
-            "look at the excitation, or lower the threshold"
+            f"{name or problem.coefficient}: none of {len(problem.terms)} candidates explains "
+            f"{problem.coefficient}; look at the excitation, or lower the threshold"
         )
     if drop:
-        size = np.abs(work.estimates()) * np.std(problem.X[work.taken], axis=1) / np.std(problem.z)
-        terms = [
-            term
-            for term, s, j in zip(terms, size, work.taken)
-            if s >= NEGLIGIBLE or j in keep or term == "1"
-        ]
-    if problem.band is not None:
-        terms = ["1", *terms]
-    model = RegressionModel(problem.coefficient, terms)
-    fit = (
-        regress(model, data, name)
-        if problem.band is None
-        else regress_frequency(model, data, problem.band, name, weights=problem.weights)
+        terms = _drop_negligible(problem, work, keep)
+    if problem.band is None:
+        fit = regress(RegressionModel(problem.coefficient, terms), data, name)
+    else:
+        model = RegressionModel(problem.coefficient, ["1", *terms])
+        fit = regress_frequency(model, data, band=problem.band, name=name, weights=problem.weights)
+    return Selection(
+        method=method,
+        fit=fit,
+        steps=pd.DataFrame(rows),
+        functions=_tabulate_functions(problem, work, fit),
+        idle=problem.idle,
     )
-    return Selection(method, fit, pd.DataFrame(rows), _functions(problem, work, fit), problem.idle)
 
 
-def _functions(problem: CandidateEquations, work: OrthogonalBasis, fit: Fit) -> xr.Dataset:
-    """The orthogonal functions p = Q diag(R), so that each holds its own term once."""
-    names = [problem.terms[j] for j in work.taken]
-    R = work.triangle
+def _drop_negligible(
+    problem: CandidateEquations, basis: OrthogonalBasis, keep: Sequence[int]
+) -> list[str]:
+    """Return the selected terms without negligible ones."""
+    # rms of each term about its mean, over that of the coefficient
+    size = np.abs(basis.estimates()) * np.std(problem.X[basis.chosen], axis=1) / np.std(problem.z)
+    terms = []
+    for j, contribution in zip(basis.chosen, size):
+        term = problem.terms[j]
+        if contribution >= NEGLIGIBLE or j in keep or term == "1":
+            terms.append(term)
+    return terms
+
+
+def _tabulate_functions(
+    problem: CandidateEquations, basis: OrthogonalBasis, fit: Fit
+) -> xr.Dataset:
+    """Return the orthogonal functions p = Q diag(R): each contains its term with the factor one."""
+    names = [problem.terms[j] for j in basis.chosen]
+    R = basis.triangle
     size = np.diag(R)
-    s2 = work.rss / max(1, len(problem.z) - len(names))
-    fitted = dict(
-        zip(
-            map(str, fit.estimates["term"].values),
-            fit.estimates["stderr"].values / fit.estimates["stderr_white"].values,
-        )
-    )
-    colour = np.array([fitted.get(name, 1.0) for name in names])
-    total = float(((problem.z - (problem.z.mean() if problem.band is None else 0.0)) ** 2).sum())
+    s2 = basis.rss / max(1, len(problem.z) - len(names))
+    # The colour of a function's residual is that of its term in the polynomial.
+    e = fit.estimates
+    ratios = e["stderr"].values / e["stderr_white"].values
+    ratio_of = dict(zip(map(str, e["term"].values), ratios))
+    colour = np.array([ratio_of.get(name, 1.0) for name in names])
+    mean = problem.z.mean() if problem.band is None else 0.0
+    total = float(((problem.z - mean) ** 2).sum())
     white = np.sqrt(s2) / size
     return xr.Dataset(
         {
-            "estimate": ("function", np.array(work.a) / size),
+            "estimate": ("function", np.array(basis.a) / size),
             "stderr": ("function", white * colour),
             "stderr_white": ("function", white),
-            "share": ("function", np.array(work.a) ** 2 / total),
+            "share": ("function", np.array(basis.a) ** 2 / total),
             "expansion": (("function", "term"), (np.linalg.inv(R) * size).T),
         },
         coords={"function": [f"p{k}: {name}" for k, name in enumerate(names)], "term": names},

@@ -1,11 +1,10 @@
-"""Separable least squares on flight records: linear and shape parameters with their joint
-covariance.
-"""
+"""Separable least squares on flight records, with the joint covariance of all parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -14,14 +13,16 @@ from flightmech.errors import IdentificationError, UnknownName
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.samples import stack_samples
 from flighttest.regression.expressions import Scope, parse_expression
+from flighttest.regression.separable.identifiability import assess_identifiability
 from flighttest.regression.separable.search import (
     SeparableProblem,
     SeparableSolution,
     WeightedMinimum,
-    assess_identifiability,
 )
 from flighttest.regression.separable_model import SeparableModel, ShapeParameter
 from flighttest.regression.uncertainty import collinearity
+
+_SINGULAR = 1e-14  # eigenvalue of the scaled normal matrix, over the largest, that counts as zero
 
 
 @dataclass(frozen=True)
@@ -37,8 +38,8 @@ class SeparableFit:
         All coefficients (of several quantities as ``CL: alpha``), then the shape parameters:
         ``estimate``, ``stderr`` (coloured residuals), ``stderr_white``, ``stderr_systematic``,
         ``covariance``, ``correlation``, ``systematic`` as in `Fit`; ``t``, ``narrowed``,
-        ``identified``, ``why`` as in `identifiability`; ``condition_index`` (component) and
-        ``proportion`` (component, term).  NaN for the errors of a parameter at a bound.
+        ``identified``, ``why`` as in `assess_identifiability`; ``condition_index`` (component) and
+        ``proportion`` (component, term). NaN for the errors of a parameter at a bound.
     data : dict of str to Dataset (sample,)
         The samples used, by quantity.
     residuals : dict of str to array (sample,)
@@ -59,11 +60,11 @@ class SeparableFit:
         UnknownName
             No such coefficient or parameter.
         """
-        known = [str(term) for term in self.estimates["term"].values]
-        if parameter not in known:
-            raise UnknownName(parameter, known, "coefficient or parameter")
-        one = self.estimates.sel(term=parameter)
-        return float(one["estimate"]), float(one["stderr"])
+        names = [str(term) for term in self.estimates["term"].values]
+        if parameter not in names:
+            raise UnknownName(parameter, names, "coefficient or parameter")
+        row = self.estimates.sel(term=parameter)
+        return float(row["estimate"]), float(row["stderr"])
 
     def derived(self, *texts: str) -> tuple[np.ndarray, np.ndarray]:
         """Return functions of the estimates and their covariance, by first-order propagation.
@@ -71,7 +72,7 @@ class SeparableFit:
         Parameters
         ----------
         *texts : str
-            Expressions of the estimates; a coefficient is written as its term in brackets:
+            Expressions of the estimates. A coefficient is written as its term in brackets:
             ``"[alpha*h_agl^s] / [alpha]"``.
 
         Returns
@@ -83,73 +84,83 @@ class SeparableFit:
         Raises
         ------
         UnknownName
-            A name that is no estimate.
+            A name that is not an estimate.
         ParseError
-            What is no expression.
+            A text that is not an expression.
         """
         names = [str(term) for term in self.estimates["term"].values]
         scope = Scope({}, dict(zip(names, self.estimates["estimate"].values)))
-        found = [parse_expression(text).at(scope) for text in texts]
-        G = np.array([[float(one.by.get(name, 0.0)) for name in names] for one in found])
+        values, rows = [], []
+        for text in texts:
+            result = parse_expression(text).at(scope)
+            values.append(float(result.value))
+            rows.append([float(result.by.get(name, 0.0)) for name in names])
+        # Covariance G C G' with the derivatives G (texts, terms).
+        G = np.array(rows)
         C = self.estimates["covariance"].values
         unknown = np.isnan(np.diag(C))
         covariance = G @ np.where(unknown[:, None] | unknown, 0.0, C) @ G.T
-        lost = (G[:, unknown] != 0.0).any(axis=1)
-        covariance[lost] = covariance[:, lost] = np.nan
-        return np.array([float(one.value) for one in found]), covariance
+        is_unknown = (G[:, unknown] != 0.0).any(axis=1)
+        covariance[is_unknown] = covariance[:, is_unknown] = np.nan
+        return np.array(values), covariance
 
     @property
     def remarks(self) -> list[str]:
-        """Parameters that the data cannot see, and those that they hardly distinguish, in words."""
+        """Parameters that are not identified, and parameters that are hardly distinguishable."""
         e = self.estimates
-        found = [
-            f"{term}: not identified: {why}"
-            for term, why in zip(e["term"].values, e["why"].values)
-            if why
-        ]
-        found += [
-            f"condition index {index:.0f}: hardly distinguishable are {words}"
-            for index, words in collinearity.collinear_terms(e)
-        ]
-        return found
+        remarks = []
+        for term, why in zip(e["term"].values, e["why"].values):
+            if why:
+                remarks.append(f"{term}: not identified: {why}")
+        for index, terms in collinearity.collinear_terms(e):
+            remarks.append(f"condition index {index:.0f}: hardly distinguishable are {terms}")
+        return remarks
 
     def report(self) -> str:
         """Return the estimates as a text table."""
         e, a = self.estimates, self.estimates.attrs
-        fitted = zip(
-            self.models,
-            np.atleast_1d(a["R2"]),
-            np.atleast_1d(a["residual_rms"]),
-            a["units"].split("; "),
-        )
+        width = max(len(str(term)) for term in e["term"].values) + 2
         lines = [
-            f"{self.name}: {self.models[0]}" if self.name and len(self.models) == 1 else self.name
+            self._title(),
+            *self._quality_lines(),
+            f"samples {a['samples']}, manoeuvres {a['manoeuvres']}",
+            f"{'parameter':<{width}}{'estimate':>12}{'stderr':>10}{'white':>10}{'system.':>10}"
+            f"{'t':>9}{'narrowed':>10}",
         ]
-        lines = [line for line in lines if line] or [str(self.models[0])]
-        lines += [
-            f"{model.target} [{unit}]: R2 {R2:.4f}, residual rms {rms:.3g}"
-            for model, R2, rms, unit in fitted
-        ]
-        lines.append(f"samples {a['samples']}, manoeuvres {a['manoeuvres']}")
-        wide = max(len(str(term)) for term in e["term"].values) + 2
-        lines.append(
-            f"{'parameter':<{wide}}{'estimate':>12}{'stderr':>10}{'white':>10}{'system.':>10}{'t':>9}{'narrowed':>10}"
-        )
         for k, term in enumerate(e["term"].values):
-            errors = "".join(
-                _cell(float(e[name][k]), 10, ".2g")
-                for name in ("stderr", "stderr_white", "stderr_systematic")
-            )
-            t, narrowed = (
-                _cell(float(e["t"][k]), 9, ".1f"),
-                _cell(float(e["narrowed"][k]), 10, ".3f"),
-            )
-            lines.append(f"{term!s:<{wide}}{float(e['estimate'][k]):>12.5g}{errors}{t}{narrowed}")
-        return "\n".join([*lines, *(f"! {text}" for text in self.remarks)])
+            cells = [f"{term!s:<{width}}{float(e['estimate'][k]):>12.5g}"]
+            for name in ("stderr", "stderr_white", "stderr_systematic"):
+                cells.append(_format_cell(float(e[name][k]), 10, form=".2g"))
+            cells.append(_format_cell(float(e["t"][k]), 9, form=".1f"))
+            cells.append(_format_cell(float(e["narrowed"][k]), 10, form=".3f"))
+            lines.append("".join(cells))
+        for text in self.remarks:
+            lines.append(f"! {text}")
+        return "\n".join(lines)
+
+    def _title(self) -> str:
+        """Return the name of the fit, and the model if there is one."""
+        if not self.name:
+            return str(self.models[0])
+        if len(self.models) > 1:
+            return self.name
+        return f"{self.name}: {self.models[0]}"
+
+    def _quality_lines(self) -> list[str]:
+        """Return R2 and residual rms of each quantity."""
+        a = self.estimates.attrs
+        R2, rms = np.atleast_1d(a["R2"]), np.atleast_1d(a["residual_rms"])
+        lines = []
+        for model, fraction, residual, unit in zip(self.models, R2, rms, a["units"].split("; ")):
+            quality = f"R2 {fraction:.4f}, residual rms {residual:.3g}"
+            lines.append(f"{model.target} [{unit}]: {quality}")
+        return lines
 
 
-def _cell(value: float, width: int, form: str) -> str:
-    return f"{'-' if np.isnan(value) else format(value, form):>{width}}"
+def _format_cell(value: float, width: int, form: str) -> str:
+    """Return a number as text of a width; NaN is a dash."""
+    text = "-" if np.isnan(value) else format(value, form)
+    return f"{text:>{width}}"
 
 
 def regress_separable(
@@ -158,21 +169,20 @@ def regress_separable(
     name: str = "",
     lag: float | None = None,
 ) -> SeparableFit:
-    """Fit models that are linear in their coefficients and nonlinear in few shape parameters by
-    least squares.
+    """Fit models with linear coefficients and nonlinear shape parameters by least squares.
 
     Parameters
     ----------
     model : SeparableModel or list of them
-        Of one measured quantity each.  Shape parameters with the same name are the same parameter;
-        each quantity is weighed by the inverse of its residual rms.
+        One model per measured quantity. Shape parameters with the same name are the same parameter.
+        Each quantity has the weight of one over its residual rms.
     data : Dataset (time,) or list of them
-        Manoeuvres; samples with NaN in a quantity or its regressors are left out of it.
+        Manoeuvres. Samples with NaN in a quantity or its regressors are ignored for this quantity.
     name : str
-        For reports and provenance.
+        Name of the fit in reports and in the provenance.
     lag : float, optional
-        Window of the residual's own autocorrelation in place of the autoregression, see
-        `covariance.coloured`. [s]
+        Lag window of the residual's own autocorrelation, which replaces the estimated spectrum; see
+        `coloured_covariance_of`. [s]
 
     Returns
     -------
@@ -181,126 +191,154 @@ def regress_separable(
     Raises
     ------
     IdentificationError
-        Too few samples, coefficients that the data cannot distinguish wherever the search starts.
+        Too few samples, or coefficients that the data cannot distinguish at any start.
     UnknownName
         A variable that the data do not hold.
     OutOfRange
-        A term that cannot be formed of the data at any start.
+        A term that cannot be computed from the data at any start.
 
     Notes
     -----
-    The covariance is that of least squares linearised at the solution, with the regressors ``[A, (dA/ds) c]``, for
-    residuals that are correlated in time (`covariance.coloured`); residuals of different quantities count as independent.
-    A parameter at a bound is taken for known there and has no standard error.  The estimate minimises the plain sum of
-    squares: colour enters the standard errors, and the weight of a prior.
+    The covariance is that of least squares linearised at the solution, with the regressors
+    ``[A, (dA/ds) c]``, for residuals that are correlated in time (`coloured_covariance_of`).
+    Residuals of different quantities count as independent. A parameter at a bound counts as exact
+    and has no standard error. The estimate minimises the plain sum of squares. Colour enters the
+    standard errors and the weight of a prior.
 
     References
     ----------
-    .. [Golub2003] Golub, Pereyra, Separable nonlinear least squares: the variable projection method and its applications,
-       Inverse Problems 19, 2003.
+    .. [Golub2003] Golub, Pereyra, Separable nonlinear least squares: the variable projection method
+       and its applications, Inverse Problems 19, 2003.
     """
     models = [model] if isinstance(model, SeparableModel) else list(model)
     _demand_models(models)
-    problem = SeparableProblem(
-        models, [stack_samples(one.target, one.variables, data, one) for one in models]
-    )
-    search = WeightedMinimum(problem)
-    found = search.settled(lag)
-    estimates = _estimates(problem, found)
-    residuals = problem.residuals(found.values, found.coefficients)
-    for attribute, value in _facts(problem, found, residuals, name).items():
-        estimates.attrs[attribute] = value
-    kept = {
-        one.target: samples.data.drop_dims("error", errors="ignore")
-        for one, samples in zip(models, problem.samples)
-    }
-    return SeparableFit(
-        name, tuple(models), estimates, kept, {one.target: v for one, v in zip(models, residuals)}
-    )
+    samples = [stack_samples(item.target, item.variables, data, purpose=item) for item in models]
+    problem = SeparableProblem(models, samples)
+    solution = WeightedMinimum(problem).iterate_weights(lag)
+    estimates = _tabulate_estimates(problem, solution)
+    residuals = problem.residuals(solution.values, solution.coefficients)
+    estimates.attrs.update(_fit_attributes(problem, solution, residuals=residuals, name=name))
+    data_of, residual_of = {}, {}
+    for item, used, residual in zip(models, samples, residuals):
+        data_of[item.target] = used.data.drop_dims("error", errors="ignore")
+        residual_of[item.target] = residual
+    return SeparableFit(name, tuple(models), estimates, data=data_of, residuals=residual_of)
 
 
-def _estimates(problem: SeparableProblem, found: SeparableSolution) -> xr.Dataset:
-    """Estimates under the names that all fits share; what is at a bound has no standard error."""
-    names = [*(term for terms in problem.terms for term in terms), *problem.names]
-    theta = np.concatenate([*found.coefficients, found.values])
-    free, size = found.free, len(names)
-    M = (found.products + np.diag(found.prior))[np.ix_(free, free)]
-    D = _inverse(M, [name for name, use in zip(names, free) if use])
-    sigma2 = np.concatenate(
-        [
-            np.zeros(size - len(problem.names)),
-            [problem.shape[name].sigma ** 2 for name in problem.names],
-        ]
-    )
-    known = np.where(
-        found.prior > 0.0, found.prior**2 * np.where(np.isfinite(sigma2), sigma2, 0.0), 0.0
-    )
-    covariance = _whole(D @ (found.spread + np.diag(known))[np.ix_(free, free)] @ D, free)
-    white = np.sqrt(
-        np.diag(_whole(D @ (found.white + np.diag(known))[np.ix_(free, free)] @ D, free))
-    )
-    sources = list(
-        dict.fromkeys(
-            s
-            for model, one in zip(problem.models, problem.samples)
-            for s in one.errors(model.target)[0]
-        )
-    )
-    change = np.zeros((size, len(sources)))
-    at = 0
-    for j, (model, samples, X) in enumerate(zip(problem.models, problem.samples, found.regressors)):
-        columns = [*range(at, at + len(model.terms)), *range(size - len(problem.names), size)]
-        at += len(model.terms)
-        own, errors = samples.errors(
-            model.target, model.variables, problem.fitted(j, found.values, found.coefficients[j])
-        )
-        for source, error in zip(own, errors):
-            pushed = np.zeros(size)
-            pushed[columns] = X.T @ (problem.weights[j] * error)
-            change[free, sources.index(source)] += D @ pushed[free]
-    more = assess_identifiability(problem.models, problem.shape, names, theta, covariance, found)
+def _tabulate_estimates(problem: SeparableProblem, solution: SeparableSolution) -> xr.Dataset:
+    """Return estimates as a Dataset; a parameter at a bound has no standard error."""
+    names: list[str] = []
+    for terms in problem.terms:
+        names.extend(terms)
+    names.extend(problem.names)
+    theta = np.concatenate([*solution.coefficients, solution.values])
+    free = solution.free
+    # Sandwich covariance N^-1 (S + K) N^-1 of the free parameters. N is the normal matrix with the
+    # prior, S the products of the disturbance, and K the variance of the a-priori values.
+    block = np.ix_(free, free)
+    free_names = [name for name, is_free in zip(names, free) if is_free]
+    inverse = _invert_scaled((solution.products + np.diag(solution.prior))[block], free_names)
+    prior = np.diag(_prior_variance(problem, solution))
+    covariance = _fill_fixed(inverse @ (solution.spread + prior)[block] @ inverse, free)
+    white = _fill_fixed(inverse @ (solution.white + prior)[block] @ inverse, free)
     return least_squares.regression_estimates(
-        names, theta, covariance, white, (sources, change), more
+        names,
+        theta,
+        covariance=covariance,
+        white=np.sqrt(np.diag(white)),
+        systematic=_systematic_changes(problem, solution, inverse),
+        extra=assess_identifiability(
+            problem.models,
+            problem.shape,
+            names=names,
+            theta=theta,
+            covariance=covariance,
+            solution=solution,
+        ),
     )
 
 
-def _inverse(M: np.ndarray, names: Sequence[str]) -> np.ndarray:
-    """Inverse of a product matrix, scaled to a unit diagonal first."""
+def _prior_variance(problem: SeparableProblem, solution: SeparableSolution) -> np.ndarray:
+    """Return the noise of the a-priori values in the normal equations, (parameters,)."""
+    sigma2 = np.zeros(len(solution.free))
+    sigma2[len(sigma2) - len(problem.names) :] = [
+        problem.shape[name].sigma ** 2 for name in problem.names
+    ]
+    finite = np.where(np.isfinite(sigma2), sigma2, 0.0)
+    return np.where(solution.prior > 0.0, solution.prior**2 * finite, 0.0)
+
+
+def _systematic_changes(
+    problem: SeparableProblem, solution: SeparableSolution, inverse: np.ndarray
+) -> tuple[list[str], np.ndarray]:
+    """Return the sources of common errors and the changes (parameters, sources) by them."""
+    sources: dict[str, None] = {}
+    for model, samples in zip(problem.models, problem.samples):
+        sources.update(dict.fromkeys(samples.errors(model.target)[0]))
+    order = list(sources)
+    free, size = solution.free, len(solution.free)
+    change = np.zeros((size, len(order)))
+    start = 0
+    for j, (model, samples) in enumerate(zip(problem.models, problem.samples)):
+        # Columns of this quantity: its coefficients, and all shape parameters at the end.
+        stop = start + len(model.terms)
+        columns = [*range(start, stop), *range(size - len(problem.names), size)]
+        start = stop
+        response = problem.response(j, solution.values, solution.coefficients[j])
+        names, errors = samples.errors(model.target, model.variables, response)
+        for source, error in zip(names, errors):
+            # N^-1 X' e: the estimates that fit an error e of the samples
+            products = np.zeros(size)
+            products[columns] = solution.regressors[j].T @ (problem.weights[j] * error)
+            change[free, order.index(source)] += inverse @ products[free]
+    return order, change
+
+
+def _invert_scaled(M: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    """Return the inverse of a normal matrix, scaled to a unit diagonal first."""
+    # A combination with a vanishing eigenvalue does not change the fit.
     scale = 1.0 / np.sqrt(np.diag(M))
     values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
-    if values[0] <= 1e-14 * values[-1]:
+    if values[0] <= _SINGULAR * values[-1]:
+        combination = collinearity.describe_combination(vectors[:, 0], names)
         raise IdentificationError(
-            f"the data cannot distinguish: {collinearity.describe_combination(vectors[:, 0], names)} "
-            f"does not change the fit; leave a term out"
+            f"the data cannot distinguish: {combination} does not change the fit; leave a term out"
         )
     return (vectors / values @ vectors.T) * np.outer(scale, scale)
 
 
-def _whole(part: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """A covariance over all parameters from that of the free ones; NaN for the others."""
-    found = np.full((len(free), len(free)), np.nan)
-    found[np.ix_(free, free)] = 0.5 * (part + part.T)
-    return found
+def _fill_fixed(covariance: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Return a covariance of the free parameters over all parameters; NaN for the others."""
+    filled = np.full((len(free), len(free)), np.nan)
+    filled[np.ix_(free, free)] = 0.5 * (covariance + covariance.T)
+    return filled
 
 
-def _facts(
-    problem: SeparableProblem, found: SeparableSolution, residuals: Sequence[np.ndarray], name: str
-) -> dict:
+def _fit_attributes(
+    problem: SeparableProblem,
+    solution: SeparableSolution,
+    residuals: Sequence[np.ndarray],
+    name: str,
+) -> dict[str, Any]:
+    """Return the attributes of the estimates."""
     targets = [model.target for model in problem.models]
-    total = [float(((z - z.mean()) ** 2).sum()) for z in problem.z]
-    R2 = [1.0 - float(v @ v) / t if t else float("nan") for v, t in zip(residuals, total)]
-    rms = [float(np.sqrt(v @ v / len(v))) for v in residuals]
-    one = len(targets) == 1
+    # A constant quantity has no R2.
+    R2, rms = [], []
+    for z, v in zip(problem.z, residuals):
+        total = float(((z - z.mean()) ** 2).sum())
+        R2.append(1.0 - float(v @ v) / total if total else float("nan"))
+        rms.append(float(np.sqrt(v @ v / len(v))))
+    is_single = len(targets) == 1
     return {
         "name": name,
         "coefficient": " ".join(targets),
         "units": "; ".join(model.unit(model.target) for model in problem.models),
         "domain": "time",
-        "R2": R2[0] if one else np.array(R2),
-        "residual_rms": rms[0] if one else np.array(rms),
+        "R2": R2[0] if is_single else np.array(R2),
+        "residual_rms": rms[0] if is_single else np.array(rms),
         "samples": int(sum(map(len, problem.z))),
         "manoeuvres": max(len(samples.steps) for samples in problem.samples),
-        "offset": found.offset,
+        "offset": solution.offset,
     }
 
 
@@ -308,17 +346,15 @@ def _demand_models(models: Sequence[SeparableModel]) -> None:
     """Raise when there is no model, two of one quantity, or one parameter with two meanings."""
     if not models:
         raise IdentificationError("no model; give at least one")
-    targets = [model.target for model in models]
-    if len(set(targets)) < len(targets):
-        raise IdentificationError(
-            f"{next(t for t in targets if targets.count(t) > 1)} has two models; give one of "
-            f"each quantity"
-        )
-    seen: dict[str, ShapeParameter] = {}
+    targets: set[str] = set()
+    parameters: dict[str, ShapeParameter] = {}
     for model in models:
+        if model.target in targets:
+            raise IdentificationError(f"{model.target} has two models; give one of each quantity")
+        targets.add(model.target)
         for name, item in model.parameters.items():
-            if seen.setdefault(name, item) != item:
+            if parameters.setdefault(name, item) != item:
                 raise IdentificationError(
-                    f"the parameter {name} has {seen[name]} in one model and {item} in "
+                    f"the parameter {name} has {parameters[name]} in one model and {item} in "
                     f"another; make them equal"
                 )

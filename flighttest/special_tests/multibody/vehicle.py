@@ -62,15 +62,16 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from flightmech.errors import SchemaError
 from flightmech.support.input_files import read_toml
-from flightmech.support.toml_models import Strict, make_si_type, validate_content
+from flightmech.support.toml_models import Strict, validate_content
+from flightmech.support.toml_quantities import InUnits
 from flightmech.units import parse_quantity, to_si
 from flighttest.records.readers.columns import locate_column
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.opening import open_recording
 from flighttest.special_tests.motion_capture import MarkerSetup, read_markers
 
-Metres = make_si_type("m")
-Position = tuple[Metres, Metres, Metres]  # type: ignore[valid-type]
+Metres = Annotated[float, InUnits("m")]
+Position = tuple[Metres, Metres, Metres]
 _PARALLEL = 1e-9
 
 
@@ -85,7 +86,7 @@ def _inertia(item: Any) -> tuple[float, ...]:
 class RigidBody(Strict):
     """One rigid body and the joint that holds it to its parent."""
 
-    mass: make_si_type("kg") = Field(ge=0.0, description="Mass.")  # type: ignore[valid-type]
+    mass: Annotated[float, InUnits("kg")] = Field(ge=0.0, description="Mass.")
     cg: Position = Field(
         default=(0.0, 0.0, 0.0),
         description="Centre of gravity from the origin, x forward, y right, z down.",
@@ -131,7 +132,7 @@ class GearedJoint(Strict):
 
     follows: str = Field(description="The other joint, by its body.")
     ratio: float = Field(default=1.0, description="Angle over that of the other.")
-    offset: make_si_type("rad") = Field(  # type: ignore[valid-type]
+    offset: Annotated[float, InUnits("rad")] = Field(
         default=0.0, description="Angle where that of the other is zero."
     )
 
@@ -166,11 +167,11 @@ class Linkage(Strict):
 class Spring(Strict):
     """A spring with a damper on a joint."""
 
-    stiffness: make_si_type("N m rad-1") = Field(  # type: ignore[valid-type]
+    stiffness: Annotated[float, InUnits("N m rad-1")] = Field(
         default=0.0, ge=0.0, description="Moment over angle."
     )
-    rest: make_si_type("rad") = Field(default=0.0, description="Angle without moment.")  # type: ignore[valid-type]
-    damping: make_si_type("N m s rad-1") = Field(  # type: ignore[valid-type]
+    rest: Annotated[float, InUnits("rad")] = Field(default=0.0, description="Angle without moment.")
+    damping: Annotated[float, InUnits("N m s rad-1")] = Field(
         default=0.0, ge=0.0, description="Moment over rate."
     )
 
@@ -206,7 +207,7 @@ class LiftingBody(Strict):
         default=(0.0, 0.0, 0.0),
         description="Where the loads act and the flow is taken, in axes of the body.",
     )
-    S: make_si_type("m2") = Field(gt=0.0, description="Reference area.")  # type: ignore[valid-type]
+    S: Annotated[float, InUnits("m2")] = Field(gt=0.0, description="Reference area.")
     fits: str | None = Field(
         default=None, description="Folder with CL.nc and CD.nc, as flight balance writes it."
     )
@@ -227,13 +228,13 @@ class LiftingBody(Strict):
 class Area(Strict):
     """Reference of the coefficients of the vehicle."""
 
-    S: make_si_type("m2") = Field(gt=0.0, description="Reference area.")  # type: ignore[valid-type]
+    S: Annotated[float, InUnits("m2")] = Field(gt=0.0, description="Reference area.")
 
 
 class Cameras(Strict):
     """How the cameras see the markers."""
 
-    flapping_frequency: make_si_type("Hz") = Field(  # type: ignore[valid-type]
+    flapping_frequency: Annotated[float, InUnits("Hz")] = Field(
         gt=0.0, description="Frequency of the periodic motion."
     )
     multiples: float = Field(
@@ -260,7 +261,9 @@ class Vehicle(Strict):
     aerodynamics: dict[str, LiftingBody] = Field(default_factory=dict)
     reference: Area
     cameras: Cameras
-    rho: make_si_type("kg m-3") = Field(default=1.225, gt=0.0, description="Density of the air.")  # type: ignore[valid-type]
+    rho: Annotated[float, InUnits("kg m-3")] = Field(
+        default=1.225, gt=0.0, description="Density of the air."
+    )
 
     @model_validator(mode="after")
     def _a_tree(self) -> Vehicle:

@@ -37,7 +37,8 @@ from pydantic import BeforeValidator, Field, model_validator
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
 from flightmech.support.input_files import read_toml
-from flightmech.support.toml_models import Strict, make_si_type, validate_content
+from flightmech.support.toml_models import Strict, validate_content
+from flightmech.support.toml_quantities import InUnits
 from flightmech.units import parse_quantity
 
 FORCES, MOMENTS = ("Fx", "Fy", "Fz"), ("Mx", "My", "Mz")
@@ -81,20 +82,30 @@ def _constants(item: Any) -> dict[str, float]:
 class ReferenceLengths(Strict):
     """Reference lengths of the coefficients."""
 
-    S: make_si_type("m2") = Field(gt=0.0, description="Reference area.")  # type: ignore[valid-type]
-    b: make_si_type("m") = Field(gt=0.0, description="Span, of rolling and yawing moment.")  # type: ignore[valid-type]
-    c: make_si_type("m") = Field(gt=0.0, description="Chord, of the pitching moment.")  # type: ignore[valid-type]
+    S: Annotated[float, InUnits("m2")] = Field(gt=0.0, description="Reference area.")
+    b: Annotated[float, InUnits("m")] = Field(
+        gt=0.0, description="Span, of rolling and yawing moment."
+    )
+    c: Annotated[float, InUnits("m")] = Field(gt=0.0, description="Chord, of the pitching moment.")
 
 
 class Balance(Strict):
     """How the balance sits in the model."""
 
-    rotation: tuple[make_si_type("rad"), make_si_type("rad"), make_si_type("rad")] = Field(  # type: ignore[valid-type]
+    rotation: tuple[
+        Annotated[float, InUnits("rad")],
+        Annotated[float, InUnits("rad")],
+        Annotated[float, InUnits("rad")],
+    ] = Field(
         default=(0.0, 0.0, 0.0),
         description="phi, theta, psi that turn body axes (x forward, z down) into those of the "
         "balance.",
     )
-    offset: tuple[make_si_type("m"), make_si_type("m"), make_si_type("m")] = Field(  # type: ignore[valid-type]
+    offset: tuple[
+        Annotated[float, InUnits("m")],
+        Annotated[float, InUnits("m")],
+        Annotated[float, InUnits("m")],
+    ] = Field(
         default=(0.0, 0.0, 0.0),
         description="Centre of the balance from the moment reference point, in body axes.",
     )
@@ -126,10 +137,10 @@ class BalanceSetup(Strict):
         description="Terms per coefficient that are estimated and taken off: tare, or products of "
         "columns.",
     )
-    rho: make_si_type("kg m-3") = Field(  # type: ignore[valid-type]
+    rho: Annotated[float, InUnits("kg m-3")] = Field(
         default=1.225, gt=0.0, description="Density, where no column has it."
     )
-    wind_off: make_si_type("m s-1") = Field(  # type: ignore[valid-type]
+    wind_off: Annotated[float, InUnits("m s-1")] = Field(
         default=0.5, ge=0.0, description="Airspeed below which a point belongs to the tare."
     )
 

@@ -38,18 +38,19 @@ from flighttest.maximum_likelihood.result import OutputError, estimates_dataset,
 from flighttest.maximum_likelihood.search import (
     Likelihood,
     LikelihoodMaximum,
-    Unknown,
     invert_information,
-    lay_out,
     maximise_likelihood,
 )
+from flighttest.maximum_likelihood.unknowns import Unknown, lay_out
 from flighttest.records.signals.fourier import finite_fourier, harmonics
-from flighttest.regression.equation_error.frequency_domain import (
-    TransformedStretch,
+from flighttest.regression.equation_error.spectral_weights import (
     residual_power,
     spectral_freedom,
-    stack_complex,
     student_factor,
+)
+from flighttest.regression.equation_error.transformed_stretches import (
+    TransformedStretch,
+    stack_complex,
 )
 from flighttest.regression.uncertainty.collinearity import demand_rank
 from flighttest.submodels.actuators.response import (

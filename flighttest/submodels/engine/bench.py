@@ -15,7 +15,7 @@ import xarray as xr
 
 import flightmech
 from flightmech.air import atmosphere
-from flightmech.aircraft.engine import CONSTANTS, EngineDeck
+from flightmech.aircraft.engine_deck import CONSTANTS, EngineDeck
 from flightmech.errors import IdentificationError
 from flightmech.simulation.batch import fly_batch
 from flightmech.simulation.kernel import STATE
@@ -23,8 +23,9 @@ from flightmech.simulation.run import constant_inputs, initialise_run, read_inpu
 from flightmech.terms import make_term
 from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import Likelihood, Unknown, lay_out, maximise_likelihood
+from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
 from flighttest.maximum_likelihood.time_domain import Runs, uniform_step
+from flighttest.maximum_likelihood.unknowns import Unknown, lay_out
 
 HEAVY = 1e9  # [kg]: thrust changes the speed by less than 0.01 m/s in a minute
 INPUTS = ("throttle", "cutoff", "starter", "ignition", "flameout")

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flightmech.aircraft.engine import CONSTANTS, EngineDeck, write_tables
+from flightmech.aircraft.engine_deck import CONSTANTS, EngineDeck, write_tables
 from flightmech.errors import IdentificationError
 from flightmech.support.atomic_write import written_atomically
 from flighttest.submodels.engine.bench import fly_deck

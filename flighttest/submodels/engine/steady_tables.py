@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from flightmech.aircraft.engine import OWN, TARGETS
+from flightmech.aircraft.engine_deck import OWN, TARGETS
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.terms import SOURCES, basis, make_term
 from flighttest.submodels.engine.schedule import (

@@ -11,7 +11,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flighttest.maximum_likelihood.result import OutputError
-from flighttest.maximum_likelihood.search import Unknown
+from flighttest.maximum_likelihood.unknowns import Unknown
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 from flighttest.submodels.landing_gear.explicit import (
     FRICTION,

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from flightmech.support.figures import true_runs
+from flightmech.support.arrays import true_runs
 from pom.judging.signals import RunSignals, signals_of_run, traces_of
 from pom.report.presentation.quantities import QuantityLabel, fixed_decimals, quantity_label
 from pom.report.presentation.traces import STEPS_PER_HEIGHT, step_of

@@ -27,7 +27,7 @@ from flightmech.support.figures import (
     make_svg_figure,
     text_pieces,
 )
-from flighttest.regression.uncertainty.significance import theil, theil_shares
+from flighttest.regression.uncertainty.prediction_errors import theil, theil_shares
 from pom.report.presentation.quantities import (
     MISSING,
     fixed_decimals,

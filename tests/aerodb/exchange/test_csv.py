@@ -174,7 +174,7 @@ def test_folders_that_are_none_of_ours(small, tmp_path):
     with pytest.raises(ParseError, match="aeromatch terms, format 1"):
         aerodb.exchange.import_csv(tmp_path)
     (tmp_path / "index.csv").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ParseError, match="no UTF-16"):
+    with pytest.raises(ParseError, match="not valid UTF-16"):
         aerodb.exchange.import_csv(tmp_path)
     (tmp_path / "index.csv").write_bytes(b"")
     with pytest.raises(ParseError, match="no header row"):

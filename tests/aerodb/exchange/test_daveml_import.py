@@ -577,7 +577,7 @@ ALL = "".join(variable(name) for name in ("T", "U"))
 @pytest.mark.parametrize(
     ("math", "functions", "reason"),
     [
-        (apply("sin", ci("AL")), "", "sin of alpha is no sum of products"),
+        (apply("sin", ci("AL")), "", "sin of alpha is not a sum of products"),
         (apply("divide", ci("AL"), ci("VT")), "", "it divides by V"),
         (apply("divide", cn(1.0), apply("plus", ci("XMACH"), cn(1.0))), "", "division by a sum"),
         (

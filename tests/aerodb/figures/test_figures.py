@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import aerodb
-from aerodb.figures.figures import spread_apart
+from aerodb.figures.family_panels import spread_apart
 from flightmech import terms
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE

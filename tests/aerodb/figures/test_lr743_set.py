@@ -13,7 +13,7 @@ from click.testing import CliRunner
 import aerodb
 import flightmech
 from aerodb.cli.group import db as group
-from aerodb.figures.lr743_set import build_up
+from aerodb.figures.lr743_set import build_up, ground_effect, polars
 from aerodb.figures.lr743_set import envelope as trimmed
 from aerodb.figures.lr743_set.chart import Chart, ChartLine, ChartPanel, FlightPoints, NotDrawn
 from aerodb.figures.lr743_set.combinations import combine_coefficients
@@ -302,22 +302,22 @@ def published(root):
 
 def test_figures_16_and_17_have_the_numbers_of_table_2(published, monkeypatch):
     """Computed from the printed table: CL at alpha 5 deg, and the rolling moment per CL phi."""
-    monkeypatch.setattr(build_up, "_SPANS", (1.7 / 14.35, 3.0 / 14.35, 8.5 / 14.35))
-    by = lines(build_up.near_the_ground({"final": published}, None))
+    monkeypatch.setattr(ground_effect, "_SPANS", (1.7 / 14.35, 3.0 / 14.35, 8.5 / 14.35))
+    by = lines(ground_effect.near_the_ground({"final": published}, None))
     assert list(by) == ["1.7 m", "3 m", "8.5 m", "free air"]
     lift = {label: float(np.interp(5.0, line.x, line.y)) for label, line in by.items()}
     np.testing.assert_allclose(list(lift.values()), [1.566, 1.384, 1.279, 1.252], atol=6e-4)
-    by = lines(build_up.bank_near_the_ground({"final": published}, None))
+    by = lines(ground_effect.bank_near_the_ground({"final": published}, None))
     slopes = {label: np.polyfit(line.x, line.y, 1)[0] for label, line in by.items()}
     np.testing.assert_allclose(list(slopes.values()), [-0.0437, -0.0236, -0.0076, 0.0], atol=6e-5)
 
 
 def test_low_passes_are_drawn_at_their_height(published, flown):
-    chart = build_up.near_the_ground({"final": published}, flown)
+    chart = ground_effect.near_the_ground({"final": published}, flown)
     assert list(lines(chart)) == ["1.7 m", "free air"]
     samples = points(chart)["samples at 1.7 m"]
     np.testing.assert_allclose(samples.y, 0.2 + 5.2 * np.radians(samples.x))
-    chart = build_up.bank_near_the_ground({"final": published}, flown)
+    chart = ground_effect.bank_near_the_ground({"final": published}, flown)
     samples = points(chart)["samples at 1.7 m"]
     np.testing.assert_allclose(samples.y, -0.01)  # the database has no other term of Cl
     np.testing.assert_allclose(
@@ -327,7 +327,7 @@ def test_low_passes_are_drawn_at_their_height(published, flown):
             0.2
             + 5.2
             * np.radians(
-                points(build_up.near_the_ground({"f": published}, flown))["samples at 1.7 m"].x
+                points(ground_effect.near_the_ground({"f": published}, flown))["samples at 1.7 m"].x
             )
         ),
     )
@@ -340,11 +340,11 @@ def test_what_is_missing_is_named(small, flown):
             "no term of CL depends on delta_e",
         ),
         (
-            lambda: build_up.near_the_ground({"a": small}, None),
+            lambda: ground_effect.near_the_ground({"a": small}, None),
             "no term of CL depends on h_agl; it needs DATCOM cases with GRNDEF",
         ),
         (
-            lambda: build_up.bank_near_the_ground({"a": small}, None),
+            lambda: ground_effect.bank_near_the_ground({"a": small}, None),
             r"no term of Cl over h_agl and phi \(LR-743 eq. 14\)",
         ),
         (
@@ -362,7 +362,7 @@ def test_figure_9_has_stall_one_g_lines_test_points_and_excursions(rich, aircraf
     chart = trimmed.flight_envelope_chart({"final": rich}, {"final": aircraft}, flown, buffet)
     by = lines(chart)
     stall = by["stall, trimmed, power off (final)"]
-    curve = flightmech.performance.polar(trimmed._flight(aircraft, rich, {}), 0.4)
+    curve = flightmech.performance.polar(polars.trim_configuration(aircraft, rich, {}), 0.4)
     np.testing.assert_allclose(stall.y[-1], curve["CL"].max())
     level = by["1 g, 4900 ft, 2000 kg"]
     np.testing.assert_allclose(
@@ -498,7 +498,7 @@ def test_polars_are_trimmed_and_carry_the_errors_of_lift_and_drag(rich, aircraft
         rf"$\delta_{{f}}$ = {flap} deg" for flap in (0, 20, 40)
     ]
     line = lines(chart)["$M$ = 0.2"]
-    at = trimmed._flight(aircraft, rich, {})
+    at = polars.trim_configuration(aircraft, rich, {})
     expected = flightmech.performance.polar(at, 0.2)
     np.testing.assert_allclose(line.y, np.interp(line.x, expected["CL"], expected["CD"]))
     assert (line.stderr[np.isfinite(line.stderr)] > np.hypot(0.002, 0.0005)).all()

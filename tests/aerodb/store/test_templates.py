@@ -135,11 +135,11 @@ def test_wrong_axes_are_errors():
         make("CL/basic", {}, K1={"gear": ([0.0, 1.0], [0.0, 1.0])})
     with pytest.raises(SchemaError, match="gear is an axis of K1 and of the table"):
         make("CL/gear", {"gear": [0.0, 1.0]}, K1={"gear": ([0.0, 1.0], [0.0, 1.0])})
-    with pytest.raises(SchemaError, match="is no pair of breakpoints and as many factors"):
+    with pytest.raises(SchemaError, match="is not a pair of breakpoints and as many factors"):
         make("CL/gear", {}, K1={"gear": ([0.0, 1.0], [0.0])})
     with pytest.raises(
         SchemaError,
-        match="depends on no height; give K1 over h_agl, h_agl among the breakpoints, or a power "
+        match="does not depend on height; give K1 over h_agl, h_agl among the breakpoints, or a power "
         "of it",
     ):
         make("CL/ground", {"alpha": [0.0, 0.2]})

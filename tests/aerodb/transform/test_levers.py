@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerodb.edit.reference_point import _MOMENTS, _lever
+from aerodb.edit.levers import MOMENTS, Lever
 
 ALPHA, BETA, ARM = 0.31, 0.23, np.array([0.7, -0.4, 1.3])
 
@@ -21,5 +21,5 @@ def axis_of(force):
 
 @pytest.mark.parametrize("force", ["CD", "CY", "CL"])
 def test_moment_of_a_force_in_wind_axes_is_arm_cross_axis(force):
-    moments = [_lever("wind", force, moment, ARM, ALPHA, BETA) for moment in _MOMENTS]
+    moments = [Lever("wind", force, moment, ARM).at(ALPHA, BETA) for moment in MOMENTS]
     np.testing.assert_allclose(moments, np.cross(ARM, axis_of(force)), atol=1e-15)

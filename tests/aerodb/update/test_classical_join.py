@@ -158,7 +158,7 @@ def test_beyond_the_flown_range_the_handbook_stands(found):
 
 
 def test_no_fit_is_refused():
-    with pytest.raises(IdentificationError, match="no fit; join_submodels"):
+    with pytest.raises(IdentificationError, match="no fit"):
         join_submodels([], make_database(prior_leaves(), **ROOT))
 
 

@@ -85,7 +85,7 @@ def test_it_is_what_tabulate_gives_with_the_weights_before_learning(prior, held,
     tables = 3 - len(held)
     monkeypatch.setattr(
         tabulation,
-        "_learnt",
+        "learn_weights",
         lambda y, *_: (np.append(np.tile(list(SHARES.values()), tables), 1.0), None),
     )
     monkeypatch.setattr(tabulation, "_HUBER", 1e9)

@@ -10,7 +10,8 @@ from scipy.signal import lfilter
 
 from aerodb.store.schema import make_database
 from aerodb.update.correlation import LEVEL, PARTS, prior_covariance, prior_parts
-from aerodb.update.tabulation import _cost, _mode, tabulate
+from aerodb.update.tabulation import tabulate
+from aerodb.update.weight_learning import WeightLikelihood
 from flightmech import terms
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.regression.equation_error.model import RegressionModel
@@ -564,14 +565,12 @@ def test_the_weights_are_the_mode_whatever_the_start():
         np.array([1.5, 1.5, 0.7]),
         np.zeros((12, 12)),
     )
-    ends = [_mode(y, parts, fixed, mean, spread, mean + shift)[0] for shift in (-3.0, 0.0, 3.0)]
+    likelihood = WeightLikelihood(y, parts, fixed, mean=mean, spread=spread)
+    ends = [likelihood.find_mode(mean + shift)[0] for shift in (-3.0, 0.0, 3.0)]
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-6)
     np.testing.assert_allclose(ends[2], ends[1], atol=1e-6)
-    best = _cost(y, parts, fixed, mean, spread, ends[1])[0]
-    scan = [
-        _cost(y, parts, fixed, mean, spread, ends[1] + step)[0]
-        for step in rng.normal(size=(300, 3))
-    ]
+    best = likelihood.cost(ends[1])[0]
+    scan = [likelihood.cost(ends[1] + step)[0] for step in rng.normal(size=(300, 3))]
     assert min(scan) > best
 
 

@@ -62,8 +62,8 @@ def test_every_parallel_stage_goes_to_the_workers_and_dead_workers_change_nothin
 
     def counted(self, function, *call):
         name = (
-            call[2].__name__ if function.__name__ == "_placed" else function.__name__
-        )  # after place and recorder
+            call[2].__name__ if function.__name__ == "_call_indexed" else function.__name__
+        )  # after index and recorder
         sent[name] += 1
         return submit(self, function, *call)
 

@@ -29,7 +29,7 @@ from aeromatch.workbench.processes import Jobs
 from aeromatch.workflow.submodels import spans_of
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError, UnknownName
 from flighttest.cli.identify import identify_command
-from flighttest.regression.combining.pooling import prior_of
+from flighttest.regression.combining.mixed_estimation import prior_of
 from flighttest.regression.equation_error.fit import open_fit
 
 FIRST, SECOND = "t37_01_clean_low_speed_5kft", "t37_02_clean_cruise_5kft"

@@ -29,7 +29,7 @@ def bad(tmp_path):
 
 def test_check_reports_findings_and_states_so_by_its_code(bad):
     comment = (
-        "comment: only the pre-processor of DATCOM+ takes it away, the program does not "
+        "comment: only the pre-processor of DATCOM+ removes it, the program does not "
         "run the case; use write_deck"
     )
     count = (

@@ -132,7 +132,7 @@ def slow_cells(item):
         for i, (row, line) in enumerate(zip(item.rows, item.lines)):
             for k, column in enumerate(item.columns):
                 part = row[column.first - 1 : column.last]
-                value, flag = (math.nan, OK) if column.words and part.strip() else read_cell(part)
+                value, flag = read_cell(part)
                 suspect = item.suspect is not None and item.suspect[i, k] and flag == OK
                 yield line, column.name, part.strip(), value, SUSPECT if suspect else flag
     else:

@@ -121,7 +121,7 @@ def test_all_problems_are_reported_at_once(write):
             'thrust_file = "none.nc"',
             "engine.2.thrust: no file 'none.nc' in .*; give its path from the aircraft file",
         ),
-        ("Ixz = 120.0", "Ixz = 90000.0", "no positive definite tensor"),
+        ("Ixz = 120.0", "Ixz = 90000.0", "inertia tensor is not positive definite"),
         (
             '["-20 deg", "17 deg"]',
             '["17 deg", "-20 deg"]',

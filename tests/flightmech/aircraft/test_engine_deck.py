@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech.aircraft.engine import (
+from flightmech.aircraft.engine_deck import (
     TARGETS,
     EngineDeck,
     leaf_from_toml,
@@ -268,7 +268,7 @@ def test_tables_of_tanks_are_exact_between_the_levels():
 
 
 def test_unknown_table_of_the_fuel_is_refused():
-    with pytest.raises(SchemaError, match="moment is no table of the fuel; allowed: moment_x"):
+    with pytest.raises(SchemaError, match="moment is not a table of the fuel; allowed: moment_x"):
         Fuel(100.0, tables={"moment": make_term(1.0)})
 
 

@@ -11,7 +11,8 @@ from scipy.optimize import brentq
 
 import flightmech
 from flightmech.aircraft.controls import ControlGeometry
-from flightmech.aircraft.engine import Engine, EngineDeck
+from flightmech.aircraft.engine import Engine
+from flightmech.aircraft.engine_deck import EngineDeck
 from flightmech.errors import SchemaError, SimulationError, UnknownName
 from flightmech.simulation import catalogue, submodels
 from flightmech.simulation.kernel import VARIABLE

@@ -112,6 +112,13 @@ def test_nan_in_an_input_reports_name_and_time(trainer, time):
     assert caught.value.time == pytest.approx(1.5)
 
 
+@pytest.mark.parametrize("last", [np.inf, np.nan])
+def test_time_must_be_finite(trainer, last):
+    times = np.array([0.0, 0.1, last])
+    with pytest.raises(SchemaError, match=r"time is (inf|nan) at sample 2"):
+        flightmech.simulate(trainer, over(times, delta_e=np.zeros(3)), TRIMMED)
+
+
 def test_time_must_be_there_and_rise(trainer):
     with pytest.raises(SchemaError, match=r"no coordinate time"):
         flightmech.simulate(trainer, xr.Dataset({"delta_e": 0.0}))

@@ -65,7 +65,7 @@ def test_a_folder_appears_when_the_block_ends(tmp_path):
 @pytest.mark.parametrize("in_one_step", [True, False])
 def test_a_folder_takes_the_place_of_an_older_one(tmp_path, monkeypatch, in_one_step):
     if not in_one_step:
-        monkeypatch.setattr(atomic_write, "_exchanged", lambda *_: False)
+        monkeypatch.setattr(atomic_write, "_exchange_in_one_step", lambda *_: False)
     target = tmp_path / "terms"
     filled(target, "old", "gone.txt")
     filled(target, "new")
@@ -131,7 +131,7 @@ def test_what_may_not_be_replaced_is_refused_before_anything_is_written(tmp_path
         filled(folder, "new")
     folder.chmod(0o755)
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(OSError, match="no regular file, cannot be replaced"):
+    with pytest.raises(OSError, match="not a regular file, cannot be replaced"):
         write_text(tmp_path / "pipe", "new")
     with pytest.raises(NotADirectoryError, match="a file; give the name of a folder"):
         filled(target, "new")
@@ -193,7 +193,7 @@ def killed_at(step, work):
         (os, "link"),
         (os, "unlink"),
         (os, "rmdir"),
-        (atomic_write, "_exchanged"),
+        (atomic_write, "_exchange_in_one_step"),
     ):
         setattr(module, name, counted(getattr(module, name)))
     try:
@@ -207,7 +207,7 @@ def killed_at(step, work):
 @pytest.mark.parametrize("in_one_step", [True, False])
 def test_a_folder_is_never_mixed_wherever_its_writer_is_killed(tmp_path, monkeypatch, in_one_step):
     if not in_one_step:
-        monkeypatch.setattr(atomic_write, "_exchanged", lambda *_: False)
+        monkeypatch.setattr(atomic_write, "_exchange_in_one_step", lambda *_: False)
     target = tmp_path / "out"
 
     def write(text):
@@ -236,7 +236,7 @@ def test_a_folder_is_never_mixed_wherever_its_writer_is_killed(tmp_path, monkeyp
 @pytest.mark.slow
 @posix
 def test_the_folder_of_an_interrupted_exchange_is_the_complete_new_one(tmp_path, monkeypatch):
-    monkeypatch.setattr(atomic_write, "_exchanged", lambda *_: False)
+    monkeypatch.setattr(atomic_write, "_exchange_in_one_step", lambda *_: False)
     target = tmp_path / "out"
     filled(target, "old")
     assert any(

@@ -14,8 +14,8 @@ import flighttest
 from aerodb.exchange.recognition import recognise_format
 from flightmech.errors import ParseError, SchemaError
 from flightmech.support import input_files as texts
-from flightmech.support import input_files as toml_text
 from flightmech.support import mat_files as mat_file
+from flightmech.support import toml_text
 from flightmech.support.input_files import csv_rows, file_kind, json_content, read_text, read_toml
 from flighttest.flight_programme.input_design.design import open_timetable
 from flighttest.records.manoeuvre_table import read_manoeuvres
@@ -43,7 +43,7 @@ HOSTILE = {
     "one in a key": ('"a\\u009b" = 1', r"the control character '\\x9b' at the key"),
     "ISO 8859-1": (
         "name = 'x'\n# Flügel".encode("latin-1"),
-        r"line 2: found the byte 0xfc, which is no UTF-8 \(ISO 8859-1 or",
+        r"line 2: found the byte 0xfc, which is not valid UTF-8 \(ISO 8859-1 or",
     ),
     "UTF-16 without a mark": (
         "S = 1\n".encode("utf-16-le"),
@@ -130,7 +130,7 @@ def test_a_named_pipe_on_the_command_line(tmp_path):
 
 def test_csv_rows_name_their_line():
     assert csv_rows('a, "b\nc"\n1,2\n', "f.csv") == [["a", "b\nc"], ["1", "2"]]
-    with pytest.raises(ParseError, match=r"f.csv, line 8: found what is no row of CSV"):
+    with pytest.raises(ParseError, match=r"f.csv, line 8: found a text that is not a row of CSV"):
         csv_rows('a,b\n"' + "x" * 140_000, "f.csv", first=7)
 
 
@@ -156,7 +156,7 @@ def test_another_encoding_of_a_table(tmp_path):
 def test_damaged_utf_16_is_no_other_encoding(tmp_path):
     (tmp_path / "a").write_bytes("ab".encode("utf-16") + b"\0")
     with pytest.raises(
-        ParseError, match="no UTF-16-LE; expected a table; save it with the encoding UTF-8"
+        ParseError, match="not valid UTF-16-LE; expected a table; save it with the encoding UTF-8"
     ):
         read_text(tmp_path / "a", "a table", texts.WESTERN)
 

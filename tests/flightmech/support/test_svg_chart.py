@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flightmech.support import figures as svg_chart
+from flightmech.support.arrays import thin_to_extremes
 
 
 def test_lines_keep_their_shape_with_few_points():
@@ -85,11 +86,11 @@ def test_limits_hold_all_finite_values_and_are_never_equal():
 def test_thinning_keeps_the_ends_of_every_part_and_the_gaps():
     y = np.random.default_rng(1).normal(size=10_000)
     y[2000:3000] = np.nan
-    kept = svg_chart.thin_to_extremes(y, 100)
+    kept = thin_to_extremes(y, 100)
     assert len(kept) <= 200
     assert {int(np.nanargmin(y)), int(np.nanargmax(y))} <= set(kept.tolist())
     assert np.isnan(y[kept]).sum() == 10  # one for every part of 100 samples
-    np.testing.assert_array_equal(svg_chart.thin_to_extremes(y[:200], 100), np.arange(200))
+    np.testing.assert_array_equal(thin_to_extremes(y[:200], 100), np.arange(200))
 
 
 def test_texts_are_escaped():

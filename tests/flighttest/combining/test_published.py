@@ -249,11 +249,11 @@ def test_bad_publications_are_refused_with_every_problem():
     text = str(caught.value)
     for words in (
         "delta_e has no value",
-        "beta has a value and is no term of Cm",
+        "beta has a value and is not a term of Cm",
         "the value of alpha is nan",
         "the standard error of 1 is 0.0; give a positive one",
         "the condition of alpha is (0.2, 0.1)",
-        "qhat moves with 'q', which has no number or range of its own",
+        "qhat moves with 'q', which has neither a number nor a range",
         "delta_e has no condition",
         "the correlation is (3, 3); the model has 4 terms",
     ):

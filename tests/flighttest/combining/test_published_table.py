@@ -12,7 +12,8 @@ from aerodb.store.schema import make_database
 from flightmech import terms
 from flightmech.errors import ParseError, SchemaError
 from flighttest.cli.group import flight
-from flighttest.regression.combining.published import published_fit, read_published
+from flighttest.regression.combining.published import published_fit
+from flighttest.regression.combining.published_table import read_published
 
 DEG = np.pi / 180
 ROOT = dict(

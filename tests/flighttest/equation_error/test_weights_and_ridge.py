@@ -5,7 +5,7 @@ from flown_lift import LIFT, TRUTH, coloured_noise, record
 
 from flightmech import terms as terms_of
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flighttest.regression.combining.pooling import mix_with_prior, prior_of
+from flighttest.regression.combining.mixed_estimation import mix_with_prior, prior_of
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.time_domain import regress

@@ -12,7 +12,6 @@ from scipy.linalg import expm
 
 import flighttest
 from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
-from flighttest.maximum_likelihood.search import Unknown
 from flighttest.maximum_likelihood.state_space import (
     Matrices,
     Predictor,
@@ -22,6 +21,7 @@ from flighttest.maximum_likelihood.state_space import (
     solve_recursion,
     steady_filter,
 )
+from flighttest.maximum_likelihood.unknowns import Unknown
 
 A = np.array([[-1.2, 0.98], [-6.0, -1.8]])
 B = np.array([[-0.1], [-9.0]])

@@ -16,7 +16,7 @@ from test_filter_error import model as model  # the fixture
 
 import flighttest
 from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
-from flighttest.maximum_likelihood.search import Unknown
+from flighttest.maximum_likelihood.unknowns import Unknown
 
 
 def test_it_is_the_filter_error_without_gusts(model):

@@ -11,7 +11,7 @@ import flighttest
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import make_term
 from flighttest.maximum_likelihood import time_domain
-from flighttest.maximum_likelihood.search import Unknown
+from flighttest.maximum_likelihood.unknowns import Unknown
 
 TRUTH = {"term.Cm.basic": 1.1, "term.Cm.qhat": 0.8, "term.Cm.elevator": 1.15, "term.CL.basic": 1.05}
 NOISE = {"V": 0.1, "alpha": 2e-3, "q": 1e-3, "theta": 1e-3, "az": 0.1}
@@ -174,7 +174,7 @@ def test_slopes_flown_with_the_response_change_nothing_but_the_number_of_batches
     )
     ahead = flighttest.output_error(sim, record, unknowns, list(NOISE), HELD).estimates
     together, batches[:] = list(batches), []
-    monkeypatch.setattr(time_domain._Flight, "expect", lambda *_: None)
+    monkeypatch.setattr(time_domain._SimulatedRecord, "expect", lambda *_: None)
     apart = flighttest.output_error(sim, record, unknowns, list(NOISE), HELD).estimates
     assert ahead.identical(apart)
     n, flown = ahead.attrs["iterations"], len(TRUTH) + len(STARTS)

@@ -4,7 +4,7 @@ import xarray as xr
 from flighttest.regression.combining.pooling import pool_fits
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
-from flighttest.regression.model_structure.selection import apply_deletion_rule
+from flighttest.regression.model_structure.deletion_rule import apply_deletion_rule
 
 MODEL = RegressionModel.parse("Cm = 1 + alpha + qhat + alphadothat + delta_e + delta_t")
 

@@ -12,11 +12,11 @@ from model_selection import CANDIDATES, VARIABLES, record  # the benchmark
 
 from flightmech.errors import IdentificationError, ParseError, UnknownName
 from flighttest.regression.model_structure.candidates import (
-    OrthogonalBasis,
     candidate_equations,
     monomials,
     spline_terms,
 )
+from flighttest.regression.model_structure.orthogonal_basis import OrthogonalBasis
 from flighttest.regression.model_structure.search import select_orthogonal, select_stepwise
 from flighttest.regression.model_structure.selection import count_selections
 
@@ -107,7 +107,7 @@ def test_the_numbers_kept_up_to_date_are_those_of_least_squares():
     X[5] = X[2] + 1e-3 * X[5]
     work = OrthogonalBasis(X, z)
     for j in (3, 2, 7):
-        work.take(j)
+        work.add(j)
 
     def rss(columns):
         A = X[list(columns)].T
@@ -121,14 +121,14 @@ def test_the_numbers_kept_up_to_date_are_those_of_least_squares():
         [rss([2, 7]) - work.rss, rss([3, 7]) - work.rss, rss([3, 2]) - work.rss],
         rtol=1e-8,
     )
-    place, j, gain = work.exchange([0, 1, 2])
+    place, j, gain = work.best_exchange([0, 1, 2])
     best = min(
         (rss([*(k for k in (3, 2, 7) if k != out), new]), out, new)
         for out in (3, 2, 7)
         for new in range(12)
         if new not in (3, 2, 7)
     )
-    assert (work.taken[place], j) == best[1:]
+    assert (work.chosen[place], j) == best[1:]
     assert gain == pytest.approx(work.rss - best[0], rel=1e-8)
     A = X[[3, 2, 7]].T
     np.testing.assert_allclose(work.estimates(), np.linalg.lstsq(A, z, rcond=None)[0], rtol=1e-10)
@@ -285,14 +285,14 @@ def test_without_noise_a_selection_in_frequency_ends(choose, weights, monkeypatc
         0.1 * np.cos(3.0 * time) + 0.03 * np.sin(7.0 * time),
     )
     flown = {"alpha": alpha, "qhat": q, "delta_e": 0.05 * np.sign(np.sin(1.3 * time + 0.1))}
-    candidates, taken, take = monomials(list(flown), 3), [], OrthogonalBasis.take
+    candidates, taken, take = monomials(list(flown), 3), [], OrthogonalBasis.add
 
     def counted(work: OrthogonalBasis, j: int) -> None:
         taken.append(j)
         assert len(taken) < 1000, "terms come and go"
         take(work, j)
 
-    monkeypatch.setattr(OrthogonalBasis, "take", counted)
+    monkeypatch.setattr(OrthogonalBasis, "add", counted)
     for seed in range(12):
         CL = 0.3 + 5.0 * alpha + 2.0 * q - 0.5 * flown["delta_e"] + 3.0 * alpha**2 * q
         CL += (1e-16 if seed else 0.0) * np.random.default_rng(seed).normal(size=time.size)

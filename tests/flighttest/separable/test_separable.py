@@ -19,7 +19,8 @@ from flightmech.errors import (
     UnknownName,
 )
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.regression.expressions import Pieces, Scope, parse_expression, parse_terms
+from flighttest.regression.expression_functions import Pieces
+from flighttest.regression.expressions import Scope, parse_expression, parse_terms
 from flighttest.regression.separable.fit import regress_separable
 from flighttest.regression.separable.projection import LinearBlock, project_blocks
 from flighttest.regression.separable_model import SeparableModel, ShapeParameter
@@ -319,7 +320,11 @@ def test_any_quantity_of_the_vocabulary_is_a_target():
         (("CL", ["1"], {"s": (-4, -1)}), SchemaError, "no term has the parameter s"),
         (("CL", ["h_agl^s"], {"s": (-1, -4)}), SchemaError, "the lower first"),
         (("CL", ["h_agl^s"], {"s": (-4, -1, 0.0)}), SchemaError, "outside its bounds"),
-        (("CL", ["h_agl^s"], {"s": (-4, -1, None, 0.1)}), SchemaError, "goes with a start"),
+        (
+            ("CL", ["h_agl^s"], {"s": (-4, -1, None, 0.1)}),
+            SchemaError,
+            "must be positive and needs a start",
+        ),
         (("CL", ["h_agl^alpha"], {"alpha": (-4, -1)}), SchemaError, "name of a quantity"),
         (("CL", ["alpha", "alpha "], {}), ParseError, "more than once"),
     ],

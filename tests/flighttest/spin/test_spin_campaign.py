@@ -11,7 +11,7 @@ from spin_recording import draw_errors
 
 import flightmech
 import flighttest
-from flighttest.regression.uncertainty.significance import theil
+from flighttest.regression.uncertainty.prediction_errors import theil
 from flighttest.special_tests.spin.rotation_rates import reconstruct_steep
 
 ROOT = Path(__file__).parents[3]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.regression.uncertainty import significance as goodness_of_fit
+from flighttest.regression.uncertainty import prediction_errors as goodness_of_fit
 
 PUBLISHED = Path(__file__).parents[3] / ".." / "shared" / "data" / "published"
 TIME = np.linspace(0.0, 1.0, 1000, endpoint=False)

@@ -66,14 +66,16 @@ def test_slopes_of_the_posterior_are_its_differences(tau):
     n = len(likelihood.knots)
     prior = np.diag(rng.uniform(0.1, 1.0, n))
     c = rng.normal(size=n) + 2.0  # hidden variance above one
-    H, g = likelihood._slopes(likelihood._at(c, prior), prior)
+    H, g = likelihood._derivatives(likelihood._evaluate(c, prior), prior)
     step = 1e-5 * np.eye(n)
-    up, down = ([likelihood._at(c + side * one, prior) for one in step] for side in (1.0, -1.0))
+    up, down = (
+        [likelihood._evaluate(c + side * one, prior) for one in step] for side in (1.0, -1.0)
+    )
     np.testing.assert_allclose(
         g, [(a.cost - b.cost) / 2e-5 for a, b in zip(up, down)], rtol=1e-5, atol=1e-6
     )
     slopes = [
-        (likelihood._slopes(a, prior)[1] - likelihood._slopes(b, prior)[1]) / 2e-5
+        (likelihood._derivatives(a, prior)[1] - likelihood._derivatives(b, prior)[1]) / 2e-5
         for a, b in zip(up, down)
     ]
     np.testing.assert_allclose(H, slopes, rtol=1e-5, atol=1e-6)
@@ -188,7 +190,7 @@ def test_sums_over_the_two_knots_next_to_a_frequency_are_those_of_the_hat_functi
     )
     B = np.maximum(0.0, 1.0 - np.abs(x[:, None] - np.arange(knots)))
     weights, c = rng.uniform(0.1, 2.0, len(x)), rng.normal(size=knots)
-    np.testing.assert_allclose(hats.at(c), B @ c, rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(hats.interpolate(c), B @ c, rtol=0.0, atol=1e-14)
     np.testing.assert_allclose(hats.sums(weights), weights @ B, rtol=1e-13)
     np.testing.assert_allclose(
         hats.products(weights), (B * weights[:, None]).T @ B, rtol=0.0, atol=1e-12

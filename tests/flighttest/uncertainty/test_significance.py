@@ -9,7 +9,7 @@ from flown_lift import LIFT, STEP, TRUTH, coloured_noise, record
 from scipy import stats
 
 from flightmech.errors import IdentificationError
-from flighttest.regression.combining.pooling import mix_with_prior
+from flighttest.regression.combining.mixed_estimation import mix_with_prior
 from flighttest.regression.equation_error.fit import open_fit, save_fit
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel

@@ -1,7 +1,7 @@
-"""MathML 2 content markup: read to a small tree, evaluate over arrays, write.
+"""Expressions of MathML 2 content markup: reading, evaluation over arrays, writing.
 
-Relations and logic give 1 and 0; where no piece of a ``piecewise`` holds and there is no
-``otherwise`` the value is NaN, and so is a function outside its domain.
+Relations and logic give 1 and 0.  A ``piecewise`` without ``otherwise`` is NaN where no condition
+holds.  A function is NaN outside its domain.
 """
 
 from __future__ import annotations
@@ -42,9 +42,7 @@ class Apply:
 
 @dataclass(frozen=True)
 class Choice:
-    """Pieces (value, condition) of which the first that holds counts, and what counts when none
-    does.
-    """
+    """Pieces (value, condition), of which the first that holds counts; else ``otherwise``."""
 
     pieces: tuple[tuple[Expression, Expression], ...]
     otherwise: Expression | None
@@ -53,8 +51,8 @@ class Choice:
 Expression = MathNumber | Name | Apply | Choice
 
 
-def _chain(relation: Callable) -> Callable:
-    """Relations may have more than two arguments: a < b < c."""
+def _make_relation(relation: Callable) -> Callable:
+    """Return a relation of two or more arguments, such as a < b < c."""
 
     def holds(*values):
         return reduce(np.logical_and, (relation(a, b) for a, b in pairwise(values))).astype(float)
@@ -62,45 +60,47 @@ def _chain(relation: Callable) -> Callable:
     return holds
 
 
-def _logic(operation: Callable) -> Callable:
+def _make_logic(operation: Callable) -> Callable:
     def combined(*values):
         return reduce(operation, (np.asarray(value) != 0.0 for value in values)).astype(float)
 
     return combined
 
 
+def _subtract(first, *second):
+    """Return the difference of two arguments, or the negative of one."""
+    return first - second[0] if second else -first
+
+
 def _root(value, degree=2.0):
     """Return the real root; the odd root of a negative number is negative."""
-    odd = np.mod(degree, 2.0) == 1.0
-    return np.where(
-        odd & (value < 0.0), -np.power(np.abs(value), 1.0 / degree), np.power(value, 1.0 / degree)
-    )
+    is_odd = np.mod(degree, 2.0) == 1.0
+    negative_root = -np.power(np.abs(value), 1.0 / degree)
+    return np.where(is_odd & (value < 0.0), negative_root, np.power(value, 1.0 / degree))
 
 
-_MANY = 10**6
-# operator: function over arrays, least and largest number of arguments
+def _logarithm(value, base=10.0):
+    # np.log10 is more accurate than the quotient of two logarithms.
+    if np.all(base == 10.0):
+        return np.log10(value)
+    return np.log(value) / np.log(base)
+
+
+_MANY = 10**6  # no limit of the number of arguments
+# Operator: function over arrays, least and largest number of arguments.
 OPERATORS: dict[str, tuple[Callable, int, int]] = {
     "plus": (lambda *values: reduce(np.add, values), 1, _MANY),
-    "minus": (lambda a, *b: a - b[0] if b else -a, 1, 2),
+    "minus": (_subtract, 1, 2),
     "times": (lambda *values: reduce(np.multiply, values), 1, _MANY),
     "divide": (np.divide, 2, 2),
-    "quotient": (
-        np.divide,
-        2,
-        2,
-    ),  # the check cases of NASA's basic_functions.dml demand the ratio, MathML its whole part
+    # The check cases of NASA's basic_functions.dml demand the ratio, MathML its whole part.
+    "quotient": (np.divide, 2, 2),
     "rem": (np.fmod, 2, 2),
     "power": (np.power, 2, 2),
     "root": (_root, 1, 2),
     "exp": (np.exp, 1, 1),
     "ln": (np.log, 1, 1),
-    "log": (
-        lambda value, base=10.0: (
-            np.log10(value) if np.all(base == 10.0) else np.log(value) / np.log(base)
-        ),
-        1,
-        2,
-    ),
+    "log": (_logarithm, 1, 2),
     "abs": (np.abs, 1, 1),
     "floor": (np.floor, 1, 1),
     "ceiling": (np.ceil, 1, 1),
@@ -122,15 +122,15 @@ OPERATORS: dict[str, tuple[Callable, int, int]] = {
     "arccosh": (np.arccosh, 1, 1),
     "arctanh": (np.arctanh, 1, 1),
     "atan2": (np.arctan2, 2, 2),
-    "eq": (_chain(np.equal), 2, _MANY),
+    "eq": (_make_relation(np.equal), 2, _MANY),
     "neq": (lambda a, b: np.not_equal(a, b).astype(float), 2, 2),
-    "lt": (_chain(np.less), 2, _MANY),
-    "gt": (_chain(np.greater), 2, _MANY),
-    "leq": (_chain(np.less_equal), 2, _MANY),
-    "geq": (_chain(np.greater_equal), 2, _MANY),
-    "and": (_logic(np.logical_and), 1, _MANY),
-    "or": (_logic(np.logical_or), 1, _MANY),
-    "xor": (_logic(np.logical_xor), 1, _MANY),
+    "lt": (_make_relation(np.less), 2, _MANY),
+    "gt": (_make_relation(np.greater), 2, _MANY),
+    "leq": (_make_relation(np.less_equal), 2, _MANY),
+    "geq": (_make_relation(np.greater_equal), 2, _MANY),
+    "and": (_make_logic(np.logical_and), 1, _MANY),
+    "or": (_make_logic(np.logical_or), 1, _MANY),
+    "xor": (_make_logic(np.logical_xor), 1, _MANY),
     "not": (lambda a: np.equal(a, 0.0).astype(float), 1, 1),
 }
 CONSTANTS = {
@@ -141,6 +141,7 @@ CONSTANTS = {
     "infinity": np.inf,
     "notanumber": np.nan,
 }
+# Operators with an optional last argument in an element of its own.
 _QUALIFIERS = {"root": "degree", "log": "logbase"}
 
 
@@ -150,59 +151,67 @@ def read_mathml(math: Element) -> Expression:
     Raises
     ------
     ParseError
-        Anything that is not one expression of the operators above, with its line.
+        The content is not one expression of the operators of `OPERATORS`; with the line.
     """
-    return _expression(_only(math, math.children))
+    return _read_expression(_single_child(math, math.children))
 
 
-def _only(parent: Element, children: list[Element]) -> Element:
+def _single_child(parent: Element, children: list[Element]) -> Element:
     if len(children) != 1:
         raise parent.error(f"<{parent.tag}> with {len(children)} elements", "one expression in it")
     return children[0]
 
 
-def _expression(element: Element) -> Expression:
+def _read_expression(element: Element) -> Expression:
     if element.tag == "cn":
-        return MathNumber(_constant(element))
+        return MathNumber(_read_number(element))
     if element.tag == "ci":
         return Name(element.text)
     if element.tag in CONSTANTS:
         return MathNumber(CONSTANTS[element.tag])
     if element.tag == "piecewise":
-        return _piecewise(element)
+        return _read_piecewise(element)
     if element.tag == "apply":
-        return _apply(element)
+        return _read_apply(element)
     raise element.error(
         f"<{element.tag}>", f"apply, piecewise, cn, ci or one of {', '.join(CONSTANTS)}"
     )
 
 
-def _apply(element: Element) -> Expression:
+def _read_apply(element: Element) -> Expression:
     if not element.children:
         raise element.error("an empty <apply>", "an operator and its arguments")
-    head, *rest = element.children
-    if head.tag == "piecewise":  # an <apply> around it, as NASA's files have it
-        return _expression(_only(element, element.children))
-    operator = _operator(head)
+    head, *children = element.children
+    # NASA's files have an <apply> around a <piecewise>.
+    if head.tag == "piecewise":
+        return _read_expression(_single_child(element, element.children))
+    operator = _read_operator(head)
     qualifier = _QUALIFIERS.get(operator)
-    qualifiers = [_only(child, child.children) for child in rest if child.tag == qualifier]
-    arguments = tuple(
-        _expression(child) for child in [*(c for c in rest if c.tag != qualifier), *qualifiers]
-    )
+    arguments, qualifiers = [], []
+    for child in children:
+        if child.tag == qualifier:
+            qualifiers.append(_single_child(child, child.children))
+        else:
+            arguments.append(child)
+    # The qualifier is the last argument of the function, wherever it is in the file.
+    expressions = tuple(_read_expression(child) for child in [*arguments, *qualifiers])
     _, least, most = OPERATORS[operator]
-    if not least <= len(arguments) <= most:
-        wanted = (
-            f"{least}"
-            if least == most
-            else f"{least} to {most}"
-            if most < _MANY
-            else f"{least} or more"
+    if not least <= len(expressions) <= most:
+        raise element.error(
+            f"{operator} with {len(expressions)} arguments", _describe_count(least, most)
         )
-        raise element.error(f"{operator} with {len(arguments)} arguments", f"{wanted}")
-    return Apply(operator, arguments)
+    return Apply(operator, expressions)
 
 
-def _operator(head: Element) -> str:
+def _describe_count(least: int, most: int) -> str:
+    if least == most:
+        return f"{least}"
+    if most < _MANY:
+        return f"{least} to {most}"
+    return f"{least} or more"
+
+
+def _read_operator(head: Element) -> str:
     name = head.text if head.tag == "csymbol" else head.tag
     if name not in OPERATORS:
         raise head.error(
@@ -212,32 +221,34 @@ def _operator(head: Element) -> str:
     return name
 
 
-def _piecewise(element: Element) -> Choice:
+def _read_piecewise(element: Element) -> Choice:
     pieces = []
     for piece in element.all("piece"):
         if len(piece.children) != 2:
             raise piece.error(
                 f"<piece> with {len(piece.children)} elements", "a value and a condition"
             )
-        value, condition = (_expression(child) for child in piece.children)
+        value, condition = (_read_expression(child) for child in piece.children)
         pieces.append((value, condition))
-    rest = element.first("otherwise")
-    if len(pieces) + (rest is not None) != len(element.children) or not pieces:
+    otherwise = element.first("otherwise")
+    # Together the pieces and one <otherwise> must be all children.
+    if len(pieces) + (otherwise is not None) != len(element.children) or not pieces:
         raise element.error(
             "<piecewise> with something else than pieces and one <otherwise>",
             "one <piece> or more, then <otherwise>",
         )
-    return Choice(tuple(pieces), None if rest is None else _expression(_only(rest, rest.children)))
+    if otherwise is None:
+        return Choice(tuple(pieces), None)
+    content = _read_expression(_single_child(otherwise, otherwise.children))
+    return Choice(tuple(pieces), content)
 
 
-def _constant(element: Element) -> float:
+def _read_number(element: Element) -> float:
     if element.attributes.get("base", "10").strip() != "10":
         raise element.error(f"a number to the base {element.attributes['base']}", "decimal numbers")
-    parts = (
-        [parse_number(text, element) for text in element.text.split()]
-        if element.children
-        else [parse_number(element.text, element)]
-    )
+    # A child, <sep/>, separates two parts. It leaves a blank in the text.
+    texts = element.text.split() if element.children else [element.text]
+    parts = [parse_number(text, element) for text in texts]
     if len(parts) == 1:
         return parts[0]
     kind = element.attributes.get("type", "")
@@ -258,45 +269,48 @@ def evaluate_mathml(expression: Expression, values: Mapping[str, np.ndarray]) ->
     if isinstance(expression, Name):
         return values[expression.varID]
     if isinstance(expression, Apply):
-        return OPERATORS[expression.operator][0](
-            *(evaluate_mathml(argument, values) for argument in expression.arguments)
-        )
-    result = (
-        np.asarray(np.nan)
-        if expression.otherwise is None
-        else evaluate_mathml(expression.otherwise, values)
-    )
+        function = OPERATORS[expression.operator][0]
+        return function(*(evaluate_mathml(argument, values) for argument in expression.arguments))
+    result = np.asarray(np.nan)
+    if expression.otherwise is not None:
+        result = evaluate_mathml(expression.otherwise, values)
+    # The first piece that holds counts, so the pieces are applied from the last to the first.
     for value, condition in reversed(expression.pieces):
-        result = np.where(
-            evaluate_mathml(condition, values) != 0.0, evaluate_mathml(value, values), result
-        )
+        holds = evaluate_mathml(condition, values) != 0.0
+        result = np.where(holds, evaluate_mathml(value, values), result)
     return result
 
 
 def expression_variables(expression: Expression) -> Iterator[str]:
-    """Yield the varIDs an expression uses."""
+    """Yield the varIDs of the variables of an expression."""
     if isinstance(expression, Name):
         yield expression.varID
     elif isinstance(expression, Apply):
         for argument in expression.arguments:
             yield from expression_variables(argument)
     elif isinstance(expression, Choice):
-        for pair in expression.pieces:
-            for part in pair:
-                yield from expression_variables(part)
+        for value, condition in expression.pieces:
+            yield from expression_variables(value)
+            yield from expression_variables(condition)
         if expression.otherwise is not None:
             yield from expression_variables(expression.otherwise)
 
 
 def write_mathml(expression: Expression, indent: str) -> list[str]:
-    """Return an expression of numbers, names and operators as lines of XML."""
+    """Return an expression of numbers, names and operators as lines of XML.
+
+    Raises
+    ------
+    TypeError
+        The expression contains a `Choice`.
+    """
     if isinstance(expression, MathNumber):
         return [f"{indent}<cn>{expression.value!r}</cn>"]
     if isinstance(expression, Name):
         return [f"{indent}<ci>{escape(expression.varID)}</ci>"]
     if not isinstance(expression, Apply):
         raise TypeError(f"{type(expression).__name__} is not written; build it from operators")
-    lines = [
-        line for argument in expression.arguments for line in write_mathml(argument, indent + "  ")
-    ]
-    return [f"{indent}<apply>", f"{indent}  <{expression.operator}/>", *lines, f"{indent}</apply>"]
+    lines = [f"{indent}<apply>", f"{indent}  <{expression.operator}/>"]
+    for argument in expression.arguments:
+        lines += write_mathml(argument, indent + "  ")
+    return [*lines, f"{indent}</apply>"]

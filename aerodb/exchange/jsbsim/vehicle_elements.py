@@ -1,0 +1,247 @@
+"""XML elements of a JSBSim flight model for the aircraft: header, mass, engines, controls."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from xml.etree import ElementTree as ET
+
+import xarray as xr
+
+from aerodb.exchange.jsbsim.properties import (
+    AXIS,
+    factor_elements,
+    throttle_property,
+    thrust_property,
+)
+from flightmech.aircraft.aircraft import Aircraft, reference_in
+from flightmech.aircraft.engine import Engine
+from flightmech.terms import list_regressors
+from flightmech.units import FOOT, INCH, POUND, POUND_FORCE, SLUG
+
+_SLUGFT2 = SLUG * FOOT**2
+
+# Control: command and position. A positive aileron command rolls right, a positive delta_a, delta_d
+# or delta_s rolls left.
+_SURFACES = {
+    "delta_e": ("fcs/elevator-cmd-norm", AXIS["delta_e"]),
+    "delta_r": ("fcs/rudder-cmd-norm", AXIS["delta_r"]),
+    "delta_t": ("fcs/pitch-trim-cmd-norm", AXIS["delta_t"]),
+    "delta_ta": ("fcs/roll-trim-cmd-norm", AXIS["delta_ta"]),
+    "delta_tr": ("fcs/yaw-trim-cmd-norm", AXIS["delta_tr"]),
+    "delta_d": ("-fcs/aileron-cmd-norm", AXIS["delta_d"]),
+    "delta_s": ("-fcs/aileron-cmd-norm", AXIS["delta_s"]),
+    "delta_f": ("fcs/flap-cmd-norm", AXIS["delta_f"]),
+    "gear": ("gear/gear-cmd-norm", AXIS["gear"]),
+    "speedbrake": ("fcs/speedbrake-cmd-norm", AXIS["speedbrake"]),
+}
+_TABS = ("delta_t", "delta_ta", "delta_tr")
+# Controls whose command is 0 ... 1. The command of all others is -1 ... 1.
+_ONE_SIDED = ("delta_f", "gear", "speedbrake")
+_DEFAULT = {"gear": (0.0, 1.0), "speedbrake": (0.0, 1.0)}
+
+
+def write_header(root: ET.Element, attributes: Mapping) -> None:
+    """Write title, source and history of the database."""
+    head = ET.SubElement(root, "fileheader")
+    for tag, key in (
+        ("author", "source"),
+        ("description", "title"),
+        ("note", "comment"),
+        ("note", "history"),
+    ):
+        if attributes.get(key):
+            add_text_child(head, tag, str(attributes[key]))
+    if attributes.get("references"):
+        title = str(attributes["references"])
+        ET.SubElement(head, "reference", author="", date="", title=title, refID="1")
+
+
+def write_geometry_and_mass(root: ET.Element, aircraft: Aircraft) -> None:
+    """Write geometry, mass, inertia and centre of gravity."""
+    metrics = ET.SubElement(root, "metrics")
+    _write_number(metrics, "wingarea", aircraft.S / FOOT**2, unit="FT2")
+    _write_number(metrics, "wingspan", aircraft.b / FOOT, unit="FT")
+    _write_number(metrics, "chord", aircraft.cbar / FOOT, unit="FT")
+    for name in ("AERORP", "EYEPOINT", "VRP"):
+        _write_location(metrics, aircraft, (0.0, 0.0, 0.0), name=name)
+    mass = ET.SubElement(root, "mass_balance", negated_crossproduct_inertia="true")
+    # In structural axes x and z are reversed, which changes the sign of Ixy and Iyz. The attribute
+    # negates all three products, so Ixz is written with the opposite sign.
+    for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"):
+        sign = -1.0 if name == "Ixz" else 1.0
+        value = sign * getattr(aircraft, name) / _SLUGFT2
+        _write_number(mass, name.lower(), value, unit="SLUG*FT2")
+    _write_number(mass, "emptywt", aircraft.mass / POUND, unit="LBS")
+    _write_location(mass, aircraft, aircraft.cg, name="CG")
+    ET.SubElement(root, "ground_reactions")
+
+
+def write_engines(root: ET.Element, aircraft: Aircraft) -> None:
+    """Write the engines as external forces that follow ``fcs/engine1-thrust-lbs``."""
+    if not aircraft.engines:
+        return
+    reactions = ET.SubElement(root, "external_reactions")
+    for number, engine in enumerate(aircraft.engines, 1):
+        force = ET.SubElement(reactions, "force", name=f"engine{number}", frame="BODY")
+        add_text_child(ET.SubElement(force, "function"), "property", thrust_property(number))
+        _write_location(force, aircraft, engine.position)
+        direction = ET.SubElement(force, "direction")
+        for name, component in zip("xyz", engine.direction, strict=True):
+            add_text_child(direction, name, repr(float(component)))
+
+
+@dataclass(frozen=True)
+class Propulsion:
+    """Static thrust of the engines as terms; `native` as in `table_element`."""
+
+    thrusts: Mapping[str, xr.Dataset]
+    native: bool
+
+
+def write_flight_control(
+    root: ET.Element, aircraft: Aircraft, used: Collection[str], propulsion: Propulsion
+) -> None:
+    """Write the scaling of the commands in `used`, and the thrust of the engines."""
+    control = ET.SubElement(root, "flight_control", name=aircraft.name)
+    for number, engine in enumerate(aircraft.engines, 1):
+        _declare_property(control, throttle_property(number))
+        if engine.thrust is None:
+            _declare_property(control, thrust_property(number))
+    # A tab without limits has no command. Its position is set directly.
+    free_tabs = [name for name in _TABS if name in used and name not in aircraft.limits]
+    for name in free_tabs:
+        _declare_property(control, AXIS[name])
+    channel = ET.SubElement(control, "channel", name="Surfaces")
+    for name, (command, position) in _SURFACES.items():
+        if name in used and name not in free_tabs:
+            limits, one_sided = _control_limits(aircraft, name), name in _ONE_SIDED
+            _write_scale(channel, command, position, limits=limits, one_sided=one_sided)
+    if "delta_a" in used:
+        # delta_a is the angle of the right aileron, the left one moves the other way.
+        low, high = _control_limits(aircraft, "delta_a")
+        command = "fcs/aileron-cmd-norm"
+        _write_scale(channel, command, "fcs/left-aileron-pos-rad", limits=(-high, -low))
+        _write_scale(channel, f"-{command}", "fcs/right-aileron-pos-rad", limits=(low, high))
+    for number, engine in enumerate(aircraft.engines, 1):
+        if engine.thrust is not None:
+            name = f"engine{number}"
+            engine_channel = ET.SubElement(control, "channel", name=name)
+            _write_thrust(engine_channel, name, engine, propulsion=propulsion)
+
+
+def missing_limits(aircraft: Aircraft, used: Collection[str]) -> list[str]:
+    """Return a problem for every control in `used` that needs limits and has none."""
+    problems = []
+    for name in (*_SURFACES, "delta_a"):
+        needs_limits = name in used and name not in _DEFAULT and name not in _TABS
+        if needs_limits and name not in aircraft.limits:
+            problems.append(
+                f"{name} has no limits in the aircraft file, which scale its command; add "
+                f"[limits] {name} = [low, high]"
+            )
+    return problems
+
+
+def engine_terms(aircraft: Aircraft) -> dict[str, xr.Dataset]:
+    """Return the static thrust of the engines as terms ``engine1/thrust``.
+
+    The lever of each engine is the variable ``engine1.throttle``.
+    """
+    thrusts = {}
+    for number, engine in enumerate(aircraft.engines, 1):
+        if engine.thrust is None:
+            continue
+        leaf, lever = engine.thrust.squeeze(drop=True), f"engine{number}.throttle"
+        if "throttle" in leaf.dims:
+            leaf = leaf.rename({"throttle": lever})
+        regressors = []
+        for name in list_regressors(leaf):
+            regressors.append(lever if name == "throttle" else name)
+        thrusts[f"engine{number}/thrust"] = leaf.assign_attrs(regressors=" ".join(regressors))
+    return thrusts
+
+
+def function_fields(aircraft: Aircraft) -> dict[str, object]:
+    """Return the data of the aircraft for the functions of `properties.FUNCTION`."""
+    thrusts = ""
+    for number in range(1, len(aircraft.engines) + 1):
+        thrusts += f"<property>{thrust_property(number)}</property>"
+    return {
+        "x_ref_mac": aircraft.x_ref_mac,
+        "chords_per_inch": INCH / aircraft.cbar,
+        "thrusts": thrusts,
+    }
+
+
+def _control_limits(aircraft: Aircraft, name: str) -> tuple[float, float]:
+    return aircraft.limits.get(name) or _DEFAULT[name]
+
+
+def _declare_property(control: ET.Element, name: str) -> None:
+    ET.SubElement(control, "property", value="0").text = name
+
+
+def _write_scale(
+    channel: ET.Element,
+    command: str,
+    position: str,
+    limits: tuple[float, float],
+    one_sided: bool = False,
+) -> None:
+    """Write the scaling of a command of -1 ... 1, or 0 ... 1 if it is one-sided, to the limits."""
+    surface = position.split("/")[1].split("-pos")[0]
+    scale = ET.SubElement(channel, "aerosurface_scale", name=f"{surface}-travel")
+    add_text_child(scale, "input", command)
+    if one_sided:
+        _write_range(scale, "domain", (0.0, 1.0))
+        # Else JSBSim scales both sides of zero on their own.
+        add_text_child(scale, "zero_centered", "false")
+    _write_range(scale, "range", limits)
+    add_text_child(scale, "output", position)
+
+
+def _write_range(parent: ET.Element, tag: str, limits: tuple[float, float]) -> None:
+    element = ET.SubElement(parent, tag)
+    for name, value in zip(("min", "max"), limits, strict=True):
+        add_text_child(element, name, repr(float(value)))
+
+
+def _write_thrust(channel: ET.Element, name: str, engine: Engine, propulsion: Propulsion) -> None:
+    """Write the static thrust of an engine and its lag."""
+    static_thrust = f"fcs/{name}-static-thrust-lbs"
+    fcs_function = ET.SubElement(channel, "fcs_function", name=static_thrust)
+    product = ET.SubElement(ET.SubElement(fcs_function, "function"), "product")
+    # The table is in newtons, the property in pounds.
+    add_text_child(product, "value", repr(1.0 / POUND_FORCE))
+    product.extend(factor_elements(propulsion.thrusts[f"{name}/thrust"], propulsion.native))
+    # c1 is the reciprocal of the time constant of a first-order lag. [1/s]
+    component, key, value = "pure_gain", "gain", "1"
+    if engine.time_constant > 0.0:
+        component, key, value = "lag_filter", "c1", repr(1.0 / engine.time_constant)
+    follower = ET.SubElement(channel, component, name=f"{name}-spool")
+    add_text_child(follower, "input", static_thrust)
+    add_text_child(follower, key, value)
+    add_text_child(follower, "output", f"fcs/{name}-thrust-lbs")
+
+
+def _write_location(
+    parent: ET.Element, aircraft: Aircraft, position: tuple[float, float, float], name: str = ""
+) -> None:
+    """Write a point in structural axes; `position` is from the moment reference, body axes. [m]"""
+    attributes = {"name": name, "unit": "IN"} if name else {"unit": "IN"}
+    location = ET.SubElement(parent, "location", attributes)
+    # Structural axes have x aft and z up, body axes x forward and z down.
+    for axis, sign, origin, offset in zip(
+        "xyz", (-1.0, 1.0, -1.0), reference_in(aircraft, {}), position, strict=True
+    ):
+        add_text_child(location, axis, repr(sign * (origin + offset) / INCH))
+
+
+def _write_number(parent: ET.Element, tag: str, value: float, unit: str) -> None:
+    ET.SubElement(parent, tag, unit=unit).text = repr(value)
+
+
+def add_text_child(parent: ET.Element, tag: str, text: str) -> None:
+    """Append an element with a text."""
+    ET.SubElement(parent, tag).text = text

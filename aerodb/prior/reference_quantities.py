@@ -1,0 +1,143 @@
+"""Reference quantities, axes and moment reference point of the aircraft for DATCOM's effects."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from aerodb.prior.sources import Source, warn_user
+from aerodb.store.effects import (
+    Effect,
+    change_reference_quantities,
+    rate_shift,
+    rates_to_body,
+    rotate_rolling_to_body,
+    transfer_moments,
+    with_added,
+)
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.errors import SchemaError
+
+# Moment centres closer than this are equal within the rounding of print and drawing. [chords]
+_NEAR = 5e-4
+_FAR = 0.1  # distance of moment centres that is a mistake unless it is stated [chords]
+_REFERENCE_DIFFERENCE = 0.01  # relative difference of reference quantities from which on to warn
+Point = tuple[float, float, float]
+
+
+def refer_to_aircraft(
+    program_effects: list[tuple[str, Effect]],
+    sources: Mapping[str, Source],
+    aircraft: Aircraft,
+    *,
+    reference: Point,
+) -> dict[str, Effect]:
+    """Return the effects by name for the aircraft's reference quantities, axes and point."""
+    quantities = {"S": aircraft.S, "cbar": aircraft.cbar, "b": aircraft.b}
+    _warn_of_other_quantities(sources, quantities)
+    effects, roles = {}, {}
+    for role, effect in program_effects:
+        old = sources[role].reference
+        effects[effect.name] = change_reference_quantities(effect, old, quantities)
+        roles[effect.name] = role
+    # Stability to body axes.
+    alpha = effects["basic"].tables["CL"]["alpha"]
+    for name in ("beta", "aileron", "spoiler", "differential_tail"):
+        if name in effects:
+            effects[name] = rotate_rolling_to_body(effects[name], alpha)
+    if "phat" in effects:
+        effects["phat"], effects["rhat"] = rates_to_body(effects["phat"], effects["rhat"])
+    # Moments about the reference point of the aircraft.
+    lengths = {"cbar": aircraft.cbar, "b": aircraft.b}
+    for name, effect in effects.items():
+        d = _reference_arm(sources[roles[name]], reference)
+        if np.hypot(d[0], d[2]) > _NEAR * aircraft.cbar and effect.tables:
+            effects[name] = transfer_moments(effect, d, **lengths, alpha=alpha)
+    # Flow angles at the new point change with the rates.
+    d = _reference_arm(sources["clean"], reference)
+    if np.hypot(d[0], d[2]) > _NEAR * aircraft.cbar:
+        changes = rate_shift(effects["basic"], effects["beta"], d, **lengths)
+        for name, tables in changes.items():
+            if name in effects and effects[name].tables:
+                effects[name] = with_added(effects[name], tables)
+    return effects
+
+
+def _warn_of_other_quantities(
+    sources: Mapping[str, Source], quantities: Mapping[str, float]
+) -> None:
+    """Warn of listings whose reference quantities differ from those of the aircraft."""
+    for role, source in sources.items():
+        differences = []
+        for key, item in quantities.items():
+            if abs(source.reference[key] / item - 1) > _REFERENCE_DIFFERENCE:
+                differences.append(f"{key} {source.reference[key]:.5g} against {item:.5g}")
+        if differences:
+            warn_user(
+                f"{role}: {', '.join(differences)}: not the reference quantities of the aircraft; "
+                f"the coefficients are referred to the aircraft's"
+            )
+
+
+def _reference_arm(source: Source, reference: Point) -> Point:
+    """Return the vector from a reference point to the moment centre of a listing, body axes. [m]"""
+    # x_cg counts aft and z_cg up; body axes point forward and down.
+    return -source.reference["x_cg"] - reference[0], 0.0, -source.reference["z_cg"] - reference[2]
+
+
+def find_reference_point(
+    aircraft: Aircraft, sources: Mapping[str, Source], move_reference: bool
+) -> Point:
+    """Return the moment reference point of the aircraft, by default that of the cards. [m]"""
+    if aircraft.reference is None:
+        clean = sources["clean"]
+        x_cg, z_cg = clean.reference["x_cg"], clean.reference["z_cg"]
+        warn_user(
+            f"the aircraft file gives no reference; the moment reference point is that of "
+            f"the cards of {clean.file}, "
+            f"XCG {x_cg:.4g} m, ZCG {z_cg:.4g} m: cg and all positions of the aircraft file "
+            f"count from there"
+        )
+        return -x_cg, 0.0, -z_cg
+    # A point of the aircraft file must be near the moment centre of every listing.
+    x_ref, y_ref, z_ref = map(float, aircraft.reference)
+    problems = []
+    if abs(y_ref) > _NEAR * aircraft.cbar:
+        problems.append(
+            f"the moment reference point lies {y_ref:.4f} m right of the plane of symmetry; "
+            f"DATCOM's lies in it, set y to 0"
+        )
+    if not move_reference:
+        problems += _distant_centres(sources, (x_ref, 0.0, z_ref), aircraft.cbar)
+    if problems:
+        raise SchemaError("aircraft", problems)
+    return x_ref, y_ref, z_ref
+
+
+def _distant_centres(sources: Mapping[str, Source], reference: Point, cbar: float) -> list[str]:
+    """Return a problem for each moment centre that is far from the reference point."""
+    # Listings of one centre share a message.
+    roles_by_centre: dict[str, list[str]] = {}
+    for role, source in sources.items():
+        d = _reference_arm(source, reference)
+        chords = float(np.hypot(d[0], d[2])) / cbar
+        # Powered pages must have the moment centre of the clean ones: that is checked elsewhere.
+        if chords <= _FAR or role == "power":
+            continue
+        x_cg, z_cg = source.reference["x_cg"], source.reference["z_cg"]
+        centre = (
+            f"XCG {x_cg:.4g} m, ZCG {z_cg:.4g} m, which is reference = [{-x_cg:.4g}, 0, "
+            f"{-z_cg:.4g}]"
+        )
+        text = f"{chords:.2g} chords from the moment centre of {source.file} ({centre}"
+        roles_by_centre.setdefault(text, []).append(role)
+    problems = []
+    for text, roles in roles_by_centre.items():
+        problems.append(
+            f"reference [{reference[0]:.4g}, 0, {reference[2]:.4g}] m lies {text}; "
+            f"{', '.join(roles)}); "
+            f"correct it, leave it out to take that of the "
+            "cards, or state `move_reference` (--move-reference) to have the moments transferred"
+        )
+    return problems
