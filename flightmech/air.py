@@ -14,7 +14,7 @@ References
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -221,7 +221,7 @@ def _layers(delta_T: float, qnh: float) -> tuple[np.ndarray, np.ndarray]:
     return T, p
 
 
-def _pressure(p_base, T_base, gradient, dH):
+def _pressure(p_base: Any, T_base: Any, gradient: Any, dH: Any) -> Any:
     """Return the pressure at the height dH above the base of a layer, [US76] eq. (33a), (33b)."""
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         sloped = ((T_base + gradient * dH) / T_base) ** (-G0 / (R_AIR * gradient))

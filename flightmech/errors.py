@@ -171,7 +171,7 @@ class SchemaError(AeromatchError):
 class OutOfRange(AeromatchError):
     """Values outside the range of a table, a record or a limit. ``mask`` flags the values."""
 
-    def __init__(self, text: str, mask=None):
+    def __init__(self, text: str, mask: Any = None):
         self.mask = mask
         super().__init__(text)
 

@@ -32,7 +32,7 @@ _NUMBER = int | float | np.integer | np.floating
 class HasAttributes(Protocol):
     """An object with the attributes of a leaf: a Dataset, or a group of a file."""
 
-    attrs: dict
+    attrs: dict[str, Any]
 
 
 def list_regressors(leaf: HasAttributes) -> tuple[str, ...]:

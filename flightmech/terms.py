@@ -51,14 +51,12 @@ from flightmech.support.arrays import (
 from flightmech.term_checks import MAX_AXES as MAX_AXES
 from flightmech.term_checks import MAX_REGRESSORS as MAX_REGRESSORS
 from flightmech.term_checks import POSTERIOR as POSTERIOR
-from flightmech.term_checks import (
-    SOURCE_ATTRS,
-    SOURCES,
-    TABLES,
-    HasAttributes,
-    check_term,
-    list_regressors,
-)
+from flightmech.term_checks import SOURCE_ATTRS as SOURCE_ATTRS
+from flightmech.term_checks import SOURCES as SOURCES
+from flightmech.term_checks import TABLES as TABLES
+from flightmech.term_checks import HasAttributes as HasAttributes
+from flightmech.term_checks import check_term as check_term
+from flightmech.term_checks import list_regressors as list_regressors
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,7 +73,7 @@ class PowerFactor(NamedTuple):
     exponent: float
     floor: float
 
-    def at(self, v) -> np.ndarray:
+    def at(self, v: Any) -> np.ndarray:
         """Return the factor at values of the variable. [unit of the variable ** exponent]"""
         return np.maximum(np.asarray(v, float), self.floor) ** self.exponent
 
@@ -84,11 +82,11 @@ class PowerFactor(NamedTuple):
 
 
 def make_term(
-    value,
+    value: Any,
     axes: Mapping[str, Any] | None = None,
     regressors: Sequence[str] = (),
     *,
-    stderr=None,
+    stderr: Any = None,
     source: str | None = None,
     K1: xr.DataArray | None = None,
     K2: xr.DataArray | None = None,
@@ -149,7 +147,7 @@ def make_term(
 make = make_term
 
 
-def _make_value_table(value, axes: Mapping[str, Any]) -> xr.Dataset:
+def _make_value_table(value: Any, axes: Mapping[str, Any]) -> xr.Dataset:
     import xarray as xr
 
     coords = {name: np.asarray(points, float) for name, points in axes.items()}
@@ -302,7 +300,7 @@ def _common_shape(leaf: xr.Dataset, conditions: Mapping[str, Any]) -> tuple[int,
     return np.broadcast_shapes(*(np.shape(_get_condition(name, conditions)) for name in names), ())
 
 
-def _get_condition(name: str, conditions: Mapping[str, Any]):
+def _get_condition(name: str, conditions: Mapping[str, Any]) -> Any:
     if name not in conditions:
         raise UnknownName(
             name,
@@ -322,7 +320,7 @@ def _flat_condition(name: str, conditions: Mapping[str, Any], shape: tuple[int, 
 
 
 def _corner_weights(
-    table: xr.DataArray, conditions, shape: tuple[int, ...], outside: str, rule: str
+    table: xr.DataArray, conditions: Any, shape: tuple[int, ...], outside: str, rule: str
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return flat node indices and weights (samples, 2**axes) of multilinear interpolation."""
     _demand_choice(outside)
@@ -346,7 +344,7 @@ def _corner_weights(
 
 
 def _interpolate_table(
-    leaf: xr.Dataset, name: str, conditions, outside: str, places: dict[Any, Place]
+    leaf: xr.Dataset, name: str, conditions: Any, outside: str, places: dict[Any, Place]
 ) -> np.ndarray:
     """Return one table at conditions, in the broadcast shape of the axes of the table."""
     _demand_choice(outside)

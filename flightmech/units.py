@@ -10,6 +10,7 @@ import math
 import re
 from difflib import get_close_matches
 from functools import cache
+from typing import Any
 
 from flightmech.errors import UnitError
 
@@ -323,7 +324,7 @@ def _near_units(word: str) -> str:
     return ", ".join(get_close_matches(word, _BASE, n=3, cutoff=0.6))
 
 
-def to_si(value, unit: str, expected: str | None = None):
+def to_si(value: Any, unit: str, expected: str | None = None) -> Any:
     """Convert `value` in `unit` to SI.
 
     Parameters
@@ -353,7 +354,7 @@ def to_si(value, unit: str, expected: str | None = None):
     return value * factor + offset
 
 
-def from_si(value, unit: str):
+def from_si(value: Any, unit: str) -> Any:
     """Convert an SI `value` to `unit`, the inverse of `to_si`."""
     _, factor, offset = parse_unit(unit)
     return (value - offset) / factor

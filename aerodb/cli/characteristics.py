@@ -16,7 +16,7 @@ from flightmech.support.console import (
 _FILE = InputFile()
 
 
-class Pairs(click.ParamType):
+class Pairs(click.ParamType):  # type: ignore[type-arg]
     """NAME=VALUE."""
 
     name = "NAME=VALUE"

@@ -31,7 +31,7 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _NUMBERS = re.compile(rf"^\s*((?:{_NUMBER}[\s,]+)*{_NUMBER})\s*(.*?)\s*$")
 
 
-class AxisOption(click.ParamType):
+class AxisOption(click.ParamType):  # type: ignore[type-arg]
     """AXIS='numbers unit', such as alpha='-4 0 4 8 deg'; without a unit SI."""
 
     name = "AXIS='NUMBERS UNIT'"
@@ -50,7 +50,7 @@ class AxisOption(click.ParamType):
         return axis.strip(), _numbers(text, lookup(axis.strip()).units)
 
 
-class Numbers(click.ParamType):
+class Numbers(click.ParamType):  # type: ignore[type-arg]
     """One number or several: '1.2', '1.0 1.1 1.2'."""
 
     name = "NUMBERS"

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from datcom_io.reading.reader import ListingCase
 
 
-class ListingPath(click.ParamType):
+class ListingPath(click.ParamType):  # type: ignore[type-arg]
     """FILE, or FILE:CASE for one case of a listing that holds several."""
 
     name = "FILE[:CASE]"

@@ -221,7 +221,7 @@ AT_REST = {
 
 
 def read_conditions(
-    path: str | os.PathLike, *databases: xr.DataTree
+    path: str | os.PathLike[str], *databases: xr.DataTree
 ) -> tuple[xr.Dataset, list[str]]:
     """Return the conditions that databases need from a file with one time axis.
 

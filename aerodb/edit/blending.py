@@ -29,6 +29,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -232,7 +233,7 @@ def _pair_faults(name: str, ours: xr.Dataset, theirs: xr.Dataset) -> list[str]:
     return problems
 
 
-def _is_same_quantity(first, second) -> bool:
+def _is_same_quantity(first: Any, second: Any) -> bool:
     """Return whether two root attributes are equal, numbers within rounding."""
     if isinstance(first, str):
         return first == second

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +30,7 @@ class Lever:
     moment: str
     arm: np.ndarray
 
-    def at(self, alpha, beta) -> np.ndarray:
+    def at(self, alpha: Any, beta: Any) -> np.ndarray:
         """Return the component of arm x e, with e the direction of the force in body axes."""
         sa, ca = np.sin(alpha), np.cos(alpha)
         sb, cb = 0.0, 1.0

@@ -14,6 +14,7 @@ until the error bound holds:
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -127,7 +128,7 @@ def move_reference(
 
 def _move_terms(
     leaves: Mapping[str, xr.Dataset],
-    root: Mapping,
+    root: Mapping[Any, Any],
     d: np.ndarray,
     *,
     tolerance: float,
@@ -185,13 +186,13 @@ def _check_arguments(
 
 
 def _transfer_forces(
-    leaves: Mapping[str, xr.Dataset], root: Mapping, d: np.ndarray, tolerance: float
+    leaves: Mapping[str, xr.Dataset], root: Mapping[str, Any], d: np.ndarray, tolerance: float
 ) -> dict[str, xr.Dataset]:
     """Return all terms with the moments of the forces about the new point."""
     axes = str(root["force_axes"])
     ranges = {angle: _angle_range(leaves, angle) for angle in ("alpha", "beta")}
     # Largest force with the same coefficient and the same regressors: the scale of the tolerance.
-    largest: dict[tuple, float] = {}
+    largest: dict[tuple[Any, ...], float] = {}
     for name, leaf in leaves.items():
         kind = _force_kind(name, leaf)
         largest[kind] = max(largest.get(kind, 0.0), _largest_value(leaf))
@@ -317,7 +318,7 @@ def _can_add(leaf: xr.Dataset, added: xr.Dataset) -> bool:
 
 
 def _add_rate_changes(
-    leaves: dict[str, xr.Dataset], root: Mapping, d: np.ndarray
+    leaves: dict[str, xr.Dataset], root: Mapping[str, Any], d: np.ndarray
 ) -> dict[str, xr.Dataset]:
     """Return all terms with the change of the rate derivatives by the flow angles."""
     basic = _effect_of_terms(leaves, "basic", ("CL", "CD", "Cm"), "")

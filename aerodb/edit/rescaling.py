@@ -8,6 +8,7 @@ floors scale with the span.  Mach numbers, heights over sea level and angles do 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -143,7 +144,7 @@ def rescale(
     return make_database(scaled, **attributes)
 
 
-def _extend_history(attributes: Mapping, line: str) -> str:
+def _extend_history(attributes: Mapping[Any, Any], line: str) -> str:
     """Return the history of some attributes with a further line."""
     return "\n".join(filter(None, [str(attributes.get("history", "")), line]))
 

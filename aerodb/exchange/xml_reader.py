@@ -125,7 +125,7 @@ class Element:
         return value
 
 
-def read_xml(path: str | os.PathLike, doctype: bool = False) -> Element:
+def read_xml(path: str | os.PathLike[str], doctype: bool = False) -> Element:
     """Return the root element of an XML file.
 
     Parameters

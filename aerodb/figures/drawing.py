@@ -30,10 +30,10 @@ except ModuleNotFoundError as missing:
 
 from matplotlib import colormaps as colormaps
 from matplotlib import style
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.axes import Axes as Axes
+from matplotlib.figure import Figure as Figure
+from matplotlib.lines import Line2D as Line2D
+from matplotlib.patches import Patch as Patch
 from matplotlib.ticker import MaxNLocator as MaxNLocator
 
 WIDTH = 7.48  # text width of A4 [in]
@@ -99,7 +99,7 @@ def database_pens(names: Sequence[str]) -> dict[str, Pen]:
 
 
 @contextmanager
-def drawing_style():
+def drawing_style() -> Any:
     """Draw in the style of this package, independent of the settings of the user."""
     with style.context(["default", _STYLE]):
         yield
@@ -203,7 +203,7 @@ def band_handle(color: str, label: str) -> Patch:
     return Patch(facecolor=color, alpha=0.25, linewidth=0, label=label)
 
 
-def save_figure(figure: Figure, path: str | os.PathLike) -> None:
+def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
     """Write a figure to a file, atomically; equal figures give equal bytes.
 
     Parameters

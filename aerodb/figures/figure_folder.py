@@ -22,7 +22,7 @@ from flightmech.support.atomic_write import folder_written_atomically
 
 def write_comparison(
     databases: Mapping[str, xr.DataTree],
-    folder: str | os.PathLike,
+    folder: str | os.PathLike[str],
     format: str = "svg",
     *,
     coefficients: Sequence[str] = (),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -120,7 +121,7 @@ def printed_unit(name: str) -> str:
     return _PRINTED.get(unit, unit)
 
 
-def to_printed_unit(name: str, si):
+def to_printed_unit(name: str, si: Any) -> Any:
     """Return values of a quantity in its display unit."""
     # The sum with 0.0 turns a negative zero into zero.
     return from_si(np.asarray(si, float), lookup(name).display_units) + 0.0

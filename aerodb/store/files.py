@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def save(db: xr.DataTree, path: str | os.PathLike) -> None:
+def save(db: xr.DataTree, path: str | os.PathLike[str]) -> None:
     """Check a database, run its check cases, and write it to a netCDF-4 file.
 
     Parameters
@@ -68,7 +68,7 @@ def save(db: xr.DataTree, path: str | os.PathLike) -> None:
     _digests[_file_key(path)] = _digest_of(content)
 
 
-def open(path: str | os.PathLike) -> xr.DataTree:
+def open(path: str | os.PathLike[str]) -> xr.DataTree:
     """Read a database from a file into memory, check it, and run its check cases.
 
     Raises
@@ -106,12 +106,12 @@ def open(path: str | os.PathLike) -> xr.DataTree:
 
 
 def read_overview(
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
     variables: Collection[str],
     attributes: Collection[str] | None = None,
     whole: Unbroken | None = None,
     names: Collection[str] | None = None,
-) -> tuple[Mapping, Mapping[str, xr.Dataset | StoredGroup]]:
+) -> tuple[Mapping[Any, Any], Mapping[str, xr.Dataset | StoredGroup]]:
     """Return the root attributes and the terms of a database without opening it completely.
 
     The seal replaces the checks: the file passed them when it was saved.  Of a sealed file only the
@@ -146,7 +146,7 @@ def read_overview(
 
 
 def list_terms(
-    path: str | os.PathLike, whole: Unbroken
+    path: str | os.PathLike[str], whole: Unbroken
 ) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
     """Return the root attributes of a database and the rows of its overview.
 
@@ -156,7 +156,7 @@ def list_terms(
     return attributes, describe_terms(leaves)
 
 
-def list_edits(path: str | os.PathLike) -> list[tuple]:
+def list_edits(path: str | os.PathLike[str]) -> list[tuple[Any, ...]]:
     """Return the rows of `aerodb.store.undo_history.history` of a file; errors as in `open`.
 
     The tables of a sealed file are not read.
@@ -181,7 +181,7 @@ def _make_overview(content: bytes) -> tuple[Mapping[str, Any], list[dict[str, An
 _digests: dict[str, bytes] = {}
 
 
-def _file_key(path: str | os.PathLike) -> str:
+def _file_key(path: str | os.PathLike[str]) -> str:
     return os.path.realpath(path)
 
 

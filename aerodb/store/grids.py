@@ -159,7 +159,11 @@ def _interpolate_source(
 
 
 def with_table(
-    leaf: xr.Dataset, points: Mapping[str, np.ndarray], value, stderr=None, source=None
+    leaf: xr.Dataset,
+    points: Mapping[str, np.ndarray],
+    value: Any,
+    stderr: Any = None,
+    source: Any = None,
 ) -> xr.Dataset:
     """Return a leaf with another table.
 

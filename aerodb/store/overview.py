@@ -90,12 +90,14 @@ def summary(db: xr.DataTree) -> str:
     return overview_text(db.attrs, terms(db))
 
 
-def overview_text(attributes: Mapping, leaves: Mapping[str, xr.Dataset | StoredGroup]) -> str:
+def overview_text(
+    attributes: Mapping[Any, Any], leaves: Mapping[str, xr.Dataset | StoredGroup]
+) -> str:
     """Return the text of `summary` from root attributes and terms, which may come from a file."""
     return summary_text(attributes, describe_terms(leaves))
 
 
-def summary_text(attributes: Mapping, terms: Iterable[Mapping[str, Any]]) -> str:
+def summary_text(attributes: Mapping[str, Any], terms: Iterable[Mapping[str, Any]]) -> str:
     """Return the text of `summary` from root attributes and the rows of `describe_database`."""
     # Columns as wide as their widest cell, the head included.
     rows: list[tuple[str, ...]] = [HEAD]
@@ -108,7 +110,7 @@ def summary_text(attributes: Mapping, terms: Iterable[Mapping[str, Any]]) -> str
     return "\n".join([*heading_lines(attributes), "", *lines])
 
 
-def heading_lines(a: Mapping) -> list[str]:
+def heading_lines(a: Mapping[Any, Any]) -> list[str]:
     """Return the lines on a database: title, reference quantities, axes, absent terms."""
     point = ", ".join(f"{a[key]:.4f}" for key in ("x_ref", "y_ref", "z_ref"))
     return [

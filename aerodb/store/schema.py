@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerodb.store.templates import HINGE, lr743
+from aerodb.store.templates import HINGE as HINGE
+from aerodb.store.templates import lr743
 from flightmech import terms as _terms
 from flightmech.build_up import evaluation_levels
 from flightmech.errors import SchemaError, UnknownName
@@ -125,7 +126,7 @@ def database_coefficients(db: xr.DataTree) -> tuple[str, ...]:
     return FORCE_AXES[str(db.attrs["force_axes"])]
 
 
-def _root_faults(attributes: Mapping) -> list[str]:
+def _root_faults(attributes: Mapping[Any, Any]) -> list[str]:
     """Return the faults of the root attributes."""
     # Texts, finite numbers, positive lengths, known axes, storable attributes.
     problems = []

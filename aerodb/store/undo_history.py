@@ -182,7 +182,9 @@ def history(db: xr.DataTree) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=list(COLUMNS), index=index, dtype=object)
 
 
-def edit_rows(attributes: Mapping, entries: Mapping[str, UndoEntry]) -> list[tuple]:
+def edit_rows(
+    attributes: Mapping[Any, Any], entries: Mapping[str, UndoEntry]
+) -> list[tuple[Any, ...]]:
     """Return the rows of `history` from root attributes and undo entries.
 
     The entries are by the names of their groups.  Both may also come from a file.
@@ -298,7 +300,7 @@ def update_absent(
 
 def _undo_edit(
     entry: xr.DataTree, attributes: Mapping[str, Any], leaves: Mapping[str, xr.Dataset]
-) -> tuple[dict, dict, dict]:
+) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     """Return root attributes, terms and check cases before an edit.
 
     The check cases are empty if the edit did not set any aside.
@@ -328,13 +330,13 @@ def _undo_edit(
     return old, {name: restored[name] for name in order}, checks
 
 
-def _entry_row(text: str, number: int, entry: UndoEntry) -> tuple:
+def _entry_row(text: str, number: int, entry: UndoEntry) -> tuple[Any, ...]:
     """Return the row of `history` of an edit with an undo entry."""
     names = [*entry.terms, *str(entry.attrs.get("added", "")).split()]
     return number, entry.attrs["verb"], " ".join(names), entry.attrs.get("note", ""), text
 
 
-def _text_row(text: str) -> tuple:
+def _text_row(text: str) -> tuple[Any, ...]:
     """Return the row of `history` of a line without an undo entry; its verb is before the colon."""
     verb, colon, _ = text.partition(":")
     if not colon or not verb.isidentifier():
@@ -385,7 +387,7 @@ def _count_edits(db: xr.DataTree) -> int:
     return max([int(db.attrs.get("edits", 0)), *_by_number(_undo_groups(db))])
 
 
-def _history_lines(attributes: Mapping) -> list[str]:
+def _history_lines(attributes: Mapping[Any, Any]) -> list[str]:
     """Return the lines of the history of a database."""
     text = attributes.get("history")
     if not text:
@@ -417,7 +419,9 @@ def _nodes_under(db: xr.DataTree, child: str) -> dict[str, xr.Dataset]:
 
 
 def _make_tree(
-    attributes: Mapping, leaves: Mapping[str, xr.Dataset], other_nodes: Mapping[str, xr.Dataset]
+    attributes: Mapping[str, Any],
+    leaves: Mapping[str, xr.Dataset],
+    other_nodes: Mapping[str, xr.Dataset],
 ) -> xr.DataTree:
     """Return a checked database of root attributes, terms and other groups by path."""
     import xarray as xr

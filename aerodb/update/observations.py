@@ -261,7 +261,7 @@ def _term_conditions(leaf: xr.Dataset, data: xr.Dataset) -> dict[str, Any]:
     return conditions
 
 
-def basis_at(leaf: xr.Dataset, data: xr.Dataset):
+def basis_at(leaf: xr.Dataset, data: xr.Dataset) -> Any:
     """Return the linear map from the nodes of a term to its contribution at samples.
 
     Parameters

@@ -271,7 +271,9 @@ def _observe_samples(
     return _SampleObservation(observation, product.all_directions)
 
 
-def _prior_factor(bases: Sequence, priors: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def _prior_factor(
+    bases: Sequence[Any], priors: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the nodes that samples move, among all, and a factor F of their covariance F F'."""
     touched, factors, first = [], [], 0
     for B, P in zip(bases, priors):
@@ -288,7 +290,7 @@ def _prior_factor(bases: Sequence, priors: Sequence[np.ndarray]) -> tuple[np.nda
 class _Product:
     """Sparse B times dense F; the product is never in memory as a whole."""
 
-    def __init__(self, B, F: np.ndarray) -> None:
+    def __init__(self, B: Any, F: np.ndarray) -> None:
         self.B, self.F = B, F
 
     def decompose(self) -> tuple[np.ndarray, np.ndarray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -27,7 +28,7 @@ _COLLINEAR = (
 
 
 @dataclass(frozen=True)
-class Tabulation(Mapping):
+class Tabulation(Mapping[str, Any]):
     """The new terms ``{"CL/basic": leaf, ...}``, ready for `replace_terms`, and reports on them.
 
     Attributes

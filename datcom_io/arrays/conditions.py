@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from datcom_io.cells import OK, OVERFLOW
 from datcom_io.decks.deck import Deck
@@ -157,9 +157,9 @@ def _repeats_first_page(case: PrintedCase, page: Page) -> bool:
     return page.kind in ("dynamic", "auxiliary")
 
 
-def _pages_by_heading(case: PrintedCase) -> dict[tuple, list[Page]]:
+def _pages_by_heading(case: PrintedCase) -> dict[tuple[Any, ...], list[Page]]:
     """Return pages with tables or values by heading, in order."""
-    groups: dict[tuple, list[Page]] = defaultdict(list)
+    groups: dict[tuple[Any, ...], list[Page]] = defaultdict(list)
     for page in case.pages:
         if page.conditions is None or not page.printed:
             continue
@@ -180,7 +180,7 @@ def _pages_by_heading(case: PrintedCase) -> dict[tuple, list[Page]]:
     return groups
 
 
-def _count_occurrences(groups: dict[tuple, list[Page]]) -> dict[Group, int]:
+def _count_occurrences(groups: dict[tuple[Any, ...], list[Page]]) -> dict[Group, int]:
     """Return how often each printed condition occurs.
 
     The free-air pages of one configuration are counted.

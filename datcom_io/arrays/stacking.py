@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -43,7 +43,7 @@ class StackedAxis(NamedTuple):
     """A dimension with its coordinate, in ``deg`` or in SI."""
 
     name: str
-    values: Sequence
+    values: Sequence[Any]
     units: str = ""
 
 

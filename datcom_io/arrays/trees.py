@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -97,9 +98,9 @@ AXES = ("delta_f", "delta_e", "delta")
 _DIGITS = 9  # of a deflection in radians that distinguish it
 
 
-def join_attributes(trees: Sequence[xr.DataTree]) -> dict:
+def join_attributes(trees: Sequence[xr.DataTree]) -> dict[str, Any]:
     """Return the attributes of the first tree, with the texts of all trees, each once."""
-    attrs = dict(trees[0].attrs)
+    attrs: dict[str, Any] = {str(key): value for key, value in trees[0].attrs.items()}
     for key, separator in (("title", "; "), ("case", "; "), ("file", "; "), ("messages", "\n")):
         texts = [str(tree.attrs[key]) for tree in trees if tree.attrs.get(key)]
         attrs[key] = separator.join(dict.fromkeys(texts))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -172,7 +172,7 @@ def _range(values: list[float], unit: str = "") -> str:
     return f"{span} {unit}".strip() + (f" ({len(values)})" if len(values) > 1 else "")
 
 
-def _summary_row(row: dict) -> tuple:
+def _summary_row(row: dict[str, Any]) -> tuple[Any, ...]:
     tables = " ".join(f"{name} {count}" for name, count in row["tables"].items())
     not_read = " ".join(f"{name} {count}" for name, count in row["not_read"].items())
     missing = " ".join(
@@ -195,7 +195,7 @@ def _summary_row(row: dict) -> tuple:
     )
 
 
-def _place(page: dict) -> tuple[str, str, str]:
+def _place(page: dict[str, Any]) -> tuple[str, str, str]:
     height = (
         "free air" if page["ground_height"] == float("inf") else f"{page['ground_height']:g} ft"
     )
@@ -204,7 +204,7 @@ def _place(page: dict) -> tuple[str, str, str]:
     return (f"{page['mach']:g}", f"{page['altitude']:g}", height + flap) if known else ("", "", "")
 
 
-def _print_messages(messages: list[dict]) -> None:
+def _print_messages(messages: list[dict[str, Any]]) -> None:
     """Print messages, repeated ones once."""
     lines: dict[tuple[str, str], list[int]] = {}
     for message in messages:

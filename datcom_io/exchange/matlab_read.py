@@ -272,7 +272,7 @@ def _condition_coords(
     }
 
 
-def _axis_points(case: CaseStructure, axis: str, size: int, *, leaf: str) -> tuple | None:
+def _axis_points(case: CaseStructure, axis: str, size: int, *, leaf: str) -> tuple[Any, ...] | None:
     """Return a coordinate as dimension, values, attributes; None for an axis without one."""
     if axis == "alpha":
         attrs = {"units": "rad", "sign": "ANU", "long_name": "angle of attack"}

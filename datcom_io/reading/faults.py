@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from typing import Any
 
 from datcom_io.arrays.conditions import control_surface, printed_condition
 from datcom_io.cells import OK
@@ -188,7 +189,7 @@ def _report_differing_dynamic_pages(case: Case) -> None:
     """The dynamic page is printed again after every ground page; it must be the same one."""
     if not any(math.isfinite(page.ground_height) for page in case.pages):
         return
-    first_rows: dict[tuple, list[list[str]]] = {}
+    first_rows: dict[tuple[Any, ...], list[list[str]]] = {}
     for page, table in case.tables("dynamic"):
         rows = [row.split() for row in table.rows]
         key = (page.configuration, *printed_condition(page))

@@ -295,7 +295,7 @@ def _run_program(
     return _Attempt(output, f"it ended without a print of unit 6{tail}")
 
 
-def _kill_process(process: subprocess.Popen) -> None:
+def _kill_process(process: subprocess.Popen[bytes]) -> None:
     """Kill a program and its child processes."""
     if os.name == "posix":
         os.killpg(process.pid, signal.SIGKILL)

@@ -23,6 +23,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from datcom_io.decks.cards import Namelist
 from datcom_io.decks.deck import Deck
@@ -120,7 +121,7 @@ def read_study(source: str | os.PathLike[str] | DeckFile) -> DeckStudy:
     return _make_study(read_deck(path.parent / content["deck"]), content)
 
 
-def _wrong_keys(content: dict) -> list[str]:
+def _wrong_keys(content: dict[str, Any]) -> list[str]:
     """Return the problems with the keys of a study file."""
     problems = []
     if "deck" not in content:
@@ -136,7 +137,7 @@ def _wrong_keys(content: dict) -> list[str]:
     return problems
 
 
-def _check_table(table: dict, kinds: dict[str, type], prefix: str) -> list[str]:
+def _check_table(table: dict[str, Any], kinds: dict[str, type], prefix: str) -> list[str]:
     """Return unknown keys of a table and values of another type.
 
     `prefix` is the path of its keys.
@@ -151,7 +152,7 @@ def _check_table(table: dict, kinds: dict[str, type], prefix: str) -> list[str]:
     return problems
 
 
-def _make_study(deck: DeckFile, content: dict) -> DeckStudy:
+def _make_study(deck: DeckFile, content: dict[str, Any]) -> DeckStudy:
     if len(deck) != 1:
         raise SchemaError(
             deck.file,
@@ -189,7 +190,7 @@ def _group_devices(base: Deck) -> list[tuple[Namelist, ...]]:
 
 
 def _name_devices(
-    deck: DeckFile, groups: Sequence[tuple[Namelist, ...]], requested: list
+    deck: DeckFile, groups: Sequence[tuple[Namelist, ...]], requested: list[Any]
 ) -> tuple[list[str], list[str]]:
     """Return the names of the devices, and the problems in finding them.
 
@@ -281,7 +282,7 @@ def _named_above(deck: DeckFile, line: int) -> str:
     return ""
 
 
-def _fits_surface(base: Deck, surface: str, values: dict, tolerance: float) -> bool:
+def _fits_surface(base: Deck, surface: str, values: dict[str, Any], tolerance: float) -> bool:
     """Return whether a flap fits on a surface.
 
     It ends within the tip, and begins no farther inside the body than a share of the half span.

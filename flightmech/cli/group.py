@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 _FILE = InputFile()
 
 
-class NameValue(click.ParamType):
+class NameValue(click.ParamType):  # type: ignore[type-arg]
     """NAME=VALUE."""
 
     name = "NAME=VALUE"

@@ -20,6 +20,7 @@ from ctypes import (
 )
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -199,7 +200,7 @@ class BatchTaskStruct(ctypes.Structure):
 
 
 # Result and arguments of each function of kernel.h.
-SIGNATURES: dict[str, tuple[type | None, list]] = {
+SIGNATURES: dict[str, tuple[type | None, list[Any]]] = {
     "am_load": (c_void_p, [c_char_p, c_size_t, c_char_p, c_size_t]),
     "am_free": (None, [c_void_p]),
     "am_format": (c_int, []),
@@ -295,12 +296,12 @@ def _platform_name() -> str:
     return f"{_PROCESSORS.get(machine, machine)}-{platform.system().lower()}"
 
 
-def double_pointer(array: np.ndarray):
+def double_pointer(array: np.ndarray) -> Any:
     """Return a pointer to the numbers of an array; the array must stay in memory."""
     return array.ctypes.data_as(DOUBLES)
 
 
-def check_array(array: np.ndarray | Sequence, shape: tuple[int, ...]) -> np.ndarray:
+def check_array(array: np.ndarray | Sequence[Any], shape: tuple[int, ...]) -> np.ndarray:
     """Return an array as contiguous doubles.
 
     Raises

@@ -154,7 +154,7 @@ class NormalSums:
         struct = GroupStruct(residuals, len(r), double_pointer(before), double_pointer(after))
         self._add_or_collect(_ResidualGroup(struct, (*arrays, before, after)))
 
-    def path_steps(self, path: DrivenPath, weight, columns) -> None:
+    def path_steps(self, path: DrivenPath, weight: Any, columns: Any) -> None:
         """Add the errors of inertial unit and vanes that explain each step of a path.
 
         In body axes at the middle of the step, with R and the rates W of the angles at that
@@ -194,7 +194,7 @@ class NormalSums:
         struct = GroupStruct(residuals, samples - 1, drive=pointer(path.drive))
         self._add_or_collect(_ResidualGroup(struct, (weight, column, path)))
 
-    def readings(self, r, weight, k, f, A, columns, J) -> None:
+    def readings(self, r: Any, weight: Any, k: Any, f: Any, A: Any, columns: Any, J: Any) -> None:
         """Add residuals of readings at (1 - f) x_k + f x_k+1.
 
         k and f are (M,), and the other arguments are as in `steps` with M in place of N - 1. A may
@@ -225,7 +225,7 @@ class NormalSums:
             raise np.linalg.LinAlgError(*divmod(failed, states))
         return result
 
-    def _check_columns(self, columns) -> np.ndarray:
+    def _check_columns(self, columns: Any) -> np.ndarray:
         column = np.ascontiguousarray(columns, np.intc)
         if len(column) and not 0 <= column.min() <= column.max() < len(self.C):
             raise IndexError(f"constants {column.min()} ... {column.max()} of {len(self.C)}")
@@ -233,7 +233,7 @@ class NormalSums:
 
 
 def _pack_residuals(
-    r, weight, states: int, columns, J
+    r: Any, weight: Any, states: int, columns: Any, J: Any
 ) -> tuple[ResidualsStruct, tuple[np.ndarray, ...]]:
     """Return the structure of residuals, and the arrays of its pointers."""
     r = np.ascontiguousarray(r, float)
@@ -253,7 +253,7 @@ def _pack_residuals(
     return struct, (r, weight, column, J)
 
 
-def _pack_readings(readings: Readings, weight, samples: int) -> _ResidualGroup:
+def _pack_readings(readings: Readings, weight: Any, samples: int) -> _ResidualGroup:
     """Return the group of the readings of a sensor along a path of `samples` samples."""
     count, states = len(readings.r), readings.A.shape[-1]
     residuals, arrays = _pack_residuals(

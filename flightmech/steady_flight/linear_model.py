@@ -19,7 +19,7 @@ variable.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -319,7 +319,7 @@ def _make_dataset(
     # rows: rates of the states, then outputs; columns: states, then inputs
     first, last = slice(len(plant.states)), slice(len(plant.states), None)
     blocks = {"A": (first, first), "B": (first, last), "C": (last, first), "D": (last, last)}
-    data: dict[str, tuple] = {}
+    data: dict[str, tuple[Any, ...]] = {}
     for name, block in blocks.items():
         data[name] = _DIMENSIONS[name], jacobian.slopes[block]
     for name, block in blocks.items():

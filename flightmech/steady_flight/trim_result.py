@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +51,7 @@ class TrimResult:
     weighted: np.ndarray
     jacobian: np.ndarray
 
-    def variables(self, sim: SimModel, run: Simulation) -> dict[str, tuple]:
+    def variables(self, sim: SimModel, run: Simulation) -> dict[str, tuple[Any, ...]]:
         """Return the variables of the result; `run` is in the state of the solution."""
         request = self.request
         units = {CLIMB: "m s-2"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -208,8 +209,8 @@ def default_trim_mode(sim: SimModel, parameters: Mapping[str, float]) -> float:
 def _make_dataset(
     sim: SimModel,
     y: np.ndarray,
-    variables: Mapping = MappingProxyType({}),
-    attrs: Mapping = MappingProxyType({}),
+    variables: Mapping[str, Any] = MappingProxyType({}),
+    attrs: Mapping[str, Any] = MappingProxyType({}),
 ) -> xr.Dataset:
     """Return all outputs, with the variables and attributes of a search."""
     # a scalar variable per output

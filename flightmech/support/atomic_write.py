@@ -105,7 +105,7 @@ _PARALLEL_FLUSHES = 8
 
 @contextmanager
 def written_atomically(
-    path: str | os.PathLike, before: Callable[[Path], None] | None = None, durable: bool = True
+    path: str | os.PathLike[str], before: Callable[[Path], None] | None = None, durable: bool = True
 ) -> Iterator[Path]:
     """Yield a temporary path, which replaces `path` after the block has ended without an error.
 
@@ -176,7 +176,7 @@ def _disk_error_number(error: OSError) -> int | None:
     return None
 
 
-def write_text(path: str | os.PathLike, text: str, encoding: str = "utf-8") -> None:
+def write_text(path: str | os.PathLike[str], text: str, encoding: str = "utf-8") -> None:
     """Write a text file atomically, without a change of its line ends.
 
     The errors are those of `written_atomically`.
@@ -185,7 +185,7 @@ def write_text(path: str | os.PathLike, text: str, encoding: str = "utf-8") -> N
         part.write_text(text, encoding=encoding, newline="")
 
 
-def resolve_file(path: str | os.PathLike) -> Path:
+def resolve_file(path: str | os.PathLike[str]) -> Path:
     """Return the file to write for a path, after following links.
 
     Raises
@@ -226,7 +226,7 @@ def _demand_writable(path: Path) -> None:
 
 @contextmanager
 def folder_written_atomically(
-    path: str | os.PathLike, own: Callable[[str], bool] | None = None
+    path: str | os.PathLike[str], own: Callable[[str], bool] | None = None
 ) -> Iterator[Path]:
     """Yield a new folder, which replaces `path` after the block has ended without an error.
 
@@ -281,7 +281,7 @@ def folder_written_atomically(
         shutil.rmtree(part, ignore_errors=True)
 
 
-def resolve_folder(path: str | os.PathLike) -> Path:
+def resolve_folder(path: str | os.PathLike[str]) -> Path:
     """Return the folder to write for a path, after following links.
 
     An interrupted exchange is completed first.

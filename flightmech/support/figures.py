@@ -159,11 +159,11 @@ class Frame:
         """Lower edge."""
         return self.top + self.height
 
-    def px(self, x):
+    def px(self, x: Any) -> Any:
         """Return the horizontal position of abscissas."""
         return self.left + (np.asarray(x, float) - self.x[0]) / (self.x[1] - self.x[0]) * self.width
 
-    def py(self, y):
+    def py(self, y: Any) -> Any:
         """Return the vertical position of ordinates, clipped just outside the frame."""
         position = (
             self.bottom - (np.asarray(y, float) - self.y[0]) / (self.y[1] - self.y[0]) * self.height
@@ -306,7 +306,7 @@ def draw_axes(
     return "".join(parts)
 
 
-def _short(value) -> str:
+def _short(value: Any) -> str:
     """Return a length in tenths of a unit without trailing zeros."""
     return f"{round(float(value), 1):g}"
 

@@ -168,7 +168,7 @@ MOST_GROUPS = 5000
 """Greatest number of groups of a file. Files of this product have some hundred."""
 
 
-def demand_self_contained(path: str | os.PathLike) -> None:
+def demand_self_contained(path: str | os.PathLike[str]) -> None:
     """Check that an HDF5 or netCDF-4 file has all its numbers inside, and each group once.
 
     A file that HDF5 cannot open, or that is damaged, passes. The reader of the file reports it.

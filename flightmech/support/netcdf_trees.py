@@ -73,7 +73,7 @@ def _check_node(node: xr.DataTree) -> Iterator[str]:
         yield from _check_attributes(variable.attrs, f" of {name}")
 
 
-def _check_attributes(attributes: Mapping, owner: str) -> Iterator[str]:
+def _check_attributes(attributes: Mapping[str, Any], owner: str) -> Iterator[str]:
     for key, item in attributes.items():
         is_number = isinstance(item, int | float | np.integer | np.floating)
         # bool is a subclass of int, but netCDF has no attribute of this type

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 import flightmech
@@ -30,7 +32,7 @@ def run_characteristics(
     cas: str | None,
     mach: float | None,
     altitude: str,
-    further: tuple,
+    further: tuple[Any, ...],
     samples: int,
     seed: int,
     as_json: bool,
@@ -74,8 +76,8 @@ def run_rescale(
     aircraft: str,
     length_ratio: float,
     mass_ratio: float | None,
-    laws: tuple,
-    factors: tuple,
+    laws: tuple[Any, ...],
+    factors: tuple[Any, ...],
     name: str,
     output: str,
     aircraft_output: str,
@@ -111,7 +113,7 @@ def _number(text: str) -> str | float:
         return text
 
 
-def _numbers(pairs: tuple) -> dict[str, float]:
+def _numbers(pairs: tuple[Any, ...]) -> dict[str, float]:
 
     return {name: parse_quantity(_number(text), "1") for name, text in pairs}
 

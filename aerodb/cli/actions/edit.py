@@ -33,21 +33,31 @@ from flightmech.units import parse_quantity
 
 
 def run_scale(
-    file: str, names: tuple[str, ...], by: Any, over: tuple | None, output: str, **how: Any
+    file: str,
+    names: tuple[str, ...],
+    by: Any,
+    over: tuple[Any, ...] | None,
+    output: str,
+    **how: Any,
 ) -> None:
     """Perform the command ``scale``."""
     _write(file, output, lambda db: scaled(db, names, by, dict([over]) if over else None, **how))
 
 
 def run_shift(
-    file: str, names: tuple[str, ...], by: Any, over: tuple | None, output: str, **how: Any
+    file: str,
+    names: tuple[str, ...],
+    by: Any,
+    over: tuple[Any, ...] | None,
+    output: str,
+    **how: Any,
 ) -> None:
     """Perform the command ``shift``."""
     _write(file, output, lambda db: shifted(db, names, by, dict([over]) if over else None, **how))
 
 
 def run_set_nodes(
-    file: str, name: str, places: tuple, value: float, output: str, **how: Any
+    file: str, name: str, places: tuple[Any, ...], value: float, output: str, **how: Any
 ) -> None:
     """Perform the command ``set``."""
     several = [axis for axis, points in places if len(points) != 1]
@@ -64,14 +74,21 @@ def run_set_nodes(
 
 
 def run_regrid(
-    file: str, name: str, axes: tuple, tolerance: float | None, note: str, output: str
+    file: str, name: str, axes: tuple[Any, ...], tolerance: float | None, note: str, output: str
 ) -> None:
     """Perform the command ``regrid``."""
     _write(file, output, lambda db: regridded(db, name, dict(axes), tolerance=tolerance, note=note))
 
 
 def run_extend(
-    file: str, name: str, axes: tuple, how: str, values: Any, stderr: Any, note: str, output: str
+    file: str,
+    name: str,
+    axes: tuple[Any, ...],
+    how: str,
+    values: Any,
+    stderr: Any,
+    note: str,
+    output: str,
 ) -> None:
     """Perform the command ``extend``."""
     axis, points = axes

@@ -281,7 +281,9 @@ def _demand_new(path: Path, force: bool) -> None:
         )
 
 
-def _jsbsim(file: str, options: dict, daveml: dict, own: dict) -> tuple[xr.DataTree, Aircraft]:
+def _jsbsim(
+    file: str, options: dict[str, Any], daveml: dict[str, Any], own: dict[str, Any]
+) -> tuple[xr.DataTree, Aircraft]:
 
     for key in _OF_DAVEML:
         if daveml[key]:
@@ -289,7 +291,9 @@ def _jsbsim(file: str, options: dict, daveml: dict, own: dict) -> tuple[xr.DataT
     return import_with_remarks("jsbsim", file, options), import_jsbsim_aircraft(file, **own)
 
 
-def _daveml(file: str, options: dict, daveml: dict, own: dict) -> tuple[xr.DataTree, Aircraft]:
+def _daveml(
+    file: str, options: dict[str, Any], daveml: dict[str, Any], own: dict[str, Any]
+) -> tuple[xr.DataTree, Aircraft]:
 
     if daveml["inertia"] is None:
         raise click.UsageError(

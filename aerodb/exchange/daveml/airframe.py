@@ -45,8 +45,8 @@ _ROUNDING = 1e-9  # allowed difference, relative to the largest thrust
 
 def import_daveml_aircraft(
     db: xr.DataTree,
-    inertia: str | os.PathLike,
-    propulsion: str | os.PathLike | None = None,
+    inertia: str | os.PathLike[str],
+    propulsion: str | os.PathLike[str] | None = None,
     inputs: Mapping[str, float] | None = None,
     *,
     name: str = "",

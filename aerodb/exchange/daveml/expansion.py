@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -204,7 +205,7 @@ def expand_expression(expression: mathml.Expression, expanded: ExpandedVariables
     return combine_sums(expression.operator, arguments)
 
 
-def _evaluate_operator(operator: str, numbers: list) -> float:
+def _evaluate_operator(operator: str, numbers: list[Any]) -> float:
     function = mathml.OPERATORS[operator][0]
     with np.errstate(all="ignore"):
         return float(function(*map(np.asarray, numbers)))

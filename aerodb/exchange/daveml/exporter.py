@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Mapping
 from datetime import date
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -48,7 +49,7 @@ _ALPHABET = 26
 
 
 def export_daveml(
-    db: xr.DataTree, path: str | os.PathLike, aircraft: Aircraft | None = None, shots: int = 20
+    db: xr.DataTree, path: str | os.PathLike[str], aircraft: Aircraft | None = None, shots: int = 20
 ) -> None:
     """Write a database as a DAVE-ML 2.0.2 file (ANSI/AIAA S-119).
 
@@ -131,8 +132,8 @@ class _Writer:
         self.db = db
         self.leaves = terms(db)
         self.today = date.today().isoformat()
-        self.breakpoints: dict[tuple, str] = {}
-        self.tables: dict[tuple, str] = {}
+        self.breakpoints: dict[tuple[Any, ...], str] = {}
+        self.tables: dict[tuple[Any, ...], str] = {}
         self.table_lines: list[str] = []
         self.breakpoint_lines: list[str] = []
         self.function_lines: list[str] = []

@@ -43,7 +43,7 @@ _ATTEMPTS = 4  # refinements of the sampling before the import fails
 
 
 def import_daveml(
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
     names: Mapping[str, str] | None = None,
     *,
     S: float | None = None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import reduce
+from typing import Any
 
 import numpy as np
 
@@ -72,7 +73,7 @@ class Sampler:
         """Return an expression as a table; `label` is the variable that contains it."""
         names = tuple(mathml.expression_variables(expression))
 
-        def evaluate(values: Mapping) -> np.ndarray:
+        def evaluate(values: Mapping[str, Any]) -> np.ndarray:
             return mathml.evaluate_mathml(expression, values)
 
         return self._sample_values(f"part of {label}", names, evaluate, weight=weight)
@@ -150,7 +151,7 @@ class Sampler:
         self,
         label: str,
         names: Iterable[str],
-        evaluate: Callable[[Mapping], np.ndarray],
+        evaluate: Callable[[Mapping[str, Any]], np.ndarray],
         weight: float,
     ) -> Sum:
         """Return a function of variables of the model, sampled over its quantities."""

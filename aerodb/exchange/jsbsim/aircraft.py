@@ -37,7 +37,7 @@ class _PointMass(NamedTuple):
 
 
 def import_jsbsim_aircraft(
-    path: str | os.PathLike, *, name: str = "", x_ref_mac: float = 0.25
+    path: str | os.PathLike[str], *, name: str = "", x_ref_mac: float = 0.25
 ) -> Aircraft:
     """Read the aircraft of the aerodynamics of a JSBSim file.
 

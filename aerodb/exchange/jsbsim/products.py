@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -252,7 +253,7 @@ def _sign(x: np.ndarray) -> np.ndarray:
     return np.where(x < 0.0, -1.0, 1.0)
 
 
-def _reduce_with(function: Callable) -> Callable:
+def _reduce_with(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function of two arguments as one of any number of arguments."""
     return lambda *values: reduce(function, values)
 
@@ -270,7 +271,7 @@ _EXACT: dict[str, Callable[[Sequence[Sum]], Sum | None]] = {
     "todegrees": lambda sums: scale_products(180.0 / math.pi, sums[0]),
 }
 # Operations over arrays, for opaque factors.
-_NONLINEAR: dict[str, Callable] = {
+_NONLINEAR: dict[str, Callable[..., Any]] = {
     "quotient": operator.truediv,
     "pow": np.power,
     "abs": np.abs,

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -325,7 +325,7 @@ def _row_lines(points: np.ndarray, values: np.ndarray) -> list[str]:
     return [_number_line((point, *row)) for point, row in zip(points, values, strict=True)]
 
 
-def _number_line(numbers: np.ndarray | tuple) -> str:
+def _number_line(numbers: np.ndarray | tuple[Any, ...]) -> str:
     return " ".join(repr(float(number)) for number in numbers)
 
 

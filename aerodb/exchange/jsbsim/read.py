@@ -84,7 +84,7 @@ class _Options:
 
 
 def import_jsbsim(
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
     *,
     travel: Mapping[str, float] | None = None,
     leave_out: Collection[str] = (),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import xarray as xr
@@ -41,7 +42,7 @@ _ONE_SIDED = ("delta_f", "gear", "speedbrake")
 _DEFAULT = {"gear": (0.0, 1.0), "speedbrake": (0.0, 1.0)}
 
 
-def write_header(root: ET.Element, attributes: Mapping) -> None:
+def write_header(root: ET.Element, attributes: Mapping[Any, Any]) -> None:
     """Write title, source and history of the database."""
     head = ET.SubElement(root, "fileheader")
     for tag, key in (

@@ -68,7 +68,7 @@ _NATIVE_FOUR_AXES = (1, 3, 1)  # first JSBSim with tables of four axes
 
 def export_jsbsim(
     db: xr.DataTree,
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
     aircraft: Aircraft,
     *,
     jsbsim_min: str = "1.3.1",

@@ -29,7 +29,7 @@ _COUNT = 200
 
 
 def export_checkcases(
-    db: xr.DataTree, path: str | os.PathLike, count: int = _COUNT, seed: int = SEED
+    db: xr.DataTree, path: str | os.PathLike[str], count: int = _COUNT, seed: int = SEED
 ) -> None:
     """Write a table of check cases: states in SI, contributions ``CL/basic``, coefficients ``CL``.
 
@@ -66,7 +66,7 @@ def export_checkcases(
     write_text(path, written_csv(CHECK_FORMAT, facts, header, rows))
 
 
-def run_checkcases(db: xr.DataTree, path: str | os.PathLike) -> pd.DataFrame:
+def run_checkcases(db: xr.DataTree, path: str | os.PathLike[str]) -> pd.DataFrame:
     """Compare a database with a table of check cases.
 
     Parameters

@@ -45,7 +45,7 @@ _MOST_NAMED = 10  # repeated nodes that a message lists
 _MOST_NODES_PER_ROW = 10
 
 
-def export_csv(db: xr.DataTree, folder: str | os.PathLike) -> None:
+def export_csv(db: xr.DataTree, folder: str | os.PathLike[str]) -> None:
     """Write the terms of a database as CSV files into a folder of their own.
 
     Parameters
@@ -140,7 +140,7 @@ def _indexed_files(folder: Path) -> set[str]:
     return {INDEX, *index.columns.get("file", ())}
 
 
-def import_csv(folder: str | os.PathLike) -> xr.DataTree:
+def import_csv(folder: str | os.PathLike[str]) -> xr.DataTree:
     """Return the database of a folder of CSV files.
 
     Parameters

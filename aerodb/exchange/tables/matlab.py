@@ -62,7 +62,7 @@ A table without axes is a scalar; K1, K2 are factor tables over other axes, empt
 interpn(t.breakpoints{:}, t.values, x1, x2, ...) gives a table of two and more axes, interp1 one of a single axis."""
 
 
-def export_matlab(db: xr.DataTree, path: str | os.PathLike) -> None:
+def export_matlab(db: xr.DataTree, path: str | os.PathLike[str]) -> None:
     """Write the terms of a database to a MAT file of version 5.
 
     Parameters
@@ -171,7 +171,7 @@ def _to_matlab_number(value: Any) -> Any:
     return np.int64(value) if isinstance(value, int | np.integer) else value
 
 
-def import_matlab(path: str | os.PathLike) -> xr.DataTree:
+def import_matlab(path: str | os.PathLike[str]) -> xr.DataTree:
     """Return the database of a MAT file.
 
     Parameters
@@ -263,7 +263,7 @@ def _read_leaf(element: Any) -> tuple[str, xr.Dataset]:
         raise ValueError(f"name is {name!r}, coefficient and contribution are others")
     # Standard errors and sources have the axes of the values. Factor tables have their own.
     dims, coords, values = _read_table(element, f"{name} values")
-    variables: dict[str, tuple] = {"value": (dims, values)}
+    variables: dict[str, tuple[Any, ...]] = {"value": (dims, values)}
     for key, kind in (("stderr", float), ("source", np.uint8)):
         if element[key].size:
             array = _restore_shape(element[key], values.shape, f"{name} {key}")

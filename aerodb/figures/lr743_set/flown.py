@@ -89,7 +89,7 @@ class FlightData:
     ground: pd.DataFrame
 
 
-def read_flown(path: str | os.PathLike) -> FlightData:
+def read_flown(path: str | os.PathLike[str]) -> FlightData:
     """Return the flight data of a file that ``aeromatch match`` wrote.
 
     Raises

@@ -117,7 +117,7 @@ def lr743_charts(
 
 def write_lr743(
     databases: Mapping[str, xr.DataTree],
-    folder: str | os.PathLike,
+    folder: str | os.PathLike[str],
     format: str = "svg",
     *,
     aircraft: Mapping[str, Aircraft] | None = None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 import pandas as pd
 
@@ -11,12 +12,12 @@ INCOMPATIBLE = 1e-6
 """Probability of chi-squared below which fits count as incompatible."""
 
 
-def notices_of(attributes: Mapping) -> list[str]:
+def notices_of(attributes: Mapping[str, Any]) -> list[str]:
     """Return the warnings that root attributes of a database hold."""
     return str(attributes.get(NOTICES, "")).splitlines()
 
 
-def with_notices(attributes: Mapping, more: Iterable[str]) -> dict[str, str]:
+def with_notices(attributes: Mapping[Any, Any], more: Iterable[str]) -> dict[str, str]:
     """Return the root attribute `NOTICES` with further warnings.
 
     It is empty without warnings.  A repeated warning is stored once.

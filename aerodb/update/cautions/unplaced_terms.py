@@ -122,7 +122,7 @@ def unplaced_terms(
     return _make_table(rows, index)
 
 
-def _unplaced_rows(fit: Any, coefficient_terms: CoefficientTerms) -> list[tuple]:
+def _unplaced_rows(fit: Any, coefficient_terms: CoefficientTerms) -> list[tuple[Any, ...]]:
     """Return the rows of the terms of one fit that no table carries, in the order of `COLUMNS`."""
     rows = []
     estimates = fit.estimates
@@ -294,7 +294,7 @@ def _total_stderr(estimates: xr.Dataset, column: int) -> float:
     return float(np.hypot(stderr, systematic))
 
 
-def _make_table(rows: Sequence[tuple], index: Sequence[tuple[str, str]]) -> pd.DataFrame:
+def _make_table(rows: Sequence[tuple[Any, ...]], index: Sequence[tuple[str, str]]) -> pd.DataFrame:
     """Return the rows of unplaced terms as a table."""
     labels = pd.MultiIndex.from_arrays(list(zip(*index)) or [[], []], names=["coefficient", "fit"])
     return pd.DataFrame(rows, columns=list(COLUMNS), index=labels)

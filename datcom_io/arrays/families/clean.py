@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from datcom_io.arrays.conditions import control_surface
 from datcom_io.arrays.leaves import LeafBuilder
 from datcom_io.arrays.stacking import StackedAxis, Stacker
@@ -49,7 +51,7 @@ def _stack_pages(stacker: Stacker, name: str) -> LeafBuilder | None:
 
 
 def _page_axes(
-    stacker: Stacker, keys: list[dict], device: str, *, over_ground: bool
+    stacker: Stacker, keys: list[dict[str, Any]], device: str, *, over_ground: bool
 ) -> list[StackedAxis]:
     """Return the axes of pages; dynamic pages have no power, ground height and deflection."""
     configurations = dict.fromkeys(key["configuration"] for key in keys)

@@ -6,7 +6,7 @@ Such a number has a label, or stands in a row of its own.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -73,7 +73,7 @@ class NumberStack:
         ``lines`` goes along the first one.
     """
 
-    def __init__(self, stacker: Stacker, axes: Mapping[str, Sequence | None]):
+    def __init__(self, stacker: Stacker, axes: Mapping[str, Sequence[Any] | None]):
         self.stacker = stacker
         self.lines_axis = next(iter(axes))
         self.lines: dict[int, list[int]] = {}  # of all numbers, by index along the first dimension

@@ -47,7 +47,7 @@ def show_deck(deck: str, output: str | None, resolved: bool, as_json: bool) -> N
         click.echo(f"written: {output}")
 
 
-def _case_row(number: int, case) -> dict:
+def _case_row(number: int, case: Any) -> dict[str, Any]:
     machs, heights = (
         case.schedule("FLTCON", "MACH", "NMACH"),
         case.schedule("FLTCON", "ALT", "NALT"),
@@ -98,7 +98,7 @@ def run_check_deck(ctx: click.Context, deck: str, as_json: bool) -> None:
         ctx.exit(1)
 
 
-def _together(found) -> dict[tuple[str, str], list[int]]:
+def _together(found: Any) -> dict[tuple[str, str], list[int]]:
     """Put findings of the same text together."""
     lines: dict[tuple[str, str], list[int]] = {}
     for finding in found:

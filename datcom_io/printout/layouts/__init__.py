@@ -17,7 +17,7 @@ from datcom_io.printout.layouts import (
     tabs,
     trim,
 )
-from datcom_io.printout.layouts.clean import CONDITIONS
+from datcom_io.printout.layouts.clean import CONDITIONS as CONDITIONS
 from datcom_io.printout.tables import PrintedBlock, TableLayout
 
 _SUBJECTS = (clean, devices, tabs, trim, special, diagnostics, auxiliary, fairing, sections)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 import pandas as pd
@@ -55,7 +56,7 @@ def run_trim(
     aircraft: str,
     database: str,
     kind: str,
-    fixed: tuple,
+    fixed: tuple[Any, ...],
     unknowns: tuple[str, ...],
     as_json: bool,
 ) -> None:
@@ -176,7 +177,7 @@ def run_simulate(
     aircraft: str,
     database: str,
     record: str,
-    given: tuple,
+    given: tuple[Any, ...],
     hold: str,
     terms: bool,
     output: str,
@@ -206,7 +207,7 @@ def run_simulate(
     click.echo(f"written: {output}")
 
 
-def _values(sim: SimModel, given: tuple) -> dict[str, float]:
+def _values(sim: SimModel, given: tuple[Any, ...]) -> dict[str, float]:
     """Return the values of parameters and inputs in SI; parts of tables are taken as they stand."""
 
     units = {row.name: row.units for kind in (INPUT, PARAMETER) for row in sim.entries(kind)}

@@ -20,7 +20,8 @@ import xarray as xr
 
 import flightmech
 from aerodb.edit.table_edits import replace_terms
-from aerodb.update.tabulation import Tabulation, tabulate
+from aerodb.update.tabulation import tabulate
+from aerodb.update.tabulation_report import Tabulation
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE

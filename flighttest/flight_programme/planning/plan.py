@@ -15,7 +15,7 @@ import xarray as xr
 from aerodb.store.schema import terms
 from aerodb.update.expectation import Expectation
 from aerodb.update.observations import coefficient_of
-from aerodb.update.tabulation import Tabulation
+from aerodb.update.tabulation_report import Tabulation
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup

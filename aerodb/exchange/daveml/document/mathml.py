@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
+from typing import Any
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -51,35 +52,35 @@ class Choice:
 Expression = MathNumber | Name | Apply | Choice
 
 
-def _make_relation(relation: Callable) -> Callable:
+def _make_relation(relation: Callable[..., Any]) -> Callable[..., Any]:
     """Return a relation of two or more arguments, such as a < b < c."""
 
-    def holds(*values):
+    def holds(*values: Any) -> Any:
         return reduce(np.logical_and, (relation(a, b) for a, b in pairwise(values))).astype(float)
 
     return holds
 
 
-def _make_logic(operation: Callable) -> Callable:
-    def combined(*values):
+def _make_logic(operation: Callable[..., Any]) -> Callable[..., Any]:
+    def combined(*values: Any) -> Any:
         return reduce(operation, (np.asarray(value) != 0.0 for value in values)).astype(float)
 
     return combined
 
 
-def _subtract(first, *second):
+def _subtract(first: Any, *second: Any) -> Any:
     """Return the difference of two arguments, or the negative of one."""
     return first - second[0] if second else -first
 
 
-def _root(value, degree=2.0):
+def _root(value: Any, degree: float = 2.0) -> Any:
     """Return the real root; the odd root of a negative number is negative."""
     is_odd = np.mod(degree, 2.0) == 1.0
     negative_root = -np.power(np.abs(value), 1.0 / degree)
     return np.where(is_odd & (value < 0.0), negative_root, np.power(value, 1.0 / degree))
 
 
-def _logarithm(value, base=10.0):
+def _logarithm(value: Any, base: float = 10.0) -> Any:
     # np.log10 is more accurate than the quotient of two logarithms.
     if np.all(base == 10.0):
         return np.log10(value)
@@ -88,7 +89,7 @@ def _logarithm(value, base=10.0):
 
 _MANY = 10**6  # no limit of the number of arguments
 # Operator: function over arrays, least and largest number of arguments.
-OPERATORS: dict[str, tuple[Callable, int, int]] = {
+OPERATORS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "plus": (lambda *values: reduce(np.add, values), 1, _MANY),
     "minus": (_subtract, 1, 2),
     "times": (lambda *values: reduce(np.multiply, values), 1, _MANY),

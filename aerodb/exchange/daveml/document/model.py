@@ -288,9 +288,9 @@ class DaveModel:
         return np.asarray(variable.initial)
 
     @cached_property
-    def _check_rows(self) -> list[tuple]:
+    def _check_rows(self) -> list[tuple[Any, ...]]:
         """The rows of `check`."""
-        rows: list[tuple] = []
+        rows: list[tuple[Any, ...]] = []
         # Consecutive shots with the same inputs are evaluated in one pass. If one of them fails,
         # each is evaluated alone.
         for _, shots in groupby(self.shots, _input_key):
@@ -302,13 +302,13 @@ class DaveModel:
                     rows += self._run_shot(shot)
         return rows
 
-    def _run_shot(self, shot: Shot) -> list[tuple]:
+    def _run_shot(self, shot: Shot) -> list[tuple[Any, ...]]:
         try:
             return self._run_shots([shot])
         except (UnknownName, SchemaError, OutOfRange) as error:
             return [(shot.name, "shot", "", np.nan, np.nan, np.nan, False, str(error))]
 
-    def _run_shots(self, shots: Sequence[Shot]) -> list[tuple]:
+    def _run_shots(self, shots: Sequence[Shot]) -> list[tuple[Any, ...]]:
         """Return the rows of shots with the same inputs."""
         inputs: list[dict[str, tuple[Signal, str]]] = []
         for shot in shots:
@@ -320,7 +320,7 @@ class DaveModel:
         for varID in inputs[0]:
             arrays[varID] = np.array([signals[varID][0].value for signals in inputs])
         all_values = self._compute(arrays, self.order)
-        rows: list[tuple] = []
+        rows: list[tuple[Any, ...]] = []
         for i, shot in enumerate(shots):
             values = {}
             for varID, value in all_values.items():
@@ -336,7 +336,7 @@ class DaveModel:
                 rows.append((shot.name, "output", *self._compare_signal(signal, values)))
         return rows
 
-    def _compare_signal(self, signal: Signal, values: Mapping[str, np.ndarray]) -> tuple:
+    def _compare_signal(self, signal: Signal, values: Mapping[str, np.ndarray]) -> tuple[Any, ...]:
         """Return variable, expected, found, tolerance, passed and note of a signal."""
         try:
             varID = self.signal(signal).varID

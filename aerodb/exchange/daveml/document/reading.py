@@ -54,7 +54,7 @@ _DEPRECATED = (
 )
 
 
-def read(path: str | os.PathLike, checks: str = "raise") -> DaveModel:
+def read(path: str | os.PathLike[str], checks: str = "raise") -> DaveModel:
     """Read a DAVE-ML file (ANSI/AIAA S-119) and run its check cases.
 
     Parameters

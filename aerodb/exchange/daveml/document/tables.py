@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline, LinearNDInterpolator
@@ -178,7 +179,7 @@ class Scattered:
         return np.linalg.cholesky((1.0 + _SHEAR) * np.eye(count) - _SHEAR)
 
     @cached_property
-    def _surface(self):
+    def _surface(self) -> Any:
         return LinearNDInterpolator(self.points @ self._shear, self.values)
 
     def look_up(self, axes: Sequence[FunctionAxis], inputs: Sequence[np.ndarray]) -> np.ndarray:
