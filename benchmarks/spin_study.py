@@ -5,7 +5,7 @@
 
 Source of models, conditions and table layouts: Gresham, Simmons, Hopwood, Woolsey, Spin Aerodynamic
 Modeling for a Fixed-Wing Aircraft Using Flight Data; transcribed in ``data/cz150``.  Documentation:
-``docs/explanation/flight-test/spin.md``.
+``docs/evidence/submodels.md``.
 """
 
 from __future__ import annotations

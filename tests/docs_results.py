@@ -167,6 +167,29 @@ def log_path(folder: Path, printed: str) -> None:
     assert all(np.isfinite(alpha).all() for alpha in found)
 
 
+def comparison_of_databases(folder: Path, printed: str) -> None:
+    """Flight changed the pitch damping by many standard errors, and the figures are there."""
+    assert "Cm/qhat" in printed
+    assert (folder / "lift.svg").stat().st_size > 0
+    assert any((folder / "folder").iterdir())
+
+
+def manoeuvres_of_a_record(folder: Path, printed: str) -> None:
+    table = (folder / "manoeuvres.csv").read_text(encoding="utf-8")
+    assert "3211" in table
+    assert (folder / "manoeuvres.png").read_bytes().startswith(b"\x89PNG")
+
+
+def output_error_of_a_manoeuvre(folder: Path, printed: str) -> None:
+    """The elevator is weaker and the lift slope smaller than those of DATCOM."""
+    before, after = (
+        aerodb.terms(aerodb.open(folder / name)) for name in ("out/t37/datcom.nc", "fitted.nc")
+    )
+    for term in ("CL/basic", "Cm/elevator"):
+        assert np.abs(after[term]["value"]).max() < np.abs(before[term]["value"]).max(), term
+    assert "<html" in (folder / "pitch.html").read_text(encoding="utf-8")
+
+
 def front_page(names: dict) -> None:
     """The elevator of the model acts, and it answers the elevator doublet of another record as that
     flight does.
@@ -220,6 +243,20 @@ CHECKS: dict[tuple[str, int], Check] = {
     ("docs/how-to/certify-a-report.md", 3): contains('Good "aeromatch" signature', "all as it was"),
     ("docs/how-to/own-fmu.md", 0): contains("delta_e"),
     ("docs/how-to/own-fmu.md", 2): own_fmu,
+    ("docs/how-to/check-a-record.md", 0): contains("sound: 0 errors"),
+    ("docs/how-to/compare-databases.md", 0): comparison_of_databases,
+    ("docs/how-to/compare-databases.md", 1): files(
+        "figures/figure-12.svg", "figures-2/figure-12.pdf"
+    ),
+    ("docs/how-to/convert-datcom-files.md", 0): contains("is not the plot file of other.out"),
+    ("docs/how-to/edit-a-database.md", 0): files("before.nc"),
+    ("docs/how-to/edit-a-database.md", 2): files("flown.nc", "d.nc"),
+    ("docs/how-to/fit-a-manoeuvre.md", 0): files("02.nc"),
+    ("docs/how-to/fit-a-manoeuvre.md", 3): output_error_of_a_manoeuvre,
+    ("docs/how-to/reconstruct-a-flight.md", 0): files("record.png", "pitch.svg"),
+    ("docs/how-to/reconstruct-a-flight.md", 1): manoeuvres_of_a_record,
+    ("docs/how-to/split-and-run-decks.md", 2): files("results/flaps.out"),
+    ("docs/how-to/split-and-run-decks.md", 4): contains("nothing was written"),
     ("docs/how-to/uav-log.md", 0): contains("Hz"),
     ("docs/how-to/uav-log.md", 2): log_findings,
     ("docs/how-to/uav-log.md", 3): log_path,

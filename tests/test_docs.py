@@ -62,7 +62,7 @@ NOT_RUN = {
     "ruff": "style and types: run by .ci/run",
 }
 # pages of half a minute and more, whose verbs have tests of their own in the suite: for .ci/nightly
-NIGHTLY_PAGES = ("flapping-vehicle.md", "figures.md", "real-flights.md")
+NIGHTLY_PAGES = ("flapping-vehicle.md", "compare-databases.md", "real-flights.md")
 FENCE = re.compile(
     r"^(?P<slow><!-- slow -->\n+)?(?P<indent> *)```(?P<language>\S*)(?: "
     r"title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)^(?P=indent)```$",

@@ -161,7 +161,7 @@ def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
             "recordings",
             [
                 "Chapter 10 holds words of a bus; write their [decode] tables first "
-                "(docs/explanation/flight-test/records.md)"
+                "(docs/explanation/flight-test/name-maps.md)"
             ],
         )
     if kind in LOGS:

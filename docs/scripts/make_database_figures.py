@@ -1,4 +1,4 @@
-"""Draw the figures of ``database-figures.md``: ``python docs/scripts/make_database_figures.py out/t37
+"""Draw the figures of ``figures.md``: ``python docs/scripts/make_database_figures.py out/t37
 --along path.nc``.
 
 The folder holds ``datcom.nc`` and ``final.nc``, as ``./run demo`` leaves them; the path is a

@@ -158,7 +158,7 @@ def of(verdicts, model, year):
 
 def test_output_error_and_regression_agree(citation, fits):
     """Effective derivatives at the flight condition, next to those of the equations: see
-    docs/explanation/flight-test/output-error.md for the whole table.
+    docs/evidence/identification.md for the whole table.
     """
     for year in YEARS:
         assert all(fits[step, year].fit.estimates.attrs["converged"] for step in ("pitch", "side"))

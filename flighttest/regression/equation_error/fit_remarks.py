@@ -1,6 +1,6 @@
 """Remarks on a regression: significance of its figures, and faults of its data.
 
-Every threshold is a named constant with its reason next to it. docs/explanation/flight-test/regression.md states how often
+Every threshold is a named constant with its reason next to it. docs/evidence/identification.md states how often
 each remark occurs by chance.
 """
 

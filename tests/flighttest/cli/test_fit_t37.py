@@ -46,7 +46,7 @@ def call(*words):
 
 @pytest.mark.nightly
 def test_output_error_against_the_regression(tmp_path):
-    """docs/explanation/flight-test/output-error.md has the table; the database is DATCOM's, Cm_q -17.6 and Cm_delta_e
+    """docs/evidence/identification.md has the table; the database is DATCOM's, Cm_q -17.6 and Cm_delta_e
     -1.52.
     """
     aircraft, datcom = T37 / "aircraft.toml", T37 / "datcom"

@@ -85,7 +85,7 @@ def test_white_disturbance_has_the_standard_errors_of_time():
 
 @pytest.mark.slow
 def test_two_standard_errors_cover_the_truth():
-    """60 seeds x 4 terms of one 30 s record; 93 % over 200 seeds (docs/explanation/flight-test/regression.md), scatter of
+    """60 seeds x 4 terms of one 30 s record; 93 % over 200 seeds (docs/evidence/identification.md), scatter of
     the share 2 to 3 %.
     """
     inside = []
