@@ -492,7 +492,7 @@ def test_a_word_that_no_line_holds_is_broken(monkeypatch):
     result = replace(result, case=replace(result.case, title=word, objective=word, notes=word))
     monkeypatch.setattr(
         document,
-        "_set",
+        "_typeset",
         lambda folder, _: typst.compile(
             str(folder / "report.typ"), root=str(folder), format="png", ppi=20
         ),
