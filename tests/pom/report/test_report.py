@@ -138,7 +138,9 @@ def test_a_report_takes_the_place_of_all_files_of_an_earlier_one_and_of_no_other
 def test_a_report_of_several_processes_has_the_bytes_of_one(tmp_path, monkeypatch):
     alone = files(write(tmp_path / "alone", paper="a4", jobs=1).parent)
     monkeypatch.setattr("pom.report.case_parts.LEAST_SHARE", 1)
-    monkeypatch.delattr("pom.report.case_parts.case_csv")  # of this process: the others make the parts
+    monkeypatch.delattr(
+        "pom.report.case_parts.case_csv"
+    )  # of this process: the others make the parts
     assert files(write(tmp_path / "shared", paper="a4", jobs=2).parent) == alone
     assert {"report.pdf", "results.nc", "csv/roll_response_clean.csv"} <= alone.keys()
     with pytest.raises(NameError):
