@@ -21,12 +21,11 @@ from pom.report.chapters import Chapters
 from pom.report.models.diagnosis import NOTE
 from pom.report.pdf.content import (
     front_content,
-    save_drawing,
     submodel_content,
     table_of,
     tuning_content,
 )
-from pom.report.pdf.drawings import Drawing, svg_drawing
+from pom.report.pdf.style import Drawing, save_drawing, svg_drawing
 from pom.report.submodels.section import Picture
 from pom.result import PomResult
 

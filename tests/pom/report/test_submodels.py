@@ -25,8 +25,7 @@ from flighttest.submodels.engine.result import identify_engine
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
 from flighttest.submodels.landing_gear.identification import GearConstant
 from pom.diagnosis.term_swaps import by_submodel
-from pom.report.pdf import content
-from pom.report.pdf import drawings as style
+from pom.report.pdf import content, style
 from pom.report.submodels.engine import _draw_responses, _draw_tables
 from pom.report.submodels.landing_gear import landing_gear
 from pom.report.submodels.sections import (
