@@ -172,7 +172,7 @@ def _find_missing_remarks(result: PomResult, run: str) -> Iterator[str]:
     """Yield the remarks on trim and watched channels that the rows of a run do not state."""
     if _is_refused(result, run):
         return
-    stated = set()
+    stated: set[str] = set()
     for row in result.rows:
         if row["run"] == run:
             stated.update(remark.text for remark in row["remarks"])

@@ -252,11 +252,17 @@ def _has_same_curves(first: Sequence[_Curve], second: Sequence[_Curve]) -> bool:
         if not (
             np.array_equal(a.x, b.x)
             and np.array_equal(a.y, b.y)
-            and np.array_equal(a.stderr, b.stderr)
-            and np.array_equal(a.from_flight, b.from_flight)
+            and _is_equal(a.stderr, b.stderr)
+            and _is_equal(a.from_flight, b.from_flight)
         ):
             return False
     return True
+
+
+def _is_equal(first: np.ndarray | None, second: np.ndarray | None) -> bool:
+    if first is None or second is None:
+        return first is second
+    return np.array_equal(first, second)
 
 
 def _subtract_first(curves: Sequence[_Curve]) -> list[_Curve]:
@@ -368,7 +374,8 @@ def _draw_curve(frame: Frame, curve: _Curve, css: str) -> str:
     """Return a curve above its band, with its nodes."""
     body = ""
     if curve.stderr is not None:
-        body += draw_area(frame, curve.x, *curve.edges, f"error {css}-area")
+        low, high = curve.edges
+        body += draw_area(frame, curve.x, low, high, f"error {css}-area")
     body += draw_curve(frame, curve.x, curve.y, f"trace {css}")
     if curve.from_flight is not None:
         # A white point inside a mark makes it open.

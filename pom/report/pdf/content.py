@@ -24,7 +24,12 @@ from pom.report.case.start_and_inputs import (
     trim_tables,
 )
 from pom.report.models.diagnosis import cause_sentences
-from pom.report.page import provenance_page, shown_statuses, table_coverage
+from pom.report.overview import (
+    list_runs,
+    provenance_page,
+    shown_statuses,
+    table_coverage,
+)
 from pom.report.pdf.case_drawings import draw_case, panel_room
 from pom.report.presentation.quantities import QuantityLabel
 from pom.report.presentation.verdict_text import Verdict, criterion_words, verdict_blocks
@@ -323,11 +328,7 @@ def _matrix_content(
     outcomes: Sequence[Sequence[Mapping[str, Any]]],
 ) -> dict[str, Any]:
     """Return the index: a row per case, a column per model, and the counts of every verdict."""
-    all_runs: dict[str, None] = {}
-    for result in results:
-        all_runs |= dict.fromkeys(result.runs)
-    runs = list(all_runs)
-    rows = []
+    runs, rows = list_runs(results), []
     for key, result, case_outcomes in zip(keys, results, outcomes, strict=True):
         by_run = {item["run"]: _outcome_content(item) for item in case_outcomes}
         rows.append(

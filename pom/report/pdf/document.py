@@ -217,9 +217,7 @@ def _save_pictures(folder: Path, stem: str, pictures: Sequence[Picture]) -> list
     return entries
 
 
-def _save_picture(folder: Path, name: str, picture: Picture | None) -> dict[str, Any] | None:
-    if not picture:
-        return None
+def _save_picture(folder: Path, name: str, picture: Picture) -> dict[str, Any]:
     svg = svg_drawing(picture.height, picture.body)
     return save_drawing(folder, name, Drawing(svg, picture.height, picture.words))
 
@@ -229,9 +227,14 @@ def _identification_content(folder: Path, chapter: Mapping[str, Any]) -> dict[st
     fits = []
     for fit in chapter["fits"]:
         row = {key: value for key, value in fit.items() if key != "drawing"}
-        row["picture"] = _save_picture(folder, f"i{fit['index']}.svg", fit["drawing"])
+        row["picture"] = None
+        if fit["drawing"]:
+            row["picture"] = _save_picture(folder, f"i{fit['index']}.svg", fit["drawing"])
         fits.append(row)
-    return {"fits": fits, "map": _save_picture(folder, "i-map.svg", chapter["map"])}
+    sample_map = None
+    if chapter["map"]:
+        sample_map = _save_picture(folder, "i-map.svg", chapter["map"])
+    return {"fits": fits, "map": sample_map}
 
 
 def _databases_content(folder: Path, chapter: Mapping[str, Any]) -> dict[str, Any]:

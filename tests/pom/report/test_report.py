@@ -11,7 +11,7 @@ from report_pages import html, page, set_rows, texts, write
 
 import pom
 from flightmech.errors import SchemaError, UnknownName
-from pom.report import page as overview
+from pom.report import overview
 from pom.report.case import page as case
 from pom.report.presentation import verdict_text
 from pom.tolerances.bands import RowRemark, reason_remarks
