@@ -18,8 +18,8 @@ from markupsafe import Markup
 from pom.report.case.page import PackedPage, run_line_classes
 from pom.report.chapters import Chapters
 from pom.report.models.database_comparison import models_page
-from pom.report.models.diagnosis import NOTE
 from pom.report.models.identification import identification_page
+from pom.report.models.tuning import NOTE
 from pom.report.overview import list_runs, provenance_page, table_coverage, verdict_matrix
 from pom.report.presentation.traces import pack_page, page_templates
 from pom.report.submodels.sections import submodels_context
@@ -67,7 +67,7 @@ def html_files(
     chapters : Chapters
         Chapters in addition to the cases.
     tunings : sequence of mapping
-        Result of `pom.report.models.diagnosis.tuning_context`.
+        Result of `pom.report.models.tuning.tuning_context`.
     """
     templates = page_templates()
     common = {

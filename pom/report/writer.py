@@ -41,7 +41,7 @@ from pom.report.case_parts import (
 )
 from pom.report.chapters import CHAPTERS, Chapters, draw_chapters, restore_chapters, with_kept
 from pom.report.exports import junit_xml
-from pom.report.models.diagnosis import tuning_context
+from pom.report.models.tuning import tuning_context
 from pom.report.page import PAGE, PAGES, html_files
 from pom.report.pdf.document import DocumentContent, pdf_pages
 from pom.report.submodels.sections import make_sections

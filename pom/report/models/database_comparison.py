@@ -25,7 +25,7 @@ from pom.report.presentation.quantities import (
     term_words,
 )
 
-# These terms are always drawn, since the others cannot be assessed without them.
+# These terms are always content, since the others cannot be assessed without them.
 _ALWAYS = ("CL/basic", "CD/basic", "Cm/basic")
 
 
@@ -42,11 +42,11 @@ def models_page(found: Mapping[str, Any]) -> dict[str, Any]:
     dict
         The same data with the figures as SVG text.
     """
-    drawn = []
+    content = []
     for term in found["terms"]:
         figures = [make_svg_figure(p.height, p.body, p.words) for p in term["figures"]]
-        drawn.append({**term, "figures": figures})
-    return {**found, "terms": drawn}
+        content.append({**term, "figures": figures})
+    return {**found, "terms": content}
 
 
 def compare_for_report(
@@ -77,21 +77,21 @@ def compare_for_report(
     all_terms: dict[str, None] = {}
     for database_terms in leaves.values():
         all_terms |= dict.fromkeys(database_terms)
-    drawn, same = [], []
+    content, same = [], []
     for term in sorted(all_terms, key=_term_order):
         holders = _databases_with(term, leaves)
         changed = len(holders) < len(leaves) or not is_same_leaf(list(holders.values()))
         if changed or term in _ALWAYS:
             state = _term_state(holders, list(leaves), changed)
             figures = term_figures(term, holders, support=support.get(term), styles=styles)
-            drawn.append({**_term_content(term, holders, state), "figures": figures})
+            content.append({**_term_content(term, holders, state), "figures": figures})
         else:
             leaf = next(iter(holders.values()))
             same.append({"term": term, "words": term_words(term), "leaf": _leaf_facts(leaf)})
     roots = [_root_facts(name, db, len(leaves[name])) for name, db in databases.items()]
     return {
-        "terms": drawn,
-        "changes": _list_changes(databases, drawn),
+        "terms": content,
+        "changes": _list_changes(databases, content),
         "same": same,
         "databases": roots,
         "styles": styles,
@@ -110,7 +110,7 @@ def _databases_with(
 
 
 def _list_changes(
-    databases: Mapping[str, xr.DataTree], drawn: Sequence[Mapping[str, Any]]
+    databases: Mapping[str, xr.DataTree], content: Sequence[Mapping[str, Any]]
 ) -> dict[str, Any] | None:
     """Return the changes from the first database to the last, term by term."""
     first, last = next(iter(databases)), list(databases)[-1]
@@ -118,7 +118,7 @@ def _list_changes(
         return None
     table = aerodb.compare(databases[first], databases[last])
     rows = []
-    for item in drawn:
+    for item in content:
         if item["term"] not in table.index or item["state"] == "unchanged":
             continue
         row = table.loc[item["term"]]

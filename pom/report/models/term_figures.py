@@ -441,8 +441,8 @@ def _draw_support(frame: Frame, figure: _Figure, position: Mapping[str, float]) 
             near &= nodes[distances.argmin(axis=1)] == value
     points = quantity_label(x_axis).shown(support[x_axis].to_numpy()[near])
     # Ticks nearer than half a unit fall together.
-    places = np.unique(np.round(frame.px(points) * 2) / 2)
+    positions = np.unique(np.round(frame.px(points) * 2) / 2)
     ticks = []
-    for x in places[(places >= frame.left) & (places <= frame.right)]:
+    for x in positions[(positions >= frame.left) & (positions <= frame.right)]:
         ticks.append(draw_line(float(x), frame.bottom - 7, float(x), frame.bottom, "rug"))
     return "".join(ticks)

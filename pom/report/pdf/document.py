@@ -18,7 +18,7 @@ from typing import Any
 from flightmech.errors import SchemaError
 from flightmech.support.console import to_json_types
 from pom.report.chapters import Chapters
-from pom.report.models.diagnosis import NOTE
+from pom.report.models.tuning import NOTE
 from pom.report.pdf.content import (
     front_content,
     submodel_content,
@@ -60,7 +60,7 @@ class DocumentContent:
         Contents of the attached files, by name.
     chapters : Chapters
     tunings : sequence of mapping
-        Tunings of models, from `pom.report.models.diagnosis.tuning_context`.
+        Tunings of models, from `pom.report.models.tuning.tuning_context`.
     """
 
     title: str
