@@ -25,7 +25,7 @@ from pom.report.presentation.quantities import (
     term_words,
 )
 
-# These terms are always content, since the others cannot be assessed without them.
+# These terms are always drawn, since the others cannot be assessed without them.
 _ALWAYS = ("CL/basic", "CD/basic", "Cm/basic")
 
 
