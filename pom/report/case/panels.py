@@ -168,7 +168,8 @@ def make_case_panels(result: PomResult) -> list[CasePanel]:
     Channels with a band come before channels that are judged by other measures.
     """
     channels = [str(name) for name in result.signals.data_vars]
-    banded, measured = [], []
+    banded: list[str] = []
+    measured: list[str] = []
     for channel in dict.fromkeys(row["channel"] for row in result.rows):
         name = str(channel)
         if name in channels:
