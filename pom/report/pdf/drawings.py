@@ -26,7 +26,13 @@ from flightmech.support.figures import (
 from pom.report.case.panels import CasePanel, panel_description, scale_limits
 from pom.report.pdf.style import HEAD, LEFT, RIGHT, SPACE, Drawing, svg_drawing, title_pieces
 from pom.report.presentation.quantities import fixed_decimals, pretty_unit
-from pom.report.presentation.traces import LANE, beyond_scale_mark, exit_ticks, quantile_areas
+from pom.report.presentation.traces import (
+    LANE,
+    beyond_scale_mark,
+    exceedance_area,
+    exit_ticks,
+    quantile_areas,
+)
 from pom.report.presentation.verdict_text import WORDS
 
 # Gap between panels, strip of differences, time axis at the foot of a page.
@@ -197,7 +203,7 @@ def _draw_content(
         parts.append(draw_area(frame, time, low, high, "band"))
         for run, values in panel.traces.items():
             if panel.exits.get(run):
-                parts.append(_draw_exceedance(frame, time, values=values, low=low, high=high))
+                parts.append(exceedance_area(frame, time, values=values, low=low, high=high))
     for run, quantiles in panel.fans.items():
         parts.append(quantile_areas(frame, time, quantiles, styles[run]))
     parts.append(_draw_instants(frame, time, panel))
@@ -209,23 +215,6 @@ def _draw_content(
     if len(panel.traces) > 1 and flight is not None:
         parts.append(draw_curve(frame, time, flight, "hair"))
     return "".join(parts)
-
-
-def _draw_exceedance(
-    frame: Frame, time: np.ndarray, values: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> str:
-    """Return the hatched area between band and trace where the trace is outside."""
-    # Samples without a value compare as inside.
-    with np.errstate(invalid="ignore"):
-        is_above, is_below = values > high, values < low
-    above, below = np.where(is_above, values, high), np.where(is_below, values, low)
-    shapes = ""
-    for edge, trace, outside in ((high, above, is_above), (below, low, is_below)):
-        # One sample more at each side closes the area at the crossing.
-        wide = outside | np.roll(outside, 1) | np.roll(outside, -1)
-        lower, upper = np.where(wide, edge, np.nan), np.where(wide, trace, np.nan)
-        shapes += draw_area(frame, time, lower, upper, "exit")
-    return shapes
 
 
 def _draw_events(frame: Frame, time: np.ndarray, events: Mapping[str, float], named: bool) -> str:
