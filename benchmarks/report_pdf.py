@@ -21,8 +21,9 @@ import pom
 from flightmech.support.console import print_table
 from pom.judging.measures.modal import mode_table
 from pom.report.case.page import case_keys
+from pom.report.chapters import Chapters
 from pom.report.pdf.content import case_on_paper
-from pom.report.pdf.document import pdf_pages
+from pom.report.pdf.document import DocumentContent, pdf_pages
 
 
 def main() -> None:
@@ -48,13 +49,14 @@ def main() -> None:
                 results,
                 names,
                 cases,
-                "Report on paper",
-                "A",
-                dated,
-                {},
-                {},
-                options.paper,
-                {},
+                DocumentContent(
+                    title="Report on paper",
+                    revision="A",
+                    provenance=dated,
+                    paper=options.paper,
+                    attached={},
+                    chapters=Chapters({}),
+                ),
             )
         times.append((time.perf_counter() - begin, time.process_time() - worked))
         made.add(document)

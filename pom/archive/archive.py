@@ -1,13 +1,13 @@
-"""``results.nc``: whole results in exact doubles, one group per case, readable by any netCDF-4 or
-HDF5 tool.
+"""File ``results.nc``: complete results in exact doubles, one group per case.
 
-Layout: the text ``document`` of the root is JSON (title, revision, provenance, diagnoses, logs of
-tunings, order of the cases); the group of a case holds ``signals(run, channel, time)``,
-``tolerance(banded, time)`` and ``inputs(input, time)`` with the names along these dimensions, and
-its own ``document`` (case, conditions, trim, verdicts, failure).  Models flown with draws have
-``samples`` in that document and their quantiles in ``fan0(channel, quantile, time)`` and so on.  SI
-and radians; the verdicts are in the unit of the tolerance table.  Files are named from the folder
-of the report.  Few large variables instead of many small ones: a hundred cases are read in seconds.
+Any netCDF-4 or HDF5 tool reads it.  The text ``document`` of the root is JSON: title, revision,
+provenance, diagnoses, logs of tunings, order of the cases.  The group of a case holds
+``signals(run, channel, time)``, ``tolerance(banded, time)`` and ``inputs(input, time)``, with the
+names along these dimensions, and a ``document`` (case, conditions, trim, verdicts, failure).  Models
+with draws have ``samples`` in that document, and their quantiles in
+``fan0(channel, quantile, time)``, ``fan1`` and so on.  Units are SI and radians.  The verdicts are
+in the unit of the tolerance table.  Files are named relative to the folder of the report.  A few
+large variables take the place of many small ones, so that a hundred cases are read in seconds.
 """
 
 from __future__ import annotations
@@ -33,34 +33,31 @@ from pom.fmu.run_cache import FileState
 from pom.result import PomResult, make_verdict_table, to_split_dict
 from pom.samples import SampledReplay
 
-_NAMES = {
-    "signals": "channel",
-    "tolerance": "banded",
-    "inputs": "input",
-}  # part of a result -> the dimension of its names
+# Dimension of the names, by part of a result.
+_NAMES = {"signals": "channel", "tolerance": "banded", "inputs": "input"}
 
 
 @dataclass(frozen=True)
 class Archive:
-    """What ``results.nc`` holds.
+    """Content of ``results.nc``.
 
     Attributes
     ----------
     results : list of PomResult
         As judged, exact.
     title, revision : str
-        Of the report.
+        Title and revision of the report.
     provenance : dict
-        As given to `pom.write_report`, without places on a disk.
+        As given to `pom.write_report`, without paths.
     diagnoses : dict of str to DataFrame
         Case name to the table of `pom.diagnose`.
     paper : str or None
-        Of ``report.pdf``, empty without one; None: not stated.
+        Paper of ``report.pdf``; empty without a PDF, None if the file does not state it.
     tunings : dict of str to dict
         Name of a model to the log of its tuning (`pom.tuning_content.Tuning.document`).
     chapters : bytes
-        What the report shows in addition to its cases, as it draws it (`pom.report.chapters`);
-        empty where it shows nothing.
+        Drawn chapters of the report in addition to its cases (`pom.report.chapters`); empty
+        without chapters.
     """
 
     results: list[PomResult]
@@ -74,7 +71,15 @@ class Archive:
 
 
 def write_archive(path: str | os.PathLike, archive: Archive, keys: Sequence[str]) -> None:
-    """Write ``results.nc``; `keys` names the group of every result.  Equal input gives equal bytes."""
+    """Write ``results.nc``.  Equal input gives equal bytes.
+
+    Parameters
+    ----------
+    path : path
+    archive : Archive
+    keys : sequence of str
+        Name of the group of every result.
+    """
     head = {
         "title": archive.title,
         "revision": archive.revision,
@@ -82,8 +87,9 @@ def write_archive(path: str | os.PathLike, archive: Archive, keys: Sequence[str]
         "diagnoses": {name: _table_to_json(table) for name, table in archive.diagnoses.items()},
         "cases": list(keys),
         "paper": archive.paper,
-        **({"tunings": to_json_types(archive.tunings)} if archive.tunings else {}),
     }
+    if archive.tunings:
+        head["tunings"] = to_json_types(archive.tunings)
     with h5py.File(path, "w") as file:
         _write_document(file, head)
         if archive.chapters:
@@ -98,7 +104,12 @@ def write_archive(path: str | os.PathLike, archive: Archive, keys: Sequence[str]
 
 
 def read_archive(path: str | os.PathLike) -> Archive:
-    """Read ``results.nc``, or that of the folder of a report.
+    """Read a ``results.nc``.
+
+    Parameters
+    ----------
+    path : path
+        The file, or the folder of a report.
 
     Raises
     ------
@@ -108,7 +119,8 @@ def read_archive(path: str | os.PathLike) -> Archive:
         The file is not a ``results.nc`` of `pom.write_report`, or it is damaged.
     """
     path = Path(path)
-    path = path / "results.nc" if path.is_dir() else path
+    if path.is_dir():
+        path = path / "results.nc"
     if not path.is_file():
         raise FileNotFoundError(
             2, "no results here; give the folder of a report or its results.nc", str(path)
@@ -118,123 +130,141 @@ def read_archive(path: str | os.PathLike) -> Archive:
         with h5py.File(path, "r") as file:
             head = _read_document(file)
             results = [_read_result(file[key], path.parent) for key in head["cases"]]
-            chapters = (
-                file["chapters"][()].tobytes()
-                if isinstance(file.get("chapters"), h5py.Dataset)
-                else b""
-            )
+            chapters = b""
+            if isinstance(file.get("chapters"), h5py.Dataset):
+                chapters = file["chapters"][()].tobytes()
     except (OSError, KeyError, ValueError, TypeError) as error:
         raise SchemaError(
             str(path),
             [f"not a results.nc of a report, or damaged ({error}); write the report again"],
         ) from error
     diagnoses = {name: _table_from_json(table) for name, table in head["diagnoses"].items()}
-    about = (head["title"], head["revision"], head["provenance"])
-    return Archive(results, *about, diagnoses, head.get("paper"), head.get("tunings", {}), chapters)
+    return Archive(
+        results,
+        head["title"],
+        revision=head["revision"],
+        provenance=head["provenance"],
+        diagnoses=diagnoses,
+        paper=head.get("paper"),
+        tunings=head.get("tunings", {}),
+        chapters=chapters,
+    )
 
 
 def _write_result(group: h5py.Group, result: PomResult, folder: Path) -> None:
+    """Write one result into its group."""
     parts: dict[str, xr.Dataset] = {part: getattr(result, part) for part in _NAMES}
+    attrs, channel_attrs = {}, {}
+    for part, data in parts.items():
+        attrs[part] = data.attrs
+        channel_attrs[part] = {str(name): data.variables[name].attrs for name in data.data_vars}
     head: dict[str, Any] = {
         "case": case_seen_from(result.case, folder).to_dict(),
         "conditions": result.conditions,
         "failure": result.failure,
         "trim": to_split_dict(result.trim),
         "verdict": result.verdict_records(),
-        "attrs": {part: data.attrs for part, data in parts.items()},
-        "channels": {
-            part: {str(name): data.variables[name].attrs for name in data.data_vars}
-            for part, data in parts.items()
-        },
+        "attrs": attrs,
+        "channels": channel_attrs,
     }
     if result.samples:
-        head["samples"] = {run: found.document() for run, found in result.samples.items()}
+        head["samples"] = {run: replay.document() for run, replay in result.samples.items()}
     _write_document(group, head)
-    run = _scale(group, "run", [str(name) for name in result.signals["run"].values])
-    time = _scale(group, "time", result.signals["time"].values)
-    for number, found in enumerate(result.samples.values()):
-        _write_fan(group, number, found.fan, time)
+    run = _write_scale(group, "run", [str(name) for name in result.signals["run"].values])
+    time = _write_scale(group, "time", result.signals["time"].values)
+    for number, replay in enumerate(result.samples.values()):
+        _write_fan(group, number, replay.fan, time)
+    # The bytes of the file depend on when HDF5 objects are closed, so this loop keeps its handles.
     for part, data in parts.items():
-        names = _scale(group, _NAMES[part], list(head["channels"][part]))
-        own = np.array_equal(data["time"].values, result.signals["time"].values)
-        clock = time if own else _scale(group, f"{_NAMES[part]}_time", data["time"].values)
+        names = _write_scale(group, _NAMES[part], list(channel_attrs[part]))
+        # Inputs may have another time base than the signals.
+        clock = time
+        if not np.array_equal(data["time"].values, result.signals["time"].values):
+            clock = _write_scale(group, f"{_NAMES[part]}_time", data["time"].values)
+        # Signals (channel, run, time) become (run, channel, time); other parts have no runs.
         axes = [run, names, clock] if part == "signals" else [names, clock]
         channels = [data.variables[name].values for name in data.data_vars]
-        values = np.array(channels, float).reshape(-1, *(len(a) for a in axes if a is not names))
+        shape = [len(axis) for axis in axes if axis is not names]
+        values = np.array(channels, float).reshape(-1, *shape)
         table = group.create_dataset(
-            part, data=np.moveaxis(values, 0, axes.index(names)), **_squeeze(values)
+            part, data=np.moveaxis(values, 0, axes.index(names)), **_compression(values)
         )
         for i, axis in enumerate(axes):
             table.dims[i].attach_scale(axis)
 
 
 def _write_fan(group: h5py.Group, number: int, fan: xr.Dataset, time: h5py.Dataset) -> None:
-    """Write the quantiles of the draws of one model: ``fan0(fan0_channel, quantile, time)`` and so
-    on, in the order of the models.
-    """
-    names = _scale(group, f"fan{number}_channel", list(map(str, fan.data_vars)))
-    quantile = _scale(group, f"fan{number}_quantile", fan["quantile"].values)
+    """Write the quantiles of the draws of one model, ``fan0(fan0_channel, quantile, time)``."""
+    names = _write_scale(group, f"fan{number}_channel", list(map(str, fan.data_vars)))
+    quantile = _write_scale(group, f"fan{number}_quantile", fan["quantile"].values)
     values = np.array([item.values for item in fan.data_vars.values()], float).reshape(
         -1, len(quantile), len(time)
     )
-    table = group.create_dataset(f"fan{number}", data=values, **_squeeze(values))
+    table = group.create_dataset(f"fan{number}", data=values, **_compression(values))
     for i, axis in enumerate((names, quantile, time)):
         table.dims[i].attach_scale(axis)
 
 
-def _squeeze(values: np.ndarray) -> dict[str, Any]:
-    return {"compression": "gzip", "compression_opts": 1, "shuffle": True} if values.size else {}
+def _compression(values: np.ndarray) -> dict[str, Any]:
+    # HDF5 does not compress an empty table.
+    if not values.size:
+        return {}
+    return {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 
 
-def _scale(group: h5py.Group, name: str, values: Any) -> h5py.Dataset:
+def _write_scale(group: h5py.Group, name: str, values: Any) -> h5py.Dataset:
     """Write the coordinate along a dimension."""
-    kind = h5py.string_dtype(encoding="utf-8") if isinstance(values, list) else float
-    scale = group.create_dataset(
-        name, data=np.array(values, object if isinstance(values, list) else float), dtype=kind
-    )
+    # A list holds names, an array numbers.
+    if isinstance(values, list):
+        data, dtype = np.array(values, object), h5py.string_dtype(encoding="utf-8")
+    else:
+        data, dtype = np.array(values, float), float
+    scale = group.create_dataset(name, data=data, dtype=dtype)
     scale.make_scale(name)
     return scale
 
 
 def _read_result(group: h5py.Group, folder: Path) -> PomResult:
     head = _read_document(group)
+    stored_trim = head["trim"]
     trim = pd.DataFrame(
-        head["trim"]["data"], head["trim"]["index"], head["trim"]["columns"], dtype=float
+        stored_trim["data"], stored_trim["index"], stored_trim["columns"], dtype=float
     )
+    conditions = {}
+    for name, value in head["conditions"].items():
+        # JSON stores NaN as null.
+        conditions[name] = float("nan") if value is None else float(value)
+    samples = {}
+    for number, (run, item) in enumerate(head.get("samples", {}).items()):
+        samples[run] = SampledReplay.of_document(item, _read_fan(group, number))
     return PomResult(
         case=case_found_from(PomCase.from_dict(head["case"]), folder),
-        conditions={
-            name: float("nan") if value is None else float(value)
-            for name, value in head["conditions"].items()
-        },
+        conditions=conditions,
         trim=trim.rename_axis("quantity"),
         verdict=make_verdict_table(head["verdict"]),
         failure=head["failure"],
         signals=_read_part(group, head, "signals"),
         tolerance=_read_part(group, head, "tolerance"),
         inputs=_read_part(group, head, "inputs"),
-        samples={
-            run: SampledReplay.of_document(item, _read_fan(group, k))
-            for k, (run, item) in enumerate(head.get("samples", {}).items())
-        },
+        samples=samples,
     )
 
 
 def _read_fan(group: h5py.Group, number: int) -> xr.Dataset:
     values, names = group[f"fan{number}"][()], group[f"fan{number}_channel"].asstr()[()]
     coords = {"quantile": group[f"fan{number}_quantile"][()], "time": group["time"][()]}
-    return xr.Dataset(
-        {name: (("quantile", "time"), values[k]) for k, name in enumerate(names)}, coords
-    )
+    variables = {name: (("quantile", "time"), values[k]) for k, name in enumerate(names)}
+    return xr.Dataset(variables, coords)
 
 
 def _read_part(group: h5py.Group, head: Mapping[str, Any], part: str) -> xr.Dataset:
     values, names = group[part][()], list(group[_NAMES[part]].asstr()[()])
     clock = f"{_NAMES[part]}_time"
     coords: dict[str, Any] = {"time": group[clock if clock in group else "time"][()]}
+    dims: tuple[str, ...] = ("time",)
     if part == "signals":
         coords["run"] = list(group["run"].asstr()[()])
-    dims = ("run", "time") if part == "signals" else ("time",)
+        dims = ("run", "time")
     attrs = head["channels"][part]
     return xr.Dataset(
         {name: (dims, values[..., i, :], attrs[name]) for i, name in enumerate(names)},
@@ -261,29 +291,25 @@ def _table_to_json(table: pd.DataFrame) -> dict[str, Any]:
 
 def _table_from_json(item: Mapping[str, Any]) -> pd.DataFrame:
     table = pd.DataFrame(item["rows"], columns=item["columns"])
-    numbers = [
-        name
-        for name in table.columns
-        if not table[name].map(lambda value: isinstance(value, str)).any()
-    ]
-    return table.astype(dict.fromkeys(numbers, float)).rename(
-        columns=_renamed
-    )  # a column without any number came as nulls
+    # A column of numbers may hold nulls only, so every column without a text is one of numbers.
+    numbers = []
+    for name in table.columns:
+        if not table[name].map(lambda value: isinstance(value, str)).any():
+            numbers.append(name)
+    return table.astype(dict.fromkeys(numbers, float)).rename(columns=_rename_column)
 
 
-def _renamed(column: str) -> str:
-    """Return a column of a diagnosis by its present name; files of earlier versions hold ``closes``
-    and ``miss``.
-    """
+def _rename_column(column: str) -> str:
+    """Return the present name of a column; earlier versions wrote ``closes`` and ``miss``."""
     name, blank, quantity = column.rpartition(" ")
     return name + blank + {"closes": "explained", "miss": "mismatch"}.get(quantity, quantity)
 
 
 class Custody:
-    """Files with their hashes, taken before they are read.
+    """Hashes of input files, computed before the files are read.
 
-    A file that is replaced or edited while a batch runs, even for a moment, would lend its hash to
-    results of another content; `check` finds it before anything is written.
+    A file may be replaced or edited while a batch runs, even for a moment.  Its hash would then not
+    belong to the results.  `check` finds such a file before anything is written.
 
     Examples
     --------
@@ -296,34 +322,37 @@ class Custody:
         self._taken: dict[Path, tuple[FileState, str]] = {}
 
     def take(self, files: Iterable[str | Path]) -> None:
-        """Hash files that are about to be read; those taken before keep their first hash.
+        """Hash files that are about to be read.  Files hashed before keep their first hash.
 
         Raises
         ------
         FileNotFoundError
         """
-        for path in (Path(file).resolve() for file in files):
+        for file in files:
+            path = Path(file).resolve()
             if path not in self._taken:
-                state = FileState.of(
-                    path
-                )  # first: what changes while it is hashed is found by `check`
+                # The state comes first, so that `check` finds a change during the hashing.
+                state = FileState.of(path)
                 self._taken[path] = state, file_sha256(path)
 
     def sha256(self, file: str | Path) -> str:
-        """Return the hash that a file had when it was taken; one that was not is taken now."""
+        """Return the recorded hash of a file.  If none was recorded, compute it now."""
         self.take([file])
         return self._taken[Path(file).resolve()][1]
 
     def check(self, files: Iterable[str | Path] | None = None) -> None:
-        """Compare files, all that were taken unless given, with what they were.
+        """Compare files with their recorded state; by default all recorded files.
 
         Raises
         ------
         SchemaError
-            With every file that changed or is gone.
+            With every file that changed or was deleted.
         """
+        paths = list(self._taken)
+        if files is not None:
+            paths = [Path(file).resolve() for file in files]
         problems = []
-        for path in self._taken if files is None else [Path(file).resolve() for file in files]:
+        for path in paths:
             state, _ = self._taken[path]
             try:
                 same = FileState.of(path) == state

@@ -1,10 +1,11 @@
-"""``results.json``: every number that a report prints."""
+"""Text of ``results.json``, which holds every number that a report prints."""
 
 from __future__ import annotations
 
 import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,102 +18,137 @@ from pom.replaying.run_remarks import drift
 from pom.result import PomResult, to_records, to_split_dict
 
 
+@dataclass(frozen=True)
+class _ReportPart:
+    """One of the reports that are joined.
+
+    Attributes
+    ----------
+    path : Path
+        Folder of the report, or its ``results.nc``.
+    archive : Archive
+    places : dict of str to str
+        Path of an input by its name, and of a model by its run.
+    """
+
+    path: Path
+    archive: Archive
+    places: dict[str, str]
+
+
 def join_reports(paths: Iterable[str | os.PathLike]) -> Archive:
     """Read the results of reports and join them in their order.
 
-    Title, revision and date are those of the first, the chapters those of the first that has any.
+    Title, revision and date are those of the first report.  The chapters are those of the first
+    report that has any.
 
     Parameters
     ----------
     paths : iterable of path
-        Folders of reports, or their ``results.nc``; a manifest next to them states where the inputs
-        lie.
+        Folders of reports, or their ``results.nc``.  A manifest next to them states the paths of
+        the inputs.
 
     Raises
     ------
     FileNotFoundError, SchemaError
         See `read_archive`.
     """
-    parts = [(Path(path), read_archive(path)) for path in paths]
-    first = parts[0][1]
-    provenance = dict(first.provenance)
-    located = [
-        (_located(path if path.is_dir() else path.parent), path, part.provenance)
-        for path, part in parts
-    ]
-    inputs = [
-        (name, digest, places.get(name, ""), path)
-        for places, path, made in located
-        for name, digest in made.get("inputs", {}).items()
-    ]
-    models = [
-        (run, model.get("sha256", ""), {**model, "path": places.get(run, "")}, path)
-        for places, path, made in located
-        for run, model in made.get("models", {}).items()
-    ]
-    known = _unambiguous({(name, digest): (place, path) for name, digest, place, path in inputs})
-    provenance["inputs"] = {name: digest for name, (digest, _) in known.items()}
-    provenance["places"] = {name: place for name, (_, place) in known.items() if place}
-    provenance["models"] = {
-        run: model
-        for run, (_, model) in _unambiguous(
-            {(run, sha): (model, path) for run, sha, model, path in models}
-        ).items()
-    }
-    if records := {
-        what: names
-        for _, part in parts
-        for what, names in part.provenance.get("records", {}).items()
-    }:
-        provenance["records"] = records
-    if errors := {
-        what: text
-        for _, part in parts
-        for what, text in part.provenance.get("record_errors", {}).items()
-    }:
-        provenance["record_errors"] = errors
-    diagnoses = {name: table for _, part in parts for name, table in part.diagnoses.items()}
-    tunings = {run: log for _, part in parts for run, log in part.tunings.items()}
-    results = [result for _, part in parts for result in part.results]
-    chapters = next((part.chapters for _, part in parts if part.chapters), b"")
+    archives = [(Path(path), read_archive(path)) for path in paths]
+    parts = []
+    for path, archive in archives:
+        folder = path if path.is_dir() else path.parent
+        parts.append(_ReportPart(path, archive, _input_places(folder)))
+
+    results: list[PomResult] = []
+    diagnoses: dict[str, pd.DataFrame] = {}
+    tunings: dict[str, dict[str, Any]] = {}
+    chapters = b""
+    for part in parts:
+        results += part.archive.results
+        diagnoses |= part.archive.diagnoses
+        tunings |= part.archive.tunings
+        chapters = chapters or part.archive.chapters
+    first = parts[0].archive
     return Archive(
         results,
         first.title,
-        first.revision,
-        provenance,
-        diagnoses,
+        revision=first.revision,
+        provenance=_join_provenance(parts),
+        diagnoses=diagnoses,
         tunings=tunings,
         chapters=chapters,
     )
 
 
-def _unambiguous(found: Mapping[tuple[str, str], tuple[Any, Path]]) -> dict[str, tuple[str, Any]]:
-    """Return name -> (digest, item); where one name stands for several files, each takes the name
-    of its report too.
-    """
-    names = [name for name, _ in found]
-    return {
-        name if names.count(name) == 1 else f"{name} ({path.resolve().name})": (digest, item)
-        for (name, digest), (item, path) in found.items()
-    }
+def _join_provenance(parts: Sequence[_ReportPart]) -> dict[str, Any]:
+    """Return the provenance of joined reports: that of the first with the inputs of all."""
+    # The digest is part of the key: two files of one name stay apart, equal files count once.
+    inputs: dict[tuple[str, str], tuple[Any, Path]] = {}
+    models: dict[tuple[str, str], tuple[Any, Path]] = {}
+    records: dict[str, Any] = {}
+    record_errors: dict[str, Any] = {}
+    for part in parts:
+        origin = part.archive.provenance
+        for name, digest in origin.get("inputs", {}).items():
+            inputs[name, digest] = (part.places.get(name, ""), part.path)
+        for run, model in origin.get("models", {}).items():
+            located = {**model, "path": part.places.get(run, "")}
+            models[run, model.get("sha256", "")] = (located, part.path)
+        records |= origin.get("records", {})
+        record_errors |= origin.get("record_errors", {})
+
+    named_inputs = _name_uniquely(inputs)
+    named_models = _name_uniquely(models)
+    provenance = dict(parts[0].archive.provenance)
+    provenance["inputs"] = {name: digest for name, (digest, _) in named_inputs.items()}
+    provenance["places"] = {name: path for name, (_, path) in named_inputs.items() if path}
+    provenance["models"] = {run: model for run, (_, model) in named_models.items()}
+    if records:
+        provenance["records"] = records
+    if record_errors:
+        provenance["record_errors"] = record_errors
+    return provenance
 
 
-def _located(folder: Path) -> dict[str, str]:
-    """Return where the inputs of a report lie, by their names; models by their runs."""
+def _name_uniquely(
+    items: Mapping[tuple[str, str], tuple[Any, Path]],
+) -> dict[str, tuple[str, Any]]:
+    """Return name -> (digest, item); files of the same name get the name of their report added."""
+    names = [name for name, _ in items]
+    unique = {}
+    for (name, digest), (item, path) in items.items():
+        key = name
+        if names.count(name) > 1:
+            key = f"{name} ({path.resolve().name})"
+        unique[key] = (digest, item)
+    return unique
+
+
+def _input_places(folder: Path) -> dict[str, str]:
+    """Return the paths of the inputs of a report by name, and of its models by run."""
     if not (folder / NAME).is_file():
         return {}
-    found = {}
-    for item in read_report_manifest(folder)["predicate"]["buildDefinition"][
-        "resolvedDependencies"
-    ]:
+    definition = read_report_manifest(folder)["predicate"]["buildDefinition"]
+    places = {}
+    for item in definition["resolvedDependencies"]:
         path = dependency_path(item, folder)
         if path is not None:
-            found[item.get("annotations", {}).get("run", item["name"])] = str(path.resolve())
-    return found
+            places[item.get("annotations", {}).get("run", item["name"])] = str(path.resolve())
+    return places
 
 
 class CaseText(NamedTuple):
-    """JSON of one case: its name, all numbers, and the table of its modes, empty where it has none."""
+    """JSON texts of one case.
+
+    Attributes
+    ----------
+    name : str
+        Name of the case.
+    numbers : str
+        All its numbers.
+    modes : str
+        Table of its modes; empty if it has none.
+    """
 
     name: str
     numbers: str
@@ -122,63 +158,72 @@ class CaseText(NamedTuple):
 def case_results_text(
     result: PomResult, modes: pd.DataFrame, folder: str | os.PathLike
 ) -> CaseText:
-    """Return what ``results.json`` holds of a case; files are named from `folder`, `modes` is its
-    `pom.judging.mode_table`.
+    """Return the texts of a case for ``results.json``.
+
+    Parameters
+    ----------
+    result : PomResult
+    modes : DataFrame
+        Table of `pom.judging.mode_table`.
+    folder : path
+        Files are named relative to this folder.
     """
-    return CaseText(
-        result.case.name,
-        _json(_numbers(result, folder)),
-        _json(_records(modes)) if len(modes) else "",
-    )
+    modes_text = _to_json(_to_rows(modes)) if len(modes) else ""
+    return CaseText(result.case.name, _to_json(_case_numbers(result, folder)), modes_text)
 
 
 def results_json(archive: Archive, cases: Sequence[CaseText]) -> str:
-    """Return the text of ``results.json``, the keys of every object in their order; the samples are
-    in ``results.nc``.
+    """Return the text of ``results.json``, with the keys of every object sorted.
+
+    The samples are in ``results.nc``.
     """
+    diagnoses = {name: _to_rows(table) for name, table in archive.diagnoses.items()}
     parts = {
-        "title": _json(archive.title),
-        "revision": _json(archive.revision),
-        "provenance": _json(to_json_types(archive.provenance)),
+        "title": _to_json(archive.title),
+        "revision": _to_json(archive.revision),
+        "provenance": _to_json(to_json_types(archive.provenance)),
         "samples": '"results.nc"',
         "results": f"[{','.join(case.numbers for case in cases)}]",
-        "modes": _joined({case.name: case.modes for case in cases if case.modes}),
-        "diagnoses": _json({name: _records(table) for name, table in archive.diagnoses.items()}),
-        **({"tunings": _json(to_json_types(archive.tunings))} if archive.tunings else {}),
+        "modes": _join_object({case.name: case.modes for case in cases if case.modes}),
+        "diagnoses": _to_json(diagnoses),
     }
-    return _joined(parts) + "\n"
+    if archive.tunings:
+        parts["tunings"] = _to_json(to_json_types(archive.tunings))
+    return _join_object(parts) + "\n"
 
 
-def _json(item: Any) -> str:
+def _to_json(item: Any) -> str:
     return json.dumps(
         item, sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False
     )
 
 
-def _joined(texts: dict[str, str]) -> str:
-    """Return an object of JSON texts, as `_json` writes it."""
-    return f"{{{','.join(f'{_json(name)}:{text}' for name, text in sorted(texts.items()))}}}"
+def _join_object(texts: dict[str, str]) -> str:
+    """Return a JSON object whose values are JSON texts, with the separators of `_to_json`."""
+    entries = [f"{_to_json(name)}:{text}" for name, text in sorted(texts.items())]
+    return f"{{{','.join(entries)}}}"
 
 
-def _numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:
-    samples = {run: found.numbers() for run, found in result.samples.items()}
-    return to_json_types(
-        {
-            "case": case_seen_from(result.case, folder).to_dict(),
-            "conditions": result.conditions,
-            "status": {run: result.status(run) for run in result.runs},
-            "attributes": dict(result.signals.attrs),
-            "channels": [str(name) for name in result.signals.data_vars],
-            "inputs": [str(name) for name in result.inputs.data_vars],
-            "samples": int(result.signals.sizes["time"]),
-            "trim": to_split_dict(result.trim),
-            "drift": to_records(drift(result)),
-            "verdict": result.verdict_records(),
-            "failure": result.failure,
-            **({"samples": samples} if samples else {}),
-        }
-    )
+def _case_numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:
+    """Return all numbers of a case as plain JSON types."""
+    numbers = {
+        "case": case_seen_from(result.case, folder).to_dict(),
+        "conditions": result.conditions,
+        "status": {run: result.status(run) for run in result.runs},
+        "attributes": dict(result.signals.attrs),
+        "channels": [str(name) for name in result.signals.data_vars],
+        "inputs": [str(name) for name in result.inputs.data_vars],
+        "samples": int(result.signals.sizes["time"]),
+        "trim": to_split_dict(result.trim),
+        "drift": to_records(drift(result)),
+        "verdict": result.verdict_records(),
+        "failure": result.failure,
+    }
+    # With draws, the key holds their numbers in place of the number of time samples.
+    if result.samples:
+        numbers["samples"] = {run: replay.numbers() for run, replay in result.samples.items()}
+    return to_json_types(numbers)
 
 
-def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
+def _to_rows(table: pd.DataFrame) -> list[dict[str, Any]]:
     return to_json_types(to_records(table))

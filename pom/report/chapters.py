@@ -1,9 +1,8 @@
-"""The chapters of a report in addition to its cases, drawn: databases, identification, submodels;
-kept with the results.
+"""Chapters of a report in addition to its cases: databases, identification, submodels.
 
-They are made from databases of 12 MB and fits of 50 MB and more, which a report does not hold.
-What page and paper show of them is kept as it is drawn, in ``results.nc``: a report is written
-again with its chapters, and without those files.
+The chapters are made from databases of 12 MB and fits of 50 MB and more, which a report does not
+hold.  ``results.nc`` stores the chapters as they are drawn.  A report can so be written again with
+its chapters, without these files.
 """
 
 from __future__ import annotations
@@ -21,35 +20,38 @@ from flightmech.errors import SchemaError
 from flightmech.support.console import to_json_types
 from flighttest.regression.equation_error.fit import Fit
 from pom.report.case.page import run_line_classes
-from pom.report.models import database_comparison, identification
+from pom.report.models.database_comparison import compare_for_report
+from pom.report.models.identification import identification_chapter
 from pom.report.submodels.section import Picture, Section, SectionTable
 from pom.report.submodels.sections import make_sections, needed_submodels
 
 CHAPTERS = ("identification", "database")
-"""Chapters of the PDF that are printed when wanted."""
+"""Chapters of the PDF that are printed on request."""
 
+# Attributes of a database that the report prints.
 _ATTRIBUTES = ("title", "aircraft", "source", "absent", "notices")
+# Classes that are stored, by name, and the key that holds the name.
 _KINDS = {kind.__name__: kind for kind in (Picture, Section, SectionTable)}
 _KIND = "of"
 
 
 @dataclass(frozen=True)
 class Chapters:
-    """What a report shows in addition to its cases.
+    """Content of a report in addition to its cases.
 
     Attributes
     ----------
     databases : dict of str to dict
         Title, aircraft, source and absent terms of the databases, by name.
     compared : dict or None
-        Of `database_comparison.compare_for_report`.
+        Result of `database_comparison.compare_for_report`.
     identification : dict or None
-        Of `identification.identification_chapter`.
+        Result of `identification.identification_chapter`.
     submodels : tuple of Section
-    needed : Grid or None
-        What the corrected model takes from the final one.
+    needed : SectionTable or None
+        Terms that the corrected model takes from the final one.
     on_paper : tuple of str
-        Chapters of the PDF among `CHAPTERS`.
+        Chapters of the PDF, of `CHAPTERS`.
     """
 
     databases: dict[str, dict[str, str]]
@@ -62,18 +64,19 @@ class Chapters:
     @property
     def roots(self) -> dict[str, xr.DataTree]:
         """The databases without their terms."""
-        return {
-            name: xr.DataTree(xr.Dataset(attrs=dict(attrs)))
-            for name, attrs in self.databases.items()
-        }
+        roots = {}
+        for name, attrs in self.databases.items():
+            roots[name] = xr.DataTree(xr.Dataset(attrs=dict(attrs)))
+        return roots
 
     def kept(self) -> bytes:
-        """Return the chapters as they are kept in ``results.nc``; empty where there is none."""
+        """Return the chapters as ``results.nc`` stores them; empty without chapters."""
         if not (self.databases or self.identification or self.submodels):
             return b""
-        return json.dumps(
-            _plain(self), ensure_ascii=False, sort_keys=True, separators=(",", ":")
-        ).encode()
+        text = json.dumps(
+            _to_plain(self), ensure_ascii=False, sort_keys=True, separators=(",", ":")
+        )
+        return text.encode()
 
 
 def draw_chapters(
@@ -85,24 +88,34 @@ def draw_chapters(
     diagnoses: Mapping[str, pd.DataFrame],
     on_paper: Sequence[str],
 ) -> Chapters:
-    """Return the chapters of what `pom.write_report` was given; the figures of fits are drawn for
-    paper where it is wanted.
+    """Return the chapters made from arguments of `pom.write_report`.
+
+    Parameters
+    ----------
+    databases, support, fits, level_lines, diagnoses
+        As in `pom.write_report`.
+    submodels : sequence of Section
+        Sections on the submodels (`make_sections`).
+    on_paper : sequence of str
+        Chapters of the PDF.  The figures of fits are drawn for paper only if it has them.
     """
-    attributes = {
-        name: {key: str(db.attrs[key]) for key in _ATTRIBUTES if key in db.attrs}
-        for name, db in databases.items()
-    }
+    attributes: dict[str, dict[str, str]] = {}
+    for name, db in databases.items():
+        attributes[name] = {key: str(db.attrs[key]) for key in _ATTRIBUTES if key in db.attrs}
+    compared = identification = needed = None
+    if databases:
+        compared = compare_for_report(databases, support, run_line_classes(databases))
+    if fits:
+        identification = identification_chapter(fits, level_lines, "identification" in on_paper)
+    if submodels:
+        needed = needed_submodels(diagnoses, databases)
     return Chapters(
         attributes,
-        database_comparison.compare_for_report(databases, support, run_line_classes(databases))
-        if databases
-        else None,
-        identification.identification_chapter(fits, level_lines, "identification" in on_paper)
-        if fits
-        else None,
-        tuple(submodels),
-        needed_submodels(diagnoses, databases) if submodels else None,
-        tuple(on_paper),
+        compared,
+        identification=identification,
+        submodels=tuple(submodels),
+        needed=needed,
+        on_paper=tuple(on_paper),
     )
 
 
@@ -117,86 +130,98 @@ def drawn_chapters(
     chapters: Sequence[str],
     level_lines: Mapping[str, xr.Dataset],
 ) -> Chapters:
-    """Return what `pom.write_report` takes as `kept` in the place of these arguments of it: the
-    same report, drawn once.
+    """Return the chapters for the argument `kept` of `pom.write_report`.
+
+    The arguments are those of `pom.write_report`, which then writes the same report without them.
     """
-    found = make_sections(submodels, free_motion, driven_motion)
-    return draw_chapters(databases, {}, fits, level_lines, found, diagnoses, chapters)
+    return draw_chapters(
+        databases,
+        {},
+        fits=fits,
+        level_lines=level_lines,
+        submodels=make_sections(submodels, free_motion, driven_motion),
+        diagnoses=diagnoses,
+        on_paper=chapters,
+    )
 
 
 def restore_chapters(kept: bytes) -> Chapters:
-    """Return the chapters that `Chapters.kept` gave."""
-    found = _restored(json.loads(kept)) if kept else {}
+    """Return the chapters from the bytes of `Chapters.kept`."""
+    items = _from_plain(json.loads(kept)) if kept else {}
     return Chapters(
-        found.get("databases", {}),
-        found.get("compared"),
-        found.get("identification"),
-        tuple(found.get("submodels", ())),
-        found.get("needed"),
-        tuple(found.get("on_paper", ())),
+        items.get("databases", {}),
+        items.get("compared"),
+        identification=items.get("identification"),
+        submodels=tuple(items.get("submodels", ())),
+        needed=items.get("needed"),
+        on_paper=tuple(items.get("on_paper", ())),
     )
 
 
 def with_kept(now: Chapters, before: Chapters, on_paper: Sequence[str] | None = None) -> Chapters:
-    """Return the chapters of an earlier report, with those made now in their place.
+    """Return the chapters of this report, completed by those of an earlier one.
 
     Parameters
     ----------
     now, before : Chapters
+        Chapters of this report and of the earlier one.
     on_paper : sequence of str, optional
-        Chapters of the PDF; those of the earlier report unless given.
+        Chapters of the PDF.  The default is the selection of the earlier report.
 
     Raises
     ------
     SchemaError
-        A chapter for paper that is among neither.
+        Neither report has a chapter of the PDF.
     """
-    wanted = before.on_paper if on_paper is None else tuple(on_paper)
-    found = replace(now, on_paper=wanted)
+    printed = before.on_paper if on_paper is None else tuple(on_paper)
+    chapters = replace(now, on_paper=printed)
     if not now.databases:
-        found = replace(found, databases=before.databases, compared=before.compared)
+        chapters = replace(chapters, databases=before.databases, compared=before.compared)
     if not now.identification:
-        found = replace(found, identification=before.identification)
+        chapters = replace(chapters, identification=before.identification)
     if not now.submodels:
-        found = replace(found, submodels=before.submodels, needed=before.needed)
-    fits = found.identification["fits"] if found.identification else []
+        chapters = replace(chapters, submodels=before.submodels, needed=before.needed)
+    # Figures of fits are stored only if the earlier report printed them.
+    fits = chapters.identification["fits"] if chapters.identification else []
     lacking = []
-    if "identification" in wanted and not any(fit.get("drawing") for fit in fits):
+    if "identification" in printed and not any(fit.get("drawing") for fit in fits):
         lacking.append(
             "identification: the results hold no figures of it; match again with it among "
             "the chapters of the project"
         )
-    if "database" in wanted and not found.compared:
+    if "database" in printed and not chapters.compared:
         lacking.append(
             "database: the results compare no databases; give them as --database NAME=FILE.nc"
         )
     if lacking:
         raise SchemaError("chapters of the report", lacking)
-    return found
+    return chapters
 
 
-def _plain(item: Any) -> Any:
+def _to_plain(item: Any) -> Any:
+    """Return data as JSON types; a dataclass or bytes as an object with the name of its type."""
     if is_dataclass(item) and not isinstance(item, type):
-        return {
-            _KIND: type(item).__name__,
-            **{one.name: _plain(getattr(item, one.name)) for one in fields(item)},
-        }
+        values = {field.name: _to_plain(getattr(item, field.name)) for field in fields(item)}
+        return {_KIND: type(item).__name__, **values}
     if isinstance(item, bytes):
         return {_KIND: "bytes", "base64": base64.b64encode(item).decode()}
     if isinstance(item, Mapping):
-        return {str(key): _plain(value) for key, value in item.items()}
+        return {str(key): _to_plain(value) for key, value in item.items()}
     if isinstance(item, list | tuple):
-        return [_plain(value) for value in item]
+        return [_to_plain(value) for value in item]
     return to_json_types(item)
 
 
-def _restored(item: Any) -> Any:
+def _from_plain(item: Any) -> Any:
+    """Return the data from which `_to_plain` made JSON types."""
     if isinstance(item, list):
-        return [_restored(value) for value in item]
+        return [_from_plain(value) for value in item]
     if not isinstance(item, dict):
         return item
     if item.get(_KIND) == "bytes":
         return base64.b64decode(item["base64"])
-    values = {key: _restored(value) for key, value in item.items() if key != _KIND}
+    values = {key: _from_plain(value) for key, value in item.items() if key != _KIND}
     kind = _KINDS.get(item.get(_KIND, ""))
-    return values if kind is None else kind(**values)
+    if kind is None:
+        return values
+    return kind(**values)

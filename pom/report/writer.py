@@ -1,22 +1,20 @@
-"""The Proof-of-Match report: one page for a browser, one document for paper, and all numbers for
-programs, written together.
+"""Proof-of-Match report: HTML page, PDF document and files of all numbers, written together.
 
-Equal input gives equal bytes: dates come from the input, keys are sorted, no host name or clock is
-read.
+Equal input gives equal bytes.  Dates are part of the input, keys are sorted, and neither the host
+name nor the clock is read.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
 import xarray as xr
-from joblib import Parallel, delayed, effective_n_jobs
 
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.support.atomic_write import folder_written_atomically
@@ -26,210 +24,60 @@ from pom.archive.archive import Archive, write_archive
 from pom.archive.origins import (
     NAME,
     ReportProvenance,
-    case_seen_from,
     check_provenance,
     file_sha256,
     report_manifest_text,
-    with_full_places,
     without_places,
 )
-from pom.archive.results_document import CaseText, case_results_text, results_json
-from pom.judging.measures.modal import mode_table
-from pom.report.case.page import CommonHeading, PackedPage, case_keys, packed_page, provenance_of
+from pom.archive.results_document import results_json
+from pom.report.case.page import CommonHeading, case_keys
+from pom.report.case_parts import (
+    CSV,
+    CaseParts,
+    CasePaths,
+    kept_parts,
+    parts_of_cases,
+    read_contents,
+)
 from pom.report.chapters import CHAPTERS, Chapters, draw_chapters, restore_chapters, with_kept
-from pom.report.exports import case_csv, junit_xml
-from pom.report.models import diagnosis as tuning
+from pom.report.exports import junit_xml
+from pom.report.models.tuning import tuning_context
 from pom.report.page import PAGE, PAGES, html_files
-from pom.report.pdf.content import case_on_paper
-from pom.report.pdf.document import pdf_pages
+from pom.report.pdf.document import DocumentContent, pdf_pages
 from pom.report.submodels.sections import make_sections
 from pom.result import PomResult
-
-CSV = "csv"
-LEAST_SHARE = 20
-"""Cases that keep a process busy for as long as its start takes, about a second."""
-
-
-@dataclass(frozen=True)
-class CasePaths:
-    """Where the parts of a case go.
-
-    Attributes
-    ----------
-    folder : Path
-        Of the report while it is written; the CSV file of the case goes there.
-    paper : str or None
-        Of ``report.pdf``; None: there is none.
-    drawings : Path
-        Where the drawings for paper go.
-    """
-
-    folder: Path
-    paper: str | None
-    drawings: Path
-
-
-@dataclass(frozen=True)
-class CaseParts:
-    """Parts of one case.
-
-    Attributes
-    ----------
-    page : PackedPage
-    text : CaseText
-        For ``results.json``.
-    on_paper : dict
-        For ``report.pdf``, of `pdf.case_pages.case_on_paper`; empty without one.
-    """
-
-    page: PackedPage
-    text: CaseText
-    on_paper: dict[str, Any]
-
-
-def case_parts(
-    position: int,
-    key: str,
-    result: PomResult,
-    heading: CommonHeading,
-    diagnosis: pd.DataFrame | None,
-    place: CasePaths,
-    report: Path | None = None,
-) -> CaseParts:
-    """Return the parts of the case at `position`, counted from one, and write its CSV file and its
-    drawings.
-
-    Files are named as seen from the folder `report`, that of `place` unless given.
-    """
-    modes = mode_table(result)
-    with (place.folder / CSV / f"{key}.csv").open("w", encoding="utf-8", newline="\n") as file:
-        file.writelines(case_csv(result))
-    page = packed_page(position, key, result, heading, diagnosis, modes)
-    on_paper = {}
-    if place.paper is not None:
-        on_paper = case_on_paper(
-            place.drawings, position, key, result, heading.provenance, diagnosis, modes, place.paper
-        )
-    return CaseParts(page, case_results_text(result, modes, report or place.folder), on_paper)
-
-
-@dataclass(frozen=True)
-class PartFiles:
-    """Parts of one case with the files that go with them, for another process or another time.
-
-    Attributes
-    ----------
-    parts : CaseParts
-    csv : str
-    drawings : dict of str to bytes
-        By name.
-    """
-
-    parts: CaseParts
-    csv: bytes
-    drawings: dict[str, bytes]
-
-    def write(self, key: str, place: CasePaths) -> CaseParts:
-        """Write the files where `case_parts` writes them."""
-        (place.folder / CSV / f"{key}.csv").write_bytes(self.csv)
-        for name, content in self.drawings.items():
-            (place.drawings / name).write_bytes(content)
-        return self.parts
-
-
-def part_files(
-    position: int,
-    key: str,
-    result: PomResult,
-    heading: CommonHeading,
-    diagnosis: pd.DataFrame | None,
-    paper: str | None,
-    report: Path,
-) -> PartFiles:
-    """Return the parts of a case with their files; arguments as `case_parts`."""
-    with TemporaryDirectory() as name:
-        place = CasePaths(Path(name) / "report", paper, Path(name) / "drawings")
-        (place.folder / CSV).mkdir(parents=True)
-        place.drawings.mkdir()
-        parts = case_parts(position, key, result, heading, diagnosis, place, report)
-        drawings = {file.name: file.read_bytes() for file in sorted(place.drawings.iterdir())}
-        return PartFiles(parts, (place.folder / CSV / f"{key}.csv").read_bytes(), drawings)
-
-
-def kept_parts(
-    results: Sequence[PomResult],
-    names: Sequence[str],
-    heading: CommonHeading,
-    diagnoses: Mapping[str, pd.DataFrame],
-    place: CasePaths,
-    jobs: int,
-    stages: Stages,
-) -> list[CaseParts]:
-    """Return the same as `parts_of_cases`, each case a stage: only cases that changed are made
-    again.
-    """
-    inputs: dict[str, dict[str, Any]] = {}
-    calls: dict[str, tuple[Any, ...]] = {}
-    for position, (name, result) in enumerate(zip(names, results, strict=True), 1):
-        own = replace(heading, provenance=provenance_of(result, heading.provenance))
-        diagnosis = diagnoses.get(result.case.name)
-        calls[name] = (
-            position,
-            name,
-            with_full_places(result),
-            own,
-            diagnosis,
-            place.paper,
-            place.folder,
-        )
-        seen = case_seen_from(result.case, place.folder)
-        inputs[name] = {
-            "position": position,
-            "result": result,
-            "heading": own,
-            "diagnosis": diagnosis,
-            "paper": place.paper,
-            "place": seen,
-        }
-
-    processes = max(1, min(effective_n_jobs(jobs), len(results) // LEAST_SHARE))
-    made = stages.each("report page", inputs, part_files, calls.__getitem__, processes)
-    return [made[name].value.write(name, place) for name in names]
-
-
-def parts_of_cases(
-    results: Sequence[PomResult],
-    names: Sequence[str],
-    heading: CommonHeading,
-    diagnoses: Mapping[str, pd.DataFrame],
-    place: CasePaths,
-    jobs: int,
-) -> Iterable[CaseParts]:
-    """Return the parts of every case in their order; the work begins at once where it is shared out
-    to processes.
-
-    Parameters
-    ----------
-    names : sequence of str
-        `case.case_keys` of the results.
-    jobs : int
-        Processes at the same time; -1 for one per core.  A process has `LEAST_SHARE` cases at
-        least.
-    """
-
-    processes = max(1, min(effective_n_jobs(jobs), len(results) // LEAST_SHARE))
-    calls = (
-        delayed(case_parts)(
-            i, name, with_full_places(result), heading, diagnoses.get(result.case.name), place
-        )
-        for i, (name, result) in enumerate(zip(names, results, strict=True), 1)
-    )
-    return Parallel(n_jobs=processes, return_as="generator")(calls)
-
 
 PAPERS = ("a4", "letter")
 PDF, JSON, SAMPLES, JUNIT = "report.pdf", "results.json", "results.nc", "results.xml"
 PARTS = (PAGE, PAGES, PDF, JSON, SAMPLES, JUNIT, CSV, NAME)
+"""Files and folders that belong to a report; other files in its folder stay."""
+
+
+@dataclass(frozen=True)
+class _Report:
+    """Content of one report, checked.
+
+    Attributes
+    ----------
+    archive : Archive
+        Results, title, revision, diagnoses, and the provenance that the report prints.
+    names : list of str
+        Keys of the cases.
+    provenance : dict
+        Provenance with the paths of the inputs, for the manifest.
+    chapters : Chapters
+    tunings : list of dict
+        Tunings as page and PDF show them (`tuning_context`).
+    paper : str or None
+        Paper of the PDF; None for no PDF.
+    """
+
+    archive: Archive
+    names: list[str]
+    provenance: dict[str, Any]
+    chapters: Chapters
+    tunings: list[dict[str, Any]]
+    paper: str | None
 
 
 def write_report(
@@ -256,161 +104,259 @@ def write_report(
 ) -> Path:
     """Write a report into a folder: ``report.html``, ``report.pdf`` and the numbers behind them.
 
-    Next to the two: ``results.json`` (every printed number), ``results.nc`` (samples as exact
+    Further files are ``results.json`` (every printed number), ``results.nc`` (samples as exact
     doubles), ``results.xml`` (JUnit), ``csv/`` (one file per case) and ``manifest.json`` (SHA-256
-    of every input and output).  A long report has ``pages/`` too, the cases that ``report.html``
-    loads when they are opened.
+    of every input and output).  A long report also has ``pages/``.  ``report.html`` loads a case
+    from there when the reader opens it.
 
     Parameters
     ----------
     results : sequence of PomResult
-        In the order of the report.
+        Results in the order of the report.
     folder : path
-        Made when missing.  It is exchanged as a whole: whoever looks finds the earlier report or
-        this one, never files of both.  What is no part of a report stays in it.
+        Folder of the report; created if missing.  It is replaced as a whole: a reader sees the
+        earlier report or the new one, never files of both.  Files that do not belong to a report
+        stay in it.
     title : str
         Title of the report, e.g. the airplane and the model standard.
     provenance : Provenance, optional
-        From `pom.provenance`: ``date`` of the results, ``command``, ``versions``, ``inputs`` (file
-        to SHA-256) and their ``places``, ``models`` (run to ``file``, ``sha256`` and ``path``).
+        Result of `pom.provenance`: ``date`` of the results, ``command``, ``versions``, ``inputs``
+        (file to SHA-256) and their ``places``, ``models`` (run to ``file``, ``sha256`` and
+        ``path``).
     databases : mapping of str to DataTree, optional
-        Aero databases to set against each other, the prior first; names of runs take the line code
-        of the runs.
+        Aerodynamic databases to compare, the prior first.  Databases named after runs have the
+        line style of the runs.
     diagnoses : mapping of str to DataFrame, optional
         Case name to the table of `pom.diagnose`.
     support : mapping of str to DataFrame, optional
-        Term (``CL/basic``) to the flight samples that support it, columns named after the axes of
-        the term. [SI]
+        Term (``CL/basic``) to the flight samples that support it.  The columns are named after the
+        axes of the term. [SI]
     fits : sequence of flighttest.Fit
-        Local models of the identification; the page shows their estimates, residuals and
+        Local models of the identification.  The page shows their estimates, residuals and
         collinearity.
-    submodels : mapping of str to EngineFit, IdentifiedLoading, GroundEffect or IdentifiedGear, optional
-        Submodels identified from flight, by name: a chapter of page and PDF.
-    free_motion : mapping of str to sequence of Flown, optional
-        By submodel: the free motion of a control, of `IdentifiedLoading.fly`.
+    submodels : mapping of str to EngineFit, IdentifiedLoading, GroundEffect or IdentifiedGear, \
+optional
+        Submodels identified from flight, by name, for a chapter of page and PDF.
+    free_motion : mapping of str to sequence of SimulatedWindow, optional
+        Simulated free motion of a control, by submodel.
     driven_motion : mapping of str to sequence of Dataset (time,), optional
-        By submodel: records of the slow motion of a control, whose force is drawn over the travel.
+        Records of the slow motion of a control, by submodel.  Their force is drawn over the travel.
     tunings : mapping of str to mapping, optional
-        Name of a model to the log of its tuning (`pom.tuning_content.read_log`): a chapter of page and PDF.
+        Log of the tuning (`pom.tuning_content.read_log`) by model name, for a chapter of page and
+        PDF.
     revision : str
         Revision of the report, as the user counts them.
     paper : {"a4", "letter"}, optional
-        Paper of ``report.pdf``; None leaves it out, and removes one of an earlier report.
+        Paper of ``report.pdf``.  None writes no PDF, and removes the PDF of an earlier report.
     chapters : sequence of {"identification", "database"}, optional
-        Chapters of the PDF behind the proof of match, which the page always has: `fits`, and
-        `databases` against each other.  Unless given none, of `kept` those that the earlier report
-        had.
+        Chapters that the PDF prints after the proof of match: `fits`, and the comparison of
+        `databases`.  The page always has both.  The default is none; with `kept`, the default is
+        the selection of the earlier report.
     level_lines : mapping of str to Dataset (mach,), optional
-        1 g lines of the map of the flights, of `aerodb.figures.one_g_lines`.
+        1 g lines of the map of the flights, from `aerodb.figures.one_g_lines`.
     kept : bytes or Chapters
-        Chapters of an earlier report (`Archive.chapters`), or of `pom.report.drawn_chapters`, where
-        no `databases`, `fits` or `submodels` are given.
+        Chapters of an earlier report (`Archive.chapters`) or of `pom.report.drawn_chapters`.  They
+        replace `databases`, `fits` and `submodels` where these are not given.
     jobs : int
-        Processes that share the cases of a long report; -1 for one per core.  The bytes are the
-        same for any number.
+        Number of processes that share the cases of a long report; -1 for one per core.  The bytes
+        do not depend on the number.
     stages : Stages, optional
-        Where the pages of cases and the PDF are kept; only what changed is made again.
+        Store of the pages of cases and of the PDF.  Only changed parts are made again.
 
     Returns
     -------
     Path
-        Of ``report.html``.
+        Path of ``report.html``.
 
     Raises
     ------
     SchemaError
-        No results, another paper, a submodel of another kind, or a chapter that was not kept.
+        No results, an unknown paper, a submodel of an unknown kind, or a chapter that was not
+        kept.
     UnknownName
-        A diagnosis for a case or a tuning of a model that is not there, or a misspelt key of
+        A diagnosis of an unknown case, a tuning of an unknown model, or an unknown key of
         `provenance`.
     OSError
-        The folder is read-only, a mount point, or the one that this process works in.
+        The folder is read-only, a mount point, or the working directory of this process.
     """
-
     results, diagnoses = list(results), dict(diagnoses or {})
     located: dict[str, Any] = {**(provenance or {})}
-    logs: dict[str, dict[str, Any]] = {run: dict(log) for run, log in (tunings or {}).items()}
-    _check(results, located, diagnoses, logs, paper, chapters or ())
-    made_from = without_places(located)
-    found, tuned = (
-        make_sections(submodels or {}, free_motion or {}, driven_motion),
-        tuning.tuning_context(logs, results),
+    logs = {run: dict(log) for run, log in (tunings or {}).items()}
+    _check_request(
+        results,
+        located,
+        diagnoses=diagnoses,
+        tunings=logs,
+        paper=paper,
+        chapters=chapters or (),
     )
-    shown = draw_chapters(
-        databases or {}, support or {}, fits, level_lines or {}, found, diagnoses, chapters or ()
+    sections = make_sections(submodels or {}, free_motion or {}, driven_motion)
+    tuned = tuning_context(logs, results)
+    drawn = draw_chapters(
+        databases or {},
+        support or {},
+        fits=fits,
+        level_lines=level_lines or {},
+        submodels=sections,
+        diagnoses=diagnoses,
+        on_paper=chapters or (),
     )
-    if isinstance(kept, Chapters):
-        shown = kept
-    elif kept:
-        shown = with_kept(shown, restore_chapters(kept), chapters)
-    as_kept = shown.kept()  # once: that of a programme has megabytes
-    archive, names = (
-        Archive(results, title, revision, made_from, diagnoses, paper or "", logs, as_kept),
-        case_keys(results),
+    all_chapters = _merge_chapters(drawn, kept, chapters)
+    archive = Archive(
+        results,
+        title,
+        revision=revision,
+        provenance=without_places(located),
+        diagnoses=diagnoses,
+        paper=paper or "",
+        tunings=logs,
+        chapters=all_chapters.kept(),
     )
-    heading = CommonHeading(title, revision, len(results), made_from, bool(shown.databases))
+    report = _Report(archive, case_keys(results), located, all_chapters, tuned, paper)
+
     folder = Path(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with (
         folder_written_atomically(folder, PARTS.__contains__) as new,
         TemporaryDirectory() as drawings,
     ):
-
-        def manifested() -> str:
-            outputs = {
-                file.relative_to(new).as_posix(): file_sha256(file)
-                for file in new.rglob("*")
-                if file.is_file()
-            }
-            return report_manifest_text(
-                results,
-                outputs,
-                new,
-                title=title,
-                revision=revision,
-                paper=paper,
-                provenance=located,
-            )
-
-        (new / CSV).mkdir()
-        place = CasePaths(new.resolve(), paper, Path(drawings))
-        if stages is None:
-            begun = parts_of_cases(results, names, heading, diagnoses, place, jobs)
-        else:
-            begun = kept_parts(results, names, heading, diagnoses, place, jobs, stages)
-        write_archive(new / SAMPLES, archive, names)  # while other processes make the parts
-        _write(new / JUNIT, junit_xml(results, title))
-        parts = list(begun)
-        pages = [part.page for part in parts]
-        page = html_files(results, pages, title, revision, made_from, shown, tuned)
-        for name, text in page.items():
-            (new / name).parent.mkdir(exist_ok=True)
-            _write(new / name, text)
-        _write(new / JSON, results_json(archive, [part.text for part in parts]))
-        if paper is not None:
-            attached = {JSON: (new / JSON).read_bytes(), NAME: manifested().encode("utf-8")}
-            on_paper = [part.on_paper for part in parts]
-            common = (title, revision, made_from, paper, attached, shown, tuned)
-
-            def printed() -> bytes:
-                return pdf_pages(Path(drawings), results, names, on_paper, *common)
-
-            if stages is None:
-                paged = printed()
-            else:
-                inputs = {
-                    "cases": on_paper,
-                    "names": names,
-                    "common": [*common[:-2], as_kept, tuned],
-                }
-                inputs |= {"drawings": _contents(drawings), "results": results}
-                paged = stages.one("report pdf", inputs, printed).value
-            (new / PDF).write_bytes(paged)
-        _write(new / NAME, manifested())
+        _write_files(report, new, Path(drawings), jobs, stages)
     return folder / PAGE
 
 
-def _check(
+def _merge_chapters(
+    drawn: Chapters, kept: bytes | Chapters, on_paper: Sequence[str] | None
+) -> Chapters:
+    """Return the chapters of this report, completed by those of an earlier one."""
+    if isinstance(kept, Chapters):
+        return kept
+    if kept:
+        return with_kept(drawn, restore_chapters(kept), on_paper)
+    return drawn
+
+
+def _write_files(
+    report: _Report, folder: Path, drawings: Path, jobs: int, stages: Stages | None
+) -> None:
+    """Write all files of a report into a new folder."""
+    archive = report.archive
+    (folder / CSV).mkdir()
+    begun = _begin_cases(
+        report, CasePaths(folder.resolve(), report.paper, drawings), jobs=jobs, stages=stages
+    )
+    # These two files are written while other processes make the parts of the cases.
+    write_archive(folder / SAMPLES, archive, report.names)
+    _write_text(folder / JUNIT, junit_xml(archive.results, archive.title))
+
+    parts = list(begun)
+    page_files = html_files(
+        archive.results,
+        [part.page for part in parts],
+        title=archive.title,
+        revision=archive.revision,
+        provenance=archive.provenance,
+        chapters=report.chapters,
+        tunings=report.tunings,
+    )
+    for name, text in page_files.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        _write_text(folder / name, text)
+    _write_text(folder / JSON, results_json(archive, [part.text for part in parts]))
+    if report.paper is not None:
+        (folder / PDF).write_bytes(_make_pdf(report, parts, folder, drawings, stages=stages))
+    _write_text(folder / NAME, _manifest_text(report, folder))
+
+
+def _begin_cases(
+    report: _Report, paths: CasePaths, jobs: int, stages: Stages | None
+) -> Iterable[CaseParts]:
+    """Start to make the parts of all cases; return them in order."""
+    archive = report.archive
+    heading = CommonHeading(
+        archive.title,
+        archive.revision,
+        len(archive.results),
+        archive.provenance,
+        bool(report.chapters.databases),
+    )
+    common: dict[str, Any] = {
+        "names": report.names,
+        "heading": heading,
+        "diagnoses": archive.diagnoses,
+        "place": paths,
+        "jobs": jobs,
+    }
+    if stages is None:
+        return parts_of_cases(archive.results, **common)
+    return kept_parts(archive.results, **common, stages=stages)
+
+
+def _make_pdf(
+    report: _Report,
+    parts: Sequence[CaseParts],
+    folder: Path,
+    drawings: Path,
+    stages: Stages | None,
+) -> bytes:
+    """Return ``report.pdf``, with the numbers and the manifest of the other files attached."""
+    archive = report.archive
+    cases = [part.on_paper for part in parts]
+    attached = {
+        JSON: (folder / JSON).read_bytes(),
+        NAME: _manifest_text(report, folder).encode("utf-8"),
+    }
+    content = DocumentContent(
+        title=archive.title,
+        revision=archive.revision,
+        provenance=archive.provenance,
+        paper=report.paper or "",
+        attached=attached,
+        chapters=report.chapters,
+        tunings=report.tunings,
+    )
+
+    def make_pages() -> bytes:
+        return pdf_pages(drawings, archive.results, report.names, cases, content=content)
+
+    if stages is None:
+        return make_pages()
+    # The chapters are compared by their stored bytes, which are made once per report.
+    inputs = {
+        "cases": cases,
+        "names": report.names,
+        "common": [
+            content.title,
+            content.revision,
+            content.provenance,
+            content.paper,
+            attached,
+            archive.chapters,
+            report.tunings,
+        ],
+        "drawings": read_contents(drawings),
+        "results": archive.results,
+    }
+    return stages.one("report pdf", inputs, make_pages).value
+
+
+def _manifest_text(report: _Report, folder: Path) -> str:
+    """Return the manifest of the files that the folder holds now."""
+    outputs = {}
+    for file in folder.rglob("*"):
+        if file.is_file():
+            outputs[file.relative_to(folder).as_posix()] = file_sha256(file)
+    return report_manifest_text(
+        report.archive.results,
+        outputs,
+        folder,
+        title=report.archive.title,
+        revision=report.archive.revision,
+        paper=report.paper,
+        provenance=report.provenance,
+    )
+
+
+def _check_request(
     results: Sequence[PomResult],
     provenance: Mapping[str, Any],
     diagnoses: Mapping[str, Any],
@@ -418,6 +364,7 @@ def _check(
     paper: str | None,
     chapters: Sequence[str],
 ) -> None:
+    """Raise if an argument of `write_report` is not allowed."""
     if not results:
         raise SchemaError("report", ["no results came; give the outcome of at least one case"])
     if paper is not None and paper not in PAPERS:
@@ -433,15 +380,13 @@ def _check(
     for name in diagnoses:
         if name not in names:
             raise UnknownName(name, names, "case", "diagnoses are named after cases")
-    runs = {run for result in results for run in result.runs}
+    runs: set[str] = set()
+    for result in results:
+        runs.update(result.runs)
     for run in tunings:
         if run not in runs:
             raise UnknownName(run, runs, "model", "a tuning is that of a model")
 
 
-def _contents(folder: str) -> dict[str, bytes]:
-    return {file.name: file.read_bytes() for file in sorted(Path(folder).iterdir())}
-
-
-def _write(path: Path, text: str) -> None:
+def _write_text(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8", newline="\n")

@@ -1,4 +1,4 @@
-"""What the page of one case shows: header, facts, tables, and the data of its plots."""
+"""Page of one case: header, facts, tables, and the data of its plots."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ import pandas as pd
 
 from pom.cases.case_file import signature_rows
 from pom.report.case import remarks
-from pom.report.case import remarks as modal
-from pom.report.case import remarks as probability
-from pom.report.case import start_and_inputs as initial_conditions
 from pom.report.case.case_figure import draw_case_figures
 from pom.report.case.panels import (
-    CasePanel,
-    Cross,
     make_case_panels,
     make_cross_plots,
-    panel_description,
 )
-from pom.report.case.start_and_inputs import describe_driving
+from pom.report.case.plot_data import plot_data
+from pom.report.case.start_and_inputs import (
+    calibration_rows,
+    condition_rows,
+    describe_driving,
+    drift_rows,
+    trim_tables,
+)
 from pom.report.models.diagnosis import cause_section
-from pom.report.presentation.quantities import QuantityLabel, fixed_decimals
-from pom.report.presentation.traces import TIME_STEP, Pack, pack_page, page_templates, step_of
+from pom.report.presentation.quantities import fixed_decimals
+from pom.report.presentation.traces import pack_page, page_templates
 from pom.report.presentation.verdict_text import (
     MODAL,
     Verdict,
@@ -38,144 +39,43 @@ from pom.report.presentation.verdict_text import (
 from pom.result import (
     PASSED,
     PomResult,
-    has_trim_remark,
-    is_on_faulty_record,
     results_name,
     run_notices,
 )
 
-
-def plot_data(
-    result: PomResult,
-    panels: Sequence[CasePanel],
-    crosses: Sequence[Cross],
-    styles: Mapping[str, str],
-) -> tuple[dict[str, Any], bytes]:
-    """Return the description of the plots, and the traces it points into."""
-    pack = Pack.empty()
-    rows = _rows(result)
-    head = {
-        "time": pack.add(result.signals["time"].values, TIME_STEP),
-        "runs": [{"name": run, "style": style} for run, style in styles.items()],
-        "events": [[criterion_words(name), at] for name, at in result.case.events.items()],
-        "fraction": result.case.fraction,
-        "rows": rows,
-        "panels": [_panel(panel, pack, rows) for panel in panels],
-        "crosses": [_cross(cross, pack, rows) for cross in crosses],
-    }
-    return head, bytes(pack.body)
-
-
-def _rows(result: PomResult) -> list[dict[str, Any]]:
-    """Return the verdict rows as the script needs them to show another share of the tolerance."""
-    applying = {c.name for c in result.case.criteria if c.applies}
-    return [
-        {
-            "run": row["run"],
-            "criterion": row["criterion"],
-            "words": criterion_words(row["criterion"]),
-            "measure": row["measure"],
-            "channel": row["channel"],
-            "group": row["group"],
-            "applies": row["criterion"] in applying,
-            "verdict": row["verdict"],
-            "exceeds": has_trim_remark(row),
-            "faulty": is_on_faulty_record(row),
-            "ratio": row["worst_ratio"] if math.isfinite(row["worst_ratio"]) else None,
-            "fraction": row["fraction"] if math.isfinite(row["fraction"]) else 1.0,
-        }
-        for row in result.rows
-    ]
-
-
-def _quantity(shown: QuantityLabel) -> dict[str, str]:
-    symbol = ("", "") if shown.is_word else (shown.base, shown.sub)
-    return {
-        "channel": shown.name,
-        "base": symbol[0],
-        "sub": symbol[1],
-        "words": shown.words,
-        "unit": shown.unit,
-    }
-
-
-def _panel(panel: CasePanel, pack: Pack, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    step = step_of(panel.half, panel.limits)
-    return {
-        **_quantity(panel.label),
-        "kind": panel.kind,
-        "sign": panel.label.sign,
-        "alt": panel_description(panel),
-        "limits": [float(f"{edge:.6g}") for edge in panel.scale],
-        "span": panel.label.least_span,
-        "decimals": _decimals(step),
-        "window": panel.window,
-        "exits": {
-            run: [[round(t, 3) for t in span] for span in found]
-            for run, found in panel.exits.items()
-            if found
-        },
-        "verdicts": [
-            row for row in rows if row["channel"] == panel.channel and row["measure"] == "trace"
-        ]
-        if panel.rows
-        else [],
-        "traces": {run: pack.add(values, step) for run, values in panel.traces.items()},
-        "half": None if panel.half is None else pack.add(panel.half, step),
-        "fans": {
-            f"{run} {k}": pack.add(values, step)
-            for run, fan in panel.fans.items()
-            for k, values in enumerate(fan)
-        },
-    }
-
-
-def _decimals(step: float) -> int:
-    return max(0, math.ceil(-math.log10(step * 5)))
-
-
-def _cross(cross: Cross, pack: Pack, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    x_step, y_step = cross.steps
-    return {
-        "abscissa": _quantity(cross.abscissa),
-        "ordinate": _quantity(cross.ordinate),
-        "alt": cross.words,
-        "verdicts": [row for row in rows if row["criterion"] in cross.criteria],
-        "x": {run: pack.add(values, x_step) for run, values in cross.x.items()},
-        "y": {run: pack.add(values, y_step) for run, values in cross.y.items()},
-        "half": pack.add(cross.half, y_step),
-    }
-
-
-# the line code of LR-743 Figs. 18 to 21; any further model takes the next free style
+# The line code of LR-743 Figs. 18 to 21.  Any further model gets the next free style.
 _STYLES = {"datcom": "run-1", "corrected": "run-2", "final": "run-3"}
 _SPARE = ("run-4", "run-5", "run-1", "run-2", "run-3")
 
-
-_OF_ALL = ("document", "chapters")  # what ``results.nc`` holds next to the groups of the cases
+_OF_ALL = ("document", "chapters")  # names in ``results.nc`` besides the groups of the cases
 
 
 def run_line_classes(runs: Iterable[str]) -> dict[str, str]:
     """Return the line class of every run, flight first."""
-    runs = [run for run in runs if run != "flight"]
-    taken = [_STYLES[run] for run in runs if run in _STYLES]
-    spare = [style for style in _SPARE if style not in taken] + list(_SPARE) * len(runs)
-    return {"flight": "run-0", **{run: _STYLES.get(run) or spare.pop(0) for run in runs}}
+    models = [run for run in runs if run != "flight"]
+    reserved = [_STYLES[run] for run in models if run in _STYLES]
+    # Free styles first, then all styles again.
+    spare = [style for style in _SPARE if style not in reserved] + list(_SPARE) * len(models)
+    classes = {"flight": "run-0"}
+    for run in models:
+        classes[run] = _STYLES.get(run) or spare.pop(0)
+    return classes
 
 
 def case_keys(results: Sequence[PomResult]) -> list[str]:
-    """Return a name per case, fit for an address and a file: unique without regard to case, as
-    Windows and macOS compare them.
+    """Return a key per case that is valid in an address and as the name of a file.
+
+    The keys differ in more than upper and lower case, since Windows and macOS ignore it in names.
     """
-    found: dict[str, str] = {}
+    keys: dict[str, str] = {}
     for result in results:
         stem = re.sub(r"[^A-Za-z0-9._-]+", "-", result.case.name).strip("-") or "case"
         key, n = stem, 1
-        while key.lower() in found or key.lower() in _OF_ALL:
+        while key.lower() in keys or key.lower() in _OF_ALL:
             n += 1
             key = f"{stem}-{n}"
-        found[key.lower()] = key
-    return list(found.values())
+        keys[key.lower()] = key
+    return list(keys.values())
 
 
 def case_page(
@@ -187,14 +87,37 @@ def case_page(
     modes: pd.DataFrame,
     with_figures: bool,
 ) -> dict[str, Any]:
-    """Return everything the templates need for one case; `with_figures` draws those for readers
-    without a script.
+    """Return the data of the templates for one case.
+
+    Parameters
+    ----------
+    key : str
+    result : PomResult
+    outcome : sequence of mapping
+        Result of `outcome_rows`.
+    provenance : mapping
+        Provenance without paths.
+    diagnosis : DataFrame or None
+        Table of `pom.diagnose`.
+    modes : DataFrame
+        Table of `pom.judging.mode_table`.
+    with_figures : bool
+        Draw figures for readers without a script.
     """
     styles = run_line_classes(result.runs)
-    shown, time = make_case_panels(result), result.signals["time"].values
-    lines = {**styles, "applied": "run-0"}
-    judged = [panel for panel in shown if panel.kind == "judged"]
-    head, body = plot_data(result, shown, make_cross_plots(result), styles)
+    panels = make_case_panels(result)
+    head, body = plot_data(result, panels, make_cross_plots(result), styles)
+    figures = []
+    if with_figures:
+        judged = [panel for panel in panels if panel.kind == "judged"]
+        figures = draw_case_figures(
+            f"{key}-plain",
+            result.signals["time"].values,
+            panels=judged,
+            styles={**styles, "applied": "run-0"},
+            events=result.case.events,
+        )
+    name = results_name([result])
     return {
         "key": key,
         "case": result.case,
@@ -204,24 +127,22 @@ def case_page(
         "failure": result.failure,
         "hashes": digest_rows(result, provenance),
         "source": remarks.data_source(result),
-        "calibration": initial_conditions.calibration_rows(result),
-        "conditions": initial_conditions.condition_rows(result.conditions, result.trim.index),
+        "calibration": calibration_rows(result),
+        "conditions": condition_rows(result.conditions, result.trim.index),
         "drive": describe_driving(result),
-        "trim": initial_conditions.trim_tables(result),
-        "drift": initial_conditions.drift_rows(result),
+        "trim": trim_tables(result),
+        "drift": drift_rows(result),
         "verdicts": verdict_blocks(result),
-        "modes": modal.mode_blocks(result, modes, styles),
-        "probability": probability.probability_table(result),
+        "modes": remarks.mode_blocks(result, modes, styles),
+        "probability": remarks.probability_table(result),
         "cause": cause_section(result, diagnosis),
         "notes": remarks.reader_notes(result),
         "rationales": remarks.rationale_rows(result),
         "ticks": remarks.tick_rows(result),
-        "results": (name := results_name([result])),
+        "results": name,
         "signatures": signature_rows(result.case.signatures, provenance.get("date", ""), name),
         "styles": styles,
-        "plain": draw_case_figures(f"{key}-plain", time, judged, lines, result.case.events)
-        if with_figures
-        else [],
+        "plain": figures,
         "head": head,
         "body": body,
     }
@@ -230,21 +151,12 @@ def case_page(
 def outcome_rows(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any]]:
     """Return status, deciding criterion and worst ratio of every model."""
     rows = []
-    applying = {c.name for c in result.case.criteria if c.applies}
     for run in result.runs:
-        mine = [row for row in result.rows if row["run"] == run]
         status = result.status(run)
-        found = result.worst(run)
-        worst = {} if found is None else found
-        if (
-            status not in PASSED and not worst.get("worst_ratio", 0.0) > 1.0
-        ):  # decided without a number, such as by a mode that is not there
-            worst = next(
-                (row for row in mine if row["verdict"] == status and row["criterion"] in applying),
-                worst,
-            )
+        worst = _deciding_row(result, run, status)
         ratio = worst.get("worst_ratio", math.nan)
-        at = math.nan if worst.get("measure") in MODAL else worst.get("at", math.nan)
+        # A mode is of the whole window, not of an instant.
+        instant = math.nan if worst.get("measure") in MODAL else worst.get("at", math.nan)
         rows.append(
             {
                 "run": run,
@@ -256,29 +168,47 @@ def outcome_rows(result: PomResult, styles: Mapping[str, str]) -> list[dict[str,
                 "criterion": criterion_words(worst.get("criterion", "")),
                 "why": "" if math.isfinite(ratio) else reason_text(worst.get("remarks", ())),
                 "notices": run_notices(result, run),
-                "at": at,
-                "at_text": fixed_decimals(at, 2),
+                "at": instant,
+                "at_text": fixed_decimals(instant, 2),
             }
         )
     return rows
 
 
+def _deciding_row(result: PomResult, run: str, status: str) -> Mapping[Any, Any]:
+    """Return the verdict row that decides the status of a run; empty if there is none."""
+    worst = result.worst(run)
+    if worst is None:
+        worst = {}
+    # A ratio above one decides.  Otherwise a row without a number does, as of a missing mode.
+    if status in PASSED or worst.get("worst_ratio", 0.0) > 1.0:
+        return worst
+    applying = {criterion.name for criterion in result.case.criteria if criterion.applies}
+    for row in result.rows:
+        if row["run"] == run and row["verdict"] == status and row["criterion"] in applying:
+            return row
+    return worst
+
+
 def provenance_of(result: PomResult, provenance: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the page of one case shows of the provenance of a report: a change elsewhere
-    leaves it as it is.
+    """Return the part of the provenance of a report that the page of one case shows.
+
+    A change of another part does not change the page.
     """
     record = PurePath(result.case.record).name
+    inputs = {}
+    for file, digest in provenance.get("inputs", {}).items():
+        if PurePath(file).name == record:
+            inputs[file] = digest
+    models = {}
+    for run, model in provenance.get("models", {}).items():
+        if run in result.runs:
+            models[run] = model
     return {
         "date": provenance.get("date", ""),
         "versions": provenance.get("versions", {}),
-        "inputs": {
-            file: digest
-            for file, digest in provenance.get("inputs", {}).items()
-            if PurePath(file).name == record
-        },
-        "models": {
-            run: model for run, model in provenance.get("models", {}).items() if run in result.runs
-        },
+        "inputs": inputs,
+        "models": models,
     }
 
 
@@ -286,43 +216,41 @@ def digest_rows(result: PomResult, provenance: Mapping[str, Any]) -> list[tuple[
     """Return (what, file, SHA-256) of the record and of every model."""
     inputs = provenance.get("inputs", {})
     record = PurePath(result.case.record).name
-    known = [digest for file, digest in inputs.items() if PurePath(file).name == record]
-    rows = [("flight record", record, known[0] if len(known) == 1 else "")]
+    # If several inputs have the name of the record, its digest is not known.
+    digests = [digest for file, digest in inputs.items() if PurePath(file).name == record]
+    rows = [("flight record", record, digests[0] if len(digests) == 1 else "")]
     for run in result.runs:
-        model = provenance.get("models", {}).get(run) or _flown(
-            str(result.signals.attrs.get(f"model.{run}", ""))
-        )
+        stated = str(result.signals.attrs.get(f"model.{run}", ""))
+        model = provenance.get("models", {}).get(run) or _parse_model(stated)
         rows.append((f"model {run}", model.get("file", ""), model.get("sha256", "")))
     return rows
 
 
-def _flown(text: str) -> dict[str, str]:
-    """Return file and hash of what `pom.replay` states of a model: ``final.fmu, FMI 2.0, sha256
-    ...``.
-    """
-    file, _, rest = text.partition(", ")
-    return {"file": file, "sha256": rest.partition("sha256 ")[2]}
+def _parse_model(text: str) -> dict[str, str]:
+    """Return file and hash from a text of `pom.replay`: ``final.fmu, FMI 2.0, sha256 ...``."""
+    file, _, details = text.partition(", ")
+    return {"file": file, "sha256": details.partition("sha256 ")[2]}
 
 
-# figures for readers without a script take 10 kB a case: only a report that is short enough to be
-# read that way has them
+# Cases of a report that has figures for readers without a script, 10 kB a case.  A longer report is
+# not read in that way.
 MOST_WITH_FIGURES = 30
 
 
 @dataclass(frozen=True)
 class CommonHeading:
-    """What the pages of all cases share.
+    """Data that the pages of all cases share.
 
     Attributes
     ----------
     title, revision : str
-        Of the report.
+        Title and revision of the report.
     count : int
-        Of the cases.
+        Number of cases.
     provenance : mapping
-        As `pom.write_report` takes it.
+        Provenance without paths.
     with_databases : bool
-        The report compares databases: terms lead to their tables.
+        The report compares databases, so that terms have links to their tables.
     """
 
     title: str
@@ -334,18 +262,18 @@ class CommonHeading:
 
 @dataclass(frozen=True)
 class PackedPage:
-    """The page of one case, and what the overview shows of it.
+    """Page of one case, with its data for the overview.
 
     Attributes
     ----------
     key : str
-        Its name in addresses and files.
+        Name of the case in addresses and files.
     outcome : list of dict
-        Of `outcomes`.
+        Result of `outcome_rows`.
     brief : str
         HTML for readers without a script.
     parcel : str
-        Page and traces, of `presentation.traces.pack_page`.
+        Page and traces, packed by `pom.report.presentation.traces.pack_page`.
     """
 
     key: str
@@ -356,9 +284,8 @@ class PackedPage:
     @property
     def fail(self) -> bool:
         """Whether a model failed, or passed with limits exceeded."""
-        return any(
-            cell["status"] in ("fail", "limits_exceeded", "record_error") for cell in self.outcome
-        )
+        statuses = {cell["status"] for cell in self.outcome}
+        return bool(statuses & {"fail", "limits_exceeded", "record_error"})
 
 
 def packed_page(
@@ -369,16 +296,29 @@ def packed_page(
     diagnosis: pd.DataFrame | None,
     modes: pd.DataFrame,
 ) -> PackedPage:
-    """Return the page of the case at `position`, counted from one; `modes` is its table of modes."""
-    made_from = heading.provenance
+    """Return the packed page of one case.
+
+    Parameters
+    ----------
+    position : int
+        Number of the case in the report, from one.
+    key : str
+    result : PomResult
+    heading : CommonHeading
+    diagnosis : DataFrame or None
+        Table of `pom.diagnose`.
+    modes : DataFrame
+        Table of `pom.judging.mode_table`.
+    """
+    provenance = heading.provenance
     outcome = outcome_rows(result, run_line_classes(result.runs))
     page = case_page(
         key,
         result,
-        outcome,
-        made_from,
-        diagnosis,
-        modes,
+        outcome=outcome,
+        provenance=provenance,
+        diagnosis=diagnosis,
+        modes=modes,
         with_figures=heading.count <= MOST_WITH_FIGURES,
     )
     context = {
@@ -386,13 +326,15 @@ def packed_page(
         "revision": heading.revision,
         "count": heading.count,
         "origin": {
-            "date": made_from.get("date", ""),
-            "versions": sorted(made_from.get("versions", {}).items()),
+            "date": provenance.get("date", ""),
+            "versions": sorted(provenance.get("versions", {}).items()),
         },
         "models": heading.with_databases,
         "page": {**page, "position": position},
     }
-    whole, brief = (
-        page_templates().get_template(name).render(context) for name in ("case.html", "brief.html")
+    templates = page_templates()
+    article = templates.get_template("case.html").render(context)
+    brief = templates.get_template("brief.html").render(context)
+    return PackedPage(
+        key, outcome, brief=brief, parcel=pack_page({**page["head"], "page": article}, page["body"])
     )
-    return PackedPage(key, outcome, brief, pack_page({**page["head"], "page": whole}, page["body"]))

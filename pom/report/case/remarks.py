@@ -128,39 +128,33 @@ _REFERENCES = {
 
 
 def reader_notes(result: PomResult) -> list[str]:
-    """Return what the reader must know in addition to the verdicts."""
+    """Return the notes to the reader in addition to the verdicts, each once."""
     case = result.case
-    found = [case.notes] if case.notes else []
+    notes = [case.notes] if case.notes else []
     if case.reference in _REFERENCES:
-        found.append(_REFERENCES[case.reference].format(share=fraction_text(case.fraction)))
+        notes.append(_REFERENCES[case.reference].format(share=fraction_text(case.fraction)))
     elif case.fraction != 1.0:
-        found.append(
+        notes.append(
             f"{fraction_text(case.fraction)} of the tolerance is applied, as the case file states."
         )
     if case.shortened:
-        found.append(f"The window is shorter than the table requires: {case.shortened}.")
+        notes.append(f"The window is shorter than the table requires: {case.shortened}.")
     if case.conditions:
-        given = ", ".join(
-            f"{quantity_label(name).words or name} {_given(value, name)}"
-            for name, value in case.conditions.items()
-        )
-        found.append(f"From the case file, not from the record: {given}.")
-    found += list(
-        dict.fromkeys(
-            remark.text
-            for row in result.rows
-            for remark in row["remarks"]
-            if remark.kind == "record"
-        )
-    )
-    found += _of_rows(result)
+        conditions = []
+        for name, value in case.conditions.items():
+            conditions.append(f"{quantity_label(name).words or name} {_given(value, name)}")
+        notes.append(f"From the case file, not from the record: {', '.join(conditions)}.")
+    for row in result.rows:
+        notes += [remark.text for remark in row["remarks"] if remark.kind == "record"]
+    notes += _of_rows(result)
     marks = sorted({MARKS[p] for p in result.verdict["provenance"] if p in ("memory", "partial")})
     if marks:
-        found.append(
+        notes.append(
             f"Rows marked “{'” or “'.join(marks)}” were not read word for word in the "
             f"regulation; check them there first."
         )
-    return list(dict.fromkeys(found))
+    # A dictionary keeps the order and drops repeated notes.
+    return list(dict.fromkeys(notes))
 
 
 def case_objective(case: PomCase) -> str:

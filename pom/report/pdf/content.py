@@ -1,5 +1,6 @@
-"""What stands in the document, as plain data for the templates of typst: the same words and numbers
-as on the HTML page.
+"""Content of the PDF document, as plain data for the templates of typst.
+
+Words and numbers are those of the HTML page.
 """
 
 from __future__ import annotations
@@ -11,27 +12,25 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
+from pom.cases.case import PomCase
 from pom.cases.case_file import signature_rows
-from pom.report import page as origin
-from pom.report import page as overview
 from pom.report.case import remarks
-from pom.report.case import remarks as modal
-from pom.report.case import remarks as probability
-from pom.report.case import start_and_inputs as initial_conditions
 from pom.report.case.page import digest_rows, outcome_rows, run_line_classes
-from pom.report.case.panels import CasePanel, make_case_panels, make_cross_plots
-from pom.report.case.start_and_inputs import describe_driving
-from pom.report.models.diagnosis import cause_sentences
-from pom.report.pdf.drawings import (
-    LEAST,
-    MOST_PANELS,
-    Drawing,
-    arrange_panels,
-    cross_drawing,
-    draw_case_panel,
-    draw_legend,
-    draw_waterfall,
+from pom.report.case.start_and_inputs import (
+    calibration_rows,
+    condition_rows,
+    describe_driving,
+    drift_rows,
+    trim_tables,
 )
+from pom.report.models.diagnosis import cause_sentences
+from pom.report.overview import (
+    list_runs,
+    provenance_page,
+    shown_statuses,
+    table_coverage,
+)
+from pom.report.pdf.case_drawings import draw_case, panel_room
 from pom.report.presentation.quantities import QuantityLabel
 from pom.report.presentation.verdict_text import Verdict, criterion_words, verdict_blocks
 from pom.report.submodels.section import Section, SectionTable
@@ -43,136 +42,7 @@ _REFERENCES = {
     "engineering": "model against an engineering simulator",
     "footprint": "footprint: no reference, no band, no verdict",
 }
-
-
-def front_content(
-    results: Sequence[PomResult],
-    keys: Sequence[str],
-    title: str,
-    revision: str,
-    provenance: Mapping[str, Any],
-    databases: Mapping[str, xr.DataTree],
-) -> dict[str, Any]:
-    """Return what cover, index, coverage, references and glossary show."""
-    cells = [outcome_rows(result, run_line_classes(result.runs)) for result in results]
-    matrix = _matrix(keys, results, cells)
-    source = origin.provenance_page(provenance, results, databases)
-    return {
-        "title": title,
-        "revision": revision,
-        "date": provenance.get("date", ""),
-        "command": provenance.get("command", ""),
-        "tool": provenance.get("versions", {}).get("aeromatch", ""),
-        "results": source["results"],
-        "signatures": signature_rows(
-            provenance.get("signatures", {}), provenance.get("date", ""), source["results"]
-        ),
-        "standards": list(
-            dict.fromkeys(f"{r.case.standard}, edition {r.case.edition}" for r in results)
-        ),
-        "kinds": list(
-            dict.fromkeys(_REFERENCES.get(r.case.reference, r.case.reference) for r in results)
-        ),
-        "airplanes": list(
-            dict.fromkeys(
-                str(db.attrs["aircraft"]) for db in databases.values() if "aircraft" in db.attrs
-            )
-        ),
-        "index": matrix,
-        "record_errors": source["record_errors"],
-        "coverage": overview.table_coverage(results, tolerance_rows()),
-        "references": {
-            "versions": source["versions"],
-            "inputs": source["inputs"],
-            "models": [
-                (run, model.get("file", ""), model.get("sha256", ""))
-                for run, model in source["models"]
-            ],
-            "records": _joined(source["records"]),
-            "databases": [
-                (name, str(db.attrs.get("title", "")), str(db.attrs.get("source", "")))
-                for name, db in databases.items()
-            ],
-            "absent": _joined(
-                (name, ", ".join(terms) or "none") for name, terms in source["absent"]
-            ),
-            "documents": _documents(results),
-            "notices": source["notices"],
-        },
-        "glossary": [
-            {**quantity_content(q), "name": q.name, "meaning": q.meaning, "sign": q.sign}
-            for q in source["glossary"]
-        ],
-    }
-
-
-def case_content(
-    position: int,
-    key: str,
-    result: PomResult,
-    provenance: Mapping[str, Any],
-    diagnosis: pd.DataFrame | None,
-    modes: pd.DataFrame,
-) -> dict[str, Any]:
-    """Return what the pages of one case show in addition to the drawings."""
-    case, styles = result.case, run_line_classes(result.runs)
-    shown_rows, table = (
-        initial_conditions.condition_rows(result.conditions, result.trim.index),
-        verdict_blocks(result),
-    )
-    return {
-        "position": position,
-        "key": key,
-        "id": case.id,
-        "title": case.title,
-        "name": case.name,
-        "standard": f"{case.standard}, edition {case.edition}",
-        "kind": f"{_REFERENCES.get(case.reference, case.reference)}, tolerances applied to "
-        f"{remarks.fraction_text(case.fraction)}",
-        "objective": remarks.case_objective(case),
-        "manoeuvre": case.description,
-        "texts": [(head, text) for head, text in _texts(case) if text],
-        "outcomes": [_outcome(item) for item in outcome_rows(result, styles)],
-        "failure": result.failure,
-        "digests": [list(row) for row in digest_rows(result, provenance)],
-        "source": remarks.data_source(result),
-        "calibration": initial_conditions.calibration_rows(result),
-        "window": [case.window[0], case.window[1]],
-        "events": [
-            (criterion_words(name), f"{at:.2f} s")
-            for name, at in sorted(case.events.items(), key=lambda item: item[1])
-        ],
-        "conditions": [
-            (part, [(quantity_content(shown), value) for shown, value in rows])
-            for part, rows in shown_rows
-        ],
-        "glance": ";  ".join(
-            f"{_name(shown)} {value}"
-            for _, rows in shown_rows
-            for shown, value in rows
-            if shown.name in _GLANCE
-        ),
-        "drive": _drive(result),
-        "trim": _trim(result),
-        "drift": _drift(result),
-        "verdicts": [_block(block) for block in table["blocks"]],
-        "left_out": [
-            (block["criterion"], block["printed"], block["left_out"]) for block in table["left_out"]
-        ],
-        "values": table["values"],
-        "modes": [_mode(block) for block in modal.mode_blocks(result, modes, styles)],
-        "probability": probability.probability_table(result),
-        "story": cause_sentences(diagnosis) if diagnosis is not None and len(diagnosis) else "",
-        "notes": remarks.reader_notes(result),
-        "rationales": remarks.rationale_rows(result),
-        "ticks": remarks.tick_rows(result),
-        "results": (name := results_name([result])),
-        "signatures": signature_rows(case.signatures, provenance.get("date", ""), name),
-        "runs": result.runs,
-        "styles": styles,
-    }
-
-
+# Initial conditions in the summary of a case.
 _GLANCE = (
     "mass",
     "x_cg",
@@ -190,49 +60,230 @@ _GLANCE = (
 )
 
 
+def front_content(
+    results: Sequence[PomResult],
+    keys: Sequence[str],
+    title: str,
+    revision: str,
+    provenance: Mapping[str, Any],
+    databases: Mapping[str, xr.DataTree],
+) -> dict[str, Any]:
+    """Return the data of cover, index, coverage, references and glossary.
+
+    Parameters
+    ----------
+    results : sequence of PomResult
+    keys : sequence of str
+        Keys of the cases.
+    title, revision : str
+    provenance : mapping
+        Provenance without paths.
+    databases : mapping of str to DataTree
+        Roots of the databases by name.
+    """
+    outcomes = [outcome_rows(result, run_line_classes(result.runs)) for result in results]
+    origin = provenance_page(provenance, results, databases)
+    date = provenance.get("date", "")
+    # Dictionaries keep the first of equal texts, in the order of the cases.
+    standards: dict[str, None] = {}
+    kinds: dict[str, None] = {}
+    for result in results:
+        standards[f"{result.case.standard}, edition {result.case.edition}"] = None
+        kinds[_REFERENCES.get(result.case.reference, result.case.reference)] = None
+    airplanes: dict[str, None] = {}
+    for db in databases.values():
+        if "aircraft" in db.attrs:
+            airplanes[str(db.attrs["aircraft"])] = None
+    return {
+        "title": title,
+        "revision": revision,
+        "date": date,
+        "command": provenance.get("command", ""),
+        "tool": provenance.get("versions", {}).get("aeromatch", ""),
+        "results": origin["results"],
+        "signatures": signature_rows(provenance.get("signatures", {}), date, origin["results"]),
+        "standards": list(standards),
+        "kinds": list(kinds),
+        "airplanes": list(airplanes),
+        "index": _matrix_content(keys, results, outcomes),
+        "record_errors": origin["record_errors"],
+        "coverage": table_coverage(results, tolerance_rows()),
+        "references": _references_content(results, origin, databases),
+        "glossary": [_glossary_entry(label) for label in origin["glossary"]],
+    }
+
+
+def _references_content(
+    results: Sequence[PomResult],
+    origin: Mapping[str, Any],
+    databases: Mapping[str, xr.DataTree],
+) -> dict[str, Any]:
+    """Return the files and documents that the results rest on."""
+    models = []
+    for run, model in origin["models"]:
+        models.append((run, model.get("file", ""), model.get("sha256", "")))
+    sources = []
+    for name, db in databases.items():
+        sources.append((name, str(db.attrs.get("title", "")), str(db.attrs.get("source", ""))))
+    absent = [(name, ", ".join(terms) or "none") for name, terms in origin["absent"]]
+    documents: dict[str, None] = {}
+    for result in results:
+        if "document" in result.case.source:
+            documents[result.case.source["document"]] = None
+    return {
+        "versions": origin["versions"],
+        "inputs": origin["inputs"],
+        "models": models,
+        "records": _join_names(origin["records"]),
+        "databases": sources,
+        "absent": _join_names(absent),
+        "documents": list(documents),
+        "notices": origin["notices"],
+    }
+
+
+def _glossary_entry(label: QuantityLabel) -> dict[str, Any]:
+    return {
+        **quantity_content(label),
+        "name": label.name,
+        "meaning": label.meaning,
+        "sign": label.sign,
+    }
+
+
+def case_content(
+    position: int,
+    key: str,
+    result: PomResult,
+    provenance: Mapping[str, Any],
+    diagnosis: pd.DataFrame | None,
+    modes: pd.DataFrame,
+) -> dict[str, Any]:
+    """Return the data of the pages of one case, without its drawings.
+
+    Parameters
+    ----------
+    position : int
+        Number of the case in the report, from one.
+    key : str
+    result : PomResult
+    provenance : mapping
+        Provenance without paths.
+    diagnosis : DataFrame or None
+        Table of `pom.diagnose`.
+    modes : DataFrame
+        Table of `pom.judging.mode_table`.
+    """
+    case, styles = result.case, run_line_classes(result.runs)
+    verdicts = verdict_blocks(result)
+    story = ""
+    if diagnosis is not None and len(diagnosis):
+        story = cause_sentences(diagnosis)
+    left_out = []
+    for block in verdicts["left_out"]:
+        left_out.append((block["criterion"], block["printed"], block["left_out"]))
+    name = results_name([result])
+    return {
+        "position": position,
+        "key": key,
+        **_case_texts(case),
+        **_condition_content(result),
+        "outcomes": [_outcome_content(item) for item in outcome_rows(result, styles)],
+        "failure": result.failure,
+        "digests": [list(row) for row in digest_rows(result, provenance)],
+        "source": remarks.data_source(result),
+        "calibration": calibration_rows(result),
+        "drive": _driving_content(result),
+        "trim": _trim_content(result),
+        "drift": _drift_content(result),
+        "verdicts": [_block_content(block) for block in verdicts["blocks"]],
+        "left_out": left_out,
+        "values": verdicts["values"],
+        "modes": [_replace_label(block) for block in remarks.mode_blocks(result, modes, styles)],
+        "probability": remarks.probability_table(result),
+        "story": story,
+        "notes": remarks.reader_notes(result),
+        "rationales": remarks.rationale_rows(result),
+        "ticks": remarks.tick_rows(result),
+        "results": name,
+        "signatures": signature_rows(case.signatures, provenance.get("date", ""), name),
+        "runs": result.runs,
+        "styles": styles,
+    }
+
+
+def _case_texts(case: PomCase) -> dict[str, Any]:
+    """Return the texts of the case file."""
+    kind = _REFERENCES.get(case.reference, case.reference)
+    texts = [
+        ("Procedure, automatic", case.procedure),
+        ("Procedure, manual", case.manual),
+        ("Method of evaluation", case.evaluation),
+    ]
+    events = []
+    for name, instant in sorted(case.events.items(), key=lambda item: item[1]):
+        events.append((criterion_words(name), f"{instant:.2f} s"))
+    return {
+        "id": case.id,
+        "title": case.title,
+        "name": case.name,
+        "standard": f"{case.standard}, edition {case.edition}",
+        "kind": f"{kind}, tolerances applied to {remarks.fraction_text(case.fraction)}",
+        "objective": remarks.case_objective(case),
+        "manoeuvre": case.description,
+        "texts": [(head, text) for head, text in texts if text],
+        "window": [case.window[0], case.window[1]],
+        "events": events,
+    }
+
+
+def _condition_content(result: PomResult) -> dict[str, Any]:
+    """Return the initial conditions: all of them, and those of the summary in one line."""
+    conditions, glance = [], []
+    for part, rows in condition_rows(result.conditions, result.trim.index):
+        conditions.append((part, [(quantity_content(label), value) for label, value in rows]))
+        for label, value in rows:
+            if label.name in _GLANCE:
+                glance.append(f"{label.words or label.name} {value}")
+    return {"conditions": conditions, "glance": ";  ".join(glance)}
+
+
 def quantity_content(shown: QuantityLabel) -> dict[str, Any]:
     """Return a quantity as the templates write it: symbol with subscript, words, unit."""
-    word = shown.is_word
     return {
         "base": shown.base,
         "sub": shown.sub,
-        "word": word,
+        "word": shown.is_word,
         "words": shown.words,
         "unit": shown.unit,
     }
 
 
-def _name(shown: QuantityLabel) -> str:
-    return shown.words or shown.name
+def _replace_label(row: Mapping[str, Any], key: str = "label") -> dict[str, Any]:
+    """Return a row whose quantity is as the templates write it."""
+    return {**row, key: quantity_content(row[key])}
 
 
-def _texts(case: Any) -> list[tuple[str, str]]:
-    return [
-        ("Procedure, automatic", case.procedure),
-        ("Procedure, manual", case.manual),
-        ("Method of evaluation", case.evaluation),
-    ]
-
-
-def _outcome(item: Mapping[str, Any]) -> dict[str, Any]:
-    at = f" at {item['at_text']} s" if item["at"] == item["at"] else ""
-    verdict: Verdict = item["verdict"]
+def _outcome_content(item: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the outcome of one model: verdict, ratio and the criterion that decides."""
+    decides = []
+    if item["criterion"]:
+        # NaN: the criterion has no instant.
+        is_timed = item["at"] == item["at"]
+        decides.append(item["criterion"] + (f" at {item['at_text']} s" if is_timed else ""))
     count = len(item["notices"])
-    parts = (
-        f"{item['criterion']}{at}" if item["criterion"] else "",
-        f"{count} notice{'s' if count > 1 else ''}" if count else "",
-    )
-    decides = ", ".join(filter(None, parts))
+    if count:
+        decides.append(f"{count} notice{'s' if count > 1 else ''}")
     return {
         "run": item["run"],
         "style": item["style"],
         "ratio": item["ratio_text"],
-        "decides": decides,
-        **_verdict(verdict),
+        "decides": ", ".join(decides),
+        **_verdict_content(item["verdict"]),
     }
 
 
-def _verdict(verdict: Verdict) -> dict[str, str]:
+def _verdict_content(verdict: Verdict) -> dict[str, str]:
     return {
         "word": verdict.word,
         "symbol": verdict.symbol,
@@ -241,25 +292,21 @@ def _verdict(verdict: Verdict) -> dict[str, str]:
 
 
 def submodel_content(section: Section) -> dict[str, Any]:
-    """Return what the chapter on submodels shows of one next to its figures."""
-    grids = [table_of(grid) for grid in section.grids]
+    """Return the data of one section of the chapter on submodels, without its figures."""
     return {
         "name": section.name,
         "techniques": section.techniques,
-        "grids": grids,
+        "grids": [table_of(grid) for grid in section.grids],
         "remarks": section.remarks,
     }
 
 
 def tuning_content(one: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the chapter on tuning shows of one model."""
-    grids = [
-        {
-            **(table_of(grid) or {}),
-            "align": ["right" if cell in one["numbers"] else "left" for cell in grid.head],
-        }
-        for grid in one["grids"]
-    ]
+    """Return the data of one model in the chapter on tuning."""
+    grids = []
+    for grid in one["grids"]:
+        align = ["right" if head in one["numbers"] else "left" for head in grid.head]
+        grids.append({**(table_of(grid) or {}), "align": align})
     return {
         "run": one["run"],
         "headline": one["headline"],
@@ -269,124 +316,96 @@ def tuning_content(one: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def table_of(grid: SectionTable | None) -> dict[str, Any] | None:
-    """Return a table of the chapter on submodels."""
-    return {"caption": grid.caption, "head": grid.head, "rows": grid.rows} if grid else None
+    """Return the data of a table of a section; None without a table."""
+    if not grid:
+        return None
+    return {"caption": grid.caption, "head": grid.head, "rows": grid.rows}
 
 
-def _matrix(
-    keys: Sequence[str], results: Sequence[PomResult], cells: Sequence[Sequence[Mapping[str, Any]]]
+def _matrix_content(
+    keys: Sequence[str],
+    results: Sequence[PomResult],
+    outcomes: Sequence[Sequence[Mapping[str, Any]]],
 ) -> dict[str, Any]:
-    runs = list(dict.fromkeys(run for result in results for run in result.runs))
-    rows = []
-    for key, result, found in zip(keys, results, cells, strict=True):
-        by = {cell["run"]: _outcome(cell) for cell in found}
+    """Return the index: a row per case, a column per model, and the counts of every verdict."""
+    runs, rows = list_runs(results), []
+    for key, result, case_outcomes in zip(keys, results, outcomes, strict=True):
+        by_run = {item["run"]: _outcome_content(item) for item in case_outcomes}
         rows.append(
             {
                 "key": key,
                 "id": result.case.id,
                 "title": result.case.title,
-                "cells": [by.get(run) for run in runs],
+                "cells": [by_run.get(run) for run in runs],
             }
         )
-    shown = overview.shown_statuses(results)
-    counts = [
-        [run, *(sum(r.status(run) == word for r in results if run in r.runs) for word in shown)]
-        for run in runs
-    ]
-    heads = [Verdict.of(word).word for word in shown]
+    statuses = shown_statuses(results)
+    counts = []
+    for run in runs:
+        of_run = [result.status(run) for result in results if run in result.runs]
+        counts.append([run, *(of_run.count(status) for status in statuses)])
     return {
         "runs": runs,
         "rows": rows,
         "counts": counts,
-        "heads": heads,
+        "heads": [Verdict.of(status).word for status in statuses],
         "styles": run_line_classes(runs),
     }
 
 
-def _joined(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Return pairs with the names of equal texts joined."""
-    found: dict[str, list[str]] = {}
+def _join_names(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Return pairs of name and text, with the names of equal texts joined."""
+    names: dict[str, list[str]] = {}
     for name, text in pairs:
-        found.setdefault(text, []).append(name)
-    return [(", ".join(names), text) for text, names in found.items()]
+        names.setdefault(text, []).append(name)
+    return [(", ".join(joined), text) for text, joined in names.items()]
 
 
-def _drift(result: PomResult) -> list[dict[str, Any]]:
+def _drift_content(result: PomResult) -> list[dict[str, Any]]:
     """Return the drift of every channel, a cell per model."""
     rows: dict[str, dict[str, Any]] = {}
-    for shown, run, rate, spread in initial_conditions.drift_rows(result):
-        row = rows.setdefault(
-            shown.name, {"label": quantity_content(shown), "cells": dict.fromkeys(result.runs, "")}
-        )
-        row["cells"][run] = f"{rate} ± {spread}"
+    for label, run, rate, spread in drift_rows(result):
+        empty = {"label": quantity_content(label), "cells": dict.fromkeys(result.runs, "")}
+        rows.setdefault(label.name, empty)["cells"][run] = f"{rate} ± {spread}"
     return [{"label": row["label"], "cells": list(row["cells"].values())} for row in rows.values()]
 
 
-def _documents(results: Sequence[PomResult]) -> list[str]:
-    """Return the documents that the case files name as the source of their flight data, each once."""
-    return list(
-        dict.fromkeys(
-            result.case.source["document"] for result in results if "document" in result.case.source
-        )
-    )
-
-
-def _drive(result: PomResult) -> dict[str, Any]:
-    found = describe_driving(result)
+def _driving_content(result: PomResult) -> dict[str, Any]:
+    """Return how the models were driven: inputs, control loops and their activity."""
+    driving = describe_driving(result)
+    loops = []
+    for loop in driving["loops"]:
+        loops.append(_replace_label(_replace_label(loop, "control"), "channel"))
     return {
-        "how": found["how"],
-        "inputs": [(quantity_content(shown), *rest) for shown, *rest in found["inputs"]],
-        "loops": [
-            {
-                **loop,
-                "control": quantity_content(loop["control"]),
-                "channel": quantity_content(loop["channel"]),
-            }
-            for loop in found["loops"]
-        ],
-        "activity": [
-            {**row, "control": quantity_content(row["control"])} for row in found["activity"]
-        ],
+        "how": driving["how"],
+        "inputs": [(quantity_content(label), *cells) for label, *cells in driving["inputs"]],
+        "loops": loops,
+        "activity": [_replace_label(row, "control") for row in driving["activity"]],
     }
 
 
-def _trim(result: PomResult) -> dict[str, Any]:
-    found = initial_conditions.trim_tables(result)
-    parts = [
-        (title, [{**row, "label": quantity_content(row["label"])} for row in rows])
-        for title, rows in found["parts"]
-    ]
-    return {"columns": found["columns"], "parts": parts}
+def _trim_content(result: PomResult) -> dict[str, Any]:
+    tables = trim_tables(result)
+    parts = []
+    for title, rows in tables["parts"]:
+        parts.append((title, [_replace_label(row) for row in rows]))
+    return {"columns": tables["columns"], "parts": parts}
 
 
-def _block(block: Mapping[str, Any]) -> dict[str, Any]:
-    rows = [
-        {key: item for key, item in row.items() if key not in ("at", "exit", "verdict")}
-        | _verdict(row["verdict"])
-        for row in block["rows"]
-    ]
-    applied = block["applied"].removeprefix(
-        f"{block['printed']}: "
-    )  # the number alone where the printed tolerance stands next to it
+def _block_content(block: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the verdicts on one criterion."""
+    rows = []
+    for row in block["rows"]:
+        cells = {key: item for key, item in row.items() if key not in ("at", "exit", "verdict")}
+        rows.append(cells | _verdict_content(row["verdict"]))
+    label = block["label"]
     return {
         **block,
-        "label": quantity_content(block["label"]) if block["label"] else None,
+        "label": quantity_content(label) if label else None,
         "rows": rows,
-        "applied": applied,
+        # The printed tolerance is in the column before, so only its number is repeated.
+        "applied": block["applied"].removeprefix(f"{block['printed']}: "),
     }
-
-
-def _mode(block: Mapping[str, Any]) -> dict[str, Any]:
-    return {**block, "label": quantity_content(block["label"])}
-
-
-# height of the column in units of the drawings, less head and foot of the page
-_COLUMN = {"a4": 1040.0, "letter": 942.0}
-_UNIT = 0.255  # mm; 720 of them across the column
-HEADED = 60.0  # heading and line code of a page of panels, in units
-LEAST_ROOM = 280.0  # below it the panels begin on a page of their own, in units
-FURTHER = 40.0  # height of a panel that only proves the condition, in units
-_TEXT = {"a4": 128, "letter": 132}  # characters that surely fit into a line of the column
 
 
 def case_on_paper(
@@ -399,102 +418,25 @@ def case_on_paper(
     modes: pd.DataFrame,
     paper: str,
 ) -> dict[str, Any]:
-    """Return the data of the case at `position`, counted from one, and write its drawings into
-    `folder`.
+    """Return the data of a case, and write its drawings into a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the drawings.
+    position, key, result, provenance, diagnosis, modes
+        As in `case_content`.
+    paper : {"a4", "letter"}
     """
-    page = case_content(position, key, result, provenance, diagnosis, modes)
-    return page | _drawings(folder, position, result, diagnosis, _room(page, paper), _COLUMN[paper])
-
-
-def save_drawing(folder: Path, name: str, drawn: Drawing) -> dict[str, Any]:
-    """Write a drawing and return its entry in the data."""
-    (folder / name).write_text(drawn.svg, encoding="utf-8")
-    return {"file": name, "height": drawn.height, "alt": drawn.words}
-
-
-def _room(page: Mapping[str, Any], paper: str) -> float:
-    """Return the height that the head of a case leaves for its panels, in units; the layout shrinks
-    them by what this is short.
-    """
-    wide = _TEXT[paper]
-    lines = (
-        _lines(page["objective"], wide - 12)
-        + _lines(page["manoeuvre"], wide - 12)
-        + _lines(page["glance"], wide + 20)
-        + _lines(page["failure"], wide - 20)
+    page = case_content(
+        position,
+        key,
+        result=result,
+        provenance=provenance,
+        diagnosis=diagnosis,
+        modes=modes,
     )
-    cells = sum(
-        max(_lines(block["printed"], 36), _lines(_first(block), 25), _lines(block["applied"], 20))
-        for block in page["verdicts"]
+    room, column = panel_room(page, paper)
+    return page | draw_case(
+        folder, position, result=result, diagnosis=diagnosis, room=room, column=column
     )
-    millimetres = 29.0 + 3.7 * lines + 3.15 * (len(page["outcomes"]) + cells)
-    return _COLUMN[paper] - millimetres / _UNIT
-
-
-def _first(block: Mapping[str, Any]) -> str:
-    return f"{block['joint']} {block['criterion']} {block['mark']}".strip()
-
-
-def _lines(text: str, wide: int) -> int:
-    return -(-len(text) // wide)
-
-
-def _drawings(
-    folder: Path,
-    position: int,
-    result: PomResult,
-    diagnosis: pd.DataFrame | None,
-    room: float,
-    column: float,
-) -> dict[str, Any]:
-    """Write the drawings of a case: those of the first page, below its head, then those of further
-    pages.
-    """
-    shown, time = make_case_panels(result), result.signals["time"].values
-    styles = {**run_line_classes(result.runs), "applied": "run-0"}
-    pages: list[list[Any]] = []
-
-    def draw(part: Sequence[CasePanel], height: float) -> None:
-        place = f"c{position}-{len(pages)}"
-        drawn = [
-            draw_case_panel(
-                f"{place}-{i}",
-                time,
-                panel,
-                styles,
-                result.case.events,
-                height,
-                i == 0,
-                i == len(part) - 1,
-            )
-            for i, panel in enumerate(part)
-        ]
-        pages.append(
-            [save_drawing(folder, f"{place}-{i}.svg", item) for i, item in enumerate(drawn)]
-        )
-
-    first = [panel for panel in shown if panel.kind != "shown"]
-    rest = [panel for panel in shown if panel.kind == "shown"]
-    if room < LEAST_ROOM:  # the tables fill the page
-        pages.append([])
-    while first:
-        count, height = arrange_panels(first, room if not pages else column - HEADED)
-        draw(first[: max(count, 1)], height or LEAST)
-        first = first[max(count, 1) :]
-    for start in range(0, len(rest), MOST_PANELS):
-        draw(rest[start : start + MOST_PANELS], FURTHER)
-    rows = result.rows
-    curves = [
-        cross_drawing(f"c{position}-x{i}", cross, styles, rows)
-        for i, cross in enumerate(make_cross_plots(result))
-    ]
-    fall = draw_waterfall(diagnosis) if diagnosis is not None and len(diagnosis) else None
-    code = draw_legend({run: style for run, style in styles.items() if run != "applied"})
-    return {
-        "pages": pages,
-        "crosses": [
-            save_drawing(folder, f"c{position}-x{i}.svg", item) for i, item in enumerate(curves)
-        ],
-        "legend": save_drawing(folder, f"c{position}-legend.svg", code),
-        "waterfall": save_drawing(folder, f"c{position}-cause.svg", fall) if fall else None,
-    }

@@ -1,8 +1,7 @@
-"""The document: drawings and data laid out in a folder, typeset by typst to a tagged PDF/A-3b with
-the data attached.
+"""PDF document of a report: a tagged PDF/A-3b, typeset by typst, with the data attached.
 
-Fonts come with this package and system fonts are off; the date comes from the results: equal input
-gives equal bytes.
+Drawings and data are laid out in a folder for typst.  Equal input gives equal bytes: the fonts are
+part of this package, system fonts are off, and the date is that of the results.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ import datetime
 import json
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -18,23 +18,58 @@ from typing import Any
 from flightmech.errors import SchemaError
 from flightmech.support.console import to_json_types
 from pom.report.chapters import Chapters
-from pom.report.models.diagnosis import NOTE
-from pom.report.pdf import content
-from pom.report.pdf.content import save_drawing
-from pom.report.pdf.drawings import Drawing, svg_drawing
-from pom.report.submodels.section import Picture, Section
+from pom.report.models.tuning import NOTE
+from pom.report.pdf.content import (
+    front_content,
+    submodel_content,
+    table_of,
+    tuning_content,
+)
+from pom.report.pdf.style import Drawing, save_drawing, svg_drawing
+from pom.report.submodels.section import Picture
 from pom.result import PomResult
 
 STANDARDS: Any = ["a-3b", "ua-1"]
 UNDATED = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
-"""PDF/A demands a date and no clock is read: a report without a date carries this one in its metadata, and states so on its cover."""
+"""Date in the metadata of a report without a date, which its cover states.
 
+PDF/A requires a date, and the clock is not read.
+"""
+
+# Messages of typst on characters that no font has; it writes marks and controls as \u{301}.
 _GLYPHLESS = re.compile(r'the text `"(.+?)"` could not be displayed')
 _ESCAPED = re.compile(r"\\u\{([0-9a-f]+)\}")
-_CONTROL = re.compile(r"\\u00[01][0-9a-f]|[\ud800-\udfff]")  # in JSON
+# Control characters and surrogates, as the JSON text has them.
+_CONTROL = re.compile(r"\\u00[01][0-9a-f]|[\ud800-\udfff]")
 _HERE = Path(__file__).parent
 _FONTS = _HERE.parent / "static" / "fonts"
 _MIME = {".json": "application/json", ".csv": "text/csv", ".nc": "application/x-netcdf"}
+
+
+@dataclass(frozen=True)
+class DocumentContent:
+    """Content of ``report.pdf`` besides its cases.
+
+    Attributes
+    ----------
+    title, revision : str
+    provenance : mapping
+        Provenance without paths, as `pom.write_report` prints it.
+    paper : {"a4", "letter"}
+    attached : mapping of str to bytes
+        Contents of the attached files, by name.
+    chapters : Chapters
+    tunings : sequence of mapping
+        Tunings of models, from `pom.report.models.tuning.tuning_context`.
+    """
+
+    title: str
+    revision: str
+    provenance: Mapping[str, Any]
+    paper: str
+    attached: Mapping[str, bytes]
+    chapters: Chapters
+    tunings: Sequence[Mapping[str, Any]] = ()
 
 
 def pdf_pages(
@@ -42,66 +77,65 @@ def pdf_pages(
     results: Sequence[PomResult],
     names: Sequence[str],
     cases: Sequence[Mapping[str, Any]],
-    title: str,
-    revision: str,
-    provenance: Mapping[str, Any],
-    paper: str,
-    attached: Mapping[str, bytes],
-    chapters: Chapters,
-    tunings: Sequence[Mapping[str, Any]] = (),
+    content: DocumentContent,
 ) -> bytes:
-    """Return ``report.pdf``; arguments that are not listed are those of `pom.write_report`.
+    """Return the bytes of ``report.pdf``.
 
     Parameters
     ----------
     folder : Path
-        Holds the drawings of the cases; the document is laid out there.
+        Folder with the drawings of the cases.  The document is laid out there.
+    results : sequence of PomResult
     names : sequence of str
-        `case.case_keys` of the results.
+        Keys of the results (`pom.report.case.page.case_keys`).
     cases : sequence of mapping
-        `case_pages.case_on_paper` of every result.
-    attached : mapping of str to bytes
-        Files by name.
-    chapters : Chapters
-    tunings : sequence of mapping
-        Of `tuning.context`.
+        Data of every case (`pom.report.pdf.content.case_on_paper`).
+    content : DocumentContent
+        Title, chapters and attached files.
 
     Raises
     ------
     SchemaError
-        Typst cannot set the document, with its words.
+        Typst is not installed, or it cannot typeset the document.  The error has its message.
     """
-    front = content.front_content(results, names, title, revision, provenance, chapters.roots)
-    front["attached"] = _attach(folder, attached)
-    chapter = [
-        content.submodel_content(one) | {"pictures": _pictures(folder, i, one)}
-        for i, one in enumerate(chapters.submodels)
-    ]
-    data = {
-        **front,
+    chapters = content.chapters
+    data = front_content(
+        results,
+        names,
+        title=content.title,
+        revision=content.revision,
+        provenance=content.provenance,
+        databases=chapters.roots,
+    )
+    data["attached"] = _attach_files(folder, content.attached)
+    submodels = []
+    for position, section in enumerate(chapters.submodels):
+        pictures = _save_pictures(folder, f"s{position}", section.pictures)
+        submodels.append(submodel_content(section) | {"pictures": pictures})
+    data |= {
         "cases": cases,
-        "submodels": chapter,
-        "tunings": [content.tuning_content(one) for one in tunings],
+        "submodels": submodels,
+        "tunings": [tuning_content(tuning) for tuning in content.tunings],
         "tuning_note": NOTE,
-        "identification": _identification(
-            folder, chapters.identification if "identification" in chapters.on_paper else None
-        ),
-        "databases": _databases(
-            folder, chapters.compared if "database" in chapters.on_paper else None
-        ),
-        "needed": content.table_of(chapters.needed),
-        "paper": {"a4": "a4", "letter": "us-letter"}[paper],
+        "identification": None,
+        "databases": None,
+        "needed": table_of(chapters.needed),
+        "paper": {"a4": "a4", "letter": "us-letter"}[content.paper],
     }
+    # These two chapters are printed only if the user selected them for paper.
+    if "identification" in chapters.on_paper and chapters.identification is not None:
+        data["identification"] = _identification_content(folder, chapters.identification)
+    if "database" in chapters.on_paper and chapters.compared is not None:
+        data["databases"] = _databases_content(folder, chapters.compared)
+
     text = _CONTROL.sub("?", json.dumps(to_json_types(data), ensure_ascii=False))
     (folder / "data.json").write_text(text, encoding="utf-8", errors="replace")
     (folder / "report.typ").write_bytes((_HERE / "report.typ").read_bytes())
-    return _set(folder, _date(provenance.get("date", "")))
+    return _typeset(folder, _parse_date(content.provenance.get("date", "")))
 
 
-def _set(folder: Path, date: datetime.datetime) -> bytes:
-    """Typeset the folder; texts in scripts that our fonts lack take those of the system, and what
-    no font has becomes ``?``.
-    """
+def _typeset(folder: Path, date: datetime.datetime) -> bytes:
+    """Typeset the folder with typst, and return the PDF."""
     try:
         import typst
     except ImportError as error:
@@ -109,6 +143,8 @@ def _set(folder: Path, date: datetime.datetime) -> bytes:
             "report.pdf",
             ["typst is not installed; pip install it, or leave the PDF out (--no-pdf, paper=None)"],
         ) from error
+    # First our fonts only.  If a script is missing there, the system fonts are added.  Characters
+    # that are still missing become "?" before the last pass.
     for ours_only in (True, False, False):
         try:
             return typst.compile(
@@ -121,42 +157,45 @@ def _set(folder: Path, date: datetime.datetime) -> bytes:
                 timestamp=date,
             )
         except typst.TypstError as error:
-            problem, missing = error, _missing(error.diagnostic)
+            problem, missing = error, _missing_characters(error.diagnostic)
             if not missing:
                 break
             if not ours_only:
-                _replace(folder, missing)
+                _replace_characters(folder, missing)
     raise SchemaError("report.pdf", [f"typst: {problem.message}"]) from problem
 
 
-def _missing(words: str) -> set[str]:
-    """Return the characters that typst found in no font; it writes marks and controls as ``\\u{301}``."""
-    found = "".join(_GLYPHLESS.findall(words))
-    escaped = {chr(int(code, 16)) for code in _ESCAPED.findall(found)}
-    return {
-        character
-        for character in escaped | set(_ESCAPED.sub("", found))
-        if not " " <= character <= "~"
-    }
+def _missing_characters(diagnostic: str) -> set[str]:
+    """Return the characters that typst found in no font."""
+    reported = "".join(_GLYPHLESS.findall(diagnostic))
+    characters = set(_ESCAPED.sub("", reported))
+    for code in _ESCAPED.findall(reported):
+        characters.add(chr(int(code, 16)))
+    # Typst reports whole texts.  Every font has the printable ASCII characters.
+    return {character for character in characters if not " " <= character <= "~"}
 
 
-def _replace(folder: Path, missing: set[str]) -> None:
+def _replace_characters(folder: Path, missing: set[str]) -> None:
+    """Replace characters by question marks in the data and the drawings."""
+    question_marks = dict.fromkeys(map(ord, missing), "?")
     for path in [folder / "data.json", *folder.glob("*.svg")]:
         text = path.read_text(encoding="utf-8")
-        path.write_text(text.translate(dict.fromkeys(map(ord, missing), "?")), encoding="utf-8")
+        path.write_text(text.translate(question_marks), encoding="utf-8")
 
 
-def _date(text: str) -> datetime.datetime:
-    """Return the date of the results, or `UNDATED` where none is given or it is not ISO 8601."""
+def _parse_date(text: str) -> datetime.datetime:
+    """Return the date of the results; `UNDATED` if the text is not an ISO 8601 date."""
     try:
         date = datetime.datetime.fromisoformat(text)
     except ValueError:
         return UNDATED
-    return date if date.tzinfo else date.replace(tzinfo=datetime.UTC)
+    if date.tzinfo:
+        return date
+    return date.replace(tzinfo=datetime.UTC)
 
 
-def _attach(folder: Path, attached: Mapping[str, bytes]) -> list[dict[str, str]]:
-
+def _attach_files(folder: Path, attached: Mapping[str, bytes]) -> list[dict[str, str]]:
+    """Write the attached files, and return their rows for the template."""
     rows = []
     for name, body in attached.items():
         (folder / name).write_bytes(body)
@@ -170,65 +209,51 @@ def _attach(folder: Path, attached: Mapping[str, bytes]) -> list[dict[str, str]]
     return rows
 
 
-def _pictures(folder: Path, position: int, section: Section) -> list[dict[str, Any]]:
-    """Return the figures of a submodel, drawn for paper."""
-    return [
-        _on_paper(folder, f"s{position}-{i}.svg", one) for i, one in enumerate(section.pictures)
-    ]
+def _save_pictures(folder: Path, stem: str, pictures: Sequence[Picture]) -> list[dict[str, Any]]:
+    """Write pictures as ``<stem>-<number>.svg``, and return their entries in the data."""
+    entries = []
+    for number, picture in enumerate(pictures):
+        entries.append(_save_picture(folder, f"{stem}-{number}.svg", picture))
+    return entries
 
 
-def _on_paper(folder: Path, name: str, picture: Picture) -> dict[str, Any]:
-    return save_drawing(
-        folder,
-        name,
-        Drawing(svg_drawing(picture.height, picture.body), picture.height, picture.words),
-    )
+def _save_picture(folder: Path, name: str, picture: Picture) -> dict[str, Any]:
+    svg = svg_drawing(picture.height, picture.body)
+    return save_drawing(folder, name, Drawing(svg, picture.height, picture.words))
 
 
-def _identification(folder: Path, chapter: Mapping[str, Any] | None) -> dict[str, Any] | None:
-    if chapter is None:
-        return None
+def _identification_content(folder: Path, chapter: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the data of the chapter on identification, and write its figures."""
     fits = []
     for fit in chapter["fits"]:
-        shown = {key: value for key, value in fit.items() if key != "drawing"}
-        fits.append(
-            shown
-            | {
-                "picture": _on_paper(folder, f"i{fit['index']}.svg", fit["drawing"])
-                if fit["drawing"]
-                else None
-            }
-        )
-    return {
-        "fits": fits,
-        "map": _on_paper(folder, "i-map.svg", chapter["map"]) if chapter["map"] else None,
-    }
+        row = {key: value for key, value in fit.items() if key != "drawing"}
+        row["picture"] = None
+        if fit["drawing"]:
+            row["picture"] = _save_picture(folder, f"i{fit['index']}.svg", fit["drawing"])
+        fits.append(row)
+    sample_map = None
+    if chapter["map"]:
+        sample_map = _save_picture(folder, "i-map.svg", chapter["map"])
+    return {"fits": fits, "map": sample_map}
 
 
-def _databases(folder: Path, chapter: Mapping[str, Any] | None) -> dict[str, Any] | None:
-    if chapter is None:
-        return None
+def _databases_content(folder: Path, chapter: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the data of the comparison of databases, and write its figures."""
     terms = []
-    for i, term in enumerate(chapter["terms"]):
-        pictures = [
-            _on_paper(folder, f"d{i}-{k}.svg", one) for k, one in enumerate(term["figures"])
-        ]
-        terms.append(
-            {key: term.get(key) for key in ("term", "words", "state", "factors", "scalars")}
-            | {"pictures": pictures}
-        )
+    for number, term in enumerate(chapter["terms"]):
+        row = {key: term.get(key) for key in ("term", "words", "state", "factors", "scalars")}
+        row["pictures"] = _save_pictures(folder, f"d{number}", term["figures"])
+        terms.append(row)
     changes = chapter["changes"]
     if changes is not None:
-        columns = ("term", "words", "change", "errors", "where", "flown")
-        changes = {**changes, "rows": [[row[key] for key in columns] for row in changes["rows"]]}
-    same = [
-        [
-            item["term"],
-            item["words"],
-            item["leaf"]["shape"],
-            item["leaf"]["regressors"],
-            item["leaf"]["source"],
-        ]
-        for item in chapter["same"]
-    ]
+        rows = []
+        for row in changes["rows"]:
+            columns = ("term", "words", "change", "errors", "where", "flown")
+            rows.append([row[key] for key in columns])
+        changes = {**changes, "rows": rows}
+    same = []
+    for item in chapter["same"]:
+        leaf = item["leaf"]
+        facts = [leaf["shape"], leaf["regressors"], leaf["source"]]
+        same.append([item["term"], item["words"], *facts])
     return {"terms": terms, "changes": changes, "same": same, "roots": chapter["databases"]}

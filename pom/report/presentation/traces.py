@@ -100,6 +100,30 @@ def beyond_scale_mark(
     return "".join(parts)
 
 
+def exceedance_area(
+    frame: Frame, time: np.ndarray, values: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> str:
+    """Return the hatched area between band and trace where the trace is outside.
+
+    Parameters
+    ----------
+    frame : Frame
+    time, values, low, high : array (time,)
+        Clock [s], trace, and edges of the band. [display unit]
+    """
+    # Samples without a value compare as inside.
+    with np.errstate(invalid="ignore"):
+        is_above, is_below = values > high, values < low
+    above, below = np.where(is_above, values, high), np.where(is_below, values, low)
+    shapes = ""
+    for edge, trace, outside in ((high, above, is_above), (below, low, is_below)):
+        # One sample more at each side closes the area at the crossing.
+        wide = outside | np.roll(outside, 1) | np.roll(outside, -1)
+        lower, upper = np.where(wide, edge, np.nan), np.where(wide, trace, np.nan)
+        shapes += draw_area(frame, time, lower, upper, "exit")
+    return shapes
+
+
 STEPS_PER_TOLERANCE = 500
 STEPS_PER_HEIGHT = 500
 TIME_STEP = 1e-6

@@ -1,4 +1,4 @@
-"""How verdicts are written: the words, the symbols, and the table of tolerances."""
+"""Texts of verdicts: words, symbols, and the rows of the table of tolerances."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ WORDS = {
     "not_tested": "not tested",
     "advisory": "advisory",
 }
-# how a row stands to the regulation, where it was not read there word for word
+# Source of a row that was not read word for word in the regulation.
 MARKS = {"memory": "from memory", "partial": "read in part", "case file": "case file"}
 MODAL = ("period", "t_half", "damping_ratio", "peak_lag")
 _MEASURES = {
@@ -146,17 +146,16 @@ def verdict_blocks(result: PomResult) -> dict[str, Any]:
         )
     judged = [block for block in blocks if not block["left_out"]]
     left_out = [block for block in blocks if block["left_out"]]
-    return {
-        "blocks": judged,
-        "left_out": left_out,
-        "values": any(row["has_value"] for block in judged for row in block["rows"]),
-    }
+    # The columns of the values are shown if one row has a value.
+    has_values = False
+    for block in judged:
+        has_values = has_values or any(row["has_value"] for row in block["rows"])
+    return {"blocks": judged, "left_out": left_out, "values": has_values}
 
 
 def _verdict_row(row: Mapping[Hashable, Any]) -> dict[str, Any]:
-    at = (
-        math.nan if row["measure"] in MODAL else float(row["at"])
-    )  # a mode is of the whole window, not of an instant
+    # A mode is of the whole window, not of an instant.
+    instant = math.nan if row["measure"] in MODAL else float(row["at"])
     return {
         "index": row["index"],
         "run": row["run"],
@@ -164,8 +163,8 @@ def _verdict_row(row: Mapping[Hashable, Any]) -> dict[str, Any]:
         "flight": _sized(row["flight_value"], row),
         "model": _sized(row["model_value"], row),
         "worst": _sized(row["worst"], row, with_unit=True),
-        "at": at,
-        "at_text": fixed_decimals(at, 2),
+        "at": instant,
+        "at_text": fixed_decimals(instant, 2),
         "ratio": fixed_decimals(row["worst_ratio"], 2),
         "inside": percent_text(row["inside"]),
         "exit": float(row["first_exit"]),

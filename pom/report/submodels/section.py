@@ -1,6 +1,4 @@
-"""What a section on a submodel consists of, the same for the HTML page and for paper, and how its
-figures are drawn.
-"""
+"""Parts of a section on a submodel, for the HTML page and for paper, and the layout of its figures."""
 
 from __future__ import annotations
 
@@ -23,19 +21,21 @@ from flightmech.support.figures import (
 )
 from pom.report.presentation.quantities import MISSING, format_number
 
+# Margins and height of a panel, in units of the drawing.
 LEFT, GAP, TOP, HEIGHT, FOOT = 54.0, 62.0, 34.0, 150.0, 34.0
+ROW_GAP = 16.0  # between a panel with its labels and the panel below it
 COLUMNS = 2
 
 
 @dataclass(frozen=True)
 class SectionTable:
-    """A table.
+    """A table of a section.
 
     Attributes
     ----------
     caption : str
     head : tuple of str
-        The first column holds words, the others numbers.
+        Heads of the columns.  The first column holds words, the others numbers.
     rows : tuple of tuple of str
     """
 
@@ -46,8 +46,16 @@ class SectionTable:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure of `WIDTH` units: its content without the frame of a page or drawing, its height,
-    and its words.
+    """A figure of `WIDTH` units.
+
+    Attributes
+    ----------
+    body : str
+        SVG content without the root element.
+    height : float
+        In units of the drawing.
+    words : str
+        Alternative text.
     """
 
     body: str
@@ -63,9 +71,9 @@ class Section:
     ----------
     name : str
     techniques : tuple of (str, str, str)
-        Part of the submodel, technique by which it was identified ([LR743] table 1), and what it
-        leaves as a residual.
-    grids : tuple of Grid
+        Part of the submodel, technique by which it was identified ([LR743] table 1), and its
+        residual.
+    grids : tuple of SectionTable
     pictures : tuple of Picture
     remarks : tuple of str
     """
@@ -82,8 +90,18 @@ OUTPUT_ERROR, EQUATION_ERROR = "type 1, output error", "type 2, equation error"
 
 @dataclass(frozen=True)
 class SectionLine:
-    """A line of a panel: abscissas, ordinates, class of its line code, one standard error where it
-    has one.
+    """A line of a panel.
+
+    Attributes
+    ----------
+    x, y : array (point,)
+        In the units of the panel.
+    css : str
+        Class of its line code.
+    stderr : array (point,) or None
+        Half width of the band around the line, one standard error.
+    marks : bool
+        Draw points in place of a line.
     """
 
     x: np.ndarray
@@ -95,7 +113,7 @@ class SectionLine:
 
 @dataclass(frozen=True)
 class PanelOf:
-    """A panel: its title, what stands below its abscissa, its curves."""
+    """A panel with its title, the label of its abscissa, and its curves."""
 
     title: str
     abscissa: str
@@ -103,8 +121,10 @@ class PanelOf:
 
 
 def estimate_cells(value: float, stderr: float) -> tuple[str, str]:
-    """Return a value and its standard error as cells; the error is missing where it is not finite."""
-    return format_number(value, 4), format_number(stderr, 2) if np.isfinite(stderr) else MISSING
+    """Return a value and its standard error as cells; a standard error that is not finite is a dash."""
+    if not np.isfinite(stderr):
+        return format_number(value, 4), MISSING
+    return format_number(value, 4), format_number(stderr, 2)
 
 
 def make_picture(
@@ -115,57 +135,66 @@ def make_picture(
     Parameters
     ----------
     name : str
-        Unique in the page.
+        Identifier, unique in the page.
     panels : sequence of PanelOf
     key : sequence of (class, str)
-        Line code and what it stands for.
+        Line code and its meaning.
     words : str
         Alternative text.
     """
     width = (WIDTH - LEFT - GAP * (COLUMNS - 1) - 8.0) / COLUMNS
+    parts = _draw_key(key)
+    for i, panel in enumerate(panels):
+        left = LEFT + i % COLUMNS * (width + GAP)
+        top = TOP + i // COLUMNS * (HEIGHT + FOOT + ROW_GAP)
+        frame = Frame(left, top, width, HEIGHT, _x_limits(panel), _y_limits(panel))
+        curves = "".join([_draw_line(frame, line) for line in panel.curves])
+        middle = left + width / 2
+        parts += [
+            draw_text(left, top - 6, panel.title, "title"),
+            draw_axes(frame, x_labels=True, x_most=5),
+            clip_to_frame(frame, f"{name}-{i}", curves),
+            draw_text(middle, frame.bottom + 26, panel.abscissa, "caption", "middle"),
+        ]
+    # Number of rows, rounded up.
+    rows = -(-len(panels) // COLUMNS)
+    return Picture("".join(parts), TOP + rows * (HEIGHT + FOOT + ROW_GAP) - 12.0, words)
+
+
+def _draw_key(key: Sequence[tuple[str, str]]) -> list[str]:
+    """Return a sample of every line code with its meaning, from left to right."""
     parts, x = [], LEFT
     for css, meaning in key:
         parts += [
             draw_line(x, 10, x + 30, 10, f"trace {css}"),
             draw_text(x + 35, 13.5, meaning, "caption"),
         ]
+        # 5.6 units are about the width of a character of the caption.
         x += 56 + 5.6 * len(meaning)
-    rows = -(-len(panels) // COLUMNS)
-    for i, panel in enumerate(panels):
-        left, top = LEFT + i % COLUMNS * (width + GAP), TOP + i // COLUMNS * (HEIGHT + FOOT + 16.0)
-        frame = Frame(
-            left,
-            top,
-            width,
-            HEIGHT,
-            find_axis_limits(np.concatenate([c.x for c in panel.curves])),
-            find_axis_limits(np.concatenate([y for c in panel.curves for y in _edges(c)]), 0.06),
-        )
-        parts += [
-            draw_text(left, top - 6, panel.title, "title"),
-            draw_axes(frame, x_labels=True, x_most=5),
-        ]
-        parts += [
-            clip_to_frame(frame, f"{name}-{i}", "".join(_drawn(frame, c) for c in panel.curves))
-        ]
-        parts += [
-            draw_text(left + width / 2, frame.bottom + 26, panel.abscissa, "caption", "middle")
-        ]
-    return Picture("".join(parts), TOP + rows * (HEIGHT + FOOT + 16.0) - 12.0, words)
+    return parts
 
 
-def _drawn(frame: Frame, c: SectionLine) -> str:
-    body = (
-        draw_area(frame, c.x, c.y - c.stderr, c.y + c.stderr, f"error {c.css}-area")
-        if c.stderr is not None
-        else ""
-    )
-    return body + (
-        draw_dots(frame, c.x, c.y, f"node {c.css}")
-        if c.marks
-        else draw_curve(frame, c.x, c.y, f"trace {c.css}")
-    )
+def _x_limits(panel: PanelOf) -> tuple[float, float]:
+    return find_axis_limits(np.concatenate([line.x for line in panel.curves]))
 
 
-def _edges(c: SectionLine) -> tuple[np.ndarray, ...]:
-    return (c.y,) if c.stderr is None else (c.y - c.stderr, c.y + c.stderr)
+def _y_limits(panel: PanelOf) -> tuple[float, float]:
+    """Return limits of the ordinate that hold every line with its standard error."""
+    edges = []
+    for line in panel.curves:
+        if line.stderr is None:
+            edges.append(line.y)
+        else:
+            edges += [line.y - line.stderr, line.y + line.stderr]
+    return find_axis_limits(np.concatenate(edges), 0.06)
+
+
+def _draw_line(frame: Frame, line: SectionLine) -> str:
+    """Return a line or its points, above the band of one standard error."""
+    band = ""
+    if line.stderr is not None:
+        low, high = line.y - line.stderr, line.y + line.stderr
+        band = draw_area(frame, line.x, low, high, f"error {line.css}-area")
+    if line.marks:
+        return band + draw_dots(frame, line.x, line.y, f"node {line.css}")
+    return band + draw_curve(frame, line.x, line.y, f"trace {line.css}")

@@ -7,6 +7,7 @@ import shutil
 import pytest
 
 import pom
+from flightmech.errors import AeromatchError
 from pom.archive import origins as manifest
 from pom.archive.origins import file_sha256
 from pom.cases.case import read_case
@@ -46,7 +47,7 @@ def found(folder):
     """Whether the verification refuses a report or finds something changed."""
     try:
         return any(item.state != "same" for item in pom.verify(folder / "report"))
-    except pom.archive.verification.AeromatchError:
+    except AeromatchError:
         return True
 
 

@@ -65,7 +65,7 @@ def test_faulty_words_for_a_table_are_reported(run, toy):
 
 @pytest.mark.slow
 def test_jobs_share_out_the_report_too_and_change_no_byte(run, toy, tmp_path, monkeypatch):
-    monkeypatch.setattr("pom.report.writer.LEAST_SHARE", 1)
+    monkeypatch.setattr("pom.report.case_parts.LEAST_SHARE", 1)
     effective, asked = joblib.effective_n_jobs, []
     monkeypatch.setattr(
         joblib, "effective_n_jobs", lambda jobs: asked.append(jobs) or effective(jobs)

@@ -12,7 +12,7 @@ from pom.report.case.page import CommonHeading, case_keys, packed_page
 from pom.report.chapters import Chapters, draw_chapters
 from pom.report.page import html_files
 from pom.report.pdf.content import case_on_paper
-from pom.report.pdf.document import pdf_pages
+from pom.report.pdf.document import DocumentContent, pdf_pages
 from pom.report.presentation import traces
 
 
@@ -73,7 +73,7 @@ def html(results, fits=(), databases=None, support=None):
 
 
 def paper(results, form="a4", **more):
-    """The document for paper; further arguments are those of `pdf_pages`."""
+    """The document for paper; further arguments are those of `DocumentContent`."""
     common = {
         "title": "T-37",
         "revision": "A",
@@ -97,7 +97,8 @@ def paper(results, form="a4", **more):
             )
             for i, (name, result) in enumerate(zip(names, results, strict=True), 1)
         ]
-        return pdf_pages(Path(folder), results, names, cases, paper=form, **common)
+        content = DocumentContent(paper=form, **common)
+        return pdf_pages(Path(folder), results, names, cases, content)
 
 
 def set_rows(table, column, value, **cells):

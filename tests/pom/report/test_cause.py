@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from pom.report.models import diagnosis
-from pom.report.models import diagnosis as waterfall
+from pom.report.models import waterfall_figure as waterfall
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture

@@ -16,7 +16,7 @@ import pom
 from flightmech.errors import SchemaError
 from pom.cli.group import pom as group
 from pom.report.chapters import draw_chapters, restore_chapters
-from pom.report.models.identification import sample_map
+from pom.report.models.fit_figures import sample_map
 from pom.report.submodels.section import Picture, Section, SectionTable
 
 sys.path.insert(0, str(Path(__file__).parents[1]))

@@ -10,7 +10,7 @@ from report_pages import page, parcels
 
 from flightmech import terms
 from pom.report.case import page as case
-from pom.report.models import database_comparison, identification
+from pom.report.models import database_comparison, identification, term_figures
 from pom.report.presentation import quantities, traces
 
 
@@ -115,25 +115,25 @@ def test_tables_of_unlike_axes_share_a_figure():
         "scalar": terms.make_term(6.0),
     }
     tables = {name: leaf["value"] for name, leaf in holders.items()}
-    curves = {
-        c["name"]: c
-        for c in database_comparison._curves(tables, holders, "value", "alpha", {"mach": 0.6})
-    }
-    np.testing.assert_allclose(curves["wide"]["y"], [2.0, 4.0])
-    np.testing.assert_allclose(curves["narrow"]["y"], [5.0, 7.0])  # one node only: held
-    np.testing.assert_allclose(curves["flat"]["y"], [10.0, 10.0])  # beyond its last node: held
-    np.testing.assert_allclose(curves["scalar"]["y"], [6.0, 6.0])
+
+    def cut(mach):
+        curves = term_figures._cut_curves(
+            tables, holders, quantity="value", x_axis="alpha", position={"mach": mach}
+        )
+        return {curve.database: curve for curve in curves}
+
+    curves = cut(0.6)
+    np.testing.assert_allclose(curves["wide"].y, [2.0, 4.0])
+    np.testing.assert_allclose(curves["narrow"].y, [5.0, 7.0])  # one node only: held
+    np.testing.assert_allclose(curves["flat"].y, [10.0, 10.0])  # beyond its last node: held
+    np.testing.assert_allclose(curves["scalar"].y, [6.0, 6.0])
     for curve in curves.values():
-        np.testing.assert_allclose(curve["x"], [0.0, 10.0])
-    middle = {
-        c["name"]: c
-        for c in database_comparison._curves(tables, holders, "value", "alpha", {"mach": 0.3})
-    }
-    np.testing.assert_allclose(middle["wide"]["y"], [1.25, 3.25])
-    shared, styles = database_comparison._shared(holders), case.run_line_classes(holders)
-    assert database_comparison._figure(
-        "CL/basic", "value", holders, shared, None, styles
-    ).words.startswith("CL/basic value against alpha in")
+        np.testing.assert_allclose(curve.x, [0.0, 10.0])
+    np.testing.assert_allclose(cut(0.3)["wide"].y, [1.25, 3.25])
+    (figure,) = term_figures.term_figures(
+        "CL/basic", holders, support=None, styles=case.run_line_classes(holders)
+    )
+    assert figure.words.startswith("CL/basic value against alpha in")
 
 
 def test_databases_that_hold_the_same_table_share_a_line():
@@ -142,7 +142,7 @@ def test_databases_that_hold_the_same_table_share_a_line():
     leaf = terms.make_term([1.0, 2.0], {"mach": [0.2, 0.6]})
     other = terms.make_term([1.0, 2.5], {"mach": [0.2, 0.6]})
     narrower = terms.make_term([1.0, 2.0], {"mach": [0.2, 0.6]}, stderr=0.1)
-    assert database_comparison._shared(
+    assert term_figures._group_identical(
         {"a": leaf, "b": other, "c": leaf.copy(), "d": narrower}
     ) == {
         "a": ["a", "c"],

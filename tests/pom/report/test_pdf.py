@@ -21,11 +21,10 @@ from pom.report.case.page import run_line_classes
 from pom.report.case.panels import Cross, make_case_panels
 from pom.report.models.database_comparison import compare_for_report
 from pom.report.models.identification import identification_chapter
-from pom.report.pdf import content, document
-from pom.report.pdf import content as case_pages
+from pom.report.pdf import case_drawings, content, document, style
 from pom.report.pdf import drawings as figure
-from pom.report.pdf import drawings as style
-from pom.report.pdf.drawings import cross_drawing, draw_waterfall
+from pom.report.pdf.cross_plots import cross_drawing
+from pom.report.pdf.waterfall import draw_waterfall
 from pom.report.presentation.quantities import quantity_label
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -222,7 +221,7 @@ def test_more_than_seven_panels_go_on(tmp_path):
     result = fixture.short_period_result()
     again = {f"engine{n}.thrust": result.signals["theta"] for n in range(1, 9)}
     many = replace(result, signals=result.signals.assign(again))
-    drawn = case_pages._drawings(tmp_path, 1, many, None, 800.0, 1000.0)["pages"]
+    drawn = case_drawings.draw_case(tmp_path, 1, many, None, 800.0, 1000.0)["pages"]
     assert sum(map(len, drawn)) == len(make_case_panels(many))
     assert max(map(len, drawn)) == 7
     assert len(drawn) > 2
@@ -230,9 +229,9 @@ def test_more_than_seven_panels_go_on(tmp_path):
 
 @pytest.mark.slow
 def test_where_tables_fill_the_page_panels_take_the_next(tmp_path):
-    drawn = case_pages._drawings(tmp_path, 1, fixture.short_period_result(), None, 100.0, 1000.0)[
-        "pages"
-    ]
+    drawn = case_drawings.draw_case(
+        tmp_path, 1, fixture.short_period_result(), None, 100.0, 1000.0
+    )["pages"]
     assert drawn[0] == []
     assert sum(map(len, drawn)) == len(make_case_panels(fixture.short_period_result()))
     result = fixture.short_period_result()
@@ -478,7 +477,7 @@ def test_a_cross_plot_turns_back_with_its_band():
         [[float(v) for v in pair.split(",")] for pair in paths["trace run-0"][1:].split()]
     )
     assert np.diff(places[:, 0]).min() < 0.0 < np.diff(places[:, 0]).max()
-    assert places[:, 0].min() > figure.LEFT
+    assert places[:, 0].min() > style.LEFT
     assert "final: force pass, 0.42 of the tolerance" in item.words
 
 
@@ -492,7 +491,7 @@ def test_a_word_that_no_line_holds_is_broken(monkeypatch):
     result = replace(result, case=replace(result.case, title=word, objective=word, notes=word))
     monkeypatch.setattr(
         document,
-        "_set",
+        "_typeset",
         lambda folder, _: typst.compile(
             str(folder / "report.typ"), root=str(folder), format="png", ppi=20
         ),

@@ -11,7 +11,7 @@ from report_pages import html, page, set_rows, texts, write
 
 import pom
 from flightmech.errors import SchemaError, UnknownName
-from pom.report import page as overview
+from pom.report import overview
 from pom.report.case import page as case
 from pom.report.presentation import verdict_text
 from pom.tolerances.bands import RowRemark, reason_remarks
@@ -137,8 +137,10 @@ def test_a_report_takes_the_place_of_all_files_of_an_earlier_one_and_of_no_other
 @pytest.mark.slow
 def test_a_report_of_several_processes_has_the_bytes_of_one(tmp_path, monkeypatch):
     alone = files(write(tmp_path / "alone", paper="a4", jobs=1).parent)
-    monkeypatch.setattr("pom.report.writer.LEAST_SHARE", 1)
-    monkeypatch.delattr("pom.report.writer.case_csv")  # of this process: the others make the parts
+    monkeypatch.setattr("pom.report.case_parts.LEAST_SHARE", 1)
+    monkeypatch.delattr(
+        "pom.report.case_parts.case_csv"
+    )  # of this process: the others make the parts
     assert files(write(tmp_path / "shared", paper="a4", jobs=2).parent) == alone
     assert {"report.pdf", "results.nc", "csv/roll_response_clean.csv"} <= alone.keys()
     with pytest.raises(NameError):
@@ -156,7 +158,7 @@ def test_a_report_of_processes_in_another_folder_has_the_same_bytes(tmp_path, mo
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
     alone = files(write(tmp_path / "alone", jobs=1).parent)
-    monkeypatch.setattr("pom.report.writer.LEAST_SHARE", 1)
+    monkeypatch.setattr("pom.report.case_parts.LEAST_SHARE", 1)
     assert files(write(tmp_path / "shared", jobs=2).parent) == alone
 
 

@@ -25,12 +25,10 @@ from flighttest.submodels.engine.result import identify_engine
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
 from flighttest.submodels.landing_gear.identification import GearConstant
 from pom.diagnosis.term_swaps import by_submodel
-from pom.report.pdf import content
-from pom.report.pdf import drawings as style
+from pom.report.pdf import content, style
+from pom.report.submodels.engine import _draw_responses, _draw_tables
+from pom.report.submodels.landing_gear import landing_gear
 from pom.report.submodels.sections import (
-    _responses,
-    _tables,
-    landing_gear,
     make_sections,
     needed_submodels,
     submodels_context,
@@ -132,10 +130,10 @@ def test_every_estimate_stands_with_its_standard_error(results):
 def test_the_largest_free_motion_is_drawn():
     """Of many windows those with the largest travel."""
     small = SimulatedWindow(flown().time, 0.1 * flown().travel, flown().deflection)
-    from pom.report.submodels.sections import MOST, _free_motion
+    from pom.report.submodels.control_loading import MOST, _draw_free_motion
 
-    (picture,) = _free_motion("column", "column", [small] * 3 + [flown()] * MOST)
-    (only,) = _free_motion("column", "column", [flown()] * MOST)
+    (picture,) = _draw_free_motion("column", "column", [small] * 3 + [flown()] * MOST)
+    (only,) = _draw_free_motion("column", "column", [flown()] * MOST)
     assert picture.body == only.body
 
 
@@ -156,7 +154,7 @@ def test_the_force_is_drawn_over_the_travel_at_every_speed(results):
         text in force.body for text in ("dynamic pressure 1.5 kPa", "dynamic pressure 6.0 kPa")
     ] == [True, True]
     assert force.body.count('class="node run-0"') == force.body.count('class="node run-3"') > 0
-    with pytest.raises(SchemaError, match="driven_motion: 'wheel' is no submodel"):
+    with pytest.raises(SchemaError, match="driven_motion: 'wheel' is not a submodel"):
         make_sections({}, {}, {"wheel": []})
 
 
@@ -179,7 +177,7 @@ def test_the_response_of_the_spools_is_drawn(results):
             {"record": f"change of {size}"},
         )
 
-    (picture,) = _responses("engine", [change(size) for size in (0.1, 0.4, 0.2, 0.3, 0.35)])
+    (picture,) = _draw_responses("engine", [change(size) for size in (0.1, 0.4, 0.2, 0.3, 0.35)])
     assert (
         picture.words
         == "Response of the spools to the lever, recorded and simulated, 4 of 5 power changes"
@@ -196,7 +194,7 @@ def test_tables_over_a_flight_condition_have_a_line_for_every_node():
         stderr=0.01,
     )
     command = make_term([0.5, 1.0], {"throttle": [0.0, 1.0]}, stderr=0.01)
-    (picture,) = _tables(
+    (picture,) = _draw_tables(
         "engine",
         {"n2_up_limit": SimpleNamespace(leaf=limit), "n2_command": SimpleNamespace(leaf=command)},
     )
@@ -252,7 +250,7 @@ def test_every_wheel_has_its_loads():
 def test_what_is_no_submodel_is_refused(results):
     with pytest.raises(SchemaError) as caught:
         make_sections({"gear": 3.0}, {"wheel": []})
-    assert caught.value.problems[0] == "free_motion: 'wheel' is no submodel; there are: gear"
+    assert caught.value.problems[0] == "free_motion: 'wheel' is not a submodel; there are: gear"
     assert caught.value.problems[1].startswith("submodels.gear: float; give ")
     assert make_sections({}, {}) == []
 

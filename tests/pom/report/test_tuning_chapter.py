@@ -11,8 +11,8 @@ import pytest
 import pom
 from flightmech.errors import UnknownName
 from pom.archive.results_document import join_reports
-from pom.archive.verification import differences_from_log
-from pom.report.models.diagnosis import tuning_context
+from pom.archive.statements import differences_from_log
+from pom.report.models.tuning import tuning_context
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # for report_fixture
 sys.path.insert(0, str(Path(__file__).parent))  # for report_pages

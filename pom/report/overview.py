@@ -1,0 +1,208 @@
+"""Overview of a report: table of verdicts, coverage of the standards, origin of the numbers."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import xarray as xr
+
+from pom.cases.case_file import signature_rows
+from pom.report.case.page import run_line_classes
+from pom.report.presentation.quantities import quantity_label
+from pom.report.presentation.verdict_text import Verdict, criterion_words, reason_text
+from pom.result import STATUSES, PomResult, results_name
+
+
+def verdict_matrix(
+    keys: Sequence[str],
+    results: Sequence[PomResult],
+    outcomes: Sequence[Sequence[Mapping[str, Any]]],
+) -> dict[str, Any]:
+    """Return the table of verdicts, a row per case and a column per model, with the counts.
+
+    Parameters
+    ----------
+    keys : sequence of str
+        Keys of the cases.
+    results : sequence of PomResult
+    outcomes : sequence of sequence of mapping
+        `pom.report.case.page.outcome_rows` of every result.
+    """
+    runs, rows = list_runs(results), []
+    for key, result, outcome in zip(keys, results, outcomes, strict=True):
+        cells = {cell["run"]: cell for cell in outcome}
+        status = {cell["status"] for cell in outcome}
+        rows.append(
+            {
+                "key": key,
+                "case": result.case,
+                "chapter": chapter_of_test(result.case.id),
+                "cells": [cells.get(run) for run in runs],
+                "fail": bool(status & {"fail", "limits_exceeded", "record_error"}),
+                "not_run": bool(result.failure) or bool(status & {"invalid", "not_tested"}),
+            }
+        )
+    statuses = shown_statuses(results)
+    numbers = {run: Counter[str]() for run in runs}
+    for outcome in outcomes:
+        for cell in outcome:
+            numbers[cell["run"]][cell["status"]] += 1
+    counts = []
+    for run in runs:
+        counts.append({"run": run, "counts": [numbers[run][status] for status in statuses]})
+    return {
+        "runs": runs,
+        "styles": run_line_classes(runs),
+        "rows": rows,
+        "counts": counts,
+        "order": [Verdict.of(status) for status in statuses],
+        "chapters": sorted({chapter_of_test(result.case.id) for result in results}),
+    }
+
+
+def list_runs(results: Sequence[PomResult]) -> list[str]:
+    """Return the runs of all results, each once, in the order of their first result."""
+    runs: dict[str, None] = {}
+    for result in results:
+        runs |= dict.fromkeys(result.runs)
+    return list(runs)
+
+
+def shown_statuses(results: Sequence[PomResult]) -> list[str]:
+    """Return the statuses that have a column in the counts of a report.
+
+    ``record_error`` has one only if a case has this status.
+    """
+    statuses: set[str] = set()
+    for result in results:
+        statuses.update(result.status(run) for run in result.runs)
+    rare = "record_error"
+    return [status for status in STATUSES if status != rare or rare in statuses]
+
+
+def chapter_of_test(test: str) -> str:
+    """Return the part of the tolerance table that holds a test.
+
+    Examples
+    --------
+    >>> chapter_of_test("2.c.10"), chapter_of_test("2.c(10)")
+    ('2.c', '2.c')
+    """
+    match = re.match(r"\d+\.[a-z]", test)
+    return match.group() if match else test
+
+
+def table_coverage(
+    results: Sequence[PomResult], table: Sequence[Mapping[str, str]]
+) -> list[dict[str, Any]]:
+    """Return the coverage of every standard and edition that a case names.
+
+    Parameters
+    ----------
+    results : sequence of PomResult
+    table : sequence of mapping
+        Rows of the tolerance table with ``standard``, ``edition``, ``test_id`` and ``title``.
+
+    Returns
+    -------
+    list of dict
+        ``run`` and ``missing``: entries of the table with and without cases.  An entry has its
+        number of cases, the number of criteria that were judged, and the reasons for the others.
+    """
+    # Results by the standard and edition of their case, in the order of the first one.
+    by_standard: dict[tuple[str, str], list[PomResult]] = {}
+    for result in results:
+        by_standard.setdefault((result.case.standard, result.case.edition), []).append(result)
+    coverage = []
+    for (standard, edition), own_results in by_standard.items():
+        titles = {}
+        for row in table:
+            if (row["standard"], row["edition"]) == (standard, edition):
+                titles[row["test_id"]] = row["title"]
+        entries = []
+        for test, title in titles.items():
+            of_test = [result for result in own_results if result.case.id == test]
+            entries.append(_coverage_entry(test, title, of_test))
+        run = [entry for entry in entries if entry["cases"]]
+        coverage.append(
+            {
+                "standard": standard,
+                "edition": edition,
+                "total": len(entries),
+                "run": run,
+                "judged": sum(entry["judged"] > 0 for entry in run),
+                "missing": [entry for entry in entries if not entry["cases"]],
+            }
+        )
+    return coverage
+
+
+def _coverage_entry(test: str, title: str, results: Sequence[PomResult]) -> dict[str, Any]:
+    """Return the coverage of one test by its results."""
+    judged: set[str] = set()
+    reasons: dict[str, str] = {}
+    for result in results:
+        for row in result.rows:
+            if row["verdict"] in ("not_tested", "invalid"):
+                reasons.setdefault(row["criterion"], reason_text(row["remarks"]))
+            else:
+                judged.add(row["criterion"])
+    # A criterion that one case judges and another does not counts as judged.
+    missing = []
+    for name, reason in reasons.items():
+        if name not in judged:
+            missing.append((criterion_words(name), reason))
+    return {
+        "id": test,
+        "title": title,
+        "cases": len(results),
+        "judged": len(judged),
+        "criteria": len(judged | set(reasons)),
+        "left": missing,
+    }
+
+
+def provenance_page(
+    provenance: Mapping[str, Any],
+    results: Sequence[PomResult],
+    databases: Mapping[str, xr.DataTree],
+) -> dict[str, Any]:
+    """Return the data of the template ``provenance.html``.
+
+    Parameters
+    ----------
+    provenance : mapping
+        Provenance without paths.
+    results : sequence of PomResult
+    databases : mapping of str to DataTree
+        Roots of the databases by name.
+    """
+    channels: set[str] = set()
+    for result in results:
+        channels.update(map(str, result.signals.data_vars))
+        channels.update(map(str, result.inputs.data_vars))
+    labels = [quantity_label(name) for name in channels]
+    absent, notices = [], []
+    for database, db in databases.items():
+        absent.append((database, str(db.attrs.get("absent", "")).split()))
+        for notice in str(db.attrs.get("notices", "")).splitlines():
+            notices.append((database, notice))
+    name, date = results_name(results), provenance.get("date", "")
+    signatures = provenance.get("signatures", {})
+    return {
+        "date": date,
+        "results": name,
+        "command": provenance.get("command", ""),
+        "versions": sorted(provenance.get("versions", {}).items()),
+        "inputs": sorted(provenance.get("inputs", {}).items()),
+        "models": list(provenance.get("models", {}).items()),
+        "records": list(provenance.get("records", {}).items()),
+        "record_errors": list(provenance.get("record_errors", {}).items()),
+        "signatures": signature_rows(signatures, date, name) if signatures else [],
+        "absent": absent,
+        "notices": notices,
+        "glossary": sorted(labels, key=lambda label: label.name.lower()),
+    }
