@@ -24,8 +24,11 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from pom.cases.case import PomCase
 from pom.diagnosis.screening import screen_idle_terms, shapley_shares
-from pom.diagnosis.swap_runs import OTHERS, Judged, SwapBench, nearest_choice
-from pom.diagnosis.term_swaps import SwapModels, groups_of
+from pom.diagnosis.swap_judgement import Judged, nearest_choice
+from pom.diagnosis.swap_models import SwapModels
+from pom.diagnosis.swap_runs import SwapBench
+from pom.diagnosis.term_swaps import groups_of
+from pom.diagnosis.waterfall import OTHERS
 
 LEAST_SHARE = 0.02  # of the gap: an addition that explains less is not worth a correction
 # half widths: a criterion whose mismatch differs by less between the two models has no meaningful

@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from flightmech.support import figures as svg_chart
 from flightmech.support.figures import Frame
-from pom.diagnosis.swap_runs import MATCHED, OTHERS, criteria_of, waterfall
+from pom.diagnosis.swap_judgement import MATCHED
 from pom.diagnosis.tuning.tuning_log import (
     BASES,
     MOVES,
@@ -25,6 +25,7 @@ from pom.diagnosis.tuning.tuning_log import (
     moves_of,
     outcome_sentence,
 )
+from pom.diagnosis.waterfall import OTHERS, criteria_of, waterfall
 from pom.report.presentation.quantities import MISSING, fixed_decimals, term_words
 from pom.report.presentation.verdict_text import Verdict, criterion_words
 from pom.report.submodels.section import SectionTable

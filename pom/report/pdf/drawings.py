@@ -30,8 +30,8 @@ from flightmech.support.figures import (
     text_pieces,
     tick_text,
 )
-from pom.diagnosis.swap_runs import OTHERS
-from pom.diagnosis.swap_runs import waterfall as steps_of
+from pom.diagnosis.waterfall import OTHERS
+from pom.diagnosis.waterfall import waterfall as steps_of
 from pom.report.case.panels import CasePanel, Cross, panel_description, scale_limits
 from pom.report.presentation.quantities import (
     QuantityLabel,

@@ -24,7 +24,8 @@ from flighttest.submodels.control_loading.simulation import SimulatedWindow
 from flighttest.submodels.engine.result import EngineFit
 from flighttest.submodels.ground_effect.result import GroundEffect
 from flighttest.submodels.landing_gear.identification import IdentifiedGear
-from pom.diagnosis.term_swaps import by_submodel, corrected_terms, correction_reasons
+from pom.diagnosis.corrected_model import corrected_terms, correction_reasons
+from pom.diagnosis.term_swaps import by_submodel
 from pom.report.presentation.quantities import MISSING, fixed_decimals, format_number
 from pom.report.submodels.section import (
     EQUATION_ERROR,
