@@ -28,7 +28,7 @@ from pom.tolerances.channels import WRAPPED, output_of
 
 # [s] Candidates for the longest step of a swap run. The bench uses the first candidate that is as
 # good as the step of the models.
-LONG_STEPS = (0.08, 0.04, 0.02)
+LONG_STEPS: tuple[float, ...] = (0.08, 0.04, 0.02)
 # With wheels on the ground only the shortest candidate: the instant of lift-off or touchdown
 # differs more between two swaps than between the two models.
 GROUND_STEPS = LONG_STEPS[-1:]
