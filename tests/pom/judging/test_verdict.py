@@ -11,15 +11,9 @@ import pom
 from flightmech.units import KNOT
 from pom.cases.case import CaseInputs, PomCase
 from pom.cases.pilot import PilotLoop
+from pom.judging.applicability import reason_not_judged, settle_case
 from pom.judging.measures import values as trends
-from pom.judging.verdict import (
-    band_widths,
-    judge_all,
-    judge_criterion,
-    reason_not_judged,
-    settle_case,
-    verdict_row,
-)
+from pom.judging.verdict import band_widths, judge_all, judge_criterion, verdict_row
 from pom.result import group_verdicts, status_of
 from pom.tolerances import rows as table
 from pom.tolerances.bands import remarks_text
