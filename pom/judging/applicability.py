@@ -11,8 +11,8 @@ from pom.judging.measures.control_release import FreeMotion, measure_free_motion
 from pom.judging.signals import Raw, RunSignals, signals_of_run
 from pom.tolerances.bands import Invalid
 from pom.tolerances.channels import OTHERS, channel_value_text
+from pom.tolerances.conditions import KINDS, satisfies_relation
 from pom.tolerances.criteria import PARTS, Criterion
-from pom.tolerances.rows import KINDS, satisfies_relation
 
 FOOTPRINT = "a footprint: a recording without a reference has no band and no verdict"
 TRIMMED = ("delta_e", "delta_a", "delta_r", "thrust", "throttle")

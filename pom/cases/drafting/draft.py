@@ -37,7 +37,7 @@ from pom.cases.drafting.listed_manoeuvres import (
 from pom.cases.drafting.recorded_channels import recorded_channels
 from pom.cases.reference_states import read_path_states
 from pom.tolerances import rows as table
-from pom.tolerances.rows import missing_claims
+from pom.tolerances.conditions import missing_claims
 
 LEAD = 1.0  # [s] of steady flight before the input
 LONGEST_LEAD = 5.0  # [s] that a row requires before its event
@@ -391,7 +391,7 @@ def _choose_drive(rows: Sequence[table.Row], recorded: Recorded, ground: bool) -
     level = next((name for name in levels if set(PRIMARY[name]) <= set(recorded.channels)), "")
     if not level:
         raise SchemaError("record", [_NO_CONTROLS])
-    powers = ("thrust", "n1", "throttle")
+    powers: tuple[str, ...] = ("thrust", "n1", "throttle")
     # A test of the engine response must not drive the response itself.
     if any(row["measure"].startswith("response_") for row in rows):
         powers = ("throttle", "n1")

@@ -18,12 +18,8 @@ from pom.result import group_verdicts, status_of
 from pom.tolerances import rows as table
 from pom.tolerances.bands import remarks_text
 from pom.tolerances.criteria import Band, Limit
-from pom.tolerances.rows import (
-    apply_override,
-    helpful_signals,
-    required_quantities,
-    required_signals,
-)
+from pom.tolerances.overrides import apply_override
+from pom.tolerances.rows import helpful_signals, required_quantities, required_signals
 
 TIME = np.arange(0.0, 40.0, 0.02)
 FLAT = np.ones_like(TIME)
