@@ -38,7 +38,7 @@ from flightmech.errors import AeromatchWarning
 from flightmech.units import DEGREE, G0
 from flighttest.maximum_likelihood.fit_job import perform_fit_job
 from flighttest.maximum_likelihood.specification import read_specification
-from pom.judging.measures.modal import fit_mode
+from pom.judging.measures.damped_sine import fit_mode
 from pom.tolerances.bands import Invalid
 
 ROOT = Path(__file__).parents[1]

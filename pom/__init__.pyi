@@ -22,11 +22,11 @@ from .diagnosis.diagnosis import diagnose as diagnose
 from .diagnosis.joint_correction import diagnose_all as diagnose_all
 from .diagnosis.joint_correction import join_diagnoses as join_diagnoses
 from .diagnosis.sampling.sampled_replay import replay_sampled as replay_sampled
-from .diagnosis.swap_runs import ranking as ranking
-from .diagnosis.swap_runs import waterfall as waterfall
-from .diagnosis.term_swaps import corrected_aircraft as corrected_aircraft
-from .diagnosis.term_swaps import corrected_database as corrected_database
-from .diagnosis.term_swaps import corrected_terms as corrected_terms
+from .diagnosis.waterfall import ranking as ranking
+from .diagnosis.waterfall import waterfall as waterfall
+from .diagnosis.corrected_model import corrected_aircraft as corrected_aircraft
+from .diagnosis.corrected_model import corrected_database as corrected_database
+from .diagnosis.corrected_model import corrected_terms as corrected_terms
 from .replaying.batch import replay_all as replay_all
 from .replaying.replay_case import replay as replay
 from .report.writer import write_report as write_report

@@ -418,18 +418,13 @@ def results_name(results: Sequence[PomResult]) -> str:
     Two reports with the same verdicts have the same name, whoever signs them; a signature may state
     which results it is for.
     """
-    found = [
-        [
-            result.case.name,
-            result.failure,
-            *(
-                [*(str(row[key]) for key in _SIGNED), f"{row['worst_ratio']:.6g}"]
-                for row in result.rows
-            ),
-        ]
-        for result in results
-    ]
-    return hashlib.sha256(json.dumps(found).encode()).hexdigest()[:_NAMED]
+    content: list[list[Any]] = []
+    for result in results:
+        entry: list[Any] = [result.case.name, result.failure]
+        for row in result.rows:
+            entry.append([*(str(row[key]) for key in _SIGNED), f"{row['worst_ratio']:.6g}"])
+        content.append(entry)
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:_NAMED]
 
 
 def status_text(status: str) -> str:
@@ -457,12 +452,14 @@ def run_notices(result: PomResult, run: str) -> list[str]:
 
 
 def _texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[str]:
-    rows = (row for row in result.rows if row["run"] == run)
-    return list(
-        dict.fromkeys(
-            remark.text for row in rows for remark in row["remarks"] if remark.kind in kinds
-        )
-    )
+    texts: dict[str, None] = {}
+    for row in result.rows:
+        if row["run"] != run:
+            continue
+        for remark in row["remarks"]:
+            if remark.kind in kinds:
+                texts[remark.text] = None
+    return list(texts)
 
 
 def has_trim_remark(row: Mapping[Hashable, Any]) -> bool:
@@ -479,13 +476,15 @@ def make_verdict_table(rows: list[dict[str, Any]]) -> pd.DataFrame:
     """Return the verdict table of rows; numbers become float (missing: NaN), remarks `RowRemark`,
     all else text (missing: empty).
     """
-    worded = [column for column in VERDICT_COLUMNS if column not in (*NUMBERS, "remarks")]
-    texts = pd.Series(
-        [str(row.get(column, "")) for column in worded for row in rows], dtype=str
-    ).array  # of all columns in one go
-    columns: dict[str, Any] = {
-        column: texts[k * len(rows) : (k + 1) * len(rows)] for k, column in enumerate(worded)
-    }
+    text_columns = [name for name in VERDICT_COLUMNS if name not in (*NUMBERS, "remarks")]
+    # One string array for all columns: pandas is slow for many short ones.
+    cells: list[str] = []
+    for name in text_columns:
+        cells += [str(row.get(name, "")) for row in rows]
+    texts = pd.Series(cells, dtype=str).array
+    columns: dict[str, Any] = {}
+    for k, name in enumerate(text_columns):
+        columns[name] = texts[k * len(rows) : (k + 1) * len(rows)]
     columns |= {
         column: np.array([row.get(column, math.nan) for row in rows], float) for column in NUMBERS
     }

@@ -58,8 +58,9 @@ from flighttest.regression.combining.published_table import read_published
 from flighttest.submodels.control_loading.result import replace_hinge_moments
 from flighttest.submodels.ground_effect.result import replace_ground_effect
 from pom.checking.case_check import RecordCheck, checks_text, with_record_checks
+from pom.diagnosis.corrected_model import joint_terms
 from pom.diagnosis.joint_correction import diagnosed_cases
-from pom.diagnosis.term_swaps import by_submodel, differing_terms, joint_terms
+from pom.diagnosis.term_swaps import by_submodel, differing_terms
 
 Step = Callable[[str], AbstractContextManager[None]]
 REPORT = "report"

@@ -13,7 +13,7 @@ from flightmech.names import VOCABULARY, lookup
 from flightmech.support.toml_models import Strict, file_schema, part_schema
 from flightmech.support.toml_quantities import quantity_schema
 from pom.tolerances import rows
-from pom.tolerances.rows import ToleranceOverride
+from pom.tolerances.overrides import ToleranceOverride
 
 Role = Literal["prepared", "checked", "approved", "authority"]
 ROLES: tuple[Role, ...] = get_args(Role)

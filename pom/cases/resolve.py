@@ -19,8 +19,10 @@ from flightmech.units import parse_quantity
 from pom.cases.case_file import BRAKES, CONDITIONS, FORCES, SURFACES, TRAVEL, CaseFile, LoopTable
 from pom.cases.pilot import PilotLoop
 from pom.tolerances import rows as table
+from pom.tolerances.conditions import missing_claims
 from pom.tolerances.criteria import Criterion
-from pom.tolerances.rows import apply_override, missing_claims, required_signals
+from pom.tolerances.overrides import apply_override
+from pom.tolerances.rows import required_signals
 
 T = TypeVar("T")
 

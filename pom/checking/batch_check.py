@@ -1,6 +1,4 @@
-"""The check before a batch: all cases of raw records at once, before the first record is
-reconstructed.
-"""
+"""Check of all cases of raw records before a batch, and so before slow reconstructions."""
 
 from __future__ import annotations
 
@@ -62,7 +60,7 @@ class KeptChecks:
 
 
 PATH = "reconstructed path"
-"""Verdict on a record that has no instruments left to check."""
+"""Verdict on a reconstructed path, which has no instruments to check."""
 
 
 def check_batch(
@@ -95,39 +93,54 @@ def check_batch(
         Every problem of every case of a raw record (`case_problems`). `pom.replay_all` checks those
         of reconstructed paths, which take no time, itself.
     """
-
     groups: dict[str, list[PomCase]] = {}
     for case in cases:
         groups.setdefault(case.record, []).append(case)
-    kept = KeptChecks(Path(folder).resolve() if folder is not None else None)
-    found = {
-        record: check
-        for record, group in groups.items()
-        if (check := kept.read(group[0])) is not None
-    }
-    new = {record: group for record, group in groups.items() if record not in found}
-    offered = {
-        record: [models.of(case) if models is not None else {} for case in group]
-        for record, group in new.items()
-    }
-    calls = (
-        delayed(check_record_and_cases)(group, offered[record]) for record, group in new.items()
-    )
-    made = dict(zip(new, Parallel(n_jobs=jobs if len(new) > 1 else 1)(calls), strict=True))
-    problems = [text for _, texts in made.values() for text in texts]
+    store = KeptChecks(Path(folder).resolve() if folder is not None else None)
+    checks: dict[str, RecordCheck] = {}
+    new: dict[str, list[PomCase]] = {}
+    for record, group in groups.items():
+        check = store.read(group[0])
+        if check is None:
+            new[record] = group
+        else:
+            checks[record] = check
+    calls = [
+        delayed(check_record_and_cases)(group, _models_of(group, models)) for group in new.values()
+    ]
+    # One record does not need a second process.
+    if len(new) <= 1:
+        jobs = 1
+    results = dict(zip(new, Parallel(n_jobs=jobs)(calls), strict=True))
+    problems: list[str] = []
+    for _, texts in results.values():
+        problems += texts
     if problems:
         raise SchemaError("cases", list(dict.fromkeys(problems)))
-    for record, (check, _) in made.items():
-        found[record] = check
-        kept.write(new[record][0], check)
-    return {record: found[record] for record in groups}
+    for record, (check, _) in results.items():
+        checks[record] = check
+        store.write(new[record][0], check)
+    return {record: checks[record] for record in groups}
+
+
+def _models_of(cases: Sequence[PomCase], models: Models | None) -> list[Mapping[str, FmuModel]]:
+    """Return the models of every case; none without models."""
+    if models is None:
+        return [{} for _ in cases]
+    return [models.of(case) for case in cases]
 
 
 def check_record_and_cases(
     cases: Sequence[PomCase], models: Sequence[Mapping[str, FmuModel]]
 ) -> tuple[RecordCheck, list[str]]:
-    """Return the check of the one record of some cases, and the problems of these cases with their
-    models.
+    """Return the check of a record, and the problems of its cases with their models.
+
+    Parameters
+    ----------
+    cases : sequence of PomCase
+        Cases of one record.
+    models : sequence of mapping of str to FmuModel
+        Models of each case, by name.
     """
     first = cases[0]
     name = Path(first.record).stem
@@ -138,18 +151,17 @@ def check_record_and_cases(
             "case.aircraft: missing; the record has to be reconstructed, and that needs "
             "the aircraft"
         )
-        return RecordCheck(name, ""), [
-            f"case {case.path}: {missing}" for case in cases if not case.aircraft
-        ]
+        problems = [f"case {case.path}: {missing}" for case in cases if not case.aircraft]
+        return RecordCheck(name, ""), problems
     try:
-        record, aircraft = (
-            flighttest.read(first.record, names=first.names or None),
-            read_aircraft(first.aircraft),
-        )
+        record = flighttest.read(first.record, names=first.names or None)
+        aircraft = read_aircraft(first.aircraft)
         states = start_states(record, aircraft)
+    except SchemaError as error:
+        return RecordCheck(name, ""), [f"record {name}: {text}" for text in error.problems]
     except AeromatchError as error:
-        texts = error.problems if isinstance(error, SchemaError) else [str(error)]
-        return RecordCheck(name, ""), [f"record {name}: {text}" for text in texts]
-    pairs = zip(cases, models, strict=True)
-    problems = [text for case, offered in pairs for text in case_problems(case, states, offered)]
+        return RecordCheck(name, ""), [f"record {name}: {error}"]
+    problems = []
+    for case, case_models in zip(cases, models, strict=True):
+        problems += case_problems(case, states, case_models)
     return RecordCheck.of(name, record, aircraft), problems

@@ -1,15 +1,15 @@
 """Public names of `pom.diagnosis`."""
 
+from .corrected_model import corrected_aircraft as corrected_aircraft
+from .corrected_model import corrected_database as corrected_database
+from .corrected_model import corrected_terms as corrected_terms
+from .corrected_model import joint_terms as joint_terms
 from .diagnosis import diagnose as diagnose
 from .joint_correction import diagnose_all as diagnose_all
 from .joint_correction import join_diagnoses as join_diagnoses
-from .swap_runs import ranking as ranking
-from .swap_runs import waterfall as waterfall
 from .term_swaps import by_submodel as by_submodel
-from .term_swaps import corrected_aircraft as corrected_aircraft
-from .term_swaps import corrected_database as corrected_database
-from .term_swaps import corrected_terms as corrected_terms
 from .term_swaps import differing_terms as differing
 from .term_swaps import differing_terms as differing_terms
-from .term_swaps import joint_terms as joint_terms
 from .term_swaps import swap_terms as swap_terms
+from .waterfall import ranking as ranking
+from .waterfall import waterfall as waterfall

@@ -1,11 +1,11 @@
-"""Which terms of the final model explain the mismatch of the a-priori model: the term swap of
-LR-743, section 5.2, made systematic.
+"""Terms of the final model that explain the mismatch of the a-priori model.
 
-Every term that differs and can matter in the case (`screening`) is put alone from the final
-database into the a-priori one and the case is replayed by the kernel, with the inputs, the initial
-state and the trim of the case; so are groups of terms and pairs.  Then terms are added one by one,
-the best first, until the case passes or nothing helps any more.  Last, the gap between the two
-models is split among the terms by their Shapley shares, which is fair where effects interact.
+This is the term swap of LR-743, section 5.2, made systematic. Every term that differs and can
+matter in the case (`screening`) is put alone from the final database into the a-priori one. The
+kernel replays the case with its inputs, initial state and trim. Groups of terms and pairs follow.
+Then terms are added one by one, the best first, until the case passes or no term helps. Last, the
+gap between the two models is split among the terms by their Shapley shares, which are fair where
+effects interact.
 
 Parts of the aircraft that differ (`flightmech.aircraft.parts`: tables of the engines, legs of the
 gear ...) are exchanged in the same way.
@@ -23,17 +23,20 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from pom.cases.case import PomCase
-from pom.diagnosis.screening import screen_idle_terms, shapley_shares
-from pom.diagnosis.swap_runs import OTHERS, Judged, SwapBench, nearest_choice
-from pom.diagnosis.term_swaps import SwapModels, groups_of
+from pom.diagnosis.screening import screen_idle_terms
+from pom.diagnosis.shapley import shapley_shares
+from pom.diagnosis.swap_judgement import Judged, nearest_choice
+from pom.diagnosis.swap_models import SwapModels
+from pom.diagnosis.swap_runs import SwapBench
+from pom.diagnosis.term_swaps import groups_of
+from pom.diagnosis.waterfall import OTHERS
 
 LEAST_SHARE = 0.02  # of the gap: an addition that explains less is not worth a correction
-# half widths: a criterion whose mismatch differs by less between the two models has no meaningful
-# shares
+# [half widths] A criterion whose mismatch differs by less between the two models has no meaningful
+# shares.
 LEAST_GAP = 0.05
 LEAST_FELT = 0.005  # of the gap: a term that changes less alone counts among the others
-# single swaps that change most, for better or worse: they are tried again in every round of the
-# sequence
+# Single swaps with the largest changes, better or worse. Every round of the sequence tries them.
 CANDIDATES = 16
 PAIRED = 6  # terms of which all pairs are tried
 AND = " + "
@@ -51,8 +54,9 @@ def diagnose(
     replays: int = 256,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Rank the terms, and the parts of the aircraft, by how much of the mismatch of `prior` each
-    explains, in all and per criterion.
+    """Rank terms and parts of the aircraft by the mismatch of `prior` that each explains.
+
+    The ranking is of the total mismatch and of every criterion.
 
     Parameters
     ----------
@@ -60,11 +64,11 @@ def diagnose(
     prior, final : DataTree
         Two databases of one aircraft.
     aircraft : Aircraft
-        Of the final model.
+        Aircraft of the final model.
     path : Path of flighttest.reconstruct or Dataset (time), optional
         As in `replay`.
     apriori : Aircraft, optional
-        Of the a-priori model, when its engines, gear or control circuits are others.
+        Aircraft of the a-priori model, if its engines, gear or control circuits differ.
     groups : mapping of str to sequence of str, optional
         Groups to swap as a whole in addition to those of `groups_of`: names or patterns of terms
         and parts.
@@ -75,7 +79,7 @@ def diagnose(
         Replays that the shares may take.  2**n for n terms are within it: exact; else a sample of
         orders, at least 16, with its standard error.
     seed : int
-        Of the sample.
+        Seed of the sample.
 
     Returns
     -------
@@ -90,21 +94,25 @@ def diagnose(
 
         - ``prior`` and ``final``;
         - ``single``, one row per term that was flown alone, best first; ``group``, best first;
-        - ``idle``, the a-priori model with all terms together that were not flown alone (``term`` empty; ``bound``: how far that moves the
-          judged outputs, as a share of their mismatch), then a row for each, with the ``bound`` of
-          what it moves, the largest first;
-        - ``pair``, terms ``A + B`` of those that change most, best first; ``interaction`` is what both explain beyond the sum of each;
+        - ``idle``, the a-priori model with all terms together that were not flown alone (``term``
+          empty; ``bound``: how far that moves the judged outputs, as a share of their mismatch),
+          then a row for each, with the ``bound`` of what it moves, the largest first;
+        - ``pair``, terms ``A + B`` of those that change most, best first; ``interaction`` is what
+          both explain beyond the sum of each;
         - ``sequence``, terms added one after the other, each row with all before it;
-        - ``without``, the final model without one of the terms with a share of their own or a group, the worst first;
-        - ``share``, the Shapley shares with their standard errors (zero when exact): first those that add to the mismatch, then those
-          that reduce it, the largest first.  Their ``mismatch`` is the level after this share and
-          those above it, from that of `prior` to that of `final`.
+        - ``without``, the final model without one of the terms with a share of their own or a
+          group, the worst first;
+        - ``share``, the Shapley shares with their standard errors (zero when exact): first those
+          that add to the mismatch, then those that reduce it, the largest first.  Their
+          ``mismatch`` is the level after this share and those above it, from that of `prior` to
+          that of `final`.
 
         The last four stages are not there when `prior` is within tolerance or `final` is no better,
         nor when `final` fails as well and is better by less than `LEAST_GAP`.
     """
-    bench = SwapBench.of(case, SwapModels.of(prior, final, (apriori or aircraft, aircraft)), path)
-    return diagnose_bench(bench, groups, players, replays, seed)
+    models = SwapModels.of(prior, final, (apriori or aircraft, aircraft))
+    bench = SwapBench.of(case, models, path)
+    return diagnose_bench(bench, groups, players=players, replays=replays, seed=seed)
 
 
 def diagnose_bench(
@@ -114,238 +122,291 @@ def diagnose_bench(
     replays: int = 256,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Return the table of `diagnose` of a bench; parameters as there."""
+    """Return the table of `diagnose` for a bench; parameters as there."""
     screen_idle_terms(bench)
     start, end = bench.judged([(), bench.names])
     table = DiagnosisRows(start, end)
     table.add("prior", "", start)
     table.add("final", "", end)
-    flown = [name for name in bench.names if name not in bench.idle]
-    singles = sorted(
-        zip(flown, bench.judged([name] for name in flown), strict=True),
-        key=lambda row: _total(row[1]),
-    )
-    members = groups_of(bench.models.prior, bench.models.final, bench.names, groups)
-    wholes = zip(members, _of_groups(bench, members.values(), members.values()), strict=True)
-    for stage, rows in (
-        ("single", singles),
-        ("group", sorted(wholes, key=lambda row: _total(row[1]))),
-    ):
-        for name, found in rows:
-            table.add(stage, name, found)
+    singles = _judge_singles(bench)
+    for name, judged in singles:
+        table.add("single", name, judged)
+    members = groups_of(bench.models.prior, bench.models.final, bench.names, wanted=groups)
+    group_runs = zip(members, _judge_groups(bench, members.values(), members.values()), strict=True)
+    for name, judged in sorted(group_runs, key=lambda run: _rank_total(run[1])):
+        table.add("group", name, judged)
     if bench.idle:
-        (together,) = bench.judged([bench.idle])
-        table.add("idle", "", together, bound=together.moved)
+        (all_idle,) = bench.judged([bench.idle])
+        table.add("idle", "", all_idle, bound=all_idle.moved)
         for name, bound in bench.idle.items():
             table.add_idle(name, bound)
-    if not start.matched and table.gap > (0.0 if end.matched else LEAST_GAP):
-        change = {name: abs(_total(found) - start.total) for name, found in singles}
-        felt = sorted(change, key=lambda name: -change[name])
-        needed = _needed(bench, felt, table.gap)
-        further = [
-            name for name in felt if name not in needed and change[name] > LEAST_FELT * table.gap
-        ]
-        separate = [*needed, *further][: max(players, len(needed))]
-        _pairs(bench, table, sorted(separate, key=felt.index)[:PAIRED])
-        for k, found in enumerate(bench.judged([needed[: k + 1] for k in range(len(needed))])):
-            table.add("sequence", needed[k], found)
-        _without(bench, table, {**{name: (name,) for name in separate}, **members})
-        _shares(bench, table, separate, replays, seed)
+    # A final model that fails as well has to be clearly better.
+    least_gap = LEAST_GAP
+    if end.matched:
+        least_gap = 0.0
+    if start.matched or not table.gap > least_gap:
+        return pd.DataFrame(table.rows)
+    change = {name: abs(_rank_total(judged) - start.total) for name, judged in singles}
+    strongest = sorted(change, key=lambda name: -change[name])
+    needed = _find_needed_terms(bench, strongest, table.gap)
+    separate = list(needed)
+    for name in strongest:
+        if name not in needed and change[name] > LEAST_FELT * table.gap:
+            separate.append(name)
+    separate = separate[: max(players, len(needed))]
+    _add_pairs(bench, table, sorted(separate, key=strongest.index)[:PAIRED])
+    steps = [needed[: k + 1] for k in range(len(needed))]
+    for name, judged in zip(needed, bench.judged(steps), strict=True):
+        table.add("sequence", name, judged)
+    omissions: dict[str, Sequence[str]] = {name: (name,) for name in separate}
+    _add_omissions(bench, table, {**omissions, **members})
+    _add_shares(bench, table, separate, replays=replays, seed=seed)
     return pd.DataFrame(table.rows)
 
 
+def _judge_singles(bench: SwapBench) -> list[tuple[str, Judged]]:
+    """Return the judgement of every term that is flown alone, best first."""
+    names = [name for name in bench.names if name not in bench.idle]
+    runs = zip(names, bench.judged([name] for name in names), strict=True)
+    return sorted(runs, key=lambda run: _rank_total(run[1]))
+
+
 class DiagnosisRows:
-    """The rows of a diagnosis, and the gaps they are shares of."""
+    """Rows of a diagnosis, and the gaps between the two models.
+
+    The first element of every array is the total mismatch. The criteria follow.
+    """
 
     def __init__(self, start: Judged, end: Judged):
         self.rows: list[dict[str, Any]] = []
         self.criteria = list(start.mismatch)
         self.start, self.end = start.counted(self.criteria), end.counted(self.criteria)
         self.gap = start.total - end.total
+        self._nan = np.full(len(self.criteria) + 1, np.nan)
 
     def explained(self, change: np.ndarray) -> np.ndarray:
-        """Return changes of the mismatches (total, then criteria) as shares of their gaps."""
+        """Return changes of the mismatches as shares of their gaps; NaN without a gap."""
         gap = self.start - self.end
         gap[1:][gap[1:] < LEAST_GAP] = np.nan
-        gap[0] = self.gap if self.gap > 0.0 else np.nan
+        gap[0] = np.nan
+        if self.gap > 0.0:
+            gap[0] = self.gap
         return change / gap
 
     def add(
         self,
         stage: str,
         term: str,
-        found: Judged,
+        judged: Judged,
         interaction: float = np.nan,
         bound: float = np.nan,
     ) -> None:
-        """Append a row of a choice that was flown."""
-        explained = self.explained(self.start - found.counted(self.criteria))
-        mismatch, ratio = (
-            [each.get(name, np.nan) for name in self.criteria]
-            for each in (found.mismatch, found.ratio)
-        )
-        nothing = np.full(len(explained), np.nan)
+        """Append a row of a judged choice."""
+        mismatch = [judged.mismatch.get(name, np.nan) for name in self.criteria]
+        ratio = [judged.ratio.get(name, np.nan) for name in self.criteria]
         self._append(
-            stage,
-            term,
-            found.verdict,
-            explained,
-            nothing,
-            interaction,
-            bound,
-            [found.total, *mismatch],
-            ratio,
+            {"stage": stage, "term": term, "verdict": judged.verdict},
+            explained=self.explained(self.start - judged.counted(self.criteria)),
+            mismatch=[judged.total, *mismatch],
+            ratio=ratio,
+            interaction=interaction,
+            bound=bound,
         )
 
     def add_idle(self, term: str, bound: float) -> None:
-        """Append a term that was not flown alone, with the bound of what it moves."""
-        nothing = np.full(len(self.criteria) + 1, np.nan)
-        self._append(
-            "idle",
-            term,
-            "not_tested",
-            nothing,
-            nothing,
-            np.nan,
-            bound,
-            nothing.tolist(),
-            nothing[1:].tolist(),
-        )
+        """Append a term that was not flown alone, with the bound of its effect."""
+        self._append({"stage": "idle", "term": term, "verdict": "not_tested"}, bound=bound)
 
     def add_share(
-        self, term: str, change: np.ndarray, stderr: np.ndarray, left: np.ndarray
+        self, term: str, change: np.ndarray, stderr: np.ndarray, level: np.ndarray
     ) -> None:
-        """Append a share: changes of the mismatches, their standard errors, and the mismatches that
-        remain.
+        """Append a Shapley share.
+
+        Parameters
+        ----------
+        term : str
+        change, stderr : array (1 + criterion,)
+            Changes of the mismatches, and their standard errors. [half widths]
+        level : array (1 + criterion,)
+            Mismatches after this share and those before it. [half widths]
         """
-        nothing = [np.nan] * len(self.criteria)
-        shares, errors = self.explained(-change), np.abs(self.explained(stderr))
         self._append(
-            "share", term, "not_tested", shares, errors, np.nan, np.nan, left.tolist(), nothing
+            {"stage": "share", "term": term, "verdict": "not_tested"},
+            explained=self.explained(-change),
+            stderr=np.abs(self.explained(stderr)),
+            mismatch=level.tolist(),
         )
 
     def _append(
-        self, stage, term, verdict, explained, stderr, interaction, bound, mismatch, ratio
+        self,
+        labels: Mapping[str, str],
+        *,
+        explained: Sequence[float] | np.ndarray | None = None,
+        stderr: Sequence[float] | np.ndarray | None = None,
+        mismatch: Sequence[float] | None = None,
+        ratio: Sequence[float] | None = None,
+        interaction: float = np.nan,
+        bound: float = np.nan,
     ) -> None:
+        """Append a row; numbers that are not given are NaN."""
+        if explained is None:
+            explained = self._nan
+        if stderr is None:
+            stderr = self._nan
+        if mismatch is None:
+            mismatch = self._nan.tolist()
+        if ratio is None:
+            ratio = self._nan[1:].tolist()
+        # The order of the keys is that of the columns.
         row = {
-            "stage": stage,
-            "term": term,
+            "stage": labels["stage"],
+            "term": labels["term"],
             "explained": explained[0],
             "stderr": stderr[0],
             "interaction": interaction,
             "bound": bound,
+            "verdict": labels["verdict"],
+            "mismatch": mismatch[0],
         }
-        row |= {"verdict": verdict, "mismatch": mismatch[0]}
         for k, name in enumerate(self.criteria):
             row |= {f"{name} mismatch": mismatch[k + 1], f"{name} ratio": ratio[k]}
             row |= {f"{name} explained": explained[k + 1], f"{name} stderr": stderr[k + 1]}
         self.rows.append(row)
 
 
-def _total(found: Judged) -> float:
-    return found.total if np.isfinite(found.total) else np.inf
+def _rank_total(judged: Judged) -> float:
+    """Return the total mismatch; infinite without one, so that it ranks last."""
+    if np.isfinite(judged.total):
+        return judged.total
+    return np.inf
 
 
-def _pairs(bench: SwapBench, table: DiagnosisRows, names: Sequence[str]) -> None:
+def _add_pairs(bench: SwapBench, table: DiagnosisRows, names: Sequence[str]) -> None:
     """Append the pairs of the named terms, best first."""
     alone = {row["term"]: row["explained"] for row in table.rows if row["stage"] == "single"}
     pairs = list(combinations(names, 2))
-    for (a, b), found in sorted(
-        zip(pairs, bench.judged(pairs), strict=True), key=lambda row: _total(row[1])
-    ):
-        both = (table.start[0] - found.total) / table.gap
-        table.add("pair", f"{a}{AND}{b}", found, both - alone[a] - alone[b])
+    runs = zip(pairs, bench.judged(pairs), strict=True)
+    for (first, second), judged in sorted(runs, key=lambda run: _rank_total(run[1])):
+        both = (table.start[0] - judged.total) / table.gap
+        interaction = both - alone[first] - alone[second]
+        table.add("pair", f"{first}{AND}{second}", judged, interaction=interaction)
 
 
-def _needed(bench: SwapBench, felt: list[str], gap: float) -> list[str]:
-    """Return the terms that make the case pass, found among those that change most alone.
+def _find_needed_terms(bench: SwapBench, strongest: list[str], gap: float) -> list[str]:
+    """Return the terms that make the case pass, from those that change most alone.
 
-    Where these do not suffice although the final model passes, the mismatch hides what other terms
-    do, as that of a mode that is not even excited; then those are tried without which the final
-    model is worst.
+    Sometimes these do not suffice although the final model passes. A mismatch can hide the effect
+    of other terms, for example if a mode is not excited. The candidates are then the terms without
+    which the final model is worst.
     """
     start, end = bench.judged([(), bench.names])
-    found = _sequence(bench, start, gap, felt[:CANDIDATES])
-    (reached,) = bench.judged([found])
+    needed = _search_sequence(bench, start, gap, candidates=strongest[:CANDIDATES])
+    (reached,) = bench.judged([needed])
     if reached.matched or not end.matched:
-        return found
-    left_out = bench.judged([[other for other in bench.names if other != name] for name in felt])
-    loss = {name: _total(without) - end.total for name, without in zip(felt, left_out, strict=True)}
-    second = _sequence(bench, start, gap, sorted(felt, key=lambda name: -loss[name])[:CANDIDATES])
+        return needed
+    omissions = [_all_except(bench, [name]) for name in strongest]
+    loss = {}
+    for name, without in zip(strongest, bench.judged(omissions), strict=True):
+        loss[name] = _rank_total(without) - end.total
+    candidates = sorted(strongest, key=lambda name: -loss[name])[:CANDIDATES]
+    second = _search_sequence(bench, start, gap, candidates=candidates)
     (better,) = bench.judged([second])
-    return second if better.matched or better.total < reached.total else found
+    if better.matched or better.total < reached.total:
+        return second
+    return needed
 
 
-def _sequence(bench: SwapBench, start: Judged, gap: float, candidates: list[str]) -> list[str]:
-    """Return the greedy sequence, cut where it is best, without the terms that turned out not to be
-    needed.
+def _all_except(bench: SwapBench, names: Collection[str]) -> list[str]:
+    """Return all terms and parts of a bench without the named ones."""
+    return [name for name in bench.names if name not in names]
 
-    An addition that does not help by itself is taken all the same when nothing better is there,
-    because the next may need it; what is gained has to be worth `LEAST_SHARE` of the gap for every
-    term in the end.
+
+def _search_sequence(
+    bench: SwapBench, start: Judged, gap: float, *, candidates: list[str]
+) -> list[str]:
+    """Return the greedy sequence, cut at its best step, without terms that are not needed.
+
+    The best term is added even if it does not help by itself, because the next one may need it. In
+    the end every term has to gain `LEAST_SHARE` of the gap.
     """
     names: list[str] = []
-    path = [start]
-    while not path[-1].matched and len(names) < len(candidates):
+    steps = [start]
+    while not steps[-1].matched and len(names) < len(candidates):
         free = [name for name in candidates if name not in names]
         trials = bench.judged([[*names, name] for name in free])
-        best = min(range(len(free)), key=lambda k: _total(trials[k]))
-        path.append(trials[best])
+        best = min(range(len(free)), key=lambda k: _rank_total(trials[k]))
+        steps.append(trials[best])
         names.append(free[best])
-    best = min(range(len(path)), key=lambda k: (not path[k].matched, path[k].total))
-    needed, reached = names[:best], path[best]
-    bench.judged(
-        [other for other in needed if other != name] for name in needed
-    )  # side by side: most of them stay
+    best = min(range(len(steps)), key=lambda k: (not steps[k].matched, steps[k].total))
+    needed, reached = names[:best], steps[best]
+    # Fly all omissions together: the loop below needs most of them.
+    bench.judged([_without_term(needed, name) for name in needed])
     for name in reversed(names[:best]):
-        (without,) = bench.judged([[other for other in needed if other != name]])
-        if without.matched >= reached.matched and without.total - reached.total < LEAST_SHARE * gap:
+        (without,) = bench.judged([_without_term(needed, name)])
+        loss = without.total - reached.total
+        if without.matched >= reached.matched and loss < LEAST_SHARE * gap:
             needed.remove(name)
     return needed
 
 
-def _without(bench: SwapBench, table: DiagnosisRows, left_out: Mapping[str, Sequence[str]]) -> None:
+def _without_term(names: Sequence[str], omitted: str) -> list[str]:
+    return [name for name in names if name != omitted]
+
+
+def _add_omissions(
+    bench: SwapBench, table: DiagnosisRows, omissions: Mapping[str, Sequence[str]]
+) -> None:
     """Append the final model without each of these terms or groups, the worst first."""
-    rests = [[other for other in bench.names if other not in names] for names in left_out.values()]
-    flown = _of_groups(bench, left_out.values(), rests)
-    for name, found in sorted(zip(left_out, flown, strict=True), key=lambda row: -_total(row[1])):
-        table.add("without", name, found)
+    choices = [_all_except(bench, names) for names in omissions.values()]
+    runs = zip(omissions, _judge_groups(bench, omissions.values(), choices), strict=True)
+    for name, judged in sorted(runs, key=lambda run: -_rank_total(run[1])):
+        table.add("without", name, judged)
 
 
-def _of_groups(
+def _judge_groups(
     bench: SwapBench, groups: Iterable[Collection[str]], choices: Iterable[Collection[str]]
 ) -> list[Judged]:
-    """Return the judgements of choices that each take or leave out a group: as they are, but for a
-    group of idle terms only.
+    """Return the judgements of choices that each contain or omit a group.
+
+    A choice is judged exactly, except for a group of idle terms only.
     """
-    meant = [
-        nearest_choice(choice, bench.idle) if bench.idle.keys() >= set(group) else choice
-        for group, choice in zip(groups, choices, strict=True)
-    ]
-    return bench.judged(meant, exact=True)
+    exact_choices = []
+    for group, choice in zip(groups, choices, strict=True):
+        if bench.idle.keys() >= set(group):
+            choice = nearest_choice(choice, bench.idle)
+        exact_choices.append(choice)
+    return bench.judged(exact_choices, exact=True)
 
 
-def _shares(
-    bench: SwapBench, table: DiagnosisRows, separate: Sequence[str], replays: int, seed: int
+def _add_shares(
+    bench: SwapBench, table: DiagnosisRows, separate: Sequence[str], *, replays: int, seed: int
 ) -> None:
-    """Append the Shapley shares of the terms `separate` and of all others together."""
-    others = [name for name in bench.names if name not in separate]
-    players = [[name] for name in separate] + ([others] if others else [])
-    labels = [*separate, *([OTHERS] if others else [])]
+    """Append the Shapley shares of separate terms, and of all others together."""
+    players = [[name] for name in separate]
+    labels = list(separate)
+    others = _all_except(bench, separate)
+    if others:
+        players.append(others)
+        labels.append(OTHERS)
 
-    def game(choices):
-        flown = bench.judged(
-            [[name for player in choice for name in players[player]] for choice in choices]
-        )
-        return np.stack([found.counted(table.criteria) for found in flown])
+    def judge_choices(choices):
+        swaps = []
+        for choice in choices:
+            names: list[str] = []
+            for player in choice:
+                names += players[player]
+            swaps.append(names)
+        return np.stack([judged.counted(table.criteria) for judged in bench.judged(swaps)])
 
-    found = shapley_shares(len(players), game, replays, seed)
-    # what adds to the mismatch comes first: no level of the waterfall is below the mismatch of the
-    # final model
-    change = found.share[:, 0]
+    shares = shapley_shares(len(players), judge_choices, budget=replays, seed=seed)
+    # Additions to the mismatch come first, so that no level of the waterfall is below the mismatch
+    # of the final model. Then the largest reductions, the other terms last.
+    change = shares.share[:, 0]
     order = sorted(
         range(len(players)), key=lambda k: (change[k] < 0.0, labels[k] == OTHERS, -abs(change[k]))
     )
-    left = table.start + np.cumsum(found.share[order], axis=0)
-    for k, player in enumerate(order):
-        table.add_share(labels[player], found.share[player], found.stderr[player], left[k])
+    levels = table.start + np.cumsum(shares.share[order], axis=0)
+    for level, player in zip(levels, order, strict=True):
+        table.add_share(
+            labels[player], shares.share[player], stderr=shares.stderr[player], level=level
+        )

@@ -26,11 +26,13 @@ from joblib import Parallel, delayed, effective_n_jobs
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.stages import Kept, Stages
 from pom.cases.case import PomCase
+from pom.diagnosis.corrected_model import corrected_terms
 from pom.diagnosis.diagnosis import DiagnosisRows, diagnose_bench
 from pom.diagnosis.kept_diagnosis import Diagnosed, LateBench
 from pom.diagnosis.screening import screen_idle_terms
-from pom.diagnosis.swap_runs import MATCHED, Judged, SwapBench
-from pom.diagnosis.term_swaps import SwapModels, corrected_terms
+from pom.diagnosis.swap_judgement import MATCHED, Judged
+from pom.diagnosis.swap_models import SwapModels
+from pom.diagnosis.swap_runs import SwapBench
 
 SWAPS = "swaps"
 """Stage of what the swaps of a case gave, by their content: with another final model only those are flown that take what changed of it."""

@@ -10,7 +10,8 @@ from threading import Lock
 
 import pandas as pd
 
-from pom.diagnosis.swap_runs import Judged, SwapBench, nearest_choice
+from pom.diagnosis.swap_judgement import Judged, nearest_choice
+from pom.diagnosis.swap_runs import SwapBench
 
 Known = dict[frozenset[str], Judged]
 """What a bench has flown: judgement by choice of terms and parts."""

@@ -1,6 +1,4 @@
-"""One model through one job: canonical names and SI on this side, the variables and units of the
-FMU on the other.
-"""
+"""Run of one job by one FMU, with conversion between canonical names in SI and its variables."""
 
 from __future__ import annotations
 
@@ -147,70 +145,74 @@ def fly_job(
     timeout : float
         Wall time allowed. [s]
     store : KeptFlights, optional
-        Where flights are kept; one that is there is not flown again.
+        Store of flights; a stored flight is not flown again.
 
     Returns
     -------
     found : dict of str to array (time,)
-        Outputs by canonical name, and the controls that the math pilot or the control law moved;
-        NaN where the run did not come. [SI]
+        Outputs by canonical name, and the controls that the math pilot or the control law moves;
+        NaN after the end of a failed run. [SI]
     failure : str
-        Empty when all went well.
+        Why the run failed; empty without a failure.
     """
-    outputs = [
-        name
-        for name in model.links.outputs
-        if name in {*wanted, *job.targets, *feedback_outputs(model)}
-    ]
-    time = _points(model.fmu, job.time)
+    needed = {*wanted, *job.targets, *feedback_outputs(model)}
+    outputs = [name for name in model.links.outputs if name in needed]
+    time = _communication_points(model.fmu, job.time)
     if model.law is not None:
         time = _common_points(model, model.law, time)
-    task = _task(model, job, outputs, time)
-    key = content_hash(_program(), model.fmu.sha256, task) if store else ""
-    columns, failure = (
-        store.read(key, (len(time), len(outputs) + len(moved_controls(task)))) if store else None,
-        "",
-    )
+    task = _make_task(model, job, outputs, time=time)
+    key, columns, failure = "", None, ""
+    if store:
+        key = content_hash(_program_text(), model.fmu.sha256, task)
+        columns = store.read(key, (len(time), len(outputs) + len(moved_controls(task))))
     if columns is None:
-        fmus = [model.fmu, *([model.law.fmu] if model.law is not None else [])]
-        before = [_as_read(fmu) for fmu in fmus]
-        with hire_worker(model.fmu.path) as child:
-            reply = child.run(task, timeout, any(fmu.once for fmu in fmus))
-        columns, failure = np.column_stack([reply.outputs, *_moved(task, reply.moved)]), reply.error
-        for fmu, state in zip(fmus, before, strict=True):
-            if (
-                state is None or _state(fmu) != state
-            ):  # what flew may be neither the file that was read nor the one that is there
-                columns, failure = (
-                    np.full_like(columns, np.nan),
-                    f"{fmu.path.name} changed after it was read; run the batch again",
-                )
+        columns, failure = _run_worker(model, task, timeout)
         if store and not failure:
             store.write(key, columns)
-    return _found(model, job, outputs, time, task, columns), failure
+    return _read_columns(model, job, outputs, time=time, task=task, columns=columns), failure
 
 
-def _as_read(fmu: Fmu) -> FileState | None:
-    """Return the state of an FMU that is the file that was read, on another machine of a cluster by
-    its hash; None of another one.
+def _run_worker(model: FmuModel, task: Mapping[str, Any], timeout: float) -> tuple[np.ndarray, str]:
+    """Return the columns of a run (time, output and moved control), and why it failed."""
+    fmus = [model.fmu]
+    if model.law is not None:
+        fmus.append(model.law.fmu)
+    before = [_state_if_unchanged(fmu) for fmu in fmus]
+    with hire_worker(model.fmu.path) as child:
+        reply = child.run(task, timeout, any(fmu.once for fmu in fmus))
+    columns = np.column_stack([reply.outputs, *_moved_columns(task, reply.moved)])
+    failure = reply.error
+    # If a file changed, the run may belong to neither the read file nor the present one.
+    for fmu, state in zip(fmus, before, strict=True):
+        if state is None or _file_state(fmu) != state:
+            columns = np.full_like(columns, np.nan)
+            failure = f"{fmu.path.name} changed after it was read; run the batch again"
+    return columns, failure
+
+
+def _state_if_unchanged(fmu: Fmu) -> FileState | None:
+    """Return the state of the file of an FMU; None if it is not the file that was read.
+
+    On another machine of a cluster the states differ, and the hash decides.
     """
-    state = _state(fmu)
+    state = _file_state(fmu)
     if state is None or state == fmu.state:
         return state
-    return state if hashlib.sha256(fmu.path.read_bytes()).hexdigest() == fmu.sha256 else None
+    if hashlib.sha256(fmu.path.read_bytes()).hexdigest() != fmu.sha256:
+        return None
+    return state
 
 
-def _state(fmu: Fmu) -> FileState | None:
+def _file_state(fmu: Fmu) -> FileState | None:
+    """Return the state of the file of an FMU; None if it cannot be read."""
     try:
         return FileState.of(fmu.path)
     except OSError:
         return None
 
 
-def _points(fmu: Fmu, time: np.ndarray) -> np.ndarray:
-    """Return the communication points: the samples, or even steps for an FMU that takes no others.
-    [s]
-    """
+def _communication_points(fmu: Fmu, time: np.ndarray) -> np.ndarray:
+    """Return the communication points: the samples, or even steps if the FMU needs them. [s]"""
     if not fmu.even:
         return time
     step = fmu.step or float(np.median(np.diff(time)))
@@ -218,16 +220,14 @@ def _points(fmu: Fmu, time: np.ndarray) -> np.ndarray:
 
 
 def feedback_outputs(model: FmuModel) -> list[str]:
-    """Return the outputs of a model that its control law sees, by canonical name."""
-    return (
-        [] if model.law is None else [name for name in seen_by(model.law) if not is_recorded(name)]
-    )
+    """Return the outputs of a model that its control law reads, by canonical name."""
+    if model.law is None:
+        return []
+    return [name for name in seen_by(model.law) if not is_recorded(name)]
 
 
 def seen_by(law: FmuModel) -> list[str]:
-    """Return the inputs of a control law by canonical name, those apart that its table of names
-    fixes.
-    """
+    """Return the inputs of a control law by canonical name, without those that its table fixes."""
     return [name for name, link in law.links.inputs.items() if link.variable not in law.links.fixed]
 
 
@@ -276,7 +276,7 @@ def check_law(model: FmuModel, job: ReplayJob) -> None:
 
 def _common_points(model: FmuModel, law: FmuModel, time: np.ndarray) -> np.ndarray:
     """Return the communication points of a model and its control law. [s]"""
-    points = _points(law.fmu, time)
+    points = _communication_points(law.fmu, time)
     if model.fmu.even and not (len(points) == len(time) and np.allclose(points, time, atol=1e-9)):
         raise SchemaError(
             f"control law {law.fmu.path}",
@@ -288,94 +288,81 @@ def _common_points(model: FmuModel, law: FmuModel, time: np.ndarray) -> np.ndarr
     return points
 
 
-def _law_task(
+def _make_law_task(
     model: FmuModel, job: ReplayJob, outputs: list[str], inputs: list[str], at_points: Callable
 ) -> dict[str, Any]:
-    """Return the control law as the worker takes it, everything in the units of the FMUs."""
+    """Return the control law as the worker reads it; all values in the units of the FMUs."""
     law, given = model.law, job.law
     assert law is not None
     assert given is not None
     names, links = seen_by(law), law.links
     fixed = {name: value for name, value in links.fixed.items() if name in law.fmu.inputs}
+    parameters = {name: value for name, value in links.fixed.items() if name not in law.fmu.inputs}
     count = len(at_points(job.time))
-    columns = [
-        links.inputs[name].to_fmu(at_points(given.recorded[name]))
-        if is_recorded(name)
-        else np.zeros(count)
-        for name in names
-    ]
-    columns += [np.full(count, value) for value in fixed.values()]
-    start = [
-        links.inputs[name].to_fmu(
-            given.recorded[name][0] if is_recorded(name) else given.start[name]
-        )
-        for name in names
-    ]
-    rows = []
+    columns, start, feedback = [], [], []
     for i, name in enumerate(names):
-        if not is_recorded(name):
-            out, into = model.links.outputs[name], links.inputs[name]
-            rows.append(
-                (
-                    i,
-                    outputs.index(name),
-                    out.factor / into.factor,
-                    (out.offset - into.offset) / into.factor,
-                )
-            )
+        link = links.inputs[name]
+        if is_recorded(name):
+            columns.append(link.to_fmu(at_points(given.recorded[name])))
+            start.append(link.to_fmu(given.recorded[name][0]))
+            continue
+        # The worker overwrites the column of a feedback input with the output of the model.
+        columns.append(np.zeros(count))
+        start.append(link.to_fmu(given.start[name]))
+        scale, offset = _unit_conversion(model.links.outputs[name], link)
+        feedback.append((i, outputs.index(name), scale, offset))
+    columns += [np.full(count, value) for value in fixed.values()]
+    values = np.zeros((count, 0))
+    if columns:
+        values = np.column_stack(columns)
     moves = {}
     for name in given.moves:
-        out, into = links.outputs[name], model.links.inputs[name]
-        place = inputs.index(into.variable)
-        moves[name] = (
-            place,
-            out.factor / into.factor,
-            (out.offset - into.offset) / into.factor,
-            out.factor,
-            out.offset,
-        )
+        source, target = links.outputs[name], model.links.inputs[name]
+        scale, offset = _unit_conversion(source, target)
+        column = inputs.index(target.variable)
+        moves[name] = (column, scale, offset, source.factor, source.offset)
     return {
         "fmu": str(law.fmu.path),
         "sha256": law.fmu.sha256,
         "inputs": [*(links.inputs[name].variable for name in names), *fixed],
-        "values": np.column_stack(columns) if columns else np.zeros((count, 0)),
+        "values": values,
         "start": [*map(float, start), *fixed.values()],
-        "parameters": {
-            name: value for name, value in links.fixed.items() if name not in law.fmu.inputs
-        },
-        "feedback": rows,
+        "parameters": parameters,
+        "feedback": feedback,
         "outputs": [links.outputs[name].variable for name in given.moves],
         "moves": moves,
     }
 
 
-def _task(model: FmuModel, job: ReplayJob, outputs: list[str], time: np.ndarray) -> dict[str, Any]:
-    """Return the job as the worker takes it: names, units and signs of the FMU, at its
-    communication points.
-    """
+def _unit_conversion(source: Any, target: Any) -> tuple[float, float]:
+    """Return scale and offset from the unit of one variable to that of another, by way of SI."""
+    return source.factor / target.factor, (source.offset - target.offset) / target.factor
+
+
+def _make_task(
+    model: FmuModel, job: ReplayJob, outputs: list[str], *, time: np.ndarray
+) -> dict[str, Any]:
+    """Return the job as the worker reads it, with names, units and signs of the FMU."""
     links = model.links
 
     def at_points(values: np.ndarray) -> np.ndarray:
-        return values if time is job.time else np.interp(time, job.time, values)
+        if time is job.time:
+            return values
+        return np.interp(time, job.time, values)
 
-    inputs = {
-        links.inputs[name].variable: links.inputs[name].to_fmu(at_points(u))
-        for name, u in job.inputs.items()
-        if name in links.inputs
-    }
-    parameters = {
-        links.parameters[name].variable: links.parameters[name].to_fmu(value)
-        for name, value in job.parameters.items()
-        if name in links.parameters
-    }
-    inputs |= {
-        name: np.full(len(time), value)
-        for name, value in links.fixed.items()
-        if name in model.fmu.inputs
-    }
-    parameters |= {
-        name: value for name, value in links.fixed.items() if name not in model.fmu.inputs
-    }
+    inputs, parameters = {}, {}
+    for name, values in job.inputs.items():
+        if name in links.inputs:
+            inputs[links.inputs[name].variable] = links.inputs[name].to_fmu(at_points(values))
+    for name, value in job.parameters.items():
+        if name in links.parameters:
+            parameters[links.parameters[name].variable] = links.parameters[name].to_fmu(value)
+    # A fixed variable is an input with a constant, or a parameter.
+    for name, value in links.fixed.items():
+        if name in model.fmu.inputs:
+            inputs[name] = np.full(len(time), value)
+        else:
+            parameters[name] = value
     task = {
         "time": time,
         "inputs": inputs,
@@ -383,67 +370,75 @@ def _task(model: FmuModel, job: ReplayJob, outputs: list[str], time: np.ndarray)
         "outputs": [links.outputs[name].variable for name in outputs],
     }
     if model.law is not None and job.law is not None:
-        task["law"] = _law_task(model, job, outputs, list(inputs), at_points)
+        task["law"] = _make_law_task(model, job, outputs, inputs=list(inputs), at_points=at_points)
     if job.pilot:
         targets = {name: at_points(values) for name, values in job.targets.items()}
-        task["pilot"] = {"targets": targets, **_hand(links, job, outputs, list(inputs))}
+        loops = _make_pilot_task(links, job, outputs, inputs=list(inputs))
+        task["pilot"] = {"targets": targets, **loops}
     return task
 
 
-def _hand(links: Links, job: ReplayJob, outputs: list[str], inputs: list[str]) -> dict[str, Any]:
-    """Return the loops of the math pilot, what they see (column, factor, offset to SI) and what
-    they move (column, factor to SI).
+def _make_pilot_task(
+    links: Links, job: ReplayJob, outputs: list[str], *, inputs: list[str]
+) -> dict[str, Any]:
+    """Return the loops of the math pilot.
+
+    ``sense`` holds column, factor and offset to SI of what they read, ``move`` column and factor
+    to SI of what they move.
     """
-    seen = {name: links.outputs[name] for name in job.targets}
-    moved = {loop.control: links.inputs[loop.control] for loop in job.pilot}
-    return {
-        "loops": [asdict(loop) for loop in job.pilot],
-        "sense": {
-            name: (outputs.index(name), link.factor, link.offset) for name, link in seen.items()
-        },
-        "move": {name: (inputs.index(link.variable), link.factor) for name, link in moved.items()},
-    }
+    sense, move = {}, {}
+    for name in job.targets:
+        link = links.outputs[name]
+        sense[name] = (outputs.index(name), link.factor, link.offset)
+    for loop in job.pilot:
+        link = links.inputs[loop.control]
+        move[loop.control] = (inputs.index(link.variable), link.factor)
+    return {"loops": [asdict(loop) for loop in job.pilot], "sense": sense, "move": move}
 
 
-def _moved(task: Mapping[str, Any], moved: Mapping[str, np.ndarray]) -> list[np.ndarray]:
-    nothing = np.full(len(task["time"]), np.nan)
-    return [moved.get(name, nothing) for name in moved_controls(task)]
+def _moved_columns(task: Mapping[str, Any], moved: Mapping[str, np.ndarray]) -> list[np.ndarray]:
+    """Return the corrections of the moved controls; NaN for a control without any."""
+    nan = np.full(len(task["time"]), np.nan)
+    return [moved.get(name, nan) for name in moved_controls(task)]
 
 
-def _found(
+def _read_columns(
     model: FmuModel,
     job: ReplayJob,
     outputs: list[str],
+    *,
     time: np.ndarray,
     task: Mapping[str, Any],
     columns: np.ndarray,
 ) -> Found:
-    """Return what was flown at the samples of the job, by canonical name and in SI."""
-    found = {
-        name: model.links.outputs[name].to_canonical(columns[:, i])
-        for i, name in enumerate(outputs)
-    }
-    if len(time) != len(job.time) or not np.array_equal(time, job.time):
-        found = {name: _at_samples(name, values, time, job.time) for name, values in found.items()}
+    """Return the columns of a run at the samples of the job, by canonical name and in SI."""
+    traces = {}
+    is_resampled = len(time) != len(job.time) or not np.array_equal(time, job.time)
+    for i, name in enumerate(outputs):
+        traces[name] = model.links.outputs[name].to_canonical(columns[:, i])
+        if is_resampled:
+            traces[name] = _at_samples(name, traces[name], time, samples=job.time)
+    # A correction is in force from its communication point to the next one.
+    last_point = np.clip(np.searchsorted(time, job.time + 1e-9, side="right") - 1, 0, len(time) - 1)
     for i, name in enumerate(moved_controls(task)):
-        place = np.clip(np.searchsorted(time, job.time + 1e-9, side="right") - 1, 0, len(time) - 1)
-        found[name] = job.inputs[name] + columns[place, len(outputs) + i]
-    return found
+        traces[name] = job.inputs[name] + columns[last_point, len(outputs) + i]
+    return traces
 
 
-def _at_samples(name: str, values: np.ndarray, time: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Return an output between the steps of its FMU, on straight lines; angles that jump are made
-    continuous first.
-    """
+def _at_samples(
+    name: str, values: np.ndarray, time: np.ndarray, *, samples: np.ndarray
+) -> np.ndarray:
+    """Return an output at samples between the steps of its FMU, by linear interpolation."""
     if name in WRAPPED:
-        known = np.isfinite(values)
-        values = np.where(known, np.unwrap(np.where(known, values, 0.0)), np.nan)
+        # Remove jumps of angles by a full turn, and keep the gaps.
+        finite = np.isfinite(values)
+        values = np.where(finite, np.unwrap(np.where(finite, values, 0.0)), np.nan)
     return np.interp(samples, time, values)
 
 
 @cache
-def _program() -> str:
-    """Return what flies a job: the hash of its modules, the version of FMPy, the kind of machine."""
+def _program_text() -> str:
+    """Return the program of a run: hash of its modules, version of FMPy, and kind of machine."""
     here = Path(__file__).parents[1]
     digest = hashlib.sha256()
     for file in [here / "cases" / "pilot.py", *sorted((here / "fmu" / "worker").glob("*.py"))]:

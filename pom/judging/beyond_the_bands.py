@@ -26,7 +26,7 @@ from flightmech.simulation.kernel import Simulation
 from flightmech.support.arrays import rms
 from flightmech.units import DEGREE, FOOT, KNOT, from_si
 from pom.cases.case import PomCase
-from pom.judging.verdict import reason_not_judged
+from pom.judging.applicability import reason_not_judged
 from pom.tolerances.bands import RowRemark, unwrapped_difference
 from pom.tolerances.criteria import Criterion
 

@@ -22,8 +22,8 @@ from flightmech.units import KNOT
 from pom.cases.case import PomCase
 from pom.tolerances.bands import Invalid, NotJudged, RowRemark, demand_finite, inside_window
 from pom.tolerances.channels import SOURCES, channel_value_text, output_of
+from pom.tolerances.conditions import sample_mask
 from pom.tolerances.criteria import ACTS, DISCRETES, LEVELS, Criterion
-from pom.tolerances.rows import sample_mask
 
 Raw = Mapping[str, np.ndarray]
 

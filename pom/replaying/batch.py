@@ -1,9 +1,9 @@
-"""A batch: every case by every model, on all cores or on a cluster, going on where it was
-interrupted.
+"""A batch of cases: replay of every case by every model, in parallel and with stored results.
 
-Here the cases are shared out to threads, for the flights run in processes of their own; many cases
-to processes, each with FMUs of its own.  With a scheduler the same calls go to the workers of a
-dask.distributed cluster, which see the same files; a case whose worker dies is given to another.
+Threads share the cases, because the runs of FMUs are separate processes. Many cases are shared by
+processes, and each process loads its FMUs. With a scheduler the workers of a dask.distributed
+cluster take the calls. They must see the same files. If a worker dies, another worker repeats its
+case.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import starmap
 from pathlib import Path
 from typing import Any, TypeVar
@@ -33,32 +34,36 @@ from pom.replaying.replay_case import ReplayPlan, check_plan, perform_plan, plan
 from pom.result import PomResult
 
 LEAST_SHARE = 40
-"""Cases that keep a process busy for some times as long as its start takes."""
-_AHEAD = 3  # calls per process that are on their way at the same time
-_ONE_THREAD = dict.fromkeys(
-    ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"), "1"
-)  # a process has one core
+"""Fewest cases of a process; they take some times as long as its start."""
+_AHEAD = 3  # submitted calls per process
+# Each process has one core, so numerical libraries get one thread.
+_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+
+_Item = TypeVar("_Item")
+_Source = tuple[str, str, str]  # record, name map and aircraft of a case
 
 
 class Processes:
-    """Processes at work; made by `start_processes`."""
+    """Running worker processes; `start_processes` makes them."""
 
     def __init__(self, executor: Any, count: int):
         self._executor = executor
         self._count = count
 
     def map(self, work: Callable[..., Any], calls: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
-        """Give what `work` returns for every call, in their order, as soon as it is there.
+        """Yield the results of `work` for every call, in the order of the calls.
 
         Raises
         ------
         SimulationError
-            A process ended, such as by a system short of memory.
+            A process ended unexpectedly, for example because the system lacks memory.
         """
+
+        def submit(*call: Any) -> Any:
+            return self._executor.submit(work, *call)
+
         try:
-            yield from in_order(
-                lambda *call: self._executor.submit(work, *call), calls, _AHEAD * self._count
-            )
+            yield from in_order(submit, calls, _AHEAD * self._count)
         except BrokenExecutor as error:
             advice = (
                 "run the batch again, with fewer jobs when memory is short; with --resume "
@@ -71,8 +76,7 @@ class Processes:
 
 @contextmanager
 def start_processes(cases: int, jobs: int) -> Iterator[Processes | None]:
-    """Give processes for a number of cases, as long as the block lasts; None when there are too few
-    cases to share out.
+    """Provide processes for a number of cases inside the block; None if there are few cases.
 
     Parameters
     ----------
@@ -81,14 +85,12 @@ def start_processes(cases: int, jobs: int) -> Iterator[Processes | None]:
         Processes at the same time; -1 for one per core.  A process has `LEAST_SHARE` cases at
         least.
     """
-
     count = min(effective_n_jobs(jobs), cases // LEAST_SHARE)
     if count < 2:
         yield None
         return
-    executor = ProcessPoolExecutor(
-        count, env=_ONE_THREAD
-    )  # with an end of its own: FMUs that its processes have loaded end with them
+    # A separate executor ends with the block, and with it the FMUs that its processes loaded.
+    executor = ProcessPoolExecutor(count, env=_ONE_THREAD)
     try:
         yield Processes(executor, count)
     except BaseException:
@@ -100,7 +102,7 @@ def start_processes(cases: int, jobs: int) -> Iterator[Processes | None]:
 def in_order(
     submit: Callable[..., Any], calls: Iterable[tuple[Any, ...]], window: int
 ) -> Iterator[Any]:
-    """Submit calls, no more than a window of them ahead, and give their results in their order."""
+    """Submit at most `window` calls ahead, and yield the results in the order of the calls."""
     waiting = deque[Any]()
     for call in calls:
         if len(waiting) >= window:
@@ -110,7 +112,51 @@ def in_order(
         yield waiting.popleft().result()
 
 
-_Item = TypeVar("_Item")
+@dataclass(frozen=True)
+class BatchExecution:
+    """Settings for the execution of a batch; no result depends on them.
+
+    Attributes
+    ----------
+    jobs : int
+        Cases at the same time, and processes for records that are reconstructed; -1 for one per
+        core.
+    scheduler : str or None
+        Address of a dask.distributed scheduler, ``tcp://host:8786``; its workers take the place of
+        `jobs`.
+    resume : path or None
+        Folder of stored flights, reconstructed records and results. Only flights without failure
+        are stored. The key of a flight is the hash of the FMU, its input and the program. The key
+        of a result covers all its inputs (`pom.replaying.caches`). Stored items are neither flown
+        nor judged again.
+    flights : KeptFlights or None
+        Store of flights alone, without `resume`. Workers of a cluster do not have it.
+    timeout : float
+        Wall time allowed per model and case. [s]
+    progress : callable or None
+        Called with every result in the order of the cases.
+    """
+
+    jobs: int = -1
+    scheduler: str | None = None
+    resume: str | Path | None = None
+    flights: KeptFlights | None = None
+    timeout: float = 60.0
+    progress: Callable[[PomResult], None] | None = None
+
+    @property
+    def folder(self) -> Path | None:
+        """Absolute path of `resume`, since workers may run in another folder."""
+        if self.resume is None:
+            return None
+        return Path(self.resume).resolve()
+
+    @property
+    def flight_store(self) -> KeptFlights | None:
+        """Store of flights: the folder, else `flights`."""
+        if self.folder is None:
+            return self.flights
+        return RunCache(self.folder)
 
 
 def replay_all(
@@ -120,13 +166,8 @@ def replay_all(
     *,
     names: Mapping[str, str | Path] | None = None,
     biases: xr.Dataset | None = None,
-    jobs: int = -1,
-    scheduler: str | None = None,
-    resume: str | Path | None = None,
-    flights: KeptFlights | None = None,
-    timeout: float = 60.0,
     evidence: xr.DataTree | None = None,
-    progress: Callable[[PomResult], None] | None = None,
+    **execution: Any,
 ) -> list[PomResult]:
     """Replay every case by every model and judge it.
 
@@ -136,198 +177,222 @@ def replay_all(
     runs : mapping of str to path
         Name of a model to its FMU, in the order of the report.
     paths : mapping of str to Path of flighttest.reconstruct or Dataset (time), optional
-        Reconstructed paths by the file of the record or its stem; a record that has none is read,
-        and reconstructed when it is raw.
+        Reconstructed paths by the file of the record or its stem. A record without a path is read.
+        A raw record is reconstructed.
     names : mapping of str to path, optional
         Name of a model to the table of its names (`replay`).
     biases : Dataset, optional
         Constants of the instruments for records that are reconstructed (`recorded_states`).
-    jobs : int
-        Cases at the same time, and processes for records that are reconstructed; -1 for one per
-        core.
-    scheduler : str, optional
-        Address of a dask.distributed scheduler, ``tcp://host:8786``; its workers take the place of
-        `jobs`.
-    resume : path, optional
-        Folder that keeps every flight that went well, by the hash of the FMU, of all that it was
-        given and of the program that flew it; reconstructed records likewise; and results of which
-        every flight went well, by all that they depend on (`pom.replaying.caches`).  What is there
-        is neither flown nor judged again.
-    flights : KeptFlights, optional
-        Where flights alone are kept, without `resume`; no worker of a cluster has it.
-    timeout : float
-        Wall time allowed per model and case. [s]
     evidence : DataTree, optional
-        What flight found (`replay`).
-    progress : callable, optional
-        Called with every result in the order of the cases, as soon as it is there.
+        Database identified from flight (`replay`).
+    **execution
+        Attributes of `BatchExecution`: ``jobs``, ``scheduler``, ``resume``, ``flights``,
+        ``timeout`` and ``progress``.
 
     Returns
     -------
     list of PomResult
-        In the order of the cases; the same to the last bit, however the work was shared out.
+        In the order of the cases; the same to the last bit for any execution.
 
     Raises
     ------
     SchemaError
-        Every case that a model cannot fly, before any is flown.
+        A model cannot fly a case. All such cases are reported before the first run.
     OutOfRange
         A window is not inside its record, or an input holds a NaN.
     SimulationError
-        No scheduler or no worker answers, workers have another program, those of one case died
-        again and again, or the scheduler ended.
+        No scheduler or no worker responds, a worker has another program, the workers of one case
+        died repeatedly, or the scheduler ended.
+    TypeError
+        `execution` has a name that is not an attribute of `BatchExecution`.
     """
-    models = Models(runs, names)
+    settings = BatchExecution(**execution)
+    models, paths = Models(runs, names), paths or {}
+    # Report a wrong name table before records are reconstructed, which takes long.
     for case in cases:
-        models.of(
-            case
-        )  # a table that does not fit is reported before records are reconstructed, which takes long
-    folder = Path(resume).resolve() if resume is not None else None
-    records, paths = KeptStates(folder, biases), paths or {}
-    kept, by_content = (
-        KeptResults(folder),
-        ResultKeys(records, hash_installation() if folder is not None else "", evidence),
-    )
-    keys = [
-        by_content.of(case, _given(case, paths), models.of(case)) if folder is not None else ""
-        for case in cases
-    ]
-    known = [kept.read(key) for key in keys]
-    new = [
-        (case, key) for case, key, result in zip(cases, keys, known, strict=True) if result is None
-    ]
-    with start_processes(len(new), 1 if scheduler else jobs) as pool:
-        plans = _plans([case for case, _ in new], paths, records, jobs, pool)
-        _check(plans, models)
-        names_kept = [key if by_content.hold(case) else "" for case, key in new]
-        store = RunCache(folder) if folder is not None else flights
+        models.of(case)
+    folder = settings.folder
+    records, store = KeptStates(folder, biases), KeptResults(folder)
+    if folder is None:
+        keys_of = ResultKeys(records, "", evidence)
+        keys = [""] * len(cases)
+    else:
+        keys_of = ResultKeys(records, hash_installation(), evidence)
+        keys = [keys_of.of(case, _path_of(case, paths), models.of(case)) for case in cases]
+    stored = [store.read(key) for key in keys]
+    new = [k for k, result in enumerate(stored) if result is None]
+    jobs = settings.jobs
+    if settings.scheduler:
+        jobs = 1
+    with start_processes(len(new), jobs) as pool:
+        plans = _make_plans([cases[k] for k in new], paths, records, jobs=settings.jobs, pool=pool)
+        _check_plans(plans, models)
+        valid_keys = []
+        for k in new:
+            # Files that changed since the key was made get a result without a key.
+            valid_keys.append(keys[k] if keys_of.hold(cases[k]) else "")
+        flight_store = settings.flight_store
         calls = (
-            (plan, models.of(plan.case), timeout, store, evidence, kept, key)
-            for plan, key in zip(_let_go(plans), names_kept, strict=True)
+            (plan, models.of(plan.case), settings.timeout, flight_store, evidence, store, key)
+            for plan, key in zip(_pop_in_order(plans), valid_keys, strict=True)
         )
-        performed = (
-            _on_cluster(calls, scheduler)
-            if scheduler
-            else _here(calls, jobs)
-            if pool is None
-            else pool.map(_performed, calls)
-        )
+        performed = _perform_calls(calls, settings, pool)
         results = []
-        for result in (found if found is not None else next(performed) for found in _let_go(known)):
+        for result in _pop_in_order(stored):
+            if result is None:
+                result = next(performed)
             results.append(result)
-            if progress is not None:
-                progress(result)
+            if settings.progress is not None:
+                settings.progress(result)
     return results
 
 
-def _plans(
+def _make_plans(
     cases: list[PomCase],
     paths: Mapping[str, Any],
     records: KeptStates,
+    *,
     jobs: int,
     pool: Processes | None,
 ) -> list[ReplayPlan]:
-    """Return the plan of every case; a record is read once for all its cases, by processes when
-    there are any.
-    """
-    given = [_given(case, paths) for case in cases]
-    groups: dict[tuple[str, str, str], list[PomCase]] = {}
-    for case, path in zip(cases, given, strict=True):
+    """Return the plan of every case; a record is read once for all its cases."""
+    groups: dict[_Source, list[PomCase]] = {}
+    for case in cases:
+        if _path_of(case, paths) is None:
+            groups.setdefault(_source_of(case), []).append(case)
+    calls = [(group, records) for group in groups.values()]
+    if pool is None:
+        read: Iterable[list[ReplayPlan] | None] = starmap(_plan_stored_record, calls)
+    else:
+        read = pool.map(_plan_stored_record, calls)
+    plans = dict(zip(groups, read, strict=True))
+    raw = [groups[source][0] for source, group_plans in plans.items() if group_plans is None]
+    for source, states in _read_states(raw, records, jobs).items():
+        plans[source] = [plan_of(case, states) for case in groups[source]]
+    # Plans of a record are in the order of its cases.
+    next_plans = {source: iter(group_plans or ()) for source, group_plans in plans.items()}
+    ordered = []
+    for case in cases:
+        path = _path_of(case, paths)
         if path is None:
-            groups.setdefault(_source(case), []).append(case)
-    work = [(group, records) for group in groups.values()]
-    read = starmap(_plans_at_hand, work) if pool is None else pool.map(_plans_at_hand, work)
-    found = dict(zip(groups, read, strict=True))
-    made = _states(
-        [groups[source][0] for source, plans in found.items() if plans is None], records, jobs
-    )
-    found |= {
-        source: [plan_of(case, states) for case in groups[source]]
-        for source, states in made.items()
-    }
-    waiting = {source: iter(plans or ()) for source, plans in found.items()}
-    return [
-        next(waiting[_source(case)]) if path is None else plan_of(case, path)
-        for case, path in zip(cases, given, strict=True)
-    ]
+            ordered.append(next(next_plans[_source_of(case)]))
+        else:
+            ordered.append(plan_of(case, path))
+    return ordered
 
 
-def _plans_at_hand(cases: list[PomCase], records: KeptStates) -> list[ReplayPlan] | None:
-    """Return the plans of cases of one record; None when it has to be reconstructed."""
-    states = _at_hand(cases[0], records)
-    return None if states is None else [plan_of(case, states) for case in cases]
+def _plan_stored_record(cases: list[PomCase], records: KeptStates) -> list[ReplayPlan] | None:
+    """Return the plans of cases of one record; None if it has to be reconstructed."""
+    states = _read_stored_states(cases[0], records)
+    if states is None:
+        return None
+    return [plan_of(case, states) for case in cases]
 
 
-def _performed(
+def _perform_calls(
+    calls: Iterable[tuple[Any, ...]], settings: BatchExecution, pool: Processes | None
+) -> Iterator[PomResult]:
+    """Return the results of calls of `_perform`: by a cluster, by processes or by threads."""
+    if settings.scheduler:
+        return _perform_on_cluster(calls, settings.scheduler)
+    if pool is None:
+        return _perform_in_threads(calls, settings.jobs)
+    return pool.map(_perform, calls)
+
+
+def _perform_in_threads(calls: Iterable[tuple[Any, ...]], jobs: int) -> Iterator[PomResult]:
+    threads = Parallel(n_jobs=jobs, backend="threading", return_as="generator")
+    yield from threads(delayed(_perform)(*call) for call in calls)
+
+
+def _perform_on_cluster(calls: Iterable[tuple[Any, ...]], scheduler: str) -> Iterator[PomResult]:
+    with open_cluster(scheduler) as workers:
+        yield from workers.in_order(_perform, calls)
+
+
+def _perform(
     plan: ReplayPlan,
     models: Mapping[str, FmuModel],
     timeout: float,
-    store: KeptFlights | None,
+    flight_store: KeptFlights | None,
     evidence: xr.DataTree | None,
-    kept: KeptResults,
+    store: KeptResults,
     key: str,
 ) -> PomResult:
-    """Return the result of a plan, and keep it when every model flew."""
-    result = perform_plan(plan, models, timeout, store, evidence)
-    mode_table(
-        result
-    )  # of fits that were made to judge it, by this process: a report needs them again
+    """Return the result of a plan; store it if no model failed."""
+    result = perform_plan(plan, models, timeout, flight_store, evidence)
+    # A report needs the fitted modes. This process has them from the judgement.
+    mode_table(result)
     if not result.failure:
-        kept.write(key, result)
+        store.write(key, result)
     return result
-
-
-def _given(case: PomCase, paths: Mapping[str, Any]) -> Any:
-    """Return the path that is given for the record of a case; None without one."""
-    return paths.get(case.record, paths.get(Path(case.record).stem))
 
 
 def paths_of_cases(
     cases: Sequence[PomCase], paths: Mapping[str, Any], records: KeptStates, jobs: int
 ) -> list[Any]:
-    """Return the path of every case: the one given, else that of its record, read or reconstructed
-    once; parameters as `replay_all`.
+    """Return the path of every case: from `paths`, else the states of its record.
+
+    Parameters
+    ----------
+    cases, paths, jobs
+        As in `replay_all`. Each record is read or reconstructed once.
+    records : KeptStates
+        Store of reconstructed states.
     """
-    given = [_given(case, paths) for case in cases]
-    read = _states(
-        [case for case, path in zip(cases, given, strict=True) if path is None], records, jobs
-    )
-    return [
-        read[_source(case)] if path is None else path
-        for case, path in zip(cases, given, strict=True)
-    ]
+    without_path = [case for case in cases if _path_of(case, paths) is None]
+    states = _read_states(without_path, records, jobs)
+    case_paths = []
+    for case in cases:
+        path = _path_of(case, paths)
+        if path is None:
+            path = states[_source_of(case)]
+        case_paths.append(path)
+    return case_paths
 
 
-def _source(case: PomCase) -> tuple[str, str, str]:
+def _path_of(case: PomCase, paths: Mapping[str, Any]) -> Any:
+    """Return the path for the record of a case; None without one."""
+    return paths.get(case.record, paths.get(Path(case.record).stem))
+
+
+def _source_of(case: PomCase) -> _Source:
+    """Return the files that determine the states of a case."""
     return case.record, case.names, case.aircraft
 
 
-def _states(
+def _read_states(
     cases: Iterable[PomCase], records: KeptStates, jobs: int
-) -> dict[tuple[str, str, str], xr.Dataset]:
-    """Return the states of the records of cases, each read or reconstructed once; reconstructions
-    share the cores.
-    """
-
-    first: dict[tuple[str, str, str], PomCase] = {}
+) -> dict[_Source, xr.Dataset]:
+    """Return the states of all records; raw records are reconstructed in parallel."""
+    first_cases: dict[_Source, PomCase] = {}
     for case in cases:
-        first.setdefault(_source(case), case)
-    found = {source: _at_hand(case, records) for source, case in first.items()}
-    raw = [source for source, states in found.items() if states is None]
-    work = (delayed(records.make)(first[source]) for source in raw)
-    made = dict(zip(raw, Parallel(n_jobs=jobs if len(raw) > 1 else 1)(work), strict=True))
-    return {source: made[source] if states is None else states for source, states in found.items()}
+        first_cases.setdefault(_source_of(case), case)
+    stored = {source: _read_stored_states(case, records) for source, case in first_cases.items()}
+    raw = [source for source, states in stored.items() if states is None]
+    if len(raw) <= 1:
+        jobs = 1
+    work = (delayed(records.make)(first_cases[source]) for source in raw)
+    reconstructed = dict(zip(raw, Parallel(n_jobs=jobs)(work), strict=True))
+    # Keep the order of the cases: the reconstructed records are anywhere among them.
+    all_states = {}
+    for source, states in stored.items():
+        if states is None:
+            states = reconstructed[source]
+        all_states[source] = states
+    return all_states
 
 
-def _at_hand(case: PomCase, records: KeptStates) -> xr.Dataset | None:
+def _read_stored_states(case: PomCase, records: KeptStates) -> xr.Dataset | None:
+    """Return the states in the record or in the store; None if it has to be reconstructed."""
     states = read_path_states(case.record)
-    return records.read(case) if states is None else states
+    if states is None:
+        return records.read(case)
+    return states
 
 
-def _check(plans: Iterable[ReplayPlan], models: Models) -> None:
-    """Demand that every model can fly every case; what a model lacks is stated once, with the cases
-    that need it.
-    """
+def _check_plans(plans: Iterable[ReplayPlan], models: Models) -> None:
+    """Raise if a model cannot fly a case; every problem is reported once, with its cases."""
     cases: dict[tuple[str, str, str], list[str]] = {}
     for plan in plans:
         for name, model in models.of(plan.case).items():
@@ -337,29 +402,15 @@ def _check(plans: Iterable[ReplayPlan], models: Models) -> None:
                 for text in error.problems:
                     cases.setdefault((error.what, name, text), []).append(plan.case.name)
     if cases:
-        problems = [
-            f"{what} ({name}): {text}; case {', '.join(dict.fromkeys(found))}"
-            for (what, name, text), found in cases.items()
-        ]
+        problems = []
+        for (what, name, text), case_names in cases.items():
+            unique = ", ".join(dict.fromkeys(case_names))
+            problems.append(f"{what} ({name}): {text}; case {unique}")
         raise SchemaError("replay", problems)
 
 
-def _let_go(items: list[_Item]) -> Iterator[_Item]:
-    """Give items in their order and keep none: the result of a case takes the place of its states
-    in memory.
-    """
+def _pop_in_order(items: list[_Item]) -> Iterator[_Item]:
+    """Yield items in their order and remove them from the list, so that memory is released."""
     items.reverse()
     while items:
         yield items.pop()
-
-
-def _here(calls: Iterable[tuple[Any, ...]], jobs: int) -> Iterator[PomResult]:
-
-    yield from Parallel(n_jobs=jobs, backend="threading", return_as="generator")(
-        delayed(_performed)(*call) for call in calls
-    )
-
-
-def _on_cluster(calls: Iterable[tuple[Any, ...]], scheduler: str) -> Iterator[PomResult]:
-    with open_cluster(scheduler) as workers:
-        yield from workers.in_order(_performed, calls)

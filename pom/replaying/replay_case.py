@@ -20,16 +20,10 @@ from pom.cases.reference_states import CALIBRATION, flight_states
 from pom.fmu.description import check_interface
 from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import FmuModel, Models, check_law, fly_job
+from pom.judging.applicability import reason_not_judged, settle_case
 from pom.judging.beyond_the_bands import Evidence, evidence_remarks, watch_channels
 from pom.judging.signals import Comparison, RunSignals, signals_of_run, traces_of
-from pom.judging.verdict import (
-    band_widths,
-    formed_channels,
-    judge_match,
-    reason_not_judged,
-    settle_case,
-    verdict_row,
-)
+from pom.judging.verdict import band_widths, formed_channels, judge_match, verdict_row
 from pom.replaying.run_remarks import PILOT, pilot_activity_rows, table_ranges, tables_left
 from pom.replaying.trim import OBSERVED, beyond_limits, solve_trim_surfaces, trim_limits, trim_table
 from pom.result import PomResult, make_verdict_table

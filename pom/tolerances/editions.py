@@ -1,6 +1,4 @@
-"""Standards and editions of the tolerance table by parts of their names, and the titles of their
-tests.
-"""
+"""Standards and editions of the tolerance table by parts of their names, and titles of tests."""
 
 from __future__ import annotations
 
@@ -9,12 +7,13 @@ from pom.tolerances import rows
 
 
 def edition_of(standard: str | None = None, edition: str | None = None) -> tuple[str, str]:
-    """Return standard and edition in full.
+    """Return the full names of a standard and an edition.
 
     Parameters
     ----------
     standard : str, optional
-        Any part of its name that no other has, ``CCAR`` or ``B2A``; the default one without it.
+        A part of its name that no other standard has, ``CCAR`` or ``B2A``; the default one without
+        it.
     edition : str, optional
         Its first digits, such as ``2016``; without it the default one, or the oldest of the
         standard.
@@ -25,33 +24,37 @@ def edition_of(standard: str | None = None, edition: str | None = None) -> tuple
         None fits, or several do.
     """
     standards = {row["standard"] for row in rows.tolerance_rows()}
-    chosen = (
-        rows.STANDARD
-        if standard is None
-        else _only(
-            standard, [s for s in standards if standard.lower() in s.lower()], standards, "standard"
-        )
-    )
-    editions = {row["edition"] for row in rows.tolerance_rows() if row["standard"] == chosen}
-    if edition is None:
-        return chosen, rows.EDITION if rows.EDITION in editions else min(editions)
-    return chosen, _only(
-        edition, [e for e in editions if e.startswith(edition)], editions, f"edition of {chosen!r}"
-    )
+    full_standard = rows.STANDARD
+    if standard is not None:
+        fitting = [name for name in standards if standard.lower() in name.lower()]
+        full_standard = _select_one(standard, fitting, standards, what="standard")
+    editions = set()
+    for row in rows.tolerance_rows():
+        if row["standard"] == full_standard:
+            editions.add(row["edition"])
+    if edition is not None:
+        fitting = [name for name in editions if name.startswith(edition)]
+        what = f"edition of {full_standard!r}"
+        return full_standard, _select_one(edition, fitting, editions, what=what)
+    if rows.EDITION in editions:
+        return full_standard, rows.EDITION
+    return full_standard, min(editions)
 
 
 def titles_of_tests(standard: str, edition: str) -> dict[str, str]:
-    """Return the tests of an edition with their titles, in the order of the table."""
-    return {
-        row["test_id"]: row["title"]
-        for row in rows.tolerance_rows()
-        if (row["standard"], row["edition"]) == (standard, edition)
-    }
+    """Return the titles of the tests of an edition, in the order of the table."""
+    titles = {}
+    for row in rows.tolerance_rows():
+        if (row["standard"], row["edition"]) == (standard, edition):
+            titles[row["test_id"]] = row["title"]
+    return titles
 
 
-def _only(name: str, fitting: list[str], allowed: set[str], what: str) -> str:
+def _select_one(name: str, fitting: list[str], allowed: set[str], *, what: str) -> str:
+    """Return the only fitting name, or the name itself if it is complete."""
     if name in fitting:
         return name
     if len(fitting) != 1:
-        raise UnknownName(name, allowed, what, "several have it in their name" if fitting else "")
+        hint = "several have it in their name" if fitting else ""
+        raise UnknownName(name, allowed, what, hint)
     return fitting[0]

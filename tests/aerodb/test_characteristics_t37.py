@@ -18,7 +18,7 @@ from aerodb.cli.group import db as command
 from flightmech.steady_flight.flight_condition import condition_parameters
 from flightmech.terms import evaluate_term
 from flightmech.units import FOOT
-from pom.judging.measures.modal import fit_mode
+from pom.judging.measures.damped_sine import fit_mode
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "data" / "t37"

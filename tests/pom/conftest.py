@@ -267,7 +267,8 @@ def trainer():
 def judged():
     """Judge the rows of a test on signals made by hand; returns the verdict rows by criterion."""
     from pom.cases.case import CaseInputs, PomCase
-    from pom.judging.verdict import judge_criterion, settle_case, verdict_row
+    from pom.judging.applicability import settle_case
+    from pom.judging.verdict import judge_criterion, verdict_row
     from pom.tolerances import rows as table
 
     def judge_rows(

@@ -8,7 +8,7 @@ import xarray as xr
 
 import flightmech
 from pom.cases.case import read_case
-from pom.judging.verdict import reason_not_judged
+from pom.judging.applicability import reason_not_judged
 from pom.replaying.replay_case import replay
 
 FOLDER = Path(__file__).parents[2] / "data" / "t37" / "cases"

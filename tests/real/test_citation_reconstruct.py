@@ -17,7 +17,7 @@ from flightmech.air import impact_pressure_at, mach_number
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND
 from flighttest.records.sensors.measurements import pressure
-from pom.judging.measures.modal import fit_mode
+from pom.judging.measures.damped_sine import fit_mode
 
 HERE = Path(__file__).parent
 FLIGHTS = HERE.parents[1] / ".." / "shared" / "data" / "flight" / "citation_phlab"

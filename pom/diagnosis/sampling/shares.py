@@ -1,13 +1,13 @@
-"""Which term's error makes the spread of a criterion: linear regression of its signed ratio on what
-the draws change.
+"""Shares of the error sources in the spread of a criterion, by linear regression over the draws.
 
-What a draw of a term changes is its contribution along the flight, B dg; its first principal
-components over the draws are the regressors of the term, next to the errors of the instruments.
-With y = sum b_j x_j + rest, the share of a source is the sum of cov(y, b_j x_j)/var(y) over its
+The signed ratio of a criterion is regressed on the changes by the draws. A drawn term changes its
+contribution along the flight by B dg. The first principal components of this change over the draws
+are the regressors of the term. The errors of the instruments are further regressors. With
+y = sum b_j x_j + residual, the share of a source is the sum of cov(y, b_j x_j)/var(y) over its
 regressors [Li2010]_, which holds for correlated errors too.
 
-.. [Li2010] Li et al., Global Sensitivity Analysis for Systems with Independent and/or Correlated Inputs, J. Phys. Chem. A 114 (2010),
-   6022-6032.
+.. [Li2010] Li et al., Global Sensitivity Analysis for Systems with Independent and/or Correlated
+   Inputs, J. Phys. Chem. A 114 (2010), 6022-6032.
 """
 
 from __future__ import annotations
@@ -24,16 +24,18 @@ from aerodb.comparison.conditions import fill_missing_devices, select_covered_sa
 from aerodb.store.schema import HINGE
 from flightmech import terms as _terms
 
-LEAST = 0.01  # of the variance that all terms give a coefficient: components below are left out
+LEAST = 0.01  # of the variance of a coefficient by all terms: smaller components are left out
 COMPONENTS = 3  # of one term
 PER_DRAW = 0.25  # regressors for each draw
 _SAMPLES = 200  # of a case
+_LEAST_SPREAD = 1e-9  # range of a ratio over the draws; smaller ones are rounding errors
+_LENGTHS = {"p": "b", "q": "cbar", "r": "b", "alpha_dot": "cbar", "beta_dot": "b"}
 
 
 def contribution_changes(
     db: xr.DataTree, nodes: Mapping[str, np.ndarray], states: xr.Dataset, hinges: bool
 ) -> dict[str, np.ndarray]:
-    """Return what the draws of every term change in its contribution along a flight.
+    """Return the change of the contribution of every term along a flight, by the draws.
 
     Parameters
     ----------
@@ -43,7 +45,7 @@ def contribution_changes(
     states : Dataset (time,)
         The flight. [SI]
     hinges : bool
-        Whether the case feels hinge moments.
+        Whether hinge moments matter in the case.
 
     Returns
     -------
@@ -51,39 +53,38 @@ def contribution_changes(
     """
     names = [name for name in nodes if hinges or name.split("/")[0] not in HINGE]
     leaves = {name: leaf for name, leaf in aerodb.terms(db).items() if name in names}
-    samples = flown_conditions(db, leaves, states) if leaves else {}
-    found = {}
+    if not leaves:
+        return {}
+    samples = flown_conditions(db, leaves, states)
+    changes = {}
     for name, leaf in leaves.items():
         dg = (nodes[name] - leaf["value"].values).reshape(len(nodes[name]), -1)
-        found[name] = (_terms.basis(leaf, samples, "clamp") @ dg.T).T
-    return found
+        changes[name] = (_terms.basis(leaf, samples, "clamp") @ dg.T).T
+    return changes
 
 
 def flown_conditions(
     db: xr.DataTree, leaves: Mapping[str, xr.Dataset], states: xr.Dataset
 ) -> dict[str, np.ndarray]:
-    """Return the variables of terms along a flight at about 200 of its samples. [SI]"""
+    """Return the variables of terms along a flight, at about 200 of its samples. [SI]"""
     every = max(1, states.sizes["time"] // _SAMPLES)
-    whole, _ = fill_missing_devices(_with_rates(states, db).isel(time=slice(None, None, every)), db)
-    return select_covered_samples(whole, leaves.values())[0]
+    selected = _add_reduced_rates(states, db).isel(time=slice(None, None, every))
+    complete, _ = fill_missing_devices(selected, db)
+    return select_covered_samples(complete, leaves.values())[0]
 
 
-def _with_rates(states: xr.Dataset, db: xr.DataTree) -> xr.Dataset:
-    """Return states with the reduced rates and the thrust coefficient that they lack, by the
-    reference lengths of the database.
-    """
+def _add_reduced_rates(states: xr.Dataset, db: xr.DataTree) -> xr.Dataset:
+    """Return states with reduced rates and thrust coefficient, by lengths of the database."""
     half, time = 1.0 / (2.0 * np.maximum(states["V"].values, 1.0)), states["time"].values
-    lengths = {"p": "b", "q": "cbar", "r": "b", "alpha_dot": "cbar", "beta_dot": "b"}
-    rates = {name: states[name].values for name in lengths if name in states}
-    rates |= {
-        f"{name}_dot": np.gradient(states[name].values, time)
-        for name in ("alpha", "beta")
-        if f"{name}_dot" not in states
-    }
-    reduced = {
-        f"{name.replace('_', '')}hat": rate * float(db.attrs[lengths[name]]) * half
-        for name, rate in rates.items()
-    }
+    rates = {name: states[name].values for name in _LENGTHS if name in states}
+    for name in ("alpha", "beta"):
+        if f"{name}_dot" not in states:
+            rates[f"{name}_dot"] = np.gradient(states[name].values, time)
+    # Reduced rate: rate * length / (2 V).
+    reduced = {}
+    for name, rate in rates.items():
+        length = float(db.attrs[_LENGTHS[name]])
+        reduced[f"{name.replace('_', '')}hat"] = rate * length * half
     engines = [str(name) for name in states if re.fullmatch(r"engine\d+\.thrust", str(name))]
     if engines and "qbar" in states:
         thrust = sum(states[name].values for name in engines)
@@ -105,33 +106,46 @@ def regressors_of_draws(
     errors : mapping of str to array (draw,)
         Errors of the instruments by name.
     """
-    total: dict[str, float] = {}
+    # Components of all terms, the largest shares of the variance of a coefficient first.
+    components = sorted(_principal_components(changes), key=lambda item: -item[0])
+    draws = len(next(iter((*changes.values(), *errors.values())), ()))
+    most = int(PER_DRAW * draws)
+    sources = [(name, vector) for _, name, vector in components[:most]]
+    sources += list(errors.items())[: most - len(sources)]
+    regressors = []
+    for name, values in sources:
+        if values.std() > 0.0:
+            regressors.append((name, (values - values.mean()) / values.std()))
+    return regressors
+
+
+def _principal_components(
+    changes: Mapping[str, np.ndarray],
+) -> list[tuple[float, str, np.ndarray]]:
+    """Return share of the variance of the coefficient, term, and component (draw,)."""
     centred = {name: change - change.mean(axis=0) for name, change in changes.items()}
+    total: dict[str, float] = {}
     for name, change in centred.items():
         coefficient = name.split("/")[0]
         total[coefficient] = total.get(coefficient, 0.0) + float(np.sum(change**2))
-    found: list[tuple[float, str, np.ndarray]] = []
+    components = []
     for name, change in centred.items():
-        whole = total[name.split("/")[0]]
-        if not np.sum(change**2) > LEAST * whole:
+        variance = total[name.split("/")[0]]
+        if not np.sum(change**2) > LEAST * variance:
             continue
         vectors, values, _ = np.linalg.svd(change, full_matrices=False)
-        parts = [
-            (float(value**2) / whole, name, vector)
-            for value, vector in zip(values, vectors.T, strict=True)
-        ]
-        found += [part for part in parts[:COMPONENTS] if part[0] > LEAST]
-    most = int(PER_DRAW * len(next(iter((*changes.values(), *errors.values())), ())))
-    chosen = [(name, x) for _, name, x in sorted(found, key=lambda item: -item[0])[:most]]
-    chosen += [(name, x) for name, x in errors.items()][: most - len(chosen)]
-    return [(name, (x - x.mean()) / x.std()) for name, x in chosen if x.std() > 0.0]
+        # Singular values are in falling order.
+        for value, vector in zip(values[:COMPONENTS], vectors.T[:COMPONENTS], strict=True):
+            share = float(value**2) / variance
+            if share > LEAST:
+                components.append((share, name, vector))
+    return components
 
 
 def variance_shares(
     signed: Mapping[str, np.ndarray], found: list[tuple[str, np.ndarray]]
 ) -> pd.DataFrame:
-    """Return the shares of the sources in the variance of every criterion: ``criterion source
-    share``, the largest first.
+    """Return the shares of the sources in the variance of every criterion.
 
     Parameters
     ----------
@@ -139,24 +153,29 @@ def variance_shares(
         Signed ratio by criterion; draws that are not finite are left out.
     found : list of (str, array (draw,))
         Of `regressors_of_draws`.
+
+    Returns
+    -------
+    DataFrame
+        Columns ``criterion source share``, for each criterion the largest share first.
     """
-    rows = []
+    rows: list[tuple[str, object, float]] = []
+    sources = [name for name, _ in found]
     for criterion, values in signed.items():
-        good = np.isfinite(values)
-        if not found or good.sum() < len(found) + 2 or not np.ptp(values[good]) > 1e-9:
+        finite = np.isfinite(values)
+        if not found or finite.sum() < len(found) + 2:
             continue
-        y = values[good] - values[good].mean()
-        X = np.stack([x[good] for _, x in found], axis=1)
+        if not np.ptp(values[finite]) > _LEAST_SPREAD:
+            continue
+        y = values[finite] - values[finite].mean()
+        X = np.stack([x[finite] for _, x in found], axis=1)
         X = X - X.mean(axis=0)
-        # a regressor counts one draw against it: two that are all but the same share what they make
+        # Ridge regression: the penalty of a regressor is that of one draw. Two regressors that are
+        # almost equal then share their effect.
         b = np.linalg.solve(X.T @ X + np.eye(X.shape[1]), X.T @ y)
-        parts = (
-            pd.Series((X * b).T @ y / (y @ y), index=[name for name, _ in found])
-            .groupby(level=0, sort=False)
-            .sum()
-        )
-        rows += [
-            (criterion, source, float(share))
-            for source, share in parts.sort_values(ascending=False, kind="stable").items()
-        ]
+        parts = pd.Series((X * b).T @ y / (y @ y), index=sources)
+        by_source = parts.groupby(level=0, sort=False).sum()
+        by_source = by_source.sort_values(ascending=False, kind="stable")
+        for source, share in by_source.items():
+            rows.append((criterion, source, float(share)))
     return pd.DataFrame(rows, columns=["criterion", "source", "share"])

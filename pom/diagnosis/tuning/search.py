@@ -24,7 +24,7 @@ from flightmech.names import lookup
 from flightmech.simulation.node_values import with_table_values
 from flightmech.units import from_si
 from pom.diagnosis.sampling.draws import InstrumentErrors
-from pom.diagnosis.sampling.sampled_replay import SampledBench, SampledRun
+from pom.diagnosis.sampling.sampled_bench import SampledBench, SampledRun
 from pom.diagnosis.tuning.demands import Directions, demand_cases, demand_evidence, least_distance
 from pom.diagnosis.tuning.tuning_log import Tuning
 from pom.replaying.replay_case import ReplayPlan

@@ -1,30 +1,18 @@
-"""Modal measures by fit: period, time to half, damping ratio, and the lag between bank and
-sideslip.
-
-The free response is fitted by y = b + c t + exp(-sigma t) (A cos wd t + B sin wd t), least squares,
-with b, c, A, B eliminated at every (sigma, wd) [GolubPereyra1973].  Picking raw extremes is
-fragile: it needs one noisy sample to lose a period.
-
-References
-----------
-.. [GolubPereyra1973] G. H. Golub, V. Pereyra, The differentiation of pseudo-inverses and nonlinear least squares problems whose
-   variables separate, SIAM J. Numer. Anal. 10(2), 1973, pp. 413-432.
-"""
+"""Modal measures: period, time to half, damping ratio, and the lag between bank and sideslip."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 import pandas as pd
-import scipy
 
-from flightmech.support.arrays import rms
 from flightmech.units import DEGREE
+from pom.judging.measures.damped_sine import DampedSine, fit_mode, phase_at
 from pom.judging.signals import Comparison, trace_of
 from pom.result import PomResult
 from pom.tolerances.bands import (
@@ -40,363 +28,169 @@ from pom.tolerances.channels import WRAPPED, plain_id
 from pom.tolerances.criteria import Criterion
 
 MINIMUM_CYCLES = {"2.c.9": 3.0, "2.d.7": 6.0}
-"""Full cycles that the table requires; time to half or double in the record will do instead."""
+"""Full cycles that the table requires; a time to half or double inside the record suffices."""
 
-LEAST_AMPLITUDE = 0.1  # of the flight's, for a mode to count as excited
+LEAST_AMPLITUDE = 0.1  # of the amplitude of the flight: a smaller mode of the model is not excited
 PHUGOID = "2.c.9"
 BANKED = 10.0 * DEGREE
-"""Bank of a model off the flight's above which its phugoid is no motion of the plane of symmetry: lift 1.5 % above weight."""
+"""Largest bank difference of a phugoid in the plane of symmetry; lift is then 1.5 % above weight.
+"""
 _MEASURES = ("period", "t_half", "damping_ratio")
 _FITTED = (*_MEASURES, "cycles", "amplitude", "residual_rms")
-_MOVED, _MOST_MOVED = (
-    1.0 / 3.0,
-    0.25,
-)  # of the period, and of the window at most: by so much its ends are moved to see whether it matters
-_LEAST_SAMPLES = 7  # one more than the numbers of a mode
-_COARSE = 250  # samples kept for the search of a start point
-_RATIOS = (-0.1, 0.0, 0.1, 0.3, 0.7)  # sigma / wd of the search
-
-
-@dataclass(frozen=True)
-class DampedSine:
-    """A damped sine: y = offset + slope t + amplitude exp(-sigma t) cos(wd t + phase), t from the
-    first sample.
-    """
-
-    sigma: float
-    wd: float
-    amplitude: float
-    phase: float
-    offset: float
-    slope: float
-    residual_rms: float
-    duration: float
-
-    @property
-    def period(self) -> float:
-        """Time of one cycle, 2 pi / wd. [s]"""
-        return 2.0 * math.pi / self.wd
-
-    @property
-    def damping_ratio(self) -> float:
-        """Negative for a growing oscillation."""
-        return self.sigma / math.hypot(self.sigma, self.wd)
-
-    @property
-    def t_half(self) -> float:
-        """Time to half the amplitude; negative: time to double. [s]"""
-        return math.log(2.0) / self.sigma if self.sigma else math.inf
-
-    @property
-    def cycles(self) -> float:
-        """Full cycles in the record."""
-        return self.duration / self.period
-
-
-def fit_mode(time, y) -> DampedSine:
-    """Fit one damped sine with a linear trend to a free response.
-
-    Parameters
-    ----------
-    time : array (time,)
-        Rising. [s]
-    y : array (time,)
-        Free response, from the end of the input on.
-
-    Returns
-    -------
-    Mode
-
-    Raises
-    ------
-    Invalid
-        Fewer samples than a mode needs, one that is no number, or no oscillation stands out: less
-        than half a cycle in the record, or an amplitude below twice the residual.
-    """
-    if len(time) < _LEAST_SAMPLES:
-        raise Invalid(f"{len(time)} samples; a mode needs {_LEAST_SAMPLES} at least")
-    t, y = np.asarray(time, float) - float(time[0]), np.asarray(y, float)
-    demand_finite("the trace", t + float(time[0]), y)
-    every = max(len(t) // _COARSE, 1)
-    start = _search(t[::every], y[::every])
-    if every > 1:
-        start = _settled(t[::every], y[::every], start, 1e-4)
-    sigma, wd = _settled(t, y, start, 1e-12)
-    found = _project(t, y, sigma, wd)
-    (b, c, A, B), rest = found.theta, found.rest
-    mode = DampedSine(sigma, wd, math.hypot(A, B), math.atan2(-B, A), b, c, rms(rest), float(t[-1]))
-    if mode.cycles < 0.5:
-        raise Invalid(
-            f"no oscillation: the fit finds {mode.cycles:.2f} of a cycle in {mode.duration:.1f} s"
-        )
-    if mode.amplitude < 2.0 * mode.residual_rms:
-        raise Invalid(
-            f"no oscillation stands out: amplitude {mode.amplitude:.3g}, residual "
-            f"{mode.residual_rms:.3g}"
-        )
-    return mode
-
-
-@dataclass(frozen=True)
-class _Projection:
-    """A trace projected on the regressors 1, t, exp(-sigma t) cos wd t, exp(-sigma t) sin wd t at
-    given (sigma, wd).
-
-    Attributes
-    ----------
-    t, X : array (time,), (time, 4)
-        Time and regressors.
-    Q, R : array (time, 4), (4, 4)
-        Factors of X.
-    theta : array (4,)
-        Linear parameters b, c, A, B.
-    rest : array (time,)
-        Residual.
-    """
-
-    t: np.ndarray
-    X: np.ndarray
-    Q: np.ndarray
-    R: np.ndarray
-    theta: np.ndarray
-    rest: np.ndarray
-
-    @cached_property
-    def jacobian(self) -> np.ndarray:
-        """Derivative of the residual by (sigma, wd) (time, 2), the linear parameters following
-        [GolubPereyra1973, eq. (4.8)].
-        """
-        t, (cosine, sine), (A, B) = self.t, self.X.T[2:], self.theta[2:]
-        moved = np.empty((2, t.size))
-        np.multiply(t, -A * cosine - B * sine, out=moved[0])
-        np.multiply(t, B * cosine - A * sine, out=moved[1])
-        scaled = t * self.rest
-        c, s = float(cosine @ scaled), float(sine @ scaled)
-        turned, _ = scipy.linalg.lapack.dtrtrs(
-            self.R, np.array([[0.0, 0.0], [0.0, 0.0], [-c, -s], [-s, c]]), trans=1
-        )
-        return self.Q @ (self.Q.T @ moved.T - turned) - moved.T
-
-
-def _project(t: np.ndarray, y: np.ndarray, sigma: float, wd: float) -> _Projection:
-    """Return the projection of a trace at (sigma, wd); by LAPACK itself, whose callers in numpy
-    take as long as the work.
-    """
-    X = np.empty((4, t.size))
-    X[0], X[1] = 1.0, t
-    decay = np.exp(-sigma * t if abs(sigma * t[-1]) < 50.0 else -np.clip(sigma * t, -50.0, 50.0))
-    angle = wd * t
-    np.multiply(decay, np.cos(angle), out=X[2])
-    np.multiply(decay, np.sin(angle), out=X[3])
-    factors, tau, _, _ = scipy.linalg.lapack.dgeqrf(X.T)
-    Q, _, _ = scipy.linalg.lapack.dorgqr(factors, tau)
-    R = factors[:4]
-    share = Q.T @ y
-    theta, singular = scipy.linalg.lapack.dtrtrs(R, share)
-    if singular:
-        raise np.linalg.LinAlgError("Singular matrix")
-    return _Projection(t, X.T, Q, R, theta, y - Q @ share)
-
-
-def _settled(
-    t: np.ndarray, y: np.ndarray, start: tuple[float, float], tolerance: float
-) -> tuple[float, float]:
-    """Return (sigma, wd) of least squares to a relative tolerance, from a start point."""
-    scaled = y / (float(np.ptp(y)) or 1.0)
-    at = lru_cache(maxsize=2)(
-        lambda sigma, wd: _project(t, scaled, sigma, wd)
-    )  # residual and derivative come one after the other
-    # MINPACK itself: its caller `scipy.optimize.least_squares` takes a fifth of the time of a fit
-    # of so few numbers
-    (sigma, wd), *_ = scipy.optimize.leastsq(
-        lambda x: at(*x.tolist()).rest,
-        start,
-        Dfun=lambda x: at(*x.tolist()).jacobian,
-        diag=(1.0 / start[1], 1.0 / start[1]),
-        xtol=tolerance,
-        ftol=tolerance,
-        gtol=tolerance,
-        maxfev=200,
-        full_output=True,  # how it ended is judged by what it found
-    )
-    return float(sigma), abs(float(wd))
-
-
-def _search(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Return (sigma, wd) of the best point on a grid from half a cycle in the record to eight
-    samples a cycle.
-    """
-    sigma, wd, across = _grid(t.tobytes())
-    share = (across @ y).reshape(4, -1)
-    best = int(np.argmax(np.einsum("ik,ik->k", share, share)))  # largest share explained
-    return float(sigma[best]), float(wd[best])
-
-
-@lru_cache(maxsize=8)
-def _grid(times: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return sigma, wd and orthonormal regressors (4 of every point, time) on the grid of a search
-    over samples `times`.
-    """
-    t = np.frombuffer(times)
-    fastest = max(2.0 * math.pi / (8.0 * float(np.median(np.diff(t)))), 4.0 * math.pi / t[-1])
-    wd, ratio = (
-        x.ravel() for x in np.meshgrid(np.geomspace(math.pi / t[-1], fastest, 60), _RATIOS)
-    )
-    decay, angle = np.exp(-np.clip(np.outer(ratio * wd, t), -50.0, 50.0)), np.outer(wd, t)
-    level = np.ones_like(angle)
-    X = np.stack([level, level * t / t[-1], decay * np.cos(angle), decay * np.sin(angle)], axis=2)
-    X /= np.linalg.norm(X, axis=1, keepdims=True)
-    return ratio * wd, wd, np.linalg.qr(X)[0].transpose(2, 0, 1).reshape(4 * len(wd), len(t))
+# To test the influence of the window, each of its ends moves inwards by the smaller of these.
+_END_SHIFT = 1.0 / 3.0  # of the period
+_MOST_END_SHIFT = 0.25  # of the window
 
 
 def judge_mode(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge period, time to half or damping ratio of the free response.
 
-    A model that does not oscillate where the flight does, or with less than a tenth of its
-    amplitude, fails: it was not excited, and the mode of its rounding errors proves nothing.  A
-    time to half on one side and to double on the other is a failure whatever the width: at a
-    damping ratio of 0.01 the tolerance of 0.02 would pass an unstable model.
+    A model fails if it does not oscillate where the flight does, or with less than a tenth of its
+    amplitude. Such a model was not excited, and the fit would describe its rounding errors. It
+    also fails, whatever the width, if one amplitude grows and the other decays: at a damping ratio
+    of 0.01 the tolerance of 0.02 would pass an unstable model.
     """
-    t, flight, model = _smooth(criterion.channel, match.both(criterion))
-    f = _fit("flight", t, flight)
+    t, flight, model = _unwrap_angles(criterion.channel, match.both(criterion))
+    flight_mode = _fit_once("flight", t, flight)
     required = MINIMUM_CYCLES.get(plain_id(match.case.id), 0.0)
-    if f.cycles < required and abs(f.t_half) > f.duration:
+    if flight_mode.cycles < required and abs(flight_mode.t_half) > flight_mode.duration:
         raise Invalid(
-            f"{f.cycles:.1f} cycles and less than the time to half ({f.t_half:.0f} s) in "
-            f"{f.duration:.0f} s; "
+            f"{flight_mode.cycles:.1f} cycles and less than the time to half "
+            f"({flight_mode.t_half:.0f} s) in {flight_mode.duration:.0f} s; "
             f"the table requires {required:g} cycles or the time to half"
         )
-    value = getattr(f, criterion.measure)
+    value = getattr(flight_mode, criterion.measure)
     try:
-        s = _excited(_fit("the model", t, model), f)
+        model_mode = _demand_excitation(_fit_once("the model", t, model), flight_mode)
     except Invalid as error:
         return Judgement(
             "fail",
             at=float(t[0]),
-            remarks=(_values(criterion.measure, f), RowRemark("no_mode", str(error))),
+            remarks=(
+                _values_remark(criterion.measure, {"flight": flight_mode}),
+                RowRemark("no_mode", str(error)),
+            ),
             flight=value,
         )
-    cycles = RowRemark("cycles", f"{f.cycles:.1f} cycles", values={"flight": f.cycles}, unit="1")
+    cycles = flight_mode.cycles
     remarks = (
-        _values(criterion.measure, f, s),
-        cycles,
-        *_window_remarks(criterion, value, t, flight),
-        *_banked(criterion, match),
+        _values_remark(criterion.measure, {"flight": flight_mode, "model": model_mode}),
+        RowRemark("cycles", f"{cycles:.1f} cycles", values={"flight": cycles}, unit="1"),
+        *_window_remarks(criterion, value, time=t, flight=flight),
+        *_bank_remarks(criterion, match),
     )
-    outcome = judge_number(criterion, value, getattr(s, criterion.measure), float(t[0]), remarks)
-    if criterion.measure != "period" and f.sigma * s.sigma < 0.0:
-        return replace(
-            outcome, verdict="fail", remarks=(*remarks, RowRemark("stability", "stability differs"))
-        )
+    model_value = getattr(model_mode, criterion.measure)
+    outcome = judge_number(criterion, value, model_value, at=float(t[0]), remarks=remarks)
+    # A period has no stability. Opposite signs of sigma: one amplitude grows, the other decays.
+    if criterion.measure != "period" and flight_mode.sigma * model_mode.sigma < 0.0:
+        remarks = (*remarks, RowRemark("stability", "stability differs"))
+        return replace(outcome, verdict="fail", remarks=remarks)
     return outcome
 
 
-def _banked(criterion: Criterion, match: Comparison) -> tuple[RowRemark, ...]:
-    """Return a remark on a phugoid that a model flies in a turn; none where it does not, or its
-    bank is not known.
-    """
-    if plain_id(match.case.id) != PHUGOID or not all(
-        "phi" in side for side in (match.flight, match.model)
-    ):
+def _bank_remarks(criterion: Criterion, match: Comparison) -> tuple[RowRemark, ...]:
+    """Return a remark on a phugoid that the model flies in a turn; none without a bank angle."""
+    if plain_id(match.case.id) != PHUGOID:
         return ()
-    off = np.abs(np.angle(np.exp(1j * (match.model["phi"] - match.flight["phi"]))))[
-        inside_window(match.time, criterion.window)
-    ]
-    off = float(np.fmax.reduce(off))  # gaps in a recorded bank do not matter
-    if not off > BANKED:
+    if "phi" not in match.flight or "phi" not in match.model:
+        return ()
+    # Differences along the shorter arc. fmax ignores gaps in a recorded bank.
+    difference = np.abs(np.angle(np.exp(1j * (match.model["phi"] - match.flight["phi"]))))
+    largest = float(np.fmax.reduce(difference[inside_window(match.time, criterion.window)]))
+    if not largest > BANKED:
         return ()
     text = (
-        f"bank of the model up to {off / DEGREE:.0f} deg off the flight's, a turn and no "
+        f"bank of the model up to {largest / DEGREE:.0f} deg off the flight's, a turn and no "
         f"phugoid: let a math pilot hold the wings"
     )
-    return (
-        RowRemark("bank", text, "phi", {"largest": off / DEGREE, "limit": BANKED / DEGREE}, "deg"),
-    )
+    values = {"largest": largest / DEGREE, "limit": BANKED / DEGREE}
+    return (RowRemark("bank", text, "phi", values=values, unit="deg"),)
 
 
 def _window_remarks(
-    criterion: Criterion, value: float, time: np.ndarray, flight: np.ndarray
+    criterion: Criterion, value: float, *, time: np.ndarray, flight: np.ndarray
 ) -> tuple[RowRemark, ...]:
-    """Return a remark where the figure of the flight is one of its window: a shorter one moves it
-    by more than the tolerance.
+    """Return a remark if a shorter window changes the flight value by more than the tolerance.
 
-    The verdict stays: the flight is what the model is compared with, in the window of the case.
+    The verdict does not change: the model is compared with the flight in the window of the case.
     """
     limit = float(half_width(criterion, value)[0])
-    moved = [
-        (getattr(mode, criterion.measure), start, stop)
-        for start, stop, mode in _shortened(time.tobytes(), flight.tobytes())
-    ]
-    if not moved or not limit > 0.0:
+    modes = _fit_shorter_windows(time.tobytes(), flight.tobytes())
+    if not modes or not limit > 0.0:
         return ()
-    other, start, stop = max(moved, key=lambda one: abs(one[0] - value))
-    if not abs(other - value) > limit:
+    # The window whose value differs most from that of the case.
+    start, stop, mode = max(
+        modes, key=lambda item: abs(getattr(item[2], criterion.measure) - value)
+    )
+    changed = getattr(mode, criterion.measure)
+    if not abs(changed - value) > limit:
         return ()
-    unit = "1" if criterion.measure == "damping_ratio" else "s"
     text = (
         f"the flight depends on the window: {criterion.measure.replace('_', ' ')} "
-        f"{value:.4g} in the window of the case, {other:.4g} in "
+        f"{value:.4g} in the window of the case, {changed:.4g} in "
         f"{start:.1f} ... {stop:.1f} s, which is more than the tolerance ({limit:.3g}); "
         f"choose a window in which the mode is alone"
     )
-    return (
-        RowRemark(
-            "window",
-            text,
-            criterion.measure,
-            {"flight": value, "moved": other, "limit": limit},
-            unit,
-        ),
-    )
+    values = {"flight": value, "moved": changed, "limit": limit}
+    unit = _unit_of(criterion.measure)
+    return (RowRemark("window", text, criterion.measure, values=values, unit=unit),)
 
 
 @lru_cache(maxsize=64)
-def _shortened(times: bytes, samples: bytes) -> tuple[tuple[float, float, DampedSine], ...]:
-    """Return the modes of a flight in windows whose start or end is moved inwards by a third of the
-    period.
-    """
+def _fit_shorter_windows(
+    times: bytes, samples: bytes
+) -> tuple[tuple[float, float, DampedSine], ...]:
+    """Return start, stop and mode of a flight in windows with one end moved inwards."""
     time, y = np.frombuffer(times), np.frombuffer(samples)
-    whole = _remembered(times, samples)
-    if isinstance(whole, str):
+    full = _fit_or_reason(times, samples)
+    if isinstance(full, str):
         return ()
-    off = min(_MOVED * whole.period, _MOST_MOVED * whole.duration)
-    found = []
-    for start, stop in ((time[0] + off, time[-1]), (time[0], time[-1] - off)):
+    shift = min(_END_SHIFT * full.period, _MOST_END_SHIFT * full.duration)
+    modes = []
+    for start, stop in ((time[0] + shift, time[-1]), (time[0], time[-1] - shift)):
         inside = (time >= start) & (time <= stop)
         try:
-            found.append((float(start), float(stop), fit_mode(time[inside], y[inside])))
+            modes.append((float(start), float(stop), fit_mode(time[inside], y[inside])))
         except Invalid:
             continue
-    return tuple(found)
+    return tuple(modes)
 
 
-def _excited(model: DampedSine, flight: DampedSine) -> DampedSine:
-    """Return the mode of a model that moves enough to be compared."""
+def _demand_excitation(model: DampedSine, flight: DampedSine) -> DampedSine:
+    """Return the mode of a model; raise if its amplitude is too small to be compared."""
     share = model.amplitude / flight.amplitude
     if share < LEAST_AMPLITUDE:
         raise Invalid(f"the model hardly oscillates: {share:.2g} of the amplitude of the flight")
     return model
 
 
-def _values(measure: str, flight: DampedSine, model: DampedSine | None = None) -> RowRemark:
-    """Return what a mode measures in flight and, where it has one, in the model."""
-    modes = {"flight": flight} if model is None else {"flight": flight, "model": model}
-    text = ", ".join(f"{who} {_text(measure, mode)}" for who, mode in modes.items())
+def _values_remark(measure: str, modes: Mapping[str, DampedSine]) -> RowRemark:
+    """Return the remark with the measured values of flight and model."""
+    text = ", ".join(f"{who} {_value_text(measure, mode)}" for who, mode in modes.items())
     values = {who: float(getattr(mode, measure)) for who, mode in modes.items()}
-    return RowRemark("values", text, measure, values, "1" if measure == "damping_ratio" else "s")
+    return RowRemark("values", text, measure, values=values, unit=_unit_of(measure))
 
 
-def _text(measure: str, mode: DampedSine) -> str:
+def _unit_of(measure: str) -> str:
+    return "1" if measure == "damping_ratio" else "s"
+
+
+def _value_text(measure: str, mode: DampedSine) -> str:
+    """Return a measured value in words; a negative time is a time to double."""
     if measure == "damping_ratio":
         return f"zeta {mode.damping_ratio:.4f}"
     value = getattr(mode, measure)
-    return f"{abs(value):.2f} s{' to double' if value < 0.0 else ''}"
+    if value < 0.0:
+        return f"{abs(value):.2f} s to double"
+    return f"{abs(value):.2f} s"
 
 
 @lru_cache(maxsize=256)
-def _remembered(time: bytes, y: bytes) -> DampedSine | str:
-    """Fit once what period, damping and time to half need, and what every model of a case is
-    compared with; or why there is no mode.
+def _fit_or_reason(time: bytes, y: bytes) -> DampedSine | str:
+    """Return the mode of samples, or why they have none.
+
+    Period, damping and time to half share one fit, and all models of a case share that of the
+    flight.
     """
     try:
         return fit_mode(np.frombuffer(time), np.frombuffer(y))
@@ -404,70 +198,65 @@ def _remembered(time: bytes, y: bytes) -> DampedSine | str:
         return str(error)
 
 
-def _fit(who: str, time: np.ndarray, y: np.ndarray) -> DampedSine:
-    found = _remembered(time.tobytes(), y.tobytes())
-    if isinstance(found, str):
-        raise Invalid(f"{who}: {found}")
-    return found
+def _fit_once(who: str, time: np.ndarray, y: np.ndarray) -> DampedSine:
+    """Return the mode of a run; raise with the name of the run if it has none."""
+    mode = _fit_or_reason(time.tobytes(), y.tobytes())
+    if isinstance(mode, str):
+        raise Invalid(f"{who}: {mode}")
+    return mode
 
 
-def _smooth(
-    channel: str, found: tuple[np.ndarray, np.ndarray, np.ndarray]
+def _unwrap_angles(
+    channel: str, traces: tuple[np.ndarray, np.ndarray, np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return time and both traces, angles without the jumps of a full turn: a model that rolls over
-    is judged as it is stored.
-    """
-    time, flight, model = found
-    return (time, np.unwrap(flight), np.unwrap(model)) if channel in WRAPPED else found
+    """Return time, flight and model; angles without jumps by a full turn."""
+    if channel not in WRAPPED:
+        return traces
+    time, flight, model = traces
+    return time, np.unwrap(flight), np.unwrap(model)
 
 
 def peak_lag(criterion: Criterion, match: Comparison) -> Judgement:
-    """Judge the time from a bank peak to the nearest sideslip peak, from the phases of the fitted
-    mode.
-    """
-    t, flight_bank, model_bank = _smooth("phi", match.both(criterion, "phi"))
+    """Judge the time from a bank peak to the nearest sideslip peak, from phases of the fit."""
+    t, flight_bank, model_bank = _unwrap_angles("phi", match.both(criterion, "phi"))
     _, flight_slip, model_slip = match.both(criterion, "beta")
-    mode = _fit("flight", t, flight_slip)
-    lag = _lag(mode, t, flight_bank)
+    mode = _fit_once("flight", t, flight_slip)
+    lag = _bank_lag(mode, t, flight_bank)
     try:
-        own = _lag(_excited(_fit("the model", t, model_slip), mode), t, model_bank)
+        model_mode = _demand_excitation(_fit_once("the model", t, model_slip), mode)
+        model_lag = _bank_lag(model_mode, t, model_bank)
     except Invalid as error:
+        text = f"flight {lag:.2f} s"
         return Judgement(
             "fail",
             at=float(t[0]),
             remarks=(
-                RowRemark("values", f"flight {lag:.2f} s", "lag", {"flight": lag}, "s"),
+                RowRemark("values", text, "lag", values={"flight": lag}, unit="s"),
                 RowRemark("no_mode", str(error)),
             ),
             flight=lag,
         )
-    own -= mode.period * round(
-        (own - lag) / mode.period
-    )  # the same peak of the next cycle is no difference
-    text = f"flight {lag:.2f} s, model {own:.2f} s"
+    # A lag that differs by full periods belongs to the same peak of another cycle.
+    model_lag -= mode.period * round((model_lag - lag) / mode.period)
+    text = f"flight {lag:.2f} s, model {model_lag:.2f} s"
     if half_width(criterion, lag)[0] <= 0.0:
         raise Invalid(f"the tolerance is zero wide; {text}")
-    return judge_number(
-        criterion,
-        lag,
-        own,
-        float(t[0]),
-        (RowRemark("values", text, "lag", {"flight": lag, "model": own}, "s"),),
-    )
+    values = {"flight": lag, "model": model_lag}
+    remark = RowRemark("values", text, "lag", values=values, unit="s")
+    return judge_number(criterion, lag, model_lag, at=float(t[0]), remarks=(remark,))
 
 
-def _lag(sideslip: DampedSine, time: np.ndarray, bank: np.ndarray) -> float:
+def _bank_lag(sideslip: DampedSine, time: np.ndarray, bank: np.ndarray) -> float:
     """Return (phase of bank - phase of sideslip) / wd, within half a period. [s]"""
-    _, _, A, B = _project(time - time[0], bank, sideslip.sigma, sideslip.wd).theta
-    angle = math.remainder(math.atan2(-B, A) - sideslip.phase, 2.0 * math.pi)
-    return angle / sideslip.wd
+    phase = phase_at(time - time[0], bank, sigma=sideslip.sigma, wd=sideslip.wd)
+    return math.remainder(phase - sideslip.phase, 2.0 * math.pi) / sideslip.wd
 
 
 MODE_COLUMNS = ("run", "channel", "window_start", "window_stop", *_FITTED, "lag", "note")
 
 
 def mode_table(result: PomResult) -> pd.DataFrame:
-    """Return the modes of flight and models that the modal criteria of a case were judged by.
+    """Return the modes of flight and models that the modal criteria of a case judge.
 
     Parameters
     ----------
@@ -481,48 +270,45 @@ def mode_table(result: PomResult) -> pd.DataFrame:
         ``lag`` of bank behind sideslip [s] on the rows of ``beta`` where that is judged; NaN and a
         ``note`` where no mode could be fitted.
     """
-    return result.once(_mode_table)
+    return result.once(_make_mode_table)
 
 
 def keep_modes(result: PomResult, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Have `mode_table` of a result give these rows, made of the very same result before."""
-    result.keep(_mode_table, _table(rows))
+    """Store rows as the `mode_table` of a result; they come from an equal result."""
+    result.keep(_make_mode_table, _table_of_rows(rows))
 
 
-def _mode_table(result: PomResult) -> pd.DataFrame:
+def _make_mode_table(result: PomResult) -> pd.DataFrame:
+    # Channels and windows to fit, and whether a criterion needs the lag of bank there.
     fitted: dict[tuple[str, tuple[float, float]], bool] = {}
     for criterion in result.case.criteria:
-        lags = criterion.measure == "peak_lag"
-        channel = "beta" if lags else criterion.channel
-        if (
-            criterion.applies
-            and (lags or criterion.measure in _MEASURES)
-            and {channel, "phi" if lags else channel} <= set(result.signals)
-        ):
-            fitted[channel, criterion.window] = (
-                fitted.get((channel, criterion.window), False) or lags
-            )
-    rows = [
-        _mode_row(result, str(run), *key, lags)
-        for key, lags in fitted.items()
-        for run in result.signals["run"].values
-    ]
-    return _table(rows)
+        with_lag = criterion.measure == "peak_lag"
+        if not criterion.applies or not (with_lag or criterion.measure in _MEASURES):
+            continue
+        needed = {criterion.channel}
+        channel = criterion.channel
+        if with_lag:
+            channel, needed = "beta", {"beta", "phi"}
+        if needed <= set(result.signals):
+            key = channel, criterion.window
+            fitted[key] = fitted.get(key, False) or with_lag
+    rows = []
+    for (channel, window), with_lag in fitted.items():
+        for run in result.signals["run"].values:
+            rows.append(_mode_row(result, str(run), channel, window=window, with_lag=with_lag))
+    return _table_of_rows(rows)
 
 
-def _table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+def _table_of_rows(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=list(MODE_COLUMNS))
 
 
 def _mode_row(
-    result: PomResult, run: str, channel: str, window: tuple[float, float], lags: bool
+    result: PomResult, run: str, channel: str, *, window: tuple[float, float], with_lag: bool
 ) -> dict[str, object]:
+    """Return the fitted mode of one run, or a note why it has none."""
     mask = inside_window(result.signals["time"].values, window)
     time = result.signals["time"].values[mask]
-
-    def samples(who: str, name: str) -> np.ndarray:
-        return trace_of(result.signals, who, name)[mask]
-
     row: dict[str, object] = {
         "run": run,
         "channel": channel,
@@ -530,12 +316,17 @@ def _mode_row(
         "window_stop": window[1],
         "note": "",
     }
+    samples = trace_of(result.signals, run, channel)[mask]
     try:
-        demand_finite(run, time, samples(run, channel))
-        mode = _fit(run, time, samples(run, channel))
+        demand_finite(run, time, samples)
+        mode = _fit_once(run, time, samples)
         if run != "flight":
-            mode = _excited(mode, _fit("flight", time, samples("flight", channel)))
-        lag = _lag(mode, time, samples(run, "phi")) if lags else math.nan
+            flight = trace_of(result.signals, "flight", channel)[mask]
+            mode = _demand_excitation(mode, _fit_once("flight", time, flight))
+        lag = math.nan
+        if with_lag:
+            lag = _bank_lag(mode, time, trace_of(result.signals, run, "phi")[mask])
     except Invalid as error:
         return {**row, "note": str(error).removeprefix(f"{run}: ")}
-    return {**row, **{name: getattr(mode, name) for name in _FITTED}, "lag": lag}
+    values = {name: getattr(mode, name) for name in _FITTED}
+    return {**row, **values, "lag": lag}

@@ -1,5 +1,6 @@
-"""Correct trend and magnitude: the stated criteria, and the engineer's tick that alone makes them a
-pass (rule R16).
+"""Values at instants: engine response, events, steady states, ends of records, and trends.
+
+A trend passes only by the tick of an engineer (rule R16).
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from pom.tolerances.bands import (
 )
 from pom.tolerances.criteria import OF_PARAMETER, Criterion
 
-LEVEL = 1.0  # [s] over which the end level is averaged; ours
+LEVEL = 1.0  # [s] End of the window over which the end level is averaged; our choice.
 
 
 def judge_engine_response(criterion: Criterion, match: Comparison) -> Judgement:
@@ -38,42 +39,47 @@ def judge_engine_response(criterion: Criterion, match: Comparison) -> Judgement:
     power.  Levels: the value at the lever movement, and the mean of the last second of the window.
     """
     time, flight, model = match.both(criterion)
-    moved = max(match.case.events.get("throttle_movement", float(time[0])), float(time[0]))
-    after = time >= moved - 1e-9
+    movement = max(match.case.events.get("throttle_movement", float(time[0])), float(time[0]))
+    after = time >= movement - 1e-9
     time, flight, model = time[after], flight[after], model[after]
+    flight_end = _end_level(time, flight)
     if criterion.measure == "response_initial":
-        levels = [y[0] + 0.1 * (_end(time, y) - y[0]) for y in (flight, model)]
-        level = "10 % of each record's own change"
+        # Ti: 10 % of the change of each record.
+        flight_level = flight[0] + 0.1 * (flight_end - flight[0])
+        model_level = model[0] + 0.1 * (_end_level(time, model) - model[0])
+        text = "10 % of each record's own change"
+    elif flight_end > flight[0]:
+        flight_level = model_level = 0.9 * flight_end
+        text = "90 % of the end level of the flight"
     else:
-        rises = _end(time, flight) > flight[0]
-        levels = [0.9 * _end(time, flight) if rises else 0.1 * flight[0]] * 2
-        level = (
-            "90 % of the end level of the flight"
-            if rises
-            else "90 % decay of the start level of the flight"
-        )
-    times = [
-        _time_to(who, time, y, float(level))
-        for who, y, level in zip(WHO, (flight, model), levels, strict=True)
-    ]
+        flight_level = model_level = 0.1 * flight[0]
+        text = "90 % decay of the start level of the flight"
+    flight_time = _time_to_level(WHO[0], time, flight, level=float(flight_level))
+    model_time = _time_to_level(WHO[1], time, model, level=float(model_level))
     values = RowRemark(
         "values",
-        f"flight {times[0]:.2f} s, model {times[1]:.2f} s",
-        values={"flight": times[0], "model": times[1]},
+        f"flight {flight_time:.2f} s, model {model_time:.2f} s",
+        values={"flight": flight_time, "model": model_time},
         unit="s",
     )
     return judge_number(
-        criterion, times[0], times[1], float(time[0]), (values, RowRemark("method", level))
+        criterion,
+        flight_time,
+        model_time,
+        at=float(time[0]),
+        remarks=(values, RowRemark("method", text)),
     )
 
 
-def _end(time: np.ndarray, y: np.ndarray) -> float:
+def _end_level(time: np.ndarray, y: np.ndarray) -> float:
+    """Return the mean over the last second of the window. [SI]"""
     return float(y[time >= time[-1] - LEVEL].mean())
 
 
-def _time_to(who: str, time: np.ndarray, y: np.ndarray, level: float) -> float:
+def _time_to_level(who: str, time: np.ndarray, y: np.ndarray, *, level: float) -> float:
     """Return the time from the first sample to the first passage of a level. [s]"""
-    reached = crossing_time(time, y, level, 1 if y[0] < level else -1)
+    direction = 1 if y[0] < level else -1
+    reached = crossing_time(time, y, level, direction=direction)
     if reached is None:
         raise Invalid(f"{who} does not reach the level in the window")
     return reached - float(time[0])
@@ -83,26 +89,24 @@ def event_value(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the value at an event: stall warning, buffet, stall, touchdown, flare, minimum control
     speed.
     """
-    found = find_event(match, OF_PARAMETER[criterion.parameter], criterion.channel)
-    flight, model = _values(criterion, match, found)
-    return judge_number(
-        criterion, flight, model, found.flight, found.remarks and (*found.remarks, _times(found))
-    )
+    instant = find_event(match, OF_PARAMETER[criterion.parameter], criterion.channel)
+    flight, model = _values_at(criterion, match, instant)
+    # The times are stated only where the event was detected.
+    remarks = instant.remarks
+    if remarks:
+        remarks = (*remarks, _times_remark(instant))
+    return judge_number(criterion, flight, model, at=instant.flight, remarks=remarks)
 
 
 def check_setup(criterion: Criterion, match: Comparison) -> Judgement:
-    """Check a precondition, e.g. the engine failure speed: outside it the test is not valid, which
-    is not a failure.
+    """Check a precondition, for example the engine failure speed.
+
+    A test outside its precondition is not valid. This is not a failure of the model.
     """
-    found = find_event(match, OF_PARAMETER[criterion.parameter], criterion.channel)
-    flight, model = _values(criterion, match, found)
-    outcome = judge_number(
-        criterion,
-        flight,
-        model,
-        found.flight,
-        (RowRemark("precondition", "a precondition of the test"),),
-    )
+    instant = find_event(match, OF_PARAMETER[criterion.parameter], criterion.channel)
+    flight, model = _values_at(criterion, match, instant)
+    remark = RowRemark("precondition", "a precondition of the test")
+    outcome = judge_number(criterion, flight, model, at=instant.flight, remarks=(remark,))
     if outcome.verdict == "pass":
         return outcome
     remark = RowRemark(
@@ -111,35 +115,30 @@ def check_setup(criterion: Criterion, match: Comparison) -> Judgement:
     return replace(outcome, verdict="invalid", remarks=(remark,))
 
 
-def _values(criterion: Criterion, match: Comparison, found: Instant) -> tuple[float, float]:
+def _values_at(criterion: Criterion, match: Comparison, instant: Instant) -> tuple[float, float]:
     """Return the values of flight and model, each at its own instant. [SI]"""
     values = []
-    for who, signals, time in zip(
-        WHO, (match.flight, match.model), (found.flight, found.model), strict=True
-    ):
-        demand_finite(
-            who,
-            np.array([time]),
-            value := np.interp([time], match.time, signals[criterion.channel]),
-        )
+    runs = zip(WHO, (match.flight, match.model), (instant.flight, instant.model), strict=True)
+    for who, signals, time in runs:
+        value = np.interp([time], match.time, signals[criterion.channel])
+        demand_finite(who, np.array([time]), value)
+        # A rate of descent counts positive downwards.
+        if criterion.parameter.startswith("descent_rate"):
+            value = -value
         values.append(value)
-    if criterion.parameter.startswith("descent_rate"):
-        values = [-value for value in values]
     error = float(unwrapped_difference(criterion.channel, *values)[0])
     return float(values[0][0]), float(values[0][0]) + error
 
 
-def _times(found: Instant) -> RowRemark:
-    text = f"flight at {found.flight:.2f} s, model at {found.model:.2f} s"
-    return RowRemark("event", text, values={"flight": found.flight, "model": found.model}, unit="s")
+def _times_remark(instant: Instant) -> RowRemark:
+    text = f"flight at {instant.flight:.2f} s, model at {instant.model:.2f} s"
+    values = {"flight": instant.flight, "model": instant.model}
+    return RowRemark("event", text, values=values, unit="s")
 
 
-BEFORE, AFTER = (
-    4.0,
-    1.0,
-)  # [s] rule R5: a steady state from 4 s before to 1 s after the captured instant
-STEADY = 1.0 / 3.0  # of the tolerance; the rule gives no number for "steady", this is ours
-SLOW_PART = 0.1  # of the speed range: the low-speed end of a record; ours
+BEFORE, AFTER = 4.0, 1.0  # [s] Steady state about the captured instant (rule R5).
+STEADY = 1.0 / 3.0  # of the tolerance; our choice, the rule has no number for "steady"
+SLOW_PART = 0.1  # of the speed range: the low-speed end of a record; our choice
 
 
 def judge_steady_state(criterion: Criterion, match: Comparison) -> Judgement:
@@ -181,16 +180,14 @@ def _levels(
     """Return (mean, drift, spread) of flight and model around an instant. [SI]"""
     mask = inside_window(match.time, (capture - BEFORE, capture + AFTER))
     time, *runs = match.over(mask, channel)
-    found = []
+    levels = []
     for y in runs:
         smooth = unwrapped_difference(channel, np.zeros_like(y), y)
         line = np.polynomial.Polynomial.fit(time, smooth, 1)
-        drift, spread = (
-            abs(float(line(time[-1]) - line(time[0]))),
-            float(np.std(smooth - line(time))),
-        )
-        found.append((float(smooth.mean()), drift, spread))
-    return found[0], found[1]
+        drift = abs(float(line(time[-1]) - line(time[0])))
+        spread = float(np.std(smooth - line(time)))
+        levels.append((float(smooth.mean()), drift, spread))
+    return levels[0], levels[1]
 
 
 def _demand_steady(width: float, *levels: tuple[float, float, float]) -> RowRemark:
@@ -245,15 +242,14 @@ def low_speed_end(criterion: Criterion, match: Comparison) -> Judgement:
     return replace(outcome, remarks=(remark, *outcome.remarks))
 
 
-CORRELATION = 0.8  # least; the rule has no number, these are ours
+# The rule has no numbers for a trend. The following ones are our choice.
+CORRELATION = 0.8  # least
 RATIO = (0.5, 2.0)  # amplitude of the model over that of the flight
-CLEAR = 0.2  # of the range: a peak that counts as an event of its own
-SCATTER = 3.0  # standard deviations of the flight's own scatter: a change below is no trend
+CLEAR = 0.2  # of the range: smaller peaks do not count for the order
+SCATTER = 3.0  # standard deviations of the scatter of the flight: smaller changes are not a trend
 SPAN = 1.0  # [s] over which scatter is separated from motion
-RESOLVED = {
-    "rad": 0.1 * DEGREE,
-    "rad s-1": 0.1 * DEGREE,
-}  # least dead band by unit: what is read off a recorded attitude or rate
+# Least dead band by unit: resolution of a recorded attitude or rate.
+RESOLVED = {"rad": 0.1 * DEGREE, "rad s-1": 0.1 * DEGREE}
 
 
 def judge_trend(criterion: Criterion, match: Comparison) -> Judgement:
@@ -276,16 +272,11 @@ def judge_trend(criterion: Criterion, match: Comparison) -> Judgement:
     dead = match.once(
         ("dead band", criterion.name), lambda: trend_dead_band(criterion.channel, time, flight)
     )
-    shown = [_shown(criterion.channel, value) for value in (*extremes, dead)]
     if abs(extremes[0]) <= dead:
-        allowed = _allowed(match.case, criterion.channel, flight) or RATIO[1] * dead
-        met = {"no trend": abs(extremes[1]) <= allowed}
-        measured: dict[str, float] = {"departure": abs(extremes[1]) / allowed if allowed else 0.0}
-        text = (
-            f"largest change of flight {shown[0]}, within the dead band of {shown[2]}: no "
-            f"trend; of model {shown[1]}"
+        allowed = _allowed_departure(match.case, criterion.channel, flight) or RATIO[1] * dead
+        met, measured, text = _check_without_trend(
+            criterion.channel, extremes, dead=dead, allowed=allowed
         )
-        text += f", allowed {_shown(criterion.channel, allowed)}"
     else:
         ratio, correlation = abs(extremes[1] / extremes[0]), _correlation(flight, model)
         met = {
@@ -296,55 +287,64 @@ def judge_trend(criterion: Criterion, match: Comparison) -> Judgement:
         }
         measured = {"amplitude_ratio": ratio, "correlation": correlation}
         text = (
-            f"largest change of flight {shown[0]}, of model {shown[1]}, amplitude ratio "
+            f"largest change of flight {_value_text(criterion.channel, extremes[0])}, of model "
+            f"{_value_text(criterion.channel, extremes[1])}, amplitude ratio "
             f"{ratio:.2f}, correlation {correlation:.2f}"
         )
-    failed = [name for name, good in met.items() if not good]
-    text += f"; not met: {', '.join(failed)}" if failed else "; all criteria of trend are met"
-    verdict, ticked = _verdict(match.case.ticks.get(criterion.name, ""), failed)
-    remarks = (
-        RowRemark("trend", text, criterion.channel, measured, "1"),
-        RowRemark("tick", ticked),
-    )
-    applied = "correct trend, no number"
+    failed = [name for name, is_met in met.items() if not is_met]
+    if failed:
+        text += f"; not met: {', '.join(failed)}"
+    else:
+        text += "; all criteria of trend are met"
+    verdict, tick_text = _apply_tick(match.case.ticks.get(criterion.name, ""), failed)
     return Judgement(
         verdict,
         at=float(time[0]),
-        remarks=remarks,
+        remarks=(
+            RowRemark("trend", text, criterion.channel, values=measured, unit="1"),
+            RowRemark("tick", tick_text),
+        ),
         flight=extremes[0],
         model=extremes[1],
-        applied=applied,
+        applied="correct trend, no number",
     )
 
 
-def _verdict(tick: str, failed: list[str]) -> tuple[str, str]:
-    """Return the verdict and what becomes of the tick."""
-    if tick and not {"sign", "no trend"} & set(failed):
-        return "pass", f"ticked by {tick}"
-    if tick:
-        return (
-            "fail",
-            f"the tick ({tick}) does not hold: "
-            f"{'the model moves the other way' if 'sign' in failed else 'the flight has no trend'}",
-        )
-    return (
-        ("fail", "an engineer may tick it with his reason")
-        if failed
-        else ("advisory", "to be ticked by an engineer")
+def _check_without_trend(
+    channel: str, extremes: list[float], *, dead: float, allowed: float
+) -> tuple[dict[str, bool], dict[str, float], str]:
+    """Return criterion, measured share and text for a flight inside its dead band."""
+    departure = abs(extremes[1])
+    share = departure / allowed if allowed else 0.0
+    text = (
+        f"largest change of flight {_value_text(channel, extremes[0])}, within the dead band of "
+        f"{_value_text(channel, dead)}: no trend; of model {_value_text(channel, extremes[1])}, "
+        f"allowed {_value_text(channel, allowed)}"
     )
+    return {"no trend": departure <= allowed}, {"departure": share}, text
 
 
-def _allowed(case: PomCase, channel: str, flight: np.ndarray) -> float:
-    """Return the narrowest half width that other rows of the case have on a channel; 0 when none
-    has one.
-    """
+def _apply_tick(tick: str, failed: list[str]) -> tuple[str, str]:
+    """Return the verdict, and the effect of the tick in words."""
+    if not tick and failed:
+        return "fail", "an engineer may tick it with his reason"
+    if not tick:
+        return "advisory", "to be ticked by an engineer"
+    # A tick overrules shape and size, but not the sign.
+    if "sign" in failed:
+        return "fail", f"the tick ({tick}) does not hold: the model moves the other way"
+    if "no trend" in failed:
+        return "fail", f"the tick ({tick}) does not hold: the flight has no trend"
+    return "pass", f"ticked by {tick}"
+
+
+def _allowed_departure(case: PomCase, channel: str, flight: np.ndarray) -> float:
+    """Return the narrowest half width of other rows on a channel; 0 without any. [SI]"""
     widths = []
     for criterion in case.criteria:
-        if (
-            criterion.channel == channel
-            and criterion.applies
-            and criterion.measure in ("trace", "end_value")
-        ):
+        if criterion.channel != channel or not criterion.applies:
+            continue
+        if criterion.measure in ("trace", "end_value"):
             with suppress(NotJudged):
                 widths.append(float(half_width(criterion, flight).min()))
     return min(widths, default=0.0)
@@ -358,15 +358,14 @@ def trend_dead_band(channel: str, time: np.ndarray, flight: np.ndarray) -> float
     these are ours.
     """
     step = max(round(SPAN / float(np.median(np.diff(time)))), 3)
-    stretches = [
-        slice(start, start + step + 1) for start in range(0, max(time.size - step, 1), step)
-    ]
-    scatters = [
-        np.std(y - np.polynomial.Polynomial.fit(t, y, 1)(t))
-        for t, y in ((time[s], flight[s]) for s in stretches)
-        if t.size > 2
-    ]
-    scatter = float(np.median(scatters)) if scatters else 0.0
+    scatters = []
+    for start in range(0, max(time.size - step, 1), step):
+        t, y = time[start : start + step + 1], flight[start : start + step + 1]
+        if t.size > 2:
+            scatters.append(np.std(y - np.polynomial.Polynomial.fit(t, y, 1)(t)))
+    scatter = 0.0
+    if scatters:
+        scatter = float(np.median(scatters))
     return max(SCATTER * scatter, RESOLVED.get(lookup(channel).units, 0.0))
 
 
@@ -380,13 +379,13 @@ def _order(departure: np.ndarray) -> str:
 
 
 def _correlation(flight: np.ndarray, model: np.ndarray) -> float:
-    return (
-        float(np.corrcoef(flight, model)[0, 1])
-        if np.ptp(flight) > 0.0 and np.ptp(model) > 0.0
-        else 0.0
-    )
+    """Return the correlation of two traces; zero if one is constant."""
+    if not (np.ptp(flight) > 0.0 and np.ptp(model) > 0.0):
+        return 0.0
+    return float(np.corrcoef(flight, model)[0, 1])
 
 
-def _shown(channel: str, value: float) -> str:
+def _value_text(channel: str, value: float) -> str:
+    """Return a value with its sign, in the display unit of its channel."""
     unit = lookup(channel).display_units
     return f"{from_si(value, unit):+.3g} {unit}"

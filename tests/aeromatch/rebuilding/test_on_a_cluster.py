@@ -91,7 +91,7 @@ def test_every_parallel_stage_goes_to_the_workers_and_dead_workers_change_nothin
         "coefficients",
         "fitted",
         "_diagnosed",
-        "_performed",
+        "_perform",
         "samples_of_case",
         "part_files",
     }

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from pom.cases.job import ReplayJob
 from pom.cases.pilot import PilotLoop
-from pom.diagnosis.swap_runs import at_samples, thin_job
+from pom.diagnosis.sample_thinning import at_samples, thin_job
 
 TIME = 100.0 + 0.02 * np.arange(42)
 SCATTER = np.random.default_rng(0).standard_normal(42)

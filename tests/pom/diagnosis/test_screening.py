@@ -9,8 +9,8 @@ import pom
 from flightmech.errors import UnknownName
 from pom.cases.case import read_case
 from pom.diagnosis import diagnosis, screening, swap_runs
+from pom.diagnosis.swap_models import SwapModels
 from pom.diagnosis.swap_runs import SwapBench
-from pom.diagnosis.term_swaps import SwapModels
 
 PULSE = {
     "delta_e": [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)],
@@ -163,7 +163,7 @@ def test_a_choice_of_parts_is_compiled_once(models, monkeypatch):
     calls = []
     own = swap_runs.SwapModels.of(models.prior, models.final, models.aircraft)
     monkeypatch.setattr(
-        "pom.diagnosis.term_swaps.swap_parts", lambda *pair: calls.append(pair) or pair[0]
+        "pom.diagnosis.swap_models.swap_parts", lambda *pair: calls.append(pair) or pair[0]
     )
     assert own.compiled(()) is own.compiled(frozenset())
     assert len(calls) == 1

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pom.diagnosis.screening import shapley_shares
+from pom.diagnosis.shapley import shapley_shares
 
 
 def one_value(rule):

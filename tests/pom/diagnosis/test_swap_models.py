@@ -13,7 +13,7 @@ import xarray as xr
 import flightmech
 from flightmech.aircraft.controls import MOST
 from flightmech.terms import make_term
-from pom.diagnosis.term_swaps import SwapModels
+from pom.diagnosis.swap_models import SwapModels
 
 T37 = Path(__file__).parents[3] / "data" / "t37"
 

@@ -8,8 +8,8 @@ from pom.cases.case import read_case
 from pom.diagnosis import swap_runs
 from pom.diagnosis.diagnosis import diagnose_bench
 from pom.diagnosis.kept_diagnosis import Diagnosed
+from pom.diagnosis.swap_models import SwapModels
 from pom.diagnosis.swap_runs import SwapBench
-from pom.diagnosis.term_swaps import SwapModels
 
 PULSE = {
     "delta_e": [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)],
@@ -34,14 +34,14 @@ def place(write_case, trainer):
 def diagnosed(case, path, models, before):
     """Return bench and table of a diagnosis, and the choices that it flew after both models."""
     bench, flown = SwapBench.of(case, models, path, before), []
-    fly = bench._fly
+    fly = bench._fly_choices
 
     def noted(choices):
         for choice, found in fly(choices):
             flown.append(choice)
             yield choice, found
 
-    bench._fly = noted
+    bench._fly_choices = noted
     return bench, diagnose_bench(bench), flown
 
 
@@ -86,8 +86,8 @@ def test_a_bench_made_again_does_not_look_for_its_steps(place, monkeypatch, erro
     if error is not None:
         monkeypatch.setattr(swap_runs, "STEP_ERROR", error)
     case, path, mixtures = place
-    flown, ends = [], SwapBench._ends
-    monkeypatch.setattr(SwapBench, "_ends", lambda bench: flown.append(1) or ends(bench))
+    flown, ends = [], SwapBench._fly_ends
+    monkeypatch.setattr(SwapBench, "_fly_ends", lambda bench: flown.append(1) or ends(bench))
     first = SwapBench.of(case, mixtures(), path)
     looked = len(flown)
     again = SwapBench.of(case, mixtures(), path, step=first.step)

@@ -12,7 +12,8 @@ import pom.cli.group
 import pom.cli.report
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from pom.cases.case import read_case
-from pom.cases.drafting.draft import draft_case, draft_text, init_case, recorded_channels
+from pom.cases.drafting.draft import draft_case, init_case
+from pom.cases.drafting.draft_text import draft_text
 from pom.cases.drafting.event_detection import (
     Recorded,
     RecordedManoeuvre,
@@ -21,6 +22,7 @@ from pom.cases.drafting.event_detection import (
     on_ground,
     quiet_instant,
 )
+from pom.cases.drafting.recorded_channels import recorded_channels
 from pom.tolerances import rows
 from pom.tolerances.editions import edition_of
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pom.cases.case import CaseInputs
-from pom.judging.measures.control_forces import measure_free_motion
+from pom.judging.measures.control_release import measure_free_motion
 from pom.tolerances.bands import Invalid, remarks_text
 from pom.tolerances.criteria import Band, Criterion
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pom.cases.case import PomCase
-from pom.judging.measures.modal import _project, fit_mode, judge_mode
+from pom.judging.measures.damped_sine import _project_trace, fit_mode
+from pom.judging.measures.modal import judge_mode
 from pom.judging.measures.modal import peak_lag as judge_lag
 from pom.judging.signals import Comparison
 from pom.tolerances import rows
@@ -63,10 +64,11 @@ def test_fit_returns_the_mode_exactly(period, zeta):
 def test_the_derivative_of_the_residual_is_that_of_differences(sigma):
     noise = np.random.default_rng(4).normal(0.0, 1.0, TIME.size)  # a residual that is far from zero
     trace, wd, step = sine(38.0, 0.05) + noise, 0.14, 1e-6
-    exact = _project(TIME, trace, sigma, wd).jacobian
+    exact = _project_trace(TIME, trace, sigma, wd=wd).jacobian
     for k, (ds, dw) in enumerate([(step, 0.0), (0.0, step)]):
         ahead, behind = (
-            _project(TIME, trace, sigma + sign * ds, wd + sign * dw).rest for sign in (1.0, -1.0)
+            _project_trace(TIME, trace, sigma + sign * ds, wd=wd + sign * dw).residual
+            for sign in (1.0, -1.0)
         )
         np.testing.assert_allclose(
             exact[:, k],
@@ -79,9 +81,9 @@ def test_the_derivative_of_the_residual_is_that_of_differences(sigma):
 def test_the_fit_is_where_the_derivative_of_the_misfit_is_zero():
     trace = sine(38.0, 0.05) + np.random.default_rng(5).normal(0.0, 0.5, TIME.size)
     mode = fit_mode(TIME, trace)
-    found = _project(TIME, trace, mode.sigma, mode.wd)
-    slope = found.jacobian.T @ found.rest
-    size = np.linalg.norm(found.jacobian, axis=0) * np.linalg.norm(found.rest)
+    found = _project_trace(TIME, trace, mode.sigma, wd=mode.wd)
+    slope = found.jacobian.T @ found.residual
+    size = np.linalg.norm(found.jacobian, axis=0) * np.linalg.norm(found.residual)
     assert np.abs(slope / size).max() < 1e-8
 
 

@@ -11,25 +11,15 @@ import pom
 from flightmech.units import KNOT
 from pom.cases.case import CaseInputs, PomCase
 from pom.cases.pilot import PilotLoop
+from pom.judging.applicability import reason_not_judged, settle_case
 from pom.judging.measures import values as trends
-from pom.judging.verdict import (
-    band_widths,
-    judge_all,
-    judge_criterion,
-    reason_not_judged,
-    settle_case,
-    verdict_row,
-)
+from pom.judging.verdict import band_widths, judge_all, judge_criterion, verdict_row
 from pom.result import group_verdicts, status_of
 from pom.tolerances import rows as table
 from pom.tolerances.bands import remarks_text
 from pom.tolerances.criteria import Band, Limit
-from pom.tolerances.rows import (
-    apply_override,
-    helpful_signals,
-    required_quantities,
-    required_signals,
-)
+from pom.tolerances.overrides import apply_override
+from pom.tolerances.rows import helpful_signals, required_quantities, required_signals
 
 TIME = np.arange(0.0, 40.0, 0.02)
 FLAT = np.ones_like(TIME)

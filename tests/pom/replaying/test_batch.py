@@ -123,7 +123,7 @@ def test_processes_give_the_same_and_leave_nothing(
     first = replay_all(mixed, good, paths, jobs=1)
     monkeypatch.setattr(processes, "LEAST_SHARE", 2)
     the_same(replay_all(mixed, good, paths, jobs=2, resume=tmp_path / "kept"), first)
-    monkeypatch.setattr(batch, "_performed", None)  # all is kept
+    monkeypatch.setattr(batch, "_perform", None)  # all is kept
     the_same(replay_all(mixed, good, paths, jobs=2, resume=tmp_path / "kept"), first)
 
 

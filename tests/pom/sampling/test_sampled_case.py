@@ -17,7 +17,8 @@ from flightmech.errors import SchemaError
 from pom.archive.archive import Archive, read_archive, write_archive
 from pom.cases.case import read_case
 from pom.diagnosis.sampling.draws import DrawnModels, InstrumentErrors
-from pom.diagnosis.sampling.sampled_replay import SampledBench, replay_draws, with_inertia
+from pom.diagnosis.sampling.sampled_bench import SampledBench, with_inertia
+from pom.diagnosis.sampling.sampled_replay import replay_draws
 from pom.diagnosis.sampling.shares import regressors_of_draws, variance_shares
 from pom.judging.signals import traces_of
 from pom.judging.verdict import judge_all
