@@ -94,7 +94,7 @@ def list_fit_choices(opened: OpenProject, query: Mapping[str, str], body: Any) -
                 "windows": fit.window,
                 "models": fit.models,
             }
-            for fit in project.fits
+            for fit in project.fit
         ],
         "coefficients": MEASURED,
         "cutoff": project.cutoff,

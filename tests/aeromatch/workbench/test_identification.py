@@ -26,7 +26,7 @@ from aeromatch.workbench import identification as page
 from aeromatch.workbench.actions import demand_allowed, make_folders
 from aeromatch.workbench.opened import OpenProject
 from aeromatch.workbench.processes import Jobs
-from aeromatch.workflow.submodels import spans_of
+from aeromatch.workflow.windows import spans_of
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError, UnknownName
 from flighttest.cli.identify import identify_command
 from flighttest.regression.combining.mixed_estimation import prior_of
@@ -75,7 +75,7 @@ def wanted(opened, *records, **more):
 def test_what_can_be_chosen(opened):
     found = page.list_fit_choices(opened, {}, None)
     assert found["records"] == [FIRST, SECOND]
-    assert [fit["name"] for fit in found["fits"]] == [fit.name for fit in opened.project.fits]
+    assert [fit["name"] for fit in found["fits"]] == [fit.name for fit in opened.project.fit]
     assert found["priors"] == [PRIOR]
     assert found["cutoff"] == 4.0
     assert found["file"] == "{project}/aeromatch.toml"
@@ -272,12 +272,12 @@ def test_entries_mean_the_same_windows(opened):
     body = page.FitRequest(**{**wanted(opened), "windows": [*windows(opened, FIRST), own]})
     texts = page.make_fit_entries(opened, body, "tried")
     before = file.read_text()
-    known = len(opened.project.fits)
+    known = len(opened.project.fit)
     for text in texts:
         set_key(file, "fit.+", text)
     project = read_project(file)
     file.write_text(before)
-    added = project.fits[known:]
+    added = project.fit[known:]
     assert [fit.name for fit in added] == ["tried 1", "tried 2"]
     tables = {name: flighttest.manoeuvres(opened.record(name)) for name in (FIRST, SECOND)}
     problems: list[str] = []
