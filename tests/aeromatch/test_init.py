@@ -15,10 +15,10 @@ import flightmech
 import flighttest
 import pom
 from aeromatch.cli.actions.verbs import copy_example
-from aeromatch.drafting.aircraft import geometry_of
 from aeromatch.drafting.columns import guess_quantity, unit_from_size
 from aeromatch.drafting.flown import held_for_proof
 from aeromatch.drafting.folder import StatedFacts, draft_project
+from aeromatch.drafting.geometry import geometry_of
 from aeromatch.drafting.names import draft_names
 from aeromatch.project.project import read_project
 from flightmech.errors import SchemaError
