@@ -13,7 +13,7 @@ import xarray as xr
 from aeromatch.drafting.gaps import channel_names
 from aeromatch.drafting.geometry import Geometry
 from aeromatch.drafting.instruments import instrument_lines
-from aeromatch.project.editing import schema_lines
+from aeromatch.project.schemas import schema_lines
 from flightmech.aircraft.controls import CONTROLS
 from flightmech.names import lookup
 from flightmech.support.toml_quantities import UNFILLED

@@ -61,12 +61,12 @@ class AssignedColumns:
     remarks: list[str] = field(default_factory=list)
     constants: dict[str, float] = field(default_factory=dict)
 
-    def assign(self, guess: Guess, table: str, column: str, place: str) -> None:
+    def assign(self, guess: Guess, table: str, column: str, location: str) -> None:
         """Assign a column to a quantity, if no better column has it."""
         if guess.name in self.assigned:
             _, former, former_guess = self.assigned[guess.name]
             if former_guess.rank <= guess.rank:
-                self.left_out.append(f"{place} (another {guess.name})")
+                self.left_out.append(f"{location} (another {guess.name})")
                 return
             self.left_out.append(f"{former} (another {guess.name})")
         self.assigned[guess.name] = table, column, guess
@@ -91,21 +91,21 @@ def assign_columns(
         for column in content.columns:
             if column in excluded:
                 continue
-            place = f"{table}/{column}" if len(tables) > 1 else column
+            location = f"{table}/{column}" if len(tables) > 1 else column
             guess = guess_quantity(f"{table}/{column}")
             if guess is None or _contradicts_unit(content.units.get(column), guess.name):
-                result.left_out.append(place)
+                result.left_out.append(location)
             elif _is_fraction(content, column, guess) and (flap is None or guess.name != "delta_f"):
                 result.left_out.append(
-                    f'{place}: a position 0 ... 1; {guess.name} = {{ column = "{place}", scale '
+                    f'{location}: a position 0 ... 1; {guess.name} = {{ column = "{location}", scale '
                     f'= "40 deg" }} with the angle at 1'
                 )
                 result.remarks.append(
-                    f"{guess.name}: column {place} is a position 0 ... 1: give its angle at 1 "
+                    f"{guess.name}: column {location} is a position 0 ... 1: give its angle at 1 "
                     f"as scale in names.toml"
                 )
             else:
-                result.assign(guess, table, column, place=place)
+                result.assign(guess, table, column, location=location)
     for name in _REQUIRED:
         if name not in result.assigned:
             result.remarks.append(
@@ -202,8 +202,8 @@ def make_rows(
         if reason.startswith(_CONFIRM):
             in_unit = f" in {unit}" if unit else ""
             columns.remarks.append(f"{name} from column {column!r}{in_unit}: {reason}")
-        place = f"{table}/{column}" if len(tables) > 1 else column
-        channel = Channel(column=place, **keys)
+        location = f"{table}/{column}" if len(tables) > 1 else column
+        channel = Channel(column=location, **keys)
         rows.append(NameMapRow(_leaf(name, table, tables), name, channel, reason=reason))
     return rows
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from aeromatch.drafting.names import NamesDraft
 from aeromatch.drafting.sources import quote
-from aeromatch.project.editing import schema_lines
+from aeromatch.project.schemas import schema_lines
 from flightmech.names import lookup
 from flighttest.records.readers.name_map import line_of
 

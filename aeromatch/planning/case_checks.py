@@ -187,18 +187,18 @@ class _CaseChecker:
     def check(self, case: PomCase, states: xr.Dataset | None) -> list[str]:
         """Return the problems of a case; without states only the models are checked."""
         problems: list[str] = []
-        place = f"case {case.name}"
+        case_label = f"case {case.name}"
         compiled = self._compiled.models()
         models = {name: kernel_model(name, model) for name, model in compiled.items()}
         if case.law:
-            law = run_collecting_problems(problems, place, self._laws.law_of, case)
+            law = run_collecting_problems(problems, case_label, self._laws.law_of, case)
             if law is None:
                 models = {}
             models = {name: replace(model, law=law) for name, model in models.items()}
         for name, foreign in self._foreign.items():
-            made = run_collecting_problems(problems, place, foreign.of, case)
-            if made is not None:
-                models[name] = made[name]
+            mapped = run_collecting_problems(problems, case_label, foreign.of, case)
+            if mapped is not None:
+                models[name] = mapped[name]
         if states is None:
             return problems
         problems += model_checks.ground_problems(self._aircraft, case)

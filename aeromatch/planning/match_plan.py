@@ -103,12 +103,12 @@ class MatchPlan:
     def _uses_of(self, look: RecordLook) -> list[str]:
         """Return the fits, submodels and cases that use a record."""
         uses = []
-        for place, (count, seconds) in look.taken.items():
+        for label, (count, seconds) in look.taken.items():
             # A record that cannot be read has no windows.
             if count:
-                uses.append(f"{place} ({count}: {seconds:.0f} s)")
+                uses.append(f"{label} ({count}: {seconds:.0f} s)")
             else:
-                uses.append(place)
+                uses.append(label)
         for case in self.cases:
             if Path(case.record).stem == look.name:
                 uses.append(f"case {case.name}")
@@ -236,20 +236,20 @@ def make_plan(
 
 def _check_folders(folder: Path, options: MatchOptions, problems: list[str]) -> None:
     """Check that the folders can be written, and that the cluster is reachable."""
-    for place, name in (("output", folder), ("--resume", options.resume)):
+    for label, name in (("output", folder), ("--resume", options.resume)):
         if name is None:
             continue
         path = Path(name)
         if path.parent.is_dir():
-            run_collecting_problems(problems, place, resolve_folder, path)
+            run_collecting_problems(problems, label, resolve_folder, path)
             continue
         # The nearest existing folder gets the new folders.
         parents = (parent for parent in path.absolute().parents if parent.exists())
         parent = next(parents, Path("/"))
         if not parent.is_dir():
-            problems.append(f"{place}: {parent} is a file; name another folder")
+            problems.append(f"{label}: {parent} is a file; name another folder")
         elif not os.access(parent, os.W_OK):
-            problems.append(f"{place}: nothing can be written into {parent}; name another folder")
+            problems.append(f"{label}: nothing can be written into {parent}; name another folder")
     if options.scheduler:
         run_collecting_problems(problems, "--scheduler", demand_scheduler, options.scheduler)
 
@@ -365,4 +365,4 @@ class _ModelChecks:
 
 def _forms_coefficients(look: RecordLook) -> bool:
     """Return whether the match forms the aerodynamic coefficients along a record."""
-    return any(place.startswith("fit ") or place == "ground_effect.flown" for place in look.taken)
+    return any(label.startswith("fit ") or label == "ground_effect.flown" for label in look.taken)

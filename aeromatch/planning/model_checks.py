@@ -62,13 +62,13 @@ def foreign_models(project: Project, problems: list[str]) -> dict[str, Models]:
     """Return the models from elsewhere, each with its table of names."""
     foreign: dict[str, Models] = {}
     for name, file in project.fmus.items():
-        place = f"models.{name}"
+        position = f"models.{name}"
         tables = {}
         if name in project.tables:
             tables[name] = project.tables[name]
-        models = run_collecting_problems(problems, place, Models, {name: file}, tables)
+        models = run_collecting_problems(problems, position, Models, {name: file}, tables)
         if models is not None:
-            run_collecting_problems(problems, place, models.demand_platform)
+            run_collecting_problems(problems, position, models.demand_platform)
             foreign[name] = models
     return foreign
 
@@ -86,8 +86,8 @@ def term_problems(project: Project, start: xr.DataTree, published: Sequence[Any]
         coefficients[str(published_fit.model.coefficient)] = None
     problems: list[str] = []
     for coefficient in coefficients:
-        place = f"fits of {coefficient}"
-        run_collecting_problems(problems, place, known_terms, [coefficient], start, project.held)
+        position = f"fits of {coefficient}"
+        run_collecting_problems(problems, position, known_terms, [coefficient], start, project.held)
     return list(dict.fromkeys(problems))
 
 
@@ -168,7 +168,7 @@ def _ground_effect_records(section: GroundEffectSection) -> list[str]:
 
 
 def _absent_regressors(
-    place: str, models: Iterable[str], records: Iterable[str], names: Mapping[str, set[str]]
+    position: str, models: Iterable[str], records: Iterable[str], names: Mapping[str, set[str]]
 ) -> list[str]:
     problems: list[str] = []
     # A record without names cannot be read, which is another problem.
@@ -178,7 +178,7 @@ def _absent_regressors(
             lacking = [record for record in readable if name not in names[record]]
             if lacking:
                 problems.append(
-                    f"{place}: {model} needs {name}, which record {', '.join(lacking)} "
+                    f"{position}: {model} needs {name}, which record {', '.join(lacking)} "
                     f"does not hold; map its channel"
                 )
     return problems
@@ -263,12 +263,12 @@ def submodel_structure_problems(
     if project.engine is not None:
         problems += _engine_problems(project.engine, project.points, apriori)
     for control, section in project.controls.sections.items():
-        place = f"controls.{control}"
+        position = f"controls.{control}"
         settings = (section.model, section.constants, section.arm)
-        run_collecting_problems(problems, place, loading_of, aircraft, control, *settings)
+        run_collecting_problems(problems, position, loading_of, aircraft, control, *settings)
         if control not in aircraft.circuits:
             problems.append(
-                f"{place}: {aircraft.name} has no [circuit.{control}]; give stops and mass at least"
+                f"{position}: {aircraft.name} has no [circuit.{control}]; give stops and mass at least"
             )
     if project.gear is not None:
         run_collecting_problems(problems, "gear", wheels_of, aircraft)

@@ -71,12 +71,12 @@ class LookTask:
         for fit in project.fit:
             if name in fit.records:
                 task.fits[f"fit {fit.name!r}"] = fit.model_copy(update=alone)
-        for place, selections in project.submodels.items():
+        for position, selections in project.submodels.items():
             for selection in selections:
                 if name in selection.records:
-                    parts = task.submodels.setdefault(place, [])
+                    parts = task.submodels.setdefault(position, [])
                     parts.append(selection.model_copy(update=alone))
-                    task.sections[place] = _section(project, place)
+                    task.sections[position] = _section(project, position)
         return task
 
     def inputs(self, aircraft: Kept[Aircraft]) -> dict[str, Any]:
@@ -91,9 +91,9 @@ class LookTask:
         }
 
 
-def _section(project: Project, place: str) -> Any:
+def _section(project: Project, position: str) -> Any:
     """Return the section of a position: ``engine.flown``, ``controls.column.free`` ..."""
-    name, _, remainder = place.partition(".")
+    name, _, remainder = position.partition(".")
     if name == "controls":
         return project.controls.sections[remainder.partition(".")[0]]
     return getattr(project, name)
@@ -168,8 +168,8 @@ def _find_spans(
 ) -> dict[str, list[tuple[float, float]]]:
     """Return the windows that identify something, by fit or position of a submodel."""
     users: dict[str, Sequence[RecordSelection]] = {}
-    for place, fit in task.fits.items():
-        users[place] = [fit]
+    for position, fit in task.fits.items():
+        users[position] = [fit]
     users |= task.submodels
     if not users:
         return {}
@@ -181,10 +181,10 @@ def _find_spans(
     if tables:
         table = pd.concat(tables, ignore_index=True)
     spans: dict[str, list[tuple[float, float]]] = {}
-    for place, selections in users.items():
-        by_record = spans_of(place, selections, {task.name: table}, look.problems)
-        look.problems += find_case_overlaps(place, by_record, task.cases)
-        spans[place] = by_record[task.name]
+    for position, selections in users.items():
+        by_record = spans_of(position, selections, {task.name: table}, look.problems)
+        look.problems += find_case_overlaps(position, by_record, task.cases)
+        spans[position] = by_record[task.name]
     return spans
 
 
@@ -196,8 +196,8 @@ def _check_identification(
 ) -> None:
     """Check the parts of a record that identify something."""
     look.start = states.isel(time=slice(0, START))
-    for place, windows in spans.items():
-        where = f"{place}, record {task.name}"
+    for position, windows in spans.items():
+        where = f"{position}, record {task.name}"
         duration = 0.0
         outside = []
         for start, end in windows:
@@ -208,17 +208,17 @@ def _check_identification(
                     f"{where}: {start:g} ... {end:g} s is not inside the record, "
                     f"{look.first:g} ... {look.last:g} s"
                 )
-        look.taken[place] = len(windows), float(duration)
+        look.taken[position] = len(windows), float(duration)
         look.problems += outside
         if outside:
             continue
-        if place in task.fits:
-            look.problems += fit_problems(where, task.fits[place], states=states, spans=windows)
+        if position in task.fits:
+            look.problems += fit_problems(where, task.fits[position], states=states, spans=windows)
         else:
             look.problems += submodel_problems(
                 where,
-                place,
-                asked=task.sections[place],
+                position,
+                asked=task.sections[position],
                 aircraft=task.aircraft,
                 states=states,
                 spans=windows,

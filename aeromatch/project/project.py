@@ -269,19 +269,21 @@ class Project(Strict):
                 problems += section.problems()
         for control, control_section in self.controls.sections.items():
             problems += control_section.problems(control)
-        for place, selections in self.submodels.items():
+        for position, selections in self.submodels.items():
             for selection in selections:
                 # Two selections of one section may name the same unknown record.
-                for problem in self._record_problems(place, selection):
+                for problem in self._record_problems(position, selection):
                     if problem not in problems:
                         problems.append(problem)
         return problems
 
-    def _record_problems(self, place: str, selection: RecordSelection) -> list[str]:
+    def _record_problems(self, position: str, selection: RecordSelection) -> list[str]:
         problems = []
         for record in selection.records:
             if record not in self.flights:
-                problems.append(f"{place}.records: {UnknownName(record, self.flights, 'record')}")
+                problems.append(
+                    f"{position}.records: {UnknownName(record, self.flights, 'record')}"
+                )
         return problems
 
     def _name_problems(self) -> list[str]:

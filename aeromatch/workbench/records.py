@@ -96,9 +96,9 @@ def not_marked(opened: OpenProject, name: str, marks: pd.DataFrame) -> pd.DataFr
     manoeuvres = opened.kept(("found",), files, lambda: find(opened.record(name)))
     starts, ends = (marks[key].to_numpy(float) for key in ("start", "end"))
     is_unmarked = []
-    for row in manoeuvres.itertuples():
-        common = np.minimum(ends, row.end) - np.maximum(starts, row.start)
-        is_unmarked.append(not np.any(common > 0.5 * (row.end - row.start)))
+    for start, end in manoeuvres[["start", "end"]].to_numpy(float):
+        common = np.minimum(ends, end) - np.maximum(starts, start)
+        is_unmarked.append(not np.any(common > 0.5 * (end - start)))
     return manoeuvres[is_unmarked]
 
 

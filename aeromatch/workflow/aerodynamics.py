@@ -29,7 +29,7 @@ def a_priori(project: Project, aircraft: Aircraft) -> xr.DataTree:
     """Return the database of the project's DATCOM listings."""
     listings: dict[str, Any] = {}
     for role, places in project.listings.by_role.items():
-        listings[role] = [read_place(place) for place in places]
+        listings[role] = [read_place(listing) for listing in places]
     statements: dict[str, Any] = project.listings.statements
     return aerodb.from_datcom(
         aircraft, altitude=project.listings.altitude, **listings, **statements

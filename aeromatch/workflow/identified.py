@@ -117,7 +117,7 @@ def databases_before(
     project: Project, aircraft: Aircraft, custody: pom.archive.Custody, stages: Stages
 ) -> tuple[Kept[xr.DataTree], Kept[xr.DataTree]]:
     """Return the a-priori database of the listings, and the database with the missing terms."""
-    files = [place.file for place in project.listings.places()]
+    files = [listing.file for listing in project.listings.places()]
 
     def make() -> xr.DataTree:
         datcom = a_priori(project, aircraft)
@@ -128,9 +128,9 @@ def databases_before(
     listings: dict[str, list[tuple[FileContent, str]]] = {}
     for role, places in project.listings.by_role.items():
         listings[role] = []
-        for place in places:
-            content = FileContent(place.file, custody.sha256(place.file))
-            listings[role].append((content, place.case))
+        for listing_case in places:
+            content = FileContent(listing_case.file, custody.sha256(listing_case.file))
+            listings[role].append((content, listing_case.case))
     inputs = {
         "aircraft": aircraft,
         "listings": listings,

@@ -88,7 +88,7 @@ def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
     """Return every file that the results depend on, with the named flight records."""
     files = [project.file, project.aircraft]
     files += [file for file in (project.apriori, project.names) if file]
-    files += dict.fromkeys(place.file for place in project.listings.places())
+    files += dict.fromkeys(listing.file for listing in project.listings.places())
     files += [project.flights[name] for name in names]
     files += [*project.cases, *project.tables.values()]
     files += [file for file in (project.manoeuvres,) if file]
