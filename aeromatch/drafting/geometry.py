@@ -20,7 +20,7 @@ from flightmech.units import to_si
 _LENGTHS = {"FT": "ft", "IN": "in", "M": "m", "CM": "cm"}
 # Points of the integrals over the half span.
 _STATIONS = 2001
-# By namelist: number of engines, and position along, beside and above the axis of the body.
+# By namelist: number of engines; longitudinal, lateral and vertical position.
 _ENGINE_VARIABLES = {
     "JETPWR": ("NENGSJ", "JEALOC", "JELLOC", "JEVLOC"),
     "PROPWR": ("NENGSP", "PHALOC", "YP", "PHVLOC"),
