@@ -20,7 +20,6 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,15 @@ import flightmech
 import flighttest
 import pom
 from aeromatch.project.project import Project, read_project
-from aeromatch.workflow import steps as workflow
+from aeromatch.project.sections import Controls
+from aeromatch.workflow.aerodynamics import (
+    a_priori,
+    add_missing_terms,
+    coefficients_of,
+    final_database,
+    fit_records,
+)
+from aeromatch.workflow.windows import select_windows
 from flighttest.reconstruction.flight_programme import instrument_constants
 
 RUNS = "21,22,26,27,29,30,32"
@@ -92,11 +99,11 @@ def identified(
     flown: dict[str, Any], project: Project, aircraft: flightmech.Aircraft, start: xr.DataTree
 ) -> xr.DataTree:
     """Return the final database of one programme."""
-    windows = workflow.select_windows(project, flown["records"])
-    fits = workflow.fit_records(
-        project, workflow.coefficients_of(project, aircraft, flown["paths"], windows), windows
+    windows = select_windows(project, flown["records"])
+    fits = fit_records(
+        project, coefficients_of(project, aircraft, flown["paths"], windows), windows
     )
-    return workflow.final_database(project, start, fits)[0]
+    return final_database(project, start, fits)[0]
 
 
 def ratios(
@@ -158,11 +165,11 @@ def main() -> None:
         **(project.errors or {}),
         "timing": 0.0,
     }  # accelerations and states of the simulated recordings have one clock
-    project = replace(
-        project, engine=None, controls={}, gear=None, ground_effect=None, errors=errors
+    project = project.with_changes(
+        engine=None, controls=Controls(), gear=None, ground_effect=None, errors=errors
     )
     aircraft = flightmech.read_aircraft(project.aircraft)
-    start = workflow.add_missing_terms(project, workflow.a_priori(project, aircraft))
+    start = add_missing_terms(project, a_priori(project, aircraft))
     found = []
     for seed in seeds_of(given.seeds):
         here = given.validation / f"seed{seed}"

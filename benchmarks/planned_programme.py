@@ -27,7 +27,6 @@ import shutil
 import sys
 import warnings
 from contextlib import nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +38,17 @@ import aerodb
 import flightmech
 import flighttest
 from aeromatch.project.project import Project, read_project
-from aeromatch.workflow import steps as workflow
+from aeromatch.project.sections import Controls
+from aeromatch.workflow.aerodynamics import (
+    a_priori,
+    add_missing_terms,
+    before_flight,
+    coefficients_of,
+    fit_records,
+    reconstruct_records,
+)
+from aeromatch.workflow.steps import perform_match
+from aeromatch.workflow.windows import records_of, select_windows
 from flighttest.flight_programme.planning.catalogue import read_catalogue
 from flighttest.flight_programme.planning.coverage import identify_database
 from flighttest.flight_programme.planning.plan import ProgrammePlan, plan_predicted_flights
@@ -287,25 +296,24 @@ def project_of(folder: Path, plan: ProgrammePlan) -> Path:
 
 def local_fits(project: Project, jobs: int) -> list[Any]:
     """Return the fits of a project, from its free-air records alone."""
-    project = replace(project, engine=None, controls={}, gear=None, ground_effect=None, cases=[])
+    project = project.with_changes(
+        engine=None, controls=Controls(), gear=None, ground_effect=None, cases=[]
+    )
     aircraft = flightmech.read_aircraft(project.aircraft)
     records = {
-        name: flighttest.read(project.flights[name], project.names)
-        for name in workflow.records_of(project)
+        name: flighttest.read(project.flights[name], project.names) for name in records_of(project)
     }
-    windows = workflow.select_windows(project, records)
-    data = workflow.coefficients_of(
-        project, aircraft, workflow.reconstruct_records(project, aircraft, records, jobs), windows
+    windows = select_windows(project, records)
+    data = coefficients_of(
+        project, aircraft, reconstruct_records(project, aircraft, records, jobs), windows
     )
-    return workflow.fit_records(project, data, windows)
+    return fit_records(project, data, windows)
 
 
 def before(project: Project) -> tuple[Any, xr.DataTree]:
     """Return aircraft and database as they are before the flights."""
     aircraft = flightmech.read_aircraft(project.aircraft)
-    return workflow.before_flight(project, aircraft), workflow.add_missing_terms(
-        project, workflow.a_priori(project, aircraft)
-    )
+    return before_flight(project, aircraft), add_missing_terms(project, a_priori(project, aircraft))
 
 
 def planned(folder: Path, jobs: int) -> ProgrammePlan:
@@ -319,12 +327,12 @@ def planned(folder: Path, jobs: int) -> ProgrammePlan:
         flights = {path.stem: path for path in (folder / "shared").glob("*.nc")}
         fits = [
             fit
-            for fit in project.fits
+            for fit in project.fit
             if all(name.startswith(tuple(unchanged)) for name in fit.records)
         ]
         flown = local_fits(
-            replace(
-                project, flights=flights, fits=[fit for fit in fits if fit.name[:9] != "multisine"]
+            project.with_changes(
+                flights=flights, fit=[fit for fit in fits if fit.name[:9] != "multisine"]
             ),
             jobs,
         )
@@ -412,7 +420,7 @@ def shares(title: str, table: pd.DataFrame, by_term: bool = False) -> None:
 def performed(toml: Path, folder: Path, jobs: int) -> Project:
     """Do the whole job of a project and print the worst of every case."""
     project = read_project(toml)
-    outcome = workflow.perform_match(
+    outcome = perform_match(
         project, folder, jobs, lambda text: print(text, flush=True) or nullcontext()
     )
     for result in outcome.results:

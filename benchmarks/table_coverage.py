@@ -22,7 +22,6 @@ import pickle
 import subprocess
 import sys
 import warnings
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +33,17 @@ import aerodb
 import flightmech
 import flighttest
 from aeromatch.project.project import Project, read_project
-from aeromatch.workflow import steps as workflow
+from aeromatch.project.sections import Controls
+from aeromatch.workflow.aerodynamics import (
+    WAYS,
+    a_priori,
+    add_missing_terms,
+    coefficients_of,
+    final_database,
+    fit_records,
+    samples_of,
+)
+from aeromatch.workflow.windows import select_windows
 from flightmech import terms
 from flightmech.units import DEGREE, FOOT
 
@@ -313,7 +322,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument(
         "--way",
-        choices=[*workflow.WAYS, "all"],
+        choices=[*WAYS, "all"],
         default="tabulate",
         help="how the flights enter the tables",
     )
@@ -321,26 +330,25 @@ def main() -> None:
     warnings.simplefilter("ignore", flightmech.errors.AeromatchWarning)
     # the sixteen runs of the free-air aerodynamics; engine, controls, gear and ground effect need
     # others
-    project = replace(
-        read_project(ROOT / "data" / "t37" / "aeromatch.toml"),
+    project = read_project(ROOT / "data" / "t37" / "aeromatch.toml").with_changes(
         engine=None,
-        controls={},
+        controls=Controls(),
         gear=None,
         ground_effect=None,
     )
     aircraft = flightmech.read_aircraft(project.aircraft)
-    start = workflow.add_missing_terms(project, workflow.a_priori(project, aircraft))
-    ways = list(workflow.WAYS) if given.way == "all" else [given.way]
+    start = add_missing_terms(project, a_priori(project, aircraft))
+    ways = list(WAYS) if given.way == "all" else [given.way]
     found, truth = {way: [] for way in ways}, {}
     for seed in seeds_of(given.seeds):
         flown = programme(given.folder, seed, project, aircraft, given.make, given.jobs)
-        windows = workflow.select_windows(project, flown["records"])
-        data = workflow.coefficients_of(project, aircraft, flown["paths"], windows)
-        fits = workflow.fit_records(project, data, windows)
-        samples = workflow.samples_of(project, start, data, windows) if "direct" in ways else []
+        windows = select_windows(project, flown["records"])
+        data = coefficients_of(project, aircraft, flown["paths"], windows)
+        fits = fit_records(project, data, windows)
+        samples = samples_of(project, start, data, windows) if "direct" in ways else []
         for way in ways:
-            _, tabulation = workflow.final_database(
-                replace(project, tabulation=way), start, fits, samples
+            _, tabulation = final_database(
+                project.with_changes(tabulation=way), start, fits, samples
             )
             truth |= true_tables(start, [name for name in tabulation if name not in truth])
             found[way].append(nodes_of(seed, start, tabulation, truth))

@@ -33,7 +33,7 @@ import numpy as np
 import aerodb
 import flightmech
 from aeromatch.project.project import read_project
-from aeromatch.workflow.steps import a_priori
+from aeromatch.workflow.aerodynamics import a_priori
 from flightmech.simulation.kernel import INPUT, Simulation
 from flightmech.simulation.run import index_of_parameter
 

@@ -21,7 +21,7 @@ import xarray as xr
 import aerodb
 import flightmech
 from aeromatch.project.project import read_project
-from aeromatch.workflow.steps import a_priori
+from aeromatch.workflow.aerodynamics import a_priori
 from flightmech.simulation.kernel import INPUT, OUTPUT, Simulation
 from flightmech.simulation.run import index_of_parameter
 

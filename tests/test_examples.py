@@ -12,7 +12,7 @@ import pytest
 
 import flightmech
 from aeromatch.project.project import read_project
-from aeromatch.workflow.steps import a_priori
+from aeromatch.workflow.aerodynamics import a_priori
 from flightmech.errors import AeromatchWarning
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

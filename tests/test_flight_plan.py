@@ -14,7 +14,7 @@ from click.testing import CliRunner
 import aerodb
 import flightmech
 from aeromatch.project.project import read_project
-from aeromatch.workflow import steps as workflow
+from aeromatch.workflow.aerodynamics import a_priori, add_missing_terms
 from flighttest.cli.group import flight
 from flighttest.flight_programme.input_design.predicted_response import trimmed_start
 from flighttest.flight_programme.planning.catalogue import read_catalogue
@@ -96,7 +96,7 @@ def planned(tmp_path_factory):
     )
     aircraft = flightmech.read_aircraft(project.aircraft)
     aerodb.save(
-        workflow.add_missing_terms(project, workflow.a_priori(project, aircraft)),
+        add_missing_terms(project, a_priori(project, aircraft)),
         folder / "prior.nc",
     )
     (folder / "catalogue.toml").write_text(CATALOGUE, encoding="utf-8")

@@ -27,7 +27,7 @@ COMMANDS = {
     "fmu": ("flightmech.cli.group", "Write simulation models as FMUs."),
     "pom": ("pom.cli.group", "Replay recorded inputs and judge the match."),
     "init": ("aeromatch.cli.init", "Draft a project folder from listings and recordings."),
-    "schema": ("aeromatch.project.editing", "Write JSON schemas of project files, for editors."),
+    "schema": ("aeromatch.project.schemas", "Write JSON schemas of project files, for editors."),
     "set": ("aeromatch.project.editing", "Change one key of a project's TOML files."),
     "match": ("aeromatch.cli.verbs", "Perform the whole job of a project file."),
     "store": ("aeromatch.cli.store", "Show or clear what match keeps of its stages."),

@@ -1,16 +1,15 @@
-"""The data package of a project: models, database in every format, aircraft, roadmap, cases,
-report, check cases, manifest.
+"""Data package of a project: models, database in every format, aircraft, roadmap, cases, report,
+check cases, manifest.
 """
 
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 import json
 import shutil
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -30,7 +29,8 @@ from aerodb.exchange.tables.csv_checks import export_checkcases
 from aerodb.exchange.tables.csv_terms import export_csv
 from aerodb.exchange.tables.matlab import export_matlab
 from aeromatch.delivery.flown_checks import conditions_of, write_flown_checks
-from aeromatch.project.project import Project
+from aeromatch.project.project import OWN_MODELS, Project
+from aeromatch.rebuilding.finished import file_sha256
 from aeromatch.workflow.steps import REPORT
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError
@@ -40,29 +40,31 @@ from flightmech.support.figures import make_template_environment
 from flightmech.terms import power_factor
 
 MANIFEST = "manifest.json"
-MODELS = ("datcom", "corrected", "final")
 FLOWN, STATES = "check_cases/flown", "check_cases/states.csv"
-# [m] to which tables replace formulas of the ground effect, in formats that take tables only
+# Greatest height of the tables that replace formulas of the ground effect. [m]
 _HIGHEST = 1000.0
-_STATES = 200  # check cases of the database
-_INSIDE = "data_package"  # folder in a zip
-_EPOCH = (1980, 1, 1, 0, 0, 0)  # of every file in a zip: the same bytes when made again
+# Number of check cases of the database.
+_STATES = 200
+# Folder in a zip.
+_FOLDER = "data_package"
+# Time stamp of every file in a zip, so that a repetition gives the same bytes.
+_EPOCH = (1980, 1, 1, 0, 0, 0)
 
 Step = Callable[[str], AbstractContextManager[None]]
 
 
 @dataclass(frozen=True)
 class PackageOptions:
-    """What the customer gets besides models, database and report.
+    """Options of a data package.
 
     Attributes
     ----------
     recordings : bool
-        The recordings themselves; without it their SHA-256 only.
+        Whether the package has the recordings, or only their SHA-256.
     licence : Path or None
-        Text of the licence; without it the package states that none is given.
+        Text of the licence. Without it the package states that no licence is given.
     revision : str
-        Of the package.
+        Revision of the package.
     """
 
     recordings: bool = False
@@ -81,75 +83,73 @@ def write_package(
     match : Path
         Folder of `aeromatch match`: databases, aircraft, FMUs, report.
     target : Path
-        Folder to write, or a file ``.zip``; written completely or not at all, the same bytes when
-        made again.
-    wishes : Wishes
+        Folder to write, or a file ``.zip``. It is written completely or not at all. A repetition
+        gives the same bytes.
+    wishes : PackageOptions
     step : callable
         ``with step("text"):`` surrounds every step.
 
     Returns
     -------
     dict of str to str
-        What is not in it and why, by file.
+        Reason for each file that the package lacks.
 
     Raises
     ------
     SchemaError
-        The folder is not that of a finished match.
+        The folder is not the output of a complete match.
     """
-    wanted = [match / f"final.{kind}" for kind in ("nc", "toml", "fmu")] + [
-        match / REPORT / "manifest.json"
-    ]
-    if missing := [str(file.relative_to(match)) for file in wanted if not file.is_file()]:
-        raise SchemaError(
-            str(match),
-            [f"no {name}; give the folder that `aeromatch match` wrote" for name in missing],
-        )
+    problems = []
+    for name in ("final.nc", "final.toml", "final.fmu", f"{REPORT}/manifest.json"):
+        if not (match / name).is_file():
+            problems.append(f"no {name}; give the folder that `aeromatch match` wrote")
+    if problems:
+        raise SchemaError(str(match), problems)
     if target.suffix.lower() != ".zip":
         with folder_written_atomically(target, lambda name: True) as new:
-            return _fill(new, project, match, wishes, step)
+            return _fill(new, project, match, wishes=wishes, step=step)
     with written_atomically(target) as part:
         folder = part.with_name(part.name + ".d")
         try:
             folder.mkdir()
-            found = _fill(folder, project, match, wishes, step)
+            refused = _fill(folder, project, match, wishes=wishes, step=step)
             with step("pack"):
                 _pack(folder, part)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
-    return found
+    return refused
 
 
 def _fill(
     folder: Path, project: Project, match: Path, wishes: PackageOptions, step: Step
 ) -> dict[str, str]:
-    database, aircraft = (
-        aerodb.open(match / "final.nc"),
-        flightmech.read_aircraft(match / "final.toml"),
-    )
+    """Write the content of a package into a folder."""
+    database = aerodb.open(match / "final.nc")
+    aircraft = flightmech.read_aircraft(match / "final.toml")
     archive = pom.read_archive(match / REPORT)
     with step("copy models, aircraft, cases and report"):
-        _copy(folder, project, match, wishes)
+        _copy_files(folder, project, match, wishes)
     with step("write the database in every format"):
-        refused = _database(folder / "database", database, aircraft)
+        refused = _export_database(folder / "database", database, aircraft)
     with step("write the check cases"):
-        export_checkcases(database, _made(folder / STATES), _STATES)
+        export_checkcases(database, _make_parent(folder / STATES), _STATES)
         (folder / FLOWN).mkdir(parents=True)
         flown = write_flown_checks(
             database, aircraft, conditions_of(archive.results), folder / FLOWN
         )
     if not flown:
         refused[FLOWN] = "no case starts from a trimmed flight in the air"
-    _write(folder / "roadmap.csv", format_roadmap(archive.results))
-    _write(folder / "recordings.csv", _recordings(project, archive.results))
-    about = {
+    _write_text(folder / "roadmap.csv", format_roadmap(archive.results))
+    _write_text(folder / "recordings.csv", _recordings_text(project, archive.results))
+    results = []
+    for result in archive.results:
+        statuses = [(run, result.status(run)) for run in result.runs]
+        results.append((result.case.id, result.case.title, statuses))
+    facts = {
         "title": project.title,
         "revision": wishes.revision,
         "version": version("aeromatch"),
-        "results": [
-            (r.case.id, r.case.title, [(run, r.status(run)) for run in r.runs])
-            for r in archive.results
-        ],
+        "results": results,
         "refused": refused,
         "flown": [file.name for file in flown],
         "recordings": wishes.recordings,
@@ -157,38 +157,45 @@ def _fill(
         "licence": wishes.licence is not None,
     }
     pages = make_template_environment(PackageLoader("aeromatch.delivery", "."))
-    _write(folder / "README.md", pages.get_template("README.md.j2").render(about))
-    licence = (
-        wishes.licence.read_text(encoding="utf-8")
-        if wishes.licence
-        else pages.get_template("LICENCE.md.j2").render(about)
-    )
-    _write(folder / "LICENCE.md", licence)
-    _write(folder / MANIFEST, manifest_text(folder, about | {"results": None}))
+    _write_text(folder / "README.md", pages.get_template("README.md.j2").render(facts))
+    if wishes.licence:
+        licence = wishes.licence.read_text(encoding="utf-8")
+    else:
+        licence = pages.get_template("LICENCE.md.j2").render(facts)
+    _write_text(folder / "LICENCE.md", licence)
+    # The manifest is last, because it has the hashes of all other files.
+    _write_text(folder / MANIFEST, manifest_text(folder, facts))
     return refused
 
 
-def _copy(folder: Path, project: Project, match: Path, wishes: PackageOptions) -> None:
-    for name in MODELS:
+def _copy_files(folder: Path, project: Project, match: Path, wishes: PackageOptions) -> None:
+    """Copy models, aircraft, databases, cases, report, and the recordings if requested."""
+    folders = {".fmu": "models", ".toml": "aircraft", ".nc": "aircraft"}
+    for name in OWN_MODELS:
         for file in sorted(match.glob(f"{name}*")):
-            kind = {
-                ".fmu": "models",
-                ".toml": "aircraft",
-                ".nc": "database" if file.stem == name else "aircraft",
-            }.get(file.suffix)
-            if kind:
-                shutil.copyfile(file, _made(folder / kind / file.name))
+            if file.name == f"{name}.nc":
+                _copy_file(file, folder / "database" / file.name)
+            elif file.suffix in folders:
+                # Further netCDF files are tables of the aircraft, such as engine decks.
+                _copy_file(file, folder / folders[file.suffix] / file.name)
     for file in project.cases:
-        shutil.copyfile(file, _made(folder / "cases" / file.name))
+        _copy_file(file, folder / "cases" / file.name)
     for file in sorted(item for item in (match / REPORT).rglob("*") if item.is_file()):
-        shutil.copyfile(file, _made(folder / "report" / file.relative_to(match / REPORT)))
+        _copy_file(file, folder / "report" / file.relative_to(match / REPORT))
     if wishes.recordings:
         for file in project.flights.values():
-            shutil.copyfile(file, _made(folder / "recordings" / file.name))
+            _copy_file(file, folder / "recordings" / file.name)
 
 
-def _database(folder: Path, database: xr.DataTree, aircraft: Aircraft) -> dict[str, str]:
-    """Write the final database in the formats of other programs, and return why some are not there."""
+def _copy_file(source: Path, target: Path) -> None:
+    shutil.copyfile(source, _make_parent(target))
+
+
+def _export_database(folder: Path, database: xr.DataTree, aircraft: Aircraft) -> dict[str, str]:
+    """Write the final database in the formats of other programs.
+
+    Return the reason for each format that cannot represent it.
+    """
     tables = _with_height_tables(database)
     writers: dict[str, Callable[[Path], None]] = {
         "final.mat": lambda path: export_matlab(database, path),
@@ -199,33 +206,32 @@ def _database(folder: Path, database: xr.DataTree, aircraft: Aircraft) -> dict[s
     refused = {}
     for name, write in writers.items():
         try:
-            write(_made(folder / name))
-        except (
-            AeromatchError
-        ) as error:  # one format cannot hold this database: the package states it
+            write(_make_parent(folder / name))
+        except AeromatchError as error:
+            # The README of the package states the reason.
             refused[f"database/{name}"] = "; ".join(getattr(error, "problems", ()) or [str(error)])
     return refused
 
 
 def _with_height_tables(database: xr.DataTree) -> xr.DataTree:
-    leaves = aerodb.terms(database)
-    closed = [
-        name
-        for name, leaf in leaves.items()
-        if (factor := power_factor(leaf)) is not None and lookup(factor.variable).units == "m"
-    ]
-    return aerodb.replace_terms(
-        database,
-        {name: with_height_table(leaves[name], _HIGHEST) for name in closed},
-        "tables for formulas over the height",
-    )
+    """Return the database with tables in place of the formulas k h^s of the ground effect."""
+    tables = {}
+    for name, leaf in aerodb.terms(database).items():
+        factor = power_factor(leaf)
+        if factor is not None and lookup(factor.variable).units == "m":
+            tables[name] = with_height_table(leaf, _HIGHEST)
+    return aerodb.replace_terms(database, tables, "tables for formulas over the height")
 
 
 def format_roadmap(results: Sequence[Any]) -> str:
-    """Return the validation data roadmap as CSV: row of the standard, record that proves it,
-    configuration, verdicts.
+    """Return the validation data roadmap as CSV.
+
+    A line has the row of the standard, the record that proves it, the configuration, and the
+    verdicts.
     """
-    runs = list(dict.fromkeys(run for result in results for run in result.runs))
+    runs: dict[str, None] = {}
+    for result in results:
+        runs |= dict.fromkeys(result.runs)
     target = io.StringIO()
     rows = csv.writer(target, lineterminator="\n")
     columns = (
@@ -242,100 +248,87 @@ def format_roadmap(results: Sequence[Any]) -> str:
         "h [m]",
         "V [m/s]",
     )
-    rows.writerow(
-        [*columns, *(f"{run}: verdict" for run in runs), *(f"{run}: worst ratio" for run in runs)]
-    )
+    verdicts = [f"{run}: verdict" for run in runs]
+    ratios = [f"{run}: worst ratio" for run in runs]
+    rows.writerow([*columns, *verdicts, *ratios])
     for result in results:
-        case, at = result.case, dict(result.conditions)
-        worst = {run: result.worst(run) for run in result.runs}
-        rows.writerow(
-            [
-                *(
-                    case.id,
-                    case.title,
-                    case.standard,
-                    case.edition,
-                    case.name,
-                    Path(case.record).name,
-                    *(f"{t:g}" for t in case.window),
-                ),
-                f"flaps {at.get('delta_f', 0.0) * 57.29577951308232:.1f} deg; gear "
-                f"{'down' if at.get('gear', 0.0) > 0.5 else 'up'}",
-                *(f"{at[name]:.1f}" if name in at else "" for name in ("mass", "h", "V")),
-                *(result.status(run) if run in result.runs else "" for run in runs),
-                *(
-                    f"{found['worst_ratio']:.3f}" if (found := worst.get(run)) else ""
-                    for run in runs
-                ),
-            ]
-        )
+        rows.writerow([*_case_cells(result), *_verdict_cells(result, runs)])
     return target.getvalue()
 
 
-def _recordings(project: Project, results: Sequence[Any]) -> str:
-    proved = {Path(result.case.record).stem: result.case.name for result in results}
+def _case_cells(result: Any) -> list[str]:
+    """Return the cells of a case in the roadmap: its row, record, window and condition."""
+    case, condition = result.case, dict(result.conditions)
+    cells = [case.id, case.title, case.standard, case.edition, case.name, Path(case.record).name]
+    cells += [f"{time:g}" for time in case.window]
+    gear = "down" if condition.get("gear", 0.0) > 0.5 else "up"
+    flaps = condition.get("delta_f", 0.0) * 57.29577951308232
+    cells.append(f"flaps {flaps:.1f} deg; gear {gear}")
+    for name in ("mass", "h", "V"):
+        cells.append(f"{condition[name]:.1f}" if name in condition else "")
+    return cells
+
+
+def _verdict_cells(result: Any, runs: Iterable[str]) -> list[str]:
+    """Return the verdicts of all runs, then their worst ratios; empty where there is none."""
+    verdicts, ratios = [], []
+    for run in runs:
+        verdict, worst = "", None
+        if run in result.runs:
+            verdict, worst = result.status(run), result.worst(run)
+        verdicts.append(verdict)
+        ratios.append(f"{worst['worst_ratio']:.3f}" if worst else "")
+    return verdicts + ratios
+
+
+def _recordings_text(project: Project, results: Sequence[Any]) -> str:
+    """Return the list of the recordings as CSV, with the case that each proves."""
+    cases = {Path(result.case.record).stem: result.case.name for result in results}
     lines = ["file,sha256,proves"]
-    lines += [
-        f"{file.name},{file_sha256(file)},{proved.get(name, '')}"
-        for name, file in project.flights.items()
-    ]
+    for name, file in project.flights.items():
+        lines.append(f"{file.name},{file_sha256(file)},{cases.get(name, '')}")
     return "\n".join([*lines, ""])
 
 
 def list_fmu_platforms(fmu: Path) -> list[str]:
-    """Return the platforms that an FMU brings a library for."""
+    """Return the platforms for which an FMU has a library."""
+    platforms = set()
     with zipfile.ZipFile(fmu) as content:
-        return sorted(
-            {
-                name.split("/")[1]
-                for name in content.namelist()
-                if name.startswith("binaries/") and name.count("/") > 1
-            }
-        )
+        for name in content.namelist():
+            # FMI 2 and 3: binaries/PLATFORM/LIBRARY
+            if name.startswith("binaries/") and name.count("/") > 1:
+                platforms.add(name.split("/")[1])
+    return sorted(platforms)
 
 
 def manifest_text(folder: Path, about: dict[str, Any]) -> str:
-    """Return the manifest of a folder: every file with its SHA-256, but for the manifest itself."""
-    files = {
-        file.relative_to(folder).as_posix(): file_sha256(file)
-        for file in sorted(folder.rglob("*"))
-        if file.is_file()
-    }
-    files.pop(MANIFEST, None)
-    head = {
-        key: item
-        for key, item in about.items()
-        if key in ("title", "revision", "version", "refused", "platforms")
-    }
-    return (
-        json.dumps(
-            {"content": "aeromatch data package, format 1", **head, "files": files},
-            indent=1,
-            sort_keys=True,
-            ensure_ascii=False,
-        )
-        + "\n"
-    )
-
-
-def file_sha256(file: Path) -> str:
-    """Return the SHA-256 of a file."""
-    with file.open("rb") as content:
-        return hashlib.file_digest(content, "sha256").hexdigest()
+    """Return the manifest of a folder: the SHA-256 of every file except the manifest itself."""
+    files: dict[str, str] = {}
+    for file in sorted(folder.rglob("*")):
+        name = file.relative_to(folder).as_posix()
+        if file.is_file() and name != MANIFEST:
+            files[name] = file_sha256(file)
+    keys = ("title", "revision", "version", "refused", "platforms")
+    content = {"content": "aeromatch data package, format 1", "files": files}
+    content |= {key: about[key] for key in keys if key in about}
+    return json.dumps(content, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
 
 
 def _pack(folder: Path, target: Path) -> None:
+    """Write a folder into a zip with fixed order, time stamps and permissions."""
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as content:
         for file in sorted(item for item in folder.rglob("*") if item.is_file()):
-            entry = zipfile.ZipInfo(f"{_INSIDE}/{file.relative_to(folder).as_posix()}", _EPOCH)
-            entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
+            entry = zipfile.ZipInfo(f"{_FOLDER}/{file.relative_to(folder).as_posix()}", _EPOCH)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            # rw-r--r-- in the Unix part of the attributes
+            entry.external_attr = 0o644 << 16
             content.writestr(entry, file.read_bytes())
 
 
-def _made(path: Path) -> Path:
+def _make_parent(path: Path) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     return path
 
 
-def _write(path: Path, text: str) -> None:
-    _made(path).write_text(text, encoding="utf-8", newline="\n")
+def _write_text(path: Path, text: str) -> None:
+    _make_parent(path).write_text(text, encoding="utf-8", newline="\n")

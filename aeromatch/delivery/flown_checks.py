@@ -1,9 +1,9 @@
-"""Check cases that any simulator can fly: initial condition, inputs and expected outputs over time,
-with tolerances, as CSV.
+"""Check cases for any simulator: initial condition, inputs and expected outputs over time, with
+tolerances, as CSV.
 
 The aircraft is trimmed at conditions of the validation flights, then each control makes a doublet.
-Inputs are stated as they act (surface positions, thrust of every engine), so that nothing has to be
-trimmed; the first row of the outputs is the initial condition.
+Inputs are surface positions and the thrust of every engine, so that a simulator needs no trim. The
+first row of the outputs is the initial condition.
 """
 
 from __future__ import annotations
@@ -57,19 +57,22 @@ _MASS = ("mass", "x_cg_b", "y_cg_b", "z_cg_b")
 _AIR = ("delta_T", "qnh")
 _DEFAULT = {"qnh": P_SEA}
 _INERTIA = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+# Thrust as an input, no trim, WGS-84, surface positions as inputs.
 _MODES = {
     "mode.engine": 2.0,
     "mode.trim": 0.0,
     "mode.earth": 1.0,
     "mode.controls": 0.0,
-}  # thrust given, no trim, WGS-84, surfaces given
+}
+# Duration [s], samples per second, and deflection of the doublet [rad].
 DURATION, RATE, SIZE = 12.0, 50.0, np.radians(2.0)
-TRIMMED = 1e-3  # [m s-2, rad s-2] acceleration that a trim may leave
-_STEP = 0.01  # [s]
-_MARGIN, _LEAST = (
-    10.0,
-    1e-4,
-)  # tolerance: that many times the effect of half the step, or that part of the excursion,
+# Greatest residual acceleration of a trim. [m s-2, rad s-2]
+TRIMMED = 1e-3
+# Step of the integration. [s]
+_STEP = 0.01
+# The tolerance is the greatest of: this multiple of the effect of half the step, this fraction of
+# the excursion, and the resolution of instruments.
+_MARGIN, _LEAST = 10.0, 1e-4
 _FLOOR = {
     "rad": 1e-6,
     "rad s-1": 1e-6,
@@ -78,37 +81,47 @@ _FLOOR = {
     "m s-2": 1e-4,
     "Pa": 1e-2,
     "1": 1e-6,
-}  # or this: what no instrument resolves
-_PLACE = 1e-9  # [rad] of latitude and longitude, 6 mm
+}
+# The same for latitude and longitude, 6 mm. [rad]
+_POSITION_FLOOR = 1e-9
+_LARGEST_ENGINE = 8
 
 
 def conditions_of(results: Sequence[PomResult], most: int = 4) -> dict[str, dict[str, float]]:
-    """Return the conditions of validation flights in the air, one for each setting of flaps and
-    gear, by the name of the case.
+    """Return conditions of validation flights in the air, by the name of the case.
+
+    There is one condition for each setting of flaps and gear.
 
     Parameters
     ----------
     results : sequence of PomResult
     most : int
-        Settings that are taken.
+        Greatest number of settings.
     """
-    found: dict[tuple[float, float], tuple[str, dict[str, float]]] = {}
+    by_setting: dict[tuple[float, float], tuple[str, dict[str, float]]] = {}
     for result in results:
-        have = dict(result.conditions)
-        if result.case.drive.trim is not True or not {"V", "h", "mass"} <= have.keys():
+        condition = dict(result.conditions)
+        if result.case.drive.trim is not True or not {"V", "h", "mass"} <= condition.keys():
             continue
-        setting = (round(have.get("delta_f", 0.0), 1), round(have.get("gear", 0.0)))
-        found.setdefault(setting, (result.case.name, have))
-    return dict(list(found.values())[:most])
+        setting = (round(condition.get("delta_f", 0.0), 1), round(condition.get("gear", 0.0)))
+        by_setting.setdefault(setting, (result.case.name, condition))
+    return dict(list(by_setting.values())[:most])
 
 
 def write_flown_checks(
     db: xr.DataTree, aircraft: Aircraft, conditions: Mapping[str, Mapping[str, float]], folder: Path
 ) -> list[Path]:
-    """Fly and write the check cases of a model: a doublet of each control at each condition, as
-    ``CASE_CONTROL.csv``.
+    """Simulate and write the check cases of a model, as ``CASE_CONTROL.csv``.
 
-    A condition at which the model cannot be trimmed is left out.
+    There is a doublet of each control at each condition. A condition without a trim is left out.
+
+    Parameters
+    ----------
+    db : DataTree
+    aircraft : Aircraft
+    conditions : mapping of str to mapping
+        From `conditions_of`.
+    folder : Path
 
     Returns
     -------
@@ -116,112 +129,113 @@ def write_flown_checks(
         The files.
     """
     sim = flightmech.compile(aircraft, db)
+    inertia = {key: float(getattr(aircraft, key)) for key in _INERTIA}
     files = []
-    for name, at in conditions.items():
+    for name, condition in conditions.items():
+        facts = _facts_of(condition) | inertia
         for control in CONTROLS:
-            case = _flown(sim, at, control)
+            case = _simulate_doublet(sim, condition, control)
             if case is None:
                 break
             file = folder / f"{name}_{control}.csv"
             title = f"{aircraft.name}: doublet of {control} at the condition of {name}"
-            inertia = {key: float(getattr(aircraft, key)) for key in _INERTIA}
-            _write(
-                file,
-                title,
-                case,
-                sim,
-                {
-                    **{key: float(at.get(key, _DEFAULT.get(key, 0.0))) for key in (*_MASS, *_AIR)},
-                    **inertia,
-                },
-            )
+            _write_case(file, title, case=case, sim=sim, facts=facts)
             files.append(file)
     return files
 
 
-def _flown(sim: Any, at: Mapping[str, float], control: str) -> xr.Dataset | None:
-    """Return inputs and outputs of a doublet from a trimmed flight, or nothing where there is no
-    trim.
-    """
+def _facts_of(condition: Mapping[str, float]) -> dict[str, float]:
+    """Return mass, centre of gravity and air of a condition, with defaults."""
+    facts = {}
+    for name in (*_MASS, *_AIR):
+        facts[name] = float(condition.get(name, _DEFAULT.get(name, 0.0)))
+    return facts
+
+
+def _simulate_doublet(sim: Any, condition: Mapping[str, float], control: str) -> xr.Dataset | None:
+    """Return inputs and outputs of a doublet from a trimmed flight, or None without a trim."""
     time = np.round(np.arange(0.0, DURATION + 0.5 / RATE, 1.0 / RATE), 9)
-    given = {name: at.get(name, _DEFAULT.get(name, 0.0)) for name in (*_MASS, *_AIR)}
-    parameters = (
-        {f"init.{name}": at[name] for name in ("V", "h", "psi", "lat") if name in at}
-        | _stated(given)
-        | _MODES
-    )
+    start = ("V", "h", "psi", "lat")
+    parameters = {f"init.{name}": condition[name] for name in start if name in condition}
+    parameters |= _to_parameters(_facts_of(condition)) | _MODES
+    # One second of rest, then about one second to each side, with ramps of 0.1 and 0.2 s.
     pulse = SIZE * np.interp(
         time, [0.0, 1.0, 1.1, 2.0, 2.2, 3.1, 3.2], [0.0, 0.0, -1.0, -1.0, 1.0, 1.0, 0.0]
     )
-    inputs = xr.Dataset(
-        {control: ("time", pulse), **{name: at.get(name, 0.0) for name in HELD}}, {"time": time}
-    )
+    fixed = {name: condition.get(name, 0.0) for name in HELD}
+    inputs = xr.Dataset({control: ("time", pulse), **fixed}, {"time": time})
     try:
-        found = flightmech.simulate(
+        response = flightmech.simulate(
             sim, inputs, {**parameters, "mode.trim": 1.0}, hold="zero", step=_STEP
         )
     except SimulationError:
         return None
-    left = max(
-        abs(float(found[f"trim.{name}"][0]))
-        for name in ("u_dot", "v_dot", "w_dot", "p_dot", "q_dot", "r_dot")
-    )
-    if not left < TRIMMED or found.attrs.get("out_of_range"):
+    accelerations = ("u_dot", "v_dot", "w_dot", "p_dot", "q_dot", "r_dot")
+    residual = max(abs(float(response[f"trim.{name}"][0])) for name in accelerations)
+    # `not <` is also true for NaN.
+    if not residual < TRIMMED or response.attrs.get("out_of_range"):
         return None
-    acting = {
-        name: float(found[f"applied.{name}"][0])
-        + (pulse if name == control else np.zeros_like(time))
-        for name in CONTROLS
-    }
-    acting |= {name: np.full_like(time, at.get(name, 0.0)) for name in HELD}
-    acting |= {
-        f"engine{i}.thrust_drive": np.full_like(time, found[f"engine{i}.thrust"][0])
-        for i in _engines(sim)
-    }
-    return xr.Dataset(
-        {
-            name: ("time", values)
-            for name, values in (acting | {one: found[one].values for one in OUTPUTS}).items()
-        },
-        {"time": time},
-    )
+    columns: dict[str, np.ndarray] = {}
+    for name in CONTROLS:
+        motion = pulse if name == control else np.zeros_like(time)
+        columns[name] = float(response[f"applied.{name}"][0]) + motion
+    for name, position in fixed.items():
+        columns[name] = np.full_like(time, position)
+    for i in _engine_numbers(sim):
+        columns[f"engine{i}.thrust_drive"] = np.full_like(time, response[f"engine{i}.thrust"][0])
+    for name in OUTPUTS:
+        columns[name] = response[name].values
+    return xr.Dataset({name: ("time", values) for name, values in columns.items()}, {"time": time})
 
 
-def _engines(sim: Any) -> list[int]:
-    return [i for i in range(1, 9) if f"engine{i}.thrust_drive" in sim.inputs]
+def _engine_numbers(sim: Any) -> list[int]:
+    numbers = range(1, _LARGEST_ENGINE + 1)
+    return [i for i in numbers if f"engine{i}.thrust_drive" in sim.inputs]
 
 
-def _stated(facts: Mapping[str, float]) -> dict[str, float]:
-    return {
-        f"{'mass' if name in _MASS else 'env'}.{name}": float(value)
-        for name, value in facts.items()
-    }
+def _to_parameters(facts: Mapping[str, float]) -> dict[str, float]:
+    """Return mass, centre of gravity and air as parameters of a model."""
+    parameters = {}
+    for name, value in facts.items():
+        group = "mass" if name in _MASS else "env"
+        parameters[f"{group}.{name}"] = float(value)
+    return parameters
 
 
-def _job(case: xr.Dataset, facts: Mapping[str, float]) -> tuple[xr.Dataset, dict[str, float]]:
-    """Return inputs and parameters with which a case is flown again, from what stands in its file."""
+def _inputs_and_parameters(
+    case: xr.Dataset, facts: Mapping[str, float]
+) -> tuple[xr.Dataset, dict[str, float]]:
+    """Return the inputs and parameters that repeat a case, from the content of its file."""
     inputs = case[[str(name) for name in case.data_vars if name not in OUTPUTS]]
-    start = {f"init.{name}": float(case[name][0]) for name in _INITIAL}
-    return inputs, start | _stated({name: facts[name] for name in (*_MASS, *_AIR)}) | _MODES
+    parameters = {f"init.{name}": float(case[name][0]) for name in _INITIAL}
+    parameters |= _to_parameters({name: facts[name] for name in (*_MASS, *_AIR)})
+    return inputs, parameters | _MODES
 
 
-def _write(file: Path, title: str, case: xr.Dataset, sim: Any, facts: Mapping[str, float]) -> None:
-    inputs, parameters = _job(case, facts)
+def _tolerances(
+    case: xr.Dataset, sim: Any, inputs: xr.Dataset, parameters: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the tolerance of each output from a repetition with half the step. [SI]"""
     fine = flightmech.simulate(
         sim, inputs, {**parameters, "mode.step": 0.5 * _STEP}, hold="zero", outputs=OUTPUTS
     )
-    tolerance = {}
+    tolerances = {}
     for name in OUTPUTS:
         values = case[name].values
-        effect, excursion = (
-            np.abs(fine[name].values - values).max(),
-            np.abs(values - values[0]).max(),
-        )
-        tolerance[name] = max(
-            _MARGIN * effect,
-            _LEAST * excursion,
-            _PLACE if name in ("lat", "lon") else _FLOOR[lookup(name).units],
-        )
+        effect = np.abs(fine[name].values - values).max()
+        excursion = np.abs(values - values[0]).max()
+        floor = _FLOOR[lookup(name).units]
+        if name in ("lat", "lon"):
+            floor = _POSITION_FLOOR
+        tolerances[name] = max(_MARGIN * effect, _LEAST * excursion, floor)
+    return tolerances
+
+
+def _write_case(
+    file: Path, title: str, case: xr.Dataset, sim: Any, facts: Mapping[str, float]
+) -> None:
+    inputs, parameters = _inputs_and_parameters(case, facts)
+    tolerances = _tolerances(case, sim, inputs, parameters)
     head: dict[str, str | float] = {
         "case": title,
         **facts,
@@ -230,65 +244,68 @@ def _write(file: Path, title: str, case: xr.Dataset, sim: Any, facts: Mapping[st
         "start": "the first row of the outputs; nothing is trimmed",
         "inputs": " ".join(str(name) for name in inputs.data_vars)
         + ", each held from its row to the next",
-        "tolerance": " ".join(f"{name}={value:.3g}" for name, value in tolerance.items()),
+        "tolerance": " ".join(f"{name}={value:.3g}" for name, value in tolerances.items()),
         "tolerance_rule": f"{_MARGIN:g} times the effect of half the step of {_STEP:g} s, "
         f"{_LEAST:g} of the excursion, or what no "
         "instrument resolves, the greatest",
     }
     names = [str(name) for name in case.data_vars]
     header = ["time [s]", *(f"{name} [{_units(name)}]" for name in names)]
-    rows = [
-        [repr(value) for value in row]
-        for row in np.column_stack(
-            [case["time"].values, *(case[name].values for name in names)]
-        ).tolist()
-    ]
+    columns = [case["time"].values, *(case[name].values for name in names)]
+    rows = [list(map(repr, row)) for row in np.column_stack(columns).tolist()]
     write_text(file, written_csv(FORMAT, head, header, rows))
 
 
 def _units(name: str) -> str:
-    return "N" if name.endswith("thrust_drive") else lookup(name).units
+    # The thrust is an input of the check cases and not a canonical name.
+    if name.endswith("thrust_drive"):
+        return "N"
+    return lookup(name).units
 
 
 def compare_outputs(
     case: xr.Dataset, found: Mapping[str, np.ndarray], tolerance: Mapping[str, float]
 ) -> tuple[float, str]:
-    """Return the largest difference over its tolerance, and the output where it is; infinite for an
-    output that is not there.
+    """Return the largest ratio of a difference to its tolerance, and the output of this ratio.
+
+    The ratio of an absent output is infinite.
     """
-    ratios = {
-        name: float(np.abs(np.asarray(found[name]) - case[name].values).max() / limit)
-        if name in found
-        else np.inf
-        for name, limit in tolerance.items()
-    }
-    worst = max(ratios, key=lambda name: ratios[name] if np.isfinite(ratios[name]) else np.inf)
+    ratios: dict[str, float] = {}
+    # NaN counts as the largest ratio.
+    ranks: dict[str, float] = {}
+    for name, limit in tolerance.items():
+        ratios[name] = np.inf
+        if name in found:
+            difference = np.abs(np.asarray(found[name]) - case[name].values).max()
+            ratios[name] = float(difference / limit)
+        ranks[name] = ratios[name] if np.isfinite(ratios[name]) else np.inf
+    worst = max(ranks, key=lambda name: ranks[name])
     return ratios[worst], worst
 
 
 def fly_by_kernel(sim: Any, case: xr.Dataset, facts: Mapping[str, float]) -> dict[str, np.ndarray]:
-    """Return the outputs of a check case flown by the kernel, from what stands in its file."""
-    inputs, parameters = _job(case, facts)
-    found = flightmech.simulate(sim, inputs, parameters, hold="zero", step=_STEP, outputs=OUTPUTS)
-    return {name: found[name].values for name in OUTPUTS}
+    """Return the outputs of a check case, simulated by the kernel from the content of its file."""
+    inputs, parameters = _inputs_and_parameters(case, facts)
+    response = flightmech.simulate(
+        sim, inputs, parameters, hold="zero", step=_STEP, outputs=OUTPUTS
+    )
+    return {name: response[name].values for name in OUTPUTS}
 
 
 def fly_by_fmu(fmu: Path, case: xr.Dataset, facts: Mapping[str, float]) -> dict[str, np.ndarray]:
-    """Return the outputs of a check case flown by an FMU through FMPy, an importer that knows
-    nothing of this package.
-    """
+    """Return the outputs of a check case, simulated by an FMU in FMPy, an independent importer."""
     import fmpy
 
-    inputs, parameters = _job(case, facts)
+    inputs, parameters = _inputs_and_parameters(case, facts)
     time = case["time"].values
-    signals = np.zeros(
-        time.size, [("time", float), *((str(name), float) for name in inputs.data_vars)]
-    )
+    fields = [("time", float)] + [(str(name), float) for name in inputs.data_vars]
+    signals = np.zeros(time.size, fields)
     signals["time"] = time
     for name, item in inputs.data_vars.items():
         signals[str(name)] = item.values
-    with contextlib.redirect_stdout(io.StringIO()):  # a warning for every input that is not given
-        found = fmpy.simulate_fmu(
+    # FMPy prints a warning for every input without a signal.
+    with contextlib.redirect_stdout(io.StringIO()):
+        response = fmpy.simulate_fmu(
             str(fmu),
             stop_time=float(time[-1]),
             output_interval=1.0 / RATE,
@@ -296,41 +313,38 @@ def fly_by_fmu(fmu: Path, case: xr.Dataset, facts: Mapping[str, float]) -> dict[
             input=signals,
             output=list(OUTPUTS),
         )
-    return {name: np.asarray(found[name], float) for name in OUTPUTS}
+    return {name: np.asarray(response[name], float) for name in OUTPUTS}
 
 
 def read_flown_check(path: str | Path) -> tuple[xr.Dataset, dict[str, float], dict[str, float]]:
-    """Return a check case: inputs and outputs (time,), facts (mass, c.g., air), and tolerances by
-    output. [SI]
+    """Read a check case: inputs and outputs (time,), facts (mass, c.g., air), and tolerances. [SI]
 
     Raises
     ------
     ParseError
-        Not such a file.
+        The file is not a check case.
     SchemaError
-        Columns, facts or cells that cannot be read.
+        With all columns, facts and cells that cannot be read.
     """
     path = Path(path)
     table, problems = read_csv(path)
     if table.title != FORMAT:
         raise ParseError(str(path), 1, repr(table.title), f"'# {FORMAT}'")
     columns = {name: column_numbers(table, name, problems) for name in table.columns}
-    missing = [name for name in ("time", *OUTPUTS, *CONTROLS) if name not in columns]
-    problems += [f"no column {name}" for name in missing]
-    absent = [name for name in (*_MASS, *_AIR, "tolerance") if name not in table.facts]
-    problems += [f"no fact {name!r}" for name in absent]
+    for name in ("time", *OUTPUTS, *CONTROLS):
+        if name not in columns:
+            problems.append(f"no column {name}")
+    for name in (*_MASS, *_AIR, "tolerance"):
+        if name not in table.facts:
+            problems.append(f"no fact {name!r}")
     if problems:
         raise SchemaError(str(path), problems)
     time = columns.pop("time")
-    tolerance = {
-        name: float(value)
-        for name, _, value in (
-            part.partition("=") for part in str(table.facts["tolerance"]).split()
-        )
-    }
+    # NAME=VALUE NAME=VALUE ...
+    tolerances = {}
+    for part in str(table.facts["tolerance"]).split():
+        name, _, value = part.partition("=")
+        tolerances[name] = float(value)
     facts = {name: float(table.facts[name]) for name in (*_MASS, *_AIR)}
-    return (
-        xr.Dataset({name: ("time", values) for name, values in columns.items()}, {"time": time}),
-        facts,
-        tolerance,
-    )
+    variables = {name: ("time", values) for name, values in columns.items()}
+    return xr.Dataset(variables, {"time": time}), facts, tolerances

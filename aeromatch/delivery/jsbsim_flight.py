@@ -1,12 +1,12 @@
-"""A flown check case flown by JSBSim: another program, with its own equations of motion, Earth and
-atmosphere.
+"""Simulation of a flown check case by JSBSim, an independent program.
 
-JSBSim differs from the kernel in what is no fault of the model: it takes the damping from rates
-against the Earth and not against inertial space (7e-5 rad/s), inputs act one frame later, and load
-factor and lift of the step before.  So the two are compared by a twentieth of the bands of 14 CFR
-Part 60, Table A2A, below which no proof of match depends on the program.
+JSBSim has different equations of motion, Earth and atmosphere. Some differences from the kernel are
+not faults of the model. JSBSim computes the damping from rates against the Earth and not against
+inertial space (7e-5 rad/s). Inputs act one frame later, and load factor and lift are those of the
+previous step. The tolerance is therefore a twentieth of the bands of 14 CFR Part 60, Table A2A. No
+proof of match depends on a smaller difference.
 
-JSBSim ends the whole process when it does not like a file; it is run in one of its own.
+JSBSim ends the whole process if it cannot read a file, so it runs in a separate process.
 """
 
 from __future__ import annotations
@@ -42,10 +42,16 @@ BANDS = {
     "r": 2.0 * DEGREE,
     "nz": 0.1,
 }
-"""Bands of Table A2A: tests 2.c.1 (V, h, theta), 2.c.10 (q, nz), 2.d.2 (p), 2.d.6 (r), 2.d.8 (phi, beta); psi as phi, alpha as theta."""
-PART = 0.05  # of the bands
-_FRAMES = 40  # of JSBSim in an interval of the case
-_EARTH_RATE = 7.292115e-5  # [rad/s] WGS-84
+"""Bands of Table A2A: tests 2.c.1 (V, h, theta), 2.c.10 (q, nz), 2.d.2 (p), 2.d.6 (r), 2.d.8 (phi,
+beta); psi as phi, alpha as theta.
+"""
+PART = 0.05
+"""Tolerance as a fraction of the bands."""
+# Frames of JSBSim in an interval of the case.
+_FRAMES = 40
+# Rotation of the Earth, WGS-84. [rad/s]
+_EARTH_RATE = 7.292115e-5
+# Property of JSBSim of each output, and its unit in SI.
 _OUTPUTS = {
     "V": ("velocities/vt-fps", FOOT),
     "h": ("position/geod-alt-ft", FOOT),
@@ -62,73 +68,77 @@ _OUTPUTS = {
 
 
 def jsbsim_installed() -> bool:
-    """Return whether the Python package of JSBSim is there."""
+    """Return whether the Python package of JSBSim is installed."""
     return importlib.util.find_spec("jsbsim") is not None
 
 
 def fly_by_jsbsim(
     model: Path, case: xr.Dataset, facts: Mapping[str, float]
 ) -> dict[str, np.ndarray]:
-    """Return outputs of a check case flown by JSBSim, those of `BANDS`. [SI]
+    """Return the outputs of `BANDS` of a check case, simulated by JSBSim. [SI]
 
     Parameters
     ----------
     model : Path
-        What `aerodb.exchange.export_jsbsim` wrote.
+        File of `aerodb.exchange.export_jsbsim`.
     case, facts
-        Of `read_flown_check`.
+        From `read_flown_check`.
 
     Raises
     ------
     SimulationError
-        JSBSim does not load the file, or its run ends early, with its words.
+        JSBSim does not load the file, or its run ends early; with its message.
     """
     tree = ET.parse(model)
     root = tree.getroot()
-    _load(root, facts)
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place)
+    _set_mass_and_thrust(root, facts)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
         (folder / "model").mkdir()
         tree.write(folder / "model" / "model.xml")
         time = case["time"].values
+        start = _initial_condition(case, facts)
         signals = dict(_commands(root, case))
         np.savez(
             folder / "job.npz",
             dt=(time[1] - time[0]) / _FRAMES,
-            start_names=np.array([*(start := _start(case, facts))]),
+            start_names=np.array([*start]),
             start=np.array([*start.values()]),
             names=np.array([*signals]),
             signals=np.column_stack([*signals.values()]),
             outputs=np.array([name for name, _ in _OUTPUTS.values()]),
         )
-        ended = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-m", __name__, str(folder)],
             capture_output=True,
             text=True,
             errors="replace",
         )
-        if ended.returncode:
-            words = " ".join((ended.stderr.strip() or ended.stdout.strip()).splitlines()[-3:])
+        if process.returncode:
+            output = process.stderr.strip() or process.stdout.strip()
+            # The last lines have the error.
+            message = " ".join(output.splitlines()[-3:])
+            message = message or f"it ended with code {process.returncode}"
             raise SimulationError(
-                f"JSBSim flies no check case with {model.name}: "
-                f"{words or f'it ended with code {ended.returncode}'}"
+                f"JSBSim simulates no check case with {model.name}: {message}. Export the model "
+                f"again, and check it with JSBSim alone."
             )
         rows = np.load(folder / "flown.npy")
-    found = {
-        name: rows[:, column] * factor
-        for column, (name, (_, factor)) in enumerate(_OUTPUTS.items())
-    }
-    for angle in ("phi", "psi"):  # JSBSim gives the heading from 0 to 2 pi
-        found[angle] = (
-            case[angle].values + (found[angle] - case[angle].values + np.pi) % (2.0 * np.pi) - np.pi
-        )
-    return found
+    outputs = {}
+    for column, (name, (_, factor)) in enumerate(_OUTPUTS.items()):
+        outputs[name] = rows[:, column] * factor
+    # JSBSim has headings from 0 to 2 pi. The nearest angle to that of the case is compared.
+    for angle in ("phi", "psi"):
+        expected = case[angle].values
+        outputs[angle] = expected + (outputs[angle] - expected + np.pi) % (2.0 * np.pi) - np.pi
+    return outputs
 
 
-def _load(root: ET.Element, facts: Mapping[str, float]) -> None:
-    """Give the model mass and centre of gravity of the case, and its thrusts to whoever flies."""
+def _set_mass_and_thrust(root: ET.Element, facts: Mapping[str, float]) -> None:
+    """Set mass and centre of gravity of the case, and make the thrust of each engine an input."""
     balance = _only(root, "mass_balance")
     _only(balance, "emptywt").text = repr(facts["mass"] / POUND)
+    # Structural axes of JSBSim point aft, right and up, in inches.
     for axis, sign in zip("xyz", (-1.0, 1.0, -1.0)):
         origin = float(_only(root, f"metrics/location[@name='AERORP']/{axis}").text or "nan")
         _only(balance, f"location/{axis}").text = repr(origin + sign * facts[f"{axis}_cg_b"] / INCH)
@@ -143,19 +153,22 @@ def _load(root: ET.Element, facts: Mapping[str, float]) -> None:
 
 
 def _only(parent: ET.Element, path: str) -> ET.Element:
-    found = parent.find(path)
-    if found is None:
-        raise SimulationError(f"the JSBSim model has no {path}; it is none that aeromatch exports")
-    return found
+    element = parent.find(path)
+    if element is None:
+        raise SimulationError(
+            f"the JSBSim model has no {path}; give a model that aeromatch exported"
+        )
+    return element
 
 
-def _start(case: xr.Dataset, facts: Mapping[str, float]) -> dict[str, float]:
-    """Return the initial condition in the properties of JSBSim, whose rates are against the Earth."""
+def _initial_condition(case: xr.Dataset, facts: Mapping[str, float]) -> dict[str, float]:
+    """Return the initial condition in the properties of JSBSim."""
     at = {str(name): float(item.values[0]) for name, item in case.data_vars.items()}
-    turn = _EARTH_RATE * np.array([np.cos(at["lat"]), 0.0, -np.sin(at["lat"])])
+    # Rates of JSBSim are against the Earth, whose rotation in north, east, down is subtracted.
+    earth = _EARTH_RATE * np.array([np.cos(at["lat"]), 0.0, -np.sin(at["lat"])])
     rates = (
         np.array([at["p"], at["q"], at["r"]])
-        - matrix_from_euler(at["phi"], at["theta"], at["psi"]) @ turn
+        - matrix_from_euler(at["phi"], at["theta"], at["psi"]) @ earth
     )
     return {
         "atmosphere/delta-T": facts["delta_T"] * 1.8,
@@ -172,12 +185,12 @@ def _start(case: xr.Dataset, facts: Mapping[str, float]) -> dict[str, float]:
 
 
 def _commands(root: ET.Element, case: xr.Dataset) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield the commands and thrusts that make the positions of the case, from the scaling that the
-    file states.
+    """Yield the commands and thrusts that give the positions of the case.
+
+    The file states the scaling from commands to positions.
     """
-    variables = {name: variable for variable, name in AXIS.items()} | {
-        "fcs/right-aileron-pos-rad": "delta_a"
-    }
+    variables = {name: variable for variable, name in AXIS.items()}
+    variables["fcs/right-aileron-pos-rad"] = "delta_a"
     for scale in root.iter("aerosurface_scale"):
         variable = variables.get(_only(scale, "output").text or "")
         if variable not in case:
@@ -186,21 +199,21 @@ def _commands(root: ET.Element, case: xr.Dataset) -> Iterator[tuple[str, np.ndar
         low, high = (float(_only(scale, f"range/{end}").text or "nan") for end in ("min", "max"))
         position = case[variable].values
         if scale.find("zero_centered") is not None:
-            part = (position - low) / (high - low)
+            fraction = (position - low) / (high - low)
         else:
-            part = np.where(position > 0.0, position / high, -position / low)
-        yield command.removeprefix("-"), -part if command.startswith("-") else part
+            fraction = np.where(position > 0.0, position / high, -position / low)
+        if command.startswith("-"):
+            fraction = -fraction
+        yield command.removeprefix("-"), fraction
     for name in case.data_vars:
         engine, _, kind = str(name).partition(".")
         if kind == "thrust_drive":
-            yield (
-                thrust_property(int(engine.removeprefix("engine"))),
-                case[name].values / POUND_FORCE,
-            )
+            number = int(engine.removeprefix("engine"))
+            yield thrust_property(number), case[name].values / POUND_FORCE
 
 
-def _fly(folder: Path) -> None:
-    """Fly the job of a folder, in a process of its own."""
+def _run_job(folder: Path) -> None:
+    """Simulate the job of a folder, in a separate process."""
     import jsbsim
 
     job = np.load(folder / "job.npz")
@@ -220,16 +233,15 @@ def _fly(folder: Path) -> None:
     command(0)
     program.run_ic()
     rows = np.empty((len(signals), len(outputs)))
+    load_factor = outputs.index(_OUTPUTS["nz"][0])
     for row in range(len(signals)):
         states = [program[name] for name in outputs]
         command(row)
-        # the state moves before the commands of the row act: their load factor is that of this
-        # frame
         program.run()
-        rows[row] = [
-            program[name] if name == _OUTPUTS["nz"][0] else state
-            for name, state in zip(outputs, states)
-        ]
+        rows[row] = states
+        # The states move before the commands of the row act, so the load factor of these commands
+        # is that of this frame.
+        rows[row, load_factor] = program[_OUTPUTS["nz"][0]]
         for _ in range(_FRAMES - 1):
             program.run()
     np.save(folder / "flown.npy", rows)
@@ -237,4 +249,4 @@ def _fly(folder: Path) -> None:
 
 if __name__ == "__main__":
     with contextlib.redirect_stdout(sys.stderr):
-        _fly(Path(sys.argv[1]))
+        _run_job(Path(sys.argv[1]))

@@ -1,4 +1,4 @@
-"""Which quantity a column of a recorder may be, and in which unit, by its name alone."""
+"""Quantity and unit of a column of a recorder, by its name and by the size of its values."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from flighttest.reconstruction.quality.checks.mistake_search import plausible_ra
 from flighttest.records.readers.columns import split_heading, units_at_the_end, words_of
 from flighttest.records.readers.name_map import recorder_units
 
-# what recorders call a channel, in lower case without separators, in addition to the other names of
-# the field (`flightmech.errors.find_symbol`)
+# Names of channels in recorders, in lower case without separators. The symbols of the field are
+# known to `flightmech.errors.find_symbol`.
 _WORDS = {
     "p": "p ratep rollrate bodyrollrate gyrox gyrp wx",
     "q": "q rateq pitchrate bodypitchrate gyroy gyrq wy",
@@ -89,7 +89,7 @@ _RECORDED = {
     "ay": "ay_imu",
     "az": "az_imu",
 }
-"""Canonical names that stand for a corrected quantity, and what a recorder shows of it."""
+"""Recorded quantity of each canonical name that is a corrected quantity."""
 _DECORATION = frozenset(
     (
         *(
@@ -127,9 +127,9 @@ _DECORATION = frozenset(
         ),
     )
 )
-# +1 where a word of the heading names the positive sense of the quantity, -1 where it names the
-# other one; the positive senses are
-# trailing edge down, trailing edge left, and an aileron that rolls to the left
+# Sign of a heading with a word for a direction: +1 if it is the positive direction of the quantity,
+# -1 if it is the opposite one. Positive are trailing edge down, trailing edge left, and an aileron
+# deflection that rolls to the left.
 _SENSES = {
     "delta_e": {"teu": -1, "ted": 1, "anu": -1, "nu": -1, "and": 1, "nd": 1, "up": -1, "dn": 1},
     **{
@@ -146,25 +146,27 @@ _SIDES = {"l": 1, "lh": 1, "left": 1, "port": 1, "r": 2, "rh": 2, "right": 2, "s
 _SENSE_WORDS = {word for senses in _SENSES.values() for word in senses}
 _OF_ENGINES = ("throttle", "pla", "n1", "n2", "fuel_flow", "thrust", "itt", "torque")
 _NO_CHANNELS = ("time", "t", "S", "cbar", "b", *COEFFICIENTS)
-_NOT_AFTER_DROPPING = 2  # letters of a name that counts only when nothing else stands before it
+# Letters of a name that is too short to be recognised in a part of a heading.
+_SHORT = 2
 
 
 @dataclass(frozen=True)
 class Guess:
-    """What a column may be.
+    """Possible quantity of a column.
 
     Attributes
     ----------
     name : str
         Canonical name.
     unit : str or None
-        Unit that the name of the column carries.
+        Unit in the name of the column.
     rank : int
-        0 for a canonical name, then the more the less of the name was used.
+        0 for a canonical name; it increases with the ignored part of the name.
     inverted : bool
-        Whether up is positive by the name where the quantity is positive down.
+        Whether the name is positive up and the quantity is positive down.
     sign : int
-        -1 where the name states the opposite of the positive sense of the quantity, as TEU does for an elevator.
+        -1 if the name states the opposite of the positive sense of the quantity, such as TEU for
+        an elevator.
     """
 
     name: str
@@ -175,13 +177,13 @@ class Guess:
 
 
 def guess_quantity(column: str) -> Guess | None:
-    """Return which quantity a column may be by its name, or None.
+    """Return the possible quantity of a column by its name, or None.
 
     Parameters
     ----------
     column : str
-        As the file calls it, with or without its unit in brackets; a table or group before it
-        (``adc/KIAS``) counts for satellite receivers only.
+        Name in the file, with or without its unit in brackets. A table or group before it
+        (``adc/KIAS``) matters for satellite receivers only.
 
     Examples
     --------
@@ -199,68 +201,85 @@ def guess_quantity(column: str) -> Guess | None:
     True
     """
     heading, stated = split_heading(column)
-    own = heading.rpartition("/")[2] or heading
-    head, _, tail = own.rpartition(".")
-    found = _guess(own, heading) or (_guess(head, heading) if head and tail else None)
-    if found is None or not stated:
-        return found
-    unit = fitted_unit(stated, lookup(found.name).units)
-    return replace(found, unit=unit) if _same_kind(unit, found.name) else None
+    name = heading.rpartition("/")[2] or heading
+    guess = _guess_name(name, heading)
+    # Some recorders add a field to the name of the channel: NAME.FIELD
+    head, _, tail = name.rpartition(".")
+    if guess is None and head and tail:
+        guess = _guess_name(head, heading)
+    if guess is None or not stated:
+        return guess
+    unit = fitted_unit(stated, lookup(guess.name).units)
+    if not _is_same_kind(unit, guess.name):
+        return None
+    return replace(guess, unit=unit)
 
 
-def _guess(own: str, column: str) -> Guess | None:
-    canonical = _canonical(own)
+def _guess_name(name: str, column: str) -> Guess | None:
+    canonical = _canonical_channel(name)
     if canonical:
         return Guess(canonical, None, 0)
-    words = words_of(re.sub(r"\[\d+\]$", "", own.rpartition(".")[2] or own))
+    # An index at the end, such as accel[2], is not a word.
+    words = words_of(re.sub(r"\[\d+\]$", "", name.rpartition(".")[2] or name))
     for position in range(len(words) - 1, 0, -1):
         if words[position] in _SENSE_WORDS:
-            rest = words[:position] + words[position + 1 :]
-            if found := _with_sense(rest, words[position], own, column):
-                return found
-    return _of_parts(words, own, column)
+            others = words[:position] + words[position + 1 :]
+            guess = _guess_with_sense(others, words[position], name=name, column=column)
+            if guess is not None:
+                return guess
+    return _guess_words(words, name, column)
 
 
-def _with_sense(words: list[str], sense: str, own: str, column: str) -> Guess | None:
-    """Return the guess of a heading that ends with the sense of its quantity; None where the word
-    is not one of the quantity.
-    """
-    found = _of_parts(words, own, column)
-    sign = _SENSES.get(found.name, {}).get(sense) if found else None
-    return replace(found, sign=sign) if found and sign else None
+def _guess_with_sense(words: list[str], sense: str, name: str, column: str) -> Guess | None:
+    """Return the guess with the sign of a sense, or None if the quantity has no such sense."""
+    guess = _guess_words(words, name, column)
+    if guess is None:
+        return None
+    sign = _SENSES.get(guess.name, {}).get(sense)
+    if sign is None:
+        return None
+    return replace(guess, sign=sign)
 
 
-def _of_parts(words: list[str], own: str, column: str) -> Guess | None:
-    for length in (3, 2, 1, 0):
-        units = units_at_the_end(words[-length:]) if 0 < length < len(words) else []
-        if length and not units:
+def _guess_words(words: list[str], name: str, column: str) -> Guess | None:
+    """Return the guess of words whose last ones may be a unit."""
+    # A unit has up to three words, such as deg per s.
+    for length in (3, 2, 1):
+        if length >= len(words):
             continue
-        rest = words[:-length] if length else words
-        found = _of_words(rest, column.lower())
-        fitting = [unit for unit in units if found and _same_kind(unit, found[0])]
-        if found and (fitting or not length):
-            name, rank = found
-            unit = fitting[0] if fitting else _own_unit(own, name)
-            return Guess(name, unit, rank, "loadfactor" in "".join(rest) or "nz" in rest)
-    return None
+        quantity = _quantity_of_words(words[:-length], column.lower())
+        if quantity is None:
+            continue
+        for unit in units_at_the_end(words[-length:]):
+            if _is_same_kind(unit, quantity[0]):
+                inverted = _is_load_factor(words[:-length])
+                return Guess(quantity[0], unit, quantity[1], inverted=inverted)
+    quantity = _quantity_of_words(words, column.lower())
+    if quantity is None:
+        return None
+    implied = _implied_unit(name, quantity[0])
+    return Guess(quantity[0], implied, quantity[1], inverted=_is_load_factor(words))
 
 
-def _canonical(own: str) -> str:
+def _is_load_factor(words: list[str]) -> bool:
+    return "loadfactor" in "".join(words) or "nz" in words
+
+
+def _canonical_channel(name: str) -> str:
+    """Return the recorded channel of a canonical name, or an empty text for another name."""
     try:
-        lookup(own)
+        lookup(name)
     except UnknownName:
         return ""
-    return (
-        ""
-        if own in _NO_CHANNELS
-        else f"engine1.{own}"
-        if own in _OF_ENGINES
-        else _RECORDED.get(own, own)
-    )
+    if name in _NO_CHANNELS:
+        return ""
+    if name in _OF_ENGINES:
+        return f"engine1.{name}"
+    return _RECORDED.get(name, name)
 
 
-def _of_words(words: list[str], column: str) -> tuple[str, int] | None:
-    """Return the quantity that some words mean, and how much of them had to be left out."""
+def _quantity_of_words(words: list[str], column: str) -> tuple[str, int] | None:
+    """Return the quantity of words, and the rank by the number of words that are ignored."""
     plain, engine = _numbered(words)
     bare = [word for word in plain if word not in _DECORATION]
     tries = [
@@ -272,7 +291,9 @@ def _of_words(words: list[str], column: str) -> tuple[str, int] | None:
     for part, rank in tries:
         text = "".join(part)
         name = _NAME.get(text) or _RECORDED.get(find_symbol(text) or "", find_symbol(text))
-        if not name or (rank > 2 and len(text) <= _NOT_AFTER_DROPPING and text not in ("n1", "n2")):
+        if not name:
+            continue
+        if rank > 2 and len(text) <= _SHORT and text not in ("n1", "n2"):
             continue
         if name == "h_baro" and ("gps" in column or "gnss" in column):
             name = "h_gps"
@@ -317,23 +338,28 @@ def _for_engine(name: str, number: int) -> str:
     )
 
 
-def _own_unit(own: str, name: str) -> str | None:
-    """Return the unit that words such as KIAS, KTAS imply."""
-    return "kt" if name in ("V", "V_cas") and re.match(r"(?i)k(ias|cas|tas)", own) else None
+def _implied_unit(name: str, quantity: str) -> str | None:
+    """Return the knot for names such as KIAS and KTAS, or None."""
+    if quantity in ("V", "V_cas") and re.match(r"(?i)k(ias|cas|tas)", name):
+        return "kt"
+    return None
 
 
-def _same_kind(unit: str, name: str) -> bool:
+def _is_same_kind(unit: str, name: str) -> bool:
+    """Return whether a unit has the dimension of a quantity."""
     try:
-        wanted = parse_unit("m s-2" if unit == "g" else lookup(name).units)[0]
-        return (
-            parse_unit("lbf" if unit == "lb" and wanted == parse_unit("N")[0] else unit)[0]
-            == wanted
-        )
+        # A g is accepted for every quantity.
+        dimension = parse_unit("m s-2" if unit == "g" else lookup(name).units)[0]
+        # The lb of a force is the pound of force.
+        if unit == "lb" and dimension == parse_unit("N")[0]:
+            unit = "lbf"
+        return parse_unit(unit)[0] == dimension
     except (UnknownName, UnitError):
         return False
 
 
-_LEVELS = {  # median size of a channel in flight by its unit [lowest, highest]
+# Median size of a channel in flight by its unit: lowest and highest value.
+_LEVELS = {
     "az_imu": {"m/s2": (5.0, 20.0), "g": (0.5, 2.0), "ft/s2": (22.0, 50.0)},
     "p_static": {
         "Pa": (20e3, 110e3),
@@ -346,7 +372,8 @@ _LEVELS = {  # median size of a channel in flight by its unit [lowest, highest]
 }
 _TURNED = "psi"
 _FRACTIONS = ("throttle", "n1", "n2", "gear", "speedbrake", "brake")
-_LARGEST_ANGLE, _LARGEST_RATE = 1.6, 3.0  # rad, rad/s; beyond them a channel is in degrees
+# A channel with a larger angle [rad] or rate [rad/s] is in degrees.
+_LARGEST_ANGLE, _LARGEST_RATE = 1.6, 3.0
 
 
 def stated_unit(unit: str | None, name: str) -> str | None:

@@ -1,6 +1,4 @@
-"""Which manoeuvres identify and which prove: fits and test points from the manoeuvres of the
-records.
-"""
+"""Fits and test points of a drafted project, from the manoeuvres of the records."""
 
 from __future__ import annotations
 
@@ -14,8 +12,7 @@ import pandas as pd
 from flightmech.errors import AeromatchError
 from pom.cases.drafting.draft import init_case
 
-# what a manoeuvre proves: kind and control, the tests of the tolerance table, and the name of the
-# case
+# Test of the tolerance table and name of the case, by kind and control of a manoeuvre.
 _TESTS = {
     ("3211", "elevator"): ("2.c.10", "short_period"),
     ("doublet", "elevator"): ("2.c.10", "short_period"),
@@ -30,15 +27,15 @@ _TESTS = {
     ("phugoid", "elevator"): ("2.c.9", "phugoid"),
     ("spiral", "aileron"): ("2.d.4", "spiral_stability"),
     ("power_change", "throttle"): ("2.c.1", "power_change"),
-    **{(f"flaps_{way}", "flaps"): ("2.c.2", "flap_change") for way in ("out", "in")},
-    **{
-        (f"speedbrake_{way}", "speedbrake"): ("2.c.3", "speed_brake_change")
-        for way in ("out", "in")
-    },
-    **{(f"gear_{way}", "gear"): ("2.c.4", "gear_change") for way in ("out", "in")},
+    ("flaps_out", "flaps"): ("2.c.2", "flap_change"),
+    ("flaps_in", "flaps"): ("2.c.2", "flap_change"),
+    ("speedbrake_out", "speedbrake"): ("2.c.3", "speed_brake_change"),
+    ("speedbrake_in", "speedbrake"): ("2.c.3", "speed_brake_change"),
+    ("gear_out", "gear"): ("2.c.4", "gear_change"),
+    ("gear_in", "gear"): ("2.c.4", "gear_change"),
     ("throttle_chop", "throttle"): ("1.f.2", "engine_deceleration"),
     ("throttle_slam", "throttle"): ("1.f.1", "engine_acceleration"),
-    # marks of the T-37 programme
+    # The T-37 programme marks its manoeuvres by these kinds.
     ("block", "elevator"): ("2.c.10", "short_period"),
     ("block", "aileron"): ("2.d.2", "roll_response"),
     ("block", "rudder"): ("2.d.6", "rudder_response"),
@@ -48,7 +45,8 @@ _TESTS = {
     ("force_wheel", "wheel"): ("2.d.2", "roll_response"),
     ("release_pedal", "pedal"): ("2.d.7", "dutch_roll"),
 }
-_OF_ENGINE = ("1.f.1", "1.f.2")  # the speed of the engine is judged
+# Tests that judge the speed of the engine.
+_ENGINE_TESTS = ("1.f.1", "1.f.2")
 _AXES = {
     "pitch": {"elevator"},
     "roll and yaw": {"aileron", "rudder"},
@@ -62,10 +60,13 @@ _IDENTIFYING = (
     "pull_up_push_down",
     "steady_sideslip",
 )
-_DROPPED = "unknown"
+# Kind of a movement that is not a manoeuvre.
+_UNKNOWN = "unknown"
 _SURFACES = {"elevator": "delta_e", "aileron": "delta_a", "rudder": "delta_r"}
-_LEAD = 1.5  # s of steady flight before a manoeuvre that the case may use
-_CHANGE_LEAD = 6.0  # s before a change of power or configuration: its rows begin 5 s before it
+# Steady flight before a manoeuvre that the case includes. [s]
+_LEAD = 1.5
+# The same before a change of power or configuration, whose rows begin 5 s before it. [s]
+_CHANGE_LEAD = 6.0
 _CHANGES = ("2.c.1", "2.c.2", "2.c.3", "2.c.4")
 
 
@@ -82,7 +83,7 @@ class FitDraft:
 
 @dataclass(frozen=True)
 class CaseDraft:
-    """A case file: its name, the test, the record and what it replays."""
+    """A case file: its name, the test, the record and the replayed window. [s]"""
 
     file: str
     test: str
@@ -93,32 +94,42 @@ class CaseDraft:
 def held_for_proof(
     tables: Mapping[str, pd.DataFrame], prove: Sequence[str], with_engine: Collection[str]
 ) -> list[CaseDraft]:
-    """Return the manoeuvres that prove the model: all that fit a test in the records `prove`;
-    without them the last of each test.
+    """Return the manoeuvres that prove the model.
 
-    A test of which there is one manoeuvre only is left to the identification.  Tests of the engine
-    need one of the records `with_engine`, in which the speed of an engine is recorded.
+    These are all manoeuvres of a test in the records `prove`. Without such records they are the
+    last manoeuvre of each test, and a single manoeuvre of a test identifies.
+
+    Parameters
+    ----------
+    tables : mapping of str to DataFrame
+        Manoeuvres by record. [s]
+    prove : sequence of str
+        Records that prove the model.
+    with_engine : collection of str
+        Records with the speed of an engine, which the tests of the engine require.
     """
     by_test: dict[str, list[tuple[str, str, float, float]]] = {}
     for record, table in tables.items():
         for row in table.to_dict("records"):
             test = _TESTS.get((str(row["manoeuvre"]), str(row["control"])))
-            if (
-                test is not None
-                and (not prove or record in prove)
-                and (test[0] not in _OF_ENGINE or record in with_engine)
-            ):
-                by_test.setdefault(test[0], []).append(
-                    (test[1], record, float(row["start"]), float(row["end"]))
-                )
-    chosen = []
-    for number_of_test, rows in by_test.items():
-        taken = rows if prove else rows[-1:] if len(rows) > 1 else []
-        for number, (word, record, start, end) in enumerate(taken, 1):
-            name = word if len(taken) == 1 else f"{word}_{number}"
-            lead = _CHANGE_LEAD if number_of_test in _CHANGES else _LEAD
-            chosen.append(CaseDraft(f"{name}.toml", number_of_test, record, (start - lead, end)))
-    return chosen
+            if test is None or (prove and record not in prove):
+                continue
+            if test[0] in _ENGINE_TESTS and record not in with_engine:
+                continue
+            manoeuvre = (test[1], record, float(row["start"]), float(row["end"]))
+            by_test.setdefault(test[0], []).append(manoeuvre)
+    cases = []
+    for test_number, manoeuvres in by_test.items():
+        proving = manoeuvres
+        if not prove:
+            # A single manoeuvre is more useful for the identification.
+            proving = manoeuvres[-1:] if len(manoeuvres) > 1 else []
+        lead = _CHANGE_LEAD if test_number in _CHANGES else _LEAD
+        for number, (name, record, start, end) in enumerate(proving, 1):
+            if len(proving) > 1:
+                name = f"{name}_{number}"
+            cases.append(CaseDraft(f"{name}.toml", test_number, record, window=(start - lead, end)))
+    return cases
 
 
 def written_cases(
@@ -129,13 +140,14 @@ def written_cases(
     aircraft: Path,
     remarks: list[str],
 ) -> dict[str, tuple[float, float]]:
-    """Write the case files, as `aeromatch pom init` does, and return record and window of each by
-    file name.
+    """Write the case files as `aeromatch pom init` does, and return their windows by file name.
+
+    A case that cannot be written is a remark. [s]
     """
     windows = {}
     for case in chosen:
         try:
-            made, left = init_case(
+            written, gaps = init_case(
                 records[case.record],
                 case.test,
                 folder / case.file,
@@ -150,8 +162,8 @@ def written_cases(
                 f"no case for {case.test} from {case.record}: {' '.join(str(error).split())}"
             )
             continue
-        windows[case.file] = made.window
-        remarks += [f"{case.file}: {text}" for text in left]
+        windows[case.file] = written.window
+        remarks += [f"{case.file}: {text}" for text in gaps]
     return windows
 
 
@@ -168,82 +180,97 @@ def fits_of(
     tables : mapping of str to DataFrame
         Manoeuvres by record.
     taken : mapping of str to sequence of (start, end)
-        By record, what the cases replay. [s]
+        Windows that the cases replay, by record. [s]
     channels : set of str
         All channels of the records.
     own : set of str
-        Records of which nothing identifies.
+        Records that identify nothing.
     """
     fits: list[FitDraft] = []
     for axis, controls in _AXES.items():
+        # Records with the same manoeuvres are one fit.
         grouped: dict[tuple[str, ...], list[str]] = {}
         for record, table in tables.items():
             if record in own:
                 continue
             rows = [row for row in table.to_dict("records") if _identifies(row, axis, controls)]
-            free = [row for row in rows if not _overlap(row, taken.get(record, ()))]
-            names = tuple(dict.fromkeys(_name(row) for row in free))
-            if free and len(free) == sum(_name(row) in names for row in rows):
+            free = [row for row in rows if not _overlaps(row, taken.get(record, ()))]
+            names = tuple(dict.fromkeys(_manoeuvre_name(row) for row in free))
+            # The names select exactly the free manoeuvres, or windows have to select them.
+            selected = [row for row in rows if _manoeuvre_name(row) in names]
+            if free and len(free) == len(selected):
                 grouped.setdefault(names, []).append(record)
             elif free:
-                windows = tuple((float(row["start"]), float(row["end"])) for row in free)
-                fits.append(
-                    FitDraft(
-                        f"{axis}, {record}", (record,), (), windows, _models(axis, free, channels)
-                    )
-                )
+                fits.append(_window_fit(axis, record, free, channels))
         for names, records in grouped.items():
-            moved: list[Mapping[Any, Any]] = [{"control": name.partition(" ")[2]} for name in names]
-            name = (
-                axis
-                if len(grouped) == 1
-                else f"{axis}, {records[0]}{' and others' if len(records) > 1 else ''}"
-            )
-            fits.append(FitDraft(name, tuple(records), names, (), _models(axis, moved, channels)))
+            name = axis
+            if len(grouped) > 1:
+                name += f", {records[0]}"
+                if len(records) > 1:
+                    name += " and others"
+            controls_of_fit = [manoeuvre.partition(" ")[2] for manoeuvre in names]
+            models = _local_models(axis, controls_of_fit, channels)
+            fits.append(FitDraft(name, tuple(records), names, windows=(), models=models))
     return fits
 
 
-def _identifies(row: Mapping[Any, Any], axis: str, controls: set[str]) -> bool:
-    kind, moved = str(row["manoeuvre"]), set(str(row["control"]).split())
-    if kind not in _IDENTIFYING:
-        return False
-    return bool(moved & controls) or (kind == "pull_up_push_down" and axis == "pitch")
-
-
-def _name(row: Mapping[Any, Any]) -> str:
-    return f"{row['manoeuvre']} {row['control']}".strip()
-
-
-def _overlap(row: Mapping[Any, Any], taken: Sequence[tuple[float, float]]) -> bool:
-    return any(float(row["start"]) < end and start < float(row["end"]) for start, end in taken)
-
-
-def _models(axis: str, rows: Sequence[Mapping[Any, Any]], channels: set[str]) -> tuple[str, ...]:
-    """Return local models of an axis with the controls that moved and are recorded."""
-    moved = {word for row in rows for word in str(row["control"]).split()}
-    known = [
-        surface
-        for word, surface in _SURFACES.items()
-        if word in moved and _recorded(surface, channels)
-    ]
-    if axis == "pitch":
-        elevator = " + delta_e" if "delta_e" in known else ""
-        return tuple(
-            f"{name} = 1 + alpha{' + alpha**2' if name == 'CD' else ' + qhat'}{elevator}"
-            for name in ("CL", "CD", "Cm")
-        )
-    rudder = " + delta_r" if "delta_r" in known else ""
-    aileron = " + delta_a" if "delta_a" in known else ""
-    return (
-        f"CY = 1 + beta + phat + rhat{rudder}",
-        *(f"{name} = 1 + beta + phat + rhat{aileron}{rudder}" for name in ("Cl", "Cn")),
+def _window_fit(
+    axis: str, record: str, rows: Sequence[Mapping[Any, Any]], channels: set[str]
+) -> FitDraft:
+    """Return the fit of some manoeuvres of one record, by their windows."""
+    return FitDraft(
+        name=f"{axis}, {record}",
+        records=(record,),
+        manoeuvres=(),
+        windows=tuple((float(row["start"]), float(row["end"])) for row in rows),
+        models=_local_models(axis, [str(row["control"]) for row in rows], channels),
     )
 
 
-def _recorded(surface: str, channels: set[str]) -> bool:
-    return surface in channels or f"{surface}_left" in channels
+def _identifies(row: Mapping[Any, Any], axis: str, controls: set[str]) -> bool:
+    """Return whether a manoeuvre identifies the models of an axis."""
+    kind = str(row["manoeuvre"])
+    if kind not in _IDENTIFYING:
+        return False
+    if kind == "pull_up_push_down" and axis == "pitch":
+        return True
+    return not controls.isdisjoint(str(row["control"]).split())
+
+
+def _manoeuvre_name(row: Mapping[Any, Any]) -> str:
+    return f"{row['manoeuvre']} {row['control']}".strip()
+
+
+def _overlaps(row: Mapping[Any, Any], spans: Sequence[tuple[float, float]]) -> bool:
+    return any(float(row["start"]) < end and start < float(row["end"]) for start, end in spans)
+
+
+def _local_models(axis: str, controls: Sequence[str], channels: set[str]) -> tuple[str, ...]:
+    """Return local models of an axis with the recorded surfaces of the moved controls.
+
+    `controls` has the controls of each manoeuvre, separated by spaces.
+    """
+    # A surface that does not move, or is not recorded, adds nothing to a model.
+    regressors = dict.fromkeys(_SURFACES.values(), "")
+    moved = " ".join(controls).split()
+    for control, surface in _SURFACES.items():
+        is_recorded = surface in channels or f"{surface}_left" in channels
+        if control in moved and is_recorded:
+            regressors[surface] = f" + {surface}"
+    elevator, aileron, rudder = (regressors[name] for name in ("delta_e", "delta_a", "delta_r"))
+    if axis == "pitch":
+        return (
+            f"CL = 1 + alpha + qhat{elevator}",
+            f"CD = 1 + alpha + alpha**2{elevator}",
+            f"Cm = 1 + alpha + qhat{elevator}",
+        )
+    return (
+        f"CY = 1 + beta + phat + rhat{rudder}",
+        f"Cl = 1 + beta + phat + rhat{aileron}{rudder}",
+        f"Cn = 1 + beta + phat + rhat{aileron}{rudder}",
+    )
 
 
 def without_unknown(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table of found manoeuvres without the movements that are none."""
-    return table[table["manoeuvre"] != _DROPPED].reset_index(drop=True)
+    """Return a table of manoeuvres without the movements of unknown kind."""
+    return table[table["manoeuvre"] != _UNKNOWN].reset_index(drop=True)

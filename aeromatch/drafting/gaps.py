@@ -1,14 +1,12 @@
-"""What the records lack: channels that identification needs, and columns that no quantity was found
-for.
-"""
+"""Remarks about gaps of recordings: absent channels, and columns without a quantity."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import xarray as xr
 
-# channels of which one is needed, what they are called, and what is impossible without them
+# Alternative channels, their common name, and the consequence if all of them are absent.
 _NEEDED = (
     (("delta_e",), "elevator", "no pitch manoeuvre can be found"),
     (("delta_a", "delta_a_left", "delta_a_right"), "aileron", "no roll manoeuvre can be found"),
@@ -25,23 +23,29 @@ _NEEDED = (
         "it follows from the reconstruction alone, with a larger standard error",
     ),
 )
-_MOST = 20  # columns that a remark names; names.toml lists all
+# Columns that a remark names. The file names.toml lists all columns.
+_MOST = 20
+
+
+def channel_names(records: Iterable[xr.DataTree]) -> set[str]:
+    """Return the names of the channels of all records."""
+    names: set[str] = set()
+    for record in records:
+        for node in record.children.values():
+            names.update(str(name) for name in node.data_vars)
+    return names
 
 
 def missing_channels(flights: Mapping[str, xr.DataTree]) -> list[str]:
-    """Return a remark for each channel that no record has, with what is impossible without it."""
-    shown = {
-        str(name)
-        for record in flights.values()
-        for node in record.children.values()
-        for name in node.data_vars
-    }
-    absent = [(names[0], word, loss) for names, word, loss in _NEEDED if not shown & set(names)]
-    return (
-        [f"no {word} ({name}) is recorded or recognised: {loss}" for name, word, loss in absent]
-        if flights
-        else []
-    )
+    """Return a remark for each channel that no record has, with the consequence."""
+    if not flights:
+        return []
+    channels = channel_names(flights.values())
+    remarks = []
+    for names, word, consequence in _NEEDED:
+        if channels.isdisjoint(names):
+            remarks.append(f"no {word} ({names[0]}) is recorded or recognised: {consequence}")
+    return remarks
 
 
 def listed_columns(record: xr.DataTree) -> list[str]:
@@ -50,16 +54,13 @@ def listed_columns(record: xr.DataTree) -> list[str]:
 
 
 def unknown_columns(columns: Sequence[str], has_map: bool) -> list[str]:
-    """Return the remark that names the columns without a quantity, and how to give them one."""
+    """Return a remark that names the columns without a quantity, with the remedy."""
     if not columns:
         return []
-    more = f" and {len(columns) - _MOST} more" if len(columns) > _MOST else ""
-    remedy = (
-        "add them to the name map and run init again"
-        if has_map
-        else "add them to names.toml and run init again with --names names.toml --force"
-    )
-    return [
-        f"columns without a quantity: {', '.join(columns[:_MOST])}{more}; where one is a "
-        f"channel, {remedy}"
-    ]
+    names = ", ".join(columns[:_MOST])
+    if len(columns) > _MOST:
+        names += f" and {len(columns) - _MOST} more"
+    remedy = "add them to names.toml and run init again with --names names.toml --force"
+    if has_map:
+        remedy = "add them to the name map and run init again"
+    return [f"columns without a quantity: {names}; where one is a channel, {remedy}"]

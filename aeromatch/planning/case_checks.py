@@ -1,13 +1,14 @@
-"""Every case with every model that will fly it; a case without a problem is not checked again until
-it, its record or a model changes.
+"""Checks of every case with every model that will simulate it.
+
+A case without a problem is not checked again until the case, its record or a model changes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
 
@@ -31,7 +32,7 @@ class CaseChecks:
     ----------
     project : Project
     custody : Custody
-        Of the files that are read.
+        Hashes of the files that are read.
     stages : Stages
     """
 
@@ -45,125 +46,93 @@ class CaseChecks:
         databases: Mapping[str, Kept[xr.DataTree]],
         aircraft: Mapping[str, Aircraft],
     ) -> list[str]:
-        """Return why models cannot be made, and why cases cannot be flown by them.
+        """Return the reasons why models cannot be made, and why they cannot simulate cases.
 
         Parameters
         ----------
         cases : sequence of PomCase
         windows : mapping of int to Dataset (time,) or None
-            By place of the case: its states. [SI] None where its record has a problem.
+            States of each case, by its index. [SI] None if its record has a problem.
         databases, aircraft : mapping of str to object
-            Of the own models, by name; without databases only foreign models are checked.
+            Those of the project's models, by name. Without databases only models from elsewhere
+            are checked.
         """
-        problems: list[str] = []
-        flown = {name: self._stages.given(one) for name, one in aircraft.items()}  # hashed once
-
-        @cache
-        def compiled(name: str) -> tuple[SimModel | None, list[str]]:
-            return model_checks.own_model(name, aircraft[name], databases[name])
-
-        problems += self._faults_of_models(databases, flown, lambda name: compiled(name)[1])
+        # One object per aircraft, so that its hash is computed once.
+        hashed_aircraft = {name: self._stages.given(item) for name, item in aircraft.items()}
+        compiled = _CompiledModels(databases, aircraft)
+        problems = self._model_problems(databases, hashed_aircraft, compiled)
         foreign = model_checks.foreign_models(self._project, problems)
-        laws = Models({})
-
-        def check(case: PomCase, states: xr.Dataset | None) -> list[str]:
-            found: list[str] = []
-            own = {name: sim for name in databases if (sim := compiled(name)[0]) is not None}
-            models = {name: kernel_model(name, sim) for name, sim in own.items()}
-            if case.law:
-                law = run_collecting_problems(found, f"case {case.name}", laws.law_of, case)
-                models = (
-                    {name: replace(model, law=law) for name, model in models.items()}
-                    if law is not None
-                    else {}
-                )
-            for name, one in foreign.items():
-                models |= (
-                    {name: made[name]}
-                    if (made := run_collecting_problems(found, f"case {case.name}", one.of, case))
-                    is not None
-                    else {}
-                )
-            if states is None:
-                return found
-            # the kernel flies no control law; the engines of the final model may be identified, with
-            # tables that the aircraft file does not have
-            started = {
-                name: sim
-                for name, sim in own.items()
-                if not case.law and (name == "datcom" or self._project.engine is None)
-            }
-            return [
-                *found,
-                *model_checks.ground_problems(aircraft["final"], case),
-                *start_problems(case, states, models, started),
-            ]
+        checker = _CaseChecker(self._project, compiled, foreign, aircraft["final"])
+        common = {
+            "models": {
+                "databases": databases,
+                "aircraft": hashed_aircraft,
+                "engine is identified": self._project.engine is not None,
+            },
+            "faulty models": problems[:],
+            "foreign": self._foreign_files(),
+        }
+        inputs: dict[str, dict[str, Any]] = {}
+        items: dict[str, tuple[PomCase, xr.Dataset | None]] = {}
+        for number, case in enumerate(cases):
+            label = _label(cases, number)
+            states = windows[number]
+            items[label] = case, states
+            case_inputs = {"case": case, "files": self._case_files(case), "states": states}
+            inputs[label] = case_inputs | common
 
         def compute(missing: list[str], put: Callable[..., None]) -> None:
-            for item in missing:
-                case, states = items[item]
-                faults = check(case, states)
-                put(item, faults, keep=not faults and states is not None)
+            for label in missing:
+                case, states = items[label]
+                faults = checker.check(case, states)
+                put(label, faults, keep=not faults and states is not None)
 
-        items = {
-            _label(cases, number): (case, windows[number]) for number, case in enumerate(cases)
-        }
-        made_of = {
-            "databases": databases,
-            "aircraft": flown,
-            "engine is identified": self._project.engine is not None,
-        }
-        common = {"models": made_of, "faulty models": problems[:], "foreign": self._foreign()}
-        inputs = {
-            item: {"case": case, "files": self._files(case), "states": states, **common}
-            for item, (case, states) in items.items()
-        }
-        found = self._stages.batch("case check", inputs, compute)
-        return [*problems, *(text for kept in found.values() for text in kept.value)]
+        for stored in self._stages.batch("case check", inputs, compute).values():
+            problems += stored.value
+        return problems
 
-    def _faults_of_models(
+    def _model_problems(
         self,
         databases: Mapping[str, Kept[xr.DataTree]],
         aircraft: Mapping[str, Kept[Aircraft]],
-        faults_of: Callable[[str], list[str]],
+        compiled: _CompiledModels,
     ) -> list[str]:
-        """Return why own models cannot be compiled; one without a fault is compiled only when a
-        case is checked with it.
+        """Return the reasons why models of the project cannot be compiled.
+
+        A model without a problem is compiled again only if a case is checked with it.
         """
 
         def compute(missing: list[str], put: Callable[..., None]) -> None:
             for name in missing:
-                faults = faults_of(name)
+                faults = compiled.problems(name)
                 put(name, faults, keep=not faults)
 
-        inputs = {
-            name: {"database": database, "aircraft": aircraft[name]}
-            for name, database in databases.items()
-        }
-        found = self._stages.batch("model check", inputs, compute)
-        return [text for kept in found.values() for text in kept.value]
+        inputs: dict[str, dict[str, Any]] = {}
+        for name, database in databases.items():
+            inputs[name] = {"database": database, "aircraft": aircraft[name]}
+        problems: list[str] = []
+        for stored in self._stages.batch("model check", inputs, compute).values():
+            problems += stored.value
+        return problems
 
-    def _foreign(self) -> dict[str, list[FileContent | None]]:
-        """Return the models from elsewhere with their tables of names as inputs of a stage."""
-        files = {
-            name: [file, self._project.tables.get(name)]
-            for name, file in self._project.models.items()
-        }
-        return {
-            name: [self._content(file) for file in own if file is not None]
-            for name, own in files.items()
-        }
+    def _foreign_files(self) -> dict[str, list[FileContent | None]]:
+        """Return the models from elsewhere and their tables of names as inputs of a stage."""
+        contents: dict[str, list[FileContent | None]] = {}
+        for name, fmu in self._project.fmus.items():
+            contents[name] = [self._content(fmu)]
+            if name in self._project.tables:
+                contents[name].append(self._content(self._project.tables[name]))
+        return contents
 
-    def _files(self, case: PomCase) -> list[FileContent | None]:
-        return [
-            self._content(Path(name))
-            for name in (case.names, case.aircraft, case.law, case.law_names)
-            if name
-        ]
+    def _case_files(self, case: PomCase) -> list[FileContent | None]:
+        """Return the files that a case names as inputs of a stage."""
+        names = (case.names, case.aircraft, case.law, case.law_names)
+        return [self._content(Path(name)) for name in names if name]
 
     def _content(self, file: Path) -> FileContent | None:
-        """Return a file as an input of a stage; None where it cannot be read, which the check
-        states.
+        """Return a file as an input of a stage, or None for a file that cannot be read.
+
+        The check itself reports such a file.
         """
         try:
             return FileContent(file, self._custody.sha256(file))
@@ -171,7 +140,87 @@ class CaseChecks:
             return None
 
 
+class _CompiledModels:
+    """Models of a project, each compiled on first use."""
+
+    def __init__(
+        self, databases: Mapping[str, Kept[xr.DataTree]], aircraft: Mapping[str, Aircraft]
+    ) -> None:
+        self._databases, self._aircraft = databases, aircraft
+        self._compiled: dict[str, tuple[SimModel | None, list[str]]] = {}
+
+    def problems(self, name: str) -> list[str]:
+        """Return the reasons why a model cannot be compiled."""
+        return self._compile(name)[1]
+
+    def models(self) -> dict[str, SimModel]:
+        """Return the models that can be compiled, by name."""
+        models: dict[str, SimModel] = {}
+        for name in self._databases:
+            model = self._compile(name)[0]
+            if model is not None:
+                models[name] = model
+        return models
+
+    def _compile(self, name: str) -> tuple[SimModel | None, list[str]]:
+        if name not in self._compiled:
+            self._compiled[name] = model_checks.own_model(
+                name, self._aircraft[name], self._databases[name]
+            )
+        return self._compiled[name]
+
+
+class _CaseChecker:
+    """Check of single cases with the models of the project and the models from elsewhere."""
+
+    def __init__(
+        self,
+        project: Project,
+        compiled: _CompiledModels,
+        foreign: Mapping[str, Models],
+        aircraft: Aircraft,
+    ) -> None:
+        self._project, self._compiled = project, compiled
+        self._foreign, self._aircraft = foreign, aircraft
+        self._laws = Models({})
+
+    def check(self, case: PomCase, states: xr.Dataset | None) -> list[str]:
+        """Return the problems of a case; without states only the models are checked."""
+        problems: list[str] = []
+        case_label = f"case {case.name}"
+        compiled = self._compiled.models()
+        models = {name: kernel_model(name, model) for name, model in compiled.items()}
+        if case.law:
+            law = run_collecting_problems(problems, case_label, self._laws.law_of, case)
+            if law is None:
+                models = {}
+            models = {name: replace(model, law=law) for name, model in models.items()}
+        for name, foreign in self._foreign.items():
+            mapped = run_collecting_problems(problems, case_label, foreign.of, case)
+            if mapped is not None:
+                models[name] = mapped[name]
+        if states is None:
+            return problems
+        problems += model_checks.ground_problems(self._aircraft, case)
+        problems += start_problems(case, states, models, self._started_models(case, compiled))
+        return problems
+
+    def _started_models(
+        self, case: PomCase, compiled: Mapping[str, SimModel]
+    ) -> dict[str, SimModel]:
+        """Return the models whose start can be computed before the match."""
+        # The kernel does not simulate the FMU of a control law.
+        if case.law:
+            return {}
+        # An identified engine of the final model may have tables that the aircraft file lacks.
+        if self._project.engine is not None:
+            return {name: model for name, model in compiled.items() if name == "datcom"}
+        return dict(compiled)
+
+
 def _label(cases: Sequence[PomCase], number: int) -> str:
-    """Return the name of a case, with its number where several have it."""
+    """Return the name of a case, with its number if several cases have the same name."""
     name = cases[number].name
-    return name if [case.name for case in cases].count(name) == 1 else f"{name} ({number + 1})"
+    if [case.name for case in cases].count(name) == 1:
+        return name
+    return f"{name} ({number + 1})"

@@ -1,11 +1,10 @@
-"""The plan of a match: its steps, inputs and products, and all problems that prevent it."""
+"""Plan of a match: its steps, inputs and products, and all problems that prevent it."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +16,13 @@ import flighttest
 import pom
 from aeromatch.planning import model_checks
 from aeromatch.planning.case_checks import CaseChecks
-from aeromatch.planning.record_looks import LookTask, RecordLook, RecordLooks
+from aeromatch.planning.record_look import LookTask, RecordLook
+from aeromatch.planning.record_looks import RecordLooks
 from aeromatch.planning.steps import products_of, run_collecting_problems, steps_of
 from aeromatch.project.project import Project
-from aeromatch.workflow.steps import a_priori, add_missing_terms, before_flight, databases_before
+from aeromatch.workflow.aerodynamics import a_priori, add_missing_terms, before_flight
+from aeromatch.workflow.identified import databases_before
+from aeromatch.workflow.windows import records_of
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.atomic_write import resolve_folder
@@ -38,11 +40,11 @@ class MatchOptions:
     scheduler : str or None
         Address of a dask.distributed cluster.
     resume : Path or None
-        Folder that keeps flights.
+        Folder with stored flights.
     samples : int
         Draws of the final model.
     compare : bool
-        Whether the tables are made in all ways.
+        Whether the tables are made by all methods.
     """
 
     scheduler: str | None = None
@@ -53,18 +55,18 @@ class MatchOptions:
 
 @dataclass
 class MatchPlan:
-    """What a match will do.
+    """Plan of a match.
 
     Attributes
     ----------
     project : Project
     cases : list of PomCase
-        Those that can be read.
+        The cases that can be read.
     looks : dict of str to RecordLook
         By record, in the order in which the match reads them.
     steps, products : list of str
     problems : list of str
-        All that stands in the way; empty if the match can begin.
+        All reasons why the match cannot begin.
     """
 
     project: Project
@@ -85,35 +87,43 @@ class MatchPlan:
             raise SchemaError(f"{self.project.file}: nothing was computed", self.problems)
 
     def record_rows(self) -> list[dict[str, Any]]:
-        """Return a row for every record: its span [s], its channels, and what it is for."""
-        return [self._record_row(look) for look in self.looks.values()]
+        """Return a row for every record: its span [s], its channels, and its uses."""
+        rows = []
+        for look in self.looks.values():
+            row = {
+                "record": look.name,
+                "start": look.first,
+                "end": look.last,
+                "channels": look.channels,
+                "for": "; ".join(self._uses_of(look)),
+            }
+            rows.append(row)
+        return rows
 
-    def _record_row(self, look: RecordLook) -> dict[str, Any]:
-        purpose = [
-            f"{place} ({count}: {seconds:.0f} s)" if count else place
-            for place, (count, seconds) in look.taken.items()
-        ]
-        purpose += [
-            f"case {case.name}" for case in self.cases if Path(case.record).stem == look.name
-        ]
-        return {
-            "record": look.name,
-            "start": look.first,
-            "end": look.last,
-            "channels": look.channels,
-            "for": "; ".join(purpose),
-        }
+    def _uses_of(self, look: RecordLook) -> list[str]:
+        """Return the fits, submodels and cases that use a record."""
+        uses = []
+        for label, (count, seconds) in look.taken.items():
+            # A record that cannot be read has no windows.
+            if count:
+                uses.append(f"{label} ({count}: {seconds:.0f} s)")
+            else:
+                uses.append(label)
+        for case in self.cases:
+            if Path(case.record).stem == look.name:
+                uses.append(f"case {case.name}")
+        return uses
 
     def fit_rows(self) -> list[dict[str, Any]]:
         """Return a row for every fit: its records, manoeuvres and windows, time [s] and models."""
         rows = []
-        for fit in self.project.fits:
-            taken = [
-                look.taken.get(f"fit {fit.name!r}", (0, 0.0))
-                for name, look in self.looks.items()
-                if name in fit.records
-            ]
-            count, seconds = sum(number for number, _ in taken), sum(span for _, span in taken)
+        for fit in self.project.fit:
+            count, seconds = 0, 0.0
+            for name, look in self.looks.items():
+                if name in fit.records:
+                    windows, duration = look.taken.get(f"fit {fit.name!r}", (0, 0.0))
+                    count += windows
+                    seconds += duration
             rows.append(
                 {
                     "fit": fit.name,
@@ -126,22 +136,26 @@ class MatchPlan:
         return rows
 
     def case_rows(self) -> list[dict[str, Any]]:
-        """Return a row for every case: its row of the tolerance table, record, window [s], drives
-        and judged criteria.
+        """Return a row for every case.
+
+        A row has the row of the tolerance table, record, window [s], drives, and the number of
+        criteria that are judged.
         """
-        return [
-            {
+        rows = []
+        for case in self.cases:
+            start, end = case.window
+            row = {
                 "id": case.id,
                 "case": case.name,
                 "title": case.title,
                 "record": Path(case.record).stem,
-                "start": case.window[0],
-                "end": case.window[1],
+                "start": start,
+                "end": end,
                 "drive": f"{case.drive.surfaces}, {case.drive.engine}",
                 "criteria": sum(criterion.applies for criterion in case.criteria),
             }
-            for case in self.cases
-        ]
+            rows.append(row)
+        return rows
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain data."""
@@ -167,186 +181,188 @@ def make_plan(
 ) -> MatchPlan:
     """Return the plan of a match, with every problem that its inputs show.
 
-    The a-priori database is built, every record is read, and its path is set up at start values;
-    nothing is estimated, and nothing is written into the folder.
+    The a-priori database is built, every record is read, and its states are computed at start
+    values. No parameter is estimated, and no file is written into the folder.
 
     Parameters
     ----------
     project : Project
     folder : path
-        Where the match would write.
+        Output folder of the match.
     jobs : int
-        Processes that read records, where the system can fork; -1 for one per core. The plan is the
-        same for any number.
+        Processes that read records, if the system can fork; -1 for one per core. The plan does not
+        depend on the number.
     options : MatchOptions, optional
     stages : Stages, optional
-        Those of the match: they keep the a-priori database and each check that found no problem.
+        Stages of the match. They store the a-priori database and each check without a problem.
     keep_records : bool
-        Whether they keep the records, too, for a match that follows.
+        Whether they also store the records, for a match that follows.
 
     Returns
     -------
     MatchPlan
     """
-    chosen, plan, stages = options or MatchOptions(), MatchPlan(project), stages or Stages()
+    options = options or MatchOptions()
+    stages = stages or Stages()
+    plan = MatchPlan(project)
     custody = pom.archive.Custody()
     problems = plan.problems
-    _check_places(Path(folder), chosen, problems)
+    _check_folders(Path(folder), options, problems)
     for file in project.cases:
         case = run_collecting_problems(problems, "", pom.read_case, file)
-        plan.cases += [case] if case is not None else []
+        if case is not None:
+            plan.cases.append(case)
     problems += model_checks.name_problems(project)
     aircraft = run_collecting_problems(problems, "", flightmech.read_aircraft, project.aircraft)
-    apriori = (
-        run_collecting_problems(problems, "", before_flight, project, aircraft)
-        if aircraft is not None
-        else None
-    )
+    apriori: Aircraft | None = None
+    if aircraft is not None:
+        apriori = run_collecting_problems(problems, "", before_flight, project, aircraft)
     names = _record_names(project, plan.cases, problems)
     if aircraft is not None and apriori is not None:
         problems += model_checks.submodel_structure_problems(project, apriori, aircraft)
-        build = cache(lambda: _databases(project, aircraft, custody, stages, problems))
-        tasks = _tasks(project, plan.cases, aircraft, names, problems)
-        plan.looks = RecordLooks(project, custody, stages, jobs, keep_records).take(tasks, build)
-        problems += [text for look in plan.looks.values() for text in look.problems]
-        _check_models(plan, apriori, aircraft, build(), stages, custody, problems)
-    if chosen.samples:
+        looks = RecordLooks(project, custody, stages, jobs=jobs, keep_records=keep_records)
+        checks = _ModelChecks(plan, apriori, aircraft, custody=custody, stages=stages)
+        plan.looks = looks.take(_look_tasks(plan, aircraft, names), meanwhile=checks.databases)
+        for look in plan.looks.values():
+            problems += look.problems
+        checks.run()
+    if options.samples:
         model_checks.aircraft_of_cases((case.aircraft for case in plan.cases), problems)
     plan.problems = list(dict.fromkeys(problems))
-    plan.steps = steps_of(project, names, len(plan.cases), chosen.compare)
-    plan.products = products_of(project, plan.cases, chosen.compare)
+    plan.steps = steps_of(project, names, len(plan.cases), options.compare)
+    plan.products = products_of(project, plan.cases, options.compare)
     return plan
 
 
-def _check_places(folder: Path, chosen: MatchOptions, problems: list[str]) -> None:
-    """Check that the folders can be written, and that the cluster answers."""
-    for place, written in (("output", folder), ("--resume", chosen.resume)):
-        if written is None:
+def _check_folders(folder: Path, options: MatchOptions, problems: list[str]) -> None:
+    """Check that the folders can be written, and that the cluster is reachable."""
+    for label, name in (("output", folder), ("--resume", options.resume)):
+        if name is None:
             continue
-        path = Path(written)
+        path = Path(name)
         if path.parent.is_dir():
-            run_collecting_problems(problems, place, resolve_folder, path)
+            run_collecting_problems(problems, label, resolve_folder, path)
             continue
-        above = next((parent for parent in path.absolute().parents if parent.exists()), Path("/"))
-        if not above.is_dir():
-            problems.append(f"{place}: {above} is a file; name another folder")
-        elif not os.access(above, os.W_OK):
-            problems.append(f"{place}: nothing can be written into {above}; name another folder")
-    if chosen.scheduler:
-        run_collecting_problems(problems, "--scheduler", demand_scheduler, chosen.scheduler)
+        # The nearest existing folder gets the new folders.
+        parents = (parent for parent in path.absolute().parents if parent.exists())
+        parent = next(parents, Path("/"))
+        if not parent.is_dir():
+            problems.append(f"{label}: {parent} is a file; name another folder")
+        elif not os.access(parent, os.W_OK):
+            problems.append(f"{label}: nothing can be written into {parent}; name another folder")
+    if options.scheduler:
+        run_collecting_problems(problems, "--scheduler", demand_scheduler, options.scheduler)
 
 
 def _record_names(
     project: Project, cases: Sequence[PomCase], problems: list[str]
 ) -> dict[str, bool]:
-    """Return the records that the match reads, in its order, and whether each identifies something."""
-    named = [case.name for case in cases]
-    doubled = [name for name in dict.fromkeys(named) if named.count(name) > 1]
-    problems += [
-        f"{named.count(name)} cases are named {name!r}; give each a name of its own"
-        for name in doubled
-    ]
-    found = {record: True for fit in project.fits for record in fit.records}
-    found |= {
-        record: True
-        for flown in project.submodels.values()
-        for one in flown
-        for record in one.records
-    }
+    """Return the records of the match in order, and whether each identifies something."""
+    case_names = [case.name for case in cases]
+    for name in dict.fromkeys(case_names):
+        count = case_names.count(name)
+        if count > 1:
+            problems.append(f"{count} cases are named {name!r}; give each case a different name")
+    records = dict.fromkeys(records_of(project), True)
     for case in cases:
         record = Path(case.record).stem
         if record not in project.flights:
             problems.append(f"case {case.name}: {UnknownName(record, project.flights, 'record')}")
         else:
-            found.setdefault(record, False)
-    return found
+            records.setdefault(record, False)
+    return records
 
 
-def _tasks(
-    project: Project,
-    cases: Sequence[PomCase],
-    aircraft: Aircraft,
-    names: Mapping[str, bool],
-    problems: list[str],
-) -> list[LookTask]:
-    given: Mapping[str, pd.DataFrame] = {}
-    if project.manoeuvres is not None:
-        given = (
-            run_collecting_problems(
-                problems, "manoeuvres", flighttest.records.read_manoeuvres, project.manoeuvres
-            )
-            or {}
-        )
-        problems += [
-            f"manoeuvres: {UnknownName(name, project.flights, 'record')}"
-            for name in given
-            if name not in project.flights
-        ]
-    return [LookTask.of(name, project, aircraft, cases, given.get(name)) for name in names]
-
-
-def _databases(
-    project: Project,
-    aircraft: Aircraft,
-    custody: pom.archive.Custody,
-    stages: Stages,
-    problems: list[str],
-) -> dict[str, Kept[xr.DataTree]]:
-    """Return the databases before the flights, by the model that they belong to; empty if they
-    cannot be made.
-    """
-    try:
-        datcom, start = databases_before(project, aircraft, custody, stages)
-        return {"datcom": datcom, "final": start}
-    except (AeromatchError, OSError):
-        # what is wrong with the listings, and with what is opened, one after the other
-        prior = run_collecting_problems(problems, "listings", a_priori, project, aircraft)
-    if prior is None:
-        return {}
-    opening = run_collecting_problems(problems, "", add_missing_terms, project, prior)
-    return {
-        "datcom": stages.given(prior),
-        "final": stages.given(prior if opening is None else opening),
-    }
-
-
-def _check_models(
-    plan: MatchPlan,
-    apriori: Aircraft,
-    aircraft: Aircraft,
-    databases: Mapping[str, Kept[xr.DataTree]],
-    stages: Stages,
-    custody: pom.archive.Custody,
-    problems: list[str],
-) -> None:
-    """Check the databases with what enters them, and every case with every model that will fly it."""
+def _look_tasks(plan: MatchPlan, aircraft: Aircraft, names: Mapping[str, bool]) -> list[LookTask]:
+    """Return the tasks of the looks at the records, with the project's table of manoeuvres."""
     project = plan.project
-    published = model_checks.published_fits(project, problems)
-    starts = {
-        name: look.start
-        for name, look in plan.looks.items()
-        if look.start is not None and _forms_coefficients(look)
-    }
-    names = model_checks.coefficient_names(project, aircraft, starts, stages, problems)
-    problems += model_checks.regressor_problems(project, names)
-    problems += model_checks.height_problems(project, names)
-    if databases:
-        start = databases["final"].value
-        problems += model_checks.term_problems(project, start, published)
-        problems += model_checks.variable_problems(project, start, names)
-    windows = {number: _window(plan, case) for number, case in enumerate(plan.cases)}
-    checks = CaseChecks(project, custody, stages)
-    problems += checks.problems(
-        plan.cases, windows, databases, {"datcom": apriori, "final": aircraft}
-    )
+    tables: Mapping[str, pd.DataFrame] = {}
+    if project.manoeuvres is not None:
+        read = flighttest.records.read_manoeuvres
+        tables = (
+            run_collecting_problems(plan.problems, "manoeuvres", read, project.manoeuvres) or {}
+        )
+    for name in tables:
+        if name not in project.flights:
+            plan.problems.append(f"manoeuvres: {UnknownName(name, project.flights, 'record')}")
+    tasks = []
+    for name in names:
+        task = LookTask.of(name, project, aircraft, cases=plan.cases, given=tables.get(name))
+        tasks.append(task)
+    return tasks
 
 
-def _window(plan: MatchPlan, case: PomCase) -> xr.Dataset | None:
-    """Return the states over the window of a case; None where they cannot be had."""
-    look = plan.looks.get(Path(case.record).stem)
-    return look.windows.get(case.name) if look is not None else None
+class _ModelChecks:
+    """Databases before the flights, and checks of all models; the problems go into the plan."""
+
+    def __init__(
+        self,
+        plan: MatchPlan,
+        apriori: Aircraft,
+        aircraft: Aircraft,
+        custody: pom.archive.Custody,
+        stages: Stages,
+    ) -> None:
+        self._plan, self._custody, self._stages = plan, custody, stages
+        self._apriori, self._aircraft = apriori, aircraft
+        self._databases: dict[str, Kept[xr.DataTree]] | None = None
+
+    def databases(self) -> dict[str, Kept[xr.DataTree]]:
+        """Return the databases before the flights by model, or no database after an error."""
+        if self._databases is None:
+            self._databases = self._build_databases()
+        return self._databases
+
+    def _build_databases(self) -> dict[str, Kept[xr.DataTree]]:
+        project, problems = self._plan.project, self._plan.problems
+        try:
+            datcom, start = databases_before(
+                project, self._aircraft, self._custody, stages=self._stages
+            )
+            return {"datcom": datcom, "final": start}
+        except (AeromatchError, OSError):
+            # The two steps are repeated one by one, so that each error has its place.
+            prior = run_collecting_problems(problems, "listings", a_priori, project, self._aircraft)
+        if prior is None:
+            return {}
+        opened = run_collecting_problems(problems, "", add_missing_terms, project, prior)
+        if opened is None:
+            opened = prior
+        return {"datcom": self._stages.given(prior), "final": self._stages.given(opened)}
+
+    def run(self) -> None:
+        """Check the databases with their updates, and every case with every model."""
+        plan, project, problems = self._plan, self._plan.project, self._plan.problems
+        databases = self.databases()
+        published = model_checks.published_fits(project, problems)
+        starts = {}
+        for name, look in plan.looks.items():
+            if look.start is not None and _forms_coefficients(look):
+                starts[name] = look.start
+        names = model_checks.coefficient_names(
+            project, self._aircraft, starts, stages=self._stages, problems=problems
+        )
+        problems += model_checks.regressor_problems(project, names)
+        problems += model_checks.height_problems(project, names)
+        if databases:
+            start = databases["final"].value
+            problems += model_checks.term_problems(project, start, published)
+            problems += model_checks.variable_problems(project, start, names)
+        windows: dict[int, xr.Dataset | None] = {}
+        for number, case in enumerate(plan.cases):
+            look_of_case = plan.looks.get(Path(case.record).stem)
+            # A case whose record has a problem has no states.
+            windows[number] = None
+            if look_of_case is not None:
+                windows[number] = look_of_case.windows.get(case.name)
+        problems += CaseChecks(project, self._custody, self._stages).problems(
+            plan.cases,
+            windows,
+            databases=databases,
+            aircraft={"datcom": self._apriori, "final": self._aircraft},
+        )
 
 
 def _forms_coefficients(look: RecordLook) -> bool:
     """Return whether the match forms the aerodynamic coefficients along a record."""
-    return any(place.startswith("fit ") or place == "ground_effect.flown" for place in look.taken)
+    return any(label.startswith("fit ") or label == "ground_effect.flown" for label in look.taken)

@@ -1,10 +1,9 @@
-"""Whether databases, submodels and foreign models of a project can be made, as far as its files
-show.
-"""
+"""Checks of databases, submodels and models from elsewhere, before they are made."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ import flighttest
 from aerodb.update.observations import known_terms
 from aeromatch.planning.steps import run_collecting_problems
 from aeromatch.project.project import Project
+from aeromatch.project.sections import EngineSection, GroundEffectSection
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.support.kept_stages.stages import Kept, Stages
 from flighttest.regression.combining.published_table import read_published
@@ -27,33 +27,30 @@ from flighttest.submodels.landing_gear.reconstructed_loads import wheels_of
 from pom.cases.case import PomCase
 from pom.fmu.simulate import Models
 
-_FORMED = (
-    "h_agl",
-    "delta_t",
-    "delta_ta",
-    "delta_tr",
-    "gear",
-    "speedbrake",
-)  # at rest or far from the ground where not recorded
+# Quantities with a default if they are not recorded: a device at rest, or free air.
+_WITH_DEFAULT = {"h_agl", "delta_t", "delta_ta", "delta_tr", "gear", "speedbrake"}
 
 
 def own_model(
     name: str, aircraft: Aircraft, database: Kept[xr.DataTree]
 ) -> tuple[flightmech.SimModel | None, list[str]]:
-    """Return a model of the project, compiled, and why it cannot be.
+    """Return a compiled model of the project, or None, and the reasons why it cannot be compiled.
 
-    The final model is compiled from the database before the flights; it has the same inputs,
+    The final model is compiled from the database before the flights. It has the same inputs,
     outputs and parameters.
     """
-    faults: list[str] = []
-    return run_collecting_problems(
-        faults, f"model {name}", flightmech.compile, aircraft, database.value
-    ), faults
+    problems: list[str] = []
+    model = run_collecting_problems(
+        problems, f"model {name}", flightmech.compile, aircraft, database.value
+    )
+    return model, problems
 
 
 def ground_problems(aircraft: Aircraft, case: PomCase) -> list[str]:
-    """Return that a case starts on wheels which the aircraft does not have."""
-    if case.drive.trim != "ground" or case.law or (aircraft.gear and aircraft.gear.contacts):
+    """Return a problem if a case starts on the ground and the aircraft has no landing gear."""
+    if case.drive.trim != "ground" or case.law:
+        return []
+    if aircraft.gear and aircraft.gear.contacts:
         return []
     return [
         f"case {case.name}: drive.trim is ground, and {aircraft.name} has no landing gear; "
@@ -63,30 +60,35 @@ def ground_problems(aircraft: Aircraft, case: PomCase) -> list[str]:
 
 def foreign_models(project: Project, problems: list[str]) -> dict[str, Models]:
     """Return the models from elsewhere, each with its table of names."""
-    found = {}
-    for name, file in project.models.items():
-        table = {name: project.tables[name]} if name in project.tables else {}
-        models = run_collecting_problems(problems, f"models.{name}", Models, {name: file}, table)
+    foreign: dict[str, Models] = {}
+    for name, file in project.fmus.items():
+        position = f"models.{name}"
+        tables = {}
+        if name in project.tables:
+            tables[name] = project.tables[name]
+        models = run_collecting_problems(problems, position, Models, {name: file}, tables)
         if models is not None:
-            run_collecting_problems(problems, f"models.{name}", models.demand_platform)
-            found[name] = models
-    return found
+            run_collecting_problems(problems, position, models.demand_platform)
+            foreign[name] = models
+    return foreign
 
 
 def term_problems(project: Project, start: xr.DataTree, published: Sequence[Any]) -> list[str]:
-    """Return why fits cannot enter the database: coefficients and held terms that it lacks, terms
-    without standard errors.
+    """Return the reasons why fits cannot update the database.
+
+    The reasons are absent coefficients, absent fixed terms, and terms without standard errors.
     """
-    found: list[str] = []
-    wanted = dict.fromkeys(
-        RegressionModel.parse(text).coefficient for fit in project.fits for text in fit.models
-    )
-    wanted |= dict.fromkeys(str(fit.model.coefficient) for fit in published)
-    for coefficient in wanted:
-        run_collecting_problems(
-            found, f"fits of {coefficient}", known_terms, [coefficient], start, project.held
-        )
-    return list(dict.fromkeys(found))
+    coefficients: dict[str, None] = {}
+    for fit in project.fit:
+        for text in fit.models:
+            coefficients[RegressionModel.parse(text).coefficient] = None
+    for published_fit in published:
+        coefficients[str(published_fit.model.coefficient)] = None
+    problems: list[str] = []
+    for coefficient in coefficients:
+        position = f"fits of {coefficient}"
+        run_collecting_problems(problems, position, known_terms, [coefficient], start, project.held)
+    return list(dict.fromkeys(problems))
 
 
 def coefficient_names(
@@ -100,19 +102,21 @@ def coefficient_names(
 
     Parameters
     ----------
+    project : Project
+    aircraft : Aircraft
     starts : mapping of str to Dataset (time,)
         First states of records that fits or the ground effect use. [SI]
     stages : Stages
     problems : list of str
-        Gets what it lacks: a state such as the thrust of an engine, or samples fast enough for the
-        low-pass.
+        Gets a line for an absent state, such as the thrust of an engine, and for a sample rate
+        that is too low for the low-pass.
     """
-    # one record of all that hold the same channels
+    # Records with the same channels have the same variables, so one of them is sufficient.
     first: dict[frozenset[str], str] = {}
-    alike = {
-        record: first.setdefault(frozenset(map(str, states.data_vars)), record)
-        for record, states in starts.items()
-    }
+    representative: dict[str, str] = {}
+    for record, states in starts.items():
+        channels = frozenset(map(str, states.data_vars))
+        representative[record] = first.setdefault(channels, record)
     settings = {
         "aircraft": stages.given(aircraft),
         "errors": project.errors,
@@ -122,60 +126,73 @@ def coefficient_names(
     def compute(missing: list[str], put: Callable[..., None]) -> None:
         for record in missing:
             names = run_collecting_problems(
-                problems, f"record {record}", _names_of, starts[record], aircraft, project
+                problems, f"record {record}", _variable_names, starts[record], aircraft, project
             )
             put(record, names or set(), keep=names is not None)
 
-    found = stages.batch(
-        "coefficient names",
-        {record: {"states": starts[record], **settings} for record in first.values()},
-        compute,
-    )
-    return {record: found[one].value for record, one in alike.items()}
+    inputs = {record: {"states": starts[record], **settings} for record in first.values()}
+    names = stages.batch("coefficient names", inputs, compute)
+    return {record: names[other].value for record, other in representative.items()}
 
 
-def _names_of(states: xr.Dataset, aircraft: Aircraft, project: Project) -> set[str]:
-    # the start of a record may be a standstill, where coefficients have no value
+def _variable_names(states: xr.Dataset, aircraft: Aircraft, project: Project) -> set[str]:
+    # A record may start at a standstill, where coefficients are 0/0.
     with np.errstate(all="ignore"):
-        return set(
-            map(
-                str,
-                flighttest.coefficients(states, aircraft, project.errors, project.cutoff).data_vars,
-            )
-        )
+        data = flighttest.coefficients(states, aircraft, project.errors, project.cutoff)
+    return {str(name) for name in data.data_vars}
 
 
 def regressor_problems(project: Project, names: Mapping[str, set[str]]) -> list[str]:
-    """Return the variables that models need and the records do not hold; `names` from
-    `coefficient_names`.
+    """Return the variables that models require and that records do not have.
+
+    `names` is the result of `coefficient_names`.
     """
-    needs = {f"fit {fit.name!r}": (fit.models, list(fit.records)) for fit in project.fits}
+    problems: list[str] = []
+    for fit in project.fit:
+        problems += _absent_regressors(
+            f"fit {fit.name!r}", fit.models, records=fit.records, names=names
+        )
     if project.ground_effect is not None:
-        flown = [record for one in project.ground_effect.flown for record in one.records]
-        needs["ground_effect.flown"] = project.ground_effect.models, list(dict.fromkeys(flown))
-    found = []
-    for place, (models, records) in needs.items():
-        for model in map(RegressionModel.parse, models):
-            for name in (model.coefficient, *model.variables):
-                lacking = [
-                    record for record in records if names.get(record) and name not in names[record]
-                ]
-                if lacking:
-                    found.append(
-                        f"{place}: {model} needs {name}, which record {', '.join(lacking)} "
-                        f"does not hold; map its channel"
-                    )
-    return found
+        records = dict.fromkeys(_ground_effect_records(project.ground_effect))
+        problems += _absent_regressors(
+            "ground_effect.flown", project.ground_effect.models, records=records, names=names
+        )
+    return problems
+
+
+def _ground_effect_records(section: GroundEffectSection) -> list[str]:
+    records: list[str] = []
+    for selection in section.flown:
+        records += selection.records
+    return records
+
+
+def _absent_regressors(
+    position: str, models: Iterable[str], records: Iterable[str], names: Mapping[str, set[str]]
+) -> list[str]:
+    problems: list[str] = []
+    # A record without names cannot be read, which is another problem.
+    readable = [record for record in records if names.get(record)]
+    for model in map(RegressionModel.parse, models):
+        for name in (model.coefficient, *model.variables):
+            lacking = [record for record in readable if name not in names[record]]
+            if lacking:
+                problems.append(
+                    f"{position}: {model} needs {name}, which record {', '.join(lacking)} "
+                    f"does not hold; map its channel"
+                )
+    return problems
 
 
 def height_problems(project: Project, names: Mapping[str, set[str]]) -> list[str]:
-    """Return that no record of the ground effect has a height over the runway."""
+    """Return a problem if no record of the ground effect has a height above the runway."""
     if project.ground_effect is None:
         return []
-    records = [record for one in project.ground_effect.flown for record in one.records]
-    if not all(names.get(record) for record in records) or any(
-        "h_agl" in names[record] for record in records
-    ):
+    records = _ground_effect_records(project.ground_effect)
+    # A record without names cannot be read, which is another problem.
+    if not all(names.get(record) for record in records):
+        return []
+    if any("h_agl" in names[record] for record in records):
         return []
     return [
         "ground_effect.flown: no record has a height over the runway, h_agl; give "
@@ -186,132 +203,125 @@ def height_problems(project: Project, names: Mapping[str, set[str]]) -> list[str
 def variable_problems(
     project: Project, start: xr.DataTree, names: Mapping[str, set[str]]
 ) -> list[str]:
-    """Return the variables that terms of the database need and the records of the fits do not hold;
-    `names` by record.
+    """Return the variables that terms of the database require and that the records do not have.
+
+    `names` is the result of `coefficient_names`.
     """
     leaves = aerodb.terms(start)
     missing: dict[tuple[str, str], list[str]] = {}
-    for fit in project.fits:
+    for fit in project.fit:
         coefficients = {RegressionModel.parse(text).coefficient for text in fit.models}
-        needed = {
-            name: flightmech.terms.list_model_variables(leaf)
-            for name, leaf in leaves.items()
-            if name.split("/")[0] in coefficients
-        }
-        for record in fit.records:
-            if not names.get(record):
-                continue  # it cannot be read, which is reported
-            for term, variables in needed.items():
-                for variable in sorted(variables - names[record] - {*_FORMED}):
+        required: dict[str, set[str]] = {}
+        for name, leaf in leaves.items():
+            if name.split("/")[0] in coefficients:
+                required[name] = flightmech.terms.list_model_variables(leaf)
+        # A record without names cannot be read, which is another problem.
+        for record in filter(names.get, fit.records):
+            for term, variables in required.items():
+                for variable in sorted(variables - names[record] - _WITH_DEFAULT):
                     missing.setdefault((variable, term), []).append(record)
-    return [
-        f"term {term} depends on {variable}, which record "
-        f"{', '.join(dict.fromkeys(records))} does not hold; map its channel"
-        for (variable, term), records in missing.items()
-    ]
+    problems = []
+    for (variable, term), records in missing.items():
+        problems.append(
+            f"term {term} depends on {variable}, which record "
+            f"{', '.join(dict.fromkeys(records))} does not hold; map its channel"
+        )
+    return problems
 
 
 def published_fits(project: Project, problems: list[str]) -> list[Any]:
     """Return the local models from elsewhere."""
-    found: list[Any] = []
+    fits: list[Any] = []
     for file in project.published:
-        found += run_collecting_problems(problems, "published", read_published, file) or []
-    return found
+        fits += run_collecting_problems(problems, "published", read_published, file) or []
+    return fits
 
 
 def name_problems(project: Project) -> list[str]:
-    """Return the fits that could not be distinguished: one name, one record and one coefficient."""
-    seen: dict[tuple[str, str, str], int] = {}
-    for fit in project.fits:
+    """Return the fits with the same name, record and coefficient, which have no unique name."""
+    counts: dict[tuple[str, str, str], int] = {}
+    for fit in project.fit:
         for record in fit.records:
             for text in fit.models:
                 key = fit.name, record, RegressionModel.parse(text).coefficient
-                seen[key] = seen.get(key, 0) + 1
-    return [
-        f"fit {name!r} gives {count} models of {coefficient} for record {record}; give each "
-        f"fit a name of its own"
-        for (name, record, coefficient), count in seen.items()
-        if count > 1
-    ]
+                counts[key] = counts.get(key, 0) + 1
+    problems = []
+    for (name, record, coefficient), count in counts.items():
+        if count > 1:
+            problems.append(
+                f"fit {name!r} gives {count} models of {coefficient} for record {record}; give "
+                f"each fit a name of its own"
+            )
+    return problems
 
 
 def submodel_structure_problems(
     project: Project, apriori: Aircraft, aircraft: Aircraft
 ) -> list[str]:
-    """Return what the aircraft files lack for the submodels that are to be identified."""
-    found: list[str] = []
+    """Return the parts that the aircraft files lack for the identification of the submodels."""
+    problems: list[str] = []
     if project.engine is not None:
-        found += _engine_problems(project, apriori)
-    for item, asked in project.controls.items():
-        run_collecting_problems(
-            found,
-            f"controls.{item}",
-            loading_of,
-            aircraft,
-            item,
-            asked.model,
-            asked.constants,
-            asked.arm,
-        )
-        if item not in aircraft.circuits:
-            found.append(
-                f"controls.{item}: {aircraft.name} has no [circuit.{item}]; give stops and "
-                f"mass at least"
+        problems += _engine_problems(project.engine, project.points, apriori)
+    for control, section in project.controls.sections.items():
+        position = f"controls.{control}"
+        settings = (section.model, section.constants, section.arm)
+        run_collecting_problems(problems, position, loading_of, aircraft, control, *settings)
+        if control not in aircraft.circuits:
+            problems.append(
+                f"{position}: {aircraft.name} has no [circuit.{control}]; give stops and mass at least"
             )
     if project.gear is not None:
-        run_collecting_problems(found, "gear", wheels_of, aircraft)
+        run_collecting_problems(problems, "gear", wheels_of, aircraft)
     if project.ground_effect is not None:
-        found += _ground_problems(project.ground_effect)
-    return found
+        problems += _ground_effect_problems(project.ground_effect)
+    return problems
 
 
-def _engine_problems(project: Project, apriori: Aircraft) -> list[str]:
-    asked, found = project.engine, list[str]()
+def _engine_problems(
+    section: EngineSection, files: Mapping[str, Path], apriori: Aircraft
+) -> list[str]:
+    problems: list[str] = []
     for name in ("points", "climbs"):
-        if name in project.points:
-            run_collecting_problems(found, f"engine.{name}", read_points, project.points[name])
-    file = project.points.get("structure")
-    structure = (
-        run_collecting_problems([], "", read_structure, file)
-        if file is not None
-        else EngineStructure()
-    )
-    deck = apriori.engines[0].deck if apriori.engines else None
-    tables = list(deck.tables) if deck is not None else []
-    settled = asked is not None and (asked.points or asked.climbs)
-    if settled and "corrected_thrust" not in tables:
-        found.append(
+        if name in files:
+            run_collecting_problems(problems, f"engine.{name}", read_points, files[name])
+    structure: EngineStructure | None = EngineStructure()
+    if "structure" in files:
+        # The reader of the project has reported a faulty file already.
+        structure = run_collecting_problems([], "", read_structure, files["structure"])
+    tables: list[str] = []
+    if apriori.engines and apriori.engines[0].deck is not None:
+        tables = list(apriori.engines[0].deck.tables)
+    if (section.points or section.climbs) and "corrected_thrust" not in tables:
+        problems.append(
             f"engine: settled points correct the table corrected_thrust of the a-priori "
             f"deck; it has {' '.join(tables) or 'no tables'}"
         )
-    if asked is not None and structure is not None and structure.tables and not asked.flights:
-        found.append(
+    if structure is not None and structure.tables and not section.flights:
+        problems.append(
             f"engine.flights: missing; the tables {', '.join(structure.tables)} of "
             f"engine.structure come from whole flights"
         )
-    return found
+    return problems
 
 
-def _ground_problems(asked: Any) -> list[str]:
-    models = [RegressionModel.parse(text) for text in asked.models]
-    coefficients = [model.coefficient for model in models]
-    found = [
-        f"ground_effect.models: two models of {name}; give one"
-        for name in dict.fromkeys(coefficients)
-        if coefficients.count(name) > 1
-    ]
-    for text in asked.ground:
+def _ground_effect_problems(section: GroundEffectSection) -> list[str]:
+    coefficients = [RegressionModel.parse(text).coefficient for text in section.models]
+    problems = []
+    for name in dict.fromkeys(coefficients):
+        if coefficients.count(name) > 1:
+            problems.append(f"ground_effect.models: two models of {name}; give one")
+    for text in section.ground:
         model = RegressionModel.parse(text)
         if model.coefficient not in coefficients:
-            found.append(
+            problems.append(
                 f"ground_effect.ground: {model} has no model of {model.coefficient} in "
                 f"ground_effect.models; add one"
             )
-    return found
+    return problems
 
 
 def aircraft_of_cases(files: Iterable[str], problems: list[str]) -> None:
-    """Read the aircraft of the cases, which draws of the models need."""
+    """Read the aircraft files of the cases, which the draws of the models require."""
     for file in dict.fromkeys(files):
         if file:
             run_collecting_problems(problems, "case.aircraft", flightmech.read_aircraft, file)

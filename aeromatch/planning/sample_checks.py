@@ -1,5 +1,6 @@
-"""Whether the samples of a record can determine what a fit or a submodel takes from it, as far as
-recorded channels show.
+"""Checks of the samples of a record: whether they can determine a fit or a submodel.
+
+Only recorded channels are used, because the states are not reconstructed yet.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ import xarray as xr
 
 from aeromatch.planning.steps import run_collecting_problems
 from aeromatch.project.project import FitSection
-from aeromatch.workflow.submodels import select_spans, thin_samples
+from aeromatch.workflow.submodels import thin_samples
+from aeromatch.workflow.windows import select_spans
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
@@ -25,32 +27,25 @@ from flighttest.submodels.engine.records import engine_channels
 from flighttest.submodels.engine.schedule import remove_lever_noise
 from flighttest.submodels.landing_gear.reconstructed_loads import TOUCHING, wheels_of
 
-# of the least movement: readings before the reconstruction move a little more or less than after it
+# Fraction of the least movement of `flighttest.regress`. Readings before the reconstruction move a
+# little more or less than after it, so only a clear standstill is a problem.
 _CERTAIN = 0.5
-_RUNNING = (
-    "phi",
-    "theta",
-    "psi",
-    "p",
-    "q",
-    "r",
-    "vn",
-    "ve",
-    "vd",
-)  # states that the loads of the wheels need
+# States that the loads of the wheels require.
+_RUNNING = ("phi", "theta", "psi", "p", "q", "r", "vn", "ve", "vd")
 
 Spans = Sequence[tuple[float, float]]
 
 
 def fit_problems(where: str, fit: FitSection, states: xr.Dataset, spans: Spans) -> list[str]:
-    """Return why a fit cannot be made of some windows of a record: too few samples, inputs that do
-    not move.
+    """Return the reasons why windows of a record cannot determine a fit.
+
+    The reasons are too few samples, and inputs that do not move.
 
     Parameters
     ----------
     where : str
         Fit and record, for the texts.
-    fit : Fit
+    fit : FitSection
     states : Dataset (time,)
         `flighttest.reconstruction.start_states`. [SI]
     spans : sequence of (float, float)
@@ -58,151 +53,177 @@ def fit_problems(where: str, fit: FitSection, states: xr.Dataset, spans: Spans) 
     """
     if not spans:
         return []
-    chosen = _inside(states["time"].values, spans)
-    count = int(chosen.size - _on_wheels(states)[chosen].sum())
-    found = []
+    samples = _sample_indices(states["time"].values, spans)
+    count = int(samples.size - _on_wheels(states)[samples].sum())
+    problems: list[str] = []
     for text in fit.models:
         model = RegressionModel.parse(text)
-        least = SAMPLES_PER_TERM * len(model.terms)
-        if count < least:
-            found.append(
+        minimum = SAMPLES_PER_TERM * len(model.terms)
+        if count < minimum:
+            problems.append(
                 f"{where}: {count} samples in flight for {len(model.terms)} terms of "
-                f"{model}; at least {least} are needed"
+                f"{model}; at least {minimum} are needed"
             )
-        else:
-            found += [
+            continue
+        for term in _resting_terms(model, states, samples):
+            problems.append(
                 f"{where}: {model}: {term} does not move; leave it out, or add a manoeuvre"
-                for term in _resting(model, states, chosen)
-            ]
-    return found
+            )
+    return problems
 
 
-def _inside(time: np.ndarray, spans: Spans) -> np.ndarray:
-    """Return the places of the samples in some windows, as `flighttest.between` takes them, one
-    window after the other.
+def _sample_indices(time: np.ndarray, spans: Spans) -> np.ndarray:
+    """Return the indices of the samples in windows, one window after the other.
+
+    The bounds are the bounds of `flighttest.select_time`.
     """
     step = float(np.median(np.diff(time)))
-    ends = [np.searchsorted(time, (start, stop - 0.5 * step)) for start, stop in spans]
-    return np.concatenate([np.arange(first, behind) for first, behind in ends])
+    indices = []
+    for start, stop in spans:
+        # The sample at the end of a window belongs to the next window.
+        first, behind = np.searchsorted(time, (start, stop - 0.5 * step))
+        indices.append(np.arange(first, behind))
+    return np.concatenate(indices)
 
 
 def _on_wheels(states: xr.Dataset) -> np.ndarray:
     """Return whether a wheel is on the ground, (time,)."""
     wheels = [name for name in map(str, states.data_vars) if name.startswith("wow_")]
-    return (
-        np.any([states.variables[name].values > 0.5 for name in wheels], axis=0)
-        if wheels
-        else np.zeros(states.sizes["time"], bool)
-    )
+    if not wheels:
+        return np.zeros(states.sizes["time"], bool)
+    return np.any([states.variables[name].values > 0.5 for name in wheels], axis=0)
 
 
-def _resting(model: RegressionModel, states: xr.Dataset, chosen: np.ndarray) -> list[str]:
-    """Return the terms of single recorded variables that do not move, next to a constant, by the
-    rule of `flighttest.regress`.
+def _resting_terms(model: RegressionModel, states: xr.Dataset, samples: np.ndarray) -> list[str]:
+    """Return the terms of one recorded variable that do not move, by the rule of `regress`.
+
+    A model without a constant has no such term.
     """
     if not least_squares.intercept_mask(model.terms).any():
         return []
-    found = []
+    resting = []
     for term in model.terms:
+        # Only a single variable to the power of 1 is compared with its least movement.
         factors = term_powers(term) if term != "1" else {}
-        name = variable_of(next(iter(factors))) if list(factors.values()) == [1] else ""
+        if list(factors.values()) != [1]:
+            continue
+        name = variable_of(next(iter(factors)))
         if name not in states:
             continue
-        alone = RegressionModel(model.coefficient, [term])
-        column = alone.design({name: states.variables[name].values[chosen]})[:, 0]
+        single = RegressionModel(model.coefficient, [term])
+        column = single.design({name: states.variables[name].values[samples]})[:, 0]
         least = _CERTAIN * LEAST_MOVEMENT.get(lookup(name).units, 0.0)
         if np.ptp(column) == 0.0 or np.std(column) < least:
-            found.append(term)
-    return found
+            resting.append(term)
+    return resting
 
 
 def submodel_problems(
     where: str, place: str, asked: Any, aircraft: Aircraft, states: xr.Dataset, spans: Spans
 ) -> list[str]:
-    """Return why a record cannot identify a submodel.
+    """Return the reasons why a record cannot identify a submodel.
 
     Parameters
     ----------
     where : str
-        Place and record, for the texts.
+        Position and record, for the texts.
     place : str
-        Place in the project file: ``engine.flown``, ``controls.column.free`` ...
-    asked : Engine, Control, Gear or GroundEffect
+        Position in the project file: ``engine.flown``, ``controls.column.free`` ...
+    asked : EngineSection, ControlSection, GearSection or GroundEffectSection
         The section of the project file.
     aircraft : Aircraft
     states : Dataset (time,)
         `flighttest.reconstruction.start_states`. [SI]
     spans : sequence of (float, float)
-        Windows that are taken. [s]
+        Windows. [s]
     """
     section = place.split(".")[0]
+    # The variables of the ground effect are checked with the variables of the coefficients.
     if section == "ground_effect":
-        return []  # its variables are those of the coefficients
+        return []
     time = states["time"].values
-    empty = sum(int(np.count_nonzero((time >= start) & (time <= end)) < 2) for start, end in spans)
-    found = [f"{where}: {empty} windows without a sample; choose others"] if empty else []
+    empty = 0
+    for start, end in spans:
+        if np.count_nonzero((time >= start) & (time <= end)) < 2:
+            empty += 1
+    problems: list[str] = []
+    if empty:
+        problems.append(f"{where}: {empty} windows without a sample; choose others")
     if section == "controls":
-        return found + _control_problems(where, place.split(".")[1], asked, aircraft, states)
+        control = place.split(".")[1]
+        return problems + _control_problems(
+            where, control, section=asked, aircraft=aircraft, states=states
+        )
     parts = [part for part in select_spans(states, spans) if part.sizes["time"] > 1]
     if section == "engine":
-        return found + _engine_problems(where, place, asked, parts)
-    return found + _gear_problems(where, aircraft, parts)
+        return problems + _engine_problems(where, place, section=asked, parts=parts)
+    return problems + _gear_problems(where, aircraft, parts)
 
 
-def _engine_problems(where: str, place: str, asked: Any, parts: Sequence[xr.Dataset]) -> list[str]:
-    found: list[str] = []
+def _engine_problems(
+    where: str, place: str, section: Any, parts: Sequence[xr.Dataset]
+) -> list[str]:
+    problems: list[str] = []
     for part in parts:
         record = run_collecting_problems(
-            found, where, engine_channels, part, asked.engines, asked.pla
+            problems, where, engine_channels, part, section.engines, section.pla
         )
         if record is None:
             continue
         if place != "engine.starts" and "throttle" not in record:
-            found.append(
-                f"{where}: no lever of engine {asked.engines[0]} "
-                f"(engine{asked.engines[0]}.throttle or .pla); map its channel"
+            engine = f"engine{section.engines[0]}"
+            problems.append(
+                f"{where}: no lever of engine {section.engines[0]} "
+                f"({engine}.throttle or .pla); map its channel"
             )
         elif place == "engine.flown":
             try:
-                remove_lever_noise(thin_samples(record, asked.rate))
+                remove_lever_noise(thin_samples(record, section.rate))
             except AeromatchError as error:
-                found.append(f"{where}: {error}")
-    return list(dict.fromkeys(found))
+                problems.append(f"{where}: {error}")
+    return list(dict.fromkeys(problems))
 
 
 def _control_problems(
-    where: str, item: str, asked: Any, aircraft: Aircraft, states: xr.Dataset
+    where: str, control: str, section: Any, aircraft: Aircraft, states: xr.Dataset
 ) -> list[str]:
     try:
-        needed = loading_channels(
-            loading_of(aircraft, item, asked.model, asked.constants, asked.arm)
-        )
+        loading = loading_of(aircraft, control, section.model, section.constants, section.arm)
+        required = loading_channels(loading)
     except AeromatchError:
-        return []  # reported once, without a record
-    have = {*map(str, states.data_vars)} | ({"wow"} if "wow_nose" in states else set())
-    return [
-        f"{where}: the {item} needs {name}, which the record does not hold; map its channel"
-        for name in needed
-        if name not in have
-    ]
+        # The check of the submodels reports this error once, without a record.
+        return []
+    available = {str(name) for name in states.data_vars}
+    if "wow_nose" in available:
+        # The identification uses the switch of the nose wheel under this name.
+        available.add("wow")
+    problems = []
+    for name in required:
+        if name not in available:
+            problems.append(
+                f"{where}: the {control} needs {name}, which the record does not hold; map its "
+                f"channel"
+            )
+    return problems
 
 
 def _gear_problems(where: str, aircraft: Aircraft, parts: Sequence[xr.Dataset]) -> list[str]:
     try:
         wheels = [f"gear.{wheel.name}.compression" for wheel in wheels_of(aircraft)]
     except AeromatchError:
-        return []  # reported once, without a record
-    found = []
+        # The check of the submodels reports this error once, without a record.
+        return []
+    problems: list[str] = []
     for part in parts:
         absent = [name for name in (*wheels, *_RUNNING) if name not in part]
-        found += [
-            f"{where}: the landing gear needs {name}, which the record does not hold; map "
-            f"its channel"
-            for name in absent
-        ]
+        for name in absent:
+            problems.append(
+                f"{where}: the landing gear needs {name}, which the record does not hold; map "
+                f"its channel"
+            )
         if not absent and not any((part[name].values > TOUCHING).any() for name in wheels):
-            found.append(
+            problems.append(
                 f"{where}: no wheel is compressed by more than {TOUCHING:g} m; give ground "
                 f"runs or landings"
             )
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(problems))

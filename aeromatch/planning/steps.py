@@ -1,12 +1,13 @@
-"""Steps and products of a match, in words."""
+"""Texts of the steps and products of a match, and the collection of problems."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
-from aeromatch.project.project import Project
-from aeromatch.workflow.steps import COMPARED, FLOWN, REPORT, WAYS
+from aeromatch.project.project import OWN_MODELS, Project
+from aeromatch.workflow.aerodynamics import WAYS
+from aeromatch.workflow.steps import COMPARED, FLOWN, REPORT
 from flightmech.errors import AeromatchError, SchemaError
 
 Result = TypeVar("Result")
@@ -24,16 +25,26 @@ def texts_of(error: Exception) -> list[str]:
 def run_collecting_problems(
     problems: list[str], place: str, act: Callable[..., Result], *items: Any
 ) -> Result | None:
-    """Return ``act(*items)``; None if it raises an error of the package or of the disk, whose texts
-    are added to `problems`.
+    """Return ``act(*items)``, or None if it raises an error of the package or of the disk.
+
+    The texts of the error are added to `problems`, after `place` if it is not empty.
     """
+    prefix = f"{place}: " if place else ""
     try:
         return act(*items)
     except (AeromatchError, OSError) as error:
-        problems += [f"{place}: {text}" if place else text for text in texts_of(error)]
+        problems += [prefix + text for text in texts_of(error)]
         return None
 
 
+_REPORT_FILES = (
+    "report.html",
+    "report.pdf",
+    "results.json",
+    "results.nc",
+    "results.xml",
+    "manifest.json",
+)
 _TABLES = {
     "tabulate": "project local models on the nodes of the tables",
     "direct": "estimate the nodes of the tables from the samples",
@@ -55,28 +66,30 @@ def steps_of(project: Project, records: Mapping[str, bool], cases: int, compare:
         Whether the tables are made in all ways.
     """
     identifying = sum(records.values())
-    models = 3 + len(project.models)
+    models = 3 + len(project.fmus)
     steps = [
-        f"read {sum(map(len, project.listings.values()))} DATCOM listings, build the "
-        f"a-priori database",
+        f"read {len(project.listings.places())} DATCOM listings, build the a-priori database",
         f"read and check {len(records)} flight records",
         f"reconstruct {len(records)} paths; {identifying} records determine the constants of "
         f"the instruments",
     ]
-    steps += ["identify the engine"] if project.engine is not None else []
-    steps += (
-        [f"identify the control loading of {', '.join(project.controls)}"]
-        if project.controls
-        else []
-    )
-    steps += [
+    # The engine precedes the aerodynamics, which require the thrust; ground effect and landing gear
+    # follow, because they require the lift.
+    if project.engine is not None:
+        steps.append("identify the engine")
+    if project.controls.sections:
+        steps.append(f"identify the control loading of {', '.join(project.controls.sections)}")
+    steps.append(
         f"fit {_count_fits(project)} local models, read {len(project.published)} files of "
         f"published ones"
-    ]
-    steps += [_TABLES[project.tabulation]]
-    steps += [f"make the tables in all {len(WAYS)} ways and compare them"] if compare else []
-    steps += ["identify the ground effect"] if project.ground_effect is not None else []
-    steps += ["identify the landing gear"] if project.gear is not None else []
+    )
+    steps.append(_TABLES[project.tabulation])
+    if compare:
+        steps.append(f"make the tables in all {len(WAYS)} ways and compare them")
+    if project.ground_effect is not None:
+        steps.append("identify the ground effect")
+    if project.gear is not None:
+        steps.append("identify the landing gear")
     steps += [
         f"swap terms on {cases} cases, build the corrected database",
         "write three databases, aircraft and FMUs",
@@ -87,24 +100,16 @@ def steps_of(project: Project, records: Mapping[str, bool], cases: int, compare:
 
 
 def _count_fits(project: Project) -> int:
-    return sum(len(fit.records) * len(fit.models) for fit in project.fits)
+    return sum(len(fit.records) * len(fit.models) for fit in project.fit)
 
 
 def products_of(project: Project, cases: Sequence[Any], compare: bool) -> list[str]:
     """Return the files of a match, relative to its folder."""
-    names = ("datcom", "corrected", "final")
-    files = [f"{name}{ending}" for name in names for ending in (".nc", ".toml", ".fmu")]
-    files += [FLOWN, *([COMPARED] if compare else [])]
-    report = (
-        "report.html",
-        "report.pdf",
-        "results.json",
-        "results.nc",
-        "results.xml",
-        "manifest.json",
-    )
-    return [*files, *_inside(REPORT, report), f"{REPORT}/csv/ ({len(cases)} files)"]
-
-
-def _inside(folder: str, names: Iterable[str]) -> list[str]:
-    return [f"{folder}/{name}" for name in names]
+    files: list[str] = []
+    for name in OWN_MODELS:
+        files += [f"{name}.nc", f"{name}.toml", f"{name}.fmu"]
+    files.append(FLOWN)
+    if compare:
+        files.append(COMPARED)
+    files += [f"{REPORT}/{name}" for name in _REPORT_FILES]
+    return [*files, f"{REPORT}/csv/ ({len(cases)} files)"]

@@ -14,101 +14,14 @@ import click
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
-from aeromatch.project.project import project_schema, read_project
-from flightmech.aircraft.aircraft import aircraft_schema as without_instruments
+from aeromatch.project.project import read_project
 from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import ParseError, SchemaError, UnknownName
-from flightmech.support.atomic_write import write_text, written_atomically
+from flightmech.support.atomic_write import written_atomically
 from flightmech.support.console import InputFile, NewFile, json_option, print_json
 from flightmech.support.input_files import file_kind, read_toml
-from flightmech.support.toml_models import part_schema, schema_text
 from flighttest.records.readers.name_map import read_names
-from flighttest.records.readers.name_map_file import name_map_schema
-from flighttest.records.sensors.instruments import Instrument
-from flighttest.submodels.engine.tables import structure_schema
 from pom.cases.case import read_case
-from pom.cases.case_file import case_schema
-
-
-def schema_with_instruments() -> dict[str, Any]:
-    """Return the JSON schema of aircraft files, with that of their instruments."""
-
-    schema = without_instruments()
-    schema["$defs"]["Instrument"] = part_schema(Instrument)
-    schema["properties"]["instruments"]["additionalProperties"] = {"$ref": "#/$defs/Instrument"}
-    return schema
-
-
-def _names() -> dict[str, Any]:
-
-    return name_map_schema()
-
-
-def _project() -> dict[str, Any]:
-
-    return project_schema()
-
-
-def _engine() -> dict[str, Any]:
-
-    return structure_schema()
-
-
-def _case() -> dict[str, Any]:
-
-    return case_schema()
-
-
-SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
-    "project": _project,
-    "aircraft": schema_with_instruments,
-    "names": _names,
-    "case": _case,
-    "engine": _engine,
-}
-"""By kind of file: aeromatch.toml, aircraft.toml, names.toml, cases, and the key ``structure`` of ``[engine]``."""
-
-
-def schema_lines(kind: str) -> list[str]:
-    """Return the first lines of a file of a kind, by which editors find its schema."""
-    file = f"{kind}.schema.json"
-    return [
-        f"#:schema {file}",
-        f"# `aeromatch schema {kind}` writes {file}; an editor that knows it completes and "
-        f"checks the keys.",
-        "",
-    ]
-
-
-@click.command("schema")
-@click.argument("kind", required=False, type=click.Choice(list(SCHEMAS)))
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path),
-    help="File, or without KIND a folder.  [default: KIND.schema.json]",
-)
-@json_option
-def schema(kind: str | None, output: Path | None, as_json: bool) -> None:
-    """Write the JSON schema of the files of a KIND, or of all kinds, for an editor that completes
-    and checks the keys.
-
-    The first line of a file names its schema: #:schema aircraft.schema.json
-    """
-
-    if kind:
-        files = {output or Path(f"{kind}.schema.json"): kind}
-    else:
-        folder = output or Path()
-        folder.mkdir(parents=True, exist_ok=True)
-        files = {folder / f"{name}.schema.json": name for name in SCHEMAS}
-    for file, name in files.items():
-        write_text(file, schema_text(SCHEMAS[name]()))
-        if not as_json:
-            click.echo(f"written: {file}")
-    if as_json:
-        print_json({"files": [str(file) for file in files]})
-
 
 _KEY = re.compile(r'"([^"]+)"|([^."]+)')
 

@@ -1,44 +1,53 @@
-"""A project: one aircraft, its listings, its flights, its test points and its Proof-of-Match cases,
-from one TOML file.
+"""The model of a project file: one aircraft, its listings, its flights, its test points and its
+Proof-of-Match cases.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from glob import glob
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 import xarray as xr
-from pydantic import Field, field_validator, model_validator
+from pydantic import (
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
+from aeromatch.project.files import (
+    FlightFiles,
+    InputFile,
+    InputFiles,
+    Listings,
+    MatchedFiles,
+    OptionalFile,
+    ProjectFolder,
+)
 from aeromatch.project.sections import (
     Controls,
-    ControlSection,
     EngineSection,
     GearSection,
     GroundEffectSection,
     RecordSelection,
+    find_faults,
     section_selections,
 )
-from datcom_io.reading.reader import ListingCase, place_of
 from flightmech import terms
-from flightmech.errors import AeromatchError, SchemaError, UnknownName
+from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import Strict, file_schema, validate_content
-from flightmech.support.toml_quantities import UNFILLED, InUnits
+from flightmech.support.toml_quantities import InUnits
 from flightmech.units import parse_quantity
 from flighttest.reconstruction.dynamics.force_coefficients import ERRORS
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.engine.tables import read_structure
-from pom.cases.case_file import Role, Signature, plain_signatures
-
-STATED = ("powered", "tailless", "move_reference")
-"""What a project may state about its listings, see `aerodb.from_datcom`."""
+from pom.cases.case_file import Role, Signature
 
 OWN_MODELS = ("datcom", "corrected", "final")
 """Names of the models that a project makes."""
@@ -66,20 +75,24 @@ class NewTerm(Strict):
     )
 
     def leaf(self) -> xr.Dataset:
-        """Return the term, zero at every node."""
-        axes = {
-            name: [parse_quantity(point, lookup(name).units) for point in points]
-            for name, points in self.axes.items()
-        }
+        """Return the term, zero at every node.
+
+        Raises
+        ------
+        SchemaError
+            The number of standard errors is not 1 and not the number of nodes.
+        """
+        axes: dict[str, list[float]] = {}
+        for name, points in self.axes.items():
+            units = lookup(name).units
+            axes[name] = [parse_quantity(point, units) for point in points]
         value = np.zeros(tuple(len(points) for points in axes.values()))
         if np.ndim(self.stderr) and np.shape(self.stderr) != value.shape:
-            raise SchemaError(
-                "term",
-                [
-                    f"stderr has {np.size(self.stderr)} values for {value.size} nodes; give "
-                    f"one for all, or one per node"
-                ],
+            problem = (
+                f"stderr has {np.size(self.stderr)} values for {value.size} nodes; give "
+                f"one for all, or one per node"
             )
+            raise SchemaError("term", [problem])
         return terms.make_term(
             value,
             axes,
@@ -102,7 +115,7 @@ class FitSection(RecordSelection):
     )
 
     @model_validator(mode="after")
-    def _of_something(self) -> FitSection:
+    def _require_samples(self) -> FitSection:
         if not self.manoeuvres and not self.window:
             raise ValueError(
                 "neither manoeuvres nor window; give one of them, as window = [start, end] "
@@ -126,77 +139,27 @@ class ThirdPartyModel(Strict):
     )
 
 
-Paths = str | tuple[str, ...]
+class Project(Strict):
+    """A project. The attributes are the keys of its file; all paths are absolute."""
 
-
-class Listings(Strict):
-    """Digital DATCOM listings by their role in `aerodb.from_datcom`, one or several each;
-    ``FILE:CASE`` takes one case of a file.
-    """
-
-    clean: Paths = Field(description="The whole aeroplane without deflections.")
-    flaps: Paths = Field(default=(), description="Increments of the flaps.")
-    elevator: Paths = Field(default=(), description="Increments of the elevator or stabiliser.")
-    aileron: Paths = Field(default=(), description="Increments of the ailerons.")
-    ground: Paths = Field(default=(), description="The whole aeroplane in ground effect.")
-    ground_flap: Paths = Field(default=(), description="The same with flaps.")
-    ground_elevator: Paths = Field(
-        default=(), examples=["datcom/ground_elevator.out"], description="The same with elevator."
-    )
-    power: Paths = Field(
-        default=(),
-        examples=["datcom/power.out"],
-        description="The whole aeroplane with power effects.",
-    )
-    spoilers: Paths = Field(
-        default=(), examples=["datcom/spoilers.out"], description="Increments of the spoilers."
-    )
-    differential_tail: Paths = Field(
-        default=(),
-        examples=["datcom/differential_tail.out"],
-        description="Increments of a differential tail.",
-    )
-    tabs: Paths = Field(
-        default=(), examples=["datcom/tabs.out"], description="Increments of trim tabs."
-    )
-    aileron_hinge: Paths = Field(
-        default=(),
-        examples=["datcom/aileron_hinge.out"],
-        description="Hinge moments of the ailerons.",
-    )
-    altitude: Annotated[float, InUnits("m")] | None = Field(
-        default=None, examples=["5000 ft"], description="Reference altitude of the a-priori tables."
-    )
-    powered: bool = Field(
-        default=False,
-        description="Whether clean pages hold power effects: thrust terms are taken off and "
-        "standard errors are wider.",
-    )
-    tailless: bool = Field(
-        default=False, description="Whether the aeroplane has no horizontal tail."
-    )
-    move_reference: bool = Field(
-        default=False,
-        description="Whether the listing's reference point is moved to that of the aircraft file.",
-    )
-
-
-class _ProjectFile(Strict):
+    # `project_schema` describes the file, so the schema does not use the docstring.
+    model_config = ConfigDict(json_schema_extra=lambda schema: schema.pop("description", None))
+    _file: Path = PrivateAttr(default=Path())
     title: str = Field(description="Title of the project and its report.")
-    aircraft: str = Field(description="Aircraft file.")
-    apriori: str | None = Field(
+    aircraft: InputFile = Field(description="Aircraft file.")
+    apriori: OptionalFile = Field(
         default=None,
         description="Aircraft file as it was known before the flights; without it aircraft.",
     )
-    names: str | None = Field(
+    names: OptionalFile = Field(
         default=None,
         description="Name map of the flight records; not needed where they have canonical names.",
     )
-    flights: Paths = Field(
+    flights: FlightFiles = Field(
         description="Pattern of the flight records, or several; a record is named by its file "
         "without extension."
     )
-    manoeuvres: str | None = Field(
+    manoeuvres: OptionalFile = Field(
         default=None,
         description="Table of manoeuvres, CSV or TOML; its rows stand in place of the marks that "
         "their records carry.",
@@ -204,7 +167,7 @@ class _ProjectFile(Strict):
     listings: Listings = Field(
         description="Digital DATCOM listings by role: FILE, FILE:CASE, or several."
     )
-    cases: tuple[str, ...] = Field(description="Patterns of Proof-of-Match cases.")
+    cases: MatchedFiles = Field(description="Patterns of Proof-of-Match cases.")
     cutoff: Annotated[float, InUnits("Hz")] | None = Field(
         default=None, description="Low-pass before coefficients are formed; none without it."
     )
@@ -238,7 +201,7 @@ class _ProjectFile(Strict):
     fit: tuple[FitSection, ...] = Field(
         description="Local models: what is fitted to which manoeuvres."
     )
-    published: tuple[str, ...] = Field(
+    published: InputFiles = Field(
         default=(),
         examples=[["literature/local_models.csv"]],
         description="Local models from elsewhere with standard errors, CSV; they identify as the "
@@ -271,115 +234,140 @@ class _ProjectFile(Strict):
 
     @field_validator("cutoff")
     @classmethod
-    def _above_zero(cls, cutoff: float | None) -> float | None:
+    def _require_positive(cls, cutoff: float | None) -> float | None:
         if cutoff is not None and not 0.0 < cutoff < math.inf:
             raise ValueError(
                 "a low-pass needs a frequency of more than 0 Hz; leave the key out for none"
             )
         return cutoff
 
+    @model_validator(mode="after")
+    def _check_references(self, info: ValidationInfo) -> Project:
+        """Collect the problems of the records, models and files that the sections name."""
+        if isinstance(info.context, ProjectFolder):
+            self._file = info.context.file
+            info.context.problems += [
+                *self._fit_problems(),
+                *self._section_problems(),
+                *self._name_problems(),
+            ]
+            self._check_files(info.context)
+        return self
 
-@dataclass(frozen=True)
-class Project:
-    """A project as read; paths are absolute.
+    def _fit_problems(self) -> list[str]:
+        problems: list[str] = []
+        for number, fit in enumerate(self.fit):
+            problems += self._record_problems(f"fit.{number}", fit)
+            for model in fit.models:
+                problems += find_faults(f"fit.{number}.models", RegressionModel.parse, model)
+        return problems
 
-    Attributes
-    ----------
-    title : str
-    file, aircraft : Path
-        The project file, the aircraft file.
-    names : Path or None
-        The name map of the flight records; None where they speak canonical names.
-    apriori : Path or None
-        The aircraft as it was known before the flights, when its engines, gear or control circuits
-        were others.
-    listings : dict of str to tuple of Place
-        Digital DATCOM listings, or single cases of them, by their role in `aerodb.from_datcom`:
-        ``clean``, ``flaps``, ``elevator`` ...
-    altitude : float or None
-        Reference altitude of the a-priori tables. [m]
-    flights : dict of str to Path
-        Flight records by stem.
-    cases : tuple of Path
-        Proof-of-Match case files.
-    cutoff : float or None
-        Low-pass applied before coefficients are formed. [Hz]
-    errors : dict of str to float
-        Relative standard errors of ``qbar mass inertia thrust`` that differ from the defaults, see
-        `flighttest.coefficients`.
-    terms : dict of str to NewTerm
-        Terms that start from nothing, by ``CL/gear``.
-    held : tuple of str
-        Terms that keep their a-priori value in the identification.
-    fits : tuple of Fit
-    models : dict of str to Path
-        FMUs from elsewhere, by the name of the model.
-    tables : dict of str to Path
-        Their tables of names, for those that have one.
-    engine : Engine or None
-        How the engine is identified; None keeps that of the aircraft file.
-    controls : dict of str to Control
-        How the control loading is identified, by ``column wheel pedal``.
-    gear : Gear or None
-        How the landing gear is identified; None keeps that of the aircraft file.
-    ground_effect : GroundEffect or None
-        How the ground effect is identified; None leaves it to the tables over height.
-    points : dict of str to Path
-        Files for the engine: settled ``points``, ``climbs``, and the ``structure`` of its deck.
-    manoeuvres : Path or None
-        Table of manoeuvres, in place of the marks of its records
-        (`flighttest.records.read_manoeuvres`).
-    stated : dict of str to bool
-        What is stated about the listings: `STATED`.
-    published : tuple of Path
-        Files of local models from elsewhere (`flighttest.combining.read_published`).
-    tabulation : str
-        How the flights enter the tables: a key of `aeromatch.workflow.WAYS`.
-    unplaced : {"raise", "warn"}
-        What happens if no table carries a significant term of a fit (`aerodb.tabulate`).
-    chapters : tuple of str
-        Chapters of the PDF behind the proof of match (`pom.write_report`).
-    signatures : dict of str to dict
-        Who signs the report, by role: ``name``, ``date``, ``organisation``.
-    """
+    def _section_problems(self) -> list[str]:
+        problems: list[str] = []
+        for section in (self.engine, self.gear, self.ground_effect):
+            if section is not None:
+                problems += section.problems()
+        for control, control_section in self.controls.sections.items():
+            problems += control_section.problems(control)
+        for position, selections in self.submodels.items():
+            for selection in selections:
+                # Two selections of one section may name the same unknown record.
+                for problem in self._record_problems(position, selection):
+                    if problem not in problems:
+                        problems.append(problem)
+        return problems
 
-    title: str
-    file: Path
-    aircraft: Path
-    apriori: Path | None
-    names: Path | None
-    listings: dict[str, tuple[ListingCase, ...]]
-    altitude: float | None
-    flights: dict[str, Path]
-    cases: tuple[Path, ...]
-    cutoff: float | None
-    errors: dict[str, float]
-    terms: dict[str, NewTerm]
-    held: tuple[str, ...]
-    fits: tuple[FitSection, ...]
-    models: dict[str, Path] = field(default_factory=dict)
-    tables: dict[str, Path] = field(default_factory=dict)
-    engine: EngineSection | None = None
-    controls: dict[str, ControlSection] = field(default_factory=dict)
-    gear: GearSection | None = None
-    ground_effect: GroundEffectSection | None = None
-    points: dict[str, Path] = field(default_factory=dict)
-    manoeuvres: Path | None = None
-    stated: dict[str, bool] = field(default_factory=dict)
-    published: tuple[Path, ...] = ()
-    tabulation: str = "tabulate"
-    chapters: tuple[str, ...] = ()
-    signatures: dict[str, dict[str, str]] = field(default_factory=dict)
-    unplaced: str = "raise"
+    def _record_problems(self, position: str, selection: RecordSelection) -> list[str]:
+        problems = []
+        for record in selection.records:
+            if record not in self.flights:
+                problems.append(
+                    f"{position}.records: {UnknownName(record, self.flights, 'record')}"
+                )
+        return problems
+
+    def _name_problems(self) -> list[str]:
+        problems: list[str] = []
+        for source in self.errors:
+            if source not in ERRORS:
+                problems.append(f"errors: {UnknownName(source, ERRORS, 'source of error')}")
+        for term, new_term in self.terms.items():
+            problems += find_faults(f"terms.{term}", new_term.leaf)
+        for name in self.models:
+            if name in OWN_MODELS or name == "flight":
+                problems.append(
+                    f"models.{name}: the name is taken; call it otherwise than flight, "
+                    f"{', '.join(OWN_MODELS)}"
+                )
+        return problems
+
+    def _check_files(self, folder: ProjectFolder) -> None:
+        """Check the files of the engine and of the models from elsewhere."""
+        for name, file in self._engine_files().items():
+            path = folder.existing(file, f"engine.{name}")
+            if name == "structure" and path.is_file():
+                folder.problems += find_faults("engine.structure", read_structure, path)
+        for name, model in self.models.items():
+            folder.existing(model.fmu, f"models.{name}.fmu")
+            if model.names:
+                folder.existing(model.names, f"models.{name}.names")
+
+    def _engine_files(self) -> dict[str, str]:
+        """Return the files of the section ``[engine]`` as the section names them."""
+        files = {}
+        for name in ("points", "climbs", "structure"):
+            file = getattr(self.engine, name, None)
+            if file:
+                files[name] = file
+        return files
+
+    @property
+    def file(self) -> Path:
+        """The project file."""
+        return self._file
 
     @property
     def submodels(self) -> dict[str, tuple[RecordSelection, ...]]:
         """Records and manoeuvres that identify the submodels, by the place in the project file."""
-        return section_selections(self.engine, self.controls, self.gear, self.ground_effect)
+        return section_selections(
+            self.engine, self.controls.sections, gear=self.gear, ground_effect=self.ground_effect
+        )
+
+    @property
+    def fmus(self) -> dict[str, Path]:
+        """FMUs from elsewhere, by the name of the model."""
+        return {name: self.file.parent / model.fmu for name, model in self.models.items()}
+
+    @property
+    def tables(self) -> dict[str, Path]:
+        """Tables of names of the FMUs from elsewhere, for those that have a table."""
+        models = self.models.items()
+        return {name: self.file.parent / model.names for name, model in models if model.names}
+
+    @property
+    def points(self) -> dict[str, Path]:
+        """Files for the engine: settled ``points``, ``climbs``, and the ``structure`` of its deck."""
+        return {name: self.file.parent / file for name, file in self._engine_files().items()}
+
+    def with_changes(self, **changes: Any) -> Project:
+        """Return a copy with other values of some attributes. The values are not checked.
+
+        Raises
+        ------
+        TypeError
+            A name is not an attribute of a project file.
+        """
+        unknown = changes.keys() - type(self).model_fields.keys()
+        if unknown:
+            raise TypeError(
+                f"{', '.join(sorted(unknown))}: not a key of a project file; the keys are "
+                f"{', '.join(type(self).model_fields)}. Use the names of the keys."
+            )
+        return self.model_copy(update=changes)
 
 
 def read_project(path: str | Path) -> Project:
-    """Read a project file and check that everything it names is there.
+    """Read a project file and check that all files that it names exist.
 
     Parameters
     ----------
@@ -389,183 +377,22 @@ def read_project(path: str | Path) -> Project:
     Raises
     ------
     ParseError
-        Not TOML.
+        The file is not TOML.
     SchemaError
-        All unknown keys and wrong types; when there are none, all missing files, unknown records
-        and quantities, and faulty models.
+        With all unknown keys and wrong types. If there are none, with all missing files, unknown
+        records and quantities, and faulty models.
     """
     path = Path(path)
-    content = validate_content(_ProjectFile, read_toml(path), str(path))
-    folder = path.resolve().parent
-    problems: list[str] = []
-
-    def existing(name: str, place: str) -> Path:
-        file = folder / name
-        if not file.is_file():
-            problems.append(f"{place}: no file {name!r} in {folder}")
-        return file
-
-    def listing(text: str, place: str) -> ListingCase:
-        if text == UNFILLED:
-            problems.append(
-                f"{place}: {UNFILLED!r} stands for a listing that is still to be given; "
-                f"write FILE, or FILE:CASE"
-            )
-            return ListingCase(folder / text)
-        try:
-            return place_of(text, folder)
-        except FileNotFoundError:
-            problems.append(
-                f"{place}: no file {text!r} in {folder}; write FILE, or FILE:CASE for one "
-                f"case of it"
-            )
-            return ListingCase(folder / text)
-
-    given = {
-        role: paths
-        for role, paths in content.listings
-        if role not in ("altitude", *STATED) and paths
-    }
-    listings = {
-        role: tuple(
-            listing(name, f"listings.{role}")
-            for name in ((paths,) if isinstance(paths, str) else paths)
-        )
-        for role, paths in given.items()
-    }
-    patterns = (content.flights,) if isinstance(content.flights, str) else content.flights
-    flights = {file.stem: file for pattern in patterns for file in _matching(folder, pattern)}
-    problems += [
-        f"flights: {_no_match(folder, pattern)}"
-        for pattern in patterns
-        if not _matching(folder, pattern)
-    ]
-    if not patterns:
-        problems.append("flights: an empty list; give a file or a pattern such as 'flight/*.csv'")
-    for number, fit in enumerate(content.fit):
-        for record in fit.records:
-            if record not in flights:
-                problems.append(f"fit.{number}.records: {UnknownName(record, flights, 'record')}")
-        for model in fit.models:
-            _collect(problems, f"fit.{number}.models", RegressionModel.parse, model)
-    problems += _submodel_problems(content, flights)
-    for source in content.errors:
-        if source not in ERRORS:
-            problems.append(f"errors: {UnknownName(source, ERRORS, 'source of error')}")
-    for term, new in content.terms.items():
-        _collect(problems, f"terms.{term}", new.leaf)
-    cases = tuple(file for pattern in content.cases for file in _matching(folder, pattern))
-    problems += [
-        f"cases: {_no_match(folder, pattern)}"
-        for pattern in content.cases
-        if not _matching(folder, pattern)
-    ]
-    for name in content.models:
-        if name in OWN_MODELS or name == "flight":
-            problems.append(
-                f"models.{name}: the name is taken; call it otherwise than flight, "
-                f"{', '.join(OWN_MODELS)}"
-            )
-    wanted = {
-        name: getattr(content.engine, name, None) for name in ("points", "climbs", "structure")
-    }
-    engine_files = {name: existing(file, f"engine.{name}") for name, file in wanted.items() if file}
-    structure = engine_files.get("structure")
-    if structure is not None and structure.is_file():
-        _collect(problems, "engine.structure", read_structure, structure)
-    project = Project(
-        content.title,
-        path.resolve(),
-        existing(content.aircraft, "aircraft"),
-        existing(content.apriori, "apriori") if content.apriori else None,
-        existing(content.names, "names") if content.names else None,
-        listings,
-        content.listings.altitude,
-        flights,
-        cases,
-        content.cutoff,
-        content.errors,
-        content.terms,
-        content.held,
-        content.fit,
-        {name: existing(item.fmu, f"models.{name}.fmu") for name, item in content.models.items()},
-        {
-            name: existing(item.names, f"models.{name}.names")
-            for name, item in content.models.items()
-            if item.names
-        },
-        content.engine,
-        content.controls.given,
-        content.gear,
-        content.ground_effect,
-        engine_files,
-        existing(content.manoeuvres, "manoeuvres") if content.manoeuvres else None,
-        {name: getattr(content.listings, name) for name in STATED},
-        tuple(existing(name, "published") for name in content.published),
-        content.tabulation,
-        content.chapters,
-        plain_signatures(content.signatures),
-        content.unplaced,
-    )
-    if problems:
-        raise SchemaError(str(path), problems)
+    folder = ProjectFolder(path.resolve())
+    project = validate_content(Project, read_toml(path), str(path), context=folder)
+    if folder.problems:
+        raise SchemaError(str(path), folder.problems)
     return project
 
 
 def project_schema() -> dict[str, Any]:
     """Return the JSON schema of project files."""
     return file_schema(
-        _ProjectFile,
+        Project,
         "A project: one aircraft, its listings, its flights and its Proof-of-Match cases.",
     )
-
-
-def _matching(folder: Path, pattern: str) -> list[Path]:
-    """Return the files that a pattern names, from `folder` or absolute, in order."""
-    return sorted(
-        Path(name) for name in glob(str(folder / pattern), recursive=True) if Path(name).is_file()
-    )
-
-
-def _no_match(folder: Path, pattern: str) -> str:
-    if pattern == UNFILLED:
-        return (
-            f"{UNFILLED!r} stands for files that are still to be given; write a file or a "
-            f"pattern such as 'folder/*.csv'"
-        )
-    if pattern and (folder / pattern).is_dir():
-        return f"{pattern!r} is a folder; name its files, such as {str(Path(pattern) / '*')!r}"
-    return (
-        f"no file matches {pattern!r} in {folder}; give a file or a pattern such as 'folder/*.toml'"
-    )
-
-
-def _submodel_problems(content: _ProjectFile, flights: Mapping[str, Path]) -> list[str]:
-    """Return what is wrong with the sections of the submodels."""
-    found = [
-        text
-        for section in (content.engine, content.gear, content.ground_effect)
-        if section is not None
-        for text in section.problems()
-    ]
-    found += [text for item, one in content.controls.given.items() for text in one.problems(item)]
-    for place, flown in section_selections(
-        content.engine, content.controls.given, content.gear, content.ground_effect
-    ).items():
-        records = dict.fromkeys(record for one in flown for record in one.records)
-        found += [
-            f"{place}.records: {UnknownName(record, flights, 'record')}"
-            for record in records
-            if record not in flights
-        ]
-    return found
-
-
-def _collect(problems: list[str], place: str, act: Callable[..., object], *items: object) -> None:
-    """Call ``act(*items)``; an error becomes one more problem."""
-    try:
-        act(*items)
-    except SchemaError as error:
-        problems += [f"{place}: {text}" for text in error.problems]
-    except AeromatchError as error:
-        problems.append(f"{place}: {error}")

@@ -44,20 +44,21 @@ class RecordSelection(Strict):
 
     @field_validator("window", mode="before")
     @classmethod
-    def _several(cls, item: Any) -> Any:
-        """One window may stand alone."""
-        return (
-            (item,)
-            if isinstance(item, list | tuple)
-            and len(item) == 2
-            and not isinstance(item[0], list | tuple)
-            else item
-        )
+    def _accept_single_window(cls, item: Any) -> Any:
+        """Return a sequence of windows, also for ``[start, end]``."""
+        if not isinstance(item, list | tuple) or len(item) != 2:
+            return item
+        # Two windows also have a length of 2, but their items are sequences.
+        if isinstance(item[0], list | tuple):
+            return item
+        return (item,)
 
     @field_validator("window")
     @classmethod
-    def _forward(cls, item: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-        """A window ends after its start."""
+    def _require_order(
+        cls, item: tuple[tuple[float, float], ...]
+    ) -> tuple[tuple[float, float], ...]:
+        """Raise if a window does not end after its start."""
         for start, end in item:
             if not start < end:
                 raise ValueError(
@@ -96,7 +97,7 @@ class GroundEffectSection(Strict):
         """Yield what is wrong with the models."""
         for key in ("models", "ground"):
             for text in getattr(self, key):
-                yield from _faults(f"ground_effect.{key}", RegressionModel.parse, text)
+                yield from find_faults(f"ground_effect.{key}", RegressionModel.parse, text)
 
 
 class GearSection(Strict):
@@ -217,7 +218,9 @@ class ControlSection(Strict):
         """Yield what is wrong with model and constants."""
         place = f"controls.{item}"
         if self.model:
-            yield from _faults(f"{place}.model", _hinge_moment, self.model, COEFFICIENT[item])
+            yield from find_faults(
+                f"{place}.model", _require_hinge_moment, self.model, COEFFICIENT[item]
+            )
         for name in self.constants:
             if name not in FORCES:
                 yield f"{place}.constants: {UnknownName(name, FORCES, 'term of the force')}"
@@ -231,9 +234,9 @@ class Controls(Strict):
     pedal: ControlSection | None = Field(default=None, description="Pedals and rudder.")
 
     @property
-    def given(self) -> dict[str, ControlSection]:
-        """The controls that have a table."""
-        return {item: one for item, one in self if one is not None}
+    def sections(self) -> dict[str, ControlSection]:
+        """The sections by control, for the controls that have one."""
+        return {control: section for control, section in self if section is not None}
 
 
 def section_selections(
@@ -243,33 +246,35 @@ def section_selections(
     ground_effect: GroundEffectSection | None,
 ) -> dict[str, tuple[RecordSelection, ...]]:
     """Return the records and manoeuvres of every section, by the place in the project file."""
-    found: dict[str, tuple[RecordSelection, ...]] = {}
+    selections: dict[str, tuple[RecordSelection, ...]] = {}
     if engine is not None:
-        found |= {
-            "engine.flown": engine.flown,
-            "engine.flights": engine.flights,
-            "engine.starts": engine.starts,
-        }
-    for item, one in controls.items():
-        found |= {f"controls.{item}.driven": one.driven, f"controls.{item}.free": one.free}
+        selections["engine.flown"] = engine.flown
+        selections["engine.flights"] = engine.flights
+        selections["engine.starts"] = engine.starts
+    for control, section in controls.items():
+        selections[f"controls.{control}.driven"] = section.driven
+        selections[f"controls.{control}.free"] = section.free
     if gear is not None:
-        found["gear.flown"] = gear.flown
+        selections["gear.flown"] = gear.flown
     if ground_effect is not None:
-        found["ground_effect.flown"] = ground_effect.flown
-    return {place: flown for place, flown in found.items() if flown}
+        selections["ground_effect.flown"] = ground_effect.flown
+    # A key without records identifies nothing.
+    return {place: records for place, records in selections.items() if records}
 
 
-def _hinge_moment(text: str, coefficient: str) -> None:
+def _require_hinge_moment(text: str, coefficient: str) -> None:
+    """Raise if a model is not a model of the hinge moment of the control."""
     model = RegressionModel.parse(text)
     if model.coefficient != coefficient:
         raise UnknownName(model.coefficient, [coefficient], "hinge-moment coefficient")
 
 
-def _faults(place: str, act: Callable[..., object], *items: object) -> Iterator[str]:
-    """Yield the faults that ``act(*items)`` finds."""
+def find_faults(place: str, act: Callable[..., object], *items: object) -> Iterator[str]:
+    """Yield the problems that ``act(*items)`` raises, each with the place in the project file."""
     try:
         act(*items)
     except SchemaError as error:
-        yield from (f"{place}: {text}" for text in error.problems)
+        for text in error.problems:
+            yield f"{place}: {text}"
     except AeromatchError as error:
         yield f"{place}: {error}"

@@ -1,3 +1,3 @@
-"""A match as a build: products as stages that are kept, and the record of a finished match by which
-nothing is done again.
+"""Stored products of a match, and the record of a finished match that makes a repetition
+unnecessary.
 """

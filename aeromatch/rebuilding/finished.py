@@ -1,9 +1,7 @@
-"""The record of a finished match: by it a match of which nothing changed is over before anything is
-imported that computes.
+"""Record of a finished match. An unchanged match ends before the numerical modules are imported.
 
-It holds the hashes of every file that went in, of every file that came out, of program and
-settings.  Only when all of them are as they were is the match left out; whatever else is looked at,
-its result is the one that is there.
+The record has the hashes of all input files, of all output files, of the program and of the
+settings. The match is skipped only if all of them are unchanged.
 """
 
 from __future__ import annotations
@@ -21,9 +19,12 @@ from typing import Any
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.kept_stages.program import hash_arithmetic, hash_installation
 
+# Letters of the longest text that is tried as the name of a file.
+_LONGEST_NAME = 1000
+
 
 class Watched:
-    """Every file that a project file names, directly or in files that these name, with its hash.
+    """Hashes of a project file, and of all files that it names directly or through other files.
 
     Attributes
     ----------
@@ -37,50 +38,56 @@ class Watched:
         self.files: dict[str, str] = {}
         self.patterns: dict[str, list[str]] = {}
         self._states: dict[str, tuple[int, ...]] = {}
-        self._take(project.resolve())
+        self._add_file(project.resolve())
 
     def unchanged(self) -> bool:
         """Return whether all files are those that were hashed."""
         try:
-            same = all(_state(file) == state for file, state in self._states.items())
+            for file, state in self._states.items():
+                if _file_state(file) != state:
+                    return False
         except OSError:
             return False
-        return same and all(_matching(pattern) == files for pattern, files in self.patterns.items())
+        return all(_matching(pattern) == files for pattern, files in self.patterns.items())
 
     def as_dict(self) -> dict[str, Any]:
         """Return files and patterns as plain data."""
         return {"files": self.files, "patterns": self.patterns}
 
-    def _take(self, file: Path) -> None:
+    def _add_file(self, file: Path) -> None:
+        """Add a file, and the files that it names if it is TOML."""
         if str(file) in self.files:
             return
-        self._states[str(file)] = _state(
-            str(file)
-        )  # first: what changes while it is hashed is noticed
+        # The state is read before the hash, so that a change during the hashing is detected.
+        self._states[str(file)] = _file_state(str(file))
         self.files[str(file)] = file_sha256(file)
         if file.suffix.lower() != ".toml":
             return
         try:
             content = tomllib.loads(file.read_text(encoding="utf-8-sig"))
-        except (ValueError, OSError):  # the reader of the project states what is wrong
+        except (ValueError, OSError):
+            # The reader of the project reports a faulty file.
             return
         for text in _texts(content):
-            self._named(text, file.parent)
+            self._add_named_files(text, file.parent)
 
-    def _named(self, text: str, folder: Path) -> None:
-        """Take the files that a text of a TOML file may name."""
-        if not text or "\n" in text or "\0" in text or len(text) > 1000:
+    def _add_named_files(self, text: str, folder: Path) -> None:
+        """Add the files that a text of a TOML file may name."""
+        # A text with a line break or a NUL, or a very long one, is not the name of a file.
+        if not text or "\n" in text or "\0" in text or len(text) > _LONGEST_NAME:
             return
-        place = str(folder / text)
+        path = str(folder / text)
         if has_magic(text):
-            self.patterns[place] = _matching(place)
-            found = self.patterns[place]
+            self.patterns[path] = _matching(path)
+            names = self.patterns[path]
+        elif os.path.isfile(path):
+            names = [path]
         else:
-            found = [
-                name for name in (place, place.rpartition(":")[0]) if name and os.path.isfile(name)
-            ][:1]
-        for name in found:
-            self._take(Path(name).resolve())
+            # FILE:CASE names one case of a listing.
+            listing = path.rpartition(":")[0]
+            names = [listing] if os.path.isfile(listing) else []
+        for name in names:
+            self._add_file(Path(name).resolve())
 
 
 class Finished:
@@ -95,32 +102,30 @@ class Finished:
 
     def __init__(self, store: Path, output: Path) -> None:
         self._output = output.resolve()
-        self._file = (
-            store
-            / "finished"
-            / f"{hashlib.sha256(str(self._output).encode()).hexdigest()[:32]}.json"
-        )
+        digest = hashlib.sha256(str(self._output).encode()).hexdigest()
+        self._file = store / "finished" / f"{digest[:32]}.json"
 
     def read(self, watched: Watched, settings: Mapping[str, Any]) -> dict[str, Any] | None:
-        """Return what `write` kept when inputs, settings, program and every file of the output are
-        the same; else None.
+        """Return the output of the command that `write` stored, or None after a change.
+
+        A change of an input, a setting, the program or an output file counts.
         """
         try:
             head, _, body = self._file.read_bytes().partition(b"\n")
             if hashlib.sha256(body).hexdigest().encode() != head:
                 return None
             record = json.loads(body)
-            if record["inputs"] != watched.as_dict() or record["settings"] != _with_program(
-                settings
-            ):
+            if record["inputs"] != watched.as_dict():
                 return None
-            intact = all(
-                file_sha256(self._output / name) == digest
-                for name, digest in record["outputs"].items()
-            )
+            if record["settings"] != _with_program(settings):
+                return None
+            for name, digest in record["outputs"].items():
+                if file_sha256(self._output / name) != digest:
+                    return None
+            return record["shown"]
         except (OSError, ValueError, KeyError, TypeError):
+            # A record that cannot be read is no proof, so the match is done again.
             return None
-        return record["shown"] if intact else None
 
     def write(
         self,
@@ -129,36 +134,37 @@ class Finished:
         outputs: Iterable[Path],
         shown: Mapping[str, Any],
     ) -> None:
-        """Keep the record of a match.
+        """Store the record of a match.
 
         Parameters
         ----------
         watched : Watched
-            Of the project, from before it was read.
+            Files of the project, hashed before the project was read.
         settings : mapping
-            All that decides the bytes of the output besides.
+            All other inputs that determine the bytes of the output.
         outputs : iterable of path
             The files that the match wrote.
         shown : mapping
-            What the command prints.
+            The output of the command.
         """
+        digests: dict[str, str] = {}
+        for file in sorted(outputs):
+            digests[file.relative_to(self._output).as_posix()] = file_sha256(file)
         record = {
             "settings": _with_program(settings),
             "inputs": watched.as_dict(),
-            "outputs": {
-                file.relative_to(self._output).as_posix(): file_sha256(file)
-                for file in sorted(outputs)
-            },
+            "outputs": digests,
             "shown": dict(shown),
         }
         body = json.dumps(record, ensure_ascii=False).encode()
+        # Without the record the match is done again, so an error of the disk does not matter.
         with suppress(OSError):
             self._file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
             with written_atomically(self._file, durable=False) as part:
                 part.write_bytes(hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
 
     def forget(self) -> None:
-        """Remove the record: its output is about to be replaced."""
+        """Remove the record, before its output is replaced."""
         with suppress(OSError):
             self._file.unlink(missing_ok=True)
 
@@ -170,14 +176,15 @@ def file_sha256(file: Path) -> str:
 
 
 def _with_program(settings: Mapping[str, Any]) -> dict[str, Any]:
-    return json.loads(
-        json.dumps({**settings, "program": hash_installation(), "arithmetic": hash_arithmetic()})
-    )
+    """Return the settings with the hashes of the program, in the types of JSON."""
+    hashes = {"program": hash_installation(), "arithmetic": hash_arithmetic()}
+    return json.loads(json.dumps({**settings, **hashes}))
 
 
-def _state(file: str) -> tuple[int, ...]:
-    found = os.stat(file)
-    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
+def _file_state(file: str) -> tuple[int, ...]:
+    """Return device, inode, size and times of a file; a change of the content changes them."""
+    status = os.stat(file)
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
 
 
 def _matching(pattern: str) -> list[str]:

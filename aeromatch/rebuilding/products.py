@@ -1,4 +1,4 @@
-"""Products of a match as stages: files of the models, replays, samples."""
+"""Stages of the products of a match: files of the models, replays, samples."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from pom.result import PomResult
 
 @dataclass(frozen=True)
 class MatchOutcome:
-    """What `aeromatch.workflow.perform_match` made.
+    """Outcome of `aeromatch.workflow.steps.perform_match`.
 
     Attributes
     ----------
     results : list of PomResult
         One per case.
     corrected_terms : list of str
-        Terms, and parts of the aircraft, that the corrected model takes from the final one.
+        Terms and parts of the aircraft of the corrected model that come from the final model.
     corrected_submodels : dict of str to list of str
-        The same by submodel: ``aerodynamics``, ``ground effect``, ``control loading``, ``engine``,
-        ``landing gear``.
+        These terms and parts by submodel: ``aerodynamics``, ``ground effect``,
+        ``control loading``, ``engine``, ``landing gear``.
     joint_terms : dict of str to list of str
-        Those of them that no case needs alone: added since the terms of one case change another, by
-        the case for which.
+        Terms that no single case requires, by the case for which they were added. The terms of one
+        case change the result of another case.
     differing : int
         Terms and parts that differ between the a-priori and the final model.
     tables : Kept
@@ -43,9 +43,9 @@ class MatchOutcome:
     report : Path
         Of ``report.html``.
     files : list of str
-        All that was written, from the output folder.
+        All written files, relative to the output folder.
     record_errors : list of str
-        Errors that the checks of the flight records found, a line each.
+        Errors in the flight records, one line each.
     """
 
     results: list[Any]
@@ -60,7 +60,7 @@ class MatchOutcome:
 
     @property
     def tabulation(self) -> Any:
-        """How the terms came about, a `Tabulation`."""
+        """The `Tabulation` of the final database, with the origin of the terms."""
         return self.tables.value[1]
 
     def to_dict(self) -> dict[str, Any]:
@@ -73,18 +73,20 @@ class MatchOutcome:
             "record_errors": self.record_errors,
             "differing": self.differing,
             "warnings": list(self.tabulation.notices),
-            "cases": [
-                {
-                    "name": result.case.name,
-                    "id": result.case.id,
-                    "status": {run: result.status(run) for run in result.runs},
-                    "verdict": result.verdict_records(),
-                    "failure": result.failure,
-                    "samples": {run: found.numbers() for run, found in result.samples.items()},
-                }
-                for result in self.results
-            ],
+            "cases": [_case_record(result) for result in self.results],
         }
+
+
+def _case_record(result: Any) -> dict[str, Any]:
+    """Return the verdict of one case as plain data."""
+    return {
+        "name": result.case.name,
+        "id": result.case.id,
+        "status": {run: result.status(run) for run in result.runs},
+        "verdict": result.verdict_records(),
+        "failure": result.failure,
+        "samples": {run: samples.numbers() for run, samples in result.samples.items()},
+    }
 
 
 def model_files(
@@ -93,13 +95,13 @@ def model_files(
     """Return database, aircraft and FMU of a model as files by name."""
 
     def make() -> dict[str, bytes]:
-        with TemporaryDirectory() as place:
-            folder = Path(place)
+        with TemporaryDirectory() as temporary:
+            folder = Path(temporary)
             aerodb.save(database.value, folder / f"{name}.nc")
             flightmech.write_aircraft(aircraft.value, folder / f"{name}.toml")
-            flightmech.write_fmu(
-                flightmech.compile(aircraft.value, database.value), folder / f"{name}.fmu"
-            )
+            model = flightmech.compile(aircraft.value, database.value)
+            flightmech.write_fmu(model, folder / f"{name}.fmu")
+            # An aircraft writes further files, such as the tables of its engines.
             return {file.name: file.read_bytes() for file in sorted(folder.iterdir())}
 
     return stages.one(
@@ -121,7 +123,7 @@ def of_cases(
     evidence: Kept[Any],
     content: Callable[[Path], FileContent],
 ) -> dict[str, dict[str, Any]]:
-    """Return all that the replay of every case depends on, by name of the case.
+    """Return all inputs of the replay of every case, by name of the case.
 
     Parameters
     ----------
@@ -129,59 +131,61 @@ def of_cases(
     paths : mapping of str to Kept
         Reconstructed paths by record.
     fmus, tables : mapping of str to path
-        Models, and tables of names of those that have one.
+        Models, and the tables of names of the models that have one.
     evidence : Kept of DataTree
     content : callable
-        Gives the content of a file.
+        Returns the content of a file.
     """
     common = {
         "models": [(name, content(file)) for name, file in fmus.items()],
         "names of models": [(name, content(file)) for name, file in tables.items()],
         "evidence": evidence,
     }
-    found = {}
+    inputs: dict[str, dict[str, Any]] = {}
     for case in cases:
-        files = [
-            content(Path(name))
-            for name in (case.names, case.aircraft, case.law, case.law_names)
-            if name
-        ]
-        found[case.name] = {
+        names = (case.names, case.aircraft, case.law, case.law_names)
+        case_inputs = {
             "case": case,
-            "files of the case": files,
+            "files of the case": [content(Path(name)) for name in names if name],
             "record": paths[Path(case.record).stem],
-            **common,
         }
-    return found
+        inputs[case.name] = case_inputs | common
+    return inputs
 
 
 FLIGHTS = "flights"
-"""Stage of the flights of single models: when one model changed, the others are not flown again, although every result is judged anew."""
+"""Stage of the simulations of single models.
+
+After a change of one model the other models are not simulated again, but every result is judged
+again.
+"""
 
 
 @dataclass(frozen=True)
 class StoredFlights:
-    """Flights in the store of a match, by a key of model and job (`pom.fmu.run_cache`).
+    """Simulations in the store of a match, by a key of model and job (`pom.fmu.run_cache`).
 
     Attributes
     ----------
     store : StageStore
     fresh : bool
-        Whether all are flown, whatever is kept.
+        Whether all simulations are done again.
     """
 
     store: StageStore
     fresh: bool = False
 
     def read(self, key: str, shape: tuple[int, int]) -> np.ndarray | None:
-        """Return what is kept under a key; None when nothing is, or nothing of that shape."""
-        for values in () if self.fresh else self.store.read(FLIGHTS, key):
+        """Return the array of a key, or None if the store has no array of this shape."""
+        if self.fresh:
+            return None
+        for values in self.store.read(FLIGHTS, key):
             if values.shape == shape:
                 return values
         return None
 
     def write(self, key: str, values: np.ndarray) -> None:
-        """Keep an array under a key."""
+        """Store an array."""
         self.store.write(FLIGHTS, key, values)
 
 
@@ -194,28 +198,31 @@ def replay_cases(
     scheduler: str | None = None,
     **options: Any,
 ) -> list[PomResult]:
-    """Return the results of all cases in their order; those that are kept are neither flown nor
-    judged.
+    """Return the results of all cases in order. A stored result is not computed again.
 
     Parameters
     ----------
+    stages : Stages
     inputs : mapping of str to mapping
         From `of_cases`.
-    cases, fmus, paths, scheduler, **options
-        As `pom.replay_all`; paths as in `of_cases`.
+    cases, fmus, scheduler, **options
+        As in `pom.replay_all`.
+    paths : mapping of str to Kept
+        Reconstructed paths by record.
     """
-    named = {case.name: case for case in cases}
-    flights = None  # workers of a cluster do not have the store
+    cases_by_name = {case.name: case for case in cases}
+    # The workers of a cluster do not have the store.
+    flights = None
     if stages.store is not None and scheduler is None:
         flights = StoredFlights(stages.store, stages.fresh)
 
     def compute(missing: list[str], put: Callable[..., None]) -> None:
         def progress(result: PomResult) -> None:
-            # a flight that failed may have failed for want of time: it is tried again
+            # A simulation may fail because its time is limited, so it is tried again.
             put(result.case.name, result, keep=not result.failure)
 
         pom.replay_all(
-            [named[name] for name in missing],
+            [cases_by_name[name] for name in missing],
             fmus,
             Values(paths),
             scheduler=scheduler,
@@ -224,7 +231,7 @@ def replay_cases(
             **options,
         )
 
-    return [kept.value for kept in stages.batch("replay", inputs, compute).values()]
+    return [stored.value for stored in stages.batch("replay", inputs, compute).values()]
 
 
 def add_model_samples(
@@ -237,22 +244,28 @@ def add_model_samples(
     options: Mapping[str, Any],
     jobs: int,
 ) -> list[PomResult]:
-    """Return results with the samples of the models whose databases are given.
+    """Return the results with random samples of some models.
+
+    A case with the FMU of a control law has no samples.
 
     Parameters
     ----------
+    stages : Stages
     inputs : mapping of str to mapping
         From `of_cases`.
     results : sequence of PomResult
+    fmus : mapping of str to path
     databases : mapping of str to path
-        As `pom.replay_sampled`.
+        Databases of the sampled models, as in `pom.replay_sampled`.
+    paths : mapping of str to Kept
+        Reconstructed paths by record.
     options : mapping
         ``count``, ``seed``, ``errors`` and ``names`` of `pom.replay_sampled`.
     jobs : int
         Threads of each case.
     """
     cases = {result.case.name: result.case for result in results if not result.case.law}
-    drawn = {name: {**inputs[name], **options} for name in cases}
+    sample_inputs = {name: {**inputs[name], **options} for name in cases}
 
     def arguments(name: str) -> tuple[Any, ...]:
         case = cases[name]
@@ -265,8 +278,19 @@ def add_model_samples(
             jobs,
         )
 
-    found = stages.each("samples", drawn, samples_of_case, arguments, 1, threads=stages.local)
-    return [
-        replace(one, samples=found[one.case.name].value) if one.case.name in found else one
-        for one in results
-    ]
+    # Each case uses `jobs` threads, so the cases are computed one after the other.
+    samples = stages.each(
+        "samples",
+        sample_inputs,
+        samples_of_case,
+        arguments=arguments,
+        jobs=1,
+        threads=stages.local,
+    )
+    sampled: list[PomResult] = []
+    for result in results:
+        name = result.case.name
+        if name in samples:
+            result = replace(result, samples=samples[name].value)
+        sampled.append(result)
+    return sampled

@@ -1,12 +1,9 @@
-"""Page of the identification: windows of reconstructed records, a model, its fit, and what changes
-without a term or a manoeuvre.
-"""
+"""Page of the identification: windows of reconstructed records, a model, and its fit."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,35 +11,33 @@ import numpy as np
 import tomlkit
 import xarray as xr
 from pydantic import Field, model_validator
-from scipy.signal import welch
 
 import aerodb
 import flighttest
+from aeromatch.project.project import OWN_MODELS
 from aeromatch.workbench.coefficients import form_missing, window_of
+from aeromatch.workbench.fit_curves import (
+    added_variable_residuals,
+    lines_along_windows,
+    power_spectral_densities,
+)
 from aeromatch.workbench.opened import FITS, MATCH, Levels, OpenProject, decimate_channels
 from aeromatch.workbench.records import manoeuvres_of
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.toml_models import Strict, validate_content
 from flighttest.regression.combining.mixed_estimation import prior_of
-from flighttest.regression.equation_error.least_squares import weight_roots
 from flighttest.regression.equation_error.model import MEASURED
-from flighttest.regression.equation_error.samples import RegressionSamples
-from flighttest.regression.equation_error.transformed_stretches import (
-    select_stretches,
-    stack_complex,
-    transform_columns,
-)
 from flighttest.remarks import remarks_to_json
 
 DATABASES = "databases"
-_MODELS = ("datcom", "corrected", "final")  # of a match, in the order in which they are made
+# Greatest number of points of a screen.
 _MOST_POINTS = 4000
-_SCATTER = 1500  # points of a partial regression that are drawn
-_SEGMENT = 1024  # longest segment of the spectrum, samples
+# Greatest number of points of a drawn partial regression.
+_SCATTER = 1500
 
 
 class RecordWindow(Strict):
-    """A stretch of a reconstructed record."""
+    """A window of a reconstructed record. [s]"""
 
     record: str
     start: Annotated[float, Field(allow_inf_nan=False)]
@@ -53,7 +48,7 @@ _Frequency = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
 class FitRequest(Strict):
-    """What is to be fitted to what."""
+    """Request of a fit: windows, model and method."""
 
     windows: Annotated[tuple[RecordWindow, ...], Field(min_length=1)]
     model: str
@@ -65,7 +60,7 @@ class FitRequest(Strict):
     band: tuple[_Frequency, _Frequency] | None = None
 
     @model_validator(mode="after")
-    def _in_time_or_in_frequency(self) -> FitRequest:
+    def _check_band(self) -> FitRequest:
         if self.band is not None and not self.band[0] < self.band[1]:
             raise ValueError(
                 f"band {self.band[0]:g} to {self.band[1]:g} Hz; the upper edge must be the larger"
@@ -78,127 +73,131 @@ class FitRequest(Strict):
 
 
 def list_fit_choices(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return what can be chosen: reconstructed records, fits of the project, databases of the
-    prior, fits that were saved.
-    """
+    """Return the choices: reconstructed records, fits of the project, priors, and saved fits."""
     project = opened.project
-    folder = opened.work / FITS
+    fits = []
+    for fit in project.fit:
+        entry = {
+            "name": fit.name,
+            "records": fit.records,
+            "manoeuvres": fit.manoeuvres,
+            "windows": fit.window,
+            "models": fit.models,
+        }
+        fits.append(entry)
+    saved = sorted((opened.work / FITS).glob("*.nc"))
     return {
         "file": opened.places.named(opened.file),
         "records": [name for name in project.flights if opened.path_file(name).exists()],
-        "fits": [
-            {
-                "name": fit.name,
-                "records": fit.records,
-                "manoeuvres": fit.manoeuvres,
-                "windows": fit.window,
-                "models": fit.models,
-            }
-            for fit in project.fits
-        ],
+        "fits": fits,
         "coefficients": MEASURED,
         "cutoff": project.cutoff,
-        "priors": list(_priors(opened)),
-        "saved": [opened.places.named(file) for file in sorted(folder.glob("*.nc"))],
+        "priors": list(_prior_files(opened)),
+        "saved": [opened.places.named(file) for file in saved],
     }
 
 
 def list_record_manoeuvres(
     opened: OpenProject, query: Mapping[str, str], body: Any
 ) -> dict[str, Any]:
-    """Return the manoeuvres of the record ``name``, and where they come from."""
-    source, rows = _marks(opened, query.get("name", ""))
-    return {"name": query.get("name", ""), "source": source, "rows": rows}
+    """Return the manoeuvres of the record ``name``, and their source."""
+    name = query.get("name", "")
+    source, rows = _manoeuvre_rows(opened, name)
+    return {"name": name, "source": source, "rows": rows}
 
 
 def show_fit(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return estimates, tests, remarks, prior, correlation and the spectrum of the residual of the
-    fit that the body describes.
+    """Return the fit that the body describes.
+
+    The result has estimates, tests, remarks, prior, correlation, and the spectrum of the residual.
     """
-    wanted = validate_content(FitRequest, body if isinstance(body, dict) else {}, "fit")
-    begun = time.perf_counter()
-    _parts(opened, wanted)
+    request = _validate_request(body)
+    start = time.perf_counter()
+    _form_windows(opened, request)
     prepared = time.perf_counter()
-    found = _fit(opened, wanted)
-    done = time.perf_counter()
-    e = found.estimates
-    prior, without_prior = _prior(opened, wanted, found)
-    columns = [str(name) for name, item in e.data_vars.items() if item.dims == ("term",)]
-    rows = []
-    for k, term in enumerate(e["term"].values):
-        row = {name: float(e[name].values[k]) for name in columns}
-        rows.append(
-            {
-                "term": str(term),
-                **row,
-                "total": float(np.hypot(row["stderr"], row["stderr_systematic"])),
-                **prior.get(str(term), {}),
-            }
-        )
+    fit = _fit(opened, request)
+    end = time.perf_counter()
+    estimates = fit.estimates
+    prior, without_prior = _prior_by_term(opened, request, fit)
     return {
-        "model": str(found.model),
-        "coefficient": found.model.coefficient,
-        "attributes": dict(e.attrs),
-        "tests": flighttest.regression.equation_error.fit.slope_test_lines(e.attrs),
-        "terms": rows,
-        "correlation": e["correlation"].values,
-        "remarks": remarks_to_json(found.remarks),
+        "model": str(fit.model),
+        "coefficient": fit.model.coefficient,
+        "attributes": dict(estimates.attrs),
+        "tests": flighttest.regression.equation_error.fit.slope_test_lines(estimates.attrs),
+        "terms": _term_rows(estimates, prior),
+        "correlation": estimates["correlation"].values,
+        "remarks": remarks_to_json(fit.remarks),
         "without_prior": without_prior,
-        "spectrum": power_spectral_densities(found),
-        "command": fit_command_words(opened, wanted),
-        "seconds": {"coefficients": prepared - begun, "fit": done - prepared},
+        "spectrum": power_spectral_densities(fit),
+        "command": fit_command_words(opened, request),
+        "seconds": {"coefficients": prepared - start, "fit": end - prepared},
     }
 
 
+def _validate_request(content: Any) -> FitRequest:
+    """Return the request of a fit; content of another type has all problems of an empty one."""
+    if not isinstance(content, dict):
+        content = {}
+    return validate_content(FitRequest, content, "fit")
+
+
+def _term_rows(
+    estimates: xr.Dataset, prior: Mapping[str, Mapping[str, float]]
+) -> list[dict[str, Any]]:
+    """Return a row for each term: its columns, its total standard error, and its prior."""
+    columns = [str(name) for name, item in estimates.data_vars.items() if item.dims == ("term",)]
+    rows = []
+    for k, term in enumerate(map(str, estimates["term"].values)):
+        row: dict[str, Any] = {"term": term}
+        for name in columns:
+            row[name] = float(estimates[name].values[k])
+        row["total"] = float(np.hypot(row["stderr"], row["stderr_systematic"]))
+        rows.append(row | dict(prior.get(term, {})))
+    return rows
+
+
 def show_fit_samples(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return measured and fitted coefficient and residual along the windows, one after another, for
-    a screen.
+    """Return measured and fitted coefficient and residual along the windows, for a screen.
 
     The body has the fit (``fit``), and may have ``start``, ``stop`` [s along the windows] and
     ``points``.
     """
     body = body if isinstance(body, dict) else {}
-    wanted = validate_content(
-        FitRequest, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit"
-    )
-    found = _fit(opened, wanted)
-    along, edges, lines = _along(found)
-    start, stop, points = (
-        _number(body, key, default)
-        for key, default in (("start", -np.inf), ("stop", np.inf), ("points", 2000.0))
-    )
-    at, values = decimate_channels(
+    request = _validate_request(body.get("fit"))
+    along, edges, lines = lines_along_windows(_fit(opened, request))
+    points = _number(body, "points", 2000.0)
+    times, values = decimate_channels(
         along,
         {name: Levels(line) for name, line in lines.items()},
-        start,
-        stop,
-        int(min(max(points, 1.0), _MOST_POINTS)),
+        start=_number(body, "start", -np.inf),
+        stop=_number(body, "stop", np.inf),
+        points=int(min(max(points, 1.0), _MOST_POINTS)),
     )
-    spans = [
-        {**window.model_dump(), "label": _label(opened, window), "from": first, "to": last}
-        for window, (first, last) in zip(_ordered(wanted), edges, strict=True)
-    ]
-    return {"time": at, **values, "windows": spans, "whole": [float(along[0]), float(along[-1])]}
+    windows = []
+    for window, (first, last) in zip(_order_windows(request), edges, strict=True):
+        label = _label(opened, window)
+        windows.append({**window.model_dump(), "label": label, "from": first, "to": last})
+    span = [float(along[0]), float(along[-1])]
+    return {"time": times, **values, "windows": windows, "whole": span}
 
 
 def show_partial_regression(
     opened: OpenProject, query: Mapping[str, str], body: Any
 ) -> dict[str, Any]:
-    """Return the partial regression of the ``term`` in the body: coefficient and regressor, both
-    less what the other terms explain.
+    """Return the partial regression of the ``term`` in the body.
 
-    Their least-squares line has the estimate of the term as its slope ([Belsley1980]_).
+    It has the residuals of coefficient and regressor on the other terms. The slope of their
+    least-squares line is the estimate of the term ([Belsley1980]_).
 
     References
     ----------
     .. [Belsley1980] Belsley, Kuh, Welsch, Regression Diagnostics, Wiley 1980, section 2.1.
     """
     body = body if isinstance(body, dict) else {}
-    wanted = validate_content(
-        FitRequest, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit"
-    )
-    found = _fit(opened, wanted)
-    x, y = added_variable_residuals(found, str(body.get("term", "")), wanted.band)
+    request = _validate_request(body.get("fit"))
+    fit = _fit(opened, request)
+    x, y = added_variable_residuals(fit, str(body.get("term", "")), request.band)
+    # The quotient is rounded up, so that there are at most `_SCATTER` points.
     step = -(-len(x) // _SCATTER)
     slope = float(x @ y / (x @ x))
     return {
@@ -210,166 +209,94 @@ def show_partial_regression(
     }
 
 
-def added_variable_residuals(
-    found: flighttest.Fit, term: str, band: tuple[float, float] | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the residuals of a regressor and of the coefficient on all other regressors, with the
-    weights of the fit.
-
-    Parameters
-    ----------
-    found : Fit
-    term : str
-    band : (low, high), optional
-        Of a fit in frequency. [Hz]
-
-    Returns
-    -------
-    regressor, coefficient : ndarray (sample,)
-        Of a fit in frequency (equation,): real and imaginary parts of the transforms at its
-        frequencies.
-
-    Raises
-    ------
-    UnknownName
-        A term that the fit does not have, or the constant of a fit in frequency, which is found in
-        time.
-    """
-    terms = [str(name) for name in found.estimates["term"].values]
-    X, z = found.regressors.values, found.data[found.model.coefficient].values
-    if band is not None:
-        slopes = [j for j, name in enumerate(terms) if name != "1" and not name.startswith("1[")]
-        terms, (X, z) = [terms[j] for j in slopes], in_frequency(found, band, X[:, slopes], z)
-    else:
-        root = weight_roots(found.estimates.attrs["weights"], X, z, found.data)
-        X, z = X * root[:, None], z * root
-    if term not in terms:
-        raise UnknownName(term, terms, "term")
-    j = terms.index(term)
-    Q, _ = np.linalg.qr(np.delete(X, j, axis=1))
-    return X[:, j] - Q @ (Q.T @ X[:, j]), z - Q @ (Q.T @ z)
-
-
-def in_frequency(
-    found: flighttest.Fit, band: tuple[float, float], X: np.ndarray, z: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the equations of a fit in frequency, (equation, terms) and (equation,): transforms of
-    regressors and coefficient in a band.
-    """
-    window, moment = found.data["manoeuvre"].values, found.data["time"].values
-    steps = [
-        float(np.median(np.diff(moment[window == k])))
-        for k in range(found.estimates.attrs["manoeuvres"])
-    ]
-    parts = select_stretches(RegressionSamples(found.data, steps), band)
-    return stack_complex(transform_columns(X, parts)), stack_complex(
-        transform_columns(z[:, None], parts)
-    )[:, 0]
-
-
 def leave_one_out(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the estimates with each window, and then each term but the constant, left out in turn."""
-    wanted = validate_content(FitRequest, body if isinstance(body, dict) else {}, "fit")
-    model = flighttest.RegressionModel.parse(wanted.model)
-    ordered = _ordered(wanted)
+    """Return the estimates without each window, and then without each term but the constant."""
+    request = _validate_request(body)
     rows = []
-    if len(ordered) > 1:
-        for k, window in enumerate(ordered):
-            rest = wanted.model_copy(update={"windows": (*ordered[:k], *ordered[k + 1 :])})
-            rows.append(
-                {
-                    "left_out": "window",
-                    "name": f"{window.record}: {_label(opened, window)}",
-                    **_outcome(opened, rest),
-                }
-            )
-    for term in [one for one in model.terms if one != "1"] if len(model.terms) > 1 else []:
-        rest_of = flighttest.RegressionModel(
-            model.coefficient, [one for one in model.terms if one != term]
-        )
-        rows.append(
-            {
-                "left_out": "term",
-                "name": term,
-                **_outcome(opened, wanted.model_copy(update={"model": str(rest_of)})),
-            }
-        )
+    windows = _order_windows(request)
+    if len(windows) > 1:
+        for k, window in enumerate(windows):
+            others = (*windows[:k], *windows[k + 1 :])
+            outcome = _outcome(opened, request.model_copy(update={"windows": others}))
+            name = f"{window.record}: {_label(opened, window)}"
+            rows.append({"left_out": "window", "name": name, **outcome})
+    model = flighttest.RegressionModel.parse(request.model)
+    if len(model.terms) > 1:
+        for term in model.terms:
+            if term == "1":
+                continue
+            other_terms = [name for name in model.terms if name != term]
+            reduced = flighttest.RegressionModel(model.coefficient, other_terms)
+            outcome = _outcome(opened, request.model_copy(update={"model": str(reduced)}))
+            rows.append({"left_out": "term", "name": term, **outcome})
     return {"rows": rows}
 
 
 def show_fit_entries(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the fit in the body (``fit``, ``name``) as entries ``[[fit]]`` of the project file, in
-    TOML.
+    """Return the fit in the body (``fit``, ``name``) as TOML entries ``[[fit]]`` of the project.
 
-    A fit of the project is made for each of its records by itself; records with the same manoeuvres
-    share an entry.
+    The match fits each record alone. Records with the same manoeuvres share an entry.
     """
     body = body if isinstance(body, dict) else {}
-    wanted = validate_content(
-        FitRequest, body.get("fit") if isinstance(body.get("fit"), dict) else {}, "fit"
-    )
+    request = _validate_request(body.get("fit"))
     name = str(body.get("name", "")).strip()
     if not name:
         raise SchemaError("fit", ["name: empty; give the fit a name"])
-    return {"entries": make_fit_entries(opened, wanted, name)}
+    return {"entries": make_fit_entries(opened, request, name)}
 
 
 def make_fit_entries(opened: OpenProject, wanted: FitRequest, name: str) -> list[str]:
-    """Return the entries of `show_fit_entries`; windows that are not all manoeuvres of some kinds are written
-    in seconds.
-    """
+    """Return the entries of `show_fit_entries`.
 
-    model = str(flighttest.RegressionModel.parse(wanted.model))
+    Windows are written in seconds, unless they are all manoeuvres of some kinds.
+    """
     groups: dict[tuple[str, tuple[Any, ...]], list[str]] = {}
-    ordered = _ordered(wanted)
-    for record in dict.fromkeys(window.record for window in ordered):
-        spans = [(window.start, window.end) for window in ordered if window.record == record]
-        _, rows = _marks(opened, record)
-        labels = tuple(
-            dict.fromkeys(row["label"] for row in rows if (row["start"], row["end"]) in spans)
-        )
-        meant = [(row["start"], row["end"]) for row in rows if row["label"] in labels]
-        kind: tuple[str, tuple[Any, ...]] = (
-            ("manoeuvres", labels) if sorted(meant) == sorted(spans) else ("window", tuple(spans))
-        )
-        groups.setdefault(kind, []).append(record)
-    found = []
-    for number, ((key, value), records) in enumerate(groups.items(), start=1):
-        table = tomlkit.inline_table()
-        table.update({"name": name if len(groups) == 1 else f"{name} {number}", "records": records})
-        table.update(
-            {
-                key: [list(one) if isinstance(one, tuple) else one for one in value],
-                "models": [model],
-            }
-        )
-        found.append(table.as_string())
-    return found
+    windows = _order_windows(wanted)
+    for record in _records_of(wanted):
+        spans = [(window.start, window.end) for window in windows if window.record == record]
+        groups.setdefault(_selection(opened, record, spans), []).append(record)
+    model = str(flighttest.RegressionModel.parse(wanted.model))
+    entries = []
+    for number, ((key, values), records) in enumerate(groups.items(), start=1):
+        entry = tomlkit.inline_table()
+        entry["name"] = name if len(groups) == 1 else f"{name} {number}"
+        entry["records"] = records
+        # A window is a tuple, and TOML has lists.
+        entry[key] = [value if isinstance(value, str) else list(value) for value in values]
+        entry["models"] = [model]
+        entries.append(entry.as_string())
+    return entries
+
+
+def _selection(
+    opened: OpenProject, record: str, spans: list[tuple[float, float]]
+) -> tuple[str, tuple[Any, ...]]:
+    """Return key and value of an entry that select these windows of a record."""
+    _, rows = _manoeuvre_rows(opened, record)
+    labels: dict[str, None] = {}
+    for row in rows:
+        if (row["start"], row["end"]) in spans:
+            labels[row["label"]] = None
+    # The labels select all manoeuvres of their kinds, which may be more than these windows.
+    selected = [(row["start"], row["end"]) for row in rows if row["label"] in labels]
+    if sorted(selected) == sorted(spans):
+        return "manoeuvres", tuple(labels)
+    return "window", tuple(spans)
 
 
 def fit_command_words(opened: OpenProject, wanted: FitRequest) -> list[str]:
-    """Return the words of ``flight identify`` that make the same fit; ``-o`` and the file are still
-    to be added.
-    """
-    ordered = _ordered(wanted)
-    paths = [
-        opened.places.named(opened.path_file(record))
-        for record in dict.fromkeys(window.record for window in ordered)
-    ]
-    words = [
-        "flight",
-        "identify",
-        *paths,
-        "--aircraft",
-        opened.places.named(opened.project.aircraft),
-    ]
+    """Return the words of ``flight identify`` for the same fit, without ``-o`` and its file."""
+    paths = [opened.places.named(opened.path_file(record)) for record in _records_of(wanted)]
+    words = ["flight", "identify", *paths]
+    words += ["--aircraft", opened.places.named(opened.project.aircraft)]
     words += ["--model", str(flighttest.RegressionModel.parse(wanted.model))]
-    for window in ordered:
+    for window in _order_windows(wanted):
         words += ["--window-of", window.record, repr(window.start), repr(window.end)]
     if wanted.cutoff is not None:
         words += ["--cutoff", repr(wanted.cutoff)]
     for source, size in opened.project.errors.items():
         words += ["--error", source, repr(size)]
+    # Defaults of the command are left out.
     if wanted.intercepts != "common":
         words += ["--intercepts", wanted.intercepts]
     if wanted.weights != "equal":
@@ -381,208 +308,143 @@ def fit_command_words(opened: OpenProject, wanted: FitRequest) -> list[str]:
     return words
 
 
-def power_spectral_densities(found: flighttest.Fit) -> dict[str, Any]:
-    """Return the power spectral densities of coefficient and residual, each stretch about its mean,
-    by the method of Welch.
-
-    Segments with a Hann window, half overlapping, as long as the lower median of the stretches,
-    1024 samples at most; shorter stretches, and those sampled at another rate, have no part in it.
-
-    Returns
-    -------
-    dict
-        ``frequency`` [Hz], ``measured`` and ``residual`` [1/Hz], ``segments``, ``left_out``
-        (stretches), ``white``: the level of a white residual of the same variance.
-
-    References
-    ----------
-    .. [Welch1967] Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE Trans. Audio AU-15, 1967.
-    """
-
-    stretches = _stretches(found)
-    step = float(np.median([interval for _, interval in stretches]))
-    alike = [piece for piece, interval in stretches if abs(interval - step) < 1e-3 * step]
-    size = min(_SEGMENT, sorted(piece.stop - piece.start for piece in alike)[(len(alike) - 1) // 2])
-    used = [piece for piece in alike if piece.stop - piece.start >= size]
-    lines = {"measured": found.data[found.model.coefficient].values, "residual": found.residual}
-    counts = [(piece.stop - piece.start - size) // (size - size // 2) + 1 for piece in used]
-    powers, frequency = {}, np.zeros(0)
-    for name, line in lines.items():
-        parts = [
-            welch(line[piece], 1.0 / step, "hann", size, size // 2, detrend="constant")
-            for piece in used
-        ]
-        frequency = parts[0][0]
-        powers[name] = np.average([power for _, power in parts], axis=0, weights=counts)
-    residual = np.concatenate([lines["residual"][piece] for piece in used])
-    return {
-        "frequency": frequency[1:],
-        **{name: power[1:] for name, power in powers.items()},
-        "white": 2.0 * step * float(np.var(residual)),
-        "segments": int(np.sum(counts)),
-        "left_out": len(stretches) - len(used),
-    }
+def _records_of(request: FitRequest) -> list[str]:
+    """Return the records of the windows, each once, in order."""
+    return list(dict.fromkeys(window.record for window in request.windows))
 
 
-def _stretches(found: flighttest.Fit) -> list[tuple[slice, float]]:
-    """Return the stretches without a gap, each inside one window, with their sampling intervals."""
-    moment, window = found.data["time"].values, found.data["manoeuvre"].values
-    step = np.diff(moment)
-    usual = {
-        k: float(np.median(step[(window[1:] == k) & (window[:-1] == k)]))
-        for k in np.unique(window)
-        if np.sum(window == k) > 1
-    }
-    limit = np.array([1.5 * usual.get(k, 0.0) for k in window[1:]])
-    cuts = np.flatnonzero((np.diff(window) != 0) | (step > limit)) + 1
-    edges = [0, *cuts.tolist(), len(moment)]
-    return [(slice(a, b), usual[window[a]]) for a, b in pairwise(edges) if b - a > 1]
+def _order_windows(request: FitRequest) -> list[RecordWindow]:
+    """Return the windows record by record, in the order of ``flight identify``."""
+    records = _records_of(request)
+    return sorted(request.windows, key=lambda window: records.index(window.record))
 
 
-def _along(
-    found: flighttest.Fit,
-) -> tuple[np.ndarray, list[tuple[float, float]], dict[str, np.ndarray]]:
-    """Return time along the windows, where each begins and ends, and the lines; NaN stands where a
-    stretch ends.
-    """
-    measured, residual = found.data[found.model.coefficient].values, found.residual
-    moment, window = found.data["time"].values, found.data["manoeuvre"].values
-    at: list[Any] = []
-    places: list[Any] = []
-    edges: dict[int, tuple[float, float]] = {}
-    now = last = 0.0
-    for piece, step in _stretches(found):
-        own = now + moment[piece] - moment[piece.start]
-        edges[int(window[piece.start])] = (
-            edges.get(int(window[piece.start]), (float(own[0]), 0.0))[0],
-            float(own[-1]),
+def _form_windows(opened: OpenProject, request: FitRequest) -> list[xr.Dataset]:
+    """Return the coefficients in the windows."""
+    form_missing(opened, dict.fromkeys(_records_of(request)), request.cutoff)
+    parts = []
+    for window in _order_windows(request):
+        part = window_of(
+            opened, window.record, start=window.start, end=window.end, cutoff=request.cutoff
         )
-        at += [own, [own[-1] + 0.5 * step]]
-        places += [np.arange(piece.start, piece.stop), [-1]]
-        now = last = float(own[-1]) + step
-    index = np.concatenate(places).astype(int)
-    lines = {"measured": measured, "fitted": measured - residual, "residual": residual}
-    broken = {name: np.where(index < 0, np.nan, line[index]) for name, line in lines.items()}
-    return (
-        np.concatenate(at),
-        [edges.get(k, (last, last)) for k in range(found.estimates.attrs["manoeuvres"])],
-        broken,
-    )
+        parts.append(part)
+    return parts
 
 
-def _ordered(wanted: FitRequest) -> list[RecordWindow]:
-    """Return the windows record by record, as ``flight identify`` takes them."""
-    records = list(dict.fromkeys(window.record for window in wanted.windows))
-    return sorted(wanted.windows, key=lambda window: records.index(window.record))
-
-
-def _parts(opened: OpenProject, wanted: FitRequest) -> list[xr.Dataset]:
-    form_missing(opened, dict.fromkeys(window.record for window in wanted.windows), wanted.cutoff)
-    return [
-        window_of(opened, window.record, window.start, window.end, wanted.cutoff)
-        for window in _ordered(wanted)
-    ]
-
-
-def _fit(opened: OpenProject, wanted: FitRequest) -> flighttest.Fit:
-    files = [
-        opened.path_file(record)
-        for record in dict.fromkeys(window.record for window in wanted.windows)
-    ]
-    about = (wanted.model_copy(update={"prior": None}), tuple(opened.project.errors.items()))
-    model = flighttest.RegressionModel.parse(wanted.model)
+def _fit(opened: OpenProject, request: FitRequest) -> flighttest.Fit:
+    """Return the fit of a request, computed once while its files are unchanged."""
+    files = [opened.path_file(record) for record in _records_of(request)]
+    # The prior does not change the fit.
+    without_prior = request.model_copy(update={"prior": None})
+    key = ("fit", without_prior, tuple(opened.project.errors.items()))
+    model = flighttest.RegressionModel.parse(request.model)
 
     def make() -> flighttest.Fit:
-        parts, one, ridge = _parts(opened, wanted), wanted.intercepts, wanted.ridge
-        if wanted.band is not None:
+        parts = _form_windows(opened, request)
+        if request.band is not None:
             return flighttest.equation_error.regress_frequency(
-                model, parts, wanted.band, intercepts=one, ridge=ridge
+                model,
+                parts,
+                request.band,
+                intercepts=request.intercepts,
+                ridge=request.ridge,
             )
-        return flighttest.regress(model, parts, intercepts=one, weights=wanted.weights, ridge=ridge)
+        return flighttest.regress(
+            model,
+            parts,
+            intercepts=request.intercepts,
+            weights=request.weights,
+            ridge=request.ridge,
+        )
 
-    return opened.kept(("fit", *about), [*files, opened.project.aircraft], make)
+    return opened.kept(key, [*files, opened.project.aircraft], make)
 
 
-def _outcome(opened: OpenProject, wanted: FitRequest) -> dict[str, Any]:
-    """Return the figures of a fit, or why there is none."""
+def _outcome(opened: OpenProject, request: FitRequest) -> dict[str, Any]:
+    """Return estimates and quality of a fit, or the reason why it is not possible."""
     try:
-        found = _fit(opened, wanted)
+        fit = _fit(opened, request)
     except AeromatchError as error:
         return {"refused": str(error)}
-    e = found.estimates
-    estimates = {
-        str(term): float(value)
-        for term, value in zip(e["term"].values, e["estimate"].values, strict=True)
+    terms, values = fit.estimates["term"].values, fit.estimates["estimate"].values
+    attributes = fit.estimates.attrs
+    return {
+        "R2": attributes["R2"],
+        "residual_rms": attributes["residual_rms"],
+        "estimates": dict(zip(map(str, terms), map(float, values), strict=True)),
     }
-    return {"R2": e.attrs["R2"], "residual_rms": e.attrs["residual_rms"], "estimates": estimates}
 
 
-def _priors(opened: OpenProject) -> dict[str, Path]:
-    """Return the databases that may be a prior, by place; that of DATCOM first."""
-    made = [opened.work / MATCH / f"{name}.nc" for name in _MODELS]
-    found = [file for file in made if file.exists()] + sorted(
-        (opened.work / DATABASES).glob("*.nc")
-    )
-    return {opened.places.named(file): file for file in found}
+def _prior_files(opened: OpenProject) -> dict[str, Path]:
+    """Return the databases that may be a prior, by place; the database of DATCOM is first."""
+    files = []
+    for name in OWN_MODELS:
+        file = opened.work / MATCH / f"{name}.nc"
+        if file.exists():
+            files.append(file)
+    files += sorted((opened.work / DATABASES).glob("*.nc"))
+    return {opened.places.named(file): file for file in files}
 
 
-def _prior(
-    opened: OpenProject, wanted: FitRequest, found: flighttest.Fit
+def _prior_by_term(
+    opened: OpenProject, request: FitRequest, fit: flighttest.Fit
 ) -> tuple[dict[str, dict[str, float]], str]:
-    """Return prior and standard error by term, and why there is none."""
-    if wanted.prior is None:
+    """Return prior and standard error by term, and the reason if there is no prior."""
+    if request.prior is None:
         return {}, ""
-    known = _priors(opened)
-    if wanted.prior not in known:
-        raise UnknownName(wanted.prior, known, "database")
-    file = known[wanted.prior]
+    files = _prior_files(opened)
+    if request.prior not in files:
+        raise UnknownName(request.prior, files, "database")
+    file = files[request.prior]
     try:
-        prior = prior_of(found, opened.kept(("database",), [file], lambda: aerodb.open(file)))
+        prior = prior_of(fit, opened.kept(("database",), [file], lambda: aerodb.open(file)))
     except AeromatchError as error:
         return {}, str(error)
-    columns = zip(
-        prior["term"].values, prior["estimate"].values, prior["stderr"].values, strict=True
-    )
-    return {
-        str(term): {"prior": float(value), "prior_stderr": float(sigma)}
-        for term, value, sigma in columns
-    }, ""
+    by_term: dict[str, dict[str, float]] = {}
+    columns = (prior[name].values for name in ("term", "estimate", "stderr"))
+    for term, value, sigma in zip(*columns, strict=True):
+        by_term[str(term)] = {"prior": float(value), "prior_stderr": float(sigma)}
+    return by_term, ""
 
 
-def _marks(opened: OpenProject, name: str) -> tuple[str, list[dict[str, Any]]]:
+def _manoeuvre_rows(opened: OpenProject, name: str) -> tuple[str, list[dict[str, Any]]]:
+    """Return the manoeuvres of a record with their labels, and their source."""
     source, table = manoeuvres_of(opened, name)
-    rows = [
-        {
+    rows = []
+    for row in table.to_dict("records"):
+        words = (row["manoeuvre"], row["control"])
+        # A manoeuvre without a control has NaN there.
+        label = " ".join(word for word in words if isinstance(word, str) and word)
+        entry = {
             "manoeuvre": str(row["manoeuvre"]),
-            "label": _words(row["manoeuvre"], row["control"]),
+            "label": label,
             "start": float(row["start"]),
             "end": float(row["end"]),
         }
-        for row in table.to_dict("records")
-    ]
+        rows.append(entry)
     return source, rows
 
 
-def _words(*words: Any) -> str:
-    return " ".join(str(word) for word in words if isinstance(word, str) and word)
-
-
 def _label(opened: OpenProject, window: RecordWindow) -> str:
-    _, rows = _marks(opened, window.record)
-    own = next(
-        (row["label"] for row in rows if (row["start"], row["end"]) == (window.start, window.end)),
-        "",
-    )
-    return own or f"{window.start:g} to {window.end:g} s"
+    """Return the manoeuvre of a window, or its start and end."""
+    _, rows = _manoeuvre_rows(opened, window.record)
+    for row in rows:
+        if (row["start"], row["end"]) == (window.start, window.end):
+            if row["label"]:
+                return row["label"]
+            break
+    return f"{window.start:g} to {window.end:g} s"
 
 
 def _number(body: Mapping[str, Any], key: str, default: float) -> float:
-    found = body.get(key)
-    if found is None:
+    """Return a finite number of the body, or a default."""
+    number = body.get(key)
+    if number is None:
         return default
-    if isinstance(found, bool) or not isinstance(found, int | float) or not np.isfinite(found):
-        raise SchemaError("fit", [f"{key} {found!r}; give a number"])
-    return float(found)
+    # True and False are integers in Python.
+    if isinstance(number, bool) or not isinstance(number, int | float) or not np.isfinite(number):
+        raise SchemaError("fit", [f"{key} {number!r}; give a number"])
+    return float(number)
 
 
 ROUTES = {
@@ -594,4 +456,4 @@ ROUTES = {
     ("POST", "/api/fit/without"): leave_one_out,
     ("POST", "/api/fit/entry"): show_fit_entries,
 }
-"""What the page of the identification requests; as `records.ROUTES`."""
+"""Requests of the page of the identification, in the form of `records.ROUTES`."""

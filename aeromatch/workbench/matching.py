@@ -15,7 +15,7 @@ import aerodb
 import pom
 from aeromatch.workbench.opened import MATCH, OpenProject
 from flightmech.errors import UnknownName
-from pom.cases.case_file import signature_rows
+from pom.cases.case_file import plain_signatures, signature_rows
 from pom.cases.resolve import LIMIT_UNITS
 from pom.report.case.page import case_keys
 from pom.report.models.diagnosis import cause_sentences
@@ -79,7 +79,7 @@ def show_match(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict
     signed = results_name(_archive(opened, _report(opened, MATCH)).results) if there else ""
     found |= {
         "results": signed,
-        "signatures": signature_rows(opened.project.signatures, "", signed),
+        "signatures": signature_rows(plain_signatures(opened.project.signatures), "", signed),
     }
     if report not in found["reports"]:
         return found

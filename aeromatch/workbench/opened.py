@@ -224,9 +224,14 @@ class OpenProject:
     def record(self, name: str) -> xr.DataTree:
         """Return a flight record."""
         file, names = self.flight(name), self.project.names
-        return self.kept(
-            ("record",), [file, *([names] if names else [])], lambda: flighttest.read(file, names)
-        )
+        return self.kept(("record",), self.record_files(name), lambda: flighttest.read(file, names))
+
+    def record_files(self, name: str) -> list[Path]:
+        """Return the file of a flight record and, if the project has one, its name map."""
+        files = [self.flight(name)]
+        if self.project.names:
+            files.append(self.project.names)
+        return files
 
     def path_file(self, name: str) -> Path:
         """Return the file of a reconstructed record, which need not be there."""
@@ -255,14 +260,12 @@ class OpenProject:
                 [file],
                 lambda: {"path": DisplayedChannels(self.path(name).states)},
             )
-        file, names = self.flight(name), self.project.names
-        files = [file, *([names] if names else [])]
 
         def by_leaf() -> dict[str, DisplayedChannels]:
             leaves = self.record(name).children.items()
             return {leaf: DisplayedChannels(node.to_dataset()) for leaf, node in leaves}
 
-        return self.kept(("levels", source), files, by_leaf)
+        return self.kept(("levels", source), self.record_files(name), by_leaf)
 
 
 class DisplayedChannels(Mapping[str, Levels]):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,144 +26,149 @@ from flighttest.records.record import faults
 _ENTRY = re.compile(
     r"(?P<name>[^\s=]+) = (?P<value>.+?) +# in \[(?P<leaf>[\w.]+)\] of the name map(?:,.*)?$"
 )
-"""A line as `flighttest.reconstruction.quality.finding` writes it; behind it may stand for which cause it is."""
-_MOST_POINTS = 8000  # of a screen; a request for more is one of another program
+"""A line of `flighttest.reconstruction.quality.finding`, with or without a cause after a comma."""
+# Greatest number of points of a screen.
+_MOST_POINTS = 8000
 _CONDITIONS = ("h", "mach", "alpha", "V_cas", "nz")
 _SETTINGS = ("mass", "delta_f", "gear", "speedbrake")
-_RECORDED_BY = {"h": "h_baro", "alpha": "alpha_vane"}  # where a record has not been reconstructed
+# Recorded channels in place of the states of a record that is not reconstructed.
+_RECORDED_BY = {"h": "h_baro", "alpha": "alpha_vane"}
 
 
 def show_project(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return what the project holds."""
-    found = opened.project
+    """Return the content of the project."""
+    project = opened.project
+    records = []
+    for name, file in project.flights.items():
+        is_reconstructed = opened.path_file(name).exists()
+        place = opened.places.named(file)
+        records.append({"name": name, "file": place, "reconstructed": is_reconstructed})
+    fits = []
+    for fit in project.fit:
+        entry = {
+            "name": fit.name,
+            "records": fit.records,
+            "manoeuvres": fit.manoeuvres,
+            "models": fit.models,
+            "window": fit.window,
+        }
+        fits.append(entry)
     return {
-        "title": found.title,
+        "title": project.title,
         "file": opened.file.name,
         "folder": str(opened.file.parent),
         "work": str(opened.work),
-        "records": [
-            {
-                "name": name,
-                "file": opened.places.named(file),
-                "reconstructed": opened.path_file(name).exists(),
-            }
-            for name, file in found.flights.items()
-        ],
-        "cases": [opened.places.named(file) for file in found.cases],
-        "fits": [
-            {
-                "name": fit.name,
-                "records": fit.records,
-                "manoeuvres": fit.manoeuvres,
-                "models": fit.models,
-                "window": getattr(fit, "window", None),
-            }
-            for fit in found.fits
-        ],
-        "aircraft": opened.places.named(found.aircraft),
-        "names": opened.places.named(found.names) if found.names else None,
-        "manoeuvres": opened.places.named(found.manoeuvres) if found.manoeuvres else None,
-        "cutoff": found.cutoff,
-        "tabulation": found.tabulation,
-        "held": found.held,
+        "records": records,
+        "cases": [opened.places.named(file) for file in project.cases],
+        "fits": fits,
+        "aircraft": opened.places.named(project.aircraft),
+        "names": _optional_place(opened, project.names),
+        "manoeuvres": _optional_place(opened, project.manoeuvres),
+        "cutoff": project.cutoff,
+        "tabulation": project.tabulation,
+        "held": project.held,
     }
 
 
+def _optional_place(opened: OpenProject, file: Path | None) -> str | None:
+    if file is None:
+        return None
+    return opened.places.named(file)
+
+
 def manoeuvres_of(opened: OpenProject, name: str) -> tuple[str, pd.DataFrame]:
-    """Return where the marks of a record come from (``table`` or ``record``), and the marks."""
-    table = opened.project.manoeuvres
-    given = (
-        opened.kept(("marks",), [table], lambda: flighttest.records.read_manoeuvres(table))
-        if table and table.exists()
-        else {}
-    )
-    if name in given:
-        return "table", given[name]
+    """Return the source of the marks of a record (``table`` or ``record``), and the marks."""
+    file = opened.project.manoeuvres
+    if file and file.exists():
+        tables = opened.kept(("marks",), [file], lambda: flighttest.records.read_manoeuvres(file))
+        if name in tables:
+            return "table", tables[name]
     return "record", flighttest.manoeuvres(opened.record(name))
 
 
 def not_marked(opened: OpenProject, name: str, marks: pd.DataFrame) -> pd.DataFrame:
-    """Return the manoeuvres found in the movements of the controls of a record, less those of which
-    a mark covers more than half.
+    """Return the manoeuvres in the movements of the controls that have no mark.
+
+    A manoeuvre is marked if a mark covers more than half of it.
     """
-    names = opened.project.names
-    files = [opened.flight(name), *([names] if names else [])]
-    found = opened.kept(
-        ("found",), files, lambda: flighttest.manoeuvre_finding.find_manoeuvres(opened.record(name))
-    )
+    find = flighttest.manoeuvre_finding.find_manoeuvres
+    files = opened.record_files(name)
+    manoeuvres = opened.kept(("found",), files, lambda: find(opened.record(name)))
     starts, ends = (marks[key].to_numpy(float) for key in ("start", "end"))
-
-    def covered(row: Any) -> bool:
-        common = np.minimum(ends, row.end) - np.maximum(starts, row.start)
-        return bool(np.any(common > 0.5 * (row.end - row.start)))
-
-    return found[[not covered(row) for row in found.itertuples()]]
+    is_unmarked = []
+    for start, end in manoeuvres[["start", "end"]].to_numpy(float):
+        common = np.minimum(ends, end) - np.maximum(starts, start)
+        is_unmarked.append(not np.any(common > 0.5 * (end - start)))
+    return manoeuvres[is_unmarked]
 
 
 def show_record(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return channels, clocks, manoeuvres and faults of the record ``name``; ``find=1`` searches
-    for more manoeuvres.
+    """Return channels, clocks, manoeuvres and faults of the record ``name``.
 
-    The marks stand first, in order of time, then what was found and is not marked.
+    With ``find=1`` the manoeuvres without a mark follow the marks.
     """
     name = query.get("name", "")
     tree = opened.record(name)
     source, marks = manoeuvres_of(opened, name)
-    more = not_marked(opened, name, marks) if query.get("find") == "1" else marks[:0]
-    rows = [
-        {**row, "found": found}
-        for table, found in ((marks, False), (more, True))
-        for row in table.to_dict("records")
-    ]
-    channels = [*_channels(tree), *_path_channels(opened, name)]
-    spans = [
-        (time[0], time[-1])
-        for node in tree.children.values()
-        if len(time := node.to_dataset()["time"].values)
-    ]
+    rows = [{**row, "found": False} for row in marks.to_dict("records")]
+    if query.get("find") == "1":
+        unmarked = not_marked(opened, name, marks)
+        rows += [{**row, "found": True} for row in unmarked.to_dict("records")]
+    starts, stops = [], []
+    for node in tree.children.values():
+        time = node.to_dataset()["time"].values
+        if len(time):
+            starts.append(time[0])
+            stops.append(time[-1])
     return {
         "name": name,
         "file": opened.places.named(opened.flight(name)),
         "title": tree.attrs.get("title", ""),
-        "start": min(start for start, _ in spans),
-        "stop": max(stop for _, stop in spans),
-        "channels": channels,
+        "start": min(starts),
+        "stop": max(stops),
+        "channels": [*_record_channels(tree), *_path_channels(opened, name)],
         "manoeuvres": {"source": source, "rows": rows},
         "faults": faults(tree),
         "reconstructed": opened.path_file(name).exists(),
     }
 
 
-def _channels(tree: Any) -> list[dict[str, Any]]:
-    return [
-        {"source": "record", "leaf": leaf, "channel": str(name), **_about(str(name))}
-        for leaf, node in tree.children.items()
-        for name, item in node.data_vars.items()
-        if item.dims == ("time",)
-    ]
+def _record_channels(tree: Any) -> list[dict[str, Any]]:
+    channels = []
+    for leaf, node in tree.children.items():
+        for name, item in node.data_vars.items():
+            if item.dims == ("time",):
+                head = {"source": "record", "leaf": leaf, "channel": str(name)}
+                channels.append({**head, **_unit_and_meaning(str(name))})
+    return channels
 
 
 def _path_channels(opened: OpenProject, name: str) -> list[dict[str, Any]]:
     if not opened.path_file(name).exists():
         return []
-    states = opened.path(name).states
-    return [
-        {"source": "path", "leaf": "path", "channel": str(own), **_about(str(own))}
-        for own, item in states.data_vars.items()
-        if item.dims == ("time",) and item.dtype.kind in "fiub"
-    ]
+    channels = []
+    for channel, item in opened.path(name).states.data_vars.items():
+        # Texts and times cannot be drawn.
+        if item.dims == ("time",) and item.dtype.kind in "fiub":
+            head = {"source": "path", "leaf": "path", "channel": str(channel)}
+            channels.append({**head, **_unit_and_meaning(str(channel))})
+    return channels
 
 
-def _about(name: str) -> dict[str, str]:
+def _unit_and_meaning(name: str) -> dict[str, str]:
     try:
-        known = lookup(name)
+        quantity = lookup(name)
     except UnknownName:
         return {"unit": "", "meaning": ""}
-    return {"unit": to_display_quantity(name, np.zeros(1))[1], "meaning": known.long_name}
+    return {"unit": _display_unit(name), "meaning": quantity.long_name}
+
+
+def _display_unit(name: str) -> str:
+    return to_display_quantity(name, np.zeros(1))[1]
 
 
 def pack_channels(opened: OpenProject, query: Mapping[str, str], body: Any) -> bytes:
-    """Return channels of a record inside a span of time, as `pack_traces`.
+    """Return channels of a record inside a span of time, in the form of `pack_traces`.
 
     The query has ``name``, ``channels`` (``source/leaf/channel`` with commas), ``start``, ``stop``
     [s] and ``points``.
@@ -170,195 +176,172 @@ def pack_channels(opened: OpenProject, query: Mapping[str, str], body: Any) -> b
     name = query.get("name", "")
     start, stop = (_number(query, key) for key in ("start", "stop"))
     points = int(min(max(_number(query, "points"), 1), _MOST_POINTS))
-    wanted: dict[tuple[str, str], list[str]] = {}
+    # The channels of one clock are one group.
+    requested: dict[tuple[str, str], list[str]] = {}
     for text in filter(None, query.get("channels", "").split(",")):
-        source, _, rest = text.partition("/")
-        leaf, _, channel = rest.partition("/")
-        wanted.setdefault((source, leaf), []).append(channel)
+        source, leaf, channel = [*text.split("/", 2), "", ""][:3]
+        requested.setdefault((source, leaf), []).append(channel)
     groups: list[tuple[dict[str, object], np.ndarray, dict[str, np.ndarray]]] = []
-    for (source, leaf), names in wanted.items():
+    for (source, leaf), names in requested.items():
         if source not in ("record", "path"):
             raise SchemaError("channels", [f"source {source!r}; record or path"])
-        found = opened.levels(name, source)
-        if leaf not in found:
-            raise UnknownName(leaf, found, "leaf")
-        known = found[leaf]
-        if missing := [one for one in names if one not in known]:
-            raise UnknownName(missing[0], known, "channel")
-        groups.append(
-            (
-                {"source": source, "leaf": leaf},
-                *decimate_channels(
-                    known.time, {one: known[one] for one in names}, start, stop, points
-                ),
-            )
-        )
+        leaves = opened.levels(name, source)
+        if leaf not in leaves:
+            raise UnknownName(leaf, leaves, "leaf")
+        clock = leaves[leaf]
+        for channel in names:
+            if channel not in clock:
+                raise UnknownName(channel, clock, "channel")
+        levels = {channel: clock[channel] for channel in names}
+        times, values = decimate_channels(clock.time, levels, start=start, stop=stop, points=points)
+        groups.append(({"source": source, "leaf": leaf}, times, values))
     return pack_traces(groups)
 
 
 def _number(query: Mapping[str, str], key: str) -> float:
+    """Return a finite number of the query."""
+    text = query.get(key, "")
     try:
-        found = float(query.get(key, ""))
+        number = float(text)
     except ValueError:
-        found = np.nan
-    if not np.isfinite(found):
-        raise SchemaError("channels", [f"{key} {query.get(key, '')!r}; give a number"])
-    return found
+        number = np.nan
+    if not np.isfinite(number):
+        raise SchemaError("channels", [f"{key} {text!r}; give a number"])
+    return number
 
 
 def list_check_findings(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the findings of ``flight check``; ``entries`` are the lines of the name map that a
-    remedy is made of.
+    """Return the findings of ``flight check``.
+
+    ``entries`` are the lines of the name map in a remedy.
     """
     name = query.get("name", "")
-    files = [
-        opened.flight(name),
-        opened.project.aircraft,
-        *([opened.project.names] if opened.project.names else []),
-    ]
-    found = opened.kept(
+    files = [*opened.record_files(name), opened.project.aircraft]
+    check = opened.kept(
         ("check",), files, lambda: assess(opened.record(name), opened.aircraft).as_dict()
     )
-    return {
-        "verdict": found["verdict"],
-        "findings": [{**one, "entries": parse_remedy(one["remedy"])} for one in found["findings"]],
-    }
+    findings = []
+    for finding in check["findings"]:
+        findings.append({**finding, "entries": parse_remedy(finding["remedy"])})
+    return {"verdict": check["verdict"], "findings": findings}
 
 
 def parse_remedy(remedy: str) -> list[dict[str, str]]:
-    """Return keys and values (TOML) of a remedy that is lines of the name map, for ``aeromatch
-    set``; none where it is anything else.
+    """Return keys and values (TOML) of a remedy for ``aeromatch set``.
+
+    The result is empty, unless all lines of the remedy are lines of the name map.
     """
-    found = [_ENTRY.match(line.strip()) for line in remedy.split("\n")]
-    return (
-        [
-            {"key": f"{line['leaf']}.{line['name']}", "value": line["value"]}
-            for line in found
-            if line
-        ]
-        if all(found)
-        else []
-    )
+    entries = []
+    for text in remedy.split("\n"):
+        line = _ENTRY.match(text.strip())
+        if line is None:
+            return []
+        entries.append({"key": f"{line['leaf']}.{line['name']}", "value": line["value"]})
+    return entries
 
 
 def list_test_points(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the test points of the records named (``names`` with commas): mean conditions of every
-    manoeuvre ([LR743] fig. 9).
+    """Return the test points of records (``names`` with commas).
 
-    Conditions come from the reconstructed record, else from the recorded channels of that name: the
-    height is that of the altimeter then, the angle of attack that of the vane, the Mach number that
-    of calibrated airspeed and height.
+    A test point has the mean conditions of a manoeuvre ([LR743] fig. 9). The conditions are states
+    of the reconstructed record. Without a reconstruction they are recorded channels: the height of
+    the altimeter, the angle of attack of the vane, and the Mach number of calibrated airspeed and
+    height.
     """
     rows = []
-    for about, found in _points(opened, query.get("names", "")):
-        shown = {name: _shown(name, found[name]) for name in _CONDITIONS if name in found}
-        rows.append(
-            {
-                **about,
-                **shown,
-                "configuration": configuration_text(
-                    pd.Series({**dict.fromkeys(_SETTINGS, 0.0), **found})
-                ),
-            }
-        )
-    return {
-        "points": rows,
-        "units": {name: to_display_quantity(name, np.zeros(1))[1] for name in _CONDITIONS},
-    }
+    for manoeuvre, means in _test_points(opened, query.get("names", "")):
+        row = dict(manoeuvre)
+        for name in _CONDITIONS:
+            if name in means:
+                row[name] = float(to_display_quantity(name, np.array([means[name]]))[0][0])
+        # A device without a channel is at rest.
+        settings = pd.Series({**dict.fromkeys(_SETTINGS, 0.0), **means})
+        row["configuration"] = configuration_text(settings)
+        rows.append(row)
+    return {"points": rows, "units": {name: _display_unit(name) for name in _CONDITIONS}}
 
 
 def list_one_g_lines(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the 1 g lines of the test points of the records named (``names``), by the last
-    database of the match.
+    """Return the 1 g lines of the test points of records (``names``), by the last database.
 
     A line is level flight at the mean mass of the test points of one height and configuration.
     """
-    model = next(
-        (
-            name
-            for name in ("final", "datcom")
-            if all((opened.work / MATCH / f"{name}.{kind}").exists() for kind in ("nc", "toml"))
-        ),
-        None,
-    )
+    model = _last_model(opened)
     if model is None:
         return {"lines": [], "model": None, "remarks": []}
     files = [opened.work / MATCH / f"{model}.{kind}" for kind in ("nc", "toml")]
-    points = pd.DataFrame(
-        [found for _, found in _points(opened, query.get("names", ""))],
-        columns=[*_CONDITIONS, *_SETTINGS],
-        dtype=float,
-    )
+    means = [means for _, means in _test_points(opened, query.get("names", ""))]
+    points = pd.DataFrame(means, columns=[*_CONDITIONS, *_SETTINGS], dtype=float)
 
     def make() -> tuple[dict[str, xr.Dataset], list[str]]:
         db = opened.kept(("database",), files[:1], lambda: aerodb.open(files[0]))
         return aerodb.figures.one_g_lines(db, read_aircraft(files[1]), points)
 
-    found, remarks = opened.kept(("one g", points.to_json()), files, make, 4)
+    curves, remarks = opened.kept(("one g", points.to_json()), files, make, most=4)
     lines = []
-    for line in found.values():
-        own = line.isel(mach=np.isfinite(line["alpha"].values))
-        curves = {
-            name: to_display_quantity(name, own[name].values)[0]
-            for name in ("mach", "alpha", "V_cas")
+    for curve in curves.values():
+        line: dict[str, Any] = {
+            "h": height_text(curve.attrs["h"]),
+            "mass": round(curve.attrs["mass"], -1),
+            "configuration": curve.attrs["configuration"],
         }
-        words = {
-            "h": height_text(line.attrs["h"]),
-            "mass": round(line.attrs["mass"], -1),
-            "configuration": line.attrs["configuration"],
-        }
-        lines.append({**words, **curves})
+        # Level flight is not possible at a Mach number without an angle of attack.
+        possible = curve.isel(mach=np.isfinite(curve["alpha"].values))
+        for name in ("mach", "alpha", "V_cas"):
+            line[name] = to_display_quantity(name, possible[name].values)[0]
+        lines.append(line)
     return {"lines": lines, "model": model, "remarks": remarks}
 
 
-def _points(opened: OpenProject, names: str) -> list[tuple[dict[str, Any], dict[str, float]]]:
-    """Return of every manoeuvre of the records named what it is, and the means of its conditions.
-    [SI]
-    """
-    rows = []
+def _last_model(opened: OpenProject) -> str | None:
+    """Return the last model of the match whose database and aircraft exist."""
+    for name in ("final", "datcom"):
+        files = [opened.work / MATCH / f"{name}.{kind}" for kind in ("nc", "toml")]
+        if all(file.exists() for file in files):
+            return name
+    return None
+
+
+def _test_points(opened: OpenProject, names: str) -> list[tuple[dict[str, Any], dict[str, float]]]:
+    """Return every manoeuvre of the named records, with its mean conditions. [SI]"""
+    points = []
     for name in filter(None, names.split(",")):
         _, marks = manoeuvres_of(opened, name)
-        data = (
-            [opened.path(name).states]
-            if opened.path_file(name).exists()
-            else [n.to_dataset() for n in opened.record(name).children.values()]
-        )
+        if opened.path_file(name).exists():
+            leaves = [opened.path(name).states]
+        else:
+            leaves = [node.to_dataset() for node in opened.record(name).children.values()]
         for mark in marks.to_dict("records"):
-            about = {
-                "record": name,
-                "manoeuvre": mark["manoeuvre"],
-                "control": mark["control"],
-                "start": mark["start"],
-                "end": mark["end"],
-            }
-            rows.append((about, _conditions(data, float(mark["start"]), float(mark["end"]))))
-    return rows
+            keys = ("manoeuvre", "control", "start", "end")
+            manoeuvre = {"record": name, **{key: mark[key] for key in keys}}
+            means = _mean_conditions(leaves, float(mark["start"]), float(mark["end"]))
+            points.append((manoeuvre, means))
+    return points
 
 
-def _conditions(data: list[Any], start: float, end: float) -> dict[str, float]:
-    """Return the means over a span of time of the conditions that the data hold, else of what they
-    are recorded by. [SI]
-    """
-    found = {}
+def _mean_conditions(leaves: list[xr.Dataset], start: float, end: float) -> dict[str, float]:
+    """Return the means of the conditions in a span of time. [SI]"""
+    means: dict[str, float] = {}
     for name in (*_CONDITIONS, *_SETTINGS):
-        own = next(
-            (one for one in (name, _RECORDED_BY.get(name)) if any(one in leaf for leaf in data)),
-            None,
-        )
-        if own is None:
+        channel = _find_channel(leaves, name)
+        if channel is None and name in _RECORDED_BY:
+            channel = _find_channel(leaves, _RECORDED_BY[name])
+        if channel is None:
             continue
-        part = next(leaf for leaf in data if own in leaf)[own].sel(time=slice(start, end)).values
-        if len(part) and np.isfinite(part).any():
-            found[name] = float(np.nanmean(part))
-    if "mach" not in found and {"V_cas", "h"} <= found.keys():
-        found["mach"] = float(
-            mach_number(impact_pressure_at(found["V_cas"]), atmosphere(found["h"]).p_static)
-        )
-    return found
+        values = channel.sel(time=slice(start, end)).values
+        if len(values) and np.isfinite(values).any():
+            means[name] = float(np.nanmean(values))
+    if "mach" not in means and {"V_cas", "h"} <= means.keys():
+        impact_pressure = impact_pressure_at(means["V_cas"])
+        means["mach"] = float(mach_number(impact_pressure, atmosphere(means["h"]).p_static))
+    return means
 
 
-def _shown(name: str, value: float) -> float:
-    return float(to_display_quantity(name, np.array([value]))[0][0])
+def _find_channel(leaves: list[xr.Dataset], name: str) -> xr.DataArray | None:
+    for leaf in leaves:
+        if name in leaf:
+            return leaf[name]
+    return None
 
 
 ROUTES = {
@@ -369,4 +352,8 @@ ROUTES = {
     ("GET", "/api/coverage"): list_test_points,
     ("GET", "/api/one_g"): list_one_g_lines,
 }
-"""What the page of the records requests: (method, path) -> call with project, query and JSON body; gives data, or bytes as they are."""
+"""Requests of the page of the records, by method and path.
+
+A function has project, query and JSON body as arguments, and returns data, or bytes that are sent
+unchanged.
+"""

@@ -1,6 +1,4 @@
-"""What was flown, kept next to the databases of a project: samples, local estimates, submodels, for
-the figures of LR-743.
-"""
+"""Evidence of an identification for the figures of LR-743: samples, local estimates, submodels."""
 
 from __future__ import annotations
 
@@ -12,30 +10,21 @@ import pandas as pd
 import xarray as xr
 
 from aerodb.store.overview import FREE_AIR
-from aeromatch.workflow.submodels import Spans, Submodels, select_spans
+from aeromatch.workflow.submodels import Submodels
+from aeromatch.workflow.windows import Spans, select_spans
 from flightmech.names import VOCABULARY
 from flightmech.names import quantity_attributes as attributes
 from pom.report.submodels.sections import make_sections
 
-_RATE = 10.0  # samples per second that are kept: loops of lift over angle of attack stay round
-_STEADY = 0.5  # of a manoeuvre before its input, from which the steady condition is taken [s]
-_KEPT = (
-    *("alpha", "beta", "mach", "h", "h_agl", "phi", "phat", "qhat", "rhat", "mass"),
-    *(
-        "delta_e",
-        "delta_a",
-        "delta_r",
-        "delta_f",
-        "gear",
-        "speedbrake",
-        "CL",
-        "CD",
-        "CY",
-        "Cl",
-        "Cm",
-        "Cn",
-    ),
-)
+# Samples per second of the stored data. Loops of lift over angle of attack stay round.
+_RATE = 10.0
+# Time before the input of a manoeuvre that gives its steady condition. [s]
+_STEADY = 0.5
+_CONDITIONS = ("alpha", "beta", "mach", "h", "h_agl", "phi", "phat", "qhat", "rhat", "mass")
+_DEFLECTIONS = ("delta_e", "delta_a", "delta_r", "delta_f", "gear", "speedbrake")
+_COEFFICIENTS = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
+_STORED = (*_CONDITIONS, *_DEFLECTIONS, *_COEFFICIENTS)
+# Values of a record without the quantity: devices at rest, free air, and an unknown mass.
 _AT_REST = {"delta_f": 0.0, "gear": 0.0, "speedbrake": 0.0, "h_agl": FREE_AIR, "mass": np.nan}
 
 
@@ -47,18 +36,18 @@ def flown_tree(
     fits: Sequence[Any],
     submodels: Submodels,
 ) -> xr.DataTree:
-    """Return what a project was identified from, for `aerodb.figures.read_flown`.
+    """Return the data that a project was identified from, for `aerodb.figures.read_flown`.
 
     Parameters
     ----------
     title : str
-        Of the project.
+        Title of the project.
     data : mapping of str to Dataset (time,)
         Coefficients by record.
     taken : sequence of dict
-        Start and end by record of what each fit and the ground effect took. [s]
+        Start and end by record of the windows of each fit and of the ground effect. [s]
     tables : mapping of str to DataFrame
-        Manoeuvres by record, whose names are taken.
+        Manoeuvres by record, which give the names.
     fits : sequence of Fit
     submodels : Submodels
 
@@ -69,149 +58,155 @@ def flown_tree(
         ``estimates`` of the local models with the means of their samples, ``submodels`` ([LR743]
         table 1) and ``ground`` (table 2). [SI]
     """
-    rows, parts = [], []
-    for record, spans in _once(taken).items():
-        for span, part in zip(spans, select_spans(_completed(data[record]), spans), strict=True):
+    manoeuvres: list[dict[str, Any]] = []
+    samples: list[pd.DataFrame] = []
+    for record, spans in _merge_windows(taken).items():
+        parts = select_spans(_fill_absent_quantities(data[record]), spans)
+        for span, part in zip(spans, parts, strict=True):
+            # One sample has no time step.
             if part.sizes["time"] < 2:
                 continue
-            rows.append(_manoeuvre(record, span, part, tables[record]))
-            parts.append(_thinned(part).assign(manoeuvre=len(rows) - 1))
+            samples.append(_thin_samples(part).assign(manoeuvre=len(manoeuvres)))
+            manoeuvres.append(_manoeuvre_row(record, span, part=part, table=tables[record]))
+    estimates: list[dict[str, Any]] = []
+    for fit in fits:
+        estimates += _estimate_rows(fit)
     groups = {
-        "samples": pd.concat(parts, ignore_index=True),
-        "manoeuvres": pd.DataFrame(rows),
-        "estimates": pd.DataFrame([row for fit in fits for row in _estimates(fit)]),
-        "submodels": pd.DataFrame(_techniques(fits, submodels)),
+        "samples": pd.concat(samples, ignore_index=True),
+        "manoeuvres": pd.DataFrame(manoeuvres),
+        "estimates": pd.DataFrame(estimates),
+        "submodels": pd.DataFrame(_technique_rows(fits, submodels)),
     }
     if submodels.ground_effect is not None:
-        groups["ground"] = pd.DataFrame(_ground(submodels.ground_effect))
-    nodes = {name: _dataset(table, name) for name, table in groups.items()}
+        groups["ground"] = pd.DataFrame(_ground_rows(submodels.ground_effect))
+    nodes = {name: _to_dataset(table, name) for name, table in groups.items()}
     tree = xr.DataTree.from_dict(nodes)
     tree.attrs = {"title": f"{title}: what the databases were identified from"}
     return tree
 
 
-def _once(taken: Sequence[Spans]) -> dict[str, list[tuple[float, float]]]:
-    """Return the windows by record, each once, in the order of time."""
-    found: dict[str, set[tuple[float, float]]] = {}
-    for spans in taken:
-        for record, own in spans.items():
-            found.setdefault(record, set()).update(own)
-    return {record: sorted(own) for record, own in found.items()}
+def _merge_windows(windows: Sequence[Spans]) -> dict[str, list[tuple[float, float]]]:
+    """Return the windows by record, each window once, in the order of time."""
+    merged: dict[str, set[tuple[float, float]]] = {}
+    for spans_by_record in windows:
+        for record, spans in spans_by_record.items():
+            merged.setdefault(record, set()).update(spans)
+    return {record: sorted(spans) for record, spans in merged.items()}
 
 
-def _completed(data: xr.Dataset) -> xr.Dataset:
-    """Return what is kept of coefficients, with devices at rest and free air where a record has
-    none of them.
-    """
-    missing = {
-        name: ("time", np.full(data.sizes["time"], value))
-        for name, value in _AT_REST.items()
-        if name not in data
-    }
-    return data[[name for name in _KEPT if name in data]].assign(missing)
+def _fill_absent_quantities(data: xr.Dataset) -> xr.Dataset:
+    """Return the stored quantities, with devices at rest in free air for a record without them."""
+    absent = {}
+    for name, value in _AT_REST.items():
+        if name not in data:
+            absent[name] = ("time", np.full(data.sizes["time"], value))
+    return data[[name for name in _STORED if name in data]].assign(absent)
 
 
-def _means(data: xr.Dataset) -> dict[str, float]:
-    """Return the mean of every variable that is kept over its values, NaN without any."""
-    columns = {name: data.variables[name].values for name in _KEPT if name in data}
-    known = {name: values[~np.isnan(values)] for name, values in columns.items()}
-    return {name: float(values.mean()) if values.size else np.nan for name, values in known.items()}
+def _mean_values(data: xr.Dataset) -> dict[str, float]:
+    """Return the mean of every stored quantity over its values; NaN without a value."""
+    means: dict[str, float] = {}
+    for name in _STORED:
+        if name in data:
+            values = data.variables[name].values
+            values = values[~np.isnan(values)]
+            means[name] = float(values.mean()) if values.size else np.nan
+    return means
 
 
-def _manoeuvre(
+def _manoeuvre_row(
     record: str, span: tuple[float, float], part: xr.Dataset, table: pd.DataFrame
 ) -> dict[str, Any]:
-    same = table[np.isclose(table["start"], span[0]) & np.isclose(table["end"], span[1])]
-    words = (
-        same[["manoeuvre", "control"]].fillna("").astype(str).agg(" ".join, axis=1).str.strip()
-        if len(same)
-        else pd.Series(["window"])
-    )
-    steady = part.sel(time=slice(None, float(part["time"][0]) + _STEADY))
+    """Return name, window and steady condition of a manoeuvre, or of a window without a name."""
+    rows = table[np.isclose(table["start"], span[0]) & np.isclose(table["end"], span[1])]
+    label = "window"
+    if len(rows):
+        texts = rows[["manoeuvre", "control"]].fillna("").astype(str).agg(" ".join, axis=1)
+        label = texts.str.strip().iloc[0]
+    start = float(part["time"][0])
+    steady = part.sel(time=slice(None, start + _STEADY))
     return {
         "record": record,
-        "label": words.iloc[0],
-        "start": float(part["time"][0]),
+        "label": label,
+        "start": start,
         "end": float(part["time"][-1]),
-        **_means(steady),
+        **_mean_values(steady),
     }
 
 
-def _thinned(part: xr.Dataset) -> pd.DataFrame:
+def _thin_samples(part: xr.Dataset) -> pd.DataFrame:
+    """Return the stored quantities at about `_RATE` samples per second."""
     step = float(np.median(np.diff(part["time"].values)))
-    kept = part.isel(time=slice(None, None, max(1, round(1.0 / (_RATE * step)))))
-    return pd.DataFrame(
-        {name: kept[name].values.astype(np.float32) for name in ("time", *_KEPT) if name in kept}
-    )
+    thinned = part.isel(time=slice(None, None, max(1, round(1.0 / (_RATE * step)))))
+    columns = {}
+    for name in ("time", *_STORED):
+        if name in thinned:
+            columns[name] = thinned[name].values.astype(np.float32)
+    return pd.DataFrame(columns)
 
 
-def _estimates(fit: Any) -> list[dict[str, Any]]:
-    means = _means(fit.data)
+def _estimate_rows(fit: Any) -> list[dict[str, Any]]:
+    """Return the estimates of a local model with its mean condition."""
+    means = _mean_values(fit.data)
+    # A record without a device has the value of the device at rest.
     means = {name: value for name, value in _AT_REST.items() if name not in means} | means
     table = fit.estimates
     columns = (table[name].values for name in ("term", "estimate", "stderr", "stderr_systematic"))
-    return [
-        {
+    rows = []
+    for term, estimate, stderr, systematic in zip(*columns):
+        row = {
             "fit": fit.name,
             "coefficient": fit.model.coefficient,
             "term": str(term),
             "estimate": float(estimate),
             "stderr": float(np.hypot(stderr, systematic)),
-            **means,
         }
-        for term, estimate, stderr, systematic in zip(*columns)
-    ]
-
-
-def _ground(found: Any) -> list[dict[str, Any]]:
-    """Return table 2 of [LR743]: k and s of every identified term, and why the others are not."""
-    rows = []
-    for name, one in found.coefficients.items():
-        common = one.form == "k h^s, one s"
-        rows += [
-            {
-                "coefficient": name,
-                **one.row(term, common)._asdict(),
-                "note": f"form taken: {one.form}",
-            }
-            for term in one.ground
-        ]
-        empty = dict.fromkeys(("y_inf", "k", "k_stderr", "s", "s_stderr", "correlation"), np.nan)
-        rows += [
-            {"coefficient": name, "term": term, **empty, "note": why}
-            for term, why in one.not_identified.items()
-        ]
+        rows.append(row | means)
     return rows
 
 
-def _techniques(fits: Sequence[Any], submodels: Submodels) -> list[dict[str, str]]:
-    """Return table 1 of [LR743]: type 1 adjusts a model until its output is that of the flight,
-    type 2 is explicit.
+def _ground_rows(ground_effect: Any) -> list[dict[str, Any]]:
+    """Return table 2 of [LR743]: k and s of every identified term, and a note for the others."""
+    values = ("y_inf", "k", "k_stderr", "s", "s_stderr", "correlation")
+    rows: list[dict[str, Any]] = []
+    for name, identified in ground_effect.coefficients.items():
+        common = identified.form == "k h^s, one s"
+        for term in identified.ground:
+            row = {"coefficient": name, **identified.row(term, common)._asdict()}
+            rows.append({**row, "note": f"form taken: {identified.form}"})
+        for term, reason in identified.not_identified.items():
+            row = {"coefficient": name, "term": term, **dict.fromkeys(values, np.nan)}
+            rows.append({**row, "note": reason})
+    return rows
+
+
+def _technique_rows(fits: Sequence[Any], submodels: Submodels) -> list[dict[str, str]]:
+    """Return table 1 of [LR743], the estimation technique of each submodel.
+
+    Type 1 adjusts a model until its output agrees with the flight; type 2 is explicit.
     """
-    records = list(dict.fromkeys(fit.name.partition(":")[0] for fit in fits))
-    local = f"{len(fits)} local models of {len(records)} records"
-    rows = [
-        (
-            "state trajectory",
-            "flight paths of all records together",
-            "type 1, batch least squares",
-            "",
-        ),
-        ("aerodynamic forces and moments", local, "type 2, equation error", ""),
+    records = dict.fromkeys(fit.name.partition(":")[0] for fit in fits)
+    local_models = f"{len(fits)} local models of {len(records)} records"
+    paths = "flight paths of all records together"
+    rows: list[tuple[str, ...]] = [
+        ("state trajectory", paths, "type 1, batch least squares", ""),
+        ("aerodynamic forces and moments", local_models, "type 2, equation error", ""),
     ]
-    found = make_sections(submodels.found, submodels.free_motion, submodels.driven_motion)
-    rows += [(section.name, *technique) for section in found for technique in section.techniques]
+    sections = make_sections(submodels.found, submodels.free_motion, submodels.driven_motion)
+    for section in sections:
+        for technique in section.techniques:
+            rows.append((section.name, *technique))
     return [dict(zip(("submodel", "part", "technique", "residual"), row)) for row in rows]
 
 
-def _dataset(table: pd.DataFrame, name: str) -> xr.Dataset:
+def _to_dataset(table: pd.DataFrame, name: str) -> xr.Dataset:
+    """Return a table as a dataset over rows, with units of the canonical names."""
     columns = {}
     for column in table:
         values = table[column].to_numpy()
-        known = column in VOCABULARY and name != "submodels"
-        columns[str(column)] = (
-            name,
-            values.astype(str) if values.dtype == object else values,
-            attributes(str(column)) if known else {},
-        )
+        if values.dtype == object:
+            values = values.astype(str)
+        # `part` or `residual` of the techniques are texts and not quantities of the vocabulary.
+        is_quantity = column in VOCABULARY and name != "submodels"
+        columns[str(column)] = (name, values, attributes(str(column)) if is_quantity else {})
     return xr.Dataset(columns)

@@ -4,23 +4,21 @@ landing gear.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 from joblib import Parallel, delayed
 
 import aerodb
 import flighttest
 from aeromatch.project.project import Project
-from aeromatch.project.sections import RecordSelection
+from aeromatch.project.sections import EngineSection
+from aeromatch.workflow.windows import Spans, select_spans
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.build_up import required_coefficients
-from flightmech.errors import SchemaError, UnknownName
 from flighttest.records.sensors.instruments import pick_up_errors
 from flighttest.submodels.control_loading.loading import loading_of
 from flighttest.submodels.engine.records import engine_channels, read_points
@@ -29,21 +27,19 @@ from flighttest.submodels.engine.tables import EngineStructure, read_structure
 from flighttest.submodels.landing_gear.identification import identify_landing_gear
 from flighttest.submodels.landing_gear.reconstructed_loads import GroundRecord
 
-Spans = dict[str, list[tuple[float, float]]]
-"""Start and end of what is taken of each record. [s]"""
-
 
 @dataclass(frozen=True)
 class Submodels:
-    """Submodels identified from the records of a project; None or empty where the project has no
-    section for them.
+    """Submodels identified from the records of a project.
+
+    A submodel is None or empty if the project has no section for it.
 
     Attributes
     ----------
     engine : EngineFit or None
     controls : dict of str to IdentifiedLoading
     free_motion : dict of str to list of Flown
-        Pulses and releases of the controls, simulated with what was identified.
+        Pulses and releases of the controls, simulated with the identified loading.
     driven_motion : dict of str to list of Dataset (time,)
         Slow manoeuvres of the controls.
     ground_effect : GroundEffect or None
@@ -60,160 +56,88 @@ class Submodels:
     @property
     def found(self) -> dict[str, Any]:
         """The results by the name of the submodel, for the report."""
-        named = {
+        results = {
             "engine": self.engine,
             **self.controls,
             "ground effect": self.ground_effect,
             "landing gear": self.gear,
         }
-        return {name: result for name, result in named.items() if result is not None}
-
-
-def spans_of(
-    place: str,
-    flown: Iterable[RecordSelection],
-    tables: Mapping[str, pd.DataFrame],
-    problems: list[str],
-) -> Spans:
-    """Return start and end of manoeuvres and windows by record; without both the whole record.
-
-    Parameters
-    ----------
-    place : str
-        Where the project file has them.
-    flown : iterable of Flown
-    tables : mapping of str to DataFrame
-        `flighttest.manoeuvres` by record.
-    problems : list of str
-        Gets a line for every manoeuvre that a record does not have.
-    """
-    found: Spans = {}
-    for one in flown:
-        for record in one.records:
-            spans = [*_spans(place, record, one.manoeuvres, tables[record], problems), *one.window]
-            whole = [] if one.manoeuvres or one.window else [(-np.inf, np.inf)]
-            found.setdefault(record, []).extend(spans or whole)
-    return found
-
-
-def _spans(
-    place: str, record: str, wanted: Iterable[str], table: pd.DataFrame, problems: list[str]
-) -> list[tuple[float, float]]:
-    """Return the windows of manoeuvres in one record; ``"3211 elevator"`` is kind and control,
-    ``"trim"`` a kind.
-    """
-    labels = (table["manoeuvre"] + " " + table["control"].fillna("")).str.strip()
-    found: list[tuple[float, float]] = []
-    for name in wanted:
-        rows = table[(labels == name) | (table["manoeuvre"] == name)]
-        if rows.empty:
-            problems.append(
-                f"{place}, record {record}: {UnknownName(name, set(labels), 'manoeuvre')}"
-            )
-        found += [
-            (float(start), float(end))
-            for start, end in zip(rows["start"], rows["end"], strict=True)
-        ]
-    return found
-
-
-def find_case_overlaps(place: str, spans: Spans, cases: Iterable[Any]) -> list[str]:
-    """Return a line for every case whose record was to identify something over the time that is
-    replayed.
-    """
-    found = []
-    for case in cases:
-        start, end = case.window
-        taken = [
-            span
-            for span in spans.get(Path(case.record).stem, [])
-            if span[0] < end and start < span[1]
-        ]
-        found += [
-            f"{place}: record {Path(case.record).stem} proves case {case.name} from "
-            f"{start:g} to {end:g} s; it cannot identify too"
-        ] * bool(taken)
-    return found
-
-
-def select_spans(data: xr.Dataset, spans: Iterable[tuple[float, float]]) -> list[xr.Dataset]:
-    """Return the parts of a record."""
-    return [data.sel(time=slice(start, end)) for start, end in spans]
+        return {name: result for name, result in results.items() if result is not None}
 
 
 def identified_engine(
     project: Project, apriori: Aircraft, paths: Mapping[str, Any], spans: Mapping[str, Spans]
 ) -> Any:
-    """Return the engine as the records give it; the a-priori deck is that of the first engine of
-    `apriori`.
+    """Return the engine identified from the records, or None without a section ``[engine]``.
+
+    The a-priori deck is the deck of the first engine of `apriori`.
 
     Parameters
     ----------
     project : Project
-        With a section ``[engine]``.
     apriori : Aircraft
     paths : mapping of str to Path
         Reconstructions by record.
     spans : mapping of str to dict
-        By place in the project file.
+        By position in the project file.
     """
-    asked = project.engine
-    if asked is None:
+    section = project.engine
+    if section is None:
         return None
-
-    def channels(place: str) -> list[xr.Dataset]:
-        parts = [
-            (record, part)
-            for record, own in spans.get(place, {}).items()
-            for part in select_spans(paths[record].states, own)
-        ]
-        return [
-            thin_samples(engine_channels(part, asked.engines, asked.pla), asked.rate).assign_attrs(
-                record=record
-            )
-            for record, part in parts
-        ]
-
-    points = {
-        name: read_points(file) for name, file in project.points.items() if name != "structure"
-    }
-    structure = (
-        read_structure(project.points["structure"])
-        if "structure" in project.points
-        else EngineStructure()
-    )
-    deck = apriori.engines[0].deck if apriori.engines else None
+    points = {}
+    for name, file in project.points.items():
+        if name != "structure":
+            points[name] = read_points(file)
+    structure = EngineStructure()
+    if "structure" in project.points:
+        structure = read_structure(project.points["structure"])
+    tables = None
+    if apriori.engines and apriori.engines[0].deck:
+        tables = apriori.engines[0].deck.tables
+    polar = None
+    if section.polar:
+        polar = Polar(*section.polar, *section.polar_stderr)
     return flighttest.identify_engine(
-        channels("engine.flown"),
-        channels("engine.starts"),
-        points.get("points"),
-        points.get("climbs"),
-        deck.tables if deck else None,
-        Polar(*asked.polar, *asked.polar_stderr) if asked.polar else None,
-        apriori.S,
-        len(asked.engines),
-        flights=channels("engine.flights"),
+        power_changes=_engine_records(section, paths, spans.get("engine.flown", {})),
+        starts=_engine_records(section, paths, spans.get("engine.starts", {})),
+        recorded=points.get("points"),
+        equilibrium=points.get("climbs"),
+        prior=tables,
+        polar=polar,
+        S=apriori.S,
+        engines=len(section.engines),
+        flights=_engine_records(section, paths, spans.get("engine.flights", {})),
         **structure.keywords(),
     )
 
 
+def _engine_records(
+    section: EngineSection, paths: Mapping[str, Any], spans: Spans
+) -> list[xr.Dataset]:
+    """Return the engine channels of the windows at the sample rate of the section."""
+    parts = []
+    for record, record_spans in spans.items():
+        for part in select_spans(paths[record].states, record_spans):
+            channels = engine_channels(part, section.engines, section.pla)
+            parts.append(thin_samples(channels, section.rate).assign_attrs(record=record))
+    return parts
+
+
 def thin_samples(data: xr.Dataset, rate: float) -> xr.Dataset:
-    """Return every so many samples, at most `rate` a second."""
+    """Return every n-th sample, with about `rate` samples per second. [1/s]"""
     step = float(np.median(np.diff(data["time"].values)))
     return data.isel(time=slice(None, None, max(1, round(1.0 / (rate * step)))))
 
 
 def with_engine(aircraft: Aircraft, project: Project, found: Any) -> Aircraft:
-    """Return an aircraft all of whose engines have the identified deck."""
-    deck = found.deck(project.engine.pla or (0.0, 1.0)) if project.engine else None
-    return (
-        replace(
-            aircraft,
-            engines=tuple(replace(engine, deck=deck, thrust=None) for engine in aircraft.engines),
-        )
-        if deck
-        else aircraft
-    )
+    """Return an aircraft whose engines all have the identified deck."""
+    if project.engine is None:
+        return aircraft
+    deck = found.deck(project.engine.pla or (0.0, 1.0))
+    if not deck:
+        return aircraft
+    engines = tuple(replace(engine, deck=deck, thrust=None) for engine in aircraft.engines)
+    return replace(aircraft, engines=engines)
 
 
 def identified_controls(
@@ -223,79 +147,97 @@ def identified_controls(
     spans: Mapping[str, Spans],
     jobs: int = 1,
 ) -> tuple[dict[str, Any], dict[str, Any], dict[str, list[xr.Dataset]]]:
-    """Return the control loading of every control that the project names, its simulated free
-    motion, and its driven manoeuvres.
+    """Return the control loading of every control that the project names.
 
-    Driven manoeuvres that are whole records are taken without the free ones.  Controls are shared
-    out to `jobs` threads.
+    Parameters
+    ----------
+    project : Project
+    aircraft : Aircraft
+    paths : mapping of str to Path
+        Reconstructions by record.
+    spans : mapping of str to dict
+        By position in the project file.
+    jobs : int
+        Threads; each identifies one control at a time.
+
+    Returns
+    -------
+    loadings : dict of str to IdentifiedLoading
+        By control.
+    free_motion : dict of str to list of Flown
+        Simulated free motion.
+    driven_motion : dict of str to list of Dataset (time,)
+        Driven manoeuvres. A whole record is used without its free manoeuvres.
     """
-
-    calls, moved = [], {}
-    for item, asked in project.controls.items():
+    calls = []
+    driven_motion: dict[str, list[xr.Dataset]] = {}
+    for item, section in project.controls.sections.items():
         free = spans.get(f"controls.{item}.free", {})
-        driven = {
-            record: _less(own, free.get(record, []))
-            for record, own in spans[f"controls.{item}.driven"].items()
-        }
-        moved[item], fast = (
-            [
-                part
-                for record, own in group.items()
-                for part in select_spans(_on_ground(paths[record].states), own)
-            ]
-            for group in (driven, free)
+        driven: Spans = {}
+        for record, record_spans in spans[f"controls.{item}.driven"].items():
+            driven[record] = _subtract_spans(record_spans, free.get(record, []))
+        driven_motion[item] = _ground_parts(paths, driven)
+        call = delayed(_identify_control)(
+            loading_of(aircraft, item, section.model, section.constants, section.arm),
+            driven_motion[item],
+            _ground_parts(paths, free),
+            section.order,
+            errors=pick_up_errors(aircraft.instruments),
+            circuit=aircraft.circuits.get(item),
         )
-        loading = loading_of(aircraft, item, asked.model, asked.constants, asked.arm)
-        known, errors = aircraft.circuits.get(item), pick_up_errors(aircraft.instruments)
-        calls.append(
-            delayed(_identified_control)(loading, moved[item], fast, asked.order, errors, known)
-        )
-    made = Parallel(n_jobs=max(1, min(jobs, len(calls))), backend="threading")(
-        calls
-    )  # most of it is linear algebra on large arrays
-    found = dict(zip(moved, made))
-    return (
-        {item: one for item, (one, _) in found.items()},
-        {item: flown for item, (_, flown) in found.items()},
-        moved,
-    )
+        calls.append(call)
+    # Threads are sufficient: most of the time is linear algebra on large arrays.
+    threads = max(1, min(jobs, len(calls)))
+    results = Parallel(n_jobs=threads, backend="threading")(calls)
+    loadings: dict[str, Any] = {}
+    free_motion: dict[str, Any] = {}
+    for item, (loading, motion) in zip(driven_motion, results):
+        loadings[item] = loading
+        free_motion[item] = motion
+    return loadings, free_motion, driven_motion
 
 
-def _identified_control(
+def _identify_control(
     loading: Any,
-    slow: Sequence[xr.Dataset],
-    fast: Sequence[xr.Dataset],
+    driven: Sequence[xr.Dataset],
+    free: Sequence[xr.Dataset],
     order: int,
     errors: Mapping[str, Any],
-    known: Any,
+    circuit: Any,
 ) -> tuple[Any, Any]:
     """Return the control loading and its simulated free motion."""
-    found = flighttest.identify_control_loading(
-        loading, slow, fast, order, errors=errors, drawings=known
+    identified = flighttest.identify_control_loading(
+        loading, driven, free, order, errors=errors, drawings=circuit
     )
-    return found, found.fly(fast)
+    return identified, identified.fly(free)
 
 
-def _on_ground(states: xr.Dataset) -> xr.Dataset:
-    """Return states with the switch of the nose wheel, which the spring of the pedals requires,
-    under the name ``wow``.
+def _ground_parts(paths: Mapping[str, Any], spans: Spans) -> list[xr.Dataset]:
+    """Return the windows of the states, with the nose-wheel switch under the name ``wow``.
+
+    The spring of the pedals requires this switch.
     """
-    return (
-        states.assign(wow=states["wow_nose"])
-        if "wow_nose" in states and "wow" not in states
-        else states
-    )
+    parts = []
+    for record, record_spans in spans.items():
+        states = paths[record].states
+        if "wow_nose" in states and "wow" not in states:
+            states = states.assign(wow=states["wow_nose"])
+        parts += select_spans(states, record_spans)
+    return parts
 
 
-def _less(
-    spans: Sequence[tuple[float, float]], taken: Sequence[tuple[float, float]]
+def _subtract_spans(
+    spans: Sequence[tuple[float, float]], excluded: Sequence[tuple[float, float]]
 ) -> list[tuple[float, float]]:
-    """Return the remainder of spans of time without others."""
-    left = list(spans)
-    for start, end in taken:
-        cut = [[(a, min(b, start)), (max(a, end), b)] for a, b in left]
-        left = [(a, b) for pair in cut for a, b in pair if a < b]
-    return left
+    """Return the parts of time spans that are outside of all excluded spans."""
+    parts = list(spans)
+    for start, end in excluded:
+        pieces = []
+        # Each part leaves a piece before and a piece after the excluded span; either may be empty.
+        for first, last in parts:
+            pieces += [(first, min(last, start)), (max(first, end), last)]
+        parts = [piece for piece in pieces if piece[0] < piece[1]]
+    return parts
 
 
 def identified_ground_effect(
@@ -304,41 +246,59 @@ def identified_ground_effect(
     spans: Mapping[str, Spans],
     database: xr.DataTree,
 ) -> Any:
-    """Return the ground effect next to the free-air terms of `database`; `data` from
-    `flighttest.coefficients`, by record.
+    """Return the ground effect, or None without a section ``[ground_effect]``.
+
+    Parameters
+    ----------
+    project : Project
+    data : mapping of str to Dataset
+        From `flighttest.coefficients`, by record.
+    spans : mapping of str to dict
+        By position in the project file.
+    database : DataTree
+        Gives the free-air terms.
     """
-    asked = project.ground_effect
-    if asked is None:
+    section = project.ground_effect
+    if section is None:
         return None
-    changed = {
-        model.coefficient: model.terms
-        for model in map(flighttest.RegressionModel.parse, asked.ground)
-    }
-    parts = [
-        (record, part)
-        for record, own in spans["ground_effect.flown"].items()
-        for part in select_spans(data[record], own)
-    ]
-    models = [flighttest.RegressionModel.parse(text) for text in asked.models]
-    names = [record for record, _ in parts]
+    changed = {}
+    for text in section.ground:
+        model = flighttest.RegressionModel.parse(text)
+        changed[model.coefficient] = model.terms
+    parts: list[xr.Dataset] = []
+    names: list[str] = []
+    for record, record_spans in spans["ground_effect.flown"].items():
+        record_parts = select_spans(data[record], record_spans)
+        parts += record_parts
+        names += [record] * len(record_parts)
+    models = [flighttest.RegressionModel.parse(text) for text in section.models]
     return flighttest.identify_ground_effect(
-        models, [part for _, part in parts], changed, database, asked.free_air == "held", names
+        models, parts, changed, database, section.free_air == "held", names
     )
 
 
 def terms_near_ground(project: Project, database: xr.DataTree) -> xr.DataTree:
-    """Return what of a database the ground effect is identified next to: the terms of its
-    coefficients, and of coefficients that these depend on.
+    """Return the terms of a database that the identification of the ground effect uses.
+
+    These are the terms of its coefficients, and of all coefficients that they depend on.
     """
-    leaves, axes = aerodb.terms(database), str(database.attrs["force_axes"])
-    asked = project.ground_effect.models if project.ground_effect is not None else []
-    wanted = new = {flighttest.RegressionModel.parse(text).coefficient for text in asked}
+    leaves = aerodb.terms(database)
+    axes = str(database.attrs["force_axes"])
+    models: Sequence[str] = ()
+    if project.ground_effect is not None:
+        models = project.ground_effect.models
+    required = {flighttest.RegressionModel.parse(text).coefficient for text in models}
+    # A term may depend on further coefficients, whose terms may depend on others.
+    new = required
     while new:
-        own = [leaf for name, leaf in leaves.items() if name.split("/")[0] in new]
-        new = set().union(*(required_coefficients(leaf, axes) for leaf in own)) - wanted
-        wanted = wanted | new
-    taken = {name: leaf for name, leaf in leaves.items() if name.split("/")[0] in wanted}
-    return xr.DataTree.from_dict({"/": xr.Dataset(attrs={"force_axes": axes}), **taken})
+        dependencies: set[str] = set()
+        for name, leaf in leaves.items():
+            if name.split("/")[0] in new:
+                dependencies.update(required_coefficients(leaf, axes))
+        new = dependencies - required
+        required = required | new
+    terms = {name: leaf for name, leaf in leaves.items() if name.split("/")[0] in required}
+    return xr.DataTree.from_dict({"/": xr.Dataset(attrs={"force_axes": axes}), **terms})
 
 
 def identified_gear(
@@ -348,22 +308,27 @@ def identified_gear(
     spans: Mapping[str, Spans],
     database: xr.DataTree,
 ) -> Any:
-    """Return the landing gear of the ground runs; `database` gives the air forces near the ground."""
-    asked = project.gear
-    if asked is None:
+    """Return the landing gear of the ground runs, or None without a section ``[gear]``.
+
+    Parameters
+    ----------
+    project : Project
+    aircraft : Aircraft
+    paths : mapping of str to Path
+        Reconstructions by record.
+    spans : mapping of str to dict
+        By position in the project file.
+    database : DataTree
+        Gives the aerodynamic forces near the ground.
+    """
+    section = project.gear
+    if section is None:
         return None
-    parts = [
-        (paths[record], part)
-        for record, own in spans["gear.flown"].items()
-        for part in select_spans(paths[record].states, own)
-    ]
-    records = [GroundRecord(part, path.biases) for path, part in parts]
+    records = []
+    for record, record_spans in spans["gear.flown"].items():
+        path = paths[record]
+        for part in select_spans(path.states, record_spans):
+            records.append(GroundRecord(part, path.biases))
     return identify_landing_gear(
-        records, aircraft, database, asked.errors, flown=asked.output_error
+        records, aircraft, database, section.errors, flown=section.output_error
     )
-
-
-def raise_problems(project: Project, problems: Sequence[str]) -> None:
-    """Raise all problems of a project, if any."""
-    if problems:
-        raise SchemaError(str(project.file), list(problems))

@@ -1,7 +1,7 @@
 """Write ``project-keys.md``, every key of every file of a project, from the JSON schemas: ``python
 docs/scripts/make_project_keys.py``.
 
-The schemas come from the models that read the files (`aeromatch.project.editing`).  An example is
+The schemas come from the models that read the files (`aeromatch.project.schemas`).  An example is
 the first use in the shipped files, else the one that the model states.
 """
 
@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from aeromatch.project.editing import SCHEMAS
+from aeromatch.project.schemas import SCHEMAS
 from flightmech.names import VOCABULARY
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import unit_of

@@ -56,7 +56,7 @@ def _make_model(kind: Any) -> type[Strict]:
 model_of: Callable[[Any], type[Strict]] = cache(_make_model)
 
 
-def validate_content(model: type[T], content: dict[str, Any], what: str) -> T:
+def validate_content(model: type[T], content: dict[str, Any], what: str, context: Any = None) -> T:
     """Return `content` as an object of `model`.
 
     Parameters
@@ -66,6 +66,8 @@ def validate_content(model: type[T], content: dict[str, Any], what: str) -> T:
         Content of a TOML file, or of one table.
     what : str
         Name of the file, for an error.
+    context : object, optional
+        Context of the validators of `model`.
 
     Raises
     ------
@@ -73,7 +75,7 @@ def validate_content(model: type[T], content: dict[str, Any], what: str) -> T:
         With all problems: position in the file, the value, the allowed values.
     """
     try:
-        return model.model_validate(content)
+        return model.model_validate(content, context=context)
     except ValidationError as error:
         # a file of another kind gets one sentence instead of a problem for each key
         if kind := _describe_other_kind(model, content):

@@ -2,7 +2,6 @@
 its deck file.
 """
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 import flightmech
 import flighttest
 from aeromatch.project.project import read_project
+from aeromatch.project.sections import Controls
 from aeromatch.workflow.steps import perform_match
 from flightmech.support.console import timed_step
 from flighttest.records.signals.conditioning import cut
@@ -60,13 +60,12 @@ def test_an_engine_identified_in_the_job_flies_as_the_deck_file(tmp_path):
     whole = read_project(tmp_path / "aeromatch.toml")
     fits = [
         fit.model_copy(update={"records": tuple(r for r in fit.records if r in RECORDS)})
-        for fit in whole.fits
+        for fit in whole.fit
     ]
-    few = replace(
-        whole,
-        fits=tuple(fit for fit in fits if fit.records),
+    few = whole.with_changes(
+        fit=tuple(fit for fit in fits if fit.records),
         cases=tuple(case for case in whole.cases if case.stem == "23_power_chop_lever"),
-        controls={},
+        controls=Controls(),
         gear=None,
         ground_effect=None,
     )

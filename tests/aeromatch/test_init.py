@@ -15,10 +15,10 @@ import flightmech
 import flighttest
 import pom
 from aeromatch.cli.actions.verbs import copy_example
-from aeromatch.drafting.aircraft import geometry_of
 from aeromatch.drafting.columns import guess_quantity, unit_from_size
 from aeromatch.drafting.flown import held_for_proof
 from aeromatch.drafting.folder import StatedFacts, draft_project
+from aeromatch.drafting.geometry import geometry_of
 from aeromatch.drafting.names import draft_names
 from aeromatch.project.project import read_project
 from flightmech.errors import SchemaError
@@ -186,7 +186,7 @@ def test_every_drafted_file_passes_the_checks_of_the_product(drafted):
     aircraft = flightmech.read_aircraft(folder / "aircraft.toml")
     assert aircraft.mass == 2150.0
     assert len(aircraft.engines) == 2
-    assert {fit.name.partition(",")[0] for fit in project.fits} == {"pitch", "roll and yaw"}
+    assert {fit.name.partition(",")[0] for fit in project.fit} == {"pitch", "roll and yaw"}
     assert set(flighttest.records.read_manoeuvres(folder / "manoeuvres.csv")) == {
         "monday",
         "tuesday",
@@ -205,7 +205,7 @@ def test_what_a_case_replays_does_not_identify(drafted):
     project = read_project(folder / "aeromatch.toml")
     cases = [pom.read_case(file) for file in project.cases]
     marks = flighttest.records.read_manoeuvres(folder / "manoeuvres.csv")
-    for fit in project.fits:
+    for fit in project.fit:
         for record in fit.records:
             named = [
                 row

@@ -76,7 +76,7 @@ def test_a_role_may_have_several_listings(write, tmp_path):
             ('clean = "clean.out"', 'clean = "clean.out"\nelevator = ["clean.out", "names.toml"]')
         )
     )
-    assert project.listings["elevator"] == (
+    assert project.listings.by_role["elevator"] == (
         ListingCase(tmp_path / "clean.out"),
         ListingCase(tmp_path / "names.toml"),
     )
@@ -84,14 +84,18 @@ def test_a_role_may_have_several_listings(write, tmp_path):
 
 def test_what_is_stated_about_the_listings_is_no_role(write):
     project = read_project(write(('clean = "clean.out"', 'clean = "clean.out"\npowered = true')))
-    assert list(project.listings) == ["clean"]
-    assert project.stated == {"powered": True, "tailless": False, "move_reference": False}
+    assert list(project.listings.by_role) == ["clean"]
+    assert project.listings.statements == {
+        "powered": True,
+        "tailless": False,
+        "move_reference": False,
+    }
 
 
 def test_a_role_may_take_one_case_of_a_listing(write, tmp_path):
     place = "clean.out:TOTAL: small aircraft"
     project = read_project(write(('clean = "clean.out"', f'clean = "{place}"')))
-    assert project.listings["clean"] == (
+    assert project.listings.by_role["clean"] == (
         ListingCase(tmp_path / "clean.out", "TOTAL: small aircraft"),
     )
     assert problems(write(('clean = "clean.out"', 'clean = "clear.out:2"'))) == [
@@ -104,11 +108,11 @@ def test_a_project_is_read(write, tmp_path):
     project = read_project(write())
     assert project.file == tmp_path / "aeromatch.toml"
     assert list(project.flights) == ["run_1", "run_2"]
-    assert project.listings == {"clean": (ListingCase(tmp_path / "clean.out"),)}
-    assert project.altitude == pytest.approx(3048.0)
+    assert project.listings.by_role == {"clean": (ListingCase(tmp_path / "clean.out"),)}
+    assert project.listings.altitude == pytest.approx(3048.0)
     assert project.cutoff == 4.0
     assert project.cases == (tmp_path / "case.toml",)
-    assert project.fits[0].models == ("CL = 1 + alpha",)
+    assert project.fit[0].models == ("CL = 1 + alpha",)
 
 
 @pytest.mark.parametrize("cutoff", ["0 Hz", "-4 Hz"])
@@ -210,7 +214,7 @@ def test_models_from_elsewhere_come_with_their_tables_of_names(write, tmp_path):
         'fmu = "simulator.fmu" }\n\n[listings]'
     )
     project = read_project(write(("[listings]", models)))
-    assert project.models == dict.fromkeys(("simulator", "other"), tmp_path / "simulator.fmu")
+    assert project.fmus == dict.fromkeys(("simulator", "other"), tmp_path / "simulator.fmu")
     assert project.tables == {"simulator": tmp_path / "names.toml"}
     wrong = '[models]\nfinal = { fmu = "gone.fmu" }\n\n[listings]'
     found = problems(write(("[listings]", wrong)))
@@ -248,7 +252,7 @@ def test_submodels_are_read(write):
     path.write_text(path.read_text() + SUBMODELS)
     project = read_project(path)
     assert project.engine.pla == pytest.approx((10.0 * DEGREE, 50.0 * DEGREE))
-    assert list(project.controls) == ["column"]
+    assert list(project.controls.sections) == ["column"]
     assert list(project.submodels) == [
         "engine.flown",
         "controls.column.driven",
@@ -318,3 +322,11 @@ def test_an_engine_without_records(write):
     path = write()
     path.write_text(path.read_text() + "[engine]\nrate = 10.0\n")
     assert problems(path) == ["engine: no records; give flown, flights, starts, points or climbs"]
+
+
+def test_a_copy_with_changes_takes_only_keys_of_the_file(write):
+    project = read_project(write())
+    other = project.with_changes(unplaced="warn")
+    assert (project.unplaced, other.unplaced, other.file) == ("raise", "warn", project.file)
+    with pytest.raises(TypeError, match="fits: not a key of a project file"):
+        project.with_changes(fits=())

@@ -15,8 +15,8 @@ from click.testing import CliRunner
 
 import flightmech
 from aeromatch.cli.command import cli
-from aeromatch.project.editing import SCHEMAS
 from aeromatch.project.project import read_project
+from aeromatch.project.schemas import SCHEMAS
 from flightmech.errors import AeromatchError, SchemaError
 from flightmech.names import VOCABULARY
 from flightmech.support.input_files import read_toml

@@ -51,13 +51,13 @@ def test_a_value_changes_and_all_else_stays(project):
     ]
     assert read_project(project).cutoff == 3.0
     assert set_key(project, "fit.0.models", '["CL = 1 + alpha"]') == ["CL = 1 + alpha"]
-    assert read_project(project).fits[0].models == ("CL = 1 + alpha",)
+    assert read_project(project).fit[0].models == ("CL = 1 + alpha",)
     assert set_key(project, 'terms."CL/gear".stderr', "0.07") == 0.07
     assert read_project(project).terms["CL/gear"].stderr == 0.07
 
 
 def test_an_entry_is_appended_and_removed(project):
-    before, fits = project.read_text(), read_project(project).fits
+    before, fits = project.read_text(), read_project(project).fit
     record = fits[0].records[0]
     set_key(
         project,
@@ -65,15 +65,15 @@ def test_an_entry_is_appended_and_removed(project):
         f'{{name = "drag", records = ["{record}"], manoeuvres = ["doublet elevator"], models '
         f'= ["CD = 1 + alpha"]}}',
     )
-    assert [fit.name for fit in read_project(project).fits] == [*(fit.name for fit in fits), "drag"]
+    assert [fit.name for fit in read_project(project).fit] == [*(fit.name for fit in fits), "drag"]
     set_key(project, f"fit.{len(fits)}", None)
-    assert read_project(project).fits == fits
+    assert read_project(project).fit == fits
     assert difference(before.rstrip(), project.read_text().rstrip()) == []
 
 
 def test_the_first_entry_of_a_list(project):
     """A project without fits gets one."""
-    record = read_project(project).fits[0].records[0]
+    record = read_project(project).fit[0].records[0]
     text = project.read_text()
     project.write_text(text[: text.index("[[fit]]")])
     set_key(
@@ -82,7 +82,7 @@ def test_the_first_entry_of_a_list(project):
         f'{{name = "drag", records = ["{record}"], window = [1.0, 9.0], models = ["CD = 1 + '
         f'alpha"]}}',
     )
-    assert [(fit.name, fit.window) for fit in read_project(project).fits] == [
+    assert [(fit.name, fit.window) for fit in read_project(project).fit] == [
         ("drag", ((1.0, 9.0),))
     ]
 

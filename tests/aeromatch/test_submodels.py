@@ -11,12 +11,14 @@ import pytest
 import xarray as xr
 
 from aeromatch.project.sections import (
+    Controls,
     ControlSection,
     EngineSection,
     GroundEffectSection,
     RecordSelection,
 )
 from aeromatch.workflow import submodels
+from aeromatch.workflow.windows import raise_problems, spans_of
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.controls import Circuit
 from flightmech.aircraft.controls import ControlGeometry as Surface
@@ -46,7 +48,7 @@ def test_windows_of_whole_records_and_of_manoeuvres():
         RecordSelection(records=("a", "b")),
         RecordSelection(records=("a",), manoeuvres=("release column", "puls")),
     ]
-    found = submodels.spans_of("controls.column.free", flown, {"a": table, "b": table}, problems)
+    found = spans_of("controls.column.free", flown, {"a": table, "b": table}, problems)
     assert found == {"a": [(-np.inf, np.inf), (8.0, 12.0)], "b": [(-np.inf, np.inf)]}
     assert problems[0].startswith("controls.column.free, record a: unknown manoeuvre 'puls'")
 
@@ -61,7 +63,7 @@ def test_windows_of_whole_records_and_of_manoeuvres():
     ],
 )
 def test_spans_without_others(taken, left):
-    assert submodels._less([(0.0, 10.0)], taken) == left
+    assert submodels._subtract_spans([(0.0, 10.0)], taken) == left
 
 
 def swept(qbar, alpha):
@@ -104,7 +106,7 @@ def test_control_loading_through_its_section():
     )
     spans = {"controls.column.driven": {name: [(-np.inf, np.inf)] for name in records}}
     found, motion, driven = submodels.identified_controls(
-        SimpleNamespace(controls={"column": asked}), craft, paths, spans
+        SimpleNamespace(controls=Controls(column=asked)), craft, paths, spans
     )
     assert found["column"].value("friction")[0] == pytest.approx(FRICTION, rel=1e-3)
     for term, value in HINGE.items():
@@ -185,7 +187,9 @@ def test_next_to_the_ground_effect_stand_its_coefficients_and_those_that_they_de
 
 
 def test_nothing_is_identified_that_nobody_requests():
-    project = SimpleNamespace(engine=None, controls={}, gear=None, ground_effect=None, points={})
+    project = SimpleNamespace(
+        engine=None, controls=Controls(), gear=None, ground_effect=None, points={}
+    )
     assert submodels.identified_engine(project, CRAFT, {}, {}) is None
     assert submodels.identified_ground_effect(project, {}, {}, None) is None
     assert submodels.identified_gear(project, CRAFT, {}, {}, None) is None
@@ -212,6 +216,6 @@ def test_all_engines_get_the_identified_deck():
 
 
 def test_problems_are_raised_together():
-    submodels.raise_problems(SimpleNamespace(file="p.toml"), [])
+    raise_problems(SimpleNamespace(file="p.toml"), [])
     with pytest.raises(SchemaError, match="2 problems"):
-        submodels.raise_problems(SimpleNamespace(file="p.toml"), ["one", "two"])
+        raise_problems(SimpleNamespace(file="p.toml"), ["one", "two"])

@@ -1,5 +1,4 @@
 import json
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,9 +10,28 @@ import aerodb
 import flightmech
 import flighttest
 import pom
+from aeromatch.project.files import Listings
 from aeromatch.project.project import NewTerm, read_project
-from aeromatch.project.sections import GroundEffectSection, RecordSelection
-from aeromatch.workflow import steps as workflow
+from aeromatch.project.sections import Controls, GroundEffectSection, RecordSelection
+from aeromatch.workflow.aerodynamics import (
+    WAYS,
+    a_priori,
+    add_missing_terms,
+    compare_tables,
+    final_database,
+    fit_records,
+    reconstruct_records,
+    samples_of,
+)
+from aeromatch.workflow.windows import (
+    IdentificationWindows,
+    inputs_of,
+    marks_of,
+    records_of,
+    rests_on,
+    select_windows,
+    spans_of,
+)
 from flightmech import terms
 from flightmech.errors import AeromatchWarning, SchemaError
 
@@ -33,8 +51,8 @@ def shipped():
 @pytest.fixture(scope="module")
 def prior(shipped):
     """The a-priori database of the clean aeroplane alone."""
-    clean = replace(shipped, listings={"clean": shipped.listings["clean"]})
-    return workflow.a_priori(clean, flightmech.read_aircraft(shipped.aircraft))
+    clean = shipped.with_changes(listings=Listings.model_construct(clean=shipped.listings.clean))
+    return a_priori(clean, flightmech.read_aircraft(shipped.aircraft))
 
 
 @pytest.fixture
@@ -46,32 +64,31 @@ def project(shipped, tmp_path):
     )
     tree.to_netcdf(tmp_path / "run_1.nc", engine="h5netcdf")
     (tmp_path / "names.toml").write_text('[imu]\nq = "q"\n')
-    fit = shipped.fits[0].model_copy(
+    fit = shipped.fit[0].model_copy(
         update={
             "records": ("run_1",),
             "manoeuvres": ("3211 elevator",),
             "models": ("CL = 1 + alpha",),
         }
     )
-    return replace(
-        shipped,
+    return shipped.with_changes(
         names=tmp_path / "names.toml",
         flights={"run_1": tmp_path / "run_1.nc"},
-        fits=(fit,),
+        fit=(fit,),
         terms={},
         held=(),
-        controls={},
+        controls=Controls(),
         gear=None,
         ground_effect=None,
     )
 
 
 def fitted(project, *manoeuvres):
-    return replace(project, fits=(project.fits[0].model_copy(update={"manoeuvres": manoeuvres}),))
+    return project.with_changes(fit=(project.fit[0].model_copy(update={"manoeuvres": manoeuvres}),))
 
 
 def windows_of(project):
-    return workflow.select_windows(
+    return select_windows(
         project,
         {name: flighttest.read(file, project.names) for name, file in project.flights.items()},
     )
@@ -81,17 +98,17 @@ def test_the_rows_of_a_table_stand_in_place_of_the_marks_of_a_record(project, tm
     (tmp_path / "manoeuvres.csv").write_text(
         "record,kind,control,start,end\nrun_1,doublet,elevator,2,3\n"
     )
-    given = replace(fitted(project, "doublet elevator"), manoeuvres=tmp_path / "manoeuvres.csv")
+    given = fitted(project, "doublet elevator").with_changes(manoeuvres=tmp_path / "manoeuvres.csv")
     records = {"run_1": flighttest.read(project.flights["run_1"], project.names)}
-    assert workflow.select_windows(given, records).fits == [{"run_1": [(2.0, 3.0)]}]
+    assert select_windows(given, records).fits == [{"run_1": [(2.0, 3.0)]}]
     del records["run_1"].attrs["manoeuvres"]
-    assert workflow.select_windows(given, records).fits == [{"run_1": [(2.0, 3.0)]}]
-    assert tmp_path / "manoeuvres.csv" in workflow.inputs_of(given, ["run_1"])
+    assert select_windows(given, records).fits == [{"run_1": [(2.0, 3.0)]}]
+    assert tmp_path / "manoeuvres.csv" in inputs_of(given, ["run_1"])
     (tmp_path / "manoeuvres.csv").write_text(
         "record,kind,control,start,end\nrun1,doublet,elevator,2,3\n"
     )
     with pytest.raises(SchemaError, match="manoeuvres: unknown record 'run1'; near it: run_1"):
-        workflow.select_windows(given, records)
+        select_windows(given, records)
 
 
 def test_windows_by_kind_and_by_kind_and_control(project):
@@ -105,7 +122,7 @@ def test_windows_by_time_go_with_manoeuvres_or_stand_alone(project):
     def fit(**more):
         content = {"name": "pitch", "records": ["run_1"], "models": ["CL = 1"], **more}
         return windows_of(
-            replace(project, fits=(type(project.fits[0]).model_validate(content),))
+            project.with_changes(fit=(type(project.fit[0]).model_validate(content),))
         ).fits
 
     assert fit(window=[2.0, 5.0]) == [{"run_1": [(2.0, 5.0)]}]
@@ -129,12 +146,12 @@ def test_what_proves_the_model_does_not_identify_it(project):
     """A record may do both, at different times."""
     case = SimpleNamespace(name="a", record="x/run_1.nc", window=(4.0, 9.0))
     read = {name: flighttest.read(file, project.names) for name, file in project.flights.items()}
-    apart = workflow.select_windows(fitted(project, "3211 elevator"), read, [case])
+    apart = select_windows(fitted(project, "3211 elevator"), read, [case])
     assert apart.fits == [{"run_1": [(1.0, 4.0)]}]
     ground = GroundEffectSection(flown=(RecordSelection(records=("run_1",)),), models=("CL = 1",))
-    both = replace(fitted(project, "doublet elevator"), ground_effect=ground)
+    both = fitted(project, "doublet elevator").with_changes(ground_effect=ground)
     with pytest.raises(SchemaError) as caught:
-        workflow.select_windows(both, read, [case])
+        select_windows(both, read, [case])
     assert caught.value.problems == [
         "fit 'pitch': record run_1 proves case a from 4 to 9 s; it cannot identify too",
         "ground_effect.flown: record run_1 proves case a from 4 to 9 s; it cannot identify too",
@@ -150,10 +167,10 @@ def test_records_that_prove_the_model_give_nothing_to_those_that_identify(projec
 
     monkeypatch.setattr(flighttest, "reconstruct_programme", reconstruct)
     records = {"proof": "b", "run_1": "a"}
-    found = workflow.reconstruct_records(project, None, records, 1)
+    found = reconstruct_records(project, None, records, 1)
     assert asked == {"records": ["a"], "validation": ["b"]}
     assert found == {"run_1": "path of a", "proof": "path of b"}
-    workflow.reconstruct_records(replace(project, fits=()), None, records, 1)
+    reconstruct_records(project.with_changes(fit=()), None, records, 1)
     assert asked == {"records": ["b", "a"], "validation": []}
 
 
@@ -162,12 +179,12 @@ def test_the_report_states_which_records_a_number_rests_on(project):
         SimpleNamespace(name="a", record="x/run_2.nc", window=(1.0, 2.0)),
         SimpleNamespace(name="b", record="x/run_1.nc"),
     ]
-    windows = workflow.IdentificationWindows(
+    windows = IdentificationWindows(
         [{"run_1": [(1.0, 4.0)]}], {"gear.flown": {"run_1": [(0.0, 1.0)]}}
     )
-    assert workflow.rests_on(project, windows, cases) == {
+    assert rests_on(project, windows, cases) == {
         "constants of the instruments": "run_1",
-        f"fit {project.fits[0].name}": "run_1",
+        f"fit {project.fit[0].name}": "run_1",
         "gear.flown": "run_1",
         "case a": "run_2",
         "case b": "run_1, which identifies too, at other times",
@@ -176,7 +193,7 @@ def test_the_report_states_which_records_a_number_rests_on(project):
 
 def test_no_record_of_the_example_both_identifies_and_proves(shipped):
     cases = [pom.read_case(file) for file in shipped.cases]
-    assert not {Path(case.record).stem for case in cases} & set(workflow.records_of(shipped))
+    assert not {Path(case.record).stem for case in cases} & set(records_of(shipped))
 
 
 def test_unknown_manoeuvres_are_reported_at_once(project):
@@ -194,26 +211,26 @@ def test_records_come_once_and_in_order(project):
         SimpleNamespace(name="a", record="x/run_1.nc"),
         SimpleNamespace(name="b", record="x/run_2.nc"),
     ]
-    both = replace(project, flights={**project.flights, "run_2": Path("run_2.nc")})
-    assert workflow.records_of(both, cases) == ["run_1", "run_2"]
+    both = project.with_changes(flights={**project.flights, "run_2": Path("run_2.nc")})
+    assert records_of(both, cases) == ["run_1", "run_2"]
 
 
 def test_a_case_on_a_record_that_is_no_flight_of_the_project(project):
     with pytest.raises(SchemaError, match="case b: unknown record 'run_2'; near it: run_1"):
-        workflow.records_of(project, [SimpleNamespace(name="b", record="x/run_2.nc")])
+        records_of(project, [SimpleNamespace(name="b", record="x/run_2.nc")])
 
 
 def test_cases_have_names_of_their_own(project):
     cases = [SimpleNamespace(name="a", record=f"x/run_{k}.nc") for k in (1, 2)]
-    both = replace(project, flights={**project.flights, "run_2": Path("run_2.nc")})
+    both = project.with_changes(flights={**project.flights, "run_2": Path("run_2.nc")})
     with pytest.raises(SchemaError, match="2 cases are named 'a'"):
-        workflow.records_of(both, cases)
+        records_of(both, cases)
 
 
 @pytest.mark.slow
 def test_new_terms_are_opened_and_others_stay(project, prior):
     terms = {"CL/gear": NewTerm(regressors=("gear",), stderr=0.05)}
-    db = workflow.add_missing_terms(replace(project, terms=terms, held=("CL/altitude",)), prior)
+    db = add_missing_terms(project.with_changes(terms=terms, held=("CL/altitude",)), prior)
     gear = aerodb.terms(db)["CL/gear"]
     assert (float(gear["value"]), float(gear["stderr"])) == (0.0, 0.05)
     assert "CL/gear" not in db.attrs["absent"].split()
@@ -222,12 +239,12 @@ def test_new_terms_are_opened_and_others_stay(project, prior):
 
 @pytest.mark.slow
 def test_a_project_without_new_terms_keeps_the_database(project, prior):
-    assert set(aerodb.terms(workflow.add_missing_terms(project, prior))) == set(aerodb.terms(prior))
+    assert set(aerodb.terms(add_missing_terms(project, prior))) == set(aerodb.terms(prior))
 
 
 def test_a_held_term_that_is_not_there(project, prior):
     with pytest.raises(SchemaError, match="held: unknown term 'CL/altitud'; near it: CL/altitude"):
-        workflow.add_missing_terms(replace(project, held=("CL/altitud",)), prior)
+        add_missing_terms(project.with_changes(held=("CL/altitud",)), prior)
 
 
 def test_flights_enter_the_tables_in_the_way_that_the_project_names(project):
@@ -254,26 +271,26 @@ def test_flights_enter_the_tables_in_the_way_that_the_project_names(project):
     data = xr.Dataset(
         {"alpha": ("time", flown), "CL": ("time", 0.22 + 5.4 * flown + noise)}, {"time": t}
     )
-    windows = workflow.IdentificationWindows([{"run_1": [(0.0, 4.0)]}], {})
-    fits = workflow.fit_records(project, {"run_1": data}, windows, jobs=-1)  # one thread per core
-    samples = workflow.samples_of(project, start, {"run_1": data}, windows)
+    windows = IdentificationWindows([{"run_1": [(0.0, 4.0)]}], {})
+    fits = fit_records(project, {"run_1": data}, windows, jobs=-1)  # one thread per core
+    samples = samples_of(project, start, {"run_1": data}, windows)
     assert [one.attrs["name"] for one in samples] == [fit.name for fit in fits] == ["run_1: pitch"]
     found = {}
-    for way in workflow.WAYS:
-        final, tabulation = workflow.final_database(
-            replace(project, tabulation=way), start, fits, samples
+    for way in WAYS:
+        final, tabulation = final_database(
+            project.with_changes(tabulation=way), start, fits, samples
         )
         found[way] = tabulation
         assert float(aerodb.terms(final)["CL/basic"]["value"].sel(alpha=0.04)) == pytest.approx(
             0.436, abs=0.005
         )
-    table = workflow.compare_tables(project, start, fits, samples, {"tabulate": found["tabulate"]})
+    table = compare_tables(project, start, fits, samples, {"tabulate": found["tabulate"]})
     for way, tabulation in found.items():
         np.testing.assert_array_equal(table[f"value {way}"], tabulation["CL/basic"]["value"])
 
 
 @pytest.mark.filterwarnings("ignore:incompatible fits")  # without the control they are
-@pytest.mark.parametrize("way", workflow.WAYS)
+@pytest.mark.parametrize("way", WAYS)
 def test_an_elevator_without_a_table_stops_a_match_in_each_way(project, way):
     """The fit has a significant elevator, the database none: an error, or with `unplaced` of the
     project a warning in the history.
@@ -298,27 +315,26 @@ def test_an_elevator_without_a_table_stops_a_match_in_each_way(project, way):
     data = xr.Dataset(
         {"alpha": ("time", flown), "delta_e": ("time", elevator), "CL": ("time", lift)}, {"time": t}
     )
-    windows = workflow.IdentificationWindows([{"run_1": [(0.0, 4.0)]}], {})
-    job = replace(
-        project,
+    windows = IdentificationWindows([{"run_1": [(0.0, 4.0)]}], {})
+    job = project.with_changes(
         tabulation=way,
-        fits=(project.fits[0].model_copy(update={"models": ("CL = 1 + alpha + delta_e",)}),),
+        fit=(project.fit[0].model_copy(update={"models": ("CL = 1 + alpha + delta_e",)}),),
     )
-    fits = workflow.fit_records(job, {"run_1": data}, windows)
-    samples = workflow.samples_of(job, start, {"run_1": data}, windows)
+    fits = fit_records(job, {"run_1": data}, windows)
+    samples = samples_of(job, start, {"run_1": data}, windows)
     with pytest.raises(
         SchemaError, match=r"CL: delta_e of 'run_1: pitch': estimate 0\.[45].*listing for elevator"
     ):
-        workflow.final_database(job, start, fits, samples)
+        final_database(job, start, fits, samples)
     with pytest.warns(AeromatchWarning, match="delta_e of 'run_1: pitch'"):
-        final, _ = workflow.final_database(replace(job, unplaced="warn"), start, fits, samples)
+        final, _ = final_database(job.with_changes(unplaced="warn"), start, fits, samples)
     assert "delta_e of 'run_1: pitch'" in final.attrs["history"]
 
 
 def test_the_inputs_are_every_file_of_the_project(shipped):
-    names = workflow.records_of(shipped)
-    files = workflow.inputs_of(shipped, names)
-    listings = {place.file for places in shipped.listings.values() for place in places}
+    names = records_of(shipped)
+    files = inputs_of(shipped, names)
+    listings = {place.file for places in shipped.listings.by_role.values() for place in places}
     assert {
         shipped.file,
         shipped.aircraft,
@@ -333,7 +349,7 @@ def test_fits_name_the_flight_modes_of_a_log():
     """Next to the rows of the project's table; records without modes are as before."""
     flights = {"log": Path("log.ulg"), "other": Path("other.nc")}
     project = SimpleNamespace(
-        fits=[RecordSelection(records=("log", "other"))],
+        fit=[RecordSelection(records=("log", "other"))],
         submodels={},
         manoeuvres=None,
         flights=flights,
@@ -347,7 +363,7 @@ def test_fits_name_the_flight_modes_of_a_log():
         "other": {"manoeuvres": json.dumps(MANOEUVRES[:2])},
     }
     problems: list[str] = []
-    tables = workflow.marks_of(
+    tables = marks_of(
         project,
         {name: xr.DataTree(xr.Dataset(attrs=attrs)) for name, attrs in listed.items()},
         problems,
@@ -357,6 +373,6 @@ def test_fits_name_the_flight_modes_of_a_log():
         RecordSelection(records=("log",), manoeuvres=("stabilized",)),
         RecordSelection(records=("other",), manoeuvres=("doublet elevator",)),
     ]
-    found = workflow.spans_of("fit", taken, tables, problems)
+    found = spans_of("fit", taken, tables, problems)
     assert problems == []
     assert found == {"log": [(5.0, 8.0), (12.5, 15.0)], "other": [(4.0, 6.0)]}

@@ -9,7 +9,8 @@ from pathlib import Path
 import click
 
 from aeromatch.delivery.contents import PackageOptions, write_package
-from aeromatch.delivery.verification import package_difference, unpack_package, verify_package
+from aeromatch.delivery.package_difference import package_difference
+from aeromatch.delivery.verification import unpack_package, verify_package
 from aeromatch.project.project import read_project
 from aeromatch.workbench.opened import OpenProject
 from flightmech.errors import AeromatchError

@@ -8,7 +8,6 @@ import tempfile
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -299,7 +298,7 @@ def _project(file: Path, unplaced: str | None) -> Any:
     """Return a project, with the answer to terms without a place that the command gives."""
 
     project = read_project(file)
-    return project if unplaced is None else replace(project, unplaced=unplaced)
+    return project if unplaced is None else project.with_changes(unplaced=unplaced)
 
 
 def _made_plan(

@@ -122,7 +122,9 @@ def test_jsbsim_flies_the_check_cases_and_finds_another_aeroplane(checks, tmp_pa
     ratio, worst = flown_checks.compare_outputs(case, fly_by_jsbsim(file, case, facts), allowed)
     assert ratio > 1.0
     file.write_text("<fdm_config/>")
-    with pytest.raises(SimulationError, match="no mass_balance; it is none that aeromatch exports"):
+    with pytest.raises(
+        SimulationError, match="no mass_balance; give a model that aeromatch exported"
+    ):
         fly_by_jsbsim(file, case, facts)
 
 

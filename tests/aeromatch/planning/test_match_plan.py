@@ -4,14 +4,14 @@ project at once; sound projects have none.
 
 import re
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from aeromatch.planning.match_plan import MatchOptions, make_plan
+from aeromatch.project.files import Listings
 from aeromatch.project.project import read_project
-from aeromatch.project.sections import EngineSection, GroundEffectSection, RecordSelection
+from aeromatch.project.sections import Controls, EngineSection, GroundEffectSection, RecordSelection
 from flightmech.errors import SchemaError
 from flightmech.support.kept_stages.stages import Stages
 from flightmech.support.kept_stages.store import StageStore
@@ -189,17 +189,15 @@ def few(project, *records: str, **changes):
     given.
     """
     nothing = {
-        "fits": (),
+        "fit": (),
         "cases": (),
         "terms": {},
-        "controls": {},
+        "controls": Controls(),
         "gear": None,
         "ground_effect": None,
     }
-    clean = {"clean": project.listings["clean"]}
-    return replace(
-        project,
-        listings=clean,
+    return project.with_changes(
+        listings=Listings.model_construct(clean=project.listings.clean),
         flights={name: project.flights[name] for name in records},
         **{**nothing, **changes},
     )
@@ -263,7 +261,7 @@ def test_submodels_whose_records_lack_their_channels(tmp_path):
         flown=(RecordSelection(records=(ground,), window=((0.0, 2.0), (900.0, 901.0))),),
         engines=(1, 3),
     )
-    wheel = project.controls["wheel"].model_copy(
+    wheel = project.controls.wheel.model_copy(
         update={
             "driven": (RecordSelection(records=(column,), manoeuvres=("force_rudder",)),),
             "arm": 0.0,
@@ -280,7 +278,7 @@ def test_submodels_whose_records_lack_their_channels(tmp_path):
         ground,
         column,
         engine=engine,
-        controls={"wheel": wheel},
+        controls=Controls(wheel=wheel),
         gear=gear,
         ground_effect=effect,
         held=("CL/none",),

@@ -89,7 +89,7 @@ def test_every_parallel_stage_goes_to_the_workers_and_dead_workers_change_nothin
         "_alone",
         "_refined",
         "coefficients",
-        "fitted",
+        "fit_local_models",
         "_diagnosed",
         "_perform",
         "samples_of_case",

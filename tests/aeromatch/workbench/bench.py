@@ -64,7 +64,7 @@ def reconstructed_project(folder: Path, work: Path, records: list[str]) -> Path:
     import aerodb
     import flighttest
     from aeromatch.project.project import read_project
-    from aeromatch.workflow.steps import a_priori
+    from aeromatch.workflow.aerodynamics import a_priori
     from flightmech.aircraft.aircraft import read_aircraft
     from flightmech.errors import AeromatchWarning
 

@@ -21,12 +21,12 @@ import aerodb
 import flighttest
 from aeromatch.project.editing import set_key
 from aeromatch.project.project import read_project
-from aeromatch.workbench import coefficients
+from aeromatch.workbench import coefficients, fit_curves
 from aeromatch.workbench import identification as page
 from aeromatch.workbench.actions import demand_allowed, make_folders
 from aeromatch.workbench.opened import OpenProject
 from aeromatch.workbench.processes import Jobs
-from aeromatch.workflow.submodels import spans_of
+from aeromatch.workflow.windows import spans_of
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError, UnknownName
 from flighttest.cli.identify import identify_command
 from flighttest.regression.combining.mixed_estimation import prior_of
@@ -75,7 +75,7 @@ def wanted(opened, *records, **more):
 def test_what_can_be_chosen(opened):
     found = page.list_fit_choices(opened, {}, None)
     assert found["records"] == [FIRST, SECOND]
-    assert [fit["name"] for fit in found["fits"]] == [fit.name for fit in opened.project.fits]
+    assert [fit["name"] for fit in found["fits"]] == [fit.name for fit in opened.project.fit]
     assert found["priors"] == [PRIOR]
     assert found["cutoff"] == 4.0
     assert found["file"] == "{project}/aeromatch.toml"
@@ -138,7 +138,7 @@ def test_the_fit_is_that_of_the_command_line(opened, tmp_path, more):
 @pytest.mark.slow
 def test_the_prior_is_what_the_tables_say(opened):
     shown = page.show_fit(opened, {}, wanted(opened, prior=PRIOR))
-    paths = page._parts(opened, page.FitRequest(**wanted(opened)))
+    paths = page._form_windows(opened, page.FitRequest(**wanted(opened)))
     prior = prior_of(
         flighttest.regress(flighttest.RegressionModel.parse(MODEL), paths),
         aerodb.open(opened.work / "match" / "datcom.nc"),
@@ -166,7 +166,7 @@ def test_partial_regression_has_the_estimate_as_its_slope(opened):
         for term, estimate in zip(
             found.estimates["term"].values, found.estimates["estimate"].values, strict=True
         ):
-            x, y = page.added_variable_residuals(found, str(term))
+            x, y = fit_curves.added_variable_residuals(found, str(term))
             assert x @ y / (x @ x) == pytest.approx(estimate, rel=1e-9)
     in_band = wanted(opened, band=[0.1, 2.0])
     found = page._fit(opened, page.FitRequest(**in_band))
@@ -182,7 +182,7 @@ def test_partial_regression_has_the_estimate_as_its_slope(opened):
     }
     assert shown["slope"] == pytest.approx(estimates["qhat"], rel=1e-9)
     found = page._fit(opened, page.FitRequest(**wanted(opened)))
-    x, y = page.added_variable_residuals(found, "qhat")
+    x, y = fit_curves.added_variable_residuals(found, "qhat")
     np.testing.assert_allclose(y - estimates["qhat"] * x, found.residual, atol=1e-12)
     with pytest.raises(UnknownName):
         page.show_partial_regression(opened, {}, {"fit": wanted(opened), "term": "beta"})
@@ -193,7 +193,7 @@ def test_the_spectrum_holds_the_variance(opened):
     of the noise.
     """
     found = page._fit(opened, page.FitRequest(**wanted(opened)))
-    shown = page.power_spectral_densities(found)
+    shown = fit_curves.power_spectral_densities(found)
     assert (shown["segments"], shown["left_out"]) == (2, 0)
     assert shown["frequency"][0] == pytest.approx(1.0 / 9.9)  # of the shorter window
     assert shown["frequency"][-1] == pytest.approx(25.0, abs=0.06)
@@ -208,7 +208,7 @@ def test_the_spectrum_holds_the_variance(opened):
             )
         }
     )
-    made = page.power_spectral_densities(
+    made = fit_curves.power_spectral_densities(
         type(found)(found.name, found.model, found.estimates, data, found.design, found.regressors)
     )
     frequency, power = np.asarray(made["frequency"]), np.asarray(made["residual"])
@@ -272,12 +272,12 @@ def test_entries_mean_the_same_windows(opened):
     body = page.FitRequest(**{**wanted(opened), "windows": [*windows(opened, FIRST), own]})
     texts = page.make_fit_entries(opened, body, "tried")
     before = file.read_text()
-    known = len(opened.project.fits)
+    known = len(opened.project.fit)
     for text in texts:
         set_key(file, "fit.+", text)
     project = read_project(file)
     file.write_text(before)
-    added = project.fits[known:]
+    added = project.fit[known:]
     assert [fit.name for fit in added] == ["tried 1", "tried 2"]
     tables = {name: flighttest.manoeuvres(opened.record(name)) for name in (FIRST, SECOND)}
     problems: list[str] = []
@@ -304,9 +304,9 @@ def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(ope
     error is another file; old ones go.
     """
     body = page.FitRequest(**wanted(opened))
-    first = page._parts(opened, body)
+    first = page._form_windows(opened, body)
     monkeypatch.setattr(flighttest, "coefficients", lambda *a, **b: pytest.fail("made again"))
-    again = page._parts(OpenProject(opened.file, opened.work), body)
+    again = page._form_windows(OpenProject(opened.file, opened.work), body)
     monkeypatch.undo()
     for one, other in zip(first, again, strict=True):
         xr.testing.assert_identical(one, other)
@@ -324,14 +324,14 @@ def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(ope
     )
     folder = opened.work / coefficients.FOLDER
     known = set(folder.glob(f"{FIRST}_*.nc"))
-    page._parts(opened, page.FitRequest(**wanted(opened, cutoff=3.0)))
+    page._form_windows(opened, page.FitRequest(**wanted(opened, cutoff=3.0)))
     (new,) = set(folder.glob(f"{FIRST}_*.nc")) - known
     monkeypatch.setattr(coefficients, "MOST_BYTES", 2 * new.stat().st_size)
-    page._parts(opened, page.FitRequest(**wanted(opened, cutoff=3.5)))
+    page._form_windows(opened, page.FitRequest(**wanted(opened, cutoff=3.5)))
     left = {file.name for file in folder.glob("*.nc")}
     assert len(left) == 2
     assert new.name in left
-    page._parts(
+    page._form_windows(
         OpenProject(opened.file, opened.work), body
     )  # formed once more, since its file is gone
 

@@ -109,7 +109,7 @@ def test_a_term_that_is_switched_off_and_what_is_saved(page, client):
     page.get_by_label("Fit of the project to start from").locator(
         "option", has_text="by hand: Cm"
     ).wait_for(state="attached")
-    added = read_project(client.bench.opened.file).fits[-1]
+    added = read_project(client.bench.opened.file).fit[-1]
     assert (added.name, added.records, added.window) == (
         "by hand",
         (RECORD,),

@@ -17,7 +17,7 @@ import aerodb
 import pom
 from aeromatch.workbench import matching
 from aeromatch.workbench.opened import OpenProject
-from aeromatch.workflow.steps import a_priori
+from aeromatch.workflow.aerodynamics import a_priori
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import AeromatchWarning, UnknownName
 from flightmech.fmu_export.fmu_file import write_fmu

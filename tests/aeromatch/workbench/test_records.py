@@ -16,7 +16,7 @@ import aerodb
 import flighttest
 from aeromatch.workbench import records
 from aeromatch.workbench.opened import FACTOR, Levels, OpenProject, decimate_channels
-from aeromatch.workflow.steps import a_priori
+from aeromatch.workflow.aerodynamics import a_priori
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.steady_flight.trim_point import trimmed_at

@@ -110,7 +110,7 @@ def fits(page, work, project):
     ]
     page.get_by_role("button", name="Write the model into").click()
     done(page, "set")
-    assert "CY = 1 + beta + rhat + delta_r" in read_project(project).fits[0].models
+    assert "CY = 1 + beta + rhat + delta_r" in read_project(project).fit[0].models
 
 
 def cases(page, *verdicts):

@@ -1,0 +1,122 @@
+"""Correction of a drafted name map by the checks of the records."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+import flighttest
+from aeromatch.drafting.name_rows import NameMapRow
+from aeromatch.drafting.names import NamesDraft
+from flightmech.errors import SchemaError
+from flighttest.records.readers.name_map import Channel
+
+# Kinds of findings whose remedy is a line of the name map.
+_REPAIRED = ("sign", "unit", "axis", "definition")
+# Greatest number of corrections of one record, and number of records that are checked.
+_ROUNDS, _RECORDS = 4, 4
+
+
+def check_draft(
+    draft: NamesDraft, files: Sequence[Path]
+) -> tuple[NamesDraft, dict[str, xr.DataTree], list[str]]:
+    """Return a corrected map, the records read with it, and the remaining findings.
+
+    The largest records are checked. A map of the author is not corrected.
+
+    Notes
+    -----
+    The remedy of a finding is a line of the name map. It replaces the line that it names, if no
+    other remedy explains the record as well. So columns without a stated unit and sign are
+    corrected. The reason of a corrected line states the finding.
+    """
+    remaining: list[str] = []
+    largest = sorted(files, key=lambda file: -file.stat().st_size)[:_RECORDS]
+    for file in largest:
+        if draft.own is not None:
+            remaining += [_finding_text(file, finding) for finding in _find_errors(draft, file)]
+        else:
+            draft = _repair_by_record(draft, file, remaining)
+    records = {file.stem: flighttest.read(file, draft.mapping()) for file in files}
+    return draft, records, remaining
+
+
+def _repair_by_record(draft: NamesDraft, file: Path, remaining: list[str]) -> NamesDraft:
+    """Return the draft after the corrections that one record gives.
+
+    A correction may reveal a further error, so the record is checked again after each.
+    """
+    for _ in range(_ROUNDS):
+        findings = _find_errors(draft, file)
+        # A finding with an alternative remedy is left to the author.
+        certain = []
+        for finding in findings:
+            if finding.kind in _REPAIRED and not finding.evidence.get("instead"):
+                certain.append(finding)
+        repaired = _apply_remedies(draft, certain)
+        if repaired is None:
+            remaining += [_finding_text(file, finding) for finding in findings]
+            break
+        draft = repaired
+    return draft
+
+
+def _finding_text(file: Path, finding: Any) -> str:
+    return f"{file.name}: {finding.name}: {finding.text}; {finding.remedy}"
+
+
+def _find_errors(draft: NamesDraft, file: Path) -> list[Any]:
+    """Return the errors that the check of a record finds; none without a channel of motion."""
+    record = flighttest.read(file, draft.mapping())
+    try:
+        findings = flighttest.assess(record).findings
+    except SchemaError:
+        return []
+    return [finding for finding in findings if finding.severity == "error"]
+
+
+def _apply_remedies(draft: NamesDraft, findings: Sequence[Any]) -> NamesDraft | None:
+    """Return the draft with the lines of the findings, or None if no line changes."""
+    corrections: dict[str, tuple[Channel, str]] = {}
+    for finding in findings:
+        try:
+            lines = tomllib.loads(finding.remedy)
+        except tomllib.TOMLDecodeError:
+            # The remedy is a sentence and not a line.
+            continue
+        for name, entry in _flatten_engines(lines).items():
+            keys = entry if isinstance(entry, dict) else {"column": entry}
+            corrections[name] = Channel(**keys), finding.text.split(" (")[0]
+    rows = tuple(_correct_row(row, corrections) for row in draft.rows)
+    if rows == draft.rows:
+        return None
+    return replace(draft, rows=rows)
+
+
+def _correct_row(row: NameMapRow, corrections: Mapping[str, tuple[Channel, str]]) -> NameMapRow:
+    if row.name not in corrections:
+        return row
+    channel, text = corrections[row.name]
+    return replace(
+        row,
+        channel=channel.changed(optional=row.channel.optional),
+        reason=f"by the check of the record: {text}",
+    )
+
+
+def _flatten_engines(lines: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the channels of lines by name; TOML reads ``engine1.n1`` as a table in a table."""
+    channels: dict[str, Any] = {}
+    for name, entry in lines.items():
+        is_table = isinstance(entry, dict) and "column" not in entry
+        if name.startswith("engine") and is_table:
+            for key, item in entry.items():
+                channels[f"{name}.{key}"] = item
+        else:
+            channels[name] = entry
+    return channels

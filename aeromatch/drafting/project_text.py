@@ -1,0 +1,148 @@
+"""Text of a drafted project file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from aeromatch.drafting.flown import CaseDraft, FitDraft
+from aeromatch.drafting.geometry import Geometry
+from aeromatch.drafting.names import NamesDraft
+from aeromatch.drafting.sources import Sources, quote
+from aeromatch.project.schemas import schema_lines
+from flightmech.support.toml_quantities import UNFILLED
+
+
+def project_text(
+    folder: Path,
+    geometry: Geometry,
+    sources: Sources,
+    names: NamesDraft,
+    fits: Sequence[FitDraft],
+    cases: Sequence[CaseDraft],
+    name: str,
+    has_table: bool,
+) -> str:
+    """Return the text of a project file.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the project; paths in the text are relative to it.
+    geometry : Geometry
+    sources : Sources
+    names : NamesDraft
+    fits : sequence of FitDraft
+    cases : sequence of CaseDraft
+    name : str
+        Name of the aircraft; empty if it is not stated.
+    has_table : bool
+        Whether the project has a table of manoeuvres.
+    """
+    title = name or geometry.title or folder.resolve().name
+    lines = [
+        *schema_lines("project"),
+        "# Project, drafted by `aeromatch init`: aeromatch match aeromatch.toml -o out.  "
+        "Keys: docs/reference/project-keys.md",
+        f"title = {quote(title)}",
+        'aircraft = "aircraft.toml"',
+        *_map_lines(folder, names),
+        f"flights = {_flight_pattern(folder, sources.records)}   # a record is named by its file "
+        f"without extension",
+    ]
+    if has_table:
+        lines.append(
+            'manoeuvres = "manoeuvres.csv"   # found in the movements of the controls: '
+            "confirm kinds and times"
+        )
+    lines += [
+        'cases = ["cases/*.toml"]' if cases else "cases = []",
+        '# cutoff = "4 Hz"             # low-pass before coefficients are formed, 2 to 3 '
+        "times the fastest mode of motion",
+        "",
+        *_listing_lines(folder, geometry),
+    ]
+    for fit in fits:
+        lines += _fit_lines(fit)
+    return "\n".join(lines) + "\n"
+
+
+def _listing_lines(folder: Path, geometry: Geometry) -> list[str]:
+    lines = ["[listings]   # by role; FILE:NUMBER is one case of a listing"]
+    for role, places in geometry.places.items():
+        # The clean pages have the power effects already.
+        if role == "power" and geometry.powered:
+            continue
+        reasons = {item.reason for item in geometry.roles if role in item.roles}
+        paths = [_relative(place, folder) for place in places]
+        value = quote(paths[0]) if len(paths) == 1 else _quote_list(paths)
+        lines.append(f"{role} = {value}   # {'; '.join(sorted(reasons))}")
+    if geometry.powered:
+        lines.append(
+            "powered = true   # all clean pages hold power effects: the thrust is taken off, "
+            "standard errors are wider"
+        )
+    if "clean" not in geometry.places:
+        lines.append(
+            f"clean = {quote(UNFILLED)}   # listing of the whole aeroplane: run the deck "
+            f"(aeromatch datcom run), then name it here"
+        )
+    return lines
+
+
+def _fit_lines(fit: FitDraft) -> list[str]:
+    lines = ["", "[[fit]]", f"name = {quote(fit.name)}", f"records = {_quote_list(fit.records)}"]
+    if fit.manoeuvres:
+        lines.append(f"manoeuvres = {_quote_list(fit.manoeuvres)}")
+    if fit.windows:
+        spans = ", ".join(f"[{start:g}, {end:g}]" for start, end in fit.windows)
+        lines.append(f"window = [{spans}]   # [s]; what a case replays is left out")
+    models = [f"    {quote(model)}," for model in fit.models]
+    return [*lines, "models = [", *models, "]"]
+
+
+def map_file(folder: Path, names: NamesDraft) -> Path | None:
+    """Return the name map of the project, or None if no map is needed.
+
+    A map of the author is used in place of the drafted one.
+    """
+    if names.identity:
+        return None
+    if names.own is not None:
+        return Path(names.file)
+    return folder / "names.toml"
+
+
+def _map_lines(folder: Path, names: NamesDraft) -> list[str]:
+    """Return the line of a project file that names the map."""
+    file = map_file(folder, names)
+    if file is None:
+        return []
+    # A shipped map has a name without a suffix, and no path.
+    if not file.suffix:
+        return [f"names = {quote(str(file))}"]
+    return [f"names = {quote(_relative(str(file), folder))}"]
+
+
+def _flight_pattern(folder: Path, records: Sequence[Path]) -> str:
+    """Return a pattern that matches exactly these records, or else their list."""
+    if not records:
+        return quote(UNFILLED)
+    parents = {file.parent.resolve() for file in records}
+    suffixes = {file.suffix for file in records}
+    if len(parents) == 1 and len(suffixes) == 1:
+        parent, suffix = parents.pop(), suffixes.pop()
+        matches = {file.resolve() for file in parent.glob(f"*{suffix}")}
+        # A pattern in the folder of the project would match its other files later.
+        if matches == {file.resolve() for file in records} and parent != folder.resolve():
+            return quote(f"{_relative(str(parent), folder)}/*{suffix}")
+    return _quote_list([_relative(str(file), folder) for file in records])
+
+
+def _relative(place: str, folder: Path) -> str:
+    return Path(os.path.relpath(Path(place).resolve(), folder.resolve())).as_posix()
+
+
+def _quote_list(items: Sequence[str]) -> str:
+    return f"[{', '.join(map(quote, items))}]"

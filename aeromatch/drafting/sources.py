@@ -1,0 +1,117 @@
+"""Listings, decks and recordings from which a project is drafted."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from datcom_io.reading.reader import listings_in
+from flightmech.errors import SchemaError
+
+FILES = ("aircraft.toml", "names.toml", "manoeuvres.csv", "aeromatch.toml")
+RECORD_SUFFIXES = (
+    ".csv",
+    ".gz",
+    ".nc",
+    ".h5",
+    ".hdf5",
+    ".mat",
+    ".ulg",
+    ".bin",
+    ".mdf",
+    ".mf4",
+    ".dat",
+)
+DECK_SUFFIXES = (".inp", ".dcm", ".dat", ".deck")
+# Bytes at the start of a file in which a deck has its first namelist.
+_DECK_HEAD = 100_000
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Listings, decks and recordings of a project."""
+
+    listings: tuple[Path, ...]
+    decks: tuple[Path, ...]
+    records: tuple[Path, ...]
+
+
+def sources_of(datcom: Sequence[Path], records: Sequence[Path]) -> Sources:
+    """Return the files of the given paths; a folder gives all its listings, decks and recordings.
+
+    Raises
+    ------
+    SchemaError
+        The paths have no listing, deck or recording.
+    """
+    listings: list[Path] = []
+    decks: list[Path] = []
+    for path in datcom:
+        listings_of_path = _find_listings(path)
+        listings += listings_of_path
+        for file in _files_of(path):
+            if file not in listings_of_path and _is_deck(file, is_named=path.is_file()):
+                decks.append(file)
+    recordings: list[Path] = []
+    for path in records:
+        for file in _files_of(path):
+            if file not in listings + decks and _is_record(file, is_named=path.is_file()):
+                recordings.append(file)
+    if not listings and not decks and not recordings:
+        problem = "no listing, deck or recording was found; give them with --datcom and --records"
+        raise SchemaError("init", [problem])
+    return Sources(tuple(listings), tuple(decks), tuple(recordings))
+
+
+def source_folders(folder: Path) -> tuple[Path, ...]:
+    """Return a folder and its subfolders that may have sources.
+
+    Hidden folders, the folder of the cases, and output folders of a match are left out.
+    """
+    folders = [folder]
+    for item in sorted(folder.iterdir()):
+        is_excluded = item.name == "cases" or item.name.startswith(".")
+        if item.is_dir() and not is_excluded and not (item / "report").is_dir():
+            folders.append(item)
+    return tuple(folders)
+
+
+def _files_of(path: Path) -> list[Path]:
+    if path.is_dir():
+        return sorted(file for file in path.iterdir() if file.is_file())
+    return [path]
+
+
+def _find_listings(path: Path) -> list[Path]:
+    if path.is_dir():
+        try:
+            return listings_in(path)
+        except FileNotFoundError:
+            return []
+    # A listing with the suffix of a deck has the error report of the program.
+    if path.suffix.lower() not in DECK_SUFFIXES or b"CONERR" in path.read_bytes():
+        return [path]
+    return []
+
+
+def _is_deck(file: Path, is_named: bool) -> bool:
+    """Return whether a file is a deck. A file that the user names is a deck."""
+    if is_named:
+        return True
+    if file.suffix.lower() not in DECK_SUFFIXES:
+        return False
+    return b"$FLTCON" in file.read_bytes()[:_DECK_HEAD].upper()
+
+
+def _is_record(file: Path, is_named: bool) -> bool:
+    """Return whether a file is a recording. A file that the user names is a recording."""
+    if is_named:
+        return True
+    return file.suffix.lower() in RECORD_SUFFIXES and file.name not in FILES
+
+
+def quote(item: str) -> str:
+    """Return a text in the quotes of TOML."""
+    return json.dumps(item, ensure_ascii=False)

@@ -1,0 +1,241 @@
+"""One flight record before a match: what fits, submodels and cases use, and what is absent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+import flighttest
+from aeromatch.planning.sample_checks import fit_problems, submodel_problems
+from aeromatch.planning.steps import run_collecting_problems
+from aeromatch.project.project import FitSection, Project
+from aeromatch.project.sections import RecordSelection
+from aeromatch.workflow.windows import find_case_overlaps, spans_of
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.support.kept_stages.stages import Kept
+from flighttest.reconstruction.states_at_start import start_states
+from pom.cases.case import PomCase
+from pom.checking.case_check import case_problems
+
+START = 150
+"""Samples at the start of a record that give the names of its coefficients."""
+
+
+@dataclass(frozen=True)
+class LookTask:
+    """One record and its use in the project: all inputs of a look at it.
+
+    Attributes
+    ----------
+    name : str
+    aircraft : Aircraft
+    cases : list of PomCase
+        Cases that replay the record.
+    given : DataFrame or None
+        Its manoeuvres in the table of the project; None if the record itself marks them.
+    fits : dict of str to FitSection
+        Fits that use it, by ``fit 'name'``, with this record alone.
+    submodels : dict of str to list of RecordSelection
+        Parts that submodels use, by the position in the project file.
+    sections : dict of str to EngineSection, ControlSection, GearSection or GroundEffectSection
+        Sections of the project file, by the same position.
+    """
+
+    name: str
+    aircraft: Aircraft
+    cases: list[PomCase]
+    given: pd.DataFrame | None = None
+    fits: dict[str, FitSection] = field(default_factory=dict)
+    submodels: dict[str, list[RecordSelection]] = field(default_factory=dict)
+    sections: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        project: Project,
+        aircraft: Aircraft,
+        cases: Sequence[PomCase],
+        given: pd.DataFrame | None,
+    ) -> LookTask:
+        """Return the use of a record in a project."""
+        alone = {"records": (name,)}
+        replayed = [case for case in cases if Path(case.record).stem == name]
+        task = cls(name, aircraft, replayed, given=given)
+        for fit in project.fit:
+            if name in fit.records:
+                task.fits[f"fit {fit.name!r}"] = fit.model_copy(update=alone)
+        for position, selections in project.submodels.items():
+            for selection in selections:
+                if name in selection.records:
+                    parts = task.submodels.setdefault(position, [])
+                    parts.append(selection.model_copy(update=alone))
+                    task.sections[position] = _section(project, position)
+        return task
+
+    def inputs(self, aircraft: Kept[Aircraft]) -> dict[str, Any]:
+        """Return the inputs of the stage besides the record; `aircraft` is that of the task."""
+        return {
+            "aircraft": aircraft,
+            "cases": self.cases,
+            "manoeuvres": self.given,
+            "fits": self.fits,
+            "submodels": self.submodels,
+            "sections": self.sections,
+        }
+
+
+def _section(project: Project, position: str) -> Any:
+    """Return the section of a position: ``engine.flown``, ``controls.column.free`` ..."""
+    name, _, remainder = position.partition(".")
+    if name == "controls":
+        return project.controls.sections[remainder.partition(".")[0]]
+    return getattr(project, name)
+
+
+@dataclass
+class RecordLook:
+    """Result of a look at a record.
+
+    Attributes
+    ----------
+    name : str
+    problems : list of str
+    first, last : float
+        Span of the clock of the path; NaN for a record that cannot be read. [s]
+    channels : int
+        Recorded channels.
+    taken : dict of str to (int, float)
+        By fit or position of a submodel: number of manoeuvres and windows, and their total time.
+        [s]
+    start : Dataset (time,) or None
+        The first states of a record that identifies something. [SI]
+    windows : dict of str to Dataset (time,)
+        States of each case that has no problem with the record. [SI]
+    """
+
+    name: str
+    problems: list[str] = field(default_factory=list)
+    first: float = float("nan")
+    last: float = float("nan")
+    channels: int = 0
+    taken: dict[str, tuple[int, float]] = field(default_factory=dict)
+    start: xr.Dataset | None = None
+    windows: dict[str, xr.Dataset] = field(default_factory=dict)
+
+
+def look_at(
+    task: LookTask, record: xr.DataTree, states: xr.Dataset | None = None
+) -> tuple[RecordLook, xr.Dataset | None]:
+    """Return the look at a record, with all problems, and the states of the record.
+
+    Parameters
+    ----------
+    task : LookTask
+    record : DataTree
+    states : Dataset (time,), optional
+        The states at start values, if they are available. [SI]
+    """
+    look = RecordLook(task.name)
+    look.channels = sum(len(leaf.data_vars) for leaf in record.children.values())
+    if states is None:
+        states = run_collecting_problems(
+            look.problems, f"record {task.name}", start_states, record, task.aircraft
+        )
+    spans = _find_spans(task, record, look)
+    if states is None:
+        return look, None
+    time = states["time"].values
+    look.first, look.last = float(time[0]), float(time[-1])
+    if task.fits or task.submodels:
+        _check_identification(task, states, spans=spans, look=look)
+    for case in task.cases:
+        problems = case_problems(case, states, {})
+        look.problems += problems
+        if not problems:
+            look.windows[case.name] = _select_window(states, case.window)
+    return look, states
+
+
+def _find_spans(
+    task: LookTask, record: xr.DataTree, look: RecordLook
+) -> dict[str, list[tuple[float, float]]]:
+    """Return the windows that identify something, by fit or position of a submodel."""
+    users: dict[str, Sequence[RecordSelection]] = {}
+    for position, fit in task.fits.items():
+        users[position] = [fit]
+    users |= task.submodels
+    if not users:
+        return {}
+    table = task.given
+    if table is None:
+        table = flighttest.manoeuvres(record)
+    # An empty table would change the types of the columns.
+    tables = [part for part in (table, flighttest.records.flight_modes(record)) if len(part)]
+    if tables:
+        table = pd.concat(tables, ignore_index=True)
+    spans: dict[str, list[tuple[float, float]]] = {}
+    for position, selections in users.items():
+        by_record = spans_of(position, selections, {task.name: table}, look.problems)
+        look.problems += find_case_overlaps(position, by_record, task.cases)
+        spans[position] = by_record[task.name]
+    return spans
+
+
+def _check_identification(
+    task: LookTask,
+    states: xr.Dataset,
+    spans: Mapping[str, Sequence[tuple[float, float]]],
+    look: RecordLook,
+) -> None:
+    """Check the parts of a record that identify something."""
+    look.start = states.isel(time=slice(0, START))
+    for position, windows in spans.items():
+        where = f"{position}, record {task.name}"
+        duration = 0.0
+        outside = []
+        for start, end in windows:
+            duration += max(0.0, min(end, look.last) - max(start, look.first))
+            # A window from -inf is the whole record.
+            if start > -np.inf and not _is_inside((start, end), states):
+                outside.append(
+                    f"{where}: {start:g} ... {end:g} s is not inside the record, "
+                    f"{look.first:g} ... {look.last:g} s"
+                )
+        look.taken[position] = len(windows), float(duration)
+        look.problems += outside
+        if outside:
+            continue
+        if position in task.fits:
+            look.problems += fit_problems(where, task.fits[position], states=states, spans=windows)
+        else:
+            look.problems += submodel_problems(
+                where,
+                position,
+                asked=task.sections[position],
+                aircraft=task.aircraft,
+                states=states,
+                spans=windows,
+            )
+
+
+def _is_inside(span: tuple[float, float], states: xr.Dataset) -> bool:
+    """Return whether a window is inside the states, by the rule of `flighttest.select_time`."""
+    time = states["time"].values
+    step = float(np.median(np.diff(time)))
+    return bool(span[0] >= time[0] - step and span[1] <= time[-1] + 1.5 * step)
+
+
+def _select_window(states: xr.Dataset, window: tuple[float, float]) -> xr.Dataset:
+    """Return the states in a window and two samples before and after it."""
+    time = states["time"].values
+    first = np.searchsorted(time, window[0]) - 2
+    # `searchsorted` gives the first sample after the window, so 3 is two more samples.
+    behind = np.searchsorted(time, window[1]) + 3
+    return states.isel(time=slice(max(0, first), behind))

@@ -1,0 +1,242 @@
+"""Files that a project file names: their types in the model of a project, and their checks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from glob import glob
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, ValidationInfo
+from pydantic_core import core_schema
+
+from datcom_io.reading.reader import ListingCase, place_of
+from flightmech.support.toml_models import Strict
+from flightmech.support.toml_quantities import UNFILLED, InUnits
+
+Paths = str | tuple[str, ...]
+
+
+@dataclass
+class ProjectFolder:
+    """Folder of a project file, with the problems of the files that it names.
+
+    It is the context of the validation of a project. A missing file is a line in `problems` and
+    not an error of pydantic, so that a misspelt key is reported first and alone.
+
+    Attributes
+    ----------
+    file : Path
+        The project file, absolute.
+    problems : list of str
+    """
+
+    file: Path
+    problems: list[str] = field(default_factory=list)
+
+    @property
+    def folder(self) -> Path:
+        """Folder that relative paths refer to."""
+        return self.file.parent
+
+    def existing(self, name: str, place: str) -> Path:
+        """Return the path of a file; a missing file at `place` is a problem."""
+        file = self.folder / name
+        if not file.is_file():
+            self.problems.append(f"{place}: no file {name!r} in {self.folder}")
+        return file
+
+    def matching(self, pattern: str, place: str) -> list[Path]:
+        """Return the files that match a pattern, sorted; a pattern without a file is a problem."""
+        names = glob(str(self.folder / pattern), recursive=True)
+        files = sorted(Path(name) for name in names if Path(name).is_file())
+        if not files:
+            self.problems.append(f"{place}: {self._explain_no_match(pattern)}")
+        return files
+
+    def _explain_no_match(self, pattern: str) -> str:
+        if pattern == UNFILLED:
+            return (
+                f"{UNFILLED!r} stands for files that are still to be given; write a file or a "
+                f"pattern such as 'folder/*.csv'"
+            )
+        if pattern and (self.folder / pattern).is_dir():
+            example = str(Path(pattern) / "*")
+            return f"{pattern!r} is a folder; name its files, such as {example!r}"
+        return (
+            f"no file matches {pattern!r} in {self.folder}; give a file or a pattern such as "
+            f"'folder/*.toml'"
+        )
+
+    def listing(self, text: str, place: str) -> ListingCase:
+        """Return a listing, or one case of it; a missing file is a problem."""
+        if text == UNFILLED:
+            self.problems.append(
+                f"{place}: {UNFILLED!r} stands for a listing that is still to be given; "
+                f"write FILE, or FILE:CASE"
+            )
+            return ListingCase(self.folder / text)
+        try:
+            return place_of(text, self.folder)
+        except FileNotFoundError:
+            self.problems.append(
+                f"{place}: no file {text!r} in {self.folder}; write FILE, or FILE:CASE for one "
+                f"case of it"
+            )
+            return ListingCase(self.folder / text)
+
+
+@dataclass(frozen=True)
+class ReadAs:
+    """Annotation of a field whose value is made from the content of the file.
+
+    The JSON schema of the field is the schema of the content.
+
+    Attributes
+    ----------
+    content : type
+        Type in the file.
+    convert : callable
+        Returns the value of the field from the content, the folder of the project, and the key.
+    """
+
+    content: Any
+    convert: Callable[[Any, ProjectFolder, str], Any]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Return the schema of pydantic: the content, then `convert`."""
+
+        def convert(content: Any, info: ValidationInfo) -> Any:
+            if not isinstance(info.context, ProjectFolder):
+                raise TypeError("A project is validated with a ProjectFolder as context.")
+            return self.convert(content, info.context, str(info.field_name))
+
+        schema = handler.generate_schema(self.content)
+        return core_schema.with_info_after_validator_function(convert, schema)
+
+
+def _as_sequence(paths: Paths) -> tuple[str, ...]:
+    if isinstance(paths, str):
+        return (paths,)
+    return paths
+
+
+def _find_file(name: str, folder: ProjectFolder, key: str) -> Path:
+    return folder.existing(name, key)
+
+
+def _find_optional_file(name: str | None, folder: ProjectFolder, key: str) -> Path | None:
+    # An empty text is a key without a file.
+    if not name:
+        return None
+    return folder.existing(name, key)
+
+
+def _find_files(names: tuple[str, ...], folder: ProjectFolder, key: str) -> tuple[Path, ...]:
+    return tuple(folder.existing(name, key) for name in names)
+
+
+def _match_patterns(patterns: tuple[str, ...], folder: ProjectFolder, key: str) -> tuple[Path, ...]:
+    files: list[Path] = []
+    for pattern in patterns:
+        files += folder.matching(pattern, key)
+    return tuple(files)
+
+
+def _match_flights(patterns: Paths, folder: ProjectFolder, key: str) -> dict[str, Path]:
+    if not patterns and not isinstance(patterns, str):
+        folder.problems.append(
+            f"{key}: an empty list; give a file or a pattern such as 'flight/*.csv'"
+        )
+    return {file.stem: file for file in _match_patterns(_as_sequence(patterns), folder, key)}
+
+
+def _find_listings(paths: Paths, folder: ProjectFolder, key: str) -> tuple[ListingCase, ...]:
+    if not paths:
+        return ()
+    return tuple(folder.listing(text, f"listings.{key}") for text in _as_sequence(paths))
+
+
+InputFile = Annotated[Path, ReadAs(str, _find_file)]
+OptionalFile = Annotated[Path | None, ReadAs(str | None, _find_optional_file)]
+InputFiles = Annotated[tuple[Path, ...], ReadAs(tuple[str, ...], _find_files)]
+MatchedFiles = Annotated[tuple[Path, ...], ReadAs(tuple[str, ...], _match_patterns)]
+FlightFiles = Annotated[Mapping[str, Path], ReadAs(Paths, _match_flights)]
+ListingCases = Annotated[tuple[ListingCase, ...], ReadAs(Paths, _find_listings)]
+
+
+class Listings(Strict):
+    """Digital DATCOM listings by their role in `aerodb.from_datcom`, one or several each;
+    ``FILE:CASE`` takes one case of a file.
+    """
+
+    clean: ListingCases = Field(description="The whole aeroplane without deflections.")
+    flaps: ListingCases = Field(default=(), description="Increments of the flaps.")
+    elevator: ListingCases = Field(
+        default=(), description="Increments of the elevator or stabiliser."
+    )
+    aileron: ListingCases = Field(default=(), description="Increments of the ailerons.")
+    ground: ListingCases = Field(default=(), description="The whole aeroplane in ground effect.")
+    ground_flap: ListingCases = Field(default=(), description="The same with flaps.")
+    ground_elevator: ListingCases = Field(
+        default=(), examples=["datcom/ground_elevator.out"], description="The same with elevator."
+    )
+    power: ListingCases = Field(
+        default=(),
+        examples=["datcom/power.out"],
+        description="The whole aeroplane with power effects.",
+    )
+    spoilers: ListingCases = Field(
+        default=(), examples=["datcom/spoilers.out"], description="Increments of the spoilers."
+    )
+    differential_tail: ListingCases = Field(
+        default=(),
+        examples=["datcom/differential_tail.out"],
+        description="Increments of a differential tail.",
+    )
+    tabs: ListingCases = Field(
+        default=(), examples=["datcom/tabs.out"], description="Increments of trim tabs."
+    )
+    aileron_hinge: ListingCases = Field(
+        default=(),
+        examples=["datcom/aileron_hinge.out"],
+        description="Hinge moments of the ailerons.",
+    )
+    altitude: Annotated[float, InUnits("m")] | None = Field(
+        default=None, examples=["5000 ft"], description="Reference altitude of the a-priori tables."
+    )
+    powered: bool = Field(
+        default=False,
+        description="Whether clean pages hold power effects: thrust terms are taken off and "
+        "standard errors are wider.",
+    )
+    tailless: bool = Field(
+        default=False, description="Whether the aeroplane has no horizontal tail."
+    )
+    move_reference: bool = Field(
+        default=False,
+        description="Whether the listing's reference point is moved to that of the aircraft file.",
+    )
+
+    @property
+    def statements(self) -> dict[str, bool]:
+        """Statements about the listings, keywords of `aerodb.from_datcom`."""
+        return {
+            "powered": self.powered,
+            "tailless": self.tailless,
+            "move_reference": self.move_reference,
+        }
+
+    @property
+    def by_role(self) -> dict[str, tuple[ListingCase, ...]]:
+        """The listings, or single cases of them, by their role in `aerodb.from_datcom`."""
+        others = ("altitude", *self.statements)
+        return {role: cases for role, cases in self if role not in others and cases}
+
+    def places(self) -> list[ListingCase]:
+        """Return the listings of all roles."""
+        places: list[ListingCase] = []
+        for cases in self.by_role.values():
+            places += cases
+        return places

@@ -1,0 +1,186 @@
+"""Identification and diagnosis of a project, from its files to the three models of a match."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+import flightmech
+import pom
+from aeromatch.project.project import Project
+from aeromatch.workflow.aerodynamics import WAYS, before_flight, identifying_records
+from aeromatch.workflow.identified import (
+    Identified,
+    check_records,
+    compute_coefficients,
+    count_local_models,
+    databases_before,
+    fit_coefficients,
+    make_table_comparison,
+    make_tables,
+    read_marks,
+    read_records,
+    select_samples,
+)
+from aeromatch.workflow.submodel_stages import (
+    add_gear,
+    make_controls,
+    make_engine,
+    make_final_database,
+    make_flying_aircraft,
+    make_gear,
+    make_ground_effect,
+)
+from aeromatch.workflow.windows import inputs_of, records_of, select_windows
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.support.kept_stages.stages import Kept, Stages, Values
+from flighttest.reconstruction.flight_programme import reconstructed_paths
+from pom.diagnosis.joint_correction import diagnosed_cases
+
+Step = Callable[[str], AbstractContextManager[None]]
+_TABLES_STEP = {
+    "tabulate": "join {} local models",
+    "direct": "regress samples",
+    "join": "join {} local models by regression",
+}
+
+
+def run_identification(
+    project: Project, jobs: int, step: Step, stages: Stages, compare: bool = False
+) -> Identified:
+    """Return the results of all stages up to the diagnosis of the cases.
+
+    The parameters are parameters of `aeromatch.workflow.steps.perform_match`.
+    """
+    custody = pom.archive.Custody()
+    custody.take([*inputs_of(project, []), *project.fmus.values()])
+    aircraft = flightmech.read_aircraft(project.aircraft)
+    apriori: Kept[Any] = stages.given(before_flight(project, aircraft))
+    cases = [pom.read_case(file) for file in project.cases]
+    result = Identified(project, custody, cases, records_of(project, cases))
+    count = len(project.listings.places())
+    with step(f"read {count} DATCOM listings, build the a-priori database"):
+        datcom, start = databases_before(project, aircraft, custody, stages)
+    unidentified = stages.given(aircraft)
+    _reconstruct(result, unidentified, jobs, step=step, stages=stages)
+    # The engine precedes the aerodynamics, which require the thrust.
+    if project.engine is not None:
+        with step("identify the engine"):
+            result.engine = make_engine(result, apriori, stages)
+    if project.controls.sections:
+        with step(f"identify the control loading of {', '.join(project.controls.sections)}"):
+            result.controls = make_controls(result, unidentified, jobs, stages)
+    flying = make_flying_aircraft(result, unidentified, stages)
+    count = len(result.windows.fitted_records())
+    with step(f"identify coefficients on {count} flight records"):
+        result.data = compute_coefficients(result, flying, jobs, stages)
+        result.fits = fit_coefficients(result, jobs, stages)
+    final = _tabulate(result, start, compare, step=step, stages=stages)
+    # The ground effect multiplies the lift in free air, so it follows the aerodynamics.
+    if project.ground_effect is not None:
+        with step("identify the ground effect"):
+            result.ground_effect = make_ground_effect(result, final, stages)
+    # The landing gear is last, because it requires lift and drag near the ground.
+    if project.gear is not None:
+        with step("identify the landing gear"):
+            result.gear = make_gear(result, flying, final, stages)
+            flying = add_gear(flying, result.gear, stages)
+    final = make_final_database(result, final, stages)
+    with step(f"swap terms on {len(cases)} cases, build the corrected database"):
+        _diagnose(
+            result,
+            databases=(datcom, final),
+            aircraft=(apriori, flying),
+            jobs=jobs,
+            stages=stages,
+        )
+    return result
+
+
+def _reconstruct(
+    result: Identified, aircraft: Kept[Aircraft], jobs: int, step: Step, stages: Stages
+) -> None:
+    """Read and check the flight records, select the windows, and reconstruct the states."""
+    result.custody.take(inputs_of(result.project, result.records))
+    with step(f"read {len(result.records)} flight records"):
+        records = read_records(result, stages)
+        result.marks = read_marks(result, records, stages)
+        result.windows = select_windows(
+            result.project, Values(records), cases=result.cases, marks=result.marks.value
+        )
+    with step("check the flight records"):
+        result.checks = check_records(records, aircraft.value, jobs, stages)
+    with step(
+        "reconstruct the states; the records that identify determine the instruments' constants"
+    ):
+        identifying = identifying_records(result.project, records)
+        proving = {name: record for name, record in records.items() if name not in identifying}
+        result.paths = reconstructed_paths(
+            {name: records[name] for name in identifying},
+            aircraft,
+            jobs=jobs,
+            validation=proving,
+            stages=stages,
+        )
+
+
+def _tabulate(
+    result: Identified, start: Kept[xr.DataTree], compare: bool, step: Step, stages: Stages
+) -> Kept[xr.DataTree]:
+    """Return the database after the flights without submodels, and compare it if requested."""
+    tabulation = result.project.tabulation
+    text = _TABLES_STEP[tabulation].format(count_local_models(result))
+    with step(f"{text} and the prior into tables"):
+        samples: Kept[list[xr.Dataset]] = stages.given([])
+        if compare or tabulation == "direct":
+            samples = select_samples(result, start, stages)
+        result.tables = make_tables(result, start, samples, stages)
+    if compare:
+        with step(f"make the tables in all {len(WAYS)} ways and compare them"):
+            result.compared = make_table_comparison(result, start, samples, stages)
+    return result.tables.part("database", lambda both: both[0])
+
+
+def _diagnose(
+    result: Identified,
+    databases: tuple[Kept[xr.DataTree], Kept[xr.DataTree]],
+    aircraft: tuple[Kept[Any], Kept[Any]],
+    jobs: int,
+    stages: Stages,
+) -> None:
+    """Diagnose the cases and make the corrected model.
+
+    `databases` and `aircraft` are those before and after the flights.
+    """
+    datcom, final = databases
+    apriori, flying = aircraft
+    # The kernel does not simulate the FMU of a control law, so a case with one has no diagnosis.
+    cases = [case for case in result.cases if not case.law]
+    paths = {case.name: result.paths[Path(case.record).stem] for case in cases}
+    by_case = flying.part("by case", lambda craft: dict.fromkeys(paths, craft))
+    result.diagnoses = diagnosed_cases(
+        cases,
+        datcom,
+        final,
+        aircraft=by_case,
+        apriori=apriori,
+        paths=paths,
+        jobs=jobs,
+        stages=stages,
+    )
+    corrected = stages.one(
+        "corrected database",
+        {"before": datcom, "after": final, "diagnoses": result.diagnoses},
+        lambda: pom.corrected_database(datcom.value, final.value, result.diagnoses),
+    )
+    mixed = stages.one(
+        "corrected aircraft",
+        {"before": apriori, "after": flying, "diagnoses": result.diagnoses},
+        lambda: pom.corrected_aircraft(apriori.value, flying.value, result.diagnoses),
+    )
+    result.databases = {"datcom": datcom, "corrected": corrected, "final": final}
+    result.aircraft = {"datcom": apriori, "corrected": mixed, "final": flying}

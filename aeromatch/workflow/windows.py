@@ -1,0 +1,279 @@
+"""Records, files and time windows that a project requires for its fits, submodels and cases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+import flighttest
+from aeromatch.project.project import Project
+from aeromatch.project.sections import RecordSelection
+from flightmech.errors import SchemaError, UnknownName
+
+Spans = dict[str, list[tuple[float, float]]]
+"""Start and end of the selected parts of each record. [s]"""
+
+
+@dataclass(frozen=True)
+class IdentificationWindows:
+    """Start and end of the manoeuvres that identify something, by record. [s]
+
+    Attributes
+    ----------
+    fits : list of dict
+        One for every fit of the project.
+    submodels : dict of str to dict
+        By the position in the project file.
+    """
+
+    fits: list[Spans]
+    submodels: dict[str, Spans]
+
+    def aerodynamic_spans(self) -> list[Spans]:
+        """Return the windows of all fits, then the windows of the ground effect."""
+        return [*self.fits, self.submodels.get("ground_effect.flown", {})]
+
+    def aerodynamic_records(self) -> list[str]:
+        """Return the records of a fit or the ground effect, each once, in order."""
+        names: dict[str, None] = {}
+        for spans in self.aerodynamic_spans():
+            names |= dict.fromkeys(spans)
+        return list(names)
+
+    def fitted_records(self) -> list[str]:
+        """Return the records of the fits, each once, in order."""
+        names: dict[str, None] = {}
+        for spans in self.fits:
+            names |= dict.fromkeys(spans)
+        return list(names)
+
+
+def records_of(project: Project, cases: Sequence[Any] = ()) -> list[str]:
+    """Return the records of the fits, the submodels and the given cases, in this order.
+
+    Raises
+    ------
+    SchemaError
+        With all problems: cases whose record is not among the flights of the project, and cases
+        with the same name.
+    """
+    case_names = [case.name for case in cases]
+    case_records = {case.name: Path(case.record).stem for case in cases}
+    problems: list[str] = []
+    for name, record in case_records.items():
+        if record not in project.flights:
+            problems.append(f"case {name}: {UnknownName(record, project.flights, 'record')}")
+    for name in case_records:
+        count = case_names.count(name)
+        if count > 1:
+            problems.append(f"{count} cases are named {name!r}; give each case a different name")
+    raise_problems(project, problems)
+    records: list[str] = []
+    for fit in project.fit:
+        records += fit.records
+    for selections in project.submodels.values():
+        for selection in selections:
+            records += selection.records
+    records += case_records.values()
+    return list(dict.fromkeys(records))
+
+
+def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
+    """Return every file that the results depend on, with the named flight records."""
+    files = [project.file, project.aircraft]
+    files += [file for file in (project.apriori, project.names) if file]
+    files += dict.fromkeys(listing.file for listing in project.listings.places())
+    files += [project.flights[name] for name in names]
+    files += [*project.cases, *project.tables.values()]
+    files += [file for file in (project.manoeuvres,) if file]
+    return [*files, *project.published]
+
+
+def marks_of(
+    project: Project, records: Mapping[str, xr.DataTree], problems: list[str]
+) -> dict[str, pd.DataFrame]:
+    """Return the manoeuvres and the flight modes of the records that identify something.
+
+    The project's table of manoeuvres replaces the manoeuvres in a record.
+
+    Parameters
+    ----------
+    project : Project
+    records : mapping of str to DataTree
+    problems : list of str
+        Gets a line for every record of the table that is not among the flights.
+
+    Returns
+    -------
+    dict of str to DataFrame
+        By record. [s]
+    """
+    recorded = {name: flighttest.manoeuvres(records[name]) for name in records_of(project)}
+    listed: Mapping[str, pd.DataFrame] = {}
+    if project.manoeuvres:
+        listed = flighttest.records.read_manoeuvres(project.manoeuvres)
+    for name in listed:
+        if name not in project.flights:
+            problems.append(f"manoeuvres: {UnknownName(name, project.flights, 'record')}")
+    marks: dict[str, pd.DataFrame] = {}
+    for name, manoeuvres in recorded.items():
+        tables = [listed.get(name, manoeuvres), flighttest.records.flight_modes(records[name])]
+        # An empty table would change the types of the columns, so it is left out if possible.
+        filled = [table for table in tables if len(table)]
+        marks[name] = pd.concat(filled or tables, ignore_index=True)
+    return marks
+
+
+def select_windows(
+    project: Project,
+    records: Mapping[str, xr.DataTree],
+    cases: Sequence[Any] = (),
+    marks: tuple[Mapping[str, pd.DataFrame], Sequence[str]] | None = None,
+) -> IdentificationWindows:
+    """Return the time windows of every fit and submodel of a project, by record.
+
+    Parameters
+    ----------
+    project : Project
+    records : mapping of str to DataTree
+    cases : sequence of PomCase
+    marks : tuple, optional
+        Tables of `marks_of` with the problems it listed, if they are available.
+
+    Raises
+    ------
+    SchemaError
+        With all problems: manoeuvres that a record does not have, faults of the table of
+        manoeuvres, and windows that overlap with a case. Data that prove the model must not
+        identify it.
+    """
+    problems: list[str] = []
+    if marks is None:
+        tables: Mapping[str, pd.DataFrame] = marks_of(project, records, problems)
+    else:
+        tables, listed_problems = marks
+        problems += listed_problems
+    fits: list[Spans] = []
+    submodels: dict[str, Spans] = {}
+    overlaps: list[str] = []
+    for fit in project.fit:
+        position = f"fit {fit.name!r}"
+        fits.append(spans_of(position, [fit], tables, problems))
+        overlaps += find_case_overlaps(position, fits[-1], cases)
+    for position, selections in project.submodels.items():
+        submodels[position] = spans_of(position, selections, tables, problems)
+        overlaps += find_case_overlaps(position, submodels[position], cases)
+    raise_problems(project, [*problems, *overlaps])
+    return IdentificationWindows(fits, submodels)
+
+
+def rests_on(
+    project: Project, windows: IdentificationWindows, cases: Sequence[Any]
+) -> dict[str, str]:
+    """Return, in words, the records that each part of the model and each case depends on.
+
+    The report prints them. A record that identifies in one window and proves in another is marked,
+    because its instrument constants come from the whole record.
+    """
+    identifying = records_of(project)
+    proving = [Path(case.record).stem for case in cases]
+    sources = {"constants of the instruments": ", ".join(identifying or dict.fromkeys(proving))}
+    for fit, spans in zip(project.fit, windows.fits, strict=True):
+        sources[f"fit {fit.name}"] = ", ".join(spans)
+    for position, spans in windows.submodels.items():
+        sources[position] = ", ".join(spans)
+    for case, record in zip(cases, proving, strict=True):
+        text = record
+        if record in identifying:
+            text = f"{record}, which identifies too, at other times"
+        sources[f"case {case.name}"] = text
+    return sources
+
+
+def spans_of(
+    place: str,
+    flown: Iterable[RecordSelection],
+    tables: Mapping[str, pd.DataFrame],
+    problems: list[str],
+) -> Spans:
+    """Return start and end of manoeuvres and windows by record.
+
+    A selection without manoeuvres and windows selects the whole record.
+
+    Parameters
+    ----------
+    place : str
+        Position in the project file.
+    flown : iterable of RecordSelection
+    tables : mapping of str to DataFrame
+        `flighttest.manoeuvres` by record.
+    problems : list of str
+        Gets a line for every manoeuvre that a record does not have.
+    """
+    spans: Spans = {}
+    for selection in flown:
+        for record in selection.records:
+            parts = _manoeuvre_spans(
+                place,
+                record,
+                manoeuvres=selection.manoeuvres,
+                table=tables[record],
+                problems=problems,
+            )
+            parts += selection.window
+            if not selection.manoeuvres and not selection.window:
+                parts = [(-np.inf, np.inf)]
+            spans.setdefault(record, []).extend(parts)
+    return spans
+
+
+def _manoeuvre_spans(
+    place: str,
+    record: str,
+    manoeuvres: Iterable[str],
+    table: pd.DataFrame,
+    problems: list[str],
+) -> list[tuple[float, float]]:
+    """Return the windows of manoeuvres in one record: ``"3211 elevator"``, or a kind: ``"trim"``."""
+    labels = (table["manoeuvre"] + " " + table["control"].fillna("")).str.strip()
+    spans: list[tuple[float, float]] = []
+    for name in manoeuvres:
+        rows = table[(labels == name) | (table["manoeuvre"] == name)]
+        if rows.empty:
+            problems.append(
+                f"{place}, record {record}: {UnknownName(name, set(labels), 'manoeuvre')}"
+            )
+        for start, end in zip(rows["start"], rows["end"], strict=True):
+            spans.append((float(start), float(end)))
+    return spans
+
+
+def find_case_overlaps(place: str, spans: Spans, cases: Iterable[Any]) -> list[str]:
+    """Return a line for every window that overlaps with the replayed time of a case."""
+    problems = []
+    for case in cases:
+        record = Path(case.record).stem
+        start, end = case.window
+        if any(span[0] < end and start < span[1] for span in spans.get(record, [])):
+            problems.append(
+                f"{place}: record {record} proves case {case.name} from {start:g} to {end:g} s; "
+                f"it cannot identify too"
+            )
+    return problems
+
+
+def select_spans(data: xr.Dataset, spans: Iterable[tuple[float, float]]) -> list[xr.Dataset]:
+    """Return the parts of a record between the start and the end of each window."""
+    return [data.sel(time=slice(start, end)) for start, end in spans]
+
+
+def raise_problems(project: Project, problems: Sequence[str]) -> None:
+    """Raise `SchemaError` with all problems of a project, if there are any."""
+    if problems:
+        raise SchemaError(str(project.file), list(problems))
