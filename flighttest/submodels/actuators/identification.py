@@ -23,7 +23,8 @@ from flighttest.records.signals.differentiation import fourier_smooth
 from flighttest.submodels.actuators.estimation import equation_error
 from flighttest.submodels.actuators.output_error import fit_actuator_response
 from flighttest.submodels.actuators.response import LIMITS, Structure, simulate_actuator
-from flighttest.submodels.actuators.result import IdentifiedActuator, LogEstimates
+from flighttest.submodels.actuators.result import IdentifiedActuator
+from flighttest.submodels.actuators.values import LogEstimates
 
 UNITS = {"position": "rad", "rate": "rad s-1", "torque": "N m"}
 """SI unit of each measured channel; the command has whatever unit it is recorded in."""
