@@ -23,7 +23,8 @@ from flighttest.submodels.control_loading.loading import loading_of
 from flighttest.submodels.control_loading.motion import loading_channels
 from flighttest.submodels.engine.records import engine_channels
 from flighttest.submodels.engine.schedule import remove_lever_noise
-from flighttest.submodels.landing_gear.reconstructed_loads import TOUCHING, wheels_of
+from flighttest.submodels.landing_gear.reconstructed_loads import TOUCHING
+from flighttest.submodels.landing_gear.wheel_positions import wheels_of
 
 # of the least movement: readings before the reconstruction move a little more or less than after it
 _CERTAIN = 0.5

@@ -333,8 +333,8 @@ def fly_deck(deck: EngineDeck, record: xr.Dataset) -> xr.Dataset:
     inputs = simulation_inputs(record, np.zeros(len(time)))
     levers = []
     for k in range(len(time)):
-        lever = {str(name): float(inputs[name].values[k]) for name in inputs.data_vars}
-        levers.append(constant_inputs(model, lever))
+        values = {str(name): float(inputs[name].values[k]) for name in inputs.data_vars}
+        levers.append(constant_inputs(model, values))
     # Indices of the fixed states and of the outputs.
     states = [row.name for row in model.entries(STATE)]
     fixed = [states.index(f"state.{name}") for name in _FIXED]

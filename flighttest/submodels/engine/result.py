@@ -102,7 +102,7 @@ class EngineFit:
 
     def _constants(self) -> dict[str, tuple[float, float]]:
         """Return the identified constants of the deck with their standard errors."""
-        constants = {}
+        constants: dict[str, tuple[float, float]] = {}
         for part in (self.spools, self.start):
             if part:
                 constants |= part.constants

@@ -88,8 +88,8 @@ def find_lever_rest(record: xr.Dataset, still: float = STILL, same: float = SAME
 
 def rest_positions(records: Sequence[xr.Dataset]) -> np.ndarray:
     """Return the positions at which the lever was at rest, in rising order."""
-    positions = [record["throttle"].values[find_lever_rest(record)] for record in records]
-    positions = np.sort(np.concatenate(positions))
+    at_rest = [record["throttle"].values[find_lever_rest(record)] for record in records]
+    positions = np.sort(np.concatenate(at_rest))
     if not len(positions):
         raise IdentificationError(
             f"the lever never rests for {STILL:g} s; add records at settled power"
@@ -157,16 +157,16 @@ def reading_error(records: Sequence[xr.Dataset], at: np.ndarray) -> np.ndarray:
     at : array (knot,)
         Lever positions.
     """
-    positions, changes = [], []
+    at_rest, changes = [], []
     for record in records:
         still = find_lever_rest(record)
         if still.any():
             lever = record["throttle"].values
-            positions.append(lever[still])
+            at_rest.append(lever[still])
             changes.append(lever[1:] - lever[:-1])
     # The difference of two readings has twice the variance of one.
     noise = np.sqrt(0.5) * _FROM_MEDIAN * np.median(np.abs(np.concatenate(changes)))
-    positions = np.concatenate(positions)
+    positions = np.concatenate(at_rest)
     errors = []
     for x in at:
         count = int(np.count_nonzero(np.abs(positions - x) < SAME))
@@ -178,12 +178,9 @@ def first_schedule(
     records: Sequence[xr.Dataset], name: str, at: np.ndarray, over: str = "throttle"
 ) -> np.ndarray:
     """Return the settled speed ``name`` over the throttle or the other spool, as a first value."""
-    x, y = [], []
-    for record in records:
-        still = find_lever_rest(record)
-        x.append(record[over].values[still])
-        y.append(record[name].values[still])
-    x, y = np.concatenate(x), np.concatenate(y)
+    at_rest = [record.isel(time=find_lever_rest(record)) for record in records]
+    x = np.concatenate([record[over].values for record in at_rest])
+    y = np.concatenate([record[name].values for record in at_rest])
     # Medians of the samples nearest to each knot; a knot without samples is interpolated.
     edges = np.append(at[0] - 1.0, np.append(0.5 * (at[1:] + at[:-1]), at[-1] + 1.0))
     medians = []

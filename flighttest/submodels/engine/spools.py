@@ -154,7 +154,8 @@ def identify_spools(
     Notes
     -----
     Without limits ``ln tau_down = ln tau_up + ln f + g (n2 - middle)``.  If g is within 2.6
-        schedule is then the same both ways, and its logarithm is linear in n2.
+    standard errors of zero it is set to zero. The other unknowns are moved by their correlation
+    with g.
     The noise of the lever readings at rest is added to the covariance of the schedule.
     """
     if fan not in ("n2", "lever"):

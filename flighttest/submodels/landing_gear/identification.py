@@ -28,10 +28,9 @@ from flighttest.submodels.landing_gear.reconstructed_loads import (
     SYSTEMATIC,
     WIND_ERROR,
     GroundRecord,
-    WheelGroup,
-    wheel_groups,
 )
 from flighttest.submodels.landing_gear.regression import T_NEEDED, LoadFit, regress_gear
+from flighttest.submodels.landing_gear.wheel_positions import WheelGroup, wheel_groups
 
 _UNITS = {
     "stiffness": "N/m", "stiffness_square": "N/m2", "damping": "N s/m", "damping_outwards": "N s/m", "orifice": "N s2/m2",

@@ -24,11 +24,9 @@ from flighttest.submodels.landing_gear.reconstructed_loads import (
     CUTOFF,
     ERRORS,
     WIND_ERROR,
-    WheelGroup,
-    wheel_groups,
     wheel_loads,
-    wheels_of,
 )
+from flighttest.submodels.landing_gear.wheel_positions import WheelGroup, wheel_groups, wheels_of
 
 LEG_TERMS = ("stiffness", "stiffness_square", "damping", "orifice", "damping_outwards")
 _FIRST, _FURTHER = (
@@ -280,7 +278,7 @@ def _fitted(
     held: Mapping[str, float],
 ) -> OutputError:
     for run in runs:
-        run.known = {name: value for name, value in held.items() if name not in unknown}
+        run.fixed = {name: value for name, value in held.items() if name not in unknown}
     return explicit_fit(runs, {**unknown, **inputs})
 
 
@@ -363,7 +361,7 @@ def _unseen(
     """Constants to which nothing that was measured responds by more than its scatter."""
     names = list(unknown)
     for run in runs:
-        run.names, run.known = (
+        run.names, run.fixed = (
             tuple(names),
             {key: value for key, value in known.items() if key not in unknown},
         )
