@@ -23,7 +23,7 @@ from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.control_loading.loading import loading_of
 from flighttest.submodels.engine.records import read_points
 from flighttest.submodels.engine.tables import EngineStructure, read_structure
-from flighttest.submodels.landing_gear.reconstructed_loads import wheels_of
+from flighttest.submodels.landing_gear.wheel_positions import wheels_of
 from pom.cases.case import PomCase
 from pom.fmu.simulate import Models
 

@@ -25,7 +25,8 @@ from flighttest.submodels.control_loading.loading import loading_of
 from flighttest.submodels.control_loading.motion import loading_channels
 from flighttest.submodels.engine.records import engine_channels
 from flighttest.submodels.engine.schedule import remove_lever_noise
-from flighttest.submodels.landing_gear.reconstructed_loads import TOUCHING, wheels_of
+from flighttest.submodels.landing_gear.reconstructed_loads import TOUCHING
+from flighttest.submodels.landing_gear.wheel_positions import wheels_of
 
 # Fraction of the least movement of `flighttest.regress`. Readings before the reconstruction move a
 # little more or less than after it, so only a clear standstill is a problem.

@@ -23,8 +23,8 @@ from flighttest.records.record import manoeuvres, read
 from flighttest.records.sensors.instruments import pick_up_errors
 from flighttest.records.signals.conditioning import cut
 from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.submodels.actuators.figure import draw_actuator
 from flighttest.submodels.actuators.identification import identify_actuator, read_bench_log
-from flighttest.submodels.actuators.result import draw_actuator
 from flighttest.submodels.control_loading.identification import identify_control_loading
 from flighttest.submodels.control_loading.loading import ControlLoading, loading_of
 from flighttest.submodels.control_loading.motion import driven_and_free

@@ -1,20 +1,23 @@
-"""Response of an actuator: second order in position or first order in rate, dead time, limits of
-rate and position.
+"""Response model of an actuator.
 
-    Ma v' + Ca v + Ka p + G tau = B [u(t - delay) - neutral],    p' = v            [Grauer2010], eq. (8)
+The model is of second order in position or of first order in rate, with dead time and limits of
+rate and position:
 
-with |v| at most the rate limit and p between its stops.  Without a measured torque only the ratios
-to Ma determine the response.
+    Ma v' + Ca v + Ka p + G tau = B [u(t - delay) - neutral],    p' = v     [Grauer2010], eq. (8)
+
+The magnitude of v is at most the rate limit, and p lies between its stops.  Without a measured
+torque only the ratios to Ma determine the response.
 
 References
 ----------
-.. [Grauer2010] Grauer, Ulrich, Hubbard, Pines, Humbert, System identification of an ornithopter aerodynamics model, AIAA 2010-7632.
+.. [Grauer2010] Grauer, Ulrich, Hubbard, Pines, Humbert, System identification of an ornithopter
+   aerodynamics model, AIAA 2010-7632.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,19 +27,21 @@ from scipy.signal import lfilter
 
 COEFFICIENTS = ("Ma", "Ca", "Ka", "B")
 LIMITS = ("rate_limit", "stop_low", "stop_high")
-_FINEST, _PER_TIME = 8, 6.0  # steps per sample at most, steps per shortest time constant
+# Parts of a sampling step at a limit: the largest number, and parts per shortest time constant.
+_FINEST, _PER_TIME = 8, 6.0
 
 
 @dataclass(frozen=True)
 class Structure:
-    """What the model of an actuator has.
+    """Terms of the model of an actuator.
 
     Attributes
     ----------
     stiffness : bool
-        Whether it has a position of rest (a servo); without, a motor whose rate is recorded.
+        Whether the position has a restoring stiffness (a servo). Without it, the actuator is a
+        motor whose rate is recorded.
     absolute : bool
-        Whether coefficients are absolute (a torque was measured), else ratios to Ma.
+        Whether the coefficients are absolute (a torque was measured) or ratios to Ma.
     delay : bool
         Dead time of the command.
     rate_limit, stop_low, stop_high : bool
@@ -44,8 +49,9 @@ class Structure:
     gear : float
         G, torque at the actuator per measured torque. [1]
     held : bool
-        Whether a logged command holds from its stamp to the next, as where the loop that writes the
-        log commands the actuator; else a jump lies somewhere between two samples.
+        Whether a logged command holds from its time stamp to the next one. This applies if the loop
+        that writes the log also commands the actuator. Otherwise a jump lies somewhere between two
+        samples.
     """
 
     stiffness: bool = True
@@ -60,29 +66,27 @@ class Structure:
     @property
     def coefficients(self) -> tuple[str, ...]:
         """Coefficients of the equation by name; ratios end in ``/Ma``."""
-        own = [name for name in COEFFICIENTS if name != "Ka" or self.stiffness]
-        return tuple(own) if self.absolute else tuple(f"{name}/Ma" for name in own if name != "Ma")
+        names = [name for name in COEFFICIENTS if name != "Ka" or self.stiffness]
+        if self.absolute:
+            return tuple(names)
+        return tuple(f"{name}/Ma" for name in names if name != "Ma")
 
     @property
     def parameters(self) -> tuple[str, ...]:
         """All parameters of the response."""
-        return (
-            *self.coefficients,
-            "neutral",
-            *(name for name in ("delay", *LIMITS) if getattr(self, name)),
-        )
+        options = [name for name in ("delay", *LIMITS) if getattr(self, name)]
+        return (*self.coefficients, "neutral", *options)
 
     def ratios(self, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return Ca/Ma, Ka/Ma, B/Ma and 1/Ma (0 without torque) from parameter values."""
-        if self.absolute:
-            found = {
-                name: values[name] / values["Ma"] for name in self.coefficients if name != "Ma"
-            }
-            inverse = 1.0 / values["Ma"]
-        else:
-            found = {name.removesuffix("/Ma"): values[name] for name in self.coefficients}
-            inverse = np.zeros_like(found["B"])
-        return {"Ka": np.zeros_like(found["B"]), **found, "1": inverse}
+        ratios = {}
+        for name in self.coefficients:
+            if not self.absolute:
+                ratios[name.removesuffix("/Ma")] = values[name]
+            elif name != "Ma":
+                ratios[name] = values[name] / values["Ma"]
+        inverse = 1.0 / values["Ma"] if self.absolute else np.zeros_like(ratios["B"])
+        return {"Ka": np.zeros_like(ratios["B"]), **ratios, "1": inverse}
 
 
 def simulate_actuator(
@@ -93,10 +97,12 @@ def simulate_actuator(
     Parameters
     ----------
     log : Dataset (time,)
-        ``command``, ``torque`` [N m] where the structure is absolute, on a uniform clock.
+        ``command``, and ``torque`` [N m] where the structure is absolute, on a uniform clock.
     structure : Structure
+        Coefficients, dead time and limits of the model.
     values : mapping of str to float
-        Its parameters, and ``init.position`` [rad], ``init.rate`` [rad/s], zero unless given.
+        Parameters of the structure, ``init.position`` [rad] and ``init.rate`` [rad/s]. The default
+        of the initial values is zero.
 
     Returns
     -------
@@ -117,16 +123,11 @@ def simulate_actuator(
 def actuator_inputs(log: xr.Dataset, structure: Structure) -> tuple[float, np.ndarray, np.ndarray]:
     """Return step [s], command and torque at the actuator, G tau, of a log."""
     time = log["time"].values.astype(float)
-    torque = (
-        structure.gear * log["torque"].values.astype(float)
-        if structure.absolute
-        else np.zeros(len(time))
-    )
-    return (
-        float((time[-1] - time[0]) / (len(time) - 1)),
-        log["command"].values.astype(float),
-        torque,
-    )
+    step = float((time[-1] - time[0]) / (len(time) - 1))
+    command = log["command"].values.astype(float)
+    if not structure.absolute:
+        return step, command, np.zeros(len(time))
+    return step, command, structure.gear * log["torque"].values.astype(float)
 
 
 def actuator_responses(
@@ -141,6 +142,7 @@ def actuator_responses(
     Parameters
     ----------
     structure : Structure
+        Coefficients, dead time and limits of the model.
     values : mapping of str to array (run,)
         Parameters of `structure`, ``init.position``, ``init.rate``.
     step : float
@@ -150,25 +152,26 @@ def actuator_responses(
 
     Notes
     -----
-    Without limits the step is exact: for torque and command linear between samples, and for a held command with whatever dead time.  At a
-    limit, the exact step is divided, as finely as the shortest time constant requires, and rate and position are clipped after each part.
+    Without limits the step is exact for torque and command linear between samples, and for a held
+    command with any dead time.  With limits, the exact step is divided into as many parts as the
+    shortest time constant requires.  Rate and position are clipped after each part.
     """
     ratio = structure.ratios(values)
     runs = len(ratio["B"])
     limited = any(getattr(structure, name) for name in LIMITS)
-    parts = _parts(ratio, step) if limited else 1
+    parts = _parts_per_step(ratio, step) if limited else 1
+    # Dead time in parts of a step.
     shift = values["delay"] * parts / step if structure.delay else np.zeros(runs)
-    start = np.stack(
-        [values.get("init.position", np.zeros(runs)), values.get("init.rate", np.zeros(runs))],
-        axis=1,
-    )
+    nil = np.zeros(runs)
+    start = np.stack([values.get("init.position", nil), values.get("init.rate", nil)], axis=1)
     free, first, last = _exact_step(ratio, np.full(runs, step / parts))
     fine = np.arange((len(torque) - 1) * parts + 1) / parts
     load = -ratio["1"][:, None] * np.interp(fine, np.arange(len(torque)), torque)
     if structure.held:
-        earlier, later = _switched(command, shift, parts)
+        earlier, later = _switched_command(command, shift, parts)
+        # The later value acts from the switch to the end of the part.
         _, *late = _exact_step(ratio, step / parts * (1.0 - shift % 1.0))
-        after = late[0] + late[1]  # of the value that is switched to
+        after = late[0] + late[1]
         pull = first[:, :, None] * load[:, None, :-1] + last[:, :, None] * load[:, None, 1:]
         push = [ratio["B"][:, None] * (u - values["neutral"][:, None]) for u in (earlier, later)]
         forced = (
@@ -178,48 +181,66 @@ def actuator_responses(
         )
     else:
         drive = load + ratio["B"][:, None] * (
-            _delayed(command, shift / parts, fine) - values["neutral"][:, None]
+            _delayed_command(command, shift / parts, fine) - values["neutral"][:, None]
         )
         forced = first[:, :, None] * drive[:, None, :-1] + last[:, :, None] * drive[:, None, 1:]
     if not limited:
-        x = _linear(free, forced, start)
+        x = _linear_states(free, forced, start)
     else:
-        far = np.full(runs, np.inf)
-        rate, low, high = (
-            values[name] if getattr(structure, name) else none
-            for name, none in zip(LIMITS, (far, -far, far))
-        )
-        x = _clipped(step / parts, free, forced, start, rate, low, high)
+        limits = _limit_values(structure, values, runs)
+        x = _limited_states(step / parts, free, forced=forced, start=start, limits=limits)
+    # Only the ends of whole sampling steps are outputs.
     return x[:, 0, ::parts], x[:, 1, ::parts]
 
 
-def _parts(ratio: Mapping[str, np.ndarray], step: float) -> int:
+def _limit_values(
+    structure: Structure, values: Mapping[str, np.ndarray], runs: int
+) -> list[np.ndarray]:
+    """Return rate limit, low stop and high stop (run,); infinite where the model has none."""
+    infinite = np.full(runs, np.inf)
+    limits = []
+    for name, absent in zip(LIMITS, (infinite, -infinite, infinite)):
+        limits.append(values[name] if getattr(structure, name) else absent)
+    return limits
+
+
+def _parts_per_step(ratio: Mapping[str, np.ndarray], step: float) -> int:
+    """Return the number of parts of a sampling step that the fastest mode requires."""
     fastest = float(np.max(np.maximum(np.abs(ratio["Ca"]), np.sqrt(np.abs(ratio["Ka"])))))
     return int(np.clip(math.ceil(_PER_TIME * step * fastest / 2.0), 2, _FINEST))
 
 
-def _delayed(command: np.ndarray, shift: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return the command later by `shift` samples (run,), linear between samples; before its first
-    sample it is that sample.
+def _delayed_command(command: np.ndarray, shift: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return the command (run, part) delayed by `shift` samples (run,), linear between samples.
+
+    Before the first sample the command has the value of that sample.
     """
-    return np.stack([np.interp(at - own, np.arange(len(command)), command) for own in shift])
+    samples = np.arange(len(command))
+    return np.stack([np.interp(at - delay, samples, command) for delay in shift])
 
 
-def _switched(command: np.ndarray, shift: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the held command in each part of a step (run, part) before and after the fraction of
-    it at which the delayed one switches.
+def _switched_command(
+    command: np.ndarray, shift: np.ndarray, parts: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the held command (run, part) before and after it switches within each part.
+
+    The switch is at the fraction `shift` mod 1 of the part.
     """
-    at = np.arange((len(command) - 1) * parts) - np.floor(shift).astype(int)[:, None]
-    return tuple(command[np.clip((at - late) // parts, 0, len(command) - 1)] for late in (1, 0))
+    index = np.arange((len(command) - 1) * parts) - np.floor(shift).astype(int)[:, None]
+    latest = len(command) - 1
+    before = command[np.clip((index - 1) // parts, 0, latest)]
+    after = command[np.clip(index // parts, 0, latest)]
+    return before, after
 
 
 def _exact_step(
     ratio: Mapping[str, np.ndarray], step: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return x(h) = free x(0) + first f(0) + last f(h) of x = (p, v) under a linear drive f, per
-    run.
-    """
+    """Return free, first and last of x(h) = free x(0) + first f(0) + last f(h), per run.
 
+    The state is x = (p, v), and the drive f is linear over the step h.
+    """
+    # Augmented state (p, v, f, f' h): its matrix exponential contains the integrals over the drive.
     runs = len(ratio["B"])
     A = np.zeros((runs, 4, 4))
     A[:, 0, 1] = A[:, 1, 2] = step
@@ -229,37 +250,37 @@ def _exact_step(
     return E[:, :2, :2], E[:, :2, 2] - E[:, :2, 3], E[:, :2, 3]
 
 
-def _linear(free: np.ndarray, drive: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Return states (run, 2, time) of x_k+1 = free x_k + drive_k, by the recursion of second order
-    that each state obeys.
-    """
+def _linear_states(free: np.ndarray, drive: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Return the states (run, 2, time) of x_k+1 = free x_k + drive_k.
 
+    Each state obeys a scalar recursion of second order, which a digital filter evaluates.
+    """
     out = np.empty((len(free), 2, drive.shape[2] + 1))
     out[:, :, 0] = start
     for F, d, x, first in zip(free, drive, out, start):
         trace, determinant = np.trace(F), np.linalg.det(F)
         # Cayley-Hamilton: x_k+2 = trace x_k+1 - determinant x_k + d_k+1 + (F - trace) d_k
-        rest = d.copy()
-        rest[0, 1:] -= F[1, 1] * d[0, :-1] - F[0, 1] * d[1, :-1]
-        rest[1, 1:] -= F[0, 0] * d[1, :-1] - F[1, 0] * d[0, :-1]
+        inputs = d.copy()
+        inputs[0, 1:] -= F[1, 1] * d[0, :-1] - F[0, 1] * d[1, :-1]
+        inputs[1, 1:] -= F[0, 0] * d[1, :-1] - F[1, 0] * d[0, :-1]
+        # The first two inputs of the filter reproduce the initial state.
         second = F @ first + d[:, 0]
-        rest[:, 0] = second
-        if rest.shape[1] > 1:
-            rest[:, 1] = F @ second + d[:, 1] - trace * second
-        x[:, 1:] = lfilter([1.0], [1.0, -trace, determinant], rest, axis=1)
+        inputs[:, 0] = second
+        if inputs.shape[1] > 1:
+            inputs[:, 1] = F @ second + d[:, 1] - trace * second
+        x[:, 1:] = lfilter([1.0], [1.0, -trace, determinant], inputs, axis=1)
     return out
 
 
-def _clipped(
+def _limited_states(
     step: float,
     free: np.ndarray,
     forced: np.ndarray,
     start: np.ndarray,
-    rate: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
+    limits: Sequence[np.ndarray],
 ) -> np.ndarray:
     """Return states (run, 2, time) with limits of rate and position."""
+    rate, low, high = limits
     least, most = np.minimum, np.maximum
     (fpp, fpv), (fvp, fvv) = free[:, 0].T.copy(), free[:, 1].T.copy()
     reach, slowest = rate * step, -rate
@@ -269,11 +290,13 @@ def _clipped(
     p, v = start.T.copy()
     out[0] = p, v
     for k, (push, jerk) in enumerate(zip(pushes, jerks), 1):
-        moved = most(least(fpp * p + fpv * v + push, p + reach), p - reach)
+        # Rate limit: neither the step of the position nor the rate exceeds it.
+        position = most(least(fpp * p + fpv * v + push, p + reach), p - reach)
         v = most(least(fvp * p + fvv * v + jerk, rate), slowest)
-        p = moved
+        p = position
         if stopped:
-            p = most(least(moved, high), low)
-            v = np.where((moved - p) * v > 0.0, 0.0, v)
+            # A stop also cancels the rate towards it.
+            p = most(least(position, high), low)
+            v = np.where((position - p) * v > 0.0, 0.0, v)
         out[k, 0], out[k, 1] = p, v
     return out.transpose(2, 1, 0)

@@ -1,13 +1,14 @@
-"""What was found of an actuator: estimates of both methods, their average, what is absolute, and
-what a record can use of it.
+"""Result of the identification of an actuator.
+
+It contains the estimates of both methods, their average, absolute coefficients, and the entry of a
+name map for a record.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,37 +16,17 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import IdentificationError
-from flightmech.support.figures import demand_drawable, new_figure, write_figure
 from flighttest.maximum_likelihood.result import OutputError
-from flighttest.records.signals.fourier import finite_fourier, remove_straight_line
-from flighttest.regression.combining.pooling import DISAGREEMENT, Pooled, pool
+from flighttest.regression.combining.pooling import DISAGREEMENT
 from flighttest.remarks import Remark, remark_lines
-from flighttest.submodels.actuators.estimation import Estimates, excited_band
-from flighttest.submodels.actuators.response import Structure, simulate_actuator
+from flighttest.submodels.actuators.estimation import Estimates
+from flighttest.submodels.actuators.response import Structure
+from flighttest.submodels.actuators.values import LogEstimates, ValueWithError, average_estimates
 
-_STEP = 1e-4  # of a difference, in standard errors of the parameter
-# error of amplitude or phase [1, rad] up to which the first-order lag stands for the actuator
+# Step of a central difference, in standard errors of the parameter.
+_STEP = 1e-4
+# Error of amplitude or phase [1, rad] up to which the first-order lag represents the actuator.
 _FAST = 0.1
-
-
-@dataclass(frozen=True)
-class LogEstimates:
-    """Output error on one log by itself."""
-
-    record: str
-    values: Mapping[str, float]
-    stderr: Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class ValueWithError:
-    """A number with its standard error."""
-
-    value: float
-    stderr: float
-
-    def __str__(self) -> str:
-        return f"{self.value:.5g} +- {self.stderr:.2g}"
 
 
 @dataclass(frozen=True)
@@ -55,16 +36,17 @@ class IdentifiedActuator:
     Attributes
     ----------
     structure : Structure
-        What the model has; its limits are those that were reached.
+        Terms of the model. Its limits are those that the logs reached.
     spectral : Estimates
         Equation error in frequency.
     response : OutputError
-        Output error in time over all logs: what is used.
+        Output error in time over all logs. It gives the parameters.
     alone : tuple of LogEstimates
-        Output error on each log by itself, where there are several.
+        Output error on each log alone, if there are several.
     logs : tuple of Dataset
+        Logs from which the actuator was identified.
     reached : dict of str to float
-        Part of the samples that each limit holds.
+        Part of the samples at which the response is at each limit.
     """
 
     structure: Structure
@@ -83,9 +65,7 @@ class IdentifiedActuator:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Estimates of the output error by the names of the structure, as `simulate_actuator` takes
-        them.
-        """
+        """Estimates of the output error by the names of the structure."""
         e = self.response.estimates
         return {
             name: float(e["estimate"].sel(parameter=name)) for name in self.structure.parameters
@@ -93,27 +73,31 @@ class IdentifiedActuator:
 
     @property
     def stderr(self) -> dict[str, float]:
-        """Their standard errors; NaN at a bound.  That of the dead time contains where between
-        samples the command jumps, see `held`.
+        """Standard errors of the parameters; NaN at a bound.
+
+        The standard error of the dead time contains the unknown time of a jump between two samples.
         """
         e = self.response.estimates
-        found = {name: float(e["stderr"].sel(parameter=name)) for name in self.structure.parameters}
-        if "delay" in found and not self.structure.held:
+        errors = {
+            name: float(e["stderr"].sel(parameter=name)) for name in self.structure.parameters
+        }
+        if "delay" in errors and not self.structure.held:
+            # Standard deviation of a uniform distribution over one sampling step.
             step = max(float(np.diff(log["time"].values).mean()) for log in self.logs)
-            found["delay"] = math.hypot(found["delay"], step / math.sqrt(12.0))
-        return found
+            errors["delay"] = math.hypot(errors["delay"], step / math.sqrt(12.0))
+        return errors
 
     @property
     def fit(self) -> float:
-        """R2 of the simulated response over all outputs and logs, the lowest output."""
-        found = []
+        """Lowest R2 of the simulated response among the outputs, over all logs."""
+        R2 = []
         for name in self.response.residuals[0].data_vars:
-            rest = np.concatenate([one[name].values for one in self.response.residuals])
+            residual = np.concatenate([log[name].values for log in self.response.residuals])
             z = np.concatenate(
                 [log[name].values - np.nanmean(log[name].values) for log in self.logs]
             )
-            found.append(1.0 - float(np.nansum(rest**2) / np.nansum(z**2)))
-        return min(found)
+            R2.append(1.0 - float(np.nansum(residual**2) / np.nansum(z**2)))
+        return min(R2)
 
     def table(self) -> pd.DataFrame:
         """Return both methods side by side as [Grauer2010] Table 1 does.
@@ -123,26 +107,31 @@ class IdentifiedActuator:
         DataFrame
             Index parameter; ``frequency``, ``frequency_stderr``, ``time``, ``time_stderr``,
             ``average``, ``average_stderr`` (weights 1/s), ``disagreement`` in combined standard
-            errors and ``contradictory`` above three of them.  NaN where a method has no estimate.
+            errors and ``contradictory`` above three of them.  NaN if a method has no estimate.
         """
         rows = {}
         for name, value in self.parameters.items():
-            s, other, s_other = (
-                self.stderr[name],
-                self.spectral.values.get(name, math.nan),
-                self.spectral.stderr.get(name, math.nan),
-            )
-            joined = _average([other, value], [s_other, s])
+            s = self.stderr[name]
+            spectral = self.spectral.values.get(name, math.nan)
+            s_spectral = self.spectral.stderr.get(name, math.nan)
+            average = average_estimates([spectral, value], [s_spectral, s])
             rows[name] = {
-                "frequency": other if math.isfinite(s_other) else math.nan, "frequency_stderr": s_other, "time": value, "time_stderr": s,
-                "average": joined.value if joined else math.nan, "average_stderr": joined.stderr if joined else math.nan,
-                "disagreement": joined.disagreement if joined and joined.count > 1 else math.nan,
-                "contradictory": bool(joined and joined.contradictory),
-            }  # fmt: skip
+                # An estimate without a standard error is not shown.
+                "frequency": spectral if math.isfinite(s_spectral) else math.nan,
+                "frequency_stderr": s_spectral,
+                "time": value,
+                "time_stderr": s,
+                "average": average.value if average else math.nan,
+                "average_stderr": average.stderr if average else math.nan,
+                "disagreement": math.nan,
+                "contradictory": bool(average and average.contradictory),
+            }
+            if average and average.count > 1:
+                rows[name]["disagreement"] = average.disagreement
         return pd.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
 
     def over_logs(self) -> pd.DataFrame:
-        """Return the output error on each log by itself, averaged with weights 1/s.
+        """Return the output error on each log alone, averaged with weights 1/s.
 
         Returns
         -------
@@ -152,13 +141,16 @@ class IdentifiedActuator:
         """
         rows = {}
         for name in self.structure.parameters:
-            having = [(one.values[name], one.stderr[name]) for one in self.alone]
-            joined = _average(*map(list, zip(*having))) if having else None
-            if joined and joined.count > 1:
+            values = [log.values[name] for log in self.alone]
+            average = average_estimates(values, [log.stderr[name] for log in self.alone])
+            if average and average.count > 1:
                 rows[name] = {
-                    "average": joined.value, "stderr": joined.stderr, "disagreement": joined.disagreement,
-                    "contradictory": joined.contradictory, "count": joined.count,
-                }  # fmt: skip
+                    "average": average.value,
+                    "stderr": average.stderr,
+                    "disagreement": average.disagreement,
+                    "contradictory": average.contradictory,
+                    "count": average.count,
+                }
         return pd.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
 
     def with_inertia(self, Ma: float, stderr: float = 0.0) -> dict[str, ValueWithError]:
@@ -172,25 +164,23 @@ class IdentifiedActuator:
         Raises
         ------
         IdentificationError
-            The coefficients are absolute already, or an inertia that is not positive.
+            The coefficients are absolute already, or the inertia is not positive.
         """
-        if self.absolute or not Ma > 0.0:
-            words = (
-                "the coefficients are absolute already"
-                if self.absolute
-                else f"inertia {Ma:g} kg m2; it must be positive"
-            )
-            raise IdentificationError(words)
+        if self.absolute:
+            raise IdentificationError("the coefficients are absolute already")
+        if not Ma > 0.0:
+            raise IdentificationError(f"inertia {Ma:g} kg m2; it must be positive")
         values, errors = self.parameters, self.stderr
-        found = {"Ma": ValueWithError(Ma, stderr)}
+        coefficients = {"Ma": ValueWithError(Ma, stderr)}
         for name in self.structure.coefficients:
-            found[name.removesuffix("/Ma")] = ValueWithError(
+            # First-order error of a product of independent factors.
+            coefficients[name.removesuffix("/Ma")] = ValueWithError(
                 Ma * values[name], math.hypot(Ma * errors[name], stderr * values[name])
             )
-        return found
+        return coefficients
 
     def derived(self) -> dict[str, ValueWithError]:
-        """Return what the response looks like.
+        """Return quantities that describe the response.
 
         Returns
         -------
@@ -202,7 +192,7 @@ class IdentifiedActuator:
         """
         ratio = self._ratio
         if self.structure.stiffness:
-            wanted: dict[str, Callable[[Mapping[str, float]], float]] = {
+            functions: dict[str, Callable[[Mapping[str, float]], float]] = {
                 "natural_frequency": lambda x: math.sqrt(ratio(x, "Ka")),
                 "damping_ratio": lambda x: ratio(x, "Ca") / (2.0 * math.sqrt(ratio(x, "Ka"))),
                 "gain": lambda x: ratio(x, "B") / ratio(x, "Ka"),
@@ -210,55 +200,58 @@ class IdentifiedActuator:
                 "lag": lambda x: ratio(x, "Ca") / ratio(x, "Ka"),
             }
         else:
-            wanted = {
+            functions = {
                 "gain": lambda x: ratio(x, "B") / ratio(x, "Ca"),
                 "offset": lambda x: -x["neutral"] * ratio(x, "B") / ratio(x, "Ca"),
                 "lag": lambda x: 1.0 / ratio(x, "Ca"),
             }
-        return {name: self._carried(function) for name, function in wanted.items()}
+        return {name: self._with_error(function) for name, function in functions.items()}
 
     def _ratio(self, values: Mapping[str, float], name: str) -> float:
+        """Return a coefficient divided by Ma."""
         return values[name] / values["Ma"] if self.absolute else values[f"{name}/Ma"]
 
-    def _carried(self, function: Callable[[Mapping[str, float]], float]) -> ValueWithError:
+    def _with_error(self, function: Callable[[Mapping[str, float]], float]) -> ValueWithError:
         """Return a function of the parameters with its standard error to first order."""
         names = list(self.structure.parameters)
-        at, errors = self.parameters, self.stderr
+        values, errors = self.parameters, self.stderr
         slope = np.zeros(len(names))
         for k, name in enumerate(names):
             step = _STEP * errors[name]
+            # A parameter at a bound has no standard error and contributes none.
             if np.isfinite(step) and step > 0.0:
-                slope[k] = (
-                    function({**at, name: at[name] + step})
-                    - function({**at, name: at[name] - step})
-                ) / (2.0 * step)
+                up, down = values[name] + step, values[name] - step
+                slope[k] = (function({**values, name: up}) - function({**values, name: down})) / (
+                    2.0 * step
+                )
         C = self.response.estimates["covariance"].sel(parameter=names, parameter_=names).values
-        return ValueWithError(
-            function(at),
-            math.sqrt(max(0.0, float(slope @ np.where(np.isfinite(C), C, 0.0) @ slope))),
-        )
+        variance = float(slope @ np.where(np.isfinite(C), C, 0.0) @ slope)
+        return ValueWithError(function(values), math.sqrt(max(0.0, variance)))
 
     @property
     def valid_to(self) -> float:
-        """Frequency up to which gain, lag and dead time stand for the servo within 10 % of
-        amplitude and 0.1 rad of phase. [Hz]
+        """Frequency up to which gain, lag and dead time represent the servo. [Hz]
+
+        The errors are 10 % of amplitude and 0.1 rad of phase.
         """
         if not self.structure.stiffness:
             return math.inf
-        values = {name: one.value for name, one in self.derived().items()}
+        values = {name: quantity.value for name, quantity in self.derived().items()}
+        # Response of the servo divided by that of a lag: its logarithm is (amplitude, phase) error.
         f = np.geomspace(1e-3, 1e3, 6001) * values["natural_frequency"]
         second = 1.0 / (1.0 - (f / values["natural_frequency"]) ** 2 + 1j * f * values["lag"])
-        wrong = np.abs(np.log(second * (1.0 + 1j * f * values["lag"])))
-        return float(f[np.argmax(wrong > _FAST)] / (2.0 * np.pi))
+        error = np.abs(np.log(second * (1.0 + 1j * f * values["lag"])))
+        return float(f[np.argmax(error > _FAST)] / (2.0 * np.pi))
 
     @property
     def remarks(self) -> list[Remark]:
-        """What a reader of the numbers must know."""
+        """Remarks on the estimates."""
         return _remarks(self)
 
     def channel(self, name: str = "delta_e", column: str = "command") -> str:
-        """Return the entry of a name map that makes the surface position of a recorded command:
-        gain, neutral, lag, dead time, limits.
+        """Return the entry of a name map that makes a surface position of a recorded command.
+
+        The entry contains gain, neutral, lag, dead time and limits.
 
         Parameters
         ----------
@@ -276,23 +269,22 @@ class IdentifiedActuator:
             raise IdentificationError(
                 "a motor's command makes a rate; only a servo gives an entry of a name map"
             )
-        found, delay = self.derived(), self.parameters.get("delay", 0.0)
+        derived, delay = self.derived(), self.parameters.get("delay", 0.0)
         parts = [
             f'column = "{column}"',
-            f'scale = "{found["gain"].value:.6g} rad"',
-            f'offset = "{found["offset"].value:.6g} rad"',
+            f'scale = "{derived["gain"].value:.6g} rad"',
+            f'offset = "{derived["offset"].value:.6g} rad"',
         ]
-        parts.append(f'lag = "{-found["lag"].value:.4g} s"')
+        parts.append(f'lag = "{-derived["lag"].value:.4g} s"')
         if delay:
             parts.append(f'delay = "{-delay:.4g} s"')
         if "rate_limit" in self.reached:
             parts.append(f'rate_limit = "{self.parameters["rate_limit"]:.4g} rad/s"')
         if {"stop_low", "stop_high"} & set(self.reached):
-            low, high = (
-                f'"{self.parameters[stop]:.4g} rad"' if stop in self.reached else free
-                for stop, free in (("stop_low", "-inf"), ("stop_high", "inf"))
-            )
-            parts.append(f"stops = [{low}, {high}]")
+            stops = {"stop_low": "-inf", "stop_high": "inf"}
+            for stop in set(stops) & set(self.reached):
+                stops[stop] = f'"{self.parameters[stop]:.4g} rad"'
+            parts.append(f"stops = [{stops['stop_low']}, {stops['stop_high']}]")
         return f"{name} = {{ {', '.join(parts)} }}"
 
     def as_dict(self) -> dict[str, Any]:
@@ -317,117 +309,117 @@ class IdentifiedActuator:
         return _report(self)
 
 
-def _average(values: Sequence[float], stderr: Sequence[float]) -> Pooled | None:
-    having = [
-        (x, s) for x, s in zip(values, stderr) if math.isfinite(x) and math.isfinite(s) and s > 0.0
-    ]
-    return pool([x for x, _ in having], [s for _, s in having], "inverse_sigma") if having else None
-
-
-def _remarks(found: IdentifiedActuator) -> list[Remark]:
-    out = []
-    if not found.absolute:
-        words = (
+def _remarks(actuator: IdentifiedActuator) -> list[Remark]:
+    """Return remarks on ratios, contradictions, limits and the fit."""
+    remarks = []
+    if not actuator.absolute:
+        text = (
             "no torque was measured: the coefficients are ratios to Ma, none is absolute; a "
             "known inertia makes them so"
         )
-        out.append(Remark("ratios", words, severity="note"))
-    for name, row in found.table().iterrows():
+        remarks.append(Remark("ratios", text, severity="note"))
+    remarks += _contradictions(
+        actuator.table(),
+        "frequency and time domain differ by {:.1f} combined standard errors; their average hides "
+        "a contradiction. A limit, friction, or noise of the motion biases the equation error",
+    )
+    remarks += _contradictions(
+        actuator.over_logs(),
+        "two logs differ by {:.1f} combined standard errors; load, supply voltage or amplitude "
+        "changed",
+    )
+    if actuator.structure.stiffness:
+        remarks += _limit_remarks(actuator)
+    # Ratios to Ma are always correlated. The correlation is in every derived quantity and needs no
+    # action of the reader.
+    for remark in actuator.response.remarks:
+        if remark.kind != "collinear" and not remark.term.startswith("init."):
+            remarks.append(remark)
+    return remarks
+
+
+def _contradictions(table: pd.DataFrame, text: str) -> list[Remark]:
+    """Return a remark on each parameter whose estimates contradict each other."""
+    remarks = []
+    for name, row in table.iterrows():
         if row["contradictory"]:
-            words = (
-                f"{name}: frequency and time domain differ by {row['disagreement']:.1f} "
-                f"combined standard errors; their average hides a "
-                "contradiction. A limit, friction, or noise of the motion biases the equation error"
-            )
-            out.append(
-                Remark("scatter", words, str(name), float(row["disagreement"]), DISAGREEMENT)
-            )
-    for name, row in found.over_logs().iterrows():
-        if row["contradictory"]:
-            words = (
-                f"{name}: two logs differ by {row['disagreement']:.1f} combined standard "
-                f"errors; load, supply voltage or amplitude changed"
-            )
-            out.append(
-                Remark("scatter", words, str(name), float(row["disagreement"]), DISAGREEMENT)
-            )
-    if found.structure.stiffness:
-        if "rate_limit" not in found.reached:
-            fastest = max(
-                float(np.nanmax(np.abs(log["rate"].values))) if "rate" in log else _fastest(log)
-                for log in found.logs
-            )
-            out.append(
-                Remark(
-                    "limit",
-                    f"no rate limit was reached; the logs reach {fastest:.3g} rad/s",
-                    "rate_limit",
-                    severity="note",
-                )
-            )
-        if not {"stop_low", "stop_high"} & set(found.reached):
-            low, high = (
-                reach(float(extreme(log["position"].values)) for log in found.logs)
-                for reach, extreme in ((min, np.nanmin), (max, np.nanmax))
-            )
-            out.append(
-                Remark(
-                    "limit",
-                    f"no stop was reached; the logs reach {low:.3g} to {high:.3g} rad",
-                    "stops",
-                    severity="note",
-                )
-            )
-    # the ratios share their size: their correlation is in every derived quantity and requires
-    # nothing of the reader
-    return out + [
-        remark
-        for remark in found.response.remarks
-        if remark.kind != "collinear" and not remark.term.startswith("init.")
-    ]
+            disagreement = float(row["disagreement"])
+            words = f"{name}: {text.format(row['disagreement'])}"
+            remarks.append(Remark("scatter", words, str(name), disagreement, DISAGREEMENT))
+    return remarks
+
+
+def _limit_remarks(actuator: IdentifiedActuator) -> list[Remark]:
+    """Return a remark on each kind of limit that no log reached."""
+    remarks = []
+    if "rate_limit" not in actuator.reached:
+        fastest = max(_fastest(log) for log in actuator.logs)
+        text = f"no rate limit was reached; the logs reach {fastest:.3g} rad/s"
+        remarks.append(Remark("limit", text, "rate_limit", severity="note"))
+    if not {"stop_low", "stop_high"} & set(actuator.reached):
+        low = min(float(np.nanmin(log["position"].values)) for log in actuator.logs)
+        high = max(float(np.nanmax(log["position"].values)) for log in actuator.logs)
+        text = f"no stop was reached; the logs reach {low:.3g} to {high:.3g} rad"
+        remarks.append(Remark("limit", text, "stops", severity="note"))
+    return remarks
 
 
 def _fastest(log: xr.Dataset) -> float:
+    """Return the largest recorded rate, or the largest slope of the position over five samples."""
+    if "rate" in log:
+        return float(np.nanmax(np.abs(log["rate"].values)))
     x, time = log["position"].values, log["time"].values
     return float(np.nanmax(np.abs((x[4:] - x[:-4]) / (time[4:] - time[:-4]))))
 
 
-def _report(found: IdentifiedActuator) -> str:
-    about = found.response.estimates.attrs
-    kind = "servo" if found.structure.stiffness else "motor"
+_CELLS = ("frequency", "frequency_stderr", "time", "time_stderr", "average", "average_stderr")
+
+
+def _report(actuator: IdentifiedActuator) -> str:
+    """Return the result as text."""
+    attrs = actuator.response.estimates.attrs
+    servo = actuator.structure.stiffness
+    kind, spring = ("servo", "+ Ka p ") if servo else ("motor", "")
+    scale = "absolute coefficients" if actuator.absolute else "ratios to Ma"
     text = [
-        f"{kind}: Ma v' + Ca v {'+ Ka p ' if found.structure.stiffness else ''}+ G tau = B "
-        f"(u - neutral); "
-        f"{'absolute coefficients' if found.absolute else 'ratios to Ma'}",
-        f"logs {len(found.logs)}, samples {about['samples']}, R2 of the response "
-        f"{found.fit:.4f}, of the spectra {found.spectral.R2:.4f}, "
-        f"iterations {about['iterations']}",
+        f"{kind}: Ma v' + Ca v {spring}+ G tau = B (u - neutral); {scale}",
+        f"logs {len(actuator.logs)}, samples {attrs['samples']}, R2 of the response "
+        f"{actuator.fit:.4f}, of the spectra {actuator.spectral.R2:.4f}, "
+        f"iterations {attrs['iterations']}",
         "",
         f"{'parameter':14s}{'frequency':>13s}{'std. error':>11s}{'time':>13s}{'std. error':>11s}"
         f"{'average 1/s':>13s}{'std. error':>11s}{'apart':>8s}",
     ]
-    for name, row in found.table().iterrows():
-        cells = [
-            row[key]
-            for key in (
-                "frequency",
-                "frequency_stderr",
-                "time",
-                "time_stderr",
-                "average",
-                "average_stderr",
-            )
-        ]
-        widths = (13, 11) * 3
-        shown = "".join(
-            f"{x:{w}.{5 if w == 13 else 3}g}" if math.isfinite(x) else f"{'-':>{w}s}"
-            for x, w in zip(cells, widths)
-        )
-        apart = row["disagreement"]
-        text.append(
-            f"{name:14s}{shown}{f'{apart:8.1f}' if math.isfinite(apart) else '       -'}{' !' if row['contradictory'] else ''}"
-        )
+    for name, row in actuator.table().iterrows():
+        # Value and standard error alternate, with five and three digits.
+        cells = ""
+        for cell in _CELLS:
+            width, digits = (11, 3) if cell.endswith("_stderr") else (13, 5)
+            cells += _cell(row[cell], width, f".{digits}g")
+        mark = " !" if row["contradictory"] else ""
+        text.append(f"{name:14s}{cells}{_cell(row['disagreement'], 8, '.1f')}{mark}")
     text += ["", "used: the output error in time"]
+    text += _quantity_lines(actuator)
+    for name, part in actuator.reached.items():
+        limit = ValueWithError(actuator.parameters[name], actuator.stderr[name])
+        text.append(
+            f"  {name.replace('_', ' '):18s} {limit}, held in {100.0 * part:.1f} % of samples"
+        )
+    if servo:
+        text.append(
+            f"  the first-order lag holds to {actuator.valid_to:.2g} Hz (10 % of amplitude, 0.1 "
+            f"rad of phase)"
+        )
+    return "\n".join([*text, "", *remark_lines(actuator.remarks)]).rstrip()
+
+
+def _cell(value: float, width: int, style: str) -> str:
+    """Return a number in a cell of a table; a dash for NaN."""
+    return f"{value:{width}{style}}" if math.isfinite(value) else f"{'-':>{width}s}"
+
+
+def _quantity_lines(actuator: IdentifiedActuator) -> list[str]:
+    """Return derived quantities and dead time with their units as lines of text."""
     units = {
         "natural_frequency": "rad/s",
         "damping_ratio": "",
@@ -435,89 +427,13 @@ def _report(found: IdentifiedActuator) -> str:
         "gain": "rad per unit of command",
         "offset": "rad",
     }
-    if kind == "motor":
+    if not actuator.structure.stiffness:
         units |= {"gain": "rad/s per unit of command", "offset": "rad/s"}
-    text += [
+    lines = [
         f"  {name.replace('_', ' '):18s} {value} {units[name]}".rstrip()
-        for name, value in found.derived().items()
+        for name, value in actuator.derived().items()
     ]
-    if "delay" in found.parameters:
-        text.append(
-            f"  {'dead time':18s} "
-            f"{ValueWithError(found.parameters['delay'], found.stderr['delay'])} s"
-        )
-    for name, part in found.reached.items():
-        text.append(
-            f"  {name.replace('_', ' '):18s} "
-            f"{ValueWithError(found.parameters[name], found.stderr[name])}, held in "
-            f"{100.0 * part:.1f} % of samples"
-        )
-    if kind == "servo":
-        text.append(
-            f"  the first-order lag holds to {found.valid_to:.2g} Hz (10 % of amplitude, 0.1 "
-            f"rad of phase)"
-        )
-    return "\n".join([*text, "", *remark_lines(found.remarks)]).rstrip()
-
-
-_RECORDED, _MODEL, _REST = "black", "#bc6c25", "#2a6f97"
-_BEYOND = 1.5  # times the upper edge of the excited band
-
-
-def draw_actuator(found: IdentifiedActuator, target: str | Path) -> None:
-    """Draw each log: motion, simulated response and residual in time on the left, their spectra on
-    the right.
-
-    Parameters
-    ----------
-    found : IdentifiedActuator
-    target : path
-        File to write, atomically; its ending names the format (png, svg, pdf).
-
-    Raises
-    ------
-    SchemaError
-        A format that is not drawn.
-    AeromatchError
-        matplotlib is not installed.
-    """
-    demand_drawable(target)
-    servo = found.structure.stiffness
-    name, unit, factor = ("position", "deg", np.degrees(1.0)) if servo else ("rate", "rad/s", 1.0)
-    figure = new_figure(14.0, 3.5 * len(found.logs))
-    axes = figure.subplots(len(found.logs), 2, squeeze=False, width_ratios=(2, 1))
-    for k, (log, (over_time, spectrum)) in enumerate(zip(found.logs, axes), 1):
-        time, z = log["time"].values, factor * log[name].values
-        y = (
-            factor
-            * simulate_actuator(log, found.structure, found.response.of_manoeuvre(k))[name].values
-        )
-        over_time.plot(time, z, color=_RECORDED, linewidth=0.8, label="recorded")
-        over_time.plot(time, y, color=_MODEL, linewidth=1.0, linestyle="--", label="simulated")
-        over_time.plot(time, z - y, color=_REST, linewidth=0.6, label="residual")
-        over_time.set_ylabel(f"{name} [{unit}]")
-        over_time.set_title(str(log.attrs.get("record", "")), fontsize="small", loc="left")
-        good = np.isfinite(z)
-        filled, step = np.interp(time, time[good], z[good]), float(np.diff(time).mean())
-        f = np.arange(1, len(time) // 2) / (step * (len(time) - 1))
-        f = f[f <= _BEYOND * excited_band(log.assign({name: ("time", filled)}))[1]]
-        for values, colour, style in (
-            (filled, _RECORDED, "-"),
-            (y, _MODEL, "--"),
-            (filled - y, _REST, "-"),
-        ):
-            spectrum.semilogy(
-                f,
-                np.abs(finite_fourier(remove_straight_line(values), step, f)),
-                color=colour,
-                linewidth=0.8,
-                linestyle=style,
-            )
-        spectrum.set_ylabel(f"|transform| [{unit} s]")
-        for axis in (over_time, spectrum):
-            axis.grid(linewidth=0.3)
-            axis.margins(x=0.01)
-    axes[0][0].legend(fontsize="small", ncols=3)
-    axes[-1][0].set_xlabel("time [s]")
-    axes[-1][1].set_xlabel("frequency [Hz]")
-    write_figure(figure, target, dpi=120)
+    if "delay" in actuator.parameters:
+        delay = ValueWithError(actuator.parameters["delay"], actuator.stderr["delay"])
+        lines.append(f"  {'dead time':18s} {delay} s")
+    return lines

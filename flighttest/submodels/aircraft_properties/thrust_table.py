@@ -1,11 +1,10 @@
-"""A static thrust table and a time constant from recorded thrust: trim points, accelerations, chops
-and slams.
+"""Static thrust table and time constant from recorded thrust.
 
-Engine model of the simulation: the thrust follows a table over throttle, Mach number and height
-with a first-order lag. The nodes of the table follow by non-negative least squares from samples
-where the throttle has been still for some seconds; nodes that no such sample reaches are held by a
-small penalty on the second differences of the table.  The time constant is the one that reproduces
-the whole recordings best.
+The records are trim points, accelerations, chops and slams.  The engine model is that of the
+simulation: the thrust follows a table over throttle, Mach number and height with a first-order lag.
+The nodes of the table follow by non-negative least squares from samples with a settled throttle.  A
+small penalty on the second differences of the table determines nodes without such samples.  The
+time constant is the one with the smallest residual over the whole records.
 """
 
 from __future__ import annotations
@@ -26,14 +25,16 @@ from flightmech.errors import AeromatchWarning, IdentificationError, UnknownName
 from flightmech.terms import basis, make_term
 from flighttest.reconstruction.problem.trajectory import lag_weights
 
-_RATE = 5.0  # Hz: a thrust recording carries no more
-_SMOOTH = 0.03  # weight of a second difference against one sample per node
-_TAU = (0.2, 8.0)  # s
-_END = 0.02  # of a time constant: this near to the end of the search it is not measured
-_STILL = (
-    6.0,
-    0.03,
-)  # s and throttle: settled when the throttle moved by less during the time before
+# Rate to which records are reduced; thrust contains no higher frequencies. [Hz]
+_RATE = 5.0
+# Weight of a second difference against one sample per node.
+_SMOOTH = 0.03
+# Range of the time constant. [s]
+_TAU = (0.2, 8.0)
+# Distance of the logarithm of a time constant from an end of the search that counts as the end.
+_END = 0.02
+# The throttle is settled if it moved by less than this range during this time. [s, 1]
+_STILL = (6.0, 0.03)
 
 
 @dataclass(frozen=True)
@@ -45,8 +46,7 @@ class ThrustFit:
     leaf : Dataset
         Static thrust as a term leaf over the axes. [N]
     time_constant : float
-        Of the first-order lag; between 0.2 and 8 s, see the warning of `fit_thrust` at these ends.
-        [s]
+        Time constant of the first-order lag, 0.2 to 8 s. `fit_thrust` warns at these ends. [s]
     rms_settled, rms : float
         Residual of the settled samples against the table, and of all samples against table and lag.
         [N]
@@ -69,8 +69,8 @@ def fit_thrust(
     Parameters
     ----------
     data : sequence of Path or Dataset (time,)
-        With ``mach``, ``h`` and, for each engine, ``engineN.throttle`` and ``engineN.thrust`` at a
-        uniform rate.
+        Channels ``mach``, ``h`` and, for each engine, ``engineN.throttle`` and ``engineN.thrust``
+        at a uniform rate.
     axes : mapping of str to sequence
         Breakpoints over some of ``throttle``, ``mach``, ``h``. [1], [1], [m]
     engines : sequence of int
@@ -83,9 +83,9 @@ def fit_thrust(
     Raises
     ------
     IdentificationError
-        The throttle does not move, so table and lag cannot be found.
+        The throttle does not move, so table and lag are not determined.
     UnknownName
-        A needed channel is missing.
+        A required channel is missing.
 
     Warns
     -----
@@ -95,7 +95,8 @@ def fit_thrust(
 
     Notes
     -----
-    A turbojet spools up and down at different rates; one time constant is the compromise that fits both best.
+    A turbojet accelerates and decelerates at different rates. One time constant is the compromise
+    with the smallest residual.
     """
     runs = [_run(getattr(item, "states", item), tuple(axes), engines) for item in data]
     if not runs or max(np.ptp(run["throttle"]) for run, _, _ in runs) < 0.1:
@@ -104,57 +105,63 @@ def fit_thrust(
         )
     template = make_term(np.zeros([len(points) for points in axes.values()]), axes)
     designs = [basis(template, run, outside="clamp").toarray() for run, _, _ in runs]
-    settled = np.concatenate([_settled(run["throttle"], step) for run, _, step in runs])
+    settled = np.concatenate([_is_settled(run["throttle"], step) for run, _, step in runs])
     target, design = np.concatenate([thrust for _, thrust, _ in runs]), np.concatenate(designs)
-    penalty = (
-        _SMOOTH
-        * np.sqrt(settled.sum() / design.shape[1])
-        * _penalty([len(points) for points in axes.values()])
-    )
-    nodes, _ = nnls(
-        np.vstack([design[settled], penalty]), np.append(target[settled], np.zeros(len(penalty)))
-    )
+    nodes = _table_nodes(design[settled], target[settled], shape=template["value"].shape)
 
     def rms(log_tau: float) -> float:
-        lagged = [
-            _lag(design @ nodes, step, float(np.exp(log_tau)))
-            for design, (_, _, step) in zip(designs, runs, strict=True)
-        ]
+        lagged = []
+        for matrix, (_, _, step) in zip(designs, runs, strict=True):
+            lagged.append(_lag(matrix @ nodes, step, float(np.exp(log_tau))))
         return float(np.sqrt(np.mean((target - np.concatenate(lagged)) ** 2)))
 
     best = minimize_scalar(rms, bounds=(np.log(_TAU[0]), np.log(_TAU[1])), method="bounded")
-    for end, words in zip(_TAU, ("at most", "at least")):
+    for end, bound in zip(_TAU, ("at most", "at least")):
         if abs(best.x - np.log(end)) < _END:
             text = (
-                f"time constant of the thrust: {words} {end:g} s, the end of the search; "
+                f"time constant of the thrust: {bound} {end:g} s, the end of the search; "
                 f"these runs do not determine it"
             )
             warnings.warn(text, AeromatchWarning, stacklevel=2)
-    leaf = make_term(nodes.reshape(template["value"].shape), axes, source="flight")
-    still = float(np.sqrt(np.mean((target - design @ nodes)[settled] ** 2)))
-    return ThrustFit(leaf, float(np.exp(best.x)), still, float(best.fun), float(np.ptp(target)))
+    return ThrustFit(
+        leaf=make_term(nodes.reshape(template["value"].shape), axes, source="flight"),
+        time_constant=float(np.exp(best.x)),
+        rms_settled=float(np.sqrt(np.mean((target - design @ nodes)[settled] ** 2))),
+        rms=float(best.fun),
+        span=float(np.ptp(target)),
+    )
 
 
-def _settled(throttle: np.ndarray, step: float) -> np.ndarray:
-    """Return where the throttle has not moved for a while; the first sample counts as settled."""
+def _table_nodes(design: np.ndarray, target: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Return the nodes of the table from settled samples, with penalty on second differences."""
+    # The penalty has the weight of a part of the average number of samples per node.
+    weight = _SMOOTH * np.sqrt(len(target) / design.shape[1])
+    penalty = weight * _second_differences(shape)
+    nodes, _ = nnls(np.vstack([design, penalty]), np.append(target, np.zeros(len(penalty))))
+    return nodes
+
+
+def _is_settled(throttle: np.ndarray, step: float) -> np.ndarray:
+    """Return where the throttle has not moved for a while; the first sample is settled."""
 
     width = max(round(_STILL[0] / step), 1)
     padded = np.concatenate([np.full(width, throttle[0]), throttle])
     size, origin = width + 1, width // 2
-    return (
-        maximum_filter1d(padded, size, origin=origin)
-        - minimum_filter1d(padded, size, origin=origin)
-    )[width:] < _STILL[1]
+    # Range of the throttle over the last `width` samples.
+    high = maximum_filter1d(padded, size, origin=origin)
+    low = minimum_filter1d(padded, size, origin=origin)
+    return (high - low)[width:] < _STILL[1]
 
 
 def _run(
     states: xr.Dataset, axes: tuple[str, ...], engines: Sequence[int]
 ) -> tuple[dict[str, np.ndarray], np.ndarray, float]:
-    """Return the conditions, the mean thrust and the step of a run, thinned to the rate that a
-    thrust recording carries.
-    """
-    needed = [f"engine{i}.{part}" for i in engines for part in ("throttle", "thrust")]
-    for name in (*needed, *(axis for axis in axes if axis != "throttle")):
+    """Return the conditions, the mean thrust and the step of a run at the reduced rate."""
+    names = []
+    for engine in engines:
+        names += [f"engine{engine}.throttle", f"engine{engine}.thrust"]
+    names += [axis for axis in axes if axis != "throttle"]
+    for name in names:
         if name not in states:
             raise UnknownName(
                 name, map(str, states.data_vars), "channel", "the fit of the thrust needs it"
@@ -162,33 +169,32 @@ def _run(
     time = states["time"].values
     step = float(np.median(np.diff(time)))
     every = max(round(1.0 / (_RATE * step)), 1)
-    mean = {
-        part: np.mean([states[f"engine{i}.{part}"].values for i in engines], axis=0)[::every]
-        for part in ("throttle", "thrust")
-    }
-    conditions = {
-        axis: mean["throttle"] if axis == "throttle" else states[axis].values[::every]
-        for axis in axes
-    }
-    return conditions | {"throttle": mean["throttle"]}, mean["thrust"], step * every
+    mean = {}
+    for quantity in ("throttle", "thrust"):
+        values = [states[f"engine{engine}.{quantity}"].values for engine in engines]
+        mean[quantity] = np.mean(values, axis=0)[::every]
+    conditions = {"throttle": mean["throttle"]}
+    for axis in axes:
+        if axis != "throttle":
+            conditions[axis] = states[axis].values[::every]
+    return conditions, mean["thrust"], step * every
 
 
 def _lag(x: np.ndarray, step: float, tau: float) -> np.ndarray:
-    """Return `x` behind a first-order lag, started in equilibrium, input linear between samples."""
-
+    """Return `x` after a first-order lag, from equilibrium, with x linear between samples."""
     (E, c0, c1), _ = lag_weights(tau, step)
     return lfilter([c1, c0], [1.0, -E], x, zi=x[:1] * (1.0 - c1))[0]
 
 
-def _penalty(shape: Sequence[int]) -> np.ndarray:
+def _second_differences(shape: Sequence[int]) -> np.ndarray:
     """Return the second differences of a table along each axis, per unit of index."""
     rows = []
     for axis, count in enumerate(shape):
         others = [range(n) for i, n in enumerate(shape) if i != axis]
-        for place in product(*others):
+        for index in product(*others):
             for k in range(1, count - 1):
                 row = np.zeros(shape)
                 for shift, weight in ((-1, 1.0), (0, -2.0), (1, 1.0)):
-                    row[(*place[:axis], k + shift, *place[axis:])] = weight
+                    row[(*index[:axis], k + shift, *index[axis:])] = weight
                 rows.append(row.ravel())
     return np.array(rows) if rows else np.zeros((0, int(np.prod(shape))))

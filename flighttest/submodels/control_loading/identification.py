@@ -1,5 +1,6 @@
-"""Control loading of one control from flight: force at the hand, stretch of the cable, and the
-motion that both give.
+"""Identification of the control loading of one control from flight.
+
+The steps are the force at the hand, the stretch of the cable, and the motion that both give.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import xarray as xr
 from flightmech.aircraft.controls import Circuit
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error import least_squares
-from flighttest.submodels.control_loading.joint_fit import JointFit, RecordEquations
+from flighttest.submodels.control_loading.joint_fit import JointFit
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.motion import CUTOFF, loading_channels
 from flighttest.submodels.control_loading.regression import (
@@ -33,6 +34,7 @@ from flighttest.submodels.control_loading.windows import (
     with_error,
 )
 
+# Repetitions of both regressions, each with the shares from the other.
 _PASSES = 2
 
 
@@ -51,25 +53,25 @@ def identify_control_loading(
     Parameters
     ----------
     loading : ControlLoading
-        What is known: geometry of the hinge, gearing, terms.
+        Geometry of the hinge, gearing, and terms of the force.
     driven : sequence of Dataset (time,)
         Manoeuvres in which the hand moves the control slowly, at several speeds and tab settings
         *together*: at one speed, spring, unbalance and hinge moment at zero merge.  Channels of
         `motion.control_signals`.
     free : sequence of Dataset (time,)
-        Pulses and releases: what moves fast enough to show masses and cable.
+        Pulses and releases, whose motion is fast enough to determine masses and cable.
     order : {2, 4}
         4: two masses on a cable; 2: one mass.
     cutoff : float
-        Low-pass of the driven manoeuvres. [Hz]
+        Cut-off frequency of the low-pass of the driven manoeuvres. [Hz]
     errors : mapping of str to (float, float), optional
         Standard errors of the constant bias and of the scale of a channel, such as ``{"F_column":
-        (1.5, 0.01)}``: no record shows them, so they are carried on into the standard errors; see
+        (1.5, 0.01)}``. No record shows them. The standard errors of the estimates contain them; see
         `instruments.pick_up_errors`. [unit of the channel, 1]
     drawings : Circuit, optional
-        What is known of the circuit from its drawings; it is joined as by
-        `IdentifiedLoading.with_prior` and holds the mass of both ends and the inertia of the
-        surface within twice their errors where the motion is lost in the noise of the pick-ups.
+        Circuit by its drawings. It is joined as by `IdentifiedLoading.with_prior`. It fixes the
+        mass of both ends and the inertia of the surface within twice their errors, if the motion
+        does not exceed the noise of the pick-ups.
     drawings_error : float
         Standard error of its constants over their values. [1]
 
@@ -82,12 +84,13 @@ def identify_control_loading(
     IdentificationError
         The control does not slide, terms cannot be distinguished, or the cable does not stretch.
     UnknownName
-        A channel that a record does not hold.
+        A record lacks a channel.
 
     Notes
     -----
-    Both equations of motion are linear in their constants while the control slides, dry friction included: inverse dynamics.  Samples at
-    rest, at reversals, near neutral and next to a release are left out, since there friction and preload have no known sign.
+    Both equations of motion are linear in their constants while the control slides, dry friction
+    included: inverse dynamics.  Samples at rest, at reversals, near neutral and next to a release
+    are excluded, since friction and preload have no certain sign there.
 
     References
     ----------
@@ -98,34 +101,33 @@ def identify_control_loading(
             f"order is {order}; allowed: 2, 4 (two ailerons on two cables move as one of order 4)"
         )
     slow, quick = driven_stretches(loading, driven, cutoff), free_stretches(loading, free)
-    wide = 2.0 * drawings_error
-    known = _mass(loading, drawings, wide) if drawings is not None else {}
-    shares = _drawn_shares(loading, drawings) if order == 4 else {}
-    for _ in range(
-        1 if order == 2 else 1 + _PASSES
-    ):  # force and stretch in turn, each corrected by the other
-        slid, force = sliding_fit(loading, slow, quick, cutoff, shares, known)
-        cable = (
-            None
-            if order == 2
-            else cable_fit(slid, slow, quick, cutoff, _drawn_cable(loading, drawings, wide))
-        )
-        used, shares = shares, _shares(slid, cable) if cable is not None else {}
-    fit = _Fit(slid, force, cable, used)
-    found = IdentifiedLoading(
-        loading, slid, None if cable is None else cable.estimates, fit.estimates()
-    )
-    sources = _sources(loading, [*driven, *free], errors or {})
+    drawn_error = 2.0 * drawings_error
+    prior = {} if drawings is None else _drawn_mass(loading, drawings, drawn_error)
+    if order == 2:
+        slid, force = sliding_fit(loading, slow, quick, cutoff=cutoff, aft={}, known=prior)
+        fit = _Regressions(slid, force, cable=None, shares={})
+    else:
+        # Force and stretch in turn, each corrected by the other.
+        shares = _drawn_shares(loading, drawings)
+        drawn = _drawn_cable(loading, drawings, drawn_error)
+        for _ in range(1 + _PASSES):
+            slid, force = sliding_fit(loading, slow, quick, cutoff=cutoff, aft=shares, known=prior)
+            cable = cable_fit(slid, slow, quick, cutoff=cutoff, drawn=drawn)
+            fit = _Regressions(slid, force, cable=cable, shares=shares)
+            shares = _shares(slid, cable)
+    stretch = None if fit.cable is None else fit.cable.estimates
+    identified = IdentifiedLoading(loading, fit.slid, cable=stretch, estimates=fit.estimates())
+    sources = _error_sources(loading, [*driven, *free], errors or {})
     if sources:
-        found = found.with_errors(fit.changes(slow, quick, sources))
-    return found.with_prior(drawings, drawings_error) if drawings is not None else found
+        identified = identified.with_errors(fit.changes(slow, quick, sources))
+    if drawings is None:
+        return identified
+    return identified.with_prior(drawings, drawings_error)
 
 
 @dataclass(frozen=True)
-class _Fit:
-    """Both regressions, and with which shares of the surface in friction, damping and mass the
-    first was made.
-    """
+class _Regressions:
+    """Both regressions, and the shares of the surface in the constants of the first."""
 
     slid: SlidingFit
     force: JointFit
@@ -137,8 +139,9 @@ class _Fit:
         return [*self.slid.loading.names, *(NAMES if self.cable is not None else ())]
 
     def _division(self) -> np.ndarray:
-        """From friction, damping and mass of both ends to those of the cockpit end alone, (names,
-        names).
+        """Return the matrix (names, names) that divides friction, damping and mass.
+
+        It leads from the values of both ends to those of the cockpit end.
         """
         T = np.eye(len(self.names))
         for total, (aft, power) in SHARED.items():
@@ -149,15 +152,15 @@ class _Fit:
         return T
 
     def estimates(self) -> xr.Dataset:
-        """All constants and terms with their covariance."""
+        """Return all constants and terms with their covariance."""
         if self.cable is None:
             return self.slid.estimates
         T, both = self._division(), (self.slid.estimates, self.cable.estimates)
-        C = scipy.linalg.block_diag(*(one["covariance"].values for one in both))
-        theta = np.concatenate([one["estimate"].values for one in both])
-        nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(theta), 0)))
+        C = scipy.linalg.block_diag(*(part["covariance"].values for part in both))
+        theta = np.concatenate([part["estimate"].values for part in both])
+        no_errors: tuple[list[str], np.ndarray] = ([], np.zeros((len(theta), 0)))
         return least_squares.regression_estimates(
-            self.names, T @ theta, T @ C @ T.T, np.full(len(theta), np.nan), nothing, {}
+            self.names, T @ theta, T @ C @ T.T, np.full(len(theta), np.nan), no_errors, {}
         )
 
     def changes(
@@ -166,101 +169,91 @@ class _Fit:
         quick: Sequence[PreparedRecord],
         sources: Sequence[tuple[str, int, float]],
     ) -> np.ndarray:
-        """Return the changes of the estimates by errors of channels, (sources, names), to first
-        order: those of the residuals fitted.
+        """Return the changes of the estimates by errors of channels, (sources, names).
+
+        They are of first order: the changes of the residuals, fitted.
         """
         loading, theta = self.slid.loading, self.slid.estimates["estimate"].values
-        known = [loading.names.index(loading.term(term)) for term in loading.model.terms]
+        hinge = [loading.names.index(loading.term(term)) for term in loading.model.terms]
 
-        def residuals(stretches: Sequence[PreparedRecord]) -> np.ndarray:
-            return np.concatenate(
-                [_residual(force_rows(loading, one, self.shares), theta) for one in stretches]
-            )
+        def residuals(records: Sequence[PreparedRecord]) -> np.ndarray:
+            rows = [force_rows(loading, record, self.shares) for record in records]
+            return np.concatenate([part.z - part.X @ theta for part in rows])
 
         as_recorded = [*slow, *quick]
         before = residuals(as_recorded)
-        stretch = None if self.cable is None else self.cable.residual(as_recorded, theta[known])
-        found = []
+        stretch = None if self.cable is None else self.cable.residual(as_recorded, theta[hinge])
+        changes = []
         for source in sources:
-            wrong = [with_error(loading, one, *source) for one in as_recorded]
+            wrong = [with_error(loading, record, *source) for record in as_recorded]
             change = self.force.estimator[:, : len(before)] @ (residuals(wrong) - before)
             if self.cable is not None:
-                of_stretch = self.cable.residual(wrong, (theta + change)[known]) - stretch
+                # The stretch changes by the error itself and by the changed hinge moments.
+                of_stretch = self.cable.residual(wrong, (theta + change)[hinge]) - stretch
                 change = self._division() @ np.concatenate([change, self.cable.slopes @ of_stretch])
-            found.append(change)
-        return np.array(found)
+            changes.append(change)
+        return np.array(changes)
 
 
-def _residual(rows: RecordEquations, theta: np.ndarray) -> np.ndarray:
-    return rows.z - rows.X @ theta
-
-
-def _mass(
+def _drawn_mass(
     loading: ControlLoading, drawings: Circuit, error: float
 ) -> dict[str, tuple[float, float]]:
-    """Mass of both ends by the drawings, and its standard error."""
+    """Return the mass of both ends by the drawings, and its standard error."""
     total = drawings.mass + drawings.inertia * loading.gearing**2
     return {"mass": (total, error * total)} if total > 0.0 else {}
 
 
 def _drawn_shares(loading: ControlLoading, drawings: Circuit | None) -> dict[str, float]:
-    """Share of the surface in friction, damping and mass of both ends by the drawings, to start
-    with.
-    """
+    """Return first values of the shares of the surface in friction, damping and mass."""
     if drawings is None:
         return {}
-    pairs = {
-        total: (getattr(drawings, total), getattr(drawings, aft) * abs(loading.gearing) ** k)
-        for total, (aft, k) in SHARED.items()
-    }
-    return {
-        total: b / (a + b)
-        for total, (a, b) in pairs.items()
-        if a + b > 0.0 and total in loading.names
-    }
+    shares = {}
+    for total, (aft, power) in SHARED.items():
+        cockpit = getattr(drawings, total)
+        surface = getattr(drawings, aft) * abs(loading.gearing) ** power
+        if cockpit + surface > 0.0 and total in loading.names:
+            shares[total] = surface / (cockpit + surface)
+    return shares
 
 
 def _drawn_cable(
     loading: ControlLoading, drawings: Circuit | None, error: float
 ) -> tuple[float, float, float] | None:
-    """Inertia of the surface and stiffness of the cables by the drawings, reduced to the travel,
-    and the error of the first.
+    """Return inertia of the surface, stiffness of the cables, and the error of the inertia.
+
+    The drawings give the values. They are reduced to the travel.
     """
     if drawings is None or not (drawings.inertia > 0.0 and drawings.cable_stiffness > 0.0):
         return None
-    return (
-        drawings.inertia * loading.gearing**2,
-        drawings.cable_stiffness * (2.0 if drawings.order == 6 else 1.0),
-        error,
-    )
+    # Order 6 has two cables side by side.
+    cables = 2.0 if drawings.order == 6 else 1.0
+    return drawings.inertia * loading.gearing**2, drawings.cable_stiffness * cables, error
 
 
-def _sources(
+def _error_sources(
     loading: ControlLoading,
     records: Sequence[xr.Dataset],
     errors: Mapping[str, tuple[float, float]],
 ) -> list[tuple[str, int, float]]:
-    """Channel, 0 for a bias and 1 for a scale error, and its size, of every error of a channel that
-    is used.
-    """
-    used = {name for name in loading_channels(loading) if all(name in one for one in records)}
-    return [
-        (name, kind, size)
-        for name, pair in errors.items()
-        if name in used
-        for kind, size in enumerate(pair)
-        if size > 0.0
-    ]
+    """Return channel, kind (0 bias, 1 scale error) and size of every error of a used channel."""
+    used = set()
+    for name in loading_channels(loading):
+        if all(name in record for record in records):
+            used.add(name)
+    sources = []
+    for name, pair in errors.items():
+        for kind, size in enumerate(pair):
+            if name in used and size > 0.0:
+                sources.append((name, kind, size))
+    return sources
 
 
 def _shares(slid: SlidingFit, cable: CableFit) -> dict[str, float]:
-    """Share of the surface in friction, damping and mass of both ends, between 0 and 1."""
-    found = {}
+    """Return the share of the surface in friction, damping and mass of both ends, 0 to 1."""
+    shares = {}
     for total, (aft, power) in SHARED.items():
         if total in slid.loading.names:
-            own = (
-                float(cable.estimates["estimate"].sel(term=aft))
-                * abs(slid.loading.gearing) ** power
-            )
-            found[total] = float(np.clip(own / slid.value(total)[0], 0.0, 1.0))
-    return found
+            surface = float(cable.estimates["estimate"].sel(term=aft))
+            surface *= abs(slid.loading.gearing) ** power
+            shares[total] = float(np.clip(surface / slid.value(total)[0], 0.0, 1.0))
+    return shares

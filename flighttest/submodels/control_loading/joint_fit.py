@@ -1,5 +1,6 @@
-"""Least squares over samples of driven manoeuvres and windows of free motion together, with noise
-in the regressors.
+"""Least squares over samples and windows together, with noise in the regressors.
+
+The samples are those of driven manoeuvres, the windows those of free motion.
 """
 
 from __future__ import annotations
@@ -16,10 +17,14 @@ from flighttest.regression.equation_error import least_squares
 from flighttest.regression.uncertainty import collinearity
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 
-_PASSES = 5  # of the weights
-_LEAST = 0.1  # of the mean square of the residuals: what the noise of the regressors never explains
+# Passes over the weights.
+_PASSES = 5
+# Smallest part of the mean square of the residuals that the noise of the regressors cannot explain.
+_LEAST = 0.1
+# Largest share of noise that is subtracted before the weights are final.
 _SAFE = 0.5
-_NOISY = 0.9  # share of noise in what distinguishes a regressor from the others
+# Largest share of noise in the part of a regressor that is independent of the others.
+_NOISY = 0.9
 
 
 @dataclass(frozen=True)
@@ -29,7 +34,9 @@ class RecordEquations:
     Attributes
     ----------
     X : array (rows, terms)
+        Regressors.
     z : array (rows,)
+        Response.
     noise : array (rows, terms)
         Variance of the noise in every regressor.
     lengths : tuple of int
@@ -47,7 +54,7 @@ class RecordEquations:
 
 @dataclass(frozen=True)
 class PriorConstraint:
-    """What is known of the estimates from elsewhere: ``row @ theta`` is `value` within `stderr`."""
+    """A-priori value of a combination of the estimates: ``row @ theta``, with standard error."""
 
     row: np.ndarray
     value: float
@@ -56,25 +63,27 @@ class PriorConstraint:
 
 @dataclass(frozen=True)
 class JointFit:
-    """Estimates of both together.
+    """Joint estimates from samples and windows.
 
     Attributes
     ----------
     theta : array (terms,)
+        Estimates.
     X : array (rows, terms)
         Weighted regressors.
     estimator : array (terms, rows)
-        What turns a change of the response, samples before windows before what is known, into one
-        of theta.
+        Change of theta by a change of the response. Samples come before windows, and windows before
+        prior constraints.
     residual : array (rows,)
+        Residuals of the unweighted equations.
     samples, windows : int
-        Rows of either.
+        Numbers of rows of samples and of windows.
     variances : array (rows,)
-        Of the residuals.
+        Variances of the residuals.
     lengths : tuple of int
         Samples of every stretch without a gap.
     steps : tuple of float
-        Sampling interval of each. [s]
+        Sampling interval of each stretch. [s]
     """
 
     theta: np.ndarray
@@ -89,25 +98,27 @@ class JointFit:
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """Covariance of theta, (terms, terms): residuals of the samples coloured, those of the
-        windows independent.
+        """Covariance of theta, (terms, terms).
+
+        Residuals of the samples are coloured, and those of the windows are independent.
         """
         ends = np.cumsum(self.lengths)
         pieces = [slice(int(b) - a, int(b)) for a, b in zip(self.lengths, ends)]
-        A, rest = self.estimator[:, : self.samples], self.estimator[:, self.samples :]
-        found = coloured_covariance_of(
-            least_squares.equivalent_regressors(A),
+        of_samples = self.estimator[:, : self.samples]
+        of_windows = self.estimator[:, self.samples :]
+        coloured = coloured_covariance_of(
+            least_squares.equivalent_regressors(of_samples),
             self.residual[: self.samples],
             pieces,
             self.steps,
         ).covariance
-        return found + rest * self.variances[self.samples :] @ rest.T
+        return coloured + of_windows * self.variances[self.samples :] @ of_windows.T
 
 
 def stretch_lengths(use: np.ndarray) -> tuple[int, ...]:
-    """Return how many samples every stretch without a gap holds."""
-    own = np.flatnonzero(use)
-    edges = [0, *(np.flatnonzero(np.diff(own) > 1) + 1).tolist(), len(own)]
+    """Return the number of samples of every stretch without a gap."""
+    indices = np.flatnonzero(use)
+    edges = [0, *(np.flatnonzero(np.diff(indices) > 1) + 1).tolist(), len(indices)]
     return tuple(b - a for a, b in pairwise(edges))
 
 
@@ -116,92 +127,107 @@ def joint_fit(
     windows: Sequence[RecordEquations],
     names: Sequence[str],
     cutoff: float,
-    known: Sequence[PriorConstraint] = (),
+    constraints: Sequence[PriorConstraint] = (),
 ) -> JointFit:
-    """Fit both by weighted least squares, corrected for the noise in the regressors.
+    """Fit samples and windows by weighted least squares, corrected for noise in the regressors.
 
     Parameters
     ----------
     samples, windows : sequence of Rows
-        Of driven manoeuvres behind a low-pass; of free motion, see `modulation`.
+        Equations of driven manoeuvres after a low-pass, and of free motion.
     names : sequence of str
-        Of the terms.
+        Names of the terms.
     cutoff : float
-        Of the low-pass, which gives how many samples are worth an independent one. [Hz]
-    known : sequence of Known, optional
-        One equation more each.
+        Cut-off frequency of the low-pass. It gives the number of independent samples. [Hz]
+    constraints : sequence of PriorConstraint, optional
+        Each is one further equation.
 
     Raises
     ------
     IdentificationError
-        A regressor that is mostly noise.
+        A regressor consists mostly of noise.
 
     Notes
     -----
-    X'X exceeds that of the true regressors by the noise, whose size is known from the pick-ups, and is reduced by it.  Weights are the
-    residuals' own variances.
+    X'X exceeds that of the true regressors by the noise.  The size of the noise is known from the
+    pick-ups, and X'X is reduced by it [Fuller1987].  The weights are the inverse variances of the
+    residuals.
 
     References
     ----------
     .. [Fuller1987] Fuller, Measurement Error Models, 1987, section 2.2.
     """
-    n = len(samples)
-    sizes = np.array([len(one.z) for one in (*samples, *windows)])
-    source = np.concatenate(
-        [np.repeat((np.arange(len(sizes)) >= n).astype(int), sizes), np.full(len(known), 2)]
-    )  # samples, windows, known
-    more = np.array([one.row for one in known]).reshape(len(known), len(names))
-    X = np.concatenate([*(one.X for one in (*samples, *windows)), more])
-    z = np.concatenate([*(one.z for one in (*samples, *windows)), [one.value for one in known]])
-    noise = np.concatenate([*(one.noise for one in (*samples, *windows)), np.zeros(more.shape)])
-    fixed = np.array([one.stderr**2 for one in known])
-    worth = np.array(
-        [min(1.0, 2.0 * cutoff * float(np.median([one.step for one in samples]))), 1.0, 1.0]
-    )[source]
+    records = [*samples, *windows]
+    rows = np.array([c.row for c in constraints]).reshape(len(constraints), len(names))
+    X = np.concatenate([*(record.X for record in records), rows])
+    z = np.concatenate([*(record.z for record in records), [c.value for c in constraints]])
+    noise = np.concatenate([*(record.noise for record in records), np.zeros(rows.shape)])
+    fixed = np.array([c.stderr**2 for c in constraints])
+    # Source of every row: 0 samples, 1 windows, 2 constraints.
+    counts = [sum(len(record.z) for record in group) for group in (samples, windows)]
+    source = np.repeat([0, 1, 2], [*counts, len(constraints)])
+    # A low-pass leaves two independent samples per period of its cut-off.
+    step = float(np.median([record.step for record in samples]))
+    worth = np.array([min(1.0, 2.0 * cutoff * step), 1.0, 1.0])[source]
     weight = worth.copy()
     weight[source == 2] /= fixed
     for number in range(_PASSES):
         root = np.sqrt(weight)
-        theta, equivalent = _without_noise(
-            root[:, None] * X, root * z, weight @ noise, names, final=number + 1 == _PASSES
+        theta, equivalent = _solve_without_noise(
+            root[:, None] * X,
+            root * z,
+            noise=weight @ noise,
+            names=names,
+            final=number + 1 == _PASSES,
         )
         v = z - X @ theta
-        weight = worth / _variances(v, noise @ theta**2, source, fixed)
-    estimator = least_squares.estimator_matrix(equivalent) * root
-    counts = [int((source == k).sum()) for k in (0, 1)]
-    lengths = tuple(length for one in samples for length in one.lengths)
-    steps = tuple(one.step for one in samples for _ in one.lengths)
-    variances = _variances(v, noise @ theta**2, source, fixed)
+        variances = _variances(v, noise @ theta**2, source=source, fixed=fixed)
+        weight = worth / variances
+    lengths: list[int] = []
+    steps: list[float] = []
+    for record in samples:
+        lengths += record.lengths
+        steps += [record.step] * len(record.lengths)
     return JointFit(
-        theta, root[:, None] * X, estimator, v, counts[0], counts[1], variances, lengths, steps
+        theta,
+        X=root[:, None] * X,
+        estimator=least_squares.estimator_matrix(equivalent) * root,
+        residual=v,
+        samples=counts[0],
+        windows=counts[1],
+        variances=variances,
+        lengths=tuple(lengths),
+        steps=tuple(steps),
     )
 
 
 def _variances(
     v: np.ndarray, by_noise: np.ndarray, source: np.ndarray, fixed: np.ndarray
 ) -> np.ndarray:
-    """Variance of every residual: what the noise of the regressors explains, and of each source one
-    more that is common to its rows.
+    """Return the variance of every residual.
+
+    It is the variance that the noise of the regressors explains, plus one value per source.
     """
-    found = by_noise.copy()
-    found[source == 2] = fixed
+    variances = by_noise.copy()
+    variances[source == 2] = fixed
     for k in np.unique(source[source < 2]):
-        own = source == k
-        total = float(np.mean(v[own] ** 2))
-        found[own] += max(total - float(np.mean(by_noise[own])), _LEAST * total)
-    return found
+        rows = source == k
+        total = float(np.mean(v[rows] ** 2))
+        variances[rows] += max(total - float(np.mean(by_noise[rows])), _LEAST * total)
+    return variances
 
 
-def _without_noise(
+def _solve_without_noise(
     X: np.ndarray, z: np.ndarray, noise: np.ndarray, names: Sequence[str], final: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Estimate whose regressors carry noise, and the regressors of which it is the ordinary one.
+    """Return estimates corrected for noise, and regressors whose ordinary estimates they are.
 
-    Before weights are known, noise may exceed the regressor; so much of it is then taken off as is
-    safe.
+    Before the weights are final, the noise may exceed the regressor.  Then only a safe part of it
+    is subtracted.
     """
     collinearity.demand_rank(X, names)
     R = np.linalg.qr(X, mode="r")
+    # Variance of each regressor that the others do not explain, compared with its noise.
     share = noise * np.sum(np.linalg.inv(R) ** 2, axis=1)
     worst = float(share.max())
     if final and worst > _NOISY:
@@ -210,6 +236,7 @@ def _without_noise(
             f"motion or leave it out"
         )
         raise IdentificationError(f"{names[int(np.argmax(share))]}: {text}")
-    return least_squares.solve_least_squares(
-        X, z, -noise * min(1.0, _SAFE / worst if worst > 0.0 else 1.0) if not final else -noise
-    )
+    part = 1.0
+    if not final and worst > 0.0:
+        part = min(1.0, _SAFE / worst)
+    return least_squares.solve_least_squares(X, z, -noise * part)

@@ -1,5 +1,6 @@
-"""What was found of the control loading: constants for the aircraft file, hinge moments for the
-database, text.
+"""Result of the identification of a control loading.
+
+It provides constants for the aircraft file, hinge moments for the database, and text.
 """
 
 from __future__ import annotations
@@ -24,33 +25,47 @@ from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.regression import SlidingFit
 from flighttest.submodels.control_loading.simulation import SimulatedWindow, fly_windows
 
-_UNITS = {  # of a travel in m, of one in rad
-    "offset": ("N", "N m"), "bob_weight": ("kg", "kg m"), "stiffness": ("N/m", "N m"), "nose_spring": ("N/m", "N m"),
-    "preload": ("N", "N m"), "friction": ("N", "N m"), "damping": ("N s/m", "N m s"), "mass": ("kg", "kg m2"),
-    "inertia": ("kg m2", "kg m2"), "cable_stiffness": ("N/m", "N m"), "cable_damping": ("N s/m", "N m s"),
-    "hinge_friction": ("N m", "N m"), "hinge_damping": ("N m s", "N m s"), "rigging": ("rad", "rad"),
-}  # fmt: skip
+# Units of a constant for a travel in m, and for a travel in rad.
+_UNITS = {
+    "offset": ("N", "N m"),
+    "bob_weight": ("kg", "kg m"),
+    "stiffness": ("N/m", "N m"),
+    "nose_spring": ("N/m", "N m"),
+    "preload": ("N", "N m"),
+    "friction": ("N", "N m"),
+    "damping": ("N s/m", "N m s"),
+    "mass": ("kg", "kg m2"),
+    "inertia": ("kg m2", "kg m2"),
+    "cable_stiffness": ("N/m", "N m"),
+    "cable_damping": ("N s/m", "N m s"),
+    "hinge_friction": ("N m", "N m"),
+    "hinge_damping": ("N m s", "N m s"),
+    "rigging": ("rad", "rad"),
+}
 _CIRCUIT = (
-    *(
-        "mass",
-        "inertia",
-        "damping",
-        "hinge_damping",
-        "stiffness",
-        "preload",
-        "friction",
-        "hinge_friction",
-    ),
-    *("cable_stiffness", "cable_damping", "rigging", "bob_weight", "nose_spring"),
+    "mass",
+    "inertia",
+    "damping",
+    "hinge_damping",
+    "stiffness",
+    "preload",
+    "friction",
+    "hinge_friction",
+    "cable_stiffness",
+    "cable_damping",
+    "rigging",
+    "bob_weight",
+    "nose_spring",
 )
-
-
+# Constants of both ends of the cable: name at the surface, and power of the gearing to reduce it.
 SHARED = {
     "friction": ("hinge_friction", 1),
     "damping": ("hinge_damping", 2),
     "mass": ("inertia", 2),
-}  # and power of the gearing
-DRAWINGS_ERROR = 0.25  # standard error over value of what drawings, weights and cable tables give
+}
+# Standard error over value of constants from drawings, weights and cable tables.
+DRAWINGS_ERROR = 0.25
+# Constants that may be negative, and constants that must be positive.
 _SIGNED = ("rigging", "bob_weight")
 _NEEDED = ("mass", "inertia", "cable_stiffness")
 
@@ -62,13 +77,14 @@ class IdentifiedLoading:
     Attributes
     ----------
     loading : ControlLoading
+        Control circuit.
     slid : SlidingFit
-        Of the force at the hand; friction, damping and mass of both ends together.
+        Fit of the force at the hand; friction, damping and mass of both ends together.
     cable : Dataset or None
-        Of the stretch of the cable, see `cable_fit`; None for order 2.
+        Estimates of the stretch of the cable, see `cable_fit`; None for order 2.
     estimates : Dataset (term, term_, error)
         ``estimate``, ``stderr``, ``covariance`` of all constants and terms; friction, damping and
-        mass of the cockpit end with a cable.
+        mass are those of the cockpit end if there is a cable.
     """
 
     loading: ControlLoading
@@ -89,15 +105,16 @@ class IdentifiedLoading:
         UnknownName
             No such constant or term.
         """
-        known = [str(term) for term in self.estimates["term"].values]
-        if name not in known:
-            raise UnknownName(name, known, "constant or term")
-        one = self.estimates.sel(term=name)
-        return float(one["estimate"]), float(one["stderr"])
+        names = [str(term) for term in self.estimates["term"].values]
+        if name not in names:
+            raise UnknownName(name, names, "constant or term")
+        row = self.estimates.sel(term=name)
+        return float(row["estimate"]), float(row["stderr"])
 
     def total(self, name: str) -> tuple[float, float]:
-        """Return ``friction``, ``damping`` or ``mass`` of both ends of the cable, reduced to the
-        travel, and its standard error.
+        """Return ``friction``, ``damping`` or ``mass`` of both ends and its standard error.
+
+        The value is reduced to the travel.
         """
         value, stderr = self.value(name)
         if self.cable is None:
@@ -105,70 +122,69 @@ class IdentifiedLoading:
         aft, power = SHARED[name]
         terms = [name, aft]
         row = np.array([1.0, abs(self.loading.gearing) ** power])
-        own = self.estimates["covariance"].sel(term=terms, term_=terms).values
-        return float(row @ self.estimates["estimate"].sel(term=terms).values), float(
-            np.sqrt(row @ own @ row)
-        )
+        C = self.estimates["covariance"].sel(term=terms, term_=terms).values
+        estimate = float(row @ self.estimates["estimate"].sel(term=terms).values)
+        return estimate, float(np.sqrt(row @ C @ row))
 
     def with_errors(self, changes: np.ndarray) -> IdentifiedLoading:
-        """Return the result with more errors of the estimates, one row each, (sources, terms),
-        independent of each other.
-        """
-        return self._moved(
+        """Return the result with further independent errors of the estimates, (sources, terms)."""
+        return self._with_estimates(
             self.estimates["estimate"].values,
             self.estimates["covariance"].values + changes.T @ changes,
         )
 
     def with_prior(self, known: Circuit, error: float = DRAWINGS_ERROR) -> IdentifiedLoading:
-        """Return the result joined with what is known of the circuit from its drawings.
+        """Return the result joined with the constants of the circuit by its drawings.
 
-        Parameters
-        ----------
-        known : Circuit
-            Constants that are not zero count.
-        error : float
-            Their standard error over their value. [1]
+            Parameters
+            ----------
+            known : Circuit
+                Constants of the drawings. Only positive constants are used.
+            error : float
+                Standard error of the constants over their value. [1]
 
-        Notes
-        -----
-        Mixed estimation: where records cannot divide mass, damping or friction between both ends of the cable, the drawings do.
+            Notes
+            -----
+        Mixed estimation [Theil1961]: the drawings divide mass, damping or friction between both ends of
+        the cable if the records cannot.
 
-        References
-        ----------
-        .. [Theil1961] Theil, Goldberger, Int. Econ. Review 2, 1961.
+            References
+            ----------
+            .. [Theil1961] Theil, Goldberger, Int. Econ. Review 2, 1961.
         """
         names = [str(name) for name in self.estimates["term"].values]
-        at = [
-            names.index(name)
-            for name in _CIRCUIT
-            if name in names and name not in _SIGNED and getattr(known, name) > 0.0
-        ]
+        # Order 6 has two cables, of which this model has the sum.
         cables = 2.0 if known.order == 6 and self.order == 4 else 1.0
-        prior = np.array(
-            [
-                getattr(known, names[k]) * (cables if names[k].startswith("cable_") else 1.0)
-                for k in at
-            ]
-        )
+        indices, values = [], []
+        for name in _CIRCUIT:
+            if name not in names or name in _SIGNED or not getattr(known, name) > 0.0:
+                continue
+            factor = cables if name.startswith("cable_") else 1.0
+            indices.append(names.index(name))
+            values.append(getattr(known, name) * factor)
+        prior = np.array(values)
         theta, C = self.estimates["estimate"].values, self.estimates["covariance"].values
-        gain = np.linalg.solve(C[np.ix_(at, at)] + np.diag((error * prior) ** 2), C[at]).T
-        return self._moved(theta + gain @ (prior - theta[at]), C - gain @ C[at])
+        gain = np.linalg.solve(
+            C[np.ix_(indices, indices)] + np.diag((error * prior) ** 2), C[indices]
+        ).T
+        return self._with_estimates(theta + gain @ (prior - theta[indices]), C - gain @ C[indices])
 
-    def _moved(self, theta: np.ndarray, covariance: np.ndarray) -> IdentifiedLoading:
+    def _with_estimates(self, theta: np.ndarray, covariance: np.ndarray) -> IdentifiedLoading:
+        """Return the result with other estimates and a symmetric covariance."""
         names = [str(name) for name in self.estimates["term"].values]
-        nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(names), 0)))
-        found = least_squares.regression_estimates(
+        no_errors: tuple[list[str], np.ndarray] = ([], np.zeros((len(names), 0)))
+        estimates = least_squares.regression_estimates(
             names,
             theta,
             0.5 * (covariance + covariance.T),
             np.full(len(names), np.nan),
-            nothing,
+            no_errors,
             {},
         )
-        return replace(self, estimates=found)
+        return replace(self, estimates=estimates)
 
     def fly(self, free: Sequence[xr.Dataset]) -> list[SimulatedWindow]:
-        """Return the free motion of records, simulated with what was identified, see `fly_windows`."""
+        """Return the free motion of records, simulated with the estimates, see `fly_windows`."""
         return fly_windows(
             self.loading,
             dict(zip(self.estimates["term"].values.tolist(), self.estimates["estimate"].values)),
@@ -177,25 +193,23 @@ class IdentifiedLoading:
 
     @property
     def collinear(self) -> list[tuple[str, str]]:
-        """Pairs of terms that go together inside every manoeuvre and are separated by differences
-        between manoeuvres alone.
+        """Pairs of terms that are collinear inside every manoeuvre.
+
+        Only differences between manoeuvres separate them.
         """
         return self.slid.alike
 
     @property
     def force_bias(self) -> float:
-        """What ``bias.F_column`` (wheel, pedal) of the model needs so that a recorded force acts as
-        it did. [N or N m]
-        """
+        """Value of ``bias.F_column`` (wheel, pedal) for a replay of a recorded force. [N or N m]"""
         bob = self.value("bob_weight")[0] if "bob_weight" in self.loading.constants else 0.0
         return -(self.value("offset")[0] - bob * G0)
 
     def circuit(self, known: Circuit) -> Circuit:
-        """Return a circuit with the identified constants; what was not identified stays, such as
-        the stops.
+        """Return a circuit with the identified constants; others, such as the stops, do not change.
 
-        What is negative within two standard errors, as a damping that the records do not show,
-        becomes zero.
+        A constant that is negative within two standard errors, such as a damping that the records
+        do not show, becomes zero.
 
         A wheel with two cables (order 6) moves in roll as one of order 4 with both cables: each
         gets half.
@@ -207,43 +221,52 @@ class IdentifiedLoading:
             positive.
         """
         names = [str(name) for name in self.estimates["term"].values]
-        order = (
-            self.order if "mass" in names else known.order
-        )  # without a mass only what acts slowly was identified
-        found: dict[str, Any] = {name: self.value(name)[0] for name in _CIRCUIT if name in names}
+        has_mass = "mass" in names
+        # Without a mass, only slow effects were identified.
+        order = self.order if has_mass else known.order
+        constants: dict[str, Any] = {
+            name: self.value(name)[0] for name in _CIRCUIT if name in names
+        }
+        for name in constants:
+            if name not in _SIGNED:
+                constants[name] = self._not_negative(name)
         if self.order == 2:
-            found |= {"inertia": 0.0} if "mass" in names else {}
-            found |= {"hinge_friction": 0.0, "hinge_damping": 0.0}
-        for name in (name for name in found if name not in _SIGNED):
-            value, stderr = self.value(name) if name in names else (0.0, 0.0)
-            if value < -2.0 * stderr or (name in names and value <= 0.0 and name in _NEEDED):
-                text = (
-                    f"{name} is {value:.3g} +- {stderr:.2g}; it must not be negative: leave "
-                    f"it out, or take order 2"
-                )
-                raise SchemaError(self.loading.item, [text])
-            found[name] = max(0.0, found[name])
+            constants |= {"hinge_friction": 0.0, "hinge_damping": 0.0}
+            if has_mass:
+                constants["inertia"] = 0.0
         if known.order == 6 and self.order == 4 and order == 4:
             order = 6
-            found |= {name: 0.5 * found[name] for name in ("cable_stiffness", "cable_damping")}
-        return replace(known, order=order, **found)
+            for name in ("cable_stiffness", "cable_damping"):
+                constants[name] = 0.5 * constants[name]
+        return replace(known, order=order, **constants)
+
+    def _not_negative(self, name: str) -> float:
+        """Return a constant, zero if it is negative within two standard errors."""
+        value, stderr = self.value(name)
+        if value < -2.0 * stderr or (value <= 0.0 and name in _NEEDED):
+            text = (
+                f"{name} is {value:.3g} +- {stderr:.2g}; it must not be negative: leave "
+                f"it out, or take order 2"
+            )
+            raise SchemaError(self.loading.item, [text])
+        return max(0.0, value)
 
     def aircraft(self, known: Aircraft) -> Aircraft:
-        """Return an aircraft with this circuit; source and standard errors are in its history.
+        """Return an aircraft with this circuit; its history contains source and standard errors.
 
         Raises
         ------
         SchemaError
             The aircraft has no circuit of this control, whose stops are needed.
         """
-        item, one = self.loading.item, self.loading
+        item, loading = self.loading.item, self.loading
         if item not in known.circuits:
             raise SchemaError(
                 known.name, [f"[circuit.{item}] is missing; give stops and mass at least"]
             )
         controls = {
             **known.controls,
-            one.deflection: ControlGeometry(one.S_hinge, one.c_hinge, one.gearing),
+            loading.deflection: ControlGeometry(loading.S_hinge, loading.c_hinge, loading.gearing),
         }
         circuits = {**known.circuits, item: self.circuit(known.circuits[item])}
         values = ", ".join(
@@ -276,11 +299,11 @@ class IdentifiedLoading:
 
     def report(self) -> str:
         """Return the estimates as a text table."""
-        one, s = self.loading, self.slid.estimates.attrs
-        wheel = one.item == "wheel"
+        loading, s = self.loading, self.slid.estimates.attrs
+        wheel = loading.item == "wheel"
         unit = "N m" if wheel else "N"
         lines = [
-            f"{one.item}: {one.model}, gearing {one.gearing:g} {'rad/rad' if wheel else 'rad/m'}"
+            f"{loading.item}: {loading.model}, gearing {loading.gearing:g} {'rad/rad' if wheel else 'rad/m'}"
         ]
         lines.append(
             f"sliding: R2 {s['R2']:.5f}, rms {s['residual_rms']:.3g} {unit}, {s['samples']} "
@@ -301,7 +324,7 @@ class IdentifiedLoading:
             totals = [
                 (name, *self.total(name))
                 for name in ("friction", "damping", "mass")
-                if name in one.constants
+                if name in loading.constants
             ]
             lines += [
                 f"{f'{name}, both ends':<{wide}}{value:>12.5g}{error:>10.2g}  {_UNITS[name][wheel]}"
@@ -315,7 +338,7 @@ class IdentifiedLoading:
         return "\n".join([*lines, *pairs])
 
 
-def hinge_terms(found: IdentifiedLoading) -> dict[str, xr.Dataset]:
+def hinge_terms(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
     """Return the terms of the hinge moment by name, ``Ch_e/alpha`` and so on, with standard errors.
 
     Raises
@@ -323,13 +346,15 @@ def hinge_terms(found: IdentifiedLoading) -> dict[str, xr.Dataset]:
     SchemaError
         A term with a ramp or more than two factors: a leaf multiplies at most two variables.
     """
-    coefficient = found.loading.model.coefficient
+    coefficient = identified.loading.model.coefficient
     leaves = {}
-    for term in found.loading.model.terms:
+    for term in identified.loading.model.terms:
         regressors = [name for name, power in term_powers(term).items() for _ in range(power)]
-        value, stderr = found.value(found.loading.term(term))
+        value, stderr = identified.value(identified.loading.term(term))
         if len(regressors) > 2:
-            leaves[f"{coefficient}/{_contribution(term)}"] = _tabulated(found, term, value, stderr)
+            leaves[f"{coefficient}/{_contribution(term)}"] = _tabulated(
+                identified, term, value, stderr
+            )
             continue
         leaf = _terms.make_term(
             value,
@@ -367,12 +392,12 @@ def _contribution(term: str) -> str:
     return "basic" if term == "1" else term.replace("**", "").replace("*", "_")
 
 
-def _tabulated(found: IdentifiedLoading, term: str, value: float, stderr: float) -> xr.Dataset:
+def _tabulated(identified: IdentifiedLoading, term: str, value: float, stderr: float) -> xr.Dataset:
     """A power of the deflection beyond the second: a table over it times the deflection, up to 0.5
     rad.
     """
     factors = term_powers(term)
-    name = found.loading.deflection
+    name = identified.loading.deflection
     if set(factors) != {name}:
         raise SchemaError(
             "hinge moments",

@@ -1,11 +1,13 @@
-"""Records made ready for both regressions: samples of driven manoeuvres in which the control
-slides, windows of free motion.
+"""Preparation of records for both regressions.
+
+The functions find the samples of driven manoeuvres in which the control slides, and the windows of
+free motion.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -25,24 +27,29 @@ from flighttest.submodels.control_loading.motion import (
     smoothed_derivative_noise,
 )
 
-EVENTS = 10.0  # Hz: low-pass of the rate whose sign bounds the windows
-LONGEST = 0.3  # s: a period of a control on its hinge moment
-# samples: sums stand for integrals, and noise of the acceleration grows with the 2.5th power of the
-# shortness
+# Cut-off frequency of the rate whose sign bounds the windows. [Hz]
+EVENTS = 10.0
+# Longest window, a period of a control on its hinge moment. [s]
+LONGEST = 0.3
+# Shortest window in samples. Sums replace integrals, and noise of the acceleration grows with the
+# power 2.5 of the shortness.
 SHORTEST = 9
-_OF_CHANGE = 12  # samples from which on the second function counts
-_MOVING = 3.0  # standard errors of that rate; at the ends of a window phi is small
+# Smallest number of samples for the second function.
+_OF_CHANGE = 12
+# Standard errors of the rate above which the control moves. At the ends of a window phi is small.
+_MOVING = 3.0
 
 
 @dataclass(frozen=True)
 class ModulatingWindow:
-    """One window of a record and its function, scaled so that white noise of the record has the
-    same size in every window.
+    """One window of a record and its modulating function.
+
+    The function is scaled so that white noise of the record has the same size in every window.
 
     Attributes
     ----------
     part : slice
-        Samples.
+        Samples of the record.
     phi : array (3, samples)
         The function, its negative first and its second derivative, over (sum phi^2)^0.5. [1, s-1,
         s-2]
@@ -57,8 +64,9 @@ class ModulatingWindow:
 
 
 def modulate_signal(x: np.ndarray, windows: list[ModulatingWindow], order: int = 0) -> np.ndarray:
-    """Return the derivative of a signal, (time,) or (time, columns), in every window, (windows,) or
-    (windows, columns).
+    """Return the derivative of a signal in every window.
+
+    A signal (time,) or (time, columns) gives (windows,) or (windows, columns).
     """
     return np.array([window.of(x, order) for window in windows]).reshape(len(windows), *x.shape[1:])
 
@@ -66,12 +74,14 @@ def modulate_signal(x: np.ndarray, windows: list[ModulatingWindow], order: int =
 def find_slide_windows(
     loading: ControlLoading, data: xr.Dataset, moved: xr.Dataset
 ) -> list[ModulatingWindow]:
-    """Return the windows of a record in which the control slides one way, on one side of neutral,
-    without a step of the force.
+    """Return the windows of a record in which the control slides one way.
+
+    Within a window it is on one side of neutral, and the force has no step.
 
     Parameters
     ----------
     loading : ControlLoading
+        Control circuit.
     data : Dataset (time,)
         The record.
     moved : Dataset (time,)
@@ -92,22 +102,23 @@ def find_slide_windows(
     if "preload" in loading.constants:
         use &= np.abs(moved["travel"].values) > NEUTRAL * float(np.ptp(s))
         breaks |= _changes(moved["travel"].values)
+    # Number of the run of each sample: a break, or a change of use, starts the next run.
     run = np.concatenate([[0], np.cumsum(breaks | _changes(use - 0.5))])
-    found = []
+    windows = []
     for number in np.unique(run[use]):
-        own = np.flatnonzero((run == number) & use)
-        found += _windows(int(own[0]), len(own), step)
-    return found
+        indices = np.flatnonzero((run == number) & use)
+        windows += _overlapping_windows(int(indices[0]), len(indices), step)
+    return windows
 
 
 def modulation_noise(
     loading: ControlLoading, data: xr.Dataset, windows: list[ModulatingWindow], order: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the variances of that derivative of the travel and of the surface's end, (windows,)."""
+    """Return the variances of a derivative of the travel and of the surface end, (windows,)."""
     total = np.array([float(window.phi[order] @ window.phi[order]) for window in windows])
-    return estimate_white_noise(data[loading.item].values) ** 2 * total, (
-        estimate_white_noise(data[loading.deflection].values) / loading.gearing
-    ) ** 2 * total
+    travel = estimate_white_noise(data[loading.item].values)
+    aft = estimate_white_noise(data[loading.deflection].values) / loading.gearing
+    return travel**2 * total, aft**2 * total
 
 
 def free_signals(
@@ -118,23 +129,25 @@ def free_signals(
     return moved, find_slide_windows(loading, data, moved)
 
 
-def _windows(first: int, count: int, step: float) -> list[ModulatingWindow]:
-    """Windows with half overlap over so many samples."""
+def _overlapping_windows(first: int, count: int, step: float) -> list[ModulatingWindow]:
+    """Return windows with half overlap over `count` samples."""
     if count < SHORTEST:
         return []
     size = min(count, max(SHORTEST, round(LONGEST / step)))
     number = int(np.ceil(2.0 * (count - size) / size)) + 1
     starts = np.linspace(0, count - size, number).round().astype(int)
-    return [
-        ModulatingWindow(slice(first + at, first + at + size), phi)
-        for at in starts
-        for phi in _functions(size, step)[: 2 if size >= _OF_CHANGE else 1]
-    ]
+    functions = _functions(size, step)[: 2 if size >= _OF_CHANGE else 1]
+    windows = []
+    for start in starts:
+        part = slice(first + start, first + start + size)
+        windows += [ModulatingWindow(part, phi) for phi in functions]
+    return windows
 
 
 def _functions(size: int, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """sin^4 and sin^4 cos over a window, each with its negative first and its second derivative:
-    the mean of the motion and its change.
+    """Return sin^4 and sin^4 cos over a window, with negative first and second derivative.
+
+    They give the mean of the motion and its change.
     """
     u = np.pi * np.arange(size) / (size - 1)
     k = np.pi / ((size - 1) * step)
@@ -147,7 +160,7 @@ def _functions(size: int, step: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _changes(x: np.ndarray) -> np.ndarray:
-    """Whether the sign changes between a sample and the next, (samples - 1,)."""
+    """Return whether the sign changes between a sample and the next, (samples - 1,)."""
     return np.signbit(x[1:]) != np.signbit(x[:-1])
 
 
@@ -156,17 +169,16 @@ _DERIVATIVES = ("travel", "rate", "acceleration")
 
 @dataclass(frozen=True)
 class PreparedRecord:
-    """One record and what of it is used.
+    """One record with its usable samples or windows.
 
     Attributes
     ----------
     moved : Dataset (time,)
         Its `control_signals`.
     used : array of bool (time,) or list of Window
-        Samples of a driven manoeuvre, behind a low-pass; windows of free motion, without.
+        Samples of a driven manoeuvre, after a low-pass; windows of free motion, without one.
     white : array (2,)
-        Variance of the noise of the travel and of that of the surface's end of the cable, per
-        sample.
+        Variance of the noise of the travel and of the surface end of the cable, per sample.
     noise : array (2, 2, rows)
         Variance of the noise in rate and acceleration, of the travel and of the surface's end.
     step : float
@@ -183,32 +195,28 @@ class PreparedRecord:
         """Return the derivative of a signal, (time,) or (time, columns), in the rows."""
         if isinstance(self.used, list):
             return modulate_signal(x, self.used, order)
-        return (
-            x[self.used]
-            if order == 0
-            else smooth_derivatives(x, self.step, np.inf)[order][self.used]
-        )
+        if order == 0:
+            return x[self.used]
+        return smooth_derivatives(x, self.step, np.inf)[order][self.used]
 
     def motion(self, loading: ControlLoading, order: int, share: float) -> np.ndarray:
-        """Return rate (1) or acceleration (2) of the mean of both ends of the cable, (rows,);
-        `share` is that of the surface.
+        """Return rate (1) or acceleration (2) of the mean of both ends of the cable, (rows,).
+
+        `share` is the weight of the surface end.
         """
-        own, far = (
-            self.moved["travel"].values,
-            self.moved[loading.deflection].values / loading.gearing,
-        )
-        if not isinstance(self.used, list):
-            own, far = (
-                self.moved[_DERIVATIVES[order]].values,
-                self.moved[f"aft_{_DERIVATIVES[order]}"].values,
-            )
-            return ((1.0 - share) * own + share * far)[self.used]
-        return modulate_signal((1.0 - share) * own + share * far, self.used, order)
+        if isinstance(self.used, list):
+            # The derivative is shifted to the modulating function.
+            fore = self.moved["travel"].values
+            aft = self.moved[loading.deflection].values / loading.gearing
+            return modulate_signal((1.0 - share) * fore + share * aft, self.used, order)
+        fore = self.moved[_DERIVATIVES[order]].values
+        aft = self.moved[f"aft_{_DERIVATIVES[order]}"].values
+        return ((1.0 - share) * fore + share * aft)[self.used]
 
     def motion_noise(self, order: int, share: float) -> np.ndarray:
         """Return the variance of the noise in `motion`, (rows,)."""
-        own, far = self.noise[order - 1]
-        return (1.0 - share) ** 2 * own + share**2 * far
+        fore, aft = self.noise[order - 1]
+        return (1.0 - share) ** 2 * fore + share**2 * aft
 
     def equations(self, X: np.ndarray, z: np.ndarray, noise_of_X: np.ndarray) -> RecordEquations:
         """Return regressors and response as the rows of a fit."""
@@ -219,89 +227,91 @@ class PreparedRecord:
 def driven_stretches(
     loading: ControlLoading, driven: Sequence[xr.Dataset], cutoff: float
 ) -> list[PreparedRecord]:
-    """Return driven manoeuvres behind a low-pass [Hz]; without those in which the control never
-    slides.
-    """
-    found = []
-    for one in driven:
-        moved = control_signals(loading, one, cutoff)
-        use = is_sliding(loading, one, moved, cutoff)
+    """Return driven manoeuvres after a low-pass [Hz], if the control slides in them."""
+    records = []
+    for data in driven:
+        signals = control_signals(loading, data, cutoff)
+        use = is_sliding(loading, data, signals=signals, cutoff=cutoff)
         if use.any():
-            own, far = (np.array(x) ** 2 for x in pick_up_noise(loading, one, cutoff))
-            both = np.stack([own, far], axis=1)[:, :, None]
-            found.append(
+            fore, aft = (np.array(x) ** 2 for x in pick_up_noise(loading, data, cutoff))
+            # (rate or acceleration, end, rows); the noise is the same at all samples.
+            ends = np.stack([fore, aft], axis=1)[:, :, None]
+            records.append(
                 PreparedRecord(
-                    moved,
+                    signals,
                     use,
-                    _white(loading, one),
-                    np.tile(both, (1, 1, int(use.sum()))),
-                    _step(moved),
+                    white=_white_variances(loading, data),
+                    noise=np.tile(ends, (1, 1, int(use.sum()))),
+                    step=_step(signals),
                 )
             )
-    return found
+    return records
 
 
 def free_stretches(loading: ControlLoading, free: Sequence[xr.Dataset]) -> list[PreparedRecord]:
-    """Return pulses and releases; without those that have no window."""
-    found = []
-    for one in free:
-        moved, windows = free_signals(loading, one)
+    """Return pulses and releases that have a window."""
+    records = []
+    for data in free:
+        signals, windows = free_signals(loading, data)
         if windows:
-            both = np.array([modulation_noise(loading, one, windows, order) for order in (1, 2)])
-            found.append(PreparedRecord(moved, windows, _white(loading, one), both, _step(moved)))
-    return found
+            noise = [modulation_noise(loading, data, windows, order) for order in (1, 2)]
+            records.append(
+                PreparedRecord(
+                    signals,
+                    windows,
+                    white=_white_variances(loading, data),
+                    noise=np.array(noise),
+                    step=_step(signals),
+                )
+            )
+    return records
 
 
 def force_rows(
-    loading: ControlLoading, one: PreparedRecord, aft: Mapping[str, float]
+    loading: ControlLoading, record: PreparedRecord, aft: Mapping[str, float]
 ) -> RecordEquations:
     """Return the equations of the force at the hand; `aft` as in `sliding_fit`."""
-    X = one.rows(force_regressors(loading, one.moved, aft))
+    X = record.rows(force_regressors(loading, record.moved, aft))
     variance = np.zeros(X.shape)
+    # Rate and acceleration are noisy: they come from both ends, with their variances.
     for order, name in ((1, "damping"), (2, "mass")):
         if name in loading.constants:
-            at, share = loading.names.index(name), aft.get(name, 0.0)
-            X[:, at], variance[:, at] = (
-                one.motion(loading, order, share),
-                one.motion_noise(order, share),
-            )
-    return one.equations(X, one.rows(one.moved[f"F_{loading.item}"].values), variance)
+            column, share = loading.names.index(name), aft.get(name, 0.0)
+            X[:, column] = record.motion(loading, order, share)
+            variance[:, column] = record.motion_noise(order, share)
+    return record.equations(X, record.rows(record.moved[f"F_{loading.item}"].values), variance)
 
 
 def with_error(
-    loading: ControlLoading, one: PreparedRecord, channel: str, kind: int, size: float
+    loading: ControlLoading, record: PreparedRecord, channel: str, kind: int, size: float
 ) -> PreparedRecord:
-    """Return a record one of whose channels has a bias (kind 0) [unit of the channel] or a scale
-    error (1).
+    """Return a record with an error of a channel.
+
+    The error is a bias (kind 0) [unit of the channel] or a scale error (kind 1).
     """
-
-    def wrong(name: str) -> xr.DataArray:
-        return one.moved[name] * (1.0 + size) if kind else one.moved[name] + size
-
     rates = {
         loading.item: ("rate", "acceleration"),
         loading.deflection: ("aft_rate", "aft_acceleration"),
     }
-    moved = one.moved.assign(
-        {channel: wrong(channel)} | {name: wrong(name) for name in rates.get(channel, ()) if kind}
-    )
+    signals = record.moved.copy()
+    if kind:
+        # A scale error also scales the derivatives.
+        for name in (channel, *rates.get(channel, ())):
+            signals[name] = record.moved[name] * (1.0 + size)
+    else:
+        signals[channel] = record.moved[channel] + size
     if channel == loading.item:
-        moved["travel"] = moved[channel]
+        signals["travel"] = signals[channel]
     if loading.item == "wheel" and channel in ("p", "V"):
-        moved["alpha"] = loading.arm * moved["p"] / moved["V"]
-    return PreparedRecord(moved, one.used, one.white, one.noise, one.step)
+        signals["alpha"] = loading.arm * signals["p"] / signals["V"]
+    return replace(record, moved=signals)
 
 
-def _white(loading: ControlLoading, data: xr.Dataset) -> np.ndarray:
-    return (
-        np.array(
-            [
-                estimate_white_noise(data[loading.item].values),
-                estimate_white_noise(data[loading.deflection].values / loading.gearing),
-            ]
-        )
-        ** 2
-    )
+def _white_variances(loading: ControlLoading, data: xr.Dataset) -> np.ndarray:
+    """Return the variance of white noise of the travel and of the surface end, (2,)."""
+    fore = estimate_white_noise(data[loading.item].values)
+    aft = estimate_white_noise(data[loading.deflection].values / loading.gearing)
+    return np.array([fore, aft]) ** 2
 
 
 def _step(moved: xr.Dataset) -> float:

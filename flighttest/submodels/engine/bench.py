@@ -1,8 +1,8 @@
-"""The engine model of the kernel on its own, and output error on it.
+"""Simulation of one engine on the kernel, and output error on it.
 
-One engine in an aeroplane too heavy to move: the spools, the delay and the flame are those of every
-simulation, so what is identified is what flies.  A second engine carries the weight, the aeroplane
-climbs at a constant rate, and a wind along its path makes the recorded Mach number.
+One engine is in an aeroplane too heavy to move.  Spools, delay and flame are those of every
+simulation, so the identified model is the simulated model.  A second engine carries the weight. The
+aeroplane climbs at a constant rate, and a wind along its path produces the recorded Mach number.
 """
 
 from __future__ import annotations
@@ -27,19 +27,24 @@ from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
 from flighttest.maximum_likelihood.time_domain import Runs, uniform_step
 from flighttest.maximum_likelihood.unknowns import Unknown, lay_out
 
-HEAVY = 1e9  # [kg]: thrust changes the speed by less than 0.01 m/s in a minute
+# Mass [kg] with which thrust changes the speed by less than 0.01 m/s in a minute.
+HEAVY = 1e9
 INPUTS = ("throttle", "cutoff", "starter", "ignition", "flameout")
-ITERATIONS = 60  # of a search
-STEP = 0.02  # internal step, that of the shortest time constant [s]
+# Largest number of iterations of a search.
+ITERATIONS = 60
+# Internal step of the simulation, equal to the shortest time constant. [s]
+STEP = 0.02
 _G = 9.80665
-_SLOWEST = 1.0  # airspeed of an aeroplane at rest [m s-1]
+# Airspeed of an aeroplane at rest. [m s-1]
+_SLOWEST = 1.0
 
 Expand = Callable[[np.ndarray], Mapping[str, float]]
 
 
 def compile_engine(deck: EngineDeck) -> flightmech.SimModel:
     """Return the kernel's model of one engine."""
-    at = (0.0, 0.0, 0.0)
+    origin = (0.0, 0.0, 0.0)
+    # The second engine thrusts upwards with the weight of the aeroplane.
     carrier = EngineDeck(
         {
             "n2_command": make_term(1.0),
@@ -48,8 +53,8 @@ def compile_engine(deck: EngineDeck) -> flightmech.SimModel:
         }
     )
     engines = (
-        flightmech.aircraft.Engine(at, deck=deck),
-        flightmech.aircraft.Engine(at, (0.0, 0.0, -1.0), deck=carrier),
+        flightmech.aircraft.Engine(origin, deck=deck),
+        flightmech.aircraft.Engine(origin, (0.0, 0.0, -1.0), deck=carrier),
     )
     craft = flightmech.Aircraft(
         "engine", 1.0, 1.0, 1.0, HEAVY, HEAVY, HEAVY, HEAVY, engines=engines
@@ -58,7 +63,7 @@ def compile_engine(deck: EngineDeck) -> flightmech.SimModel:
 
 
 class EngineCondition(NamedTuple):
-    """Flight condition of a record: parameters, and the wind that makes its Mach number.
+    """Flight condition of a record: parameters, and the wind that produces its Mach number.
 
     Attributes
     ----------
@@ -73,44 +78,53 @@ class EngineCondition(NamedTuple):
 
 
 def record_condition(record: xr.Dataset) -> EngineCondition:
-    """Return the condition of a record: its Mach number, the straight line through its height, the
-    mean offset of its temperature.
+    """Return the flight condition of a record.
+
+    It consists of the Mach number, the straight line through the height and the mean offset of the
+    temperature.
 
     Parameters
     ----------
     record : Dataset (time,)
-        ``mach`` and ``h`` [m] where it has them, else standing at sea level; ``temperature`` [K] of
-        the ambient air.
+        ``mach`` and ``h`` [m], by default at rest at sea level; ``temperature`` [K] of the ambient
+        air.
     """
     time = record["time"].values.astype(float)
-    mach, height = (
-        record[name].values.astype(float) if name in record else np.zeros(len(time))
-        for name in ("mach", "h")
-    )
-    climb, start = (
-        np.polyfit(time - time[0], height, 1) if np.ptp(height) > 0.0 else (0.0, height[0])
-    )
+    mach, height = recorded_or_zero(record, "mach"), recorded_or_zero(record, "h")
+    climb, start = 0.0, height[0]
+    if np.ptp(height) > 0.0:
+        climb, start = np.polyfit(time - time[0], height, 1)
     h = start + climb * (time - time[0])
-    offset = (
-        float(np.mean(record["temperature"].values - np.asarray(atmosphere(h).temperature)))
-        if "temperature" in record
-        else 0.0
-    )
-    V = np.maximum(
-        mach * np.asarray(atmosphere(h, delta_T=offset).a_sound), max(_SLOWEST, 1.01 * abs(climb))
-    )
+    offset = 0.0
+    if "temperature" in record:
+        standard = np.asarray(atmosphere(h).temperature)
+        offset = float(np.mean(record["temperature"].values - standard))
+    # The path angle, asin(climb / V), exists only if V exceeds the rate of climb.
+    slowest = max(_SLOWEST, 1.01 * abs(climb))
+    V = np.maximum(mach * np.asarray(atmosphere(h, delta_T=offset).a_sound), slowest)
     along = np.sqrt(V**2 - climb**2)
-    fixed = {"mode.earth": 0.0, "mode.engine": 0.0, "env.delta_T": offset}
-    return EngineCondition(
-        fixed | {"init.V": V[0], "init.h": start, "init.alpha": -float(np.arcsin(climb / V[0]))},
-        along[0] - along,
-    )
+    parameters = {
+        "mode.earth": 0.0,
+        "mode.engine": 0.0,
+        "env.delta_T": offset,
+        "init.V": V[0],
+        "init.h": start,
+        "init.alpha": -float(np.arcsin(climb / V[0])),
+    }
+    return EngineCondition(parameters, along[0] - along)
+
+
+def recorded_or_zero(record: xr.Dataset, name: str) -> np.ndarray:
+    """Return a channel of a record, zero if the record does not have it."""
+    if name in record:
+        return record[name].values.astype(float)
+    return np.zeros(record.sizes["time"])
 
 
 def simulation_inputs(record: xr.Dataset, wind: np.ndarray) -> xr.Dataset:
     """Return lever, switches and wind of a record as inputs of the simulation."""
-    found = xr.Dataset({f"engine1.{name}": record[name] for name in INPUTS if name in record})
-    return found.assign(wind_n=("time", wind))
+    inputs = xr.Dataset({f"engine1.{name}": record[name] for name in INPUTS if name in record})
+    return inputs.assign(wind_n=("time", wind))
 
 
 def fit_engine(
@@ -128,10 +142,11 @@ def fit_engine(
     Parameters
     ----------
     deck : Deck
-        Holds what is not estimated, and the breakpoints of what is.
+        Values that are not estimated, and breakpoints of the tables that are estimated.
     records : sequence of Dataset (time,)
         As for `record_condition`, with the ``throttle``, any switches and the measured outputs.
     unknowns : mapping of str to Unknown
+        Unknowns with first value, a-priori standard error and bounds.
     expand : callable
         Parameters of the engine, by the names of `kernel_parameter`, from the unknowns (unknown,).
     outputs : sequence of str
@@ -139,90 +154,119 @@ def fit_engine(
     step : float
         Largest internal step of the simulation. [s]
     iterations : int
-        Of the search, at most.
+        Largest number of iterations of the search.
     coarse : sequence of str
-        Unknowns whose differences are taken over an internal step at least: a delay before a rate
+        Unknowns whose differences are taken over at least one internal step. A delay before a rate
         limit moves the response by whole stages of the integration.
     """
     sim = compile_engine(deck)
-    remembered = _Remembered(expand)
-    least = np.array([step if name in coarse else 0.0 for name in unknowns])
+    parameters = _CachedParameters(expand)
+    smallest_steps = np.array([step if name in coarse else 0.0 for name in unknowns])
     runs = [
-        _SimulatedEngine(sim, record, remembered, list(outputs), step, least) for record in records
+        _SimulatedEngine(
+            sim,
+            record,
+            expand=parameters,
+            outputs=list(outputs),
+            step=step,
+            smallest_steps=smallest_steps,
+        )
+        for record in records
     ]
     layout = lay_out(unknowns, [{} for _ in runs])
-    found = maximise_likelihood(Likelihood(runs, layout, np.zeros(len(runs), int)), iterations)
+    maximum = maximise_likelihood(Likelihood(runs, layout, np.zeros(len(runs), int)), iterations)
     covariance, colours = coloured_likelihood_covariance(
-        found, layout.columns, [run.interval for run in runs]
+        maximum, layout.columns, [run.interval for run in runs]
     )
     estimates = estimates_dataset(
-        found, layout, covariance, {"method": "output error on the engine of the kernel"}
+        maximum, layout, covariance, {"method": "output error on the engine of the kernel"}
     )
     names = [f"engine1.{name}" for name in outputs]
-    rest = tuple(run.residual(v) for run, v in zip(runs, found.residuals))
-    return OutputError(
-        estimates, rest, noise_dataset(found, names, colours, [run.measured for run in runs])
-    )
+    residuals = [run.residual(v) for run, v in zip(runs, maximum.residuals)]
+    noise = noise_dataset(maximum, names, colours, [run.measured for run in runs])
+    return OutputError(estimates, tuple(residuals), noise)
+
+
+def search_lines(search: OutputError) -> list[str]:
+    """Return the residuals of a search and remarks on its convergence as lines of text."""
+    noise = search.noise["stderr"].isel(manoeuvre=0)
+    lines = [""]
+    for name, value in zip(noise["output"].values, noise.values):
+        lines.append(f"{name}: residual rms {float(value):.3g}")
+    for remark in search.remarks:
+        if remark.kind in ("convergence", "bound"):
+            lines.append(f"! {remark}")
+    return lines
+
+
+def theta_and_covariance(search: OutputError) -> tuple[np.ndarray, np.ndarray]:
+    """Return estimates (unknown,) and covariance (unknown, unknown), zero at a bound."""
+    estimates = search.estimates
+    return estimates["estimate"].values, np.nan_to_num(estimates["covariance"].values)
 
 
 def kernel_parameter(table: str, node: Sequence[int] = ()) -> str:
     """Return the name of a constant or of a node of a table in the kernel."""
     if table in CONSTANTS:
         return f"engine1.{table}"
-    return f"node.engine1.{table}[{','.join(map(str, node))}]" if node else f"node.engine1.{table}"
+    if not node:
+        return f"node.engine1.{table}"
+    return f"node.engine1.{table}[{','.join(map(str, node))}]"
 
 
 def as_nodes(table: str, values: np.ndarray) -> dict[str, float]:
     """Return the nodes of a table under their names in the kernel."""
-    return {kernel_parameter(table, place): float(value) for place, value in np.ndenumerate(values)}
+    return {kernel_parameter(table, node): float(value) for node, value in np.ndenumerate(values)}
 
 
-class _Remembered:
-    """Parameters of the engine for rows of unknowns; every record requires the same ones in turn."""
+class _CachedParameters:
+    """Parameters of the engine for rows of unknowns.
+
+    All records need the same rows one after the other, so the last result is stored.
+    """
 
     def __init__(self, expand: Expand):
         self.expand, self.rows = expand, np.empty(0)
-        self.found: dict[str, np.ndarray] = {}
+        self.parameters: dict[str, np.ndarray] = {}
 
     def __call__(self, rows: np.ndarray) -> dict[str, np.ndarray]:
         if not np.array_equal(rows, self.rows):
             settings = [self.expand(row) for row in rows]
-            self.rows, self.found = (
-                rows.copy(),
-                {name: np.array([one[name] for one in settings]) for name in settings[0]},
-            )
-        return self.found
+            self.rows, self.parameters = rows.copy(), {}
+            for name in settings[0]:
+                self.parameters[name] = np.array([setting[name] for setting in settings])
+        return self.parameters
 
 
 class _SimulatedEngine:
-    """One record as the engine flies it."""
+    """One record and its simulation on the kernel."""
 
     def __init__(
         self,
         sim: flightmech.SimModel,
         record: xr.Dataset,
-        expand: _Remembered,
+        expand: _CachedParameters,
         outputs: list[str],
         step: float,
-        least: np.ndarray,
+        smallest_steps: np.ndarray,
     ):
-        self.sim, self.expand, self.least = sim, expand, least
+        self.sim, self.expand, self.smallest_steps = sim, expand, smallest_steps
         self.outputs = [f"engine1.{name}" for name in outputs]
         self.time = record["time"].values.astype(float)
         self.interval = uniform_step(self.time, f"record {record.attrs.get('record', '')}".strip())
         self.measured = np.column_stack([record[name].values.astype(float) for name in outputs])
-        held, wind = record_condition(record)
-        self.held = {"mode.step": step, **held}
-        self.u = read_inputs(sim, simulation_inputs(record, wind), self.held, len(self.time))
+        condition, wind = record_condition(record)
+        self.fixed = {"mode.step": step, **condition}
+        self.u = read_inputs(sim, simulation_inputs(record, wind), self.fixed, len(self.time))
         self.runs = Runs(self._fly)
         self.attrs = dict(record.attrs)
 
     def _fly(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Outputs (run, time, output), and which runs went through."""
+        """Return outputs (run, time, output), and whether each run reached the end."""
         varied = self.expand(rows)
         table = np.column_stack(list(varied.values()))
         y, done, _ = fly_batch(
-            self.sim, self.time, self.u, list(varied), table, self.held, self.outputs
+            self.sim, self.time, self.u, list(varied), table, self.fixed, self.outputs
         )
         return y, done == len(self.time)
 
@@ -231,17 +275,20 @@ class _SimulatedEngine:
         return self.runs.outputs(values)
 
     def expect(self, steps: np.ndarray, central: bool) -> None:
-        """Fly slopes with the next prediction."""
-        self.runs.expect(np.maximum(steps, self.least), central)
+        """Simulate the slopes together with the next prediction."""
+        self.runs.expect(np.maximum(steps, self.smallest_steps), central)
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
-        """Return their slopes (time, output, unknown); beyond a bound of the kernel there is no
-        run, and the other side stands alone.
+        """Return the slopes of the outputs (time, output, unknown).
+
+        Beyond a bound of the kernel there is no run; the difference is then one-sided.
         """
-        return np.moveaxis(self.runs.slopes(values, np.maximum(steps, self.least), central), 0, 2)
+        return np.moveaxis(
+            self.runs.slopes(values, np.maximum(steps, self.smallest_steps), central), 0, 2
+        )
 
     def residual(self, v: np.ndarray) -> xr.Dataset:
-        """Return residuals over time."""
+        """Return the residuals over time."""
         return xr.Dataset(
             {name: ("time", v[:, k]) for k, name in enumerate(self.outputs)},
             {"time": self.time},
@@ -250,11 +297,11 @@ class _SimulatedEngine:
 
 
 OUTPUTS = ("n1", "n2", "fuel_flow", "itt", "thrust")
-_PLACED = ("vx", "vy", "vz", "q0", "q1", "q2", "q3", "p", "q", "r", "z")
+_FIXED = ("vx", "vy", "vz", "q0", "q1", "q2", "q3", "p", "q", "r", "z")
 
 
 def fly_deck(deck: EngineDeck, record: xr.Dataset) -> xr.Dataset:
-    """Return what a deck makes of the lever of a record.
+    """Return the response of a deck to the lever of a record.
 
     Unlike in the search, Mach number and height are those of every sample.
 
@@ -263,7 +310,7 @@ def fly_deck(deck: EngineDeck, record: xr.Dataset) -> xr.Dataset:
     deck : Deck
     record : Dataset (time,)
         ``throttle`` [1], ``mach``, ``h`` [m], and ``temperature`` [K] if not standard, as
-        `engine_channels` returns them; it counts as begun with the engine settled.
+        `engine_channels` returns them. The engine is in its steady state at the first sample.
 
     Returns
     -------
@@ -280,40 +327,37 @@ def fly_deck(deck: EngineDeck, record: xr.Dataset) -> xr.Dataset:
             f"the record has {' '.join(map(str, record.data_vars))}; the lever, throttle, is needed"
         )
     model = compile_engine(deck)
-    held, _ = record_condition(record)
+    condition, _ = record_condition(record)
     time = record["time"].values.astype(float)
-    mach, h = (
-        record[name].values.astype(float) if name in record else np.zeros(len(time))
-        for name in ("mach", "h")
-    )
-    V = mach * np.asarray(atmosphere(h, delta_T=held["env.delta_T"]).a_sound)
+    mach, h = recorded_or_zero(record, "mach"), recorded_or_zero(record, "h")
+    V = mach * np.asarray(atmosphere(h, delta_T=condition["env.delta_T"]).a_sound)
     inputs = simulation_inputs(record, np.zeros(len(time)))
-    levers = [
-        constant_inputs(
-            model, {str(name): float(inputs[name].values[k]) for name in inputs.data_vars}
-        )
-        for k in range(len(time))
-    ]
-    places = [row.name for row in model.entries(STATE)]
-    fixed = [places.index(f"state.{name}") for name in _PLACED]
+    levers = []
+    for k in range(len(time)):
+        values = {str(name): float(inputs[name].values[k]) for name in inputs.data_vars}
+        levers.append(constant_inputs(model, values))
+    # Indices of the fixed states and of the outputs.
+    states = [row.name for row in model.entries(STATE)]
+    fixed = [states.index(f"state.{name}") for name in _FIXED]
     columns = [model.outputs.index(f"engine1.{name}") for name in OUTPUTS]
     simulation = initialise_run(
         model,
-        held | {"init.V": max(V[0], 1.0), "init.h": h[0], "init.alpha": 0.0},
+        condition | {"init.V": max(V[0], 1.0), "init.h": h[0], "init.alpha": 0.0},
         levers[0],
         time[0],
     )
     rows = []
     for k, lever in enumerate(levers):
+        # The motion of every sample replaces that of the simulation: V ahead, level, at height h.
         x = simulation.state
         x[fixed] = (V[k], 0.0, 0.0, 1.0, *[0.0] * 6, -h[k])
         simulation.state = x
         rows.append(simulation.outputs()[columns])
         if k + 1 < len(levers):
             simulation.step(time[k], time[k + 1] - time[k], lever, levers[k + 1])
-    found = dict(zip(OUTPUTS, np.array(rows).T))
+    outputs = dict(zip(OUTPUTS, np.array(rows).T))
     return xr.Dataset(
-        {name: ("time", values) for name, values in found.items()},
+        {name: ("time", values) for name, values in outputs.items()},
         {"time": time},
         dict(record.attrs),
     )

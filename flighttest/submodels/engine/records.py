@@ -61,11 +61,11 @@ def engine_channels(
     Returns
     -------
     Dataset (time,)
-        ``temperature`` is the standard one at the height plus the mean difference of the record
-        from it where the Mach number is above 0.1: a thermometer without flow does not show the
-        air.  ``h`` is the height at which the air so much warmer has the pressure of a pressure
-        altitude ``h_baro``, other heights are taken as they are; ``pressure_ratio`` is that
-        pressure.
+        ``temperature`` is the standard temperature at the height plus the mean difference of the
+        record from it at Mach numbers above 0.1, because a thermometer without flow does not show
+        the air temperature.  ``h`` is the height at which air with this difference has the pressure
+        of a pressure altitude ``h_baro``; other heights are not changed. ``pressure_ratio`` is that
+        pressure over the standard pressure at sea level.
 
     Raises
     ------
@@ -75,56 +75,63 @@ def engine_channels(
         Lever angles without their range.
     """
     present = [name for name in CHANNELS if f"engine{engines[0]}.{name}" in states]
-    found: dict[str, np.ndarray] = {}
+    channels: dict[str, np.ndarray] = {}
     for name in present:
         for number in engines:
             if f"engine{number}.{name}" not in states:
                 raise UnknownName(f"engine{number}.{name}", map(str, states.data_vars), "channel")
-        found[name] = np.mean(
+        channels[name] = np.mean(
             [states[f"engine{number}.{name}"].values for number in engines], axis=0
         )
-    if "throttle" not in found and "pla" in found:
+    if "throttle" not in channels and "pla" in channels:
         if pla is None or pla[0] == pla[1]:
             raise IdentificationError(
                 "the record has lever angles; give the angles of idle and full power as pla"
             )
-        found["throttle"] = (found["pla"] - pla[0]) / (pla[1] - pla[0])
-    found.pop("pla", None)
+        channels["throttle"] = (channels["pla"] - pla[0]) / (pla[1] - pla[0])
+    channels.pop("pla", None)
     if height is not None and height not in states:
         raise UnknownName(height, map(str, states.data_vars), "channel")
-    height = height or next((name for name in HEIGHTS if name in states), None)
+    if not height:
+        height = next((name for name in HEIGHTS if name in states), None)
     if height:
-        found["h"] = states[height].values
+        channels["h"] = states[height].values
     if "mach" in states:
-        found["mach"] = states["mach"].values
+        channels["mach"] = states["mach"].values
     elif "V" in states and "temperature" in states:
-        found["mach"] = states["V"].values / np.sqrt(GAMMA * R_AIR * states["temperature"].values)
+        channels["mach"] = states["V"].values / np.sqrt(
+            GAMMA * R_AIR * states["temperature"].values
+        )
     if "temperature" in states:
-        found |= _outside_air(states["temperature"].values, found, height == "h_baro")
+        channels |= _outside_air(states["temperature"].values, channels, height == "h_baro")
     return xr.Dataset(
-        {name: ("time", values) for name, values in found.items()},
+        {name: ("time", values) for name, values in channels.items()},
         {"time": states["time"].values},
         dict(states.attrs),
     )
 
 
 def _outside_air(
-    reading: np.ndarray, found: Mapping[str, np.ndarray], barometric: bool
+    reading: np.ndarray, channels: Mapping[str, np.ndarray], barometric: bool
 ) -> dict[str, np.ndarray]:
-    """Temperature [K], height [m] and pressure ratio from a thermometer and a height."""
-    if "h" not in found:
+    """Return temperature [K], height [m] and pressure ratio from a thermometer and a height."""
+    if "h" not in channels:
         return {"temperature": reading}
-    h = found["h"]
-    pressure = np.log(np.asarray(atmosphere(h).p_static))  # of a pressure altitude
-    flying = found["mach"] > FLOWING if "mach" in found else np.zeros(len(reading), bool)
+    h = channels["h"]
+    log_pressure = np.log(np.asarray(atmosphere(h).p_static))
+    flying = np.zeros(len(reading), bool)
+    if "mach" in channels:
+        flying = channels["mach"] > FLOWING
+    used = flying if flying.any() else slice(None)
+    # The temperature difference depends on the height, and the height on the difference.
     for _ in range(PASSES if barometric else 1):
         standard = np.asarray(atmosphere(h).temperature)
-        warmer = float(np.mean((reading - standard)[flying if flying.any() else slice(None)]))
+        warmer = float(np.mean((reading - standard)[used]))
         if barometric:
             grid = np.arange(h.min() - MARGIN, h.max() + MARGIN, STEP)
-            h = np.interp(
-                -pressure, -np.log(np.asarray(atmosphere(grid, delta_T=warmer).p_static)), grid
-            )
+            grid_pressure = np.log(np.asarray(atmosphere(grid, delta_T=warmer).p_static))
+            # Pressure falls with height; the minus signs make it rise for the interpolation.
+            h = np.interp(-log_pressure, -grid_pressure, grid)
     air = atmosphere(h, delta_T=warmer)
     return {
         "temperature": np.asarray(air.temperature),
@@ -154,10 +161,14 @@ def read_points(path: str | Path) -> xr.Dataset:
     return xr.Dataset({name: ("point", table[name].values.astype(float)) for name in table.columns})
 
 
-SETTLED = 2.0  # time over which lever and speeds must have rested [s]
-STEADY = 0.01  # range of a spool's speed that counts as rest
-WINDOW_MARGIN = 1.0  # at rest, kept at both ends [s]
-LEAST = 0.3  # range of the throttle that counts as a power change
+# Time for which lever and speeds must have been at rest. [s]
+SETTLED = 2.0
+# Range of the speed of a spool at rest.
+STEADY = 0.01
+# Time at rest at both ends of a power change. [s]
+WINDOW_MARGIN = 1.0
+# Smallest range of the throttle of a power change.
+LEAST = 0.3
 
 
 def power_changes(
@@ -168,18 +179,18 @@ def power_changes(
     Parameters
     ----------
     record : Dataset (time,)
-        ``throttle`` and ``n2`` [1] on a uniform clock, as `engine_channels` returns them.  It
-        counts as begun with the engine settled: where the lever moves in its first second, the
-        first sample is held before.
+        ``throttle`` and ``n2`` [1] on a uniform clock, as `engine_channels` returns them.  The
+        engine is in a steady state at its begin: if the lever moves in the first second, the first
+        sample is repeated before it.
     least : float
         Smallest range of the throttle.
     longest : float
-        Changes that last longer are left out: a lever that moves on and on. [s]
+        Longer changes are omitted, because the lever moves on and on. [s]
 
     Returns
     -------
     list of Dataset (time,)
-        Attribute ``record`` with the time at which it begins; empty when there is none.
+        Attribute ``record`` contains the time of the begin. The list may be empty.
 
     Raises
     ------
@@ -198,22 +209,22 @@ def power_changes(
         if name in record:
             still &= find_lever_rest(record.assign(throttle=record[name]), SETTLED, STEADY)
     margin = round(WINDOW_MARGIN / step)
-    found = []
-    for begin, end in _moving(still, 2 * margin):
+    changes = []
+    for begin, end in _moving_ranges(still, 2 * margin):
         part = np.arange(begin - margin, min(end + margin, len(time)))
+        # Negative indices repeat the first sample.
         change = record.isel(time=np.maximum(part, 0)).assign_coords(time=time[0] + step * part)
         if np.ptp(change["throttle"].values) < least or len(part) * step > longest:
             continue
         name = f"{record.attrs.get('record', 'record')} from {time[max(part[0], 0)]:.4g} s"
-        found.append(change.assign_attrs(record=name))
-    return found
+        changes.append(change.assign_attrs(record=name))
+    return changes
 
 
-def _moving(still: np.ndarray, least: int) -> list[tuple[int, int]]:
-    """Begin and end of what is not at rest; a rest of fewer than `least` samples does not count."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], still, [True]]).astype(int))).reshape(
-        -1, 2
-    )
+def _moving_ranges(still: np.ndarray, least: int) -> list[tuple[int, int]]:
+    """Return begin and end of the motions; a rest of fewer than `least` samples does not count."""
+    padded = np.concatenate([[True], still, [True]]).astype(int)
+    edges = np.flatnonzero(np.diff(padded)).reshape(-1, 2)
     joined: list[tuple[int, int]] = []
     for begin, end in edges.tolist():
         if joined and begin - joined[-1][1] < least:

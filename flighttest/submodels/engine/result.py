@@ -1,11 +1,13 @@
-"""An engine identified from its records: deck file and ``[[engine]]`` entry, with sources and
-standard errors.
+"""Result of the identification of an engine: deck file and ``[[engine]]`` entry.
+
+Tables and constants carry sources and standard errors.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -22,22 +24,24 @@ from flighttest.submodels.engine.starting import StartFit, identify_start
 from flighttest.submodels.engine.static_thrust import DeckCorrection, Polar, correct_deck
 from flighttest.submodels.engine.steady_tables import SteadyTable, steady_table
 
-_LOWER = (
-    0.9  # speed at light-off less a margin, as least speed to light; it burns down to half of that
-)
+# Margin of the least speed to light below the speed at light-off. The engine burns down to half.
+_LOWER = 0.9
 
 
 @dataclass(frozen=True)
 class EngineFit:
-    """What the records of an engine show, part by part; None where there were no records of it.
+    """Identified parts of an engine; None if there were no records of a part.
 
     Attributes
     ----------
     prior : dict of str to Dataset
         Tables of the a-priori deck.
     spools : SpoolFit or None
+        Governor and spools.
     static : DeckCorrection or None
+        Correction of the static thrust.
     start : StartFit or None
+        Start and shut-down.
     steady : dict of str to SteadyTable
         Tables from whole flights.
     records : tuple of str
@@ -52,7 +56,7 @@ class EngineFit:
     records: tuple[str, ...] = ()
 
     def deck(self, pla: tuple[float, float] = (0.0, 1.0)) -> EngineDeck:
-        """Return the deck: identified tables and constants in the place of the a-priori ones.
+        """Return the deck with identified tables and constants in place of the a-priori ones.
 
         Parameters
         ----------
@@ -68,19 +72,13 @@ class EngineFit:
         if self.static:
             tables["corrected_thrust"] = self.static.leaf
         if self.spools:
-            found = self.spools.leaves()
-            spools = [n for n in ("n1", "n2") if f"{n}_command" in found]
-            old = tuple(text for n in spools for text in (f"{n}_", f"corrected_{n}_command"))
-            tables = {
-                name: leaf for name, leaf in tables.items() if not name.startswith(old)
-            } | found
+            tables = self._replace_spools(tables, self.spools.leaves())
         for name, table in self.steady.items():
+            # A table replaces both its corrected and its uncorrected form.
             plain = name.removeprefix("corrected_")
-            tables = {
-                other: leaf
-                for other, leaf in tables.items()
-                if other not in (plain, f"corrected_{plain}")
-            } | {name: table.leaf}
+            tables.pop(plain, None)
+            tables.pop(f"corrected_{plain}", None)
+            tables[name] = table.leaf
         if self.start:
             tables = self.start.joined(tables)
         constants: dict[str, Any] = {name: value for name, (value, _) in self._constants().items()}
@@ -91,12 +89,24 @@ class EngineFit:
             }
         return EngineDeck(tables, pla_idle=pla[0], pla_full=pla[1], **constants)
 
+    def _replace_spools(
+        self, tables: Mapping[str, xr.Dataset], identified: Mapping[str, xr.Dataset]
+    ) -> dict[str, xr.Dataset]:
+        """Return the tables with those of each identified spool in place of the a-priori ones."""
+        prefixes: tuple[str, ...] = ()
+        for spool in ("n1", "n2"):
+            if f"{spool}_command" in identified:
+                prefixes += (f"{spool}_", f"corrected_{spool}_command")
+        others = {name: leaf for name, leaf in tables.items() if not name.startswith(prefixes)}
+        return {**others, **identified}
+
     def _constants(self) -> dict[str, tuple[float, float]]:
-        found = {
-            **(self.spools.constants if self.spools else {}),
-            **(self.start.constants if self.start else {}),
-        }
-        return {name: pair for name, pair in found.items() if name in CONSTANTS}
+        """Return the identified constants of the deck with their standard errors."""
+        constants: dict[str, tuple[float, float]] = {}
+        for part in (self.spools, self.start):
+            if part:
+                constants |= part.constants
+        return {name: pair for name, pair in constants.items() if name in CONSTANTS}
 
     def write(
         self,
@@ -104,16 +114,18 @@ class EngineFit:
         pla: tuple[float, float] = (0.0, 1.0),
         title: str = "engine deck from flight",
     ) -> str:
-        """Write the tables to a netCDF file and return the ``[engine.deck]`` entry of the aircraft
-        file that belongs to it.
+        """Write the tables to a netCDF file and return its ``[engine.deck]`` entry.
+
+        The entry belongs into the aircraft file.
 
         Parameters
         ----------
         path : str or Path
+            File to write, atomically.
         pla : (idle, full)
             As for `deck`.
         title : str
-            Of the file.
+            Title of the file.
         """
         path, deck = Path(path), self.deck(pla)
         with written_atomically(path) as part:
@@ -143,43 +155,44 @@ class EngineFit:
 
     def as_dict(self) -> dict:
         """Return the numbers of all parts: constants and tables with standard errors."""
-        parts = [part for part in (self.spools, self.start) if part]
-        constants = {name: list(pair) for part in parts for name, pair in part.constants.items()}
-        tables = {}
-        for name, leaf in (
-            (name, curve.leaf) for part in parts for name, curve in part.tables.items()
-        ):
-            axis = str(leaf["value"].dims[0])
-            tables[name] = {
-                axis: leaf[axis].values,
-                "value": leaf["value"].values,
-                "stderr": leaf["stderr"].values,
-            }
-        found = {"constants": constants, "tables": tables}
+        constants, tables = {}, {}
+        for part in (self.spools, self.start):
+            if not part:
+                continue
+            for name, pair in part.constants.items():
+                constants[name] = list(pair)
+            for name, curve in part.tables.items():
+                axis = str(curve.leaf["value"].dims[0])
+                tables[name] = {
+                    axis: curve.leaf[axis].values,
+                    "value": curve.leaf["value"].values,
+                    "stderr": curve.leaf["stderr"].values,
+                }
+        numbers = {"constants": constants, "tables": tables}
         if self.static:
-            static = self.static
-            found["correction"] = {
-                "speed": static.speeds,
-                "factor": static.factor,
-                "stderr": static.stderr,
-                "remarks": static.remarks,
+            numbers["correction"] = {
+                "speed": self.static.speeds,
+                "factor": self.static.factor,
+                "stderr": self.static.stderr,
+                "remarks": self.static.remarks,
             }
-        found["steady"] = {
+        numbers["steady"] = {
             name: {"rms": table.rms, "samples": table.samples, "lengths": table.lengths}
             for name, table in self.steady.items()
         }
-        return found
+        return numbers
 
     def compare(
         self, flights: Sequence[xr.Dataset], pla: tuple[float, float] = (0.0, 1.0)
     ) -> xr.Dataset:
-        """Return how far the deck is from records when their lever drives it, whether they were
-        used or not.
+        """Return the difference of the deck from records when their lever drives it.
+
+        The records may be those of the identification, or others.
 
         Parameters
         ----------
         flights : sequence of Dataset (time,)
-            As for `fly_deck`, with what is compared: ``n1``, ``n2``, ``fuel_flow``, ``itt``,
+            As for `fly_deck`, with the compared channels: ``n1``, ``n2``, ``fuel_flow``, ``itt``,
             ``thrust``.
         pla : (idle, full)
             As for `deck`.
@@ -191,55 +204,52 @@ class EngineFit:
         """
         deck = self.deck(pla)
         rows = []
-        for one in flights:
-            flown = fly_deck(deck, one)
-            differences = {
-                str(name): flown[name].values - one[name].values
-                for name in flown.data_vars
-                if name in one
-            }
-            rows.append(
-                {name: float(np.sqrt(np.nanmean(v**2))) for name, v in differences.items()}
-                | {"samples": one.sizes["time"]}
-            )
-        names = [str(one.attrs.get("record", k + 1)) for k, one in enumerate(flights)]
-        columns = {
-            name: ("record", [row.get(name, np.nan) for row in rows])
-            for row in rows
-            for name in row
-        }
+        for record in flights:
+            response = fly_deck(deck, record)
+            row: dict[str, float] = {}
+            for name in map(str, response.data_vars):
+                if name in record:
+                    difference = response[name].values - record[name].values
+                    row[name] = float(np.sqrt(np.nanmean(difference**2)))
+            rows.append(row | {"samples": record.sizes["time"]})
+        names = [str(record.attrs.get("record", k + 1)) for k, record in enumerate(flights)]
+        # A record that lacks a channel has NaN in its column.
+        columns = {}
+        for name in dict.fromkeys(chain.from_iterable(rows)):
+            columns[name] = "record", [row.get(name, np.nan) for row in rows]
         return xr.Dataset(columns, {"record": names})
 
     def report(self) -> str:
         """Return all parts as text."""
-        steady = "\n".join(table.report(name) for name, table in self.steady.items())
-        parts = [
-            (title, part.report())
-            for title, part in (
-                ("Governor and spools", self.spools),
-                ("Static thrust", self.static),
-            )
-            if part
-        ]
-        parts += [("Steady tables", steady)] if steady else []
-        parts += [("Start and shut-down", self.start.report())] if self.start else []
+        parts = []
+        if self.spools:
+            parts.append(("Governor and spools", self.spools.report()))
+        if self.static:
+            parts.append(("Static thrust", self.static.report()))
+        if self.steady:
+            steady = [table.report(name) for name, table in self.steady.items()]
+            parts.append(("Steady tables", "\n".join(steady)))
+        if self.start:
+            parts.append(("Start and shut-down", self.start.report()))
         return "\n\n".join(f"{title}\n{'-' * len(title)}\n{text}" for title, text in parts)
 
 
-def comparison_text(found: xr.Dataset) -> str:
-    """Return what `EngineFit.compare` found as lines, all records together last."""
-    names = [str(name) for name in found.data_vars if name != "samples"]
-    width = max(len("all records"), *(len(str(name)) for name in found["record"].values))
+def comparison_text(comparison: xr.Dataset) -> str:
+    """Return a result of `EngineFit.compare` as lines, with all records together last."""
+    names = [str(name) for name in comparison.data_vars if name != "samples"]
+    records = [str(name) for name in comparison["record"].values]
+    width = max(len("all records"), *(len(name) for name in records))
     lines = [f"{'deck less record, rms':<{width}}" + "".join(f"{name:>12}" for name in names)]
-    for k, record in enumerate(found["record"].values):
-        lines.append(
-            f"{record!s:<{width}}" + "".join(f"{float(found[name][k]):>12.4g}" for name in names)
-        )
-    weight = found["samples"]
-    together = [float(np.sqrt((found[name] ** 2).weighted(weight).mean())) for name in names]
-    return "\n".join(
-        [*lines, f"{'all records':<{width}}" + "".join(f"{value:>12.4g}" for value in together)]
-    )
+    for k, record in enumerate(records):
+        cells = "".join(f"{float(comparison[name][k]):>12.4g}" for name in names)
+        lines.append(f"{record:<{width}}{cells}")
+    # Mean squares of the records have the weight of their samples.
+    weight = comparison["samples"]
+    cells = ""
+    for name in names:
+        together = float(np.sqrt((comparison[name] ** 2).weighted(weight).mean()))
+        cells += f"{together:>12.4g}"
+    return "\n".join([*lines, f"{'all records':<{width}}{cells}"])
 
 
 def identify_engine(
@@ -266,23 +276,24 @@ def identify_engine(
     Parameters
     ----------
     power_changes : sequence of Dataset (time,)
-        Chops, slams, steps, as for `identify_spools`.
+        Chops, slams and steps of the lever, as for `identify_spools`.
     starts : sequence of Dataset (time,)
         As for `identify_start`.
     recorded, equilibrium : Dataset (point,), optional
-        Points with recorded thrust; partial climbs and level accelerations; as for `correct_deck`.
+        Points with recorded thrust, and partial climbs and level accelerations, as for
+        `correct_deck`.
     prior : mapping of str to Dataset, optional
-        Tables of the a-priori deck; ``corrected_thrust`` where there are points.
+        Tables of the a-priori deck; ``corrected_thrust`` is required if there are points.
     polar, S, engines
         As for `correct_deck`.
     flights : sequence of Dataset (time,)
-        Whole flights, as `engine_channels` returns them: power changes are cut out of them
-        (`power_changes`) and tables estimated.
+        Whole flights, as `engine_channels` returns them. Power changes are cut out of them
+        (`power_changes`), and tables are estimated.
     throttle, n2, over, limits, fan
         As for `identify_spools`.
     tables : mapping of str to mapping of str to sequence of float, optional
-        Tables of steady performance that `flights` give, with their axes and breakpoints, as for
-        `steady_table`; those of the a-priori deck are the prior.
+        Tables of steady performance from `flights`, with their axes and breakpoints, as for
+        `steady_table`. Their priors are the tables of the a-priori deck.
     thrust_scale : float
         Standard error of the factor of the recorded thrust, common to all records.
 
@@ -293,41 +304,68 @@ def identify_engine(
     Raises
     ------
     IdentificationError
-        No records at all, points without an a-priori thrust, tables without flights, or what the
-        parts raise.
+        No records at all, points without an a-priori thrust, tables without flights, or an error of
+        one of the parts.
     """
-    given = dict(prior or {})
+    deck = dict(prior or {})
     points = recorded is not None or equilibrium is not None
     if not (power_changes or starts or points or flights):
         raise IdentificationError(
             "no records; give power changes, starts, settled points, or flights"
         )
-    if points and "corrected_thrust" not in given:
+    if points and "corrected_thrust" not in deck:
         raise IdentificationError(
             f"points correct the table corrected_thrust of an a-priori deck; it has "
-            f"{' '.join(given) or 'no tables'}"
+            f"{' '.join(deck) or 'no tables'}"
         )
     if tables and not flights:
         raise IdentificationError(
             f"tables of {' '.join(tables)} come from whole flights; give flights"
         )
-    changes = [*power_changes, *(change for one in flights for change in cut_power_changes(one))]
+    changes = [*power_changes]
+    for flight in flights:
+        changes += cut_power_changes(flight)
+    spools = static = start = None
+    if changes:
+        spools = identify_spools(changes, throttle, n2, over=over, limits=limits, fan=fan)
+    if points:
+        static = correct_deck(
+            deck["corrected_thrust"],
+            recorded,
+            equilibrium=equilibrium,
+            polar=polar,
+            S=S,
+            engines=engines,
+        )
+    if starts:
+        start = identify_start(starts)
+    records = [*power_changes, *flights, *starts]
     return EngineFit(
-        given,
-        identify_spools(changes, throttle, n2, over=over, limits=limits, fan=fan)
-        if changes
-        else None,
-        correct_deck(given["corrected_thrust"], recorded, equilibrium, polar, S, engines)
-        if points
-        else None,
-        identify_start(starts) if starts else None,
-        dict(_steady(flights, tables or {}, given, thrust_scale)),
-        tuple(
-            str(one.attrs["record"])
-            for one in (*power_changes, *flights, *starts)
-            if "record" in one.attrs
+        deck,
+        spools=spools,
+        static=static,
+        start=start,
+        steady=dict(_steady_tables(flights, tables or {}, deck=deck, thrust_scale=thrust_scale)),
+        records=tuple(
+            str(record.attrs["record"]) for record in records if "record" in record.attrs
         ),
     )
+
+
+def _steady_tables(
+    flights: Sequence[xr.Dataset],
+    tables: Mapping[str, Mapping[str, Sequence[float]]],
+    deck: Mapping[str, xr.Dataset],
+    thrust_scale: float,
+) -> Iterator[tuple[str, SteadyTable]]:
+    """Yield the tables of whole flights by name."""
+    for name, axes in tables.items():
+        # An a-priori table over other axes is not a prior.
+        prior = deck.get(name)
+        if prior is not None and not set(map(str, prior["value"].dims)) <= set(axes):
+            prior = None
+        scale = thrust_scale if name.endswith("thrust") else 0.0
+        yield name, steady_table(flights, name, axes=axes, prior=prior, scale=scale)
 
 
 def _steady(

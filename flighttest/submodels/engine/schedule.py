@@ -1,5 +1,6 @@
-"""Steady schedule of a spool over the power lever: where the lever rests, and what the speed
-settles at.
+"""Steady schedule of a spool over the power lever.
+
+The functions find where the lever is at rest, and the speed of the spool there.
 """
 
 from __future__ import annotations
@@ -13,32 +14,41 @@ from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
 
 from flightmech.errors import IdentificationError
 
-STILL = 6.0  # time for which the lever must have rested [s]
-MEDIAN = 0.2  # length of the running median [s]
-FIRST = 0.5  # time at rest with which a record begins [s]
-# range of the throttle that counts as rest, and distance of two positions that count as one
+# Time for which the lever must have been at rest. [s]
+STILL = 6.0
+# Length of the running median. [s]
+MEDIAN = 0.2
+# Time at rest at the begin of a record. [s]
+FIRST = 0.5
+# Range of the throttle at rest, and distance of two positions that count as the same.
 SAME = 0.02
-LEAST = 0.05  # samples at a position of rest, in those at the most frequent one
-GAP = 0.2  # knots of the schedule stand closer
-SPACING = 0.035  # of the knots over n2
-AWAY = 0.02  # gap to the schedule from which on a rate carries information on the time constant
-EDGE = 0.005  # by which tables reach beyond the speeds at rest: an engine that idles stays inside
-WIDE = 0.15  # half the time over which a rate is taken [s]
+# Smallest number of samples at a position of rest, in those at the most frequent position.
+LEAST = 0.05
+# Largest distance of the knots of the schedule.
+GAP = 0.2
+# Distance of the knots over n2.
+SPACING = 0.035
+# Gap to the schedule above which a rate contains information on the time constant.
+AWAY = 0.02
+# Margin of tables beyond the speeds at rest. An idling engine stays inside the table.
+EDGE = 0.005
+# Half the time over which a rate is computed. [s]
+WIDE = 0.15
+# Median absolute deviation to standard deviation of a normal distribution.
+_FROM_MEDIAN = 1.4826
 
 
 def remove_lever_noise(record: xr.Dataset) -> xr.Dataset:
-    """Return a record with the noise of the lever taken off: a running median, which leaves ramps
-    as they are.
+    """Return a record with the noise of the lever removed by a running median.
 
-    The simulation starts at the steady state of the first sample, so the first half second is held
-    at its median.
+    The median does not change ramps.  The simulation starts at the steady state of the first
+    sample.  The first half second is therefore replaced by its median.
 
     Raises
     ------
     IdentificationError
         The lever moves from the start.
     """
-
     step = float(np.median(np.diff(record["time"].values)))
     throttle = median_filter(
         record["throttle"].values.astype(float), 2 * round(0.5 * MEDIAN / step) + 1
@@ -54,7 +64,9 @@ def remove_lever_noise(record: xr.Dataset) -> xr.Dataset:
 
 
 def find_lever_rest(record: xr.Dataset, still: float = STILL, same: float = SAME) -> np.ndarray:
-    """Return where the lever has rested for a while; records count as begun at rest.
+    """Return where the lever has been at rest for a while (sample,).
+
+    Before a record the lever is at rest.
 
     Parameters
     ----------
@@ -65,116 +77,119 @@ def find_lever_rest(record: xr.Dataset, still: float = STILL, same: float = SAME
     same : float
         Range of the throttle within it.
     """
-
     throttle, time = record["throttle"].values, record["time"].values
     width = max(round(still / float(np.median(np.diff(time)))), 1)
     padded = np.concatenate([np.full(width, np.median(throttle[:5])), throttle])
-    high, low = (
-        np.asarray(one(padded, width + 1, origin=width // 2))
-        for one in (maximum_filter1d, minimum_filter1d)
-    )
+    # Range of the throttle over the last `width` samples.
+    high = np.asarray(maximum_filter1d(padded, width + 1, origin=width // 2))
+    low = np.asarray(minimum_filter1d(padded, width + 1, origin=width // 2))
     return (high - low)[width:] < same
 
 
 def rest_positions(records: Sequence[xr.Dataset]) -> np.ndarray:
-    """Return the positions at which the lever rested, rising."""
-    found = np.sort(
-        np.concatenate([one["throttle"].values[find_lever_rest(one)] for one in records])
-    )
-    if not len(found):
+    """Return the positions at which the lever was at rest, in rising order."""
+    at_rest = [record["throttle"].values[find_lever_rest(record)] for record in records]
+    positions = np.sort(np.concatenate(at_rest))
+    if not len(positions):
         raise IdentificationError(
             f"the lever never rests for {STILL:g} s; add records at settled power"
         )
-    groups = np.split(found, np.flatnonzero(np.diff(found) > SAME / 4.0) + 1)
+    # A gap between sorted samples separates two positions.
+    groups = np.split(positions, np.flatnonzero(np.diff(positions) > SAME / 4.0) + 1)
     least = LEAST * max(map(len, groups))
     return np.array([float(np.median(group)) for group in groups if len(group) >= least])
 
 
 def schedule_nodes(records: Sequence[xr.Dataset]) -> np.ndarray:
-    """Return breakpoints of the schedule: the positions of rest, and evenly between those that are
-    far apart.
-    """
-    rest = rest_positions(records)
-    between = [np.linspace(a, b, int(np.ceil((b - a) / GAP)) + 1)[1:-1] for a, b in pairwise(rest)]
-    return np.sort(np.concatenate([rest, *between]))
+    """Return breakpoints of the schedule: the positions of rest, and points in large gaps."""
+    positions = rest_positions(records)
+    points = [positions]
+    for a, b in pairwise(positions):
+        points.append(np.linspace(a, b, int(np.ceil((b - a) / GAP)) + 1)[1:-1])
+    return np.sort(np.concatenate(points))
 
 
 def speed_knots(records: Sequence[xr.Dataset]) -> np.ndarray:
-    """Return knots of the tables over n2, evenly over what was run."""
+    """Return uniform knots of the tables over n2, over the recorded speeds."""
     n2 = np.concatenate([one["n2"].values for one in records])
     low, high = np.quantile(n2, [0.002, 0.998])
     return np.linspace(low, high, max(round((high - low) / SPACING), 1) + 1)
 
 
 def settled_speeds(records: Sequence[xr.Dataset], name: str) -> np.ndarray:
-    """Return a speed at all samples at which the lever has rested; empty when there are none."""
-    return np.concatenate(
-        [
-            one[name].values[find_lever_rest(one)]
-            for one in records
-            if name in one and "throttle" in one
-        ]
-        or [np.empty(0)]
-    )
+    """Return a speed at all samples with the lever at rest; the result may be empty."""
+    speeds = [np.empty(0)]
+    for record in records:
+        if name in record and "throttle" in record:
+            speeds.append(record[name].values[find_lever_rest(record)])
+    return np.concatenate(speeds)
 
 
 def cover_settled_range(points: np.ndarray, settled: np.ndarray) -> np.ndarray:
-    """Return breakpoints over a speed, the outer ones moved outwards where the engine would leave
-    them at rest.
+    """Return breakpoints over a speed that cover the speeds at rest.
+
+    The outer breakpoints are moved outwards if necessary.
 
     Parameters
     ----------
     points : array (breakpoint,)
+        Breakpoints in rising order.
     settled : array (sample,)
-        Of the speed, at rest; one sample in a hundred is left to noise on either side.
+        Speeds at rest. One sample in a hundred on either side counts as noise.
     """
-    found = np.array(points, float)
+    covering = np.array(points, float)
     settled = settled[np.isfinite(settled)]
     if settled.size:
         low, high = np.quantile(settled, [0.01, 0.99])
-        found[0], found[-1] = min(found[0], low - EDGE), max(found[-1], high + EDGE)
-    return found
+        covering[0], covering[-1] = min(covering[0], low - EDGE), max(covering[-1], high + EDGE)
+    return covering
 
 
 def reading_error(records: Sequence[xr.Dataset], at: np.ndarray) -> np.ndarray:
-    """Return the standard error of the mean lever position about each knot, from the noise of its
-    readings. [throttle]
+    """Return the standard error of the mean lever position about each knot. [throttle]
+
+    It follows from the noise of the readings.
 
     Parameters
     ----------
     records : sequence of Dataset
-        As they were recorded, before `remove_lever_noise`.
+        As recorded, before `remove_lever_noise`.
     at : array (knot,)
+        Lever positions.
     """
-    parts = [
-        (one["throttle"].values[still], one["throttle"].values[1:] - one["throttle"].values[:-1])
-        for one in records
-        if (still := find_lever_rest(one)).any()
-    ]
-    noise = (
-        np.sqrt(0.5) * 1.4826 * np.median(np.abs(np.concatenate([change for _, change in parts])))
-    )
-    rest = np.concatenate([lever for lever, _ in parts])
-    return np.array(
-        [noise / np.sqrt(max(int(np.count_nonzero(np.abs(rest - x) < SAME)), 1)) for x in at]
-    )
+    at_rest, changes = [], []
+    for record in records:
+        still = find_lever_rest(record)
+        if still.any():
+            lever = record["throttle"].values
+            at_rest.append(lever[still])
+            changes.append(lever[1:] - lever[:-1])
+    # The difference of two readings has twice the variance of one.
+    noise = np.sqrt(0.5) * _FROM_MEDIAN * np.median(np.abs(np.concatenate(changes)))
+    positions = np.concatenate(at_rest)
+    errors = []
+    for x in at:
+        count = int(np.count_nonzero(np.abs(positions - x) < SAME))
+        errors.append(noise / np.sqrt(max(count, 1)))
+    return np.array(errors)
 
 
 def first_schedule(
     records: Sequence[xr.Dataset], name: str, at: np.ndarray, over: str = "throttle"
 ) -> np.ndarray:
-    """Return the settled speed ``name`` over the throttle or the other spool, a start for the
-    search.
-    """
-    rest = [find_lever_rest(one) for one in records]
-    x = np.concatenate([one[over].values[still] for one, still in zip(records, rest)])
-    y = np.concatenate([one[name].values[still] for one, still in zip(records, rest)])
+    """Return the settled speed ``name`` over the throttle or the other spool, as a first value."""
+    at_rest = [record.isel(time=find_lever_rest(record)) for record in records]
+    x = np.concatenate([record[over].values for record in at_rest])
+    y = np.concatenate([record[name].values for record in at_rest])
+    # Medians of the samples nearest to each knot; a knot without samples is interpolated.
     edges = np.append(at[0] - 1.0, np.append(0.5 * (at[1:] + at[:-1]), at[-1] + 1.0))
-    inside = [(x >= a) & (x < b) for a, b in pairwise(edges)]
-    place, speed = np.array(
-        [(np.median(x[part]), np.median(y[part])) for part in inside if part.any()]
-    ).T
-    return np.interp(at, place, np.maximum.accumulate(speed))
+    medians = []
+    for a, b in pairwise(edges):
+        inside = (x >= a) & (x < b)
+        if inside.any():
+            medians.append((np.median(x[inside]), np.median(y[inside])))
+    position, speed = np.array(medians).T
+    return np.interp(at, position, np.maximum.accumulate(speed))
 
 
 def first_rates(
@@ -184,19 +199,19 @@ def first_rates(
     schedule: np.ndarray,
     at: np.ndarray,
 ) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
-    """Return time constants [s] and rates [1/s], each up and down, about values of n2: a start for
-    the search.
+    """Return first values of time constants [s] and rates [1/s], each up and down.
 
-    A time constant is the median of gap over rate, a rate the one that nine in ten samples do not
-    reach.
+    A time constant is the median of gap over rate about a value of n2. A rate is the quantile of
+    0.9.
 
     Parameters
     ----------
     records : sequence of Dataset (time,)
+        Power changes.
     name : {"n1", "n2"}
         The speed that moves.
     lever, schedule : array (knot,)
-        What it settles at.
+        Lever positions and the steady speed at them.
     at : array (speed,)
         Values of n2.
 
@@ -206,43 +221,44 @@ def first_rates(
         The speed does not move both ways.
     """
     rows = []
-    for one in records:
-        time, n = one["time"].values, one[name].values
+    for record in records:
+        time, n = record["time"].values, record[name].values
         width = max(round(WIDE / float(np.median(np.diff(time)))), 1)
         rate = (n[2 * width :] - n[: -2 * width]) / (time[2 * width :] - time[: -2 * width])
-        gap = (np.interp(one["throttle"].values, lever, schedule) - n)[width:-width]
-        rows.append(np.column_stack([one["n2"].values[width:-width], gap, rate]))
+        gap = (np.interp(record["throttle"].values, lever, schedule) - n)[width:-width]
+        rows.append(np.column_stack([record["n2"].values[width:-width], gap, rate]))
     n2, gap, rate = np.concatenate(rows).T
     times, rates = [], []
-    for way, word in ((1.0, "up"), (-1.0, "down")):
-        moving = (way * gap > AWAY) & (way * rate > 0.0)
+    for sign, word in ((1.0, "up"), (-1.0, "down")):
+        # Far from the schedule and moving towards it: rate = gap / time constant.
+        moving = (sign * gap > AWAY) & (sign * rate > 0.0)
         if not moving.any():
             raise IdentificationError(
                 f"{name} never moves {word} by more than {AWAY:g}; add a power change that way"
             )
         near = [np.abs(n2[moving] - v) < SPACING for v in at]
-        times.append(_about(at, near, (gap / np.where(moving, rate, 1.0))[moving], 0.5))
-        rates.append(_about(at, near, way * rate[moving], 0.9))
+        time_constant = (gap / np.where(moving, rate, 1.0))[moving]
+        times.append(_local_quantiles(at, near, values=time_constant, level=0.5))
+        rates.append(_local_quantiles(at, near, values=sign * rate[moving], level=0.9))
     return (times[0], times[1]), (rates[0], rates[1])
 
 
-def _about(
-    at: np.ndarray, near: Sequence[np.ndarray], values: np.ndarray, share: float
+def _local_quantiles(
+    at: np.ndarray, near: Sequence[np.ndarray], values: np.ndarray, level: float
 ) -> np.ndarray:
-    """Quantile of values about each place; between places where there are samples."""
-    known = np.array([part.sum() > 3 for part in near])
-    if not known.any():
-        return np.full(len(at), float(np.quantile(values, share)))
-    return np.interp(
-        at,
-        at[known],
-        [float(np.quantile(values[part], share)) for part, ok in zip(near, known) if ok],
-    )
+    """Return the quantile of the values near each point, interpolated where there are too few."""
+    points, quantiles = [], []
+    for point, part in zip(at, near):
+        if part.sum() > 3:
+            points.append(point)
+            quantiles.append(float(np.quantile(values[part], level)))
+    if not points:
+        return np.full(len(at), float(np.quantile(values, level)))
+    return np.interp(at, points, quantiles)
 
 
 def reading_noise(records: Sequence[xr.Dataset], name: str) -> float:
-    """Return the standard deviation of the noise of a channel from sample to sample, by third
-    differences.
-    """
-    change = np.concatenate([np.diff(one[name].values, 3) for one in records])
-    return float(1.4826 * np.median(np.abs(change)) / np.sqrt(20.0))
+    """Return the standard deviation of the noise of a channel, from third differences."""
+    change = np.concatenate([np.diff(record[name].values, 3) for record in records])
+    # A third difference has 1 + 9 + 9 + 1 = 20 times the variance of a reading.
+    return float(_FROM_MEDIAN * np.median(np.abs(change)) / np.sqrt(20.0))

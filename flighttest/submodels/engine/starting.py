@@ -1,10 +1,9 @@
-"""Start and shut-down: starter, light-off, acceleration to idle, fuel flow and turbine temperature,
-run-down.
+"""Identification of start and shut-down of an engine.
 
-The model is the kernel's (docs/explanation/simulation/engine.md): the starter turns the core towards its speed, the engine
-lights where fuel comes on, accelerates with time constants over n2 to its schedule, and runs down
-towards windmilling when the fuel is off.  Fuel flow and temperature are tables over n2, the
-temperature behind a lag.
+The model is the one of the kernel (docs/explanation/simulation/engine.md).  The starter turns the
+core towards its speed.  The engine lights when fuel comes on and accelerates with time constants
+over n2 to its schedule.  It runs down towards windmilling when the fuel is off.  Fuel flow and
+turbine temperature are tables over n2; the temperature has a lag.
 """
 
 from __future__ import annotations
@@ -25,8 +24,10 @@ from flighttest.maximum_likelihood.unknowns import Unknown
 from flighttest.submodels.engine import bench
 from flighttest.submodels.engine.tables import FINE, EngineCurve, refine_knots
 
-SPACING = 0.08  # of the knots over n2 between light-off and idle
-WINDY = 0.05  # Mach number from which on windmilling is looked for
+# Distance of the knots over n2 between light-off and idle.
+SPACING = 0.08
+# Mach number above which windmilling is estimated.
+WINDY = 0.05
 _TIMES = ("starter_time", "n2_rundown", "flame_time")
 
 
@@ -37,14 +38,14 @@ class StartFit:
     Attributes
     ----------
     tables : dict of str to Curve
-        ``n2_up_time`` below idle, and where recorded ``fuel_flow`` and ``itt``, over n2.
+        ``n2_up_time`` below idle, and, if recorded, ``fuel_flow`` and ``itt``, over n2.
     constants : dict of str to (value, standard error)
         ``starter_speed``, ``starter_time``, ``n2_rundown``, ``flame_time``, ``idle``, ``itt_time``;
-        ``corrected_n2_windmill`` where the records fly.
+        ``corrected_n2_windmill`` if the records are in flight.
     light_speed : float
-        Lowest n2 at which the engine was seen to light: the least speed for it lies below. [1]
+        Lowest n2 at which the engine lit. The least speed for light-off lies below it. [1]
     speeds, flows : OutputError
-        The searches over n2, and over fuel flow and temperature (None without them).
+        The fits of n2, and of fuel flow and temperature (None without them).
     """
 
     tables: dict[str, EngineCurve]
@@ -54,50 +55,34 @@ class StartFit:
     flows: OutputError | None
 
     def joined(self, tables: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
-        """Return tables of a deck with those below idle put before them; what only one of them has
-        is taken as it is.
+        """Return tables of a deck extended by those below idle.
+
+        A table that only one of them has is not changed.
         """
-        found = dict(tables)
+        joined = dict(tables)
         for name, curve in self.tables.items():
-            above = found.get(name)
-            found[name] = (
-                curve.leaf
-                if above is None or above["value"].dims != ("n2",)
-                else _before(curve.leaf, above)
-            )
+            above = joined.get(name)
+            if above is None or above["value"].dims != ("n2",):
+                joined[name] = curve.leaf
+            else:
+                joined[name] = _join_tables(curve.leaf, above)
         if "corrected_n2_windmill" in self.constants:
             value, stderr = self.constants["corrected_n2_windmill"]
-            found["corrected_n2_windmill"] = make_term(value, stderr=stderr, source="flight")
-        found.setdefault(
-            "n2_command",
-            make_term(self.constants["idle"][0], stderr=self.constants["idle"][1], source="flight"),
-        )
-        return found
+            joined["corrected_n2_windmill"] = make_term(value, stderr=stderr, source="flight")
+        idle, stderr = self.constants["idle"]
+        joined.setdefault("n2_command", make_term(idle, stderr=stderr, source="flight"))
+        return joined
 
     def report(self) -> str:
         """Return constants, tables and residuals as text."""
         lines = [f"lights at n2 {self.light_speed:.3f}: the least speed for it is at most that"]
-        lines += [
-            f"{name:<22}{value:>10.4g} ({stderr:.2g})"
-            for name, (value, stderr) in self.constants.items()
-        ]
+        for name, (value, stderr) in self.constants.items():
+            lines.append(f"{name:<22}{value:>10.4g} ({stderr:.2g})")
         for name, curve in self.tables.items():
             lines += ["", *curve.lines(name, 6)]
         for search in (self.speeds, self.flows):
             if search is not None:
-                noise = search.noise["stderr"].isel(manoeuvre=0)
-                lines += [
-                    "",
-                    *(
-                        f"{name}: residual rms {float(v):.3g}"
-                        for name, v in zip(noise["output"].values, noise.values)
-                    ),
-                ]
-                lines += [
-                    f"! {remark}"
-                    for remark in search.remarks
-                    if remark.kind in ("convergence", "bound")
-                ]
+                lines += bench.search_lines(search)
         return "\n".join(lines)
 
 
@@ -109,7 +94,7 @@ def identify_start(records: Sequence[xr.Dataset]) -> StartFit:
     records : sequence of Dataset (time,)
         From the engine at rest or windmilling, over start and idle, to the end of the run-down,
         with the lever at idle: ``n2``, ``starter``, ``cutoff`` [1], and ``fuel_flow`` [kg/s],
-        ``itt`` [K] where recorded; ``mach``, ``h`` [m], ``temperature`` [K].
+        ``itt`` [K] if recorded; ``mach``, ``h`` [m], ``temperature`` [K].
 
     Returns
     -------
@@ -120,75 +105,98 @@ def identify_start(records: Sequence[xr.Dataset]) -> StartFit:
     IdentificationError
         No light-off in the records.
     """
-    records = [
-        one if "throttle" in one else one.assign(throttle=0.0 * one["n2"]) for one in records
-    ]
-    lit = [speed for one in records if (speed := _light_off(one)) is not None]
-    if not lit:
+    records = [_with_lever(record) for record in records]
+    light_offs = [_light_off(record) for record in records]
+    light_speeds = [speed for speed in light_offs if speed is not None]
+    if not light_speeds:
         raise IdentificationError("no light-off: cutoff never opens with the starter on")
-    idle = float(np.median(np.concatenate([_idling(one) for one in records])))
-    knots = np.linspace(min(lit), idle, max(round((idle - min(lit)) / SPACING), 1) + 1)
-    at = refine_knots(knots)
-    flying = any("mach" in one and float(one["mach"].max()) > WINDY for one in records)
-    unknowns = {
-        "starter_speed": Unknown(min(lit), 0.2, 0.0, 1.0),
-        **{
-            name: Unknown(first, 10.0 * first, bench.STEP, 60.0)
-            for name, first in zip(_TIMES, (3.0, 6.0, 0.3))
-        },
-        "n2_command": Unknown(idle, 0.1, 0.0, 1.2),
-        **({"corrected_n2_windmill": Unknown(0.05, 0.3, 0.0, 1.0)} if flying else {}),
-        **{
-            f"ln n2_up_time at n2 {x:.4g}": Unknown(
-                np.log(4.0), 2.0, np.log(bench.STEP), np.log(60.0)
-            )
-            for x in knots
-        },
-    }
+    lowest = min(light_speeds)
+    idle = float(np.median(np.concatenate([_idle_samples(record) for record in records])))
+    knots = np.linspace(lowest, idle, max(round((idle - lowest) / SPACING), 1) + 1)
+    nodes = refine_knots(knots)
+    flying = any(_is_flying(record) for record in records)
+
+    unknowns = _speed_unknowns(lowest, idle, knots=knots, flying=flying)
     single = [name for name in unknowns if not name.startswith("ln")]
 
     def times(theta: np.ndarray) -> np.ndarray:
-        return np.exp(scipy.interpolate.PchipInterpolator(knots, theta[len(single) :])(at))
+        # The unknowns behind the single constants are logarithms at the knots.
+        return np.exp(scipy.interpolate.PchipInterpolator(knots, theta[len(single) :])(nodes))
 
     def parameters(theta: np.ndarray) -> dict[str, float]:
-        return {
+        constants = {
             bench.kernel_parameter(name): float(value) for name, value in zip(single, theta)
-        } | bench.as_nodes("n2_up_time", times(theta))
+        }
+        return constants | bench.as_nodes("n2_up_time", times(theta))
 
-    light = max(min(lit) - 0.02, 0.01)
     tables = {
         "n2_command": make_term(idle),
-        "n2_up_time": make_term(np.full(len(at), 4.0), {"n2": at}),
+        "n2_up_time": make_term(np.full(len(nodes), 4.0), {"n2": nodes}),
         "thrust": make_term(0.0),
     }
     if flying:
         tables["corrected_n2_windmill"] = make_term(0.05)
+    # Light-off must be possible at the lowest recorded speed.
+    light = max(lowest - 0.02, 0.01)
     lights: dict[str, Any] = {"light_speed": light, "sustain_speed": 0.5 * light}
-    found = bench.fit_engine(EngineDeck(tables, **lights), records, unknowns, parameters, ["n2"])
-    theta, C = (
-        found.estimates["estimate"].values,
-        np.nan_to_num(found.estimates["covariance"].values),
+    speeds = bench.fit_engine(
+        EngineDeck(tables, **lights),
+        records,
+        unknowns=unknowns,
+        expand=parameters,
+        outputs=["n2"],
     )
+    theta, C = bench.theta_and_covariance(speeds)
     sigma = np.sqrt(np.diag(C))
     constants = {name: (float(theta[k]), float(sigma[k])) for k, name in enumerate(single)}
-    curves = {"n2_up_time": EngineCurve.of({"n2": at}, times, theta, C)}
-    whole = {
-        **tables,
-        "n2_up_time": curves["n2_up_time"].leaf,
-        "n2_command": make_term(constants["n2_command"][0]),
-    }
-    if flying:
-        whole["corrected_n2_windmill"] = make_term(constants["corrected_n2_windmill"][0])
+    curve = EngineCurve.of({"n2": nodes}, times, theta=theta, C=C)
+
+    # Fuel flow and temperature are fitted with the speeds of the first fit.
+    tables["n2_up_time"] = curve.leaf
+    for name in ("n2_command", *(["corrected_n2_windmill"] if flying else [])):
+        tables[name] = make_term(constants[name][0])
     constants["idle"] = constants.pop("n2_command")
     lights |= {name: constants[name][0] for name in ("starter_speed", *_TIMES)}
-    deck = EngineDeck(whole, **lights)
-    flows, more, lag = _flows(deck, records, knots)
-    return StartFit(curves | more, constants | lag, min(lit), found, flows)
+    flows, flow_curves, lag = _fit_flows(EngineDeck(tables, **lights), records, knots)
+    return StartFit(
+        {"n2_up_time": curve} | flow_curves,
+        constants | lag,
+        light_speed=lowest,
+        speeds=speeds,
+        flows=flows,
+    )
 
 
-def _before(low: xr.Dataset, high: xr.Dataset) -> xr.Dataset:
-    """Two tables over n2 as one; where they overlap the upper one holds, which has the power
-    changes.
+def _with_lever(record: xr.Dataset) -> xr.Dataset:
+    """Return the record with the lever at idle if it has no lever."""
+    return record if "throttle" in record else record.assign(throttle=0.0 * record["n2"])
+
+
+def _is_flying(record: xr.Dataset) -> bool:
+    return "mach" in record and float(record["mach"].max()) > WINDY
+
+
+def _speed_unknowns(
+    lowest: float, idle: float, knots: np.ndarray, flying: bool
+) -> dict[str, Unknown]:
+    """Return the unknowns of the speed: single constants, then ln of the time constant at knots."""
+    unknowns = {"starter_speed": Unknown(lowest, 0.2, 0.0, 1.0)}
+    for name, first in zip(_TIMES, (3.0, 6.0, 0.3)):
+        unknowns[name] = Unknown(first, 10.0 * first, bench.STEP, 60.0)
+    unknowns["n2_command"] = Unknown(idle, 0.1, 0.0, 1.2)
+    if flying:
+        unknowns["corrected_n2_windmill"] = Unknown(0.05, 0.3, 0.0, 1.0)
+    for x in knots:
+        unknowns[f"ln n2_up_time at n2 {x:.4g}"] = Unknown(
+            np.log(4.0), 2.0, np.log(bench.STEP), np.log(60.0)
+        )
+    return unknowns
+
+
+def _join_tables(low: xr.Dataset, high: xr.Dataset) -> xr.Dataset:
+    """Return two tables over n2 as one.
+
+    Where they overlap, the upper table is used. It comes from the power changes.
     """
     part = low.sel(n2=low["n2"] < float(high["n2"][0]) - 0.5 * FINE)
     names = [name for name in ("value", "stderr") if name in low and name in high]
@@ -199,57 +207,61 @@ def _before(low: xr.Dataset, high: xr.Dataset) -> xr.Dataset:
     )
 
 
-def _flows(deck: EngineDeck, records: Sequence[xr.Dataset], knots: np.ndarray):
-    """Fuel flow and turbine temperature over n2, with the speeds as they were found."""
-    outputs = [name for name in ("fuel_flow", "itt") if all(name in one for one in records)]
+def _fit_flows(deck: EngineDeck, records: Sequence[xr.Dataset], knots: np.ndarray):
+    """Return fit, tables over n2 and lag of fuel flow and turbine temperature.
+
+    The speeds are those of the deck.
+    """
+    outputs = [name for name in ("fuel_flow", "itt") if all(name in record for record in records)]
     if not outputs:
         return None, {}, {}
-    at, count = refine_knots(knots), len(knots)
-    first = {name: _levels(records, name, knots) for name in outputs}
-    size = {name: float(np.max(np.abs(first[name]))) for name in outputs}
-    unknowns = {
-        f"{name} at n2 {x:.4g}": Unknown(v, size[name])
-        for name in outputs
-        for x, v in zip(knots, first[name])
-    }
+    at_nodes, count = refine_knots(knots), len(knots)
+    unknowns, tables = {}, {}
+    for name in outputs:
+        first = _levels(records, name, knots)
+        size = float(np.max(np.abs(first)))
+        for x, v in zip(knots, first):
+            unknowns[f"{name} at n2 {x:.4g}"] = Unknown(v, size)
+        tables[name] = make_term(np.interp(at_nodes, knots, first), {"n2": at_nodes})
     lagged = "itt" in outputs
     if lagged:
         unknowns["itt_time"] = Unknown(0.5, 5.0, bench.STEP, 30.0)
 
     def curve(k: int):
+        # The unknowns of output k, its values at the knots, as values at the nodes.
         return lambda theta: scipy.interpolate.PchipInterpolator(
             knots, theta[k * count : (k + 1) * count]
-        )(at)
+        )(at_nodes)
 
     def parameters(theta: np.ndarray) -> dict[str, float]:
-        nodes = [bench.as_nodes(name, curve(k)(theta)) for k, name in enumerate(outputs)]
-        lag = {bench.kernel_parameter("itt_time"): float(theta[-1])} if lagged else {}
-        return {key: value for part in nodes for key, value in part.items()} | lag
+        nodes: dict[str, float] = {}
+        for k, name in enumerate(outputs):
+            nodes |= bench.as_nodes(name, curve(k)(theta))
+        if lagged:
+            nodes[bench.kernel_parameter("itt_time")] = float(theta[-1])
+        return nodes
 
-    own = {name: make_term(np.interp(at, knots, first[name]), {"n2": at}) for name in outputs}
     constants: dict[str, Any] = {
         name: getattr(deck, name)
         for name in ("starter_speed", *_TIMES, "light_speed", "sustain_speed")
     }
-    found = bench.fit_engine(
-        EngineDeck({**deck.tables, **own}, **constants), records, unknowns, parameters, outputs
+    fit = bench.fit_engine(
+        EngineDeck({**deck.tables, **tables}, **constants),
+        records,
+        unknowns=unknowns,
+        expand=parameters,
+        outputs=outputs,
     )
-    theta, C = (
-        found.estimates["estimate"].values,
-        np.nan_to_num(found.estimates["covariance"].values),
-    )
-    curves = {
-        name: EngineCurve.of({"n2": at}, curve(k), theta, C) for k, name in enumerate(outputs)
-    }
-    return (
-        found,
-        curves,
-        {"itt_time": (float(theta[-1]), float(np.sqrt(C[-1, -1])))} if lagged else {},
-    )
+    theta, C = bench.theta_and_covariance(fit)
+    curves = {}
+    for k, name in enumerate(outputs):
+        curves[name] = EngineCurve.of({"n2": at_nodes}, curve(k), theta=theta, C=C)
+    lag = {"itt_time": (float(theta[-1]), float(np.sqrt(C[-1, -1])))} if lagged else {}
+    return fit, curves, lag
 
 
 def _light_off(record: xr.Dataset) -> float | None:
-    """n2 where the fuel comes on with the starter, the mean over half a second before."""
+    """Return n2 where the fuel comes on with the starter, as mean over half a second before."""
     fuel, time = record["cutoff"].values < 0.5, record["time"].values
     on = np.flatnonzero(fuel[1:] & ~fuel[:-1] & (record["starter"].values[1:] > 0.5))
     if not len(on):
@@ -258,19 +270,20 @@ def _light_off(record: xr.Dataset) -> float | None:
     return float(record["n2"].values[near].mean())
 
 
-def _idling(record: xr.Dataset) -> np.ndarray:
-    """n2 in the last second before the fuel goes off, or of the record."""
+def _idle_samples(record: xr.Dataset) -> np.ndarray:
+    """Return n2 in the last second before the fuel goes off, or of the record."""
     fuel, time = record["cutoff"].values < 0.5, record["time"].values
     last = time[np.flatnonzero(fuel)[-1]]
     return record["n2"].values[fuel & (time > last - 1.0)]
 
 
 def _levels(records: Sequence[xr.Dataset], name: str, knots: np.ndarray) -> np.ndarray:
-    """Medians about each knot with the fuel on, first values."""
-    on = [one["cutoff"].values < 0.5 for one in records]
-    n2, y = (
-        np.concatenate([one[key].values[part] for one, part in zip(records, on)])
-        for key in ("n2", name)
-    )
-    near = [np.abs(n2 - x) < 0.5 * SPACING for x in knots]
-    return np.array([float(np.median(y[part] if part.any() else y)) for part in near])
+    """Return medians of an output about each knot with the fuel on, as first values."""
+    burning = [record.isel(time=record["cutoff"].values < 0.5) for record in records]
+    n2 = np.concatenate([record["n2"].values for record in burning])
+    y = np.concatenate([record[name].values for record in burning])
+    levels = []
+    for x in knots:
+        near = np.abs(n2 - x) < 0.5 * SPACING
+        levels.append(float(np.median(y[near] if near.any() else y)))
+    return np.array(levels)

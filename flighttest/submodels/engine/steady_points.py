@@ -1,9 +1,10 @@
-"""Net thrust over fuel flow and Mach number in corrected parameters, for aeroplanes that record
-fuel flow and no thrust.
+"""Equilibrium points, and net thrust over fuel flow and Mach number in corrected parameters.
+
+The fit over fuel flow is for aeroplanes that record fuel flow and no thrust:
 
     X / delta = c0 + c1 w + c2 M + c3 w M + c4 M^2,      w = Wf / (delta sqrt(theta))
 
-theta is the total temperature over 288.15 K, delta the ambient pressure over 101325 Pa.
+theta is the total temperature over 288.15 K, and delta is the ambient pressure over 101325 Pa.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ def temperature_pressure_ratios(points: Mapping) -> tuple[np.ndarray, np.ndarray
     Parameters
     ----------
     points : mapping of str to array
-        ``mach``, ``h`` [m], ``temperature`` [K] if not standard; ``pressure_ratio``, without which
-        h is a pressure altitude.
+        ``mach``, ``h`` [m], ``temperature`` [K] if not standard, ``pressure_ratio``. Without
+        ``pressure_ratio``, h is a pressure altitude.
     """
     h, mach = (np.asarray(points[name], float) for name in ("h", "mach"))
     air = atmosphere(h)
@@ -40,47 +41,38 @@ def temperature_pressure_ratios(points: Mapping) -> tuple[np.ndarray, np.ndarray
 
 
 def speed_axis(prior: xr.Dataset) -> str:
-    """Return which corrected speed is an axis of a deck."""
-    found = [name for name in SPEEDS if name in prior["value"].dims]
-    if not found:
-        raise IdentificationError(
-            f"the deck has the axes {' '.join(map(str, prior['value'].dims))}; one of "
-            f"{' '.join(SPEEDS)} is needed"
-        )
-    return found[0]
+    """Return the corrected speed that is an axis of a deck."""
+    for name in SPEEDS:
+        if name in prior["value"].dims:
+            return name
+    raise IdentificationError(
+        f"the deck has the axes {' '.join(map(str, prior['value'].dims))}; one of "
+        f"{' '.join(SPEEDS)} is needed"
+    )
 
 
 def prior_thrust_shares(prior: xr.Dataset, at: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the a-priori corrected thrust (point, breakpoint) by the speed to whose nodes it
-    belongs. [N]
-    """
-    axis = speed_axis(prior)
-    place = prior["value"].dims.index(axis)
-    index = np.broadcast_to(
-        np.arange(prior.sizes[axis]).reshape(
-            [-1 if k == place else 1 for k in range(prior["value"].ndim)]
-        ),
-        prior["value"].shape,
-    )
+    """Return the a-priori corrected thrust (point, breakpoint) by breakpoint of the speed. [N]"""
+    speed = speed_axis(prior)
+    # Index of the breakpoint of the speed to which each node belongs.
+    shape = [-1 if dim == speed else 1 for dim in prior["value"].dims]
+    index = np.broadcast_to(np.arange(prior.sizes[speed]).reshape(shape), prior["value"].shape)
     weights = basis(prior, at, outside="clamp").toarray() * prior["value"].values.ravel()
-    return weights @ (index.ravel()[:, None] == np.arange(prior.sizes[axis]))
+    return weights @ (index.ravel()[:, None] == np.arange(prior.sizes[speed]))
 
 
 def _inside(
     prior: xr.Dataset, points: xr.Dataset, name: str, remarks: list[str]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which points lie inside the deck; shares and pressure ratio of those."""
-    axis = speed_axis(prior)
+    """Return which points lie inside the deck, and their thrust shares and pressure ratio."""
+    speed = speed_axis(prior)
     theta, delta = temperature_pressure_ratios(points)
-    speed = points[axis.removeprefix("corrected_")].values / np.sqrt(theta)
-    at = {**{str(key): points[key].values for key in points.data_vars}, axis: speed}
-    inside = np.all(
-        [
-            (at[str(a)] >= prior[a].values[0]) & (at[str(a)] <= prior[a].values[-1])
-            for a in prior["value"].dims
-        ],
-        axis=0,
-    )
+    channels = {str(key): points[key].values for key in points.data_vars}
+    channels[speed] = points[speed.removeprefix("corrected_")].values / np.sqrt(theta)
+    inside = np.ones(len(channels[speed]), bool)
+    for dim in map(str, prior["value"].dims):
+        breakpoints = prior[dim].values
+        inside &= (channels[dim] >= breakpoints[0]) & (channels[dim] <= breakpoints[-1])
     if not inside.any():
         raise IdentificationError(
             f"{name}: no point inside the a-priori deck, {_range(prior)}; look at the units, "
@@ -91,11 +83,8 @@ def _inside(
             f"{name}: {np.count_nonzero(~inside)} of {len(inside)} points lie outside the "
             f"a-priori deck and are left out"
         )
-    return (
-        inside,
-        prior_thrust_shares(prior, {key: value[inside] for key, value in at.items()}),
-        delta[inside],
-    )
+    shares = prior_thrust_shares(prior, {key: value[inside] for key, value in channels.items()})
+    return inside, shares, delta[inside]
 
 
 def _range(prior: xr.Dataset) -> str:
@@ -108,7 +97,7 @@ def _range(prior: xr.Dataset) -> str:
 def recorded_rows(
     prior: xr.Dataset, points: xr.Dataset, remarks: list[str]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows (point, breakpoint + 2) and measured values, in parts of the a-priori thrust."""
+    """Return rows (point, breakpoint + 2) and recorded values, divided by the a-priori thrust."""
     inside, P, delta = _inside(prior, points, "recorded thrust", remarks)
     size = np.abs(delta * P.sum(axis=1))
     X = np.column_stack([delta[:, None] * P, np.zeros((len(P), 2))]) / size[:, None]
@@ -118,18 +107,20 @@ def recorded_rows(
 def equilibrium_rows(
     prior: xr.Dataset, points: xr.Dataset, S: float, engines: int, remarks: list[str]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows (point, breakpoint + 2) and measured values along the flight path, in parts of
-    the median a-priori thrust.
+    """Return rows (point, breakpoint + 2) and measured forces along the flight path.
+
+    Both are divided by the median a-priori thrust.
     """
     inside, P, delta = _inside(prior, points, "equilibrium", remarks)
-    at = {str(key): points[key].values[inside] for key in points.data_vars}
-    q = 0.5 * GAMMA * P_STANDARD * delta * at["mach"] ** 2
-    along = engines * np.cos(at.get("alpha", np.zeros(len(q)))) * delta
-    size = np.median(
-        along * np.abs(P.sum(axis=1))
-    )  # errors of mass, acceleration and climb do not go with the thrust
-    force = at["mass"] * (at["V_dot"] + G0 * at["h_dot"] / at["V"])
-    X = np.column_stack([along[:, None] * P, -q * S, -q * S * at["CL"] ** 2]) / size
+    channels = {str(key): points[key].values[inside] for key in points.data_vars}
+    # Dynamic pressure from the Mach number: q = gamma p M^2 / 2.
+    q = 0.5 * GAMMA * P_STANDARD * delta * channels["mach"] ** 2
+    along = engines * np.cos(channels.get("alpha", np.zeros(len(q)))) * delta
+    # One size for all points: errors of mass, acceleration and climb do not grow with the thrust.
+    size = np.median(along * np.abs(P.sum(axis=1)))
+    force = channels["mass"] * (channels["V_dot"] + G0 * channels["h_dot"] / channels["V"])
+    # Unknowns: factor of the thrust by breakpoint, then CD0 and the factor of CL^2.
+    X = np.column_stack([along[:, None] * P, -q * S, -q * S * channels["CL"] ** 2]) / size
     return X, force / size
 
 
@@ -146,7 +137,7 @@ def equilibrium_points(
 ) -> xr.Dataset:
     """Return means over short times of a record as points of equilibrium for `correct_deck`.
 
-    The specific force at the c.g. holds acceleration and climb together:
+    The specific force at the c.g. contains acceleration and climb:
 
         f_x = ax cos(alpha) + az sin(alpha) = V' + g h'/V = [N T cos(alpha + i_T) - D] / m
         f_z = ax sin(alpha) - az cos(alpha)                = [N T sin(alpha + i_T) + L] / m
@@ -156,13 +147,14 @@ def equilibrium_points(
     states : Dataset (time,)
         ``mach``, ``h`` [m], ``alpha`` [rad], ``mass`` [kg], specific force ``ax``, ``az`` at the
         c.g. [m/s2], the speed ``n1`` or ``n2`` [1] of the deck, and ``temperature`` [K],
-        ``pressure_ratio`` where there are any.
+        ``pressure_ratio`` if recorded.
     prior : Dataset
-        ``corrected_thrust`` of the a-priori deck; the part of the lift that it carries is small.
-        [N]
+        ``corrected_thrust`` of the a-priori deck. It gives the small part of the lift that the
+        thrust carries. [N]
     S : float
         Reference area. [m2]
     engines : int
+        Number of engines.
     every : float
         Time over which a point is averaged. [s]
     i_T : float
@@ -186,28 +178,27 @@ def equilibrium_points(
             raise UnknownName(name, map(str, states.data_vars), "channel")
     step = float(np.median(np.diff(states["time"].values)))
     points = states.coarsen(time=max(round(every / step), 1), boundary="trim").mean()
-    at = {
+    channels = {
         str(name): np.broadcast_to(points[name].values, points.sizes["time"])
         for name in points.data_vars
     }
-    theta, delta = temperature_pressure_ratios(at)
-    fx = at["ax"] * np.cos(at["alpha"]) + at["az"] * np.sin(at["alpha"])
-    fz = at["ax"] * np.sin(at["alpha"]) - at["az"] * np.cos(at["alpha"])
-    q = 0.5 * GAMMA * P_STANDARD * delta * at["mach"] ** 2
-    thrust = (
-        engines
-        * delta
-        * prior_thrust_shares(prior, at | {axis: at[speed] / np.sqrt(theta)}).sum(axis=1)
-    )
-    lift = at["mass"] * fz - thrust * np.sin(at["alpha"] + i_T)
-    kept = {
-        name: at[name]
-        for name in (speed, "mach", "h", "temperature", "pressure_ratio", "mass")
-        if name in at
-    }
-    V = np.ones(len(q))  # the rate of climb is in the specific force
-    columns = kept | {
-        "alpha": at["alpha"] + i_T,
+    theta, delta = temperature_pressure_ratios(channels)
+    alpha, ax, az = channels["alpha"], channels["ax"], channels["az"]
+    fx = ax * np.cos(alpha) + az * np.sin(alpha)
+    fz = ax * np.sin(alpha) - az * np.cos(alpha)
+    q = 0.5 * GAMMA * P_STANDARD * delta * channels["mach"] ** 2
+    corrected_speed = {axis: channels[speed] / np.sqrt(theta)}
+    shares = prior_thrust_shares(prior, channels | corrected_speed)
+    thrust = engines * delta * shares.sum(axis=1)
+    lift = channels["mass"] * fz - thrust * np.sin(alpha + i_T)
+    columns = {}
+    for name in (speed, "mach", "h", "temperature", "pressure_ratio", "mass"):
+        if name in channels:
+            columns[name] = channels[name]
+    # The specific force contains the rate of climb, so h_dot is zero and V has no effect.
+    V = np.ones(len(q))
+    columns |= {
+        "alpha": alpha + i_T,
         "V": V,
         "V_dot": fx,
         "h_dot": 0.0 * V,
@@ -219,7 +210,8 @@ def equilibrium_points(
 
 
 TERMS = ("1", "w", "M", "w M", "M^2")
-FEWEST = 3  # points per term
+# Smallest number of points per term.
+FEWEST = 3
 
 
 @dataclass(frozen=True)
@@ -229,8 +221,9 @@ class FuelThrust:
     Attributes
     ----------
     coefficients : array (5,)
-        Of `TERMS`. [N, N per kg/s]
+        Coefficients of `TERMS`. [N, N per kg/s]
     covariance : array (5, 5)
+        Covariance of the coefficients.
     rms : float
         Residual of the fitted points. [N]
     fuel_flow, mach : (low, high)
@@ -244,8 +237,9 @@ class FuelThrust:
     mach: tuple[float, float]
 
     def predict(self, points: xr.Dataset) -> xr.Dataset:
-        """Return ``thrust`` and ``stderr`` [N] at points, and whether they lie ``inside`` what was
-        fitted.
+        """Return ``thrust`` and ``stderr`` [N] at points, and whether they lie ``inside`` the fit.
+
+        The fit covers the ranges of corrected fuel flow and Mach number.
         """
         X, delta, w, mach = _rows(points)
         stderr = delta * np.sqrt(np.einsum("ij,jk,ik->i", X, self.covariance, X))
@@ -265,7 +259,8 @@ def fit_fuel_thrust(points: xr.Dataset) -> FuelThrust:
     Parameters
     ----------
     points : Dataset (point,)
-        Of one engine: ``fuel_flow`` [kg/s], ``mach``, ``h`` [m], ``thrust`` [N], ``temperature``
+        Points of one engine: ``fuel_flow`` [kg/s], ``mach``, ``h`` [m], ``thrust`` [N],
+        ``temperature``
         [K] if not standard.
 
     Returns
@@ -288,17 +283,25 @@ def fit_fuel_thrust(points: xr.Dataset) -> FuelThrust:
         raise IdentificationError(
             "the points do not separate fuel flow and Mach number; add other powers or speeds"
         )
+    # Least squares of the thrust with columns of unit length; the covariance is s^2 (A'A)^-1.
     z = points["thrust"].values
     A = delta[:, None] * X
     theta = np.linalg.lstsq(A / size, z, rcond=None)[0] / size
     v = z - A @ theta
     R = np.linalg.inv(np.linalg.qr(A / size, mode="r"))
     covariance = R @ R.T * float(v @ v) / (len(v) - count) / np.outer(size, size)
-    spans = [(float(x.min()), float(x.max())) for x in (w, mach)]
-    return FuelThrust(theta, covariance, rms(v), spans[0], spans[1])
+    fuel_flow = float(w.min()), float(w.max())
+    return FuelThrust(
+        theta,
+        covariance,
+        rms=rms(v),
+        fuel_flow=fuel_flow,
+        mach=(float(mach.min()), float(mach.max())),
+    )
 
 
 def _rows(points: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the regressors (point, 5), delta, corrected fuel flow w and Mach number (point,)."""
     theta, delta = temperature_pressure_ratios(points)
     mach = points["mach"].values
     w = points["fuel_flow"].values / (delta * np.sqrt(theta))

@@ -1,6 +1,4 @@
-"""A table of an engine with the joint covariance of its nodes, and the form in which one is
-estimated.
-"""
+"""Tables of an engine: structure file, form of estimation, and result with joint covariance."""
 
 from __future__ import annotations
 
@@ -25,24 +23,24 @@ from flightmech.units import parse_quantity
 
 
 def _breakpoints(item: Any) -> dict[str, tuple[float, ...]]:
-    """Breakpoints in SI units by their axis."""
+    """Return breakpoints in SI units by their axis."""
     if not isinstance(item, dict):
         raise ValueError(
             'a table of axes and their breakpoints is needed, such as { h = ["0 ft", "20000 ft"] }'
         )
     try:
-        found = {
-            str(axis): tuple(parse_quantity(point, lookup(str(axis)).units) for point in points)
-            for axis, points in item.items()
-        }
+        breakpoints = {}
+        for axis, points in item.items():
+            units = lookup(str(axis)).units
+            breakpoints[str(axis)] = tuple(parse_quantity(point, units) for point in points)
     except (AeromatchError, TypeError) as error:
         raise ValueError(str(error)) from error
-    for axis, points in found.items():
+    for axis, points in breakpoints.items():
         if len(points) < 2 or any(b <= a for a, b in pairwise(points)):
             raise ValueError(
                 f"{axis} = {list(points)}: at least two breakpoints, rising, are needed"
             )
-    return found
+    return breakpoints
 
 
 Breakpoints = Annotated[
@@ -172,10 +170,8 @@ class EngineTable2D:
         over: Mapping[str, Sequence[float]] | None = None,
         spacing: float = FINE,
     ):
-        self.knots, self.over = (
-            knots,
-            {name: np.array(points, float) for name, points in (over or {}).items()},
-        )
+        self.knots = knots
+        self.over = {name: np.array(points, float) for name, points in (over or {}).items()}
         short = [name for name, points in self.over.items() if len(points) < 2]
         if short:
             raise IdentificationError(f"one breakpoint over {' '.join(short)}; give at least two")
@@ -186,14 +182,14 @@ class EngineTable2D:
     def names(self, table: str) -> list[str]:
         """Return the names of the unknowns."""
         axis = next(iter(self.axes))
-        found = [f"{table} at {axis} {x:.4g}" for x in self.knots]
+        names = [f"{table} at {axis} {x:.4g}" for x in self.knots]
         ends = [f"{axis} {x:.4g}" for x in (self.knots[0], self.knots[-1])]
-        return found + [
-            f"{table} from {name} {v[0]:.4g} to {x:.4g} at {end}"
-            for name, v in self.over.items()
-            for x in v[1:]
-            for end in ends
-        ]
+        # Order of `nodes`: a and b of each breakpoint but the first, one condition after the other.
+        for name, v in self.over.items():
+            for x in v[1:]:
+                for end in ends:
+                    names.append(f"{table} from {name} {v[0]:.4g} to {x:.4g} at {end}")
+        return names
 
     def start(self, at_knots: np.ndarray) -> np.ndarray:
         """Return the unknowns of a table that no condition changes."""
@@ -203,19 +199,19 @@ class EngineTable2D:
         """Return the nodes, one dimension per axis, from the unknowns (count,)."""
         x, *_ = self.axes.values()
         s = (x - x[0]) / (x[-1] - x[0])
-        place = len(self.knots)
-        value = scipy.interpolate.PchipInterpolator(self.knots, theta[:place])(x).reshape(
+        start = len(self.knots)
+        value = scipy.interpolate.PchipInterpolator(self.knots, theta[:start])(x).reshape(
             -1, *[1] * len(self.over)
         )
         for k, points in enumerate(self.over.values()):
-            ends = np.vstack(
-                [np.zeros(2), theta[place : place + 2 * (len(points) - 1)].reshape(-1, 2)]
-            )
+            # Rows (a, b) of the breakpoints of condition k; zero at the first one.
+            unknowns = theta[start : start + 2 * (len(points) - 1)].reshape(-1, 2)
+            ends = np.vstack([np.zeros(2), unknowns])
             change = np.outer(1.0 - s, ends[:, 0]) + np.outer(s, ends[:, 1])
-            value = value + change.reshape(
-                len(x), *(len(points) if j == k else 1 for j in range(len(self.over)))
-            )
-            place += 2 * (len(points) - 1)
+            shape = [1] * len(self.over)
+            shape[k] = len(points)
+            value = value + change.reshape(len(x), *shape)
+            start += 2 * (len(points) - 1)
         return value
 
 
@@ -253,12 +249,11 @@ class EngineCurve:
         theta, C : array (unknown,), (unknown, unknown)
         """
         value = nodes(theta)
-        slopes = np.column_stack(
-            [
-                (nodes(theta + _STEP * e) - nodes(theta - _STEP * e)).ravel()
-                for e in np.eye(len(theta))
-            ]
-        ) / (2.0 * _STEP)
+        # First-order covariance of the nodes, from central differences.
+        differences = []
+        for step in _STEP * np.eye(len(theta)):
+            differences.append((nodes(theta + step) - nodes(theta - step)).ravel())
+        slopes = np.column_stack(differences) / (2.0 * _STEP)
         covariance = slopes @ C @ slopes.T
         stderr = np.sqrt(np.maximum(np.diag(covariance), 0.0)).reshape(value.shape)
         outside = "linear" if list(axes) == ["throttle"] else "hold"
@@ -269,23 +264,21 @@ class EngineCurve:
 
     def lines(self, name: str, rows: int = 12) -> list[str]:
         """Return some of the nodes as lines of text, for each flight condition of the table."""
-        dims = [str(dim) for dim in self.leaf["value"].dims]
-        axis, others = dims[0], dims[1:]
-        some = np.unique(np.linspace(0, self.leaf.sizes[axis] - 1, rows).round().astype(int))
-        found = []
-        for place in np.ndindex(*(self.leaf.sizes[dim] for dim in others)):
-            chosen = dict(zip(others, place))
-            where = "".join(f"  {dim} {float(self.leaf[dim][k]):.4g}" for dim, k in chosen.items())
-            part = self.leaf.isel(chosen)
-            found.append(f"{name}: {axis:>12}{'value':>12}{'stderr':>10}{where}")
-            nodes = zip(
-                part[axis].values[some], part["value"].values[some], part["stderr"].values[some]
-            )
-            found += [f"{x:>{len(name) + 14}.4f}{v:>12.5g}{s:>10.2g}" for x, v, s in nodes]
-        return found
+        axis, *conditions = (str(dim) for dim in self.leaf["value"].dims)
+        indices = np.unique(np.linspace(0, self.leaf.sizes[axis] - 1, rows).round().astype(int))
+        lines = []
+        for index in np.ndindex(*(self.leaf.sizes[dim] for dim in conditions)):
+            heading = f"{name}: {axis:>12}{'value':>12}{'stderr':>10}"
+            for dim, k in zip(conditions, index):
+                heading += f"  {dim} {float(self.leaf[dim][k]):.4g}"
+            lines.append(heading)
+            part = self.leaf.isel(dict(zip(conditions, index))).isel({axis: indices})
+            nodes = zip(part[axis].values, part["value"].values, part["stderr"].values)
+            lines += [f"{x:>{len(name) + 14}.4f}{v:>12.5g}{s:>10.2g}" for x, v, s in nodes]
+        return lines
 
     def at(self, place: float, **condition: float) -> tuple[float, float]:
-        """Return value and standard error at a place inside the table.
+        """Return value and standard error at a point inside the table.
 
         Parameters
         ----------
@@ -297,25 +290,24 @@ class EngineCurve:
         Raises
         ------
         IdentificationError
-            Outside of it, or a condition is missing.
+            A point outside the table, or a missing condition.
         """
         dims = [str(dim) for dim in self.leaf["value"].dims]
-        at = {dims[0]: place, **condition}
-        missing = [dim for dim in dims if dim not in at]
+        point = {dims[0]: place, **condition}
+        missing = [dim for dim in dims if dim not in point]
         if missing:
             raise IdentificationError(
                 f"the table depends on {' '.join(missing)} as well; give it by name"
             )
         for dim in dims:
             points = self.leaf[dim].values
-            if not points[0] - 0.01 <= at[dim] <= points[-1] + 0.01:
+            if not points[0] - 0.01 <= point[dim] <= points[-1] + 0.01:
                 raise IdentificationError(
                     f"identified for {dim} from {points[0]:.4g} to {points[-1]:.4g}; "
-                    f"{at[dim]:.4g} is outside"
+                    f"{point[dim]:.4g} is outside"
                 )
-        w = basis(self.leaf, {dim: np.array([at[dim]]) for dim in dims}, outside="clamp").toarray()[
-            0
-        ]
+        rows = {dim: np.array([point[dim]]) for dim in dims}
+        w = basis(self.leaf, rows, outside="clamp").toarray()[0]
         return float(w @ self.leaf["value"].values.ravel()), float(np.sqrt(w @ self.covariance @ w))
 
 

@@ -2,8 +2,8 @@
 
 from .identification import GearConstant as GearConstant
 from .identification import IdentifiedGear as IdentifiedGear
-from .identification import fit_side_force as fit_side_force
-from .identification import fit_strut as fit_strut
 from .identification import identify_landing_gear as identify_landing_gear
+from .measured_loads import fit_side_force as fit_side_force
+from .measured_loads import fit_strut as fit_strut
 from .reconstructed_loads import GroundRecord as GroundRecord
 from .reconstructed_loads import wheel_loads as wheel_loads

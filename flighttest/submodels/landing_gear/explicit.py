@@ -1,15 +1,20 @@
-"""Explicit identification: struts, tyres, brakes and rolling friction from reconstructed wheel
-loads (type 2 of LR-743, Table 1).
+"""Explicit identification of a landing gear from reconstructed wheel loads (type 2 of LR-743,
+Table 1).
 
-    N  = K s + K2 s^2 + c s' + o s' |s'|                                                 c by the direction of s'
-    Fx = - (rolling N + (brake + brake_friction N) pedal)                                in the axes of the wheel
-    Fy = - mu N (1 - (1 - t)^3) sgn(slip),   t = C |tan slip| / (3 mu N)                 the kernel's brush model
-    C  = g N / (1 + b (N / 10 kN)^2)                      C_max = g N_max / 2 at N_max = 10 kN / sqrt(b) of the aircraft file
+The constants are those of struts, tyres, brakes and rolling friction:
 
-The side force is weighed by the speed: what limits it is the error of the lateral velocity, C dv /
-V.  The balances of all runs are one fit: loads, force along and across, yawing moment.  What the
-inputs may be wrong by, aerodynamics near the ground, thrust, and the wind of every run, is
-estimated along with a standard error of its own before the flights.
+    N  = K s + K2 s^2 + c s' + o s' |s'|                        c by the direction of s'
+    Fx = - (rolling N + (brake + brake_friction N) pedal)       in the axes of the wheel
+    Fy = - mu N (1 - (1 - t)^3) sgn(slip),   t = C |tan slip| / (3 mu N)
+    C  = g N / (1 + b (N / 10 kN)^2)
+
+Fy is the brush model of the kernel.  The aircraft file has C_max = g N_max / 2 at
+N_max = 10 kN / sqrt(b).
+
+The side force is weighted by the speed, because the error of the lateral velocity limits it,
+C dv / V.  One fit contains the balances of all runs: loads, force along and across, yawing moment.
+The inputs may have errors: aerodynamics near the ground, thrust, and the wind of every run.  The
+fit estimates these errors with a-priori standard errors.
 """
 
 from __future__ import annotations
@@ -24,29 +29,25 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
-from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
-from flighttest.maximum_likelihood.unknowns import Unknown, lay_out
-from flighttest.submodels.landing_gear.reconstructed_loads import (
-    WheelGroup,
-    wheel_groups,
-    wheels_of,
-)
+from flighttest.maximum_likelihood.search import Likelihood, Unknown, lay_out, maximise_likelihood
+from flighttest.submodels.landing_gear.wheel_positions import WheelGroup, wheel_groups, wheels_of
 
-MOVING = 1.5  # speed above which tyres roll in the sense of the equations [m s-1]
-LEG = (
-    "stiffness",
-    "stiffness_square",
-    "damping",
-    "orifice",
-    "damping_outwards",
-)  # the last: damping_ext less damping
+# Speed above which the equations of a rolling tyre are valid. [m s-1]
+MOVING = 1.5
+# Constants of a leg. damping_outwards is damping_ext less damping.
+LEG = ("stiffness", "stiffness_square", "damping", "orifice", "damping_outwards")
 TYRE = ("brake", "brake_friction", "cornering", "bend")
-ROLLING, FRICTION = "rolling", "runway.mu_dry"  # of all wheels
-LOAD = 1e4  # unit of the load in the cornering stiffness [N]
-FAST = 10.0  # speed at which the side force has weight 1 [m s-1]
-_SAMPLES = 3.0  # samples per period of the low-pass that are used
+# Constants of all wheels together.
+ROLLING, FRICTION = "rolling", "runway.mu_dry"
+# Unit of the load in the cornering stiffness. [N]
+LOAD = 1e4
+# Speed at which the side force has the weight 1. [m s-1]
+FAST = 10.0
+# Samples that are used per period of the low-pass filter.
+_SAMPLES = 3.0
 _ITERATIONS = 40
-_ROUNDS = 6  # of the share of brake and side force in the friction
+# Rounds of the shares of brake and side force in the friction.
+_ROUNDS = 6
 
 
 def brush_side_force(load, tangent, C, mu, brake) -> np.ndarray:
@@ -60,7 +61,8 @@ def brush_side_force(load, tangent, C, mu, brake) -> np.ndarray:
 
     Notes
     -----
-    Brush of parabolic pressure, [Pacejka] sec. 3.2, with the friction shared as in ``kernel/src/gear/tyre.c``.
+    Brush of parabolic pressure, [Pacejka] sec. 3.2. The friction is shared as in
+    ``kernel/src/gear/tyre.c``.
 
     References
     ----------
@@ -69,6 +71,7 @@ def brush_side_force(load, tangent, C, mu, brake) -> np.ndarray:
     most = np.maximum(mu * load, 1e-9)
     side = np.minimum(C * np.abs(tangent) / (3.0 * most), 1e6)
     part = side
+    # Brake and side force share the friction: fixed-point iteration of the sliding part.
     for _ in range(_ROUNDS):
         along = np.minimum(brake / (most * _chord(part)), 1.0)
         part = np.hypot(along, side)
@@ -93,7 +96,7 @@ class GroundRun:
 
     Attributes
     ----------
-    known : dict of str to float
+    fixed : dict of str to float
         Values of the constants that are not estimated.
     """
 
@@ -103,7 +106,7 @@ class GroundRun:
         self.data = loads.isel(time=slice(None, None, stride))
         self.interval = stride * step
         self.wheels = names = [wheel.name for wheel in wheels_of(aircraft)]
-        self.known: dict[str, float] = {}
+        self.fixed: dict[str, float] = {}
         self.names: tuple[str, ...] = ()
         self.time = self.data["time"].values
         self.fields = {str(name): self.data[name].values for name in self.data.data_vars}
@@ -115,55 +118,59 @@ class GroundRun:
         )
         self.measured = self.fields["force"].copy()
         self.measured[~rolls, len(names) :] = np.nan
-        edge = max(1, round(0.5 / self.interval))  # where the low-pass has no samples to one side
+        # Near the ends the low-pass filter has no samples to one side.
+        edge = max(1, round(0.5 / self.interval))
         self.measured[:edge] = self.measured[-edge:] = np.nan
         self.weight = np.ones(self.measured.shape)
         self.weight[:, len(names) + 1] = self.fields["speed"] / FAST
         self.measured *= self.weight
-        tangent = self.fields["across"] / np.maximum(np.abs(self.fields["along"]), MOVING)
-        angle, own = (
-            self.fields["angle"],
-            {name: self.fields[name] for name in ("compression", "rate", "pedal", "x", "y")},
-        )
-        own |= {"tangent": tangent, "cos": np.cos(angle), "sin": np.sin(angle)}
-        self.parts = []
-        for group in wheel_groups(aircraft):
-            members = [names.index(name) for name in group.names]
-            self.parts.append(
-                _Wheels(group, members, **{key: values[:, members] for key, values in own.items()})
-            )
+        self.parts = self._wheel_parts(aircraft)
 
-    def take(self, names: Sequence[str], number: int) -> None:
-        """Learn what is estimated; ``wind_n@2`` is the wind of the second run."""
+    def _wheel_parts(self, aircraft: Aircraft) -> list[_Wheels]:
+        """Return the channels of the wheels, group by group."""
+        channels = {name: self.fields[name] for name in ("compression", "rate", "pedal", "x", "y")}
+        angle = self.fields["angle"]
+        along = np.maximum(np.abs(self.fields["along"]), MOVING)
+        channels["tangent"] = self.fields["across"] / along
+        channels |= {"cos": np.cos(angle), "sin": np.sin(angle)}
+        parts = []
+        for group in wheel_groups(aircraft):
+            members = [self.wheels.index(name) for name in group.names]
+            columns = {key: values[:, members] for key, values in channels.items()}
+            parts.append(_Wheels(group, members, **columns))
+        return parts
+
+    def set_unknowns(self, names: Sequence[str], number: int) -> None:
+        """Set the names of the unknowns; ``wind_n@2`` is the wind of the second run."""
         self.names = tuple(name.removesuffix(f"@{number}") for name in names)
 
     def predict(self, values: np.ndarray) -> np.ndarray:
         """Return loads, forces in the plane of the runway and yawing moment (time, output)."""
-        at = self.known | dict(zip(self.names, values))
-        errors = self.fields["change"] @ np.array([at.get(name, 0.0) for name in self.sources])
-        return self.weight * (sum(self._of_group(at, part) for part in self.parts) - errors)
+        constants = self.fixed | dict(zip(self.names, values))
+        sizes = np.array([constants.get(name, 0.0) for name in self.sources])
+        # Effect of the errors of the inputs on the outputs (time, output).
+        errors = self.fields["change"] @ sizes
+        return self.weight * (sum(self._of_group(constants, part) for part in self.parts) - errors)
 
     def _of_group(self, at: Mapping[str, float], part: _Wheels) -> np.ndarray:
-        """Return what the wheels of one group give to the outputs (time, output)."""
-        found = np.zeros(self.measured.shape)
+        """Return the contribution of the wheels of one group to the outputs (time, output)."""
+        outputs = np.zeros(self.measured.shape)
         N = part.load(at)
-        Fx, Fy = tyre_forces(at, part.group, N, part.tangent, part.pedal)
+        Fx, Fy = tyre_forces(at, part.group, N=N, tangent=part.tangent, pedal=part.pedal)
+        # From the axes of the wheel to those of the aircraft in the plane of the runway.
         ahead, aside = Fx * part.cos - Fy * part.sin, Fx * part.sin + Fy * part.cos
-        found[:, part.members] = N
-        for column, force in enumerate(
-            (ahead, aside, part.x * aside - part.y * ahead), len(self.wheels)
-        ):
-            found[:, column] = force.sum(axis=1)
-        return found
+        moment = part.x * aside - part.y * ahead
+        outputs[:, part.members] = N
+        for column, force in enumerate((ahead, aside, moment), len(self.wheels)):
+            outputs[:, column] = force.sum(axis=1)
+        return outputs
 
     def used_friction(self, at: Mapping[str, float]) -> float:
-        """Return the largest force along the runway over the load that carried it, with the
-        constants `at`.
-        """
-        most, values = 0.0, self.known | dict(at)
+        """Return the largest force along the runway over the load, with the constants `at`."""
+        most, values = 0.0, self.fixed | dict(at)
         for part in self.parts:
             N = np.maximum(leg_load(values, part.group, part.compression, part.rate), 0.0)
-            forces = tyre_forces(values, part.group, N, part.tangent, part.pedal)
+            forces = tyre_forces(values, part.group, N=N, tangent=part.tangent, pedal=part.pedal)
             rolls = np.isfinite(self.measured[:, -1]) & (N > 0.0).all(axis=1)
             most = max(most, float((np.hypot(*forces)[rolls] / N[rolls]).max(initial=0.0)))
         return most
@@ -171,26 +178,24 @@ class GroundRun:
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
         """Return the slopes (time, output, unknown).
 
-        Those of the inputs' errors are exact, the others central differences of the wheels on which
-        a constant acts.
+        Slopes to errors of the inputs are exact.  Slopes to a constant are central differences of
+        the wheels on which it acts.
         """
-        at = self.known | dict(zip(self.names, values))
+        constants = self.fixed | dict(zip(self.names, values))
         S = np.zeros((*self.measured.shape, len(self.names)))
         for k, (name, step) in enumerate(zip(self.names, steps)):
             if name in self.sources:
                 S[:, :, k] = -self.weight * self.fields["change"][:, :, self.sources.index(name)]
             for part in self.parts:
                 if name in part.constants:
-                    up, down = (
-                        self._of_group({**at, name: at[name] + side * step}, part)
-                        for side in (1.0, -1.0)
-                    )
+                    up = self._of_group({**constants, name: constants[name] + step}, part)
+                    down = self._of_group({**constants, name: constants[name] - step}, part)
                     S[:, :, k] += self.weight * (up - down) / (2.0 * step)
         return S
 
 
 class _Wheels(NamedTuple):
-    """Wheels of one group as a record shows them; arrays (time, wheel)."""
+    """Channels of the wheels of one group; arrays (time, wheel)."""
 
     group: WheelGroup
     members: list[int]
@@ -220,7 +225,7 @@ class _Wheels(NamedTuple):
 def leg_load(
     at: Mapping[str, float], group: WheelGroup, s: np.ndarray, rate: np.ndarray
 ) -> np.ndarray:
-    """Return the load of a leg from its compression and the rate of it. [N]"""
+    """Return the load of a leg from its compression and the rate of compression. [N]"""
     stiffness, square, damping, orifice, out = (at.get(group.parameter(name), 0.0) for name in LEG)
     return (stiffness + square * s) * s + (
         damping + orifice * np.abs(rate) + np.where(rate < 0.0, out, 0.0)
@@ -239,38 +244,36 @@ def tyre_forces(
 
 
 def explicit_fit(runs: Sequence[GroundRun], unknowns: Mapping[str, Unknown]) -> OutputError:
-    """Return the constants of a gear by least squares on its balances of force and moment, all runs
-    together.
+    """Return the constants of a gear by least squares on the balances of all runs together.
+
+    The balances are those of force and moment.
 
     Parameters
     ----------
     runs : sequence of GroundRun
+        Records with their wheel loads.
     unknowns : mapping of str to Unknown
+        Constants and errors of the inputs, with first value and a-priori standard error.
 
     Returns
     -------
     OutputError
-        Its standard errors are those of coloured residuals.
+        Estimates with the standard errors of coloured residuals.
     """
     layout = lay_out(unknowns, [{} for _ in runs])
     for k, run in enumerate(runs):
-        run.take(layout.names, k + 1)
-    found = maximise_likelihood(Likelihood(runs, layout, np.arange(len(runs))), _ITERATIONS)
+        run.set_unknowns(layout.names, k + 1)
+    maximum = maximise_likelihood(Likelihood(runs, layout, np.arange(len(runs))), _ITERATIONS)
     covariance, colours = coloured_likelihood_covariance(
-        found, layout.columns, [run.interval for run in runs]
+        maximum, layout.columns, [run.interval for run in runs]
     )
     outputs = [str(name) for name in runs[0].data["output"].values]
     estimates = estimates_dataset(
-        found, layout, covariance, {"method": "reconstructed wheel loads"}
+        maximum, layout, covariance, {"method": "reconstructed wheel loads"}
     )
-    rest = tuple(
-        xr.Dataset(
-            {name: ("time", v[:, k]) for k, name in enumerate(outputs)},
-            {"time": run.time},
-            dict(run.data.attrs),
-        )
-        for run, v in zip(runs, found.residuals)
-    )
-    return OutputError(
-        estimates, rest, noise_dataset(found, outputs, colours, [run.measured for run in runs])
-    )
+    residuals = []
+    for run, v in zip(runs, maximum.residuals):
+        columns = {name: ("time", v[:, k]) for k, name in enumerate(outputs)}
+        residuals.append(xr.Dataset(columns, {"time": run.time}, dict(run.data.attrs)))
+    noise = noise_dataset(maximum, outputs, colours, [run.measured for run in runs])
+    return OutputError(estimates, tuple(residuals), noise)

@@ -1,5 +1,7 @@
-"""An identified landing gear: constants with standard errors and source, as text, as numbers, and
-in an aircraft.
+"""Identification of a landing gear, and its result.
+
+The constants have standard errors and sources.  The result is available as text, as numbers and in
+an aircraft.
 """
 
 from __future__ import annotations
@@ -18,8 +20,6 @@ from flightmech.terms import make_term
 from flightmech.units import G0
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.reconstruction.smoother import FlightPath
-from flighttest.regression.separable.fit import regress_separable
-from flighttest.regression.separable_model import SeparableModel
 from flighttest.submodels.landing_gear.explicit import FRICTION, LOAD, ROLLING
 from flighttest.submodels.landing_gear.output_error import fly_gear, has_angle
 from flighttest.submodels.landing_gear.reconstructed_loads import (
@@ -28,16 +28,29 @@ from flighttest.submodels.landing_gear.reconstructed_loads import (
     SYSTEMATIC,
     WIND_ERROR,
     GroundRecord,
-    WheelGroup,
-    wheel_groups,
 )
 from flighttest.submodels.landing_gear.regression import T_NEEDED, LoadFit, regress_gear
+from flighttest.submodels.landing_gear.wheel_positions import WheelGroup, wheel_groups
 
 _UNITS = {
-    "stiffness": "N/m", "stiffness_square": "N/m2", "damping": "N s/m", "damping_outwards": "N s/m", "orifice": "N s2/m2",
-    "brake": "N", "brake_friction": "1", "cornering": "1/rad", "bend": "1", "mu_dry": "1", "rolling": "1", "side_stiffness": "N/m",
-    "trail": "m", "inertia": "kg m2", "arm_stiffness": "N m/rad", "arm_damping": "N m s/rad", "arm_inertia": "kg m2",
-}  # fmt: skip
+    "stiffness": "N/m",
+    "stiffness_square": "N/m2",
+    "damping": "N s/m",
+    "damping_outwards": "N s/m",
+    "orifice": "N s2/m2",
+    "brake": "N",
+    "brake_friction": "1",
+    "cornering": "1/rad",
+    "bend": "1",
+    "mu_dry": "1",
+    "rolling": "1",
+    "side_stiffness": "N/m",
+    "trail": "m",
+    "inertia": "kg m2",
+    "arm_stiffness": "N m/rad",
+    "arm_damping": "N m s/rad",
+    "arm_inertia": "kg m2",
+}
 _STEERING = (
     "stiffness",
     "trail",
@@ -48,8 +61,11 @@ _STEERING = (
     "arm_inertia",
 )
 STEERED = "steering.trail"
-_FAR = 10.0  # load of the greatest cornering stiffness over the largest seen, where none was seen
-_TABLE = 9  # points of the table of a strut
+# Load of the largest cornering stiffness over the largest recorded load, if the stiffness has no
+# maximum within the records.
+_FAR = 10.0
+# Points of the table of a strut.
+_TABLE = 9
 
 
 class GearConstant(NamedTuple):
@@ -79,8 +95,9 @@ class IdentifiedGear:
         By name: ``gear.left,right.stiffness``, ``rolling``, ``runway.mu_dry``,
         ``steering.stiffness`` ...
     undetermined : dict of str to str
-        What the records cannot determine, and why; the aircraft keeps its value.
+        What the records do not determine, and the reason. The aircraft keeps its value.
     loads : LoadFit
+        Regression on the wheel loads.
     flown : OutputError or None
         Output error on the gear of the kernel.
     """
@@ -104,11 +121,11 @@ class IdentifiedGear:
         return self.constants[name].value, self.constants[name].stderr
 
     def aircraft(self, known: Aircraft) -> Aircraft:
-        """Return an aircraft with these constants; what is not determined stays as it is.  Its
-        history has sources and standard errors.
+        """Return an aircraft with these constants; other constants do not change.
 
-        Where the records have one angle of the nose wheel, the trail becomes 0: the tyres were
-        identified with that angle, and ``delta_nw`` is that angle in a replay.
+        Its history contains sources and standard errors.  If the records have only one angle of the
+        nose wheel, the trail becomes 0.  The tyres were identified with that angle, and
+        ``delta_nw`` is that angle in a replay.
 
         Raises
         ------
@@ -124,27 +141,29 @@ class IdentifiedGear:
                 ],
             )
         contacts = tuple(self._contact(contact) for contact in known.gear.contacts)
-        steering: dict[str, Any] = self._of("steering", _STEERING)
+        steering: dict[str, Any] = self._values_of("steering", _STEERING)
         if STEERED in self.undetermined and known.gear.steering.stiffness > 0.0:
             steering["trail"] = 0.0
-        friction = (
-            {"mu_dry": self.constants[FRICTION].value}
-            if FRICTION in self.constants
-            else self._used()
-        )
+        # An estimated friction, or the largest one that was used without a skid.
+        friction = known.gear.mu_dry
+        if FRICTION in self.constants:
+            friction = self.constants[FRICTION].value
+        elif FRICTION in self.loads.held:
+            friction = self.loads.held[FRICTION]
         gear = replace(
             known.gear,
             contacts=contacts,
             steering=replace(known.gear.steering, **steering),
-            **friction,
+            mu_dry=friction,
         )
         values = ", ".join(
-            f"{name} {one.value:.4g} ({one.stderr:.2g}, {one.source})"
-            for name, one in self.constants.items()
+            f"{name} {constant.value:.4g} ({constant.stderr:.2g}, {constant.source})"
+            for name, constant in self.constants.items()
         )
         lines = [
             known.history,
-            f"landing gear identified from flight, standard errors and source in brackets: {values}",
+            f"landing gear identified from flight, standard errors and source in brackets: "
+            f"{values}",
         ]
         if self.undetermined:
             lines.append(
@@ -152,74 +171,76 @@ class IdentifiedGear:
             )
         return replace(known, gear=gear, history="\n".join(filter(None, lines)))
 
-    def _used(self) -> dict[str, Any]:
-        """The friction that was used without a skid, where that is more than the aircraft file has."""
-        return {"mu_dry": self.loads.held[FRICTION]} if FRICTION in self.loads.held else {}
-
-    def _of(self, prefix: str, names: tuple[str, ...]) -> dict[str, float]:
-        return {
-            name: self.constants[f"{prefix}.{name}"].value
-            for name in names
-            if f"{prefix}.{name}" in self.constants
-        }
+    def _values_of(self, prefix: str, names: tuple[str, ...]) -> dict[str, float]:
+        """Return the identified constants of a prefix by their names without it."""
+        values = {}
+        for name in names:
+            if f"{prefix}.{name}" in self.constants:
+                values[name] = self.constants[f"{prefix}.{name}"].value
+        return values
 
     def _contact(self, contact: Contact) -> Contact:
-        group = next((group for group in self.groups if contact.name in group.names), None)
-        if group is None:
-            return contact
-        found: dict[str, Any] = self._of(
+        """Return a contact with the identified constants of its group."""
+        for group in self.groups:
+            if contact.name in group.names:
+                return replace(contact, **self._contact_values(group))
+        return contact
+
+    def _contact_values(self, group: WheelGroup) -> dict[str, Any]:
+        """Return the identified values of the contacts of a group."""
+        values: dict[str, Any] = self._values_of(
             f"gear.{group.label}", ("stiffness", "damping", "side_stiffness")
         )
-        at = dict(self.loads.held) | {name: one.value for name, one in self.constants.items()}
-        if "damping" in found or group.parameter("orifice") in self.constants:
-            found["damping_ext"] = max(
-                0.0, found.get("damping", 0.0) + at.get(group.parameter("damping_outwards"), 0.0)
-            )
-            found["orifice"] = found["orifice_ext"] = at.get(group.parameter("orifice"), 0.0)
+        # Fixed constants complete those that belong together.
+        constants = dict(self.loads.held)
+        for name, constant in self.constants.items():
+            constants[name] = constant.value
+        if "damping" in values or group.parameter("orifice") in self.constants:
+            outwards = constants.get(group.parameter("damping_outwards"), 0.0)
+            values["damping_ext"] = max(0.0, values.get("damping", 0.0) + outwards)
+            orifice = constants.get(group.parameter("orifice"), 0.0)
+            values["orifice"] = values["orifice_ext"] = orifice
         if ROLLING in self.constants:
-            found["rolling"] = self.constants[ROLLING].value
-        brakes = [
-            name for name in ("brake", "brake_friction") if group.parameter(name) in self.constants
-        ]
-        if brakes:
-            found |= {
-                name: at.get(group.parameter(name), 0.0) for name in ("brake", "brake_friction")
-            }
+            values["rolling"] = self.constants[ROLLING].value
+        brakes = ("brake", "brake_friction")
+        if any(group.parameter(name) in self.constants for name in brakes):
+            for name in brakes:
+                values[name] = constants.get(group.parameter(name), 0.0)
         if group.parameter("cornering") in self.constants:
-            found |= self._cornering(group, at)
-        square = at.get(group.parameter("stiffness_square"), 0.0)
+            values |= self._cornering(group, constants)
         if group.parameter("stiffness_square") in self.constants:
-            s = np.linspace(0.0, 1.5 * self._greatest("compression", group), _TABLE)
-            found["strut"] = make_term(square * s**2, {"compression": s}, outside="linear")
-        elif "stiffness" in found:
-            found["strut"] = None
-        return replace(contact, **found)
+            # The aircraft file has the square term as a table over the compression.
+            square = constants.get(group.parameter("stiffness_square"), 0.0)
+            s = np.linspace(0.0, 1.5 * self._largest("compression", group), _TABLE)
+            values["strut"] = make_term(square * s**2, {"compression": s}, outside="linear")
+        elif "stiffness" in values:
+            values["strut"] = None
+        return values
 
-    def _cornering(self, group: WheelGroup, at: Mapping[str, float]) -> dict[str, float]:
-        bend = at.get(group.parameter("bend"), 0.0)
-        most = LOAD / np.sqrt(bend) if bend > 0.0 else _FAR * self._greatest("load", group)
+    def _cornering(self, group: WheelGroup, constants: Mapping[str, float]) -> dict[str, float]:
+        """Return load and stiffness of the aircraft file, N_max and C_max of `explicit`."""
+        bend = constants.get(group.parameter("bend"), 0.0)
+        # Without a bend N_max lies far beyond the loads of the records.
+        load = LOAD / np.sqrt(bend) if bend > 0.0 else _FAR * self._largest("load", group)
         return {
-            "cornering_load": float(most),
-            "cornering_stiffness": float(0.5 * at[group.parameter("cornering")] * most),
+            "cornering_load": float(load),
+            "cornering_stiffness": float(0.5 * constants[group.parameter("cornering")] * load),
         }
 
-    def _greatest(self, what: str, group: WheelGroup) -> float:
-        """Largest compression or load of a group in all records. [m, N]"""
+    def _largest(self, quantity: str, group: WheelGroup) -> float:
+        """Return the largest compression or load of a group in all records. [m, N]"""
         wheels = list(group.names)
-        found = []
-        for one in self.loads.loads:
-            values = (
-                one["compression"].sel(wheel=wheels)
-                if what == "compression"
-                else one["force"].sel(output=[f"load.{w}" for w in wheels])
-            )
-            found.append(float(np.nanmax(values.values)))
-        return max(found)
+        largest = []
+        for record in self.loads.loads:
+            if quantity == "compression":
+                values = record["compression"].sel(wheel=wheels)
+            else:
+                values = record["force"].sel(output=[f"load.{wheel}" for wheel in wheels])
+            largest.append(float(np.nanmax(values.values)))
+        return max(largest)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return constants, what is not determined, and the errors of the inputs that were
-        estimated along.
-        """
+        """Return constants, undetermined constants, and the estimated errors of the inputs."""
         constants = {
             name: {"value": one.value, "stderr": one.stderr, "source": one.source}
             for name, one in self.constants.items()
@@ -231,6 +252,7 @@ class IdentifiedGear:
         }
 
     def _inputs(self) -> dict[str, list[float]]:
+        """Return the estimated errors of the inputs with their standard errors."""
         e = self.loads.fit.estimates
         names = [str(name) for name in e["parameter"].values if str(name) not in self.constants]
         return {
@@ -245,114 +267,30 @@ class IdentifiedGear:
             f"landing gear from {len(self.loads.loads)} records",
             f"{'':<{wide}}{'estimate':>12}{'stderr':>10}",
         ]
-        for name, one in self.constants.items():
+        for name, constant in self.constants.items():
             unit = _UNITS.get(name.rpartition(".")[2], "")
-            lines.append(
-                f"{name:<{wide}}{one.value:>12.5g}{one.stderr:>10.2g}  "
-                f"{f'{unit}, {one.source}' if unit else one.source}"
-            )
-        lines += [
-            f"{name:<{wide}}  not determined: {why}" for name, why in self.undetermined.items()
-        ]
+            note = f"{unit}, {constant.source}" if unit else constant.source
+            lines.append(f"{name:<{wide}}{constant.value:>12.5g}{constant.stderr:>10.2g}  {note}")
+        for name, reason in self.undetermined.items():
+            lines.append(f"{name:<{wide}}  not determined: {reason}")
         lines += ["", "errors of the inputs, estimated along"]
-        lines += [
-            f"{name:<{wide}}{value:>12.4g}{stderr:>10.2g}"
-            for name, (value, stderr) in self._inputs().items()
-        ]
-        noise = self.loads.fit.noise["stderr"].values
-        outputs = [str(name) for name in self.loads.fit.noise["output"].values]
-        rms = np.sqrt(np.mean(noise**2, axis=0))
-        lines += [
-            "",
-            "residual rms: "
-            + ", ".join(f"{name} {value:.3g}" for name, value in zip(outputs, rms)),
-        ]
+        for name, (value, stderr) in self._inputs().items():
+            lines.append(f"{name:<{wide}}{value:>12.4g}{stderr:>10.2g}")
+        lines += ["", f"residual rms: {_rms_text(self.loads.fit)}"]
         if self.flown is not None:
-            scatter = np.sqrt(np.mean(self.flown.noise["stderr"].values ** 2, axis=0))
-            names = [str(name) for name in self.flown.noise["output"].values]
-            left = ", ".join(f"{name} {value:.3g}" for name, value in zip(names, scatter))
-            lines.append(f"flown through {len(self.flown.residuals)} stretches, rms: {left}")
+            count = len(self.flown.residuals)
+            lines.append(f"flown through {count} stretches, rms: {_rms_text(self.flown)}")
         return "\n".join(lines)
 
 
-_STIFFEST = (0.5, 60.0)  # cornering stiffness over friction [rad-1]
-_SOURCE = "measured loads"
+def _rms_text(fit: OutputError) -> str:
+    """Return the root mean square of the residuals of all runs, output by output."""
+    rms = np.sqrt(np.mean(fit.noise["stderr"].values ** 2, axis=0))
+    names = fit.noise["output"].values
+    return ", ".join(f"{name} {value:.3g}" for name, value in zip(names, rms))
 
 
-def fit_strut(drops: Sequence[xr.Dataset], touching: float = 2e-3) -> dict[str, GearConstant]:
-    """Fit F = K1 s + K2 s^2 + C s' |s'| to touch-downs.
-
-    Parameters
-    ----------
-    drops : sequence of Dataset (time,)
-        ``compression`` [m], ``rate`` [m s-1], ``load`` [N].
-    touching : float
-        Compression below which the wheel may be off the ground. [m]
-
-    Returns
-    -------
-    dict of str to GearConstant
-        ``stiffness`` [N m-1], ``stiffness_square`` [N m-2], ``orifice`` [N s2 m-2].
-
-    Raises
-    ------
-    IdentificationError
-        Too few samples, or terms that they do not distinguish.
-    UnknownName
-        A variable that the data do not hold.
-    """
-    model = SeparableModel.parse(
-        "load = s + s^2 + rate*abs(rate)", units={"load": "N", "s": "m", "rate": "m s-1"}
-    )
-    data = [
-        drop.rename(compression="s").isel(
-            time=np.flatnonzero(drop["compression"].values > touching)
-        )
-        for drop in drops
-    ]
-    fit = regress_separable(model, data, "strut")
-    terms = {"stiffness": "s", "stiffness_square": "s^2", "orifice": "rate*abs(rate)"}
-    return {name: GearConstant(*fit.value(term), _SOURCE) for name, term in terms.items()}
-
-
-def fit_side_force(points: xr.Dataset) -> dict[str, GearConstant]:
-    """Fit Fy = -mu Fz tanh(g slip / mu) to side forces of a rolling wheel.
-
-    Parameters
-    ----------
-    points : Dataset (time,) or (point,)
-        ``load`` [N], ``slip`` [rad], ``side_force`` (to the right for a wheel that moves to its
-        left) [N].
-
-    Returns
-    -------
-    dict of str to GearConstant
-        ``mu`` [1], ``cornering``: cornering stiffness over load [rad-1].
-
-    Raises
-    ------
-    IdentificationError, UnknownName
-        As `fit_strut`.
-    """
-    units = {"side_force": "N", "load": "N", "slip": "rad"}
-    model = SeparableModel.parse("side_force = load*tanh(g*slip)", {"g": _STIFFEST}, units)
-    (dim,) = points["load"].dims
-    time = {
-        "time": points["time"].values
-        if dim == "time"
-        else np.arange(points.sizes[dim], dtype=float)
-    }
-    data = xr.Dataset(
-        {name: ("time", points[name].values) for name in units if name in points}, time
-    )
-    fit = regress_separable(model, data, "side force")
-    values, C = fit.derived("-[load*tanh(g*slip)]", "-[load*tanh(g*slip)]*g")
-    return {
-        name: GearConstant(float(x), float(v**0.5), _SOURCE)
-        for name, x, v in zip(("mu", "cornering"), values, C.diagonal())
-    }
-
-
+# Constants that are proportional to the mass.
 _FORCES = (
     "stiffness",
     "stiffness_square",
@@ -360,7 +298,7 @@ _FORCES = (
     "damping_outwards",
     "orifice",
     "brake",
-)  # that grow with the mass
+)
 
 
 def identify_landing_gear(
@@ -376,25 +314,26 @@ def identify_landing_gear(
     Parameters
     ----------
     records : sequence of Path or Dataset (time,)
-        Taxi turns, coast-down, brake stops, differential braking, take-off rolls, landings, all
-        together: reconstructions, or their states as `wheel_loads` needs them.  Reconstruct them:
-        the side force of a taxi turn is as accurate as the lateral velocity.
+        Taxi turns, coast-down, brake stops, differential braking, take-off rolls and landings
+        together: reconstructions, or their states as for `wheel_loads`.  A reconstruction is
+        preferable, because the side force of a taxi turn is as accurate as the lateral velocity.
     aircraft : Aircraft
-        Places of the wheels, mass, engines; what the records do not determine stays as its gear has
-        it.
+        Positions of the wheels, mass, engines. Constants that the records do not determine keep the
+        values of its gear.
     database : DataTree, optional
-        Aerodynamics near the ground; without it the air exerts no force.
+        Aerodynamics near the ground. Without it the air exerts no force.
     errors : mapping of str to float, optional
-        Standard errors of what goes in: ``lift``, ``drag``, ``pitching`` (of the coefficients near
+        Standard errors of the inputs: ``lift``, ``drag``, ``pitching`` (of the coefficients near
         the ground), ``thrust``, ``mass`` ``pedal`` (at its stop) (all relative), ``along``
         (specific force along the runway, attitude included) [m s-2], ``timing`` (of compressions
-        against accelerations) [s], ``wind`` (at most, of each record) [m s-1].  Zero holds one.
+        against accelerations) [s], ``wind`` (largest, of each record) [m s-1].  Zero fixes an
+        input.
     cutoff : float
-        Low-pass of all states alike. [Hz]
+        Cut-off frequency of the low-pass filter of all states. [Hz]
     flown : bool
         Whether side forces and steering, for which slip is a state, are estimated by output error
-        on the gear of the kernel; needs a database.  The order of the steering is that of the
-        aircraft; it needs ``delta_nw`` (command) and ``gear.steering`` (angle).
+        on the gear of the kernel. A database is required.  The order of the steering is that of the
+        aircraft. The steering requires ``delta_nw`` (command) and ``gear.steering`` (angle).
 
     Returns
     -------
@@ -403,48 +342,51 @@ def identify_landing_gear(
     Raises
     ------
     IdentificationError
-        No record, no wheels, or none that touches the ground.
+        No record, no wheels, or no wheel that touches the ground.
     UnknownName
-        A state that is missing, or another source of error.
+        A missing state, or an unknown source of error.
 
     Notes
     -----
-    Loads of the wheels are reconstructed from the motion, and all balances of force and moment fitted together (`explicit`); then
-    the tyres and the steering are flown (`flown`): the division of [LR743], Table 1.
+    The loads of the wheels are reconstructed from the motion.  One fit contains all balances of
+    force and moment (`explicit`).  Then tyres and steering are fitted by simulation (`flown`).  The
+    division is that of [LR743], Table 1.
 
     References
     ----------
     .. [LR743] Report LR-743, 1993, 4.5.4 and Table 1.
     """
-    known = {**ERRORS, **SYSTEMATIC, "wind": WIND_ERROR}
-    for name in errors or {}:
-        if name not in known:
-            raise UnknownName(name, known, "source of error")
+    budget = {**ERRORS, **SYSTEMATIC, "wind": WIND_ERROR}
+    for name, stderr in (errors or {}).items():
+        if name not in budget:
+            raise UnknownName(name, budget, "source of error")
+        budget[name] = stderr
     if not records:
         raise IdentificationError("no records; give ground runs or landings")
-    budget = {**known, **(errors or {})}
-    fit = regress_gear(records, aircraft, database, budget, cutoff)
-    undetermined = {**fit.undetermined, **_steering(records)}
-    found = IdentifiedGear(wheel_groups(aircraft), _constants(fit, budget), undetermined, fit)
+    fit = regress_gear(records, aircraft, database=database, errors=budget, cutoff=cutoff)
+    identified = IdentifiedGear(
+        groups=wheel_groups(aircraft),
+        constants=_constants(fit, budget),
+        undetermined={**fit.undetermined, **_undetermined_steering(records)},
+        loads=fit,
+    )
     if not flown or database is None:
-        return found
-    result = fly_gear(records, found.aircraft(aircraft), database, fit)
+        return identified
+    result = fly_gear(records, identified.aircraft(aircraft), database=database, loads=fit)
     if result is None:
-        return found
-    by = _flown_constants(result)
-    constants = {
-        **found.constants,
-        **{name: one for name, one in by.items() if not isinstance(one, str)},
-    }
-    undetermined = {
-        **found.undetermined,
-        **{name: one for name, one in by.items() if isinstance(one, str) and name not in constants},
-    }
-    return replace(found, constants=constants, undetermined=undetermined, flown=result)
+        return identified
+    # Estimates of the output error replace those of the regression.
+    determined, failures = _flown_constants(result)
+    constants = {**identified.constants, **determined}
+    undetermined = dict(identified.undetermined)
+    for name, reason in failures.items():
+        if name not in constants:
+            undetermined[name] = reason
+    return replace(identified, constants=constants, undetermined=undetermined, flown=result)
 
 
-def _steering(records: Sequence) -> dict[str, str]:
-    """Why the steering is not determined, where command and angle are not both recorded."""
+def _undetermined_steering(records: Sequence) -> dict[str, str]:
+    """Return why the steering is not determined, if command and angle are not both recorded."""
     if all(has_angle(record) for record in records):
         return {}
     return {
@@ -453,30 +395,30 @@ def _steering(records: Sequence) -> dict[str, str]:
     }
 
 
-def _flown_constants(found: OutputError) -> dict[str, GearConstant | str]:
-    """Estimates, or why there is none."""
-    e = found.estimates
-    constants: dict[str, GearConstant | str] = {}
-    for name, value, stderr, active in zip(
-        map(str, e["parameter"].values),
-        *(e[key].values for key in ("estimate", "stderr", "active")),
-    ):
+def _flown_constants(fit: OutputError) -> tuple[dict[str, GearConstant], dict[str, str]]:
+    """Return determined constants, and the reason for each of the others."""
+    e = fit.estimates
+    constants, reasons = {}, {}
+    columns = (e[key].values for key in ("parameter", "estimate", "stderr", "active"))
+    for name, value, stderr, active in zip(*columns):
         if active:
-            constants[name] = f"at its bound {value:g}"
+            reasons[str(name)] = f"at its bound {value:g}"
         elif abs(value) < T_NEEDED * stderr:
-            constants[name] = (
+            reasons[str(name)] = (
                 f"{value:.3g} +- {stderr:.2g}, {T_NEEDED:g} standard errors from zero are needed"
             )
         else:
-            constants[name] = GearConstant(float(value), float(stderr), "output error")
-    return constants
+            constants[str(name)] = GearConstant(float(value), float(stderr), "output error")
+    return constants, reasons
 
 
-def _constants(found: LoadFit, errors: Mapping[str, float]) -> dict[str, GearConstant]:
-    """Estimates; their standard errors hold those of what no record shows: mass, pedals, forward
-    specific force, clocks.
+def _constants(fit: LoadFit, errors: Mapping[str, float]) -> dict[str, GearConstant]:
+    """Return the constants of the regression with standard errors.
+
+    The standard errors contain those of mass, pedals, forward specific force and clocks, which the
+    residuals do not show.
     """
-    e = found.fit.estimates
+    e = fit.fit.estimates
     constants = {}
     for name in map(str, e["parameter"].values):
         group, _, constant = name.rpartition(".")
@@ -484,6 +426,7 @@ def _constants(found: LoadFit, errors: Mapping[str, float]) -> dict[str, GearCon
             continue
         value, stderr = (float(e[key].sel(parameter=name)) for key in ("estimate", "stderr"))
         parts = [stderr]
+        # Contributions of inputs without a redundant measurement.
         if constant in _FORCES:
             parts.append(errors["mass"] * value)
         if constant in ("brake", "brake_friction"):
@@ -491,6 +434,6 @@ def _constants(found: LoadFit, errors: Mapping[str, float]) -> dict[str, GearCon
         if constant == ROLLING:
             parts.append(errors["along"] / G0)
         if constant == "damping":
-            parts.append(errors["timing"] * found.fit.parameters[f"{group}.stiffness"])
+            parts.append(errors["timing"] * fit.fit.parameters[f"{group}.stiffness"])
         constants[name] = GearConstant(value, float(np.linalg.norm(parts)), "wheel loads")
     return constants

@@ -24,17 +24,13 @@ from flighttest.submodels.landing_gear.reconstructed_loads import (
     CUTOFF,
     ERRORS,
     WIND_ERROR,
-    WheelGroup,
-    wheel_groups,
     wheel_loads,
-    wheels_of,
 )
+from flighttest.submodels.landing_gear.wheel_positions import WheelGroup, wheel_groups, wheels_of
 
 LEG_TERMS = ("stiffness", "stiffness_square", "damping", "orifice", "damping_outwards")
-_FIRST, _FURTHER = (
-    3.0,
-    5.0,
-)  # standard errors from zero of the first damper, and of every further term
+# Standard errors from zero that the first damper and every further term must have.
+_FIRST, _FURTHER = 3.0, 5.0
 
 
 def select_leg_terms(runs: Sequence[GroundRun], group: WheelGroup) -> list[str]:
@@ -43,78 +39,84 @@ def select_leg_terms(runs: Sequence[GroundRun], group: WheelGroup) -> list[str]:
     Parameters
     ----------
     runs : sequence of GroundRun
+        Records with their wheel loads.
     group : WheelGroup
+        Wheels that share the leg.
 
     Returns
     -------
     list of str
-        Of `LEG_TERMS`; a spring always.
+        Names of `LEG_TERMS`. The spring is always a term.
 
     Notes
     -----
-    Errors of lift and pitching moment are fitted along, so that a spring does not take up what grows with speed.  A
-    damper of either kind counts when it is positive.
+    Errors of lift and pitching moment are fitted together with the terms.  Otherwise a spring would
+    represent effects that grow with speed.  A damper of either kind counts only if it is positive.
     """
-    parts = [part for run in runs for part in _columns(run, group)]
+    parts, steps = [], []
+    for run in runs:
+        parts += _leg_columns(run, group)
+        steps += [run.interval] * len(group.names)
     columns = {
         term: np.concatenate([part[term] for part in parts])
         for term in (*LEG_TERMS, "lift", "pitching", "load")
     }
     edges = np.cumsum([0, *(len(part["load"]) for part in parts)])
     pieces = [slice(int(a), int(b)) for a, b in pairwise(edges)]
-    steps = [run.interval for run in runs for _ in group.names]
     always = [name for name in ("lift", "pitching") if columns[name].any()]
+    # Forward selection by t value.
     chosen = ["stiffness"]
     while True:
-        t = {
-            term: _t(columns, [*always, *chosen, term], pieces, steps)
-            for term in LEG_TERMS
-            if term not in chosen
-        }
         damped = {"damping", "orifice"} & set(chosen)
-        allowed = {term: value for term, value in t.items() if term != "damping_outwards" or damped}
-        best = max(allowed, key=lambda term: allowed[term], default="")
-        needed = _FIRST if best in ("damping", "orifice") and not damped else _FURTHER
-        if not best or allowed[best] < needed:
+        t = {}
+        for term in LEG_TERMS:
+            # Damping outwards is a difference from a damper, so it needs one.
+            if term not in chosen and (term != "damping_outwards" or damped):
+                names = [*always, *chosen, term]
+                t[term] = _t_value(columns, names, pieces=pieces, steps=steps)
+        best = max(t, key=lambda term: t[term], default="")
+        threshold = _FIRST if best in ("damping", "orifice") and not damped else _FURTHER
+        if not best or t[best] < threshold:
             return chosen
         chosen.append(best)
 
 
-def _t(columns, names: list[str], pieces, steps) -> float:
-    """Standard errors from zero of the last column; of a damper only above zero."""
+def _t_value(columns, names: list[str], pieces, steps) -> float:
+    """Return the standard errors of the last column from zero; negative for a negative damper."""
     if not columns[names[-1]].any():
         return 0.0
     X = np.column_stack([columns[name] for name in names])
     size = np.linalg.norm(X, axis=0)
     p, *_ = np.linalg.lstsq(X / size, columns["load"], rcond=None)
     v = columns["load"] - X / size @ p
-    t = float(
-        p[-1] / np.sqrt(coloured_covariance_of(X / size, v, pieces, steps).covariance[-1, -1])
-    )
+    covariance = coloured_covariance_of(X / size, v, pieces, steps).covariance
+    t = float(p[-1] / np.sqrt(covariance[-1, -1]))
     return t if names[-1] in ("damping", "orifice") else abs(t)
 
 
-def _columns(run: GroundRun, group: WheelGroup) -> list[dict[str, np.ndarray]]:
-    """Regressors of every leg of a group; the samples in which it carries."""
-    found = []
+def _leg_columns(run: GroundRun, group: WheelGroup) -> list[dict[str, np.ndarray]]:
+    """Return the regressors and load of every leg of a group, at the samples with load."""
+    legs = []
     for name in group.names:
         k = run.wheels.index(name)
         use = np.isfinite(run.measured[:, k]) & (run.measured[:, k] != 0.0)
         s, rate = run.fields["compression"][use, k], run.fields["rate"][use, k]
-        change = {
-            source: run.fields["change"][use, k, run.sources.index(source)]
-            for source in ("lift", "pitching")
-        }
         terms = (s, s**2, rate, rate * np.abs(rate), np.minimum(rate, 0.0))
-        found.append({**dict(zip(LEG_TERMS, terms)), **change, "load": run.measured[use, k]})
-    return found
+        columns = dict(zip(LEG_TERMS, terms))
+        for source in ("lift", "pitching"):
+            columns[source] = run.fields["change"][use, k, run.sources.index(source)]
+        columns["load"] = run.measured[use, k]
+        legs.append(columns)
+    return legs
 
 
-_MARGIN = (
-    1.05  # friction over the largest that was used without a skid, where the aircraft file has less
-)
-_REACHED = 0.8  # part of the friction that must have been used, or its value is an extrapolation
-T_NEEDED = 3.0  # standard errors from zero of a constant that is kept
+# Fixed friction over the largest used friction, if the aircraft file has less.
+_MARGIN = 1.05
+# Part of the friction that a wheel must have used. Below it, the value is an extrapolation.
+_REACHED = 0.8
+# Standard errors from zero of a constant that is determined.
+T_NEEDED = 3.0
+# Constants that become zero if the records do not need them.
 _STRUCTURE = (
     "brake",
     "brake_friction",
@@ -122,9 +124,10 @@ _STRUCTURE = (
     "stiffness_square",
     "orifice",
     "damping_outwards",
-)  # zero where the records do not need them
+)
 _NOT_NEGATIVE = ("stiffness", "damping", "orifice", "brake", "brake_friction")
 _RANGES = {FRICTION: (0.02, 3.0), "bend": (0.0, 10.0), "cornering": (0.1, 100.0)}
+# Typical sizes, for the steps of differences and for the information.
 _SIZES = {
     "stiffness_square": 1e5,
     "orifice": 1e4,
@@ -147,9 +150,9 @@ class LoadFit:
     held : dict of str to float
         Constants that are not estimated.
     undetermined : dict of str to str
-        Those that the records do not determine, and why.
+        Constants that the records do not determine, and the reason.
     loads : tuple of Dataset
-        Of `wheel_loads`, by record.
+        Result of `wheel_loads` of each record.
     """
 
     fit: OutputError
@@ -158,38 +161,37 @@ class LoadFit:
     loads: tuple[xr.Dataset, ...]
 
     def inputs_of(self, k: int) -> dict[str, float]:
-        """Return what the inputs of a record, from 0, are wrong by; the wind is that beyond its
-        states.
+        """Return the errors of the inputs of record k, counted from 0.
+
+        The wind is in addition to that of the states.
         """
-        at = self.fit.of_manoeuvre(k + 1)
-        found = {name: value for name, value in at.items() if name in ERRORS}
-        blown = self.loads[k].attrs
-        return found | {
-            name: at.get(name, 0.0) + float(blown[name]) for name in ("wind_n", "wind_e")
-        }
+        estimates = self.fit.of_manoeuvre(k + 1)
+        errors = {name: value for name, value in estimates.items() if name in ERRORS}
+        attrs = self.loads[k].attrs
+        for name in ("wind_n", "wind_e"):
+            errors[name] = estimates.get(name, 0.0) + float(attrs[name])
+        return errors
 
 
 def known_constants(aircraft: Aircraft) -> dict[str, float]:
     """Return the constants of the aircraft file under the names of `explicit`."""
     wheels = {wheel.name: wheel for wheel in wheels_of(aircraft)}
     assert aircraft.gear is not None
-    found = {
+    constants = {
         FRICTION: aircraft.gear.mu_dry,
         ROLLING: float(np.mean([wheel.rolling for wheel in wheels.values()])),
     }
     for group in wheel_groups(aircraft):
         wheel = wheels[group.names[0]]
-        values = {
-            name: float(getattr(wheel, name))
-            for name in ("stiffness", "damping", "orifice", "brake", "brake_friction")
-        }
-        values |= {
-            "damping_outwards": wheel.damping_ext - wheel.damping,
-            "bend": (LOAD / wheel.cornering_load) ** 2,
-        }
-        values["cornering"] = 2.0 * wheel.cornering_stiffness / wheel.cornering_load
-        found |= {group.parameter(name): value for name, value in values.items()}
-    return found
+        for name in ("stiffness", "damping", "orifice", "brake", "brake_friction"):
+            constants[group.parameter(name)] = float(getattr(wheel, name))
+        constants[group.parameter("damping_outwards")] = wheel.damping_ext - wheel.damping
+        # Inverse of C_max = g N_max / 2 and N_max = 10 kN / sqrt(b), see `explicit`.
+        constants[group.parameter("bend")] = (LOAD / wheel.cornering_load) ** 2
+        constants[group.parameter("cornering")] = (
+            2.0 * wheel.cornering_stiffness / wheel.cornering_load
+        )
+    return constants
 
 
 def regress_gear(
@@ -199,8 +201,9 @@ def regress_gear(
     errors: Mapping[str, float],
     cutoff: float = CUTOFF,
 ) -> LoadFit:
-    """Fit the balances of all records together; leave out, one after the other, what they do not
-    determine.
+    """Fit the balances of all records together, without the constants they do not determine.
+
+    Such constants are removed one after the other.
 
     Parameters
     ----------
@@ -210,78 +213,78 @@ def regress_gear(
         As for `wheel_loads`.
     errors : mapping of str to float
         Standard errors of the inputs, by the names of `reconstructed_loads.ERRORS`, and ``wind``,
-        at most, of a record.
+        the largest of a record.
 
     Raises
     ------
     IdentificationError
         No wheel touches in a record.
     """
-    held = known_constants(aircraft)
+    fixed = known_constants(aircraft)
     calm = [(0.0, 0.0)] * len(records)
-    loads, runs = _runs(records, aircraft, database, calm, cutoff)
-    unknown = _candidates(aircraft, held, runs)
-    undetermined = _unseen(runs, unknown, held)
-    unknown = {name: item for name, item in unknown.items() if name not in undetermined}
-    inputs = _errors_of_inputs(records, database, errors, calm)
+    loads, runs = _make_runs(records, aircraft, database=database, winds=calm, cutoff=cutoff)
+    candidates = _candidates(aircraft, fixed, runs)
+    undetermined = _unresponsive(runs, candidates, fixed)
+    unknowns = {name: item for name, item in candidates.items() if name not in undetermined}
+    inputs = _input_errors(records, database, errors=errors, winds=calm)
     while True:
-        fit = _fitted(runs, unknown, inputs, held)
-        name, why = _weakest(fit, unknown)
-        if not name and FRICTION in unknown:
-            name, why, used = _unreached(fit, runs)
-            held[FRICTION] = max(held[FRICTION], _MARGIN * used) if name else held[FRICTION]
-        unknown = {
-            key: item._replace(start=float(np.clip(_value(fit, key), item.low, item.high)))
-            for key, item in unknown.items()
-        }
+        fit = _fit(runs, unknowns, inputs=inputs, fixed=fixed)
+        name, reason = _weakest(fit, unknowns)
+        if not name and FRICTION in unknowns:
+            name, reason, used = _unreached_friction(fit, runs)
+            if name:
+                fixed[FRICTION] = max(fixed[FRICTION], _MARGIN * used)
+        # The next fit starts from the estimates.
+        for key, item in unknowns.items():
+            start = float(np.clip(_value(fit, key), item.low, item.high))
+            unknowns[key] = item._replace(start=start)
         if not name:
             break
         if name.rpartition(".")[2] in _STRUCTURE:
-            held[name] = 0.0
+            fixed[name] = 0.0
         else:
-            undetermined[name] = why
-        del unknown[name]
-    if any(
-        name.startswith("wind") for name in inputs
-    ):  # air forces grow with the square of the wind: once more about the wind that was found
-        found = [
-            (_value(fit, f"wind_n@{k + 1}"), _value(fit, f"wind_e@{k + 1}"))
-            for k in range(len(records))
-        ]
-        loads, runs = _runs(records, aircraft, database, found, cutoff)
-        fit = _fitted(runs, unknown, _errors_of_inputs(records, database, errors, found), held)
+            undetermined[name] = reason
+        del unknowns[name]
+    if any(name.startswith("wind") for name in inputs):
+        # Air forces grow with the square of the wind: fit once more about the estimated wind.
+        winds = []
+        for k in range(1, len(records) + 1):
+            winds.append((_value(fit, f"wind_n@{k}"), _value(fit, f"wind_e@{k}")))
+        loads, runs = _make_runs(records, aircraft, database=database, winds=winds, cutoff=cutoff)
+        inputs = _input_errors(records, database, errors=errors, winds=winds)
+        fit = _fit(runs, unknowns, inputs=inputs, fixed=fixed)
     return LoadFit(
         fit,
-        {name: value for name, value in held.items() if name not in unknown},
-        undetermined,
-        loads,
+        held={name: value for name, value in fixed.items() if name not in unknowns},
+        undetermined=undetermined,
+        loads=loads,
     )
 
 
-def _runs(
+def _make_runs(
     records: Sequence,
     aircraft: Aircraft,
     database,
     winds: Sequence[tuple[float, float]],
     cutoff: float,
 ):
-    """Wheel loads of all records, and the records as the equations predict them."""
-    loads = tuple(
-        wheel_loads(record, aircraft, database, wind, cutoff)
-        for record, wind in zip(records, winds)
-    )
-    return loads, [GroundRun(one, aircraft, cutoff) for one in loads]
+    """Return the wheel loads of all records, and the runs that predict them."""
+    loads = []
+    for record, wind in zip(records, winds):
+        loads.append(wheel_loads(record, aircraft, database=database, wind=wind, cutoff=cutoff))
+    return tuple(loads), [GroundRun(record, aircraft, cutoff) for record in loads]
 
 
-def _fitted(
+def _fit(
     runs: Sequence[GroundRun],
-    unknown: Mapping[str, Unknown],
+    unknowns: Mapping[str, Unknown],
     inputs: Mapping[str, Unknown],
-    held: Mapping[str, float],
+    fixed: Mapping[str, float],
 ) -> OutputError:
+    """Return the fit of constants and errors of the inputs."""
     for run in runs:
-        run.known = {name: value for name, value in held.items() if name not in unknown}
-    return explicit_fit(runs, {**unknown, **inputs})
+        run.fixed = {name: value for name, value in fixed.items() if name not in unknowns}
+    return explicit_fit(runs, {**unknowns, **inputs})
 
 
 def _value(fit: OutputError, name: str) -> float:
@@ -291,63 +294,63 @@ def _value(fit: OutputError, name: str) -> float:
 def _candidates(
     aircraft: Aircraft, known: dict[str, float], runs: Sequence[GroundRun]
 ) -> dict[str, Unknown]:
-    """All constants that may be estimated; terms of the legs that the loads do not need become zero
-    in `known`.
+    """Return all constants that may be estimated.
+
+    Terms of the legs that the loads do not need become zero in `known`.
     """
     wheels = {wheel.name: wheel for wheel in wheels_of(aircraft)}
     names = [FRICTION, ROLLING]
     for group in wheel_groups(aircraft):
-        braked = wheels[group.names[0]].brake > 0.0 or wheels[group.names[0]].brake_friction > 0.0
+        wheel = wheels[group.names[0]]
         terms = select_leg_terms(runs, group)
-        known |= {group.parameter(term): 0.0 for term in LEG_TERMS if term not in terms}
-        names += [
-            group.parameter(name)
-            for name in (
-                *terms,
-                "cornering",
-                "bend",
-                *(("brake", "brake_friction") if braked else ()),
-            )
-        ]
-    found = {}
+        for term in LEG_TERMS:
+            if term not in terms:
+                known[group.parameter(term)] = 0.0
+        constants = [*terms, "cornering", "bend"]
+        if wheel.brake > 0.0 or wheel.brake_friction > 0.0:
+            constants += ["brake", "brake_friction"]
+        names += [group.parameter(constant) for constant in constants]
+    candidates = {}
     for name in names:
         constant = name if name == FRICTION else name.rpartition(".")[2]
         low, high = _RANGES.get(constant, (-np.inf, np.inf))
-        found[name] = Unknown(float(np.clip(known.get(name, 0.0), low, high)), low=low, high=high)
-    return found
+        start = float(np.clip(known.get(name, 0.0), low, high))
+        candidates[name] = Unknown(start, low=low, high=high)
+    return candidates
 
 
-def _unreached(fit: OutputError, runs: Sequence[GroundRun]) -> tuple[str, str, float]:
-    """The friction, where no wheel came near it, and the largest part of a load that was used."""
+def _unreached_friction(fit: OutputError, runs: Sequence[GroundRun]) -> tuple[str, str, float]:
+    """Return name and reason if no wheel came near the friction, and the largest used friction."""
     used = max(run.used_friction(fit.of_manoeuvre(k + 1)) for k, run in enumerate(runs))
-    found = _value(fit, FRICTION)
-    if used > _REACHED * found:
+    friction = _value(fit, FRICTION)
+    if used > _REACHED * friction:
         return "", "", used
-    words = (
+    reason = (
         f"no wheel came near it: at most {used:.2f} of a load was used along the runway; the "
-        f"curve of the side force leads to {found:.2f}"
+        f"curve of the side force leads to {friction:.2f}"
     )
-    return FRICTION, words, used
+    return FRICTION, reason, used
 
 
-def _errors_of_inputs(
+def _input_errors(
     records: Sequence,
     database: xr.DataTree | None,
     errors: Mapping[str, float],
     winds: Sequence[tuple[float, float]],
 ) -> dict[str, Unknown]:
-    """What the inputs may be wrong by; the wind of a record, beyond `winds`, by what its
-    reconstruction leaves open.
+    """Return the errors of the inputs as unknowns with a-priori standard errors.
+
+    The wind of a record is in addition to `winds`.  Its standard error is that of the
+    reconstruction.
     """
-    found = {name: Unknown(0.0, errors[name]) for name in ERRORS if errors[name] > 0.0}
+    unknowns = {name: Unknown(0.0, errors[name]) for name in ERRORS if errors[name] > 0.0}
     if database is None or errors["wind"] == 0.0:
-        return found
-    for k, (record, wind) in enumerate(zip(records, winds)):
-        for name, blown in zip(("wind_n", "wind_e"), wind):
-            found[f"{name}@{k + 1}"] = Unknown(
-                -blown, min(_wind_error(record, name), errors["wind"])
-            )
-    return found
+        return unknowns
+    for k, (record, wind) in enumerate(zip(records, winds), 1):
+        for name, included in zip(("wind_n", "wind_e"), wind):
+            stderr = min(_wind_error(record, name), errors["wind"])
+            unknowns[f"{name}@{k}"] = Unknown(-included, stderr)
+    return unknowns
 
 
 def _wind_error(record, name: str) -> float:
@@ -357,53 +360,45 @@ def _wind_error(record, name: str) -> float:
     return max(float(biases["stderr"].sel(parameter=name)), 1e-3)
 
 
-def _unseen(
+def _unresponsive(
     runs: Sequence[GroundRun], unknown: Mapping[str, Unknown], known: Mapping[str, float]
 ) -> dict[str, str]:
-    """Constants to which nothing that was measured responds by more than its scatter."""
+    """Return constants that change the outputs by less than their scatter, with the reason."""
     names = list(unknown)
     for run in runs:
-        run.names, run.known = (
-            tuple(names),
-            {key: value for key, value in known.items() if key not in unknown},
-        )
+        run.names = tuple(names)
+        run.fixed = {key: value for key, value in known.items() if key not in unknown}
     values = np.array([unknown[name].start for name in names], float)
-    sizes = np.array(
-        [
-            max(abs(value), _SIZES.get(name.rpartition(".")[2], 0.0), 1e-3)
-            for name, value in zip(names, values)
-        ]
-    )
-    scatter = np.nanmean(
-        np.concatenate([run.measured - run.predict(values) for run in runs]) ** 2, axis=0
-    )
+    sizes = np.empty(len(names))
+    for k, name in enumerate(names):
+        sizes[k] = max(abs(values[k]), _SIZES.get(name.rpartition(".")[2], 0.0), 1e-3)
+    residuals = np.concatenate([run.measured - run.predict(values) for run in runs])
+    scatter = np.nanmean(residuals**2, axis=0)
+    # Fisher information of each constant alone, from all outputs and samples.
     information = np.zeros(len(names))
     for run in runs:
-        S = np.where(
-            np.isfinite(run.measured)[:, :, None],
-            run.slopes(values, 1e-3 * sizes, central=True),
-            0.0,
-        )
+        slopes = run.slopes(values, 1e-3 * sizes, central=True)
+        S = np.where(np.isfinite(run.measured)[:, :, None], slopes, 0.0)
         information += (S**2 / scatter[None, :, None]).sum(axis=(0, 1))
     weak = information * sizes**2 < T_NEEDED**2
-    return {
-        name: "nothing that was measured responds to it" for name, use in zip(names, weak) if use
-    }
+    reason = "nothing that was measured responds to it"
+    return {name: reason for name, is_weak in zip(names, weak) if is_weak}
 
 
 def _weakest(fit: OutputError, unknown: Mapping[str, Unknown]) -> tuple[str, str]:
-    """The constant that is least determined, and why it is left out; empty when all are determined."""
-    worst = (T_NEEDED, "", "")
+    """Return the least determined constant and the reason; empty if all are determined."""
+    smallest, weakest, reason = T_NEEDED, "", ""
     e = fit.estimates.sel(parameter=list(unknown))
-    for name, value, stderr, active in zip(
-        map(str, e["parameter"].values),
-        *(e[key].values for key in ("estimate", "stderr", "active")),
-    ):
+    columns = (e[key].values for key in ("parameter", "estimate", "stderr", "active"))
+    for name, value, stderr, active in zip(*columns):
+        # A negative value of a constant that cannot be negative is the least determined.
         signed = value if name.rpartition(".")[2] in _NOT_NEGATIVE else abs(value)
         t = 0.0 if active else signed / stderr
-        if t < worst[0]:
-            words = (
+        if t < smallest:
+            smallest, weakest = t, str(name)
+            reason = (
                 f"{value:.3g} +- {stderr:.2g}, {T_NEEDED:g} standard errors from zero are needed"
             )
-            worst = (t, name, f"at its bound {value:g}" if active else words)
-    return worst[1:]
+            if active:
+                reason = f"at its bound {value:g}"
+    return weakest, reason

@@ -188,9 +188,9 @@ def test_slopes_of_the_balances_are_those_of_the_whole_prediction(records, datab
     differences of all outputs.
     """
     run = GroundRun(wheel_loads(records[1], CRAFT, database), CRAFT, 4.0)
-    run.known = known_constants(CRAFT)
-    run.take([*run.known, "lift", "thrust"], 1)
-    values = np.array([*run.known.values(), 0.02, -0.01])
+    run.fixed = known_constants(CRAFT)
+    run.set_unknowns([*run.fixed, "lift", "thrust"], 1)
+    values = np.array([*run.fixed.values(), 0.02, -0.01])
     steps = 1e-4 * np.maximum(np.abs(values), 1e-2)
     slopes = run.slopes(values, steps, central=True)
     for k, step in enumerate(steps):
