@@ -12,7 +12,7 @@ import xarray as xr
 
 from flightmech.names import lookup
 from flightmech.units import DEGREE, KNOT
-from flighttest.reconstruction.quality.checks.relations import RelationCheck
+from flighttest.reconstruction.quality.checks.relation_check import RelationCheck
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.finding import Finding, iterate_rows
 from flighttest.records.sensors.instruments import Instruments
