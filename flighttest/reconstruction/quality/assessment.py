@@ -22,13 +22,15 @@ from flighttest.reconstruction.quality.checks.clock_scale import (
     clock_scale,
     on_seconds,
 )
+from flighttest.reconstruction.quality.checks.control_findings import answer_findings
 from flighttest.reconstruction.quality.checks.control_response import (
-    answer_findings,
-    axis_excitation,
     control_responses,
+    pilot_to_surface,
+)
+from flighttest.reconstruction.quality.checks.excitation import (
+    axis_excitation,
     excitation_findings,
     input_correlations,
-    pilot_to_surface,
 )
 from flighttest.reconstruction.quality.checks.kinematic_consistency import (
     accuracy_findings,
