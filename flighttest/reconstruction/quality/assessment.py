@@ -46,7 +46,6 @@ from flighttest.reconstruction.quality.checks.samples import (
     channel_table,
     faults_of,
     flag_findings,
-    quality_remarks,
 )
 from flighttest.reconstruction.quality.checks.signals import (
     ResampledChannels,
@@ -67,6 +66,7 @@ from flighttest.reconstruction.quality.declarations.columns import (
     with_headings,
 )
 from flighttest.reconstruction.quality.finding import Finding, by_severity, without_consequences
+from flighttest.reconstruction.quality.record_notes import quality_remarks
 from flighttest.reconstruction.quality.result import Quality
 from flighttest.records.record import manoeuvres
 from flighttest.records.sensors.instruments import SPEEDS, Instruments, instruments_of
