@@ -53,18 +53,18 @@ from flighttest.reconstruction.quality.checks.signals import (
     resample_channels,
 )
 from flighttest.reconstruction.quality.declarations.air_temperature import temperature_findings
-from flighttest.reconstruction.quality.declarations.aircraft import (
-    geometry_findings,
-    inertia_findings,
-    product_findings,
-    weight_findings,
-)
 from flighttest.reconstruction.quality.declarations.columns import (
     column_findings,
     heading_findings,
     pressure_height_findings,
     with_headings,
 )
+from flighttest.reconstruction.quality.declarations.geometry import geometry_findings
+from flighttest.reconstruction.quality.declarations.inertia import (
+    inertia_findings,
+    product_findings,
+)
+from flighttest.reconstruction.quality.declarations.weight import weight_findings
 from flighttest.reconstruction.quality.finding import Finding, by_severity, without_consequences
 from flighttest.reconstruction.quality.record_notes import quality_remarks
 from flighttest.reconstruction.quality.result import Quality
