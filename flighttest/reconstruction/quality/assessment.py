@@ -55,11 +55,10 @@ from flighttest.reconstruction.quality.checks.signals import (
 from flighttest.reconstruction.quality.declarations.air_temperature import temperature_findings
 from flighttest.reconstruction.quality.declarations.columns import (
     column_findings,
-    heading_findings,
     pressure_height_findings,
-    with_headings,
 )
 from flighttest.reconstruction.quality.declarations.geometry import geometry_findings
+from flighttest.reconstruction.quality.declarations.headings import heading_findings, with_headings
 from flighttest.reconstruction.quality.declarations.inertia import (
     inertia_findings,
     product_findings,
