@@ -75,7 +75,7 @@ class NormalSums:
         return self.D, self.O, self.G, self.C, self.gx, self.gc, self._cost
 
     @contextmanager
-    def together(self) -> Iterator[None]:
+    def collect_groups(self) -> Iterator[None]:
         """Collect the residual groups of the block, and add them in one pass at its end.
 
         The kernel then adds all residuals of a range of samples before the next range, so that the
@@ -109,7 +109,7 @@ class NormalSums:
         for array in self._arrays:
             array.fill(0.0)
 
-    def take_room(self, source: NormalSums) -> None:
+    def reuse_elimination(self, source: NormalSums) -> None:
         """Reuse the memory of the elimination of sums of the same size."""
         self._elimination = source._elimination or self._elimination
         source._elimination = None
@@ -313,7 +313,7 @@ class Elimination:
         low = self.products[: self._used, : self._used]
         return np.tril(low) + np.tril(low, -1).T
 
-    def along(self, directions: np.ndarray) -> np.ndarray:
+    def multiply_columns(self, directions: np.ndarray) -> np.ndarray:
         """Return F^-1 [G, gx] times directions (nc + 1, m) as an array (N, n, m).
 
         A direction has one number per constant, and one for the right-hand side.
@@ -324,7 +324,7 @@ class Elimination:
         full[: self._used] = directions
         return (self.columns.reshape(-1, width) @ full).reshape(samples, states, -1)
 
-    def back(self, x: np.ndarray) -> np.ndarray:
+    def substitute_back(self, x: np.ndarray) -> np.ndarray:
         """Return F'^-1 x (N, n, any), written over x."""
         samples, states, columns = x.shape
         # back substitution with the transposed factor, in place

@@ -152,7 +152,11 @@ def eliminated(library: ctypes.CDLL, monkeypatch) -> list[bytes]:
     )
     return [
         item.tobytes()
-        for item in (*found, rest.back(rest.right.copy()), rest.back(rest.right[..., :1].copy()))
+        for item in (
+            *found,
+            rest.substitute_back(rest.right.copy()),
+            rest.substitute_back(rest.right[..., :1].copy()),
+        )
     ]
 
 

@@ -56,9 +56,9 @@ class NormalEquations:
         self.sums.clear()
         self._rest = None
 
-    def take_room(self, other: NormalEquations) -> None:
+    def reuse_elimination(self, other: NormalEquations) -> None:
         """Take over the memory of the elimination of equations that are not solved again."""
-        self.sums.take_room(other.sums)
+        self.sums.reuse_elimination(other.sums)
         other._rest = None
 
     def add_steps(self, r, A, B, columns, Jc, weight) -> None:
@@ -132,7 +132,7 @@ class NormalEquations:
                     "prior; give one a prior"
                 ) from error
             dc[move] = -scale * cho_solve(root, scale * (self.gc - border[:-1, -1])[move])
-        dx = rest.back(-rest.along(np.append(dc, 1.0)[:, None]))
+        dx = rest.substitute_back(-rest.multiply_columns(np.append(dc, 1.0)[:, None]))
         return dx[..., 0], dc, schur
 
     def following(self, directions: np.ndarray) -> Iterator[np.ndarray]:
@@ -156,7 +156,9 @@ class NormalEquations:
         rest = self._rest or self._eliminated()
         for first in range(0, directions.shape[1], AT_ONCE):
             some = directions[:, first : first + AT_ONCE]
-            change = rest.back(rest.along(np.vstack([-some, np.zeros(some.shape[1])])))
+            change = rest.substitute_back(
+                rest.multiply_columns(np.vstack([-some, np.zeros(some.shape[1])]))
+            )
             yield from (item.T for item in np.ascontiguousarray(change.T))
 
     def _eliminated(self) -> Elimination:

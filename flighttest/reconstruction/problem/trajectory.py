@@ -145,7 +145,7 @@ def estimate_trajectory(
         left = trial
         if gained > -GAIN:
             x, c, equations, left = step_trajectory(x, share * dx), c + share * dc, trial, equations
-            equations.take_room(left)
+            equations.reuse_elimination(left)
         if left is not known:  # that belongs to the caller
             spare.append(left)
         settled = not far and gain < 1.0 and gained < GAIN
@@ -222,7 +222,7 @@ def linearise(
         equations.clear()
     else:
         equations = NormalEquations(len(x), problem.states, len(c))
-    with equations.sums.together():
+    with equations.sums.collect_groups():
         _path_steps(problem, x, c, equations)
         _gust_steps(problem, x, equations)
         values = states_and_rates(problem, x, c)

@@ -22,13 +22,15 @@ from flighttest.reconstruction.quality.checks.clock_scale import (
     clock_scale,
     on_seconds,
 )
+from flighttest.reconstruction.quality.checks.control_findings import answer_findings
 from flighttest.reconstruction.quality.checks.control_response import (
-    answer_findings,
-    axis_excitation,
     control_responses,
+    pilot_to_surface,
+)
+from flighttest.reconstruction.quality.checks.excitation import (
+    axis_excitation,
     excitation_findings,
     input_correlations,
-    pilot_to_surface,
 )
 from flighttest.reconstruction.quality.checks.kinematic_consistency import (
     accuracy_findings,
@@ -44,7 +46,6 @@ from flighttest.reconstruction.quality.checks.samples import (
     channel_table,
     faults_of,
     flag_findings,
-    quality_remarks,
 )
 from flighttest.reconstruction.quality.checks.signals import (
     ResampledChannels,
@@ -52,19 +53,19 @@ from flighttest.reconstruction.quality.checks.signals import (
     resample_channels,
 )
 from flighttest.reconstruction.quality.declarations.air_temperature import temperature_findings
-from flighttest.reconstruction.quality.declarations.aircraft import (
-    geometry_findings,
-    inertia_findings,
-    product_findings,
-    weight_findings,
-)
 from flighttest.reconstruction.quality.declarations.columns import (
     column_findings,
-    heading_findings,
     pressure_height_findings,
-    with_headings,
 )
+from flighttest.reconstruction.quality.declarations.geometry import geometry_findings
+from flighttest.reconstruction.quality.declarations.headings import heading_findings, with_headings
+from flighttest.reconstruction.quality.declarations.inertia import (
+    inertia_findings,
+    product_findings,
+)
+from flighttest.reconstruction.quality.declarations.weight import weight_findings
 from flighttest.reconstruction.quality.finding import Finding, by_severity, without_consequences
+from flighttest.reconstruction.quality.record_notes import quality_remarks
 from flighttest.reconstruction.quality.result import Quality
 from flighttest.records.record import manoeuvres
 from flighttest.records.sensors.instruments import SPEEDS, Instruments, instruments_of

@@ -28,7 +28,7 @@ from flightmech.support.figures import (
 )
 from flightmech.units import from_si
 from flighttest.reconstruction.quality.checks.control_response import SIGNIFICANT
-from flighttest.reconstruction.quality.checks.relations import RelationCheck
+from flighttest.reconstruction.quality.checks.relation_check import RelationCheck
 from flighttest.reconstruction.quality.result import Quality, format_display_value, is_meaningful
 
 WIDTH, HEIGHT = 560, 170

@@ -11,7 +11,7 @@ import pandas as pd
 
 from flightmech.support.console import to_json_types
 from flightmech.units import from_si
-from flighttest.reconstruction.quality.checks.relations import RelationCheck
+from flighttest.reconstruction.quality.checks.relation_check import RelationCheck
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.finding import SEVERITIES, Finding, iterate_rows
 

@@ -74,7 +74,10 @@ def test_states_are_eliminated(system):
     np.testing.assert_allclose(rest.border, G.T @ np.linalg.solve(T, G), rtol=1e-11)
     right = rest.right.copy()
     np.testing.assert_allclose(
-        rest.back(right.copy()).reshape(n, -1), np.linalg.solve(T, G), rtol=1e-11, atol=1e-13
+        rest.substitute_back(right.copy()).reshape(n, -1),
+        np.linalg.solve(T, G),
+        rtol=1e-11,
+        atol=1e-13,
     )
     np.testing.assert_array_equal(rest.right, right)
 
@@ -153,7 +156,7 @@ def test_together_is_one_after_the_other():
             sums.readings(z[order], 1.0, k[order], f[order], H[order], np.array([3, 0]), K[order])
 
     add(one)
-    with other.together():
+    with other.collect_groups():
         add(other)
         assert other.cost == 0.0
     assert other.cost == pytest.approx(one.cost, rel=1e-14)
@@ -192,7 +195,7 @@ def test_elimination_in_the_memory_of_other_sums(system):
     other.D += 2.0 * np.eye(STATES)
     room = other.eliminate()
     alone = sums.eliminate().border
-    sums.take_room(other)
+    sums.reuse_elimination(other)
     assert sums.eliminate() is room
     np.testing.assert_array_equal(room.border, alone)
     assert other.eliminate() is not room

@@ -16,7 +16,8 @@ from flighttest.reconstruction.quality.checks.mistake_search import (
     plausible_range,
     units_mistaken,
 )
-from flighttest.reconstruction.quality.checks.relations import RELATIONS, RelationCheck, compare_all
+from flighttest.reconstruction.quality.checks.relation_check import RelationCheck
+from flighttest.reconstruction.quality.checks.relations import RELATIONS, compare_all
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.finding import (
     Finding,

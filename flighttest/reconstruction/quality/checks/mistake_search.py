@@ -1,9 +1,9 @@
-"""Which single mistake of sign, unit, axis or definition explains the relations that do not hold.
+"""Search for the single mistakes that explain the relations that do not hold.
 
-Every mistake a name map can make is tried on every channel of the broken relations: undone, it must
-resolve them without breaking others. The best one is taken, and the search goes on with the
-corrected record until nothing is left to explain.  A mistake that two channels explain equally well
-is reported with both.
+The mistakes are those a name map can make: sign, unit, axis or definition.  Each is tried on every
+channel of the broken relations: its correction must resolve them and break no other relation.  The
+best repair is applied, and the search continues with the corrected record until nothing remains to
+explain.  If two channels explain a mistake equally well, the result names both.
 """
 
 from __future__ import annotations
@@ -16,38 +16,39 @@ import numpy as np
 
 from flightmech.names import lookup
 from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND_FORCE
-from flighttest.reconstruction.quality.checks.relations import (
-    RELATIONS,
-    Relation,
-    RelationCheck,
-    compare_all,
-)
+from flighttest.reconstruction.quality.checks.relation_check import Relation, RelationCheck
+from flighttest.reconstruction.quality.checks.relations import RELATIONS, compare_all
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 
 GAIN = 0.25  # disagreement that a mistake must explain, summed over relations
-NEAR = 0.1  # mistakes that explain almost as much are compared more closely, without tolerances
-# and cannot be distinguished when what they leave differs by less than this power of e, all
-# relations together
+NEAR = 0.1  # difference of gain below which repairs are compared again, without tolerances
+# repairs are not distinguished if the logarithms of the disagreements that remain, summed over the
+# relations, differ by less
 TIE = 0.3
 _EXACT = 0.005  # disagreement of numbers that were only rounded
 _MOST = 6  # mistakes in one record
+_RESOLVED = 0.1  # decrease above which a disagreement counts as resolved
+_FEW_OUTSIDE = 0.02  # share of samples outside the plausible range that spikes account for
 PSF = POUND_FORCE / FOOT**2
+
+Costs = dict[str, float]  # disagreement by relation, share outside the range by ``range.<channel>``
+Change = dict[str, tuple[float, float]]  # costs before and after a repair
 
 
 @dataclass(frozen=True)
 class Repair:
-    """One mistake undone.
+    """Correction of one mistake.
 
     Attributes
     ----------
     kind : str
         ``sign``, ``unit``, ``axis`` or ``definition``.
     channels : tuple of str
-        The channel, or the two that change places.
+        The channel, or the two channels that are exchanged.
     mistake : str
         What was wrong, in words.
     slope, shift : float
-        The channel as it should be is slope * recorded + shift; not used where two change places.
+        The correct channel is slope * recorded + shift; not used if two channels are exchanged.
         [1, SI]
     """
 
@@ -58,17 +59,17 @@ class Repair:
     shift: float = 0.0
 
     def apply(self, signals: ResampledChannels) -> ResampledChannels:
-        """Return the signals with the mistake undone."""
+        """Return the signals without the mistake."""
         if len(self.channels) == 2:
-            one, other = self.channels
-            return signals.with_values({one: signals[other], other: signals[one]})
+            first, second = self.channels
+            return signals.with_values({first: signals[second], second: signals[first]})
         (name,) = self.channels
         return signals.with_values({name: self.slope * signals[name] + self.shift})
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """A repair, the relations it resolves, and others that would do as well."""
+    """A repair, the relations it resolves, and the repairs that explain as much."""
 
     repair: Repair
     resolves: tuple[str, ...]
@@ -80,172 +81,210 @@ class Explanation:
 def find_mistakes(
     signals: ResampledChannels,
 ) -> tuple[list[Explanation], ResampledChannels, dict[str, RelationCheck]]:
-    """Return the mistakes found, the signals without them, and what all relations give then.
+    """Return the mistakes, the signals without them, and the checks of these signals.
 
     Parameters
     ----------
-    signals : Signals
+    signals : ResampledChannels
         Channels of a record.
 
     Returns
     -------
     explanations : list of Explanation
-    signals : Signals
-    comparisons : dict of Comparison
+    signals : ResampledChannels
+    checks : dict of RelationCheck
         By name of the relation.
     """
-    found: list[Explanation] = []
-    state = _costs(signals)
-    while _broken(state) and len(found) < _MOST:
-        best = _best(signals, state)
-        if best is None:
+    explanations: list[Explanation] = []
+    costs = _all_costs(signals)
+    while _broken_names(costs) and len(explanations) < _MOST:
+        explanation = _best_explanation(signals, costs)
+        if explanation is None:
             break
-        found.append(best)
-        signals = best.repair.apply(signals)
-        state = _costs(signals)
-    return found, signals, compare_all(signals)
+        explanations.append(explanation)
+        signals = explanation.repair.apply(signals)
+        costs = _all_costs(signals)
+    return explanations, signals, compare_all(signals)
 
 
 def total_disagreement(signals: ResampledChannels) -> float:
-    """Return the disagreement of all relations that do not hold, and what lies outside the
-    plausible ranges.
-    """
-    state = _costs(signals)
-    return sum(state[name] for name in _broken(state))
+    """Return the sum of the costs of broken relations and of implausible channels."""
+    costs = _all_costs(signals)
+    return sum(costs[name] for name in _broken_names(costs))
 
 
 def plausible_range(name: str) -> tuple[float, float] | None:
-    """Return the range that a channel keeps to in any aeroplane, SI; None where there is none."""
-    return _RANGES.get(name) or (_SURFACE if name.startswith("delta_") else None)
+    """Return the plausible range of a channel in any aeroplane, SI; None without a range."""
+    limits = _RANGES.get(name)
+    if limits is None and name.startswith("delta_"):
+        return _SURFACE
+    return limits
 
 
 def units_mistaken(name: str) -> tuple[tuple[str, str, float], ...]:
-    """Return what a channel may be in, what it was taken as, and the factor that corrects it."""
+    """Return the unit, the unit assumed by mistake and the correction factor, of each mistake."""
     return _UNITS.get(lookup(name).units, ())
 
 
-_RIGHT, _SURFACE = (-1.6, 1.6), (-1.4, 1.4)
-_FORCE, _SPEED = (-150.0, 150.0), (-30.0, 700.0)
+_SURFACE = (-1.4, 1.4)
 _RANGES: dict[str, tuple[float, float]] = {
-    **{name: _RIGHT for name in ("theta", "alpha_vane", "beta_vane", "alpha", "beta")},
-    "phi": (-3.2, 3.2), "psi": (-40.0, 40.0),
-    **{name: (-12.0, 12.0) for name in ("p", "q", "r")},
-    **{name: _FORCE for name in ("ax_imu", "ay_imu", "az_imu", "ax", "ay", "az")},
-    **{name: _SPEED for name in ("V", "V_cas", "V_eas")},
-    **{name: (-700.0, 700.0) for name in ("vn", "ve", "vd")},
-    "hdot": (-200.0, 200.0), "mach": (-0.1, 3.0), "h_baro": (-600.0, 25000.0), "h_gps": (-600.0, 25000.0),
-    "p_static": (2000.0, 110000.0), "q_c": (-2000.0, 150000.0), "temperature": (170.0, 340.0), "mass": (0.01, 1e6),
-}  # fmt: skip
+    "phi": (-3.2, 3.2),
+    "psi": (-40.0, 40.0),
+    "hdot": (-200.0, 200.0),
+    "mach": (-0.1, 3.0),
+    "h_baro": (-600.0, 25000.0),
+    "h_gps": (-600.0, 25000.0),
+    "p_static": (2000.0, 110000.0),
+    "q_c": (-2000.0, 150000.0),
+    "temperature": (170.0, 340.0),
+    "mass": (0.01, 1e6),
+}
+_RANGES |= dict.fromkeys(("theta", "alpha_vane", "beta_vane", "alpha", "beta"), (-1.6, 1.6))
+_RANGES |= dict.fromkeys(("p", "q", "r"), (-12.0, 12.0))
+_RANGES |= dict.fromkeys(("ax_imu", "ay_imu", "az_imu", "ax", "ay", "az"), (-150.0, 150.0))
+_RANGES |= dict.fromkeys(("V", "V_cas", "V_eas"), (-30.0, 700.0))
+_RANGES |= dict.fromkeys(("vn", "ve", "vd"), (-700.0, 700.0))
 
 
-def _costs(signals: ResampledChannels) -> dict[str, float]:
-    """Return the disagreement of every relation, and what lies outside the plausible ranges as
-    ``range.<channel>``.
-    """
-    found = {}
+def _all_costs(signals: ResampledChannels) -> Costs:
+    """Return the costs of all relations, and of the plausible ranges of all channels."""
+    costs = {}
     for relation in RELATIONS:
-        comparison = relation.compare(signals)
-        if comparison is not None:
-            found[relation.name] = _cost(comparison)
+        check = relation.compare(signals)
+        if check is not None:
+            costs[relation.name] = _cost_of_check(check)
     for name in signals.values:
-        found.update(_range_cost(signals, name))
-    return found
+        costs.update(_cost_of_range(signals, name))
+    return costs
 
 
-def _cost(comparison: RelationCheck) -> float:
-    """Disagreement beyond the limit counts; what is below it is noise."""
-    return comparison.disagreement if not comparison.consistent else 0.5 * comparison.disagreement
+def _cost_of_check(check: RelationCheck) -> float:
+    """Return the disagreement, halved below the limit, where it may be noise."""
+    if check.consistent:
+        return 0.5 * check.disagreement
+    return check.disagreement
 
 
-def _range_cost(signals: ResampledChannels, name: str) -> dict[str, float]:
+def _cost_of_range(signals: ResampledChannels, name: str) -> Costs:
+    """Return twice the share of samples outside the plausible range, at most one."""
     limits = plausible_range(name)
-    good = signals.good[name] & signals.flying
-    if limits is None or not good.any():
+    valid = signals.good[name] & signals.flying
+    if limits is None or not valid.any():
         return {}
-    x = signals[name][good]
+    x = signals[name][valid]
     outside = float(np.mean((x < limits[0]) | (x > limits[1])))
-    return {f"range.{name}": min(1.0, 2.0 * outside)} if outside > 0.02 else {f"range.{name}": 0.0}
+    if outside > _FEW_OUTSIDE:
+        return {f"range.{name}": min(1.0, 2.0 * outside)}
+    return {f"range.{name}": 0.0}
 
 
-def _broken(state: dict[str, float]) -> list[str]:
+def _broken_names(costs: Costs) -> list[str]:
+    """Return the names whose cost exceeds the limit; the limit of a range is zero."""
     limits = {relation.name: relation.limit for relation in RELATIONS}
-    return [name for name, cost in state.items() if cost > limits.get(name, 0.0)]
+    return [name for name, cost in costs.items() if cost > limits.get(name, 0.0)]
 
 
-def _best(signals: ResampledChannels, state: dict[str, float]) -> Explanation | None:
-    suspects = {name for relation in _broken(state) for name in _members(relation, signals)}
-    tried = [(repair, _change(signals, state, repair)) for repair in _repairs(signals, suspects)]
-    gains = [
-        (sum(before - after for before, after in change.values()), repair, change)
-        for repair, change in tried
-    ]
-    most = max((gain for gain, _, _ in gains), default=0.0)
+def _best_explanation(signals: ResampledChannels, costs: Costs) -> Explanation | None:
+    """Return the repair that explains most; None if no repair explains enough."""
+    suspects: set[str] = set()
+    for name in _broken_names(costs):
+        suspects.update(_channels_of_cost(name, signals))
+    repairs = list(_possible_repairs(signals, suspects))
+    changes = [_change_of_costs(signals, costs, repair) for repair in repairs]
+    gains = [sum(before - after for before, after in change.values()) for change in changes]
+    most = max(gains, default=0.0)
     if most < GAIN:
         return None
-    near = [(repair, change) for gain, repair, change in gains if gain > most - NEAR]
-    left = _left([repair for repair, _ in near], signals)
-    order = np.argsort(left, kind="stable")
-    repair, change = near[order[0]]
-    ties = tuple(near[i][0] for i in order[1:] if left[i] - left[order[0]] < TIE)
-    corrected = {name: pair for name, pair in change.items() if pair[0] - pair[1] > 0.1}
-    before, after = (tuple(pair[i] for pair in corrected.values()) for i in (0, 1))
-    return Explanation(repair, tuple(corrected), before, after, ties)
+
+    # tolerances hide small differences, so repairs of nearly the same gain are compared without
+    near = [i for i, gain in enumerate(gains) if gain > most - NEAR]
+    remainders = _log_remainders([repairs[i] for i in near], signals)
+    order = np.argsort(remainders, kind="stable")
+    best, runners_up = order[0], order[1:]
+    ties = [near[i] for i in runners_up if remainders[i] - remainders[best] < TIE]
+    resolved: Change = {}
+    for name, (before, after) in changes[near[best]].items():
+        if before - after > _RESOLVED:
+            resolved[name] = before, after
+    return Explanation(
+        repairs[near[best]],
+        tuple(resolved),
+        before=tuple(before for before, _ in resolved.values()),
+        after=tuple(after for _, after in resolved.values()),
+        instead=tuple(repairs[i] for i in ties),
+    )
 
 
-def _left(repairs: list[Repair], signals: ResampledChannels) -> list[float]:
-    """Return the log of what each repair leaves of disagreement, without tolerances, over the
-    relations that any of them touches.
+def _log_remainders(repairs: list[Repair], signals: ResampledChannels) -> list[float]:
+    """Return the summed logarithms of the disagreements without tolerances after each repair.
+
+    All repairs are judged by the relations that any of them affects.
     """
     if len(repairs) == 1:
         return [0.0]
-    touched = {name for repair in repairs for name in repair.channels}
-    relations = [relation for relation in RELATIONS if touched & set(relation.channels(signals))]
-    repaired = [repair.apply(signals) for repair in repairs]
-    compared = [[relation.compare(state) for relation in relations] for state in repaired]
-    return [
-        sum(math.log(found.raw + _EXACT) for found in row if found is not None) for row in compared
-    ]
+    affected: set[str] = set()
+    for repair in repairs:
+        affected.update(repair.channels)
+    relations = [relation for relation in RELATIONS if affected & set(relation.channels(signals))]
+    return [_log_remainder(relations, repair.apply(signals)) for repair in repairs]
 
 
-def _change(
-    signals: ResampledChannels, state: dict[str, float], repair: Repair
-) -> dict[str, tuple[float, float]]:
-    """Return the costs before and after a repair, of all that reads its channels."""
+def _log_remainder(relations: list[Relation], signals: ResampledChannels) -> float:
+    checks = [relation.compare(signals) for relation in relations]
+    return sum(math.log(check.raw + _EXACT) for check in checks if check is not None)
+
+
+def _change_of_costs(signals: ResampledChannels, costs: Costs, repair: Repair) -> Change:
+    """Return the costs before and after a repair of everything that reads its channels."""
     repaired = repair.apply(signals)
-    found = {}
+    changes: Change = {}
     for relation in RELATIONS:
-        if relation.name in state and set(repair.channels) & set(relation.channels(signals)):
-            found[relation.name] = (
-                state[relation.name],
-                _cost_after(repair, relation.compare(repaired), state[relation.name]),
-            )
-    for name in repair.channels:
-        after = _range_cost(repaired, name)
-        found.update({key: (state.get(key, 0.0), value) for key, value in after.items()})
-    return found
+        name = relation.name
+        if name in costs and set(repair.channels) & set(relation.channels(signals)):
+            check = relation.compare(repaired)
+            changes[name] = costs[name], _cost_after(repair, check, before=costs[name])
+    for channel in repair.channels:
+        for name, after in _cost_of_range(repaired, channel).items():
+            changes[name] = costs.get(name, 0.0), after
+    return changes
 
 
-def _cost_after(repair: Repair, comparison: RelationCheck | None, before: float) -> float:
-    """Return the cost after a repair; a unit that only makes a wandering channel small while the
-    other side rests explains nothing.
+def _cost_after(repair: Repair, check: RelationCheck | None, before: float) -> float:
+    """Return the cost of a relation after a repair.
+
+    A change of unit that only makes a wandering channel small explains nothing if the other side
+    is at rest.
     """
-    if comparison is None:
+    if check is None:
         return before
-    after = _cost(comparison)
-    return after if repair.kind != "unit" or after > before or comparison.has_signal else before
+    after = _cost_of_check(check)
+    if repair.kind == "unit" and after <= before and not check.has_signal:
+        return before
+    return after
 
 
-def _members(relation: str, signals: ResampledChannels) -> tuple[str, ...]:
-    if relation.startswith("range."):
-        return (relation.removeprefix("range."),)
-    return _BY_NAME[relation].channels(signals)
+def _channels_of_cost(name: str, signals: ResampledChannels) -> tuple[str, ...]:
+    if name.startswith("range."):
+        return (name.removeprefix("range."),)
+    return _BY_NAME[name].channels(signals)
 
 
 _BY_NAME: dict[str, Relation] = {relation.name: relation for relation in RELATIONS}
+# axes that a name map may exchange
 _SWAPS = (
-    ("p", "q"), ("p", "r"), ("q", "r"), ("phi", "theta"), ("ax_imu", "ay_imu"), ("ax_imu", "az_imu"), ("ay_imu", "az_imu"),
-    ("vn", "ve"), ("vn", "vd"), ("ve", "vd"), ("alpha_vane", "beta_vane"),
-)  # fmt: skip
+    ("p", "q"),
+    ("p", "r"),
+    ("q", "r"),
+    ("phi", "theta"),
+    ("ax_imu", "ay_imu"),
+    ("ax_imu", "az_imu"),
+    ("ay_imu", "az_imu"),
+    ("vn", "ve"),
+    ("vn", "vd"),
+    ("ve", "vd"),
+    ("alpha_vane", "beta_vane"),
+)
+# SI unit -> (unit of the file, unit it was taken as, factor)
 _UNITS: dict[str, tuple[tuple[str, str, float], ...]] = {
     "rad": (("deg", "rad", DEGREE),),
     "rad s-1": (("deg/s", "rad/s", DEGREE),),
@@ -261,41 +300,43 @@ _UNITS: dict[str, tuple[tuple[str, str, float], ...]] = {
 }
 
 
-def _repairs(signals: ResampledChannels, suspects: set[str]) -> Iterator[Repair]:
+def _possible_repairs(signals: ResampledChannels, suspects: set[str]) -> Iterator[Repair]:
+    """Yield the repairs of single channels, then the exchanges of two axes."""
     for name in sorted(suspects):
-        yield from _of_one(name)
-    for one, other in _SWAPS:
-        if one in signals and other in signals and suspects & {one, other}:
-            yield Repair("axis", (one, other), f"{one} and {other} stand in each other's place")
+        yield from _repairs_of_channel(name)
+    for first, second in _SWAPS:
+        if first in signals and second in signals and suspects & {first, second}:
+            text = f"{first} and {second} stand in each other's place"
+            yield Repair("axis", (first, second), text)
 
 
-def _of_one(name: str) -> Iterator[Repair]:
-    one, units = (name,), lookup(name).units
+def _repairs_of_channel(name: str) -> Iterator[Repair]:
+    channels, units = (name,), lookup(name).units
+    # pressures and temperatures are positive in any sensor
     if units not in ("Pa", "K"):
-        yield Repair("sign", one, f"{name} has the wrong sign", -1.0)
+        yield Repair("sign", channels, f"{name} has the wrong sign", slope=-1.0)
     if name == "az_imu":
-        yield from _load_factors(name)
+        yield from _repairs_of_load_factor(name)
     for wrong, right, factor in units_mistaken(name):
-        yield Repair("unit", one, f"{name} is in {wrong} and was taken as {right}", factor)
-        yield Repair("unit", one, f"{name} is in {right} and was taken as {wrong}", 1.0 / factor)
+        text = f"{name} is in {wrong} and was taken as {right}"
+        yield Repair("unit", channels, text, slope=factor)
+        text = f"{name} is in {right} and was taken as {wrong}"
+        yield Repair("unit", channels, text, slope=1.0 / factor)
     if units == "K":
-        yield Repair("unit", one, f"{name} is in degC and was taken as K", 1.0, 273.15)
-        yield Repair("unit", one, f"{name} is in K and was taken as degC", 1.0, -273.15)
+        text = f"{name} is in degC and was taken as K"
+        yield Repair("unit", channels, text, shift=273.15)
+        text = f"{name} is in K and was taken as degC"
+        yield Repair("unit", channels, text, shift=-273.15)
 
 
-def _load_factors(name: str) -> Iterator[Repair]:
-    """What recorders call normal acceleration."""
-    one = (name,)
-    yield Repair(
-        "definition",
-        one,
-        f"{name} is the load factor minus one, positive up, not the specific force",
-        -1.0,
-        -G0,
-    )
+def _repairs_of_load_factor(name: str) -> Iterator[Repair]:
+    """Yield the other definitions of normal acceleration that recorders use."""
+    # the specific force az is -g0 times the load factor n, which is one in level flight
+    text = f"{name} is the load factor minus one, positive up, not the specific force"
+    yield Repair("definition", (name,), text, slope=-1.0, shift=-G0)
     text = f"{name} is the acceleration without gravity, positive down, not the specific force"
-    yield Repair("definition", one, text, 1.0, -G0)
+    yield Repair("definition", (name,), text, slope=1.0, shift=-G0)
     text = f"{name} is the load factor minus one in g, positive up, taken as m/s2"
-    yield Repair("definition", one, text, -G0, -G0)
+    yield Repair("definition", (name,), text, slope=-G0, shift=-G0)
     text = f"{name} is the load factor in g, positive up, taken as m/s2"
-    yield Repair("definition", one, text, -G0)
+    yield Repair("definition", (name,), text, slope=-G0)

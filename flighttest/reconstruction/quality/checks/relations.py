@@ -1,425 +1,312 @@
-"""What kinematics and the atmosphere demand of the channels of a record: pairs that must agree
-whatever the aeroplane does.
+"""Relations of kinematics and of the atmosphere between the channels of a record.
 
-Each relation computes one quantity twice, from different channels.  They agree to noise, wind and
-neglected effects (sideslip, sensor positions) when every channel has its sign, unit and axis; a
-mistake in any of these makes them disagree grossly.  Relations overlap, so that the one channel
-that explains all disagreements can be found (`repairs`).
+Each relation computes one quantity twice, from different channels.  Both sides agree to noise, wind
+and neglected effects (sideslip, sensor positions) if every channel has its sign, unit and axis.  A
+mistake in any of these makes the sides disagree grossly.  Relations overlap, so that
+`mistake_search` can find the one channel that explains all disagreements.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 
-from flightmech.air import GAMMA, R_AIR, calibrated_airspeed, mach_number
-from flightmech.support.arrays import rms
-from flightmech.units import G0
-from flighttest.reconstruction.quality.checks.formed_channels import (
-    describe_channel,
-    source_channels,
-)
-from flighttest.reconstruction.quality.checks.signals import ResampledChannels, lowpass_if_possible
+from flightmech.air import calibrated_airspeed
+from flighttest.reconstruction.quality.checks import relation_sides as sides
+from flighttest.reconstruction.quality.checks.formed_channels import describe_channel
+from flighttest.reconstruction.quality.checks.relation_check import Relation, RelationCheck
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.records.sensors.measurements import pressure
-from flighttest.records.signals.differentiation import derivative
-
-_TINY = 1e-12
-_LATE = 0.2  # s by which one side may be behind the other; delays are found elsewhere
-_SHORTEST, _PERIODS = 4.0, 3.0  # s; periods of the cut-off: shorter stretches prove nothing
-
-
-@dataclass(frozen=True)
-class Relation:
-    """Two ways to one quantity.
-
-    Attributes
-    ----------
-    name, title : str
-        Key, and both sides in words.
-    needs : tuple of str
-        Channels without which it cannot be formed.
-    sides : callable
-        Signals -> (first side, second side).
-    units : str
-        SI unit of both sides.
-    cutoff : float
-        Frequency below which both are compared. [Hz]
-    tolerance : float
-        Rms difference that noise, changes of wind and neglected effects account for. [units]
-    level : bool
-        Whether the level counts, or changes only.
-    limit : float
-        Disagreement above which something is wrong. [1]
-    optional : tuple of str
-        Channels it uses where they are there.
-    formed : tuple of str
-        Those of `needs` that may be formed from other channels where they are not recorded
-        (`formed_channels`).
-    """
-
-    name: str
-    title: str
-    needs: tuple[str, ...]
-    sides: Callable[[ResampledChannels], tuple[np.ndarray, np.ndarray]]
-    units: str
-    cutoff: float
-    tolerance: float
-    level: bool = False
-    limit: float = 0.3
-    optional: tuple[str, ...] = ()
-    formed: tuple[str, ...] = ("V",)
-
-    def channels(self, signals: ResampledChannels) -> tuple[str, ...]:
-        """Return the recorded channels it rests on."""
-        rests_on = [name for need in self.needs for name in self._sources(need, signals)]
-        others = [name for name in self.optional if name in signals]
-        return tuple(dict.fromkeys([*rests_on, *others]))
-
-    def missing(self, signals: ResampledChannels) -> tuple[str, ...]:
-        """Return those of `needs` that are neither recorded nor formed from others."""
-        return tuple(need for need in self.needs if not self._sources(need, signals))
-
-    def compare(self, signals: ResampledChannels) -> RelationCheck | None:
-        """Return both sides and how far they disagree; None where a channel or enough of the flight
-        is missing.
-        """
-        if self.missing(signals):
-            return None
-        mask = self.mask(signals)
-        if mask.sum() * signals.step < self.shortest:
-            return None
-        first, second = (_finite(side) for side in self.sides(signals.completed(self.formed)))
-        first, second = (
-            lowpass_if_possible(side, signals.step, self.cutoff) for side in (first, second)
-        )
-        y, x = (side[mask] - (0.0 if self.level else side[mask].mean()) for side in (first, second))
-        size = rms(y) + rms(x)
-        late = _LATE * min(rms(np.gradient(side, signals.step)[mask]) for side in (first, second))
-        allowed = np.hypot(self.tolerance, late)
-        apart = float(np.sqrt(max(rms(y - x) ** 2 - allowed**2, 0.0))) / max(
-            size, 4.0 * self.tolerance
-        )
-        raw = rms(y - x) / max(size, _TINY)
-        return RelationCheck(
-            self, signals.time, first, second, mask, apart, raw, size > 4.0 * self.tolerance
-        )
-
-    def mask(self, signals: ResampledChannels) -> np.ndarray:
-        """Return the samples that count: whole channels in flight, without what the ends of the
-        filter may spoil.
-        """
-        mask = signals.mask(self.channels(signals))
-        edge = round(0.5 / (self.cutoff * signals.step))
-        mask[:edge] = mask[len(mask) - edge :] = False
-        return mask
-
-    @property
-    def shortest(self) -> float:
-        """Time in flight below which it proves nothing. [s]"""
-        return max(_SHORTEST, _PERIODS / self.cutoff)
-
-    def _sources(self, need: str, signals: ResampledChannels) -> tuple[str, ...]:
-        if need in signals:
-            return (need,)
-        return source_channels(need, signals.values) if need in self.formed else ()
-
-
-@dataclass(frozen=True)
-class RelationCheck:
-    """Both sides of a relation for a record.
-
-    `disagreement` is rms(difference beyond the tolerance)/(rms + rms): 0 equal, 0.7 unrelated, 1
-    opposite; two sides that are small against the tolerance agree.  `raw` is the same without
-    tolerance; `moving` shows whether there was more than that to compare.
-    """
-
-    relation: Relation
-    time: np.ndarray
-    first: np.ndarray
-    second: np.ndarray
-    mask: np.ndarray
-    disagreement: float
-    raw: float
-    moving: bool
-
-    @property
-    def consistent(self) -> bool:
-        """Whether the disagreement is below the limit of the relation."""
-        return self.disagreement <= self.relation.limit
-
-    @property
-    def has_signal(self) -> bool:
-        """Whether both sides move by more than the tolerance: one that wanders while the other
-        rests shows no factor and no sign.
-        """
-        sides = (
-            side[self.mask] - (0.0 if self.relation.level else side[self.mask].mean())
-            for side in (self.first, self.second)
-        )
-        return min(rms(side) for side in sides) > self.relation.tolerance
-
-    @property
-    def offset(self) -> float:
-        """Mean of first minus second. [units]"""
-        return float((self.first - self.second)[self.mask].mean())
-
-    @property
-    def slope(self) -> float:
-        """First per second, errors in both alike: standard deviation over standard deviation, with
-        the sign of the correlation.
-        """
-        return float(
-            np.sign(self.correlation)
-            * np.std(self.first[self.mask])
-            / max(np.std(self.second[self.mask]), _TINY)
-        )
-
-    @property
-    def correlation(self) -> float:
-        """Correlation of the changes."""
-        y, x = (side[self.mask] - side[self.mask].mean() for side in (self.first, self.second))
-        return float((y * x).mean() / max(rms(y) * rms(x), _TINY))
 
 
 def compare_all(signals: ResampledChannels) -> dict[str, RelationCheck]:
-    """Return every relation that the record can speak to."""
-    found = ((relation.name, relation.compare(signals)) for relation in RELATIONS)
-    return {name: comparison for name, comparison in found if comparison is not None}
+    """Return the checks of all relations that the record determines, by name."""
+    checks = {}
+    for relation in RELATIONS:
+        check = relation.compare(signals)
+        if check is not None:
+            checks[relation.name] = check
+    return checks
 
 
 def not_checked(signals: ResampledChannels) -> pd.DataFrame:
-    """Return the relations that a record cannot speak to, with the reason.
+    """Return the relations that a record does not determine, with the reason.
 
     Returns
     -------
     DataFrame
-        ``relation title missing reason``; `missing` are the channels that are absent, empty where
-        they are there for too short a time.
+        ``relation title missing reason``; `missing` are the channels that are absent. It is empty
+        if the channels are valid for too short a time.
     """
     table: list = []
     for relation in RELATIONS:
         missing = relation.missing(signals)
         if missing:
-            reason = "not recorded: " + "; ".join(
-                describe_channel(name, name in relation.formed) for name in missing
+            channels = [describe_channel(name, name in relation.formed) for name in missing]
+            table.append(
+                (relation.name, relation.title, missing, "not recorded: " + "; ".join(channels))
             )
-        elif (seconds := float(relation.mask(signals).sum() * signals.step)) < relation.shortest:
-            together = ", ".join(relation.channels(signals))
-            reason = (
-                f"{together} are whole together for {seconds:.1f} s of flight; "
-                f"{relation.shortest:.0f} s are needed"
-            )
-        else:
             continue
-        table.append((relation.name, relation.title, missing, reason))
+        seconds = float(relation.mask(signals).sum() * signals.step)
+        if seconds < relation.shortest:
+            reason = (
+                f"{', '.join(relation.channels(signals))} are whole together for {seconds:.1f} s "
+                f"of flight; {relation.shortest:.0f} s are needed"
+            )
+            table.append((relation.name, relation.title, missing, reason))
     return pd.DataFrame(table, columns=["relation", "title", "missing", "reason"])
-
-
-def _finite(x: np.ndarray) -> np.ndarray:
-    return np.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0)
-
-
-def _rate(s: ResampledChannels, name: str) -> np.ndarray:
-    return derivative(s[name], s.step, window=5, order=4 if s.step < 0.15 else 2)
-
-
-def _angles(s: ResampledChannels) -> tuple[np.ndarray, ...]:
-    return np.sin(s["phi"]), np.cos(s["phi"]), np.sin(s["theta"]), np.cos(s["theta"])
-
-
-def _alpha(s: ResampledChannels) -> np.ndarray:
-    """Angle of attack: the vane, else what attitude and climb give in wings-level flight, else
-    zero.
-    """
-    if "alpha_vane" in s:
-        return np.clip(s["alpha_vane"], -0.6, 0.6)
-    return (
-        np.clip(_path_alpha(s), -0.6, 0.6)
-        if {"h_baro", "V"} <= set(s.values)
-        else np.zeros_like(s.time)
-    )
-
-
-def _path_alpha(s: ResampledChannels) -> np.ndarray:
-    """Angle of attack without sideslip from sin(gamma) = cos(alpha) sin(theta) - sin(alpha)
-    cos(phi) cos(theta).
-    """
-    _, cf, st, ct = _angles(s)
-    sine = np.clip(_rate(s, "h_baro") / np.maximum(np.abs(s["V"]), 1.0), -1.0, 1.0)
-    size = np.maximum(np.hypot(st, cf * ct), 1e-3)
-    return np.arctan2(st, cf * ct) - np.arcsin(np.clip(sine / size, -1.0, 1.0))
-
-
-def _bank_rate(s: ResampledChannels):
-    sf, cf, st, ct = _angles(s)
-    return _rate(s, "phi"), s["p"] + (s["q"] * sf + s["r"] * cf) * st / np.where(
-        np.abs(ct) < 0.1, 0.1, ct
-    )
-
-
-def _pitch_rate(s: ResampledChannels):
-    sf, cf, _, _ = _angles(s)
-    return _rate(s, "theta"), s["q"] * cf - s["r"] * sf
-
-
-def _heading_rate(s: ResampledChannels):
-    sf, cf, _, ct = _angles(s)
-    return _rate(s, "psi"), (s["q"] * sf + s["r"] * cf) / np.where(np.abs(ct) < 0.1, 0.1, ct)
-
-
-def _inertial(s: ResampledChannels) -> np.ndarray:
-    """Acceleration of the ground velocity less gravity, body axes."""
-    sf, cf, st, ct = _angles(s)
-    sp, cp = np.sin(s["psi"]), np.cos(s["psi"])
-    n, e, d = _rate(s, "vn"), _rate(s, "ve"), _rate(s, "vd") - G0
-    ahead, right = cp * n + sp * e, cp * e - sp * n
-    down = st * ahead + ct * d
-    return np.stack([ct * ahead - st * d, cf * right + sf * down, cf * down - sf * right])
-
-
-def _force(axis: int, channel: str):
-    return lambda s: (s[channel], _inertial(s)[axis])
-
-
-def _vertical(s: ResampledChannels):
-    sf, cf, st, ct = _angles(s)
-    up = st * s["ax_imu"] - ct * (sf * s["ay_imu"] + cf * s["az_imu"])
-    return derivative(_rate(s, "h_baro"), s.step, window=5, order=2), up - G0
-
-
-def _along(s: ResampledChannels):
-    _, cf, st, ct = _angles(s)
-    alpha = _alpha(s)
-    return _rate(s, "V"), (s["ax_imu"] - G0 * st) * np.cos(alpha) + (
-        s["az_imu"] + G0 * ct * cf
-    ) * np.sin(alpha)
-
-
-def _turn(s: ResampledChannels):
-    sf, _, _, ct = _angles(s)
-    alpha = _alpha(s)
-    side = s.values.get("ay_imu", np.zeros_like(alpha))
-    return s["V"] * (s["r"] * np.cos(alpha) - s["p"] * np.sin(alpha)), G0 * ct * sf + side
-
-
-def _pull(s: ResampledChannels):
-    _, cf, _, ct = _angles(s)
-    return s["q"] * s["V"], -(s["az_imu"] + G0 * ct * cf)
-
-
-def _heave(s: ResampledChannels):
-    _, cf, _, ct = _angles(s)
-    V = s["V"]
-    return derivative(V * np.sin(s["alpha_vane"]), s.step, window=5, order=2), s["q"] * V * np.cos(
-        s["alpha_vane"]
-    ) + s["az_imu"] + G0 * ct * cf
-
-
-def _vane(s: ResampledChannels):
-    return s["alpha_vane"], _path_alpha(s)
-
-
-def _slip(s: ResampledChannels):
-    sf, _, _, ct = _angles(s)
-    alpha = _alpha(s)
-    drift = s["V"] * (s["p"] * np.sin(alpha) - s["r"] * np.cos(alpha)) + G0 * ct * sf + s["ay_imu"]
-    return derivative(s["V"] * np.sin(s["beta_vane"]), s.step, window=5, order=2), drift
-
-
-def _mach(s: ResampledChannels) -> np.ndarray:
-    return mach_number(np.clip(s["q_c"], 0.0, 1e6), np.clip(s["p_static"], 1e2, 1e9))
-
-
-def _sound(s: ResampledChannels) -> np.ndarray:
-    return np.sqrt(GAMMA * R_AIR * np.clip(s["temperature"], 1.0, 1e5))
 
 
 _ATTITUDE = ("phi", "theta", "p", "q", "r")
 _EARTH = ("phi", "theta", "psi", "vn", "ve", "vd")
-_PRESSURES = (
-    "q_c",
-    "p_static",
-    "temperature",
-)  # formed where they are not recorded; V itself never for a relation of air data
-_NO_WIND = 0.25  # limit of relations that hold but for wind
+# channels that a relation of air data may use as formed ones; V itself is never formed for it
+_PRESSURES = ("q_c", "p_static", "temperature")
+_NO_WIND = 0.25  # limit of the relations that hold in still air only
 
+# cut-offs exclude what sensor positions, flexibility and delays add; tolerances cover noise, wind
+# and neglected sideslip
 RELATIONS: tuple[Relation, ...] = (
-    Relation("phi_rate", "rate of bank, and p q r", _ATTITUDE, _bank_rate, "rad s-1", 1.5, 0.005),
-    Relation("theta_rate", "rate of pitch attitude, and q r", ("phi", "theta", "q", "r"), _pitch_rate, "rad s-1", 1.5, 0.005),
-    Relation("psi_rate", "rate of heading, and q r", ("phi", "theta", "psi", "q", "r"), _heading_rate, "rad s-1", 1.0, 0.005),
-    Relation("force_x", "ax, and ground acceleration", (*_EARTH, "ax_imu"), _force(0, "ax_imu"), "m s-2", 0.25, 0.15),
-    Relation("force_y", "ay, and ground acceleration", (*_EARTH, "ay_imu"), _force(1, "ay_imu"), "m s-2", 0.25, 0.25, limit=0.45),
     Relation(
-        "force_z", "az, and ground acceleration",
-        (*_EARTH, "az_imu"), _force(2, "az_imu"), "m s-2", 0.25, 0.25, level=True, limit=0.1,
+        name="phi_rate",
+        title="rate of bank, and p q r",
+        needs=_ATTITUDE,
+        sides=sides.bank_rate,
+        units="rad s-1",
+        cutoff=1.5,
+        tolerance=0.005,
     ),
     Relation(
-        "vertical", "acceleration of height, and ax ay az",
-        ("h_baro", "phi", "theta", "ax_imu", "ay_imu", "az_imu"), _vertical, "m s-2", 0.1, 0.6, level=True, limit=0.4,
+        name="theta_rate",
+        title="rate of pitch attitude, and q r",
+        needs=("phi", "theta", "q", "r"),
+        sides=sides.pitch_rate,
+        units="rad s-1",
+        cutoff=1.5,
+        tolerance=0.005,
     ),
     Relation(
-        "along", "rate of airspeed, and ax az",
-        ("V", "phi", "theta", "ax_imu", "az_imu"), _along, "m s-2", 0.2, 0.25, limit=0.4, optional=("alpha_vane", "h_baro"),
+        name="psi_rate",
+        title="rate of heading, and q r",
+        needs=("phi", "theta", "psi", "q", "r"),
+        sides=sides.heading_rate,
+        units="rad s-1",
+        cutoff=1.0,
+        tolerance=0.005,
     ),
     Relation(
-        "turn", "yaw rate times airspeed, and bank",
-        ("V", "phi", "theta", "p", "r"), _turn, "m s-2", 0.08, 0.6, level=True, limit=0.4, optional=("alpha_vane", "ay_imu"),
+        name="force_x",
+        title="ax, and ground acceleration",
+        needs=(*_EARTH, "ax_imu"),
+        sides=sides.inertial_force(0, "ax_imu"),
+        units="m s-2",
+        cutoff=0.25,
+        tolerance=0.15,
     ),
     Relation(
-        "pull", "pitch rate times airspeed, and az",
-        ("V", "phi", "theta", "q", "az_imu"), _pull, "m s-2", 0.08, 0.6, level=True, limit=0.4,
+        name="force_y",
+        title="ay, and ground acceleration",
+        needs=(*_EARTH, "ay_imu"),
+        sides=sides.inertial_force(1, "ay_imu"),
+        units="m s-2",
+        cutoff=0.25,
+        tolerance=0.25,
+        limit=0.45,
     ),
     Relation(
-        "heave", "rate of the alpha vane, and q az",
-        ("alpha_vane", "V", "phi", "theta", "q", "az_imu"), _heave, "m s-2", 0.6, 0.7, limit=0.45,
+        name="force_z",
+        title="az, and ground acceleration",
+        needs=(*_EARTH, "az_imu"),
+        sides=sides.inertial_force(2, "az_imu"),
+        units="m s-2",
+        cutoff=0.25,
+        tolerance=0.25,
+        level=True,
+        limit=0.1,
     ),
     Relation(
-        "vane", "alpha vane, and attitude less climb",
-        ("alpha_vane", "phi", "theta", "h_baro", "V"), _vane, "rad", 0.2, 0.01, level=True,
+        name="vertical",
+        title="acceleration of height, and ax ay az",
+        needs=("h_baro", "phi", "theta", "ax_imu", "ay_imu", "az_imu"),
+        sides=sides.vertical_acceleration,
+        units="m s-2",
+        cutoff=0.1,
+        tolerance=0.6,
+        level=True,
+        limit=0.4,
     ),
     Relation(
-        "slip", "rate of the beta vane, and r p bank ay",
-        ("beta_vane", "V", "phi", "theta", "p", "r", "ay_imu"), _slip, "m s-2", 0.6, 0.5, limit=0.45, optional=("alpha_vane", "h_baro"),
+        name="along",
+        title="rate of airspeed, and ax az",
+        needs=("V", "phi", "theta", "ax_imu", "az_imu"),
+        sides=sides.airspeed_rate,
+        units="m s-2",
+        cutoff=0.2,
+        tolerance=0.25,
+        limit=0.4,
+        optional=("alpha_vane", "h_baro"),
     ),
     Relation(
-        "track_n", "ground velocity north, and heading", ("vn", "V", "psi", "theta"),
-        lambda s: (s["vn"], s["V"] * np.cos(s["psi"]) * np.cos(s["theta"])), "m s-1", 0.2, 12.0, level=True, limit=_NO_WIND,
+        name="turn",
+        title="yaw rate times airspeed, and bank",
+        needs=("V", "phi", "theta", "p", "r"),
+        sides=sides.lateral_turn,
+        units="m s-2",
+        cutoff=0.08,
+        tolerance=0.6,
+        level=True,
+        limit=0.4,
+        optional=("alpha_vane", "ay_imu"),
     ),
     Relation(
-        "track_e", "ground velocity east, and heading", ("ve", "V", "psi", "theta"),
-        lambda s: (s["ve"], s["V"] * np.sin(s["psi"]) * np.cos(s["theta"])), "m s-1", 0.2, 12.0, level=True, limit=_NO_WIND,
-    ),
-    Relation("climb", "-vd, and rate of pressure height", ("vd", "h_baro"), lambda s: (-s["vd"], _rate(s, "h_baro")), "m s-1", 0.2, 0.5),
-    Relation(
-        "climb_rate", "climb rate, and rate of pressure height", ("hdot", "h_baro"), lambda s: (s["hdot"], _rate(s, "h_baro")),
-        "m s-1", 0.2, 0.5,
-    ),
-    Relation(
-        "heights", "satellite height, and pressure height", ("h_gps", "h_baro"), lambda s: (s["h_gps"], s["h_baro"]),
-        "m", 0.2, 5.0, limit=0.2,
+        name="pull",
+        title="pitch rate times airspeed, and az",
+        needs=("V", "phi", "theta", "q", "az_imu"),
+        sides=sides.pull_up,
+        units="m s-2",
+        cutoff=0.08,
+        tolerance=0.6,
+        level=True,
+        limit=0.4,
     ),
     Relation(
-        "airspeed", "true airspeed, and impact pressure", ("V", "q_c", "p_static", "temperature"),
-        lambda s: (s["V"], _mach(s) * _sound(s)), "m s-1", 0.5, 5.0, level=True, limit=0.05, formed=_PRESSURES,
+        name="heave",
+        title="rate of the alpha vane, and q az",
+        needs=("alpha_vane", "V", "phi", "theta", "q", "az_imu"),
+        sides=sides.vane_heave,
+        units="m s-2",
+        cutoff=0.6,
+        tolerance=0.7,
+        limit=0.45,
     ),
     Relation(
-        "mach", "Mach number, and airspeed over speed of sound", ("mach", "V", "temperature"),
-        lambda s: (s["mach"], s["V"] / _sound(s)), "1", 0.5, 0.01, level=True, limit=0.05, formed=("temperature",),
+        name="vane",
+        title="alpha vane, and attitude less climb",
+        needs=("alpha_vane", "phi", "theta", "h_baro", "V"),
+        sides=sides.vane_attitude,
+        units="rad",
+        cutoff=0.2,
+        tolerance=0.01,
+        level=True,
     ),
     Relation(
-        "mach_pressure", "Mach number, and impact pressure", ("mach", "q_c", "p_static"), lambda s: (s["mach"], _mach(s)),
-        "1", 0.5, 0.01, level=True, limit=0.05, formed=("q_c", "p_static"),
+        name="slip",
+        title="rate of the beta vane, and r p bank ay",
+        needs=("beta_vane", "V", "phi", "theta", "p", "r", "ay_imu"),
+        sides=sides.vane_slip,
+        units="m s-2",
+        cutoff=0.6,
+        tolerance=0.5,
+        limit=0.45,
+        optional=("alpha_vane", "h_baro"),
     ),
     Relation(
-        "calibrated", "calibrated airspeed, and impact pressure", ("V_cas", "q_c"),
-        lambda s: (s["V_cas"], calibrated_airspeed(np.clip(s["q_c"], 0.0, 1e6))), "m s-1", 0.5, 5.0, level=True, limit=0.05,
+        name="track_n",
+        title="ground velocity north, and heading",
+        needs=("vn", "V", "psi", "theta"),
+        sides=lambda s: (s["vn"], s["V"] * np.cos(s["psi"]) * np.cos(s["theta"])),
+        units="m s-1",
+        cutoff=0.2,
+        tolerance=12.0,
+        level=True,
+        limit=_NO_WIND,
+    ),
+    Relation(
+        name="track_e",
+        title="ground velocity east, and heading",
+        needs=("ve", "V", "psi", "theta"),
+        sides=lambda s: (s["ve"], s["V"] * np.sin(s["psi"]) * np.cos(s["theta"])),
+        units="m s-1",
+        cutoff=0.2,
+        tolerance=12.0,
+        level=True,
+        limit=_NO_WIND,
+    ),
+    Relation(
+        name="climb",
+        title="-vd, and rate of pressure height",
+        needs=("vd", "h_baro"),
+        sides=lambda s: (-s["vd"], sides.rate_of(s, "h_baro")),
+        units="m s-1",
+        cutoff=0.2,
+        tolerance=0.5,
+    ),
+    Relation(
+        name="climb_rate",
+        title="climb rate, and rate of pressure height",
+        needs=("hdot", "h_baro"),
+        sides=lambda s: (s["hdot"], sides.rate_of(s, "h_baro")),
+        units="m s-1",
+        cutoff=0.2,
+        tolerance=0.5,
+    ),
+    Relation(
+        name="heights",
+        title="satellite height, and pressure height",
+        needs=("h_gps", "h_baro"),
+        sides=lambda s: (s["h_gps"], s["h_baro"]),
+        units="m",
+        cutoff=0.2,
+        tolerance=5.0,
+        limit=0.2,
+    ),
+    Relation(
+        name="airspeed",
+        title="true airspeed, and impact pressure",
+        needs=("V", "q_c", "p_static", "temperature"),
+        sides=lambda s: (s["V"], sides.mach_of_pressures(s) * sides.speed_of_sound(s)),
+        units="m s-1",
+        cutoff=0.5,
+        tolerance=5.0,
+        level=True,
+        limit=0.05,
+        formed=_PRESSURES,
+    ),
+    Relation(
+        name="mach",
+        title="Mach number, and airspeed over speed of sound",
+        needs=("mach", "V", "temperature"),
+        sides=lambda s: (s["mach"], s["V"] / sides.speed_of_sound(s)),
+        units="1",
+        cutoff=0.5,
+        tolerance=0.01,
+        level=True,
+        limit=0.05,
+        formed=("temperature",),
+    ),
+    Relation(
+        name="mach_pressure",
+        title="Mach number, and impact pressure",
+        needs=("mach", "q_c", "p_static"),
+        sides=lambda s: (s["mach"], sides.mach_of_pressures(s)),
+        units="1",
+        cutoff=0.5,
+        tolerance=0.01,
+        level=True,
+        limit=0.05,
+        formed=("q_c", "p_static"),
+    ),
+    Relation(
+        name="calibrated",
+        title="calibrated airspeed, and impact pressure",
+        needs=("V_cas", "q_c"),
+        sides=lambda s: (s["V_cas"], calibrated_airspeed(np.clip(s["q_c"], 0.0, 1e6))),
+        units="m s-1",
+        cutoff=0.5,
+        tolerance=5.0,
+        level=True,
+        limit=0.05,
         formed=(),
     ),
     Relation(
-        "altitude", "static pressure, and pressure height", ("p_static", "h_baro"),
-        lambda s: (s["p_static"], pressure(np.clip(s["h_baro"], -2000.0, 30000.0))), "Pa", 0.5, 100.0, level=True, limit=0.03, formed=(),
+        name="altitude",
+        title="static pressure, and pressure height",
+        needs=("p_static", "h_baro"),
+        sides=lambda s: (s["p_static"], pressure(np.clip(s["h_baro"], -2000.0, 30000.0))),
+        units="Pa",
+        cutoff=0.5,
+        tolerance=100.0,
+        level=True,
+        limit=0.03,
+        formed=(),
     ),
-)  # fmt: skip
+)

@@ -6,10 +6,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from flighttest.reconstruction.quality.declarations.aircraft import (
-    geometry_findings,
-    inertia_findings,
-)
+from flighttest.reconstruction.quality.declarations.geometry import geometry_findings
+from flighttest.reconstruction.quality.declarations.inertia import inertia_findings
 
 FOOT = 0.3048
 

@@ -10,9 +10,9 @@ from flightmech.air import pressure_altitude
 from flighttest.reconstruction.quality.checks.signals import resample_channels
 from flighttest.reconstruction.quality.declarations.columns import (
     column_findings,
-    heading_findings,
     pressure_height_findings,
 )
+from flighttest.reconstruction.quality.declarations.headings import heading_findings
 from flighttest.records.sensors.measurements import pressure
 from flighttest.records.signals.sample_flags import flags
 

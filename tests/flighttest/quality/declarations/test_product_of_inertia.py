@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
-from flighttest.reconstruction.quality.declarations.aircraft import product_findings
+from flighttest.reconstruction.quality.declarations.inertia import product_findings
 
 
 @dataclass

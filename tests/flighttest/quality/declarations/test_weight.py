@@ -13,7 +13,7 @@ import flighttest
 from flightmech import terms
 from flightmech.units import POUND
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels, resample_channels
-from flighttest.reconstruction.quality.declarations.aircraft import weight_findings
+from flighttest.reconstruction.quality.declarations.weight import weight_findings
 
 C182 = Path(__file__).parents[4] / "data" / "c182"
 NOTHING = pd.DataFrame(columns=["leaf", "channel", "kind", "start", "stop"])
