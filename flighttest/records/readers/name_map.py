@@ -50,7 +50,7 @@ from flightmech.support.plain_tables import Plain, define_field, read_plain_tabl
 from flightmech.support.toml_models import validate_content
 from flightmech.support.toml_quantities import Above, InUnits
 from flightmech.units import G0, fitted_unit, known_unit, parse_quantity, parse_unit, to_si
-from flighttest.records.readers.bus_words import KINDS, Decode
+from flighttest.records.readers.bus_words import KINDS, Arinc429, Decode
 from flighttest.records.sensors.instruments import Instrument
 
 T = TypeVar("T")
@@ -346,6 +346,19 @@ class NameMap:
     def clock_of(self, table: str) -> Clock:
         """Return the clock of a table of the file."""
         return self.clocks.get(table, self.clock)
+
+    def requested_columns(self) -> list[str]:
+        """Return the columns that channels, ``[utc]`` and ``[decode]`` read."""
+        columns: list[str] = []
+        for channels in self.leaves.values():
+            for channel in channels.values():
+                columns += channel.columns
+        if self.utc is not None:
+            columns.append(self.utc.column)
+        for spec in self.decode.values():
+            if isinstance(spec, Arinc429) and spec.column:
+                columns.append(spec.column)
+        return columns
 
 
 def shipped_maps() -> list[str]:
