@@ -20,8 +20,10 @@ from aeromatch.project.editing import schema_lines
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup
 from flightmech.units import G0, fitted_unit, known_unit, parse_unit
+from flighttest.records.readers.channel_correction import line_of
 from flighttest.records.readers.columns import unit_of_column
-from flighttest.records.readers.name_map import Channel, Clock, Facts, NameMap, line_of, read_names
+from flighttest.records.readers.name_map import Channel, Clock, Facts, NameMap
+from flighttest.records.readers.name_map_reading import read_names
 from flighttest.records.readers.opening import FORMATS, open_recording, recognise_recording
 from flighttest.records.readers.recording import CLOCK_NAMES, RecordedTable, clock_name
 from flighttest.records.record import needs_names

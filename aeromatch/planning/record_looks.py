@@ -31,7 +31,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, AeromatchWarning
 from flightmech.support.kept_stages.stages import Kept, Stages, capture_warnings
 from flighttest.reconstruction.states_at_start import start_states
-from flighttest.records.readers.name_map import read_names
+from flighttest.records.readers.name_map_reading import read_names
 from pom.cases.case import PomCase
 from pom.checking.case_check import case_problems
 

@@ -22,8 +22,8 @@ from flightmech.support.atomic_write import write_text, written_atomically
 from flightmech.support.console import InputFile, NewFile, json_option, print_json
 from flightmech.support.input_files import file_kind, read_toml
 from flightmech.support.toml_models import part_schema, schema_text
-from flighttest.records.readers.name_map import read_names
 from flighttest.records.readers.name_map_file import name_map_schema
+from flighttest.records.readers.name_map_reading import read_names
 from flighttest.records.sensors.instruments import Instrument
 from flighttest.submodels.engine.tables import structure_schema
 from pom.cases.case import read_case

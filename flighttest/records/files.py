@@ -22,7 +22,8 @@ from flighttest.records.readers.clocks import Clocks, Settled
 from flighttest.records.readers.columns import clear_unit
 from flighttest.records.readers.formats.chapter10.packets import index_packets
 from flighttest.records.readers.formats.chapter10.tables import chapter10_channels
-from flighttest.records.readers.name_map import NameMap, read_names
+from flighttest.records.readers.name_map import NameMap
+from flighttest.records.readers.name_map_reading import read_names
 from flighttest.records.readers.opening import FORMATS, open_recording, recognise_recording
 from flighttest.records.readers.recording import Recording
 from flighttest.records.reading import Arrays, RecordGroup, unnamed_arrays

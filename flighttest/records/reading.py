@@ -17,9 +17,11 @@ import numpy as np
 from flightmech.errors import AeromatchError, ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY, lookup, quantity_attributes
 from flightmech.support.arrays import median
+from flighttest.records.readers.channel_correction import entry_of
 from flighttest.records.readers.clocks import Clocks, Settled, utc_facts
 from flighttest.records.readers.columns import column_called, unit_of_column
-from flighttest.records.readers.name_map import Channel, NameMap, entry_of, read_names, shipped_maps
+from flighttest.records.readers.name_map import Channel, NameMap
+from flighttest.records.readers.name_map_reading import read_names, shipped_maps
 from flighttest.records.readers.opening import FORMATS, open_recording
 from flighttest.records.readers.recording import (
     LeftOut,

@@ -30,7 +30,8 @@ from flighttest.reconstruction.quality.checks.mistake_search import (
 from flighttest.reconstruction.quality.checks.relations import compare_all
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.finding import Finding, map_entry, map_entry_of
-from flighttest.records.readers.name_map import Channel, line_of
+from flighttest.records.readers.channel_correction import line_of
+from flighttest.records.readers.name_map import Channel
 
 _SIDES = re.compile(r"^engine\d+\.|^gear\.\w+\.|_(left|right|nose)$")
 _ALIKE = (
