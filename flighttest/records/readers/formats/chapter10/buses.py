@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flightmech.errors import UnknownName
-from flighttest.records.readers.bus_words import Mil1553, Words
+from flighttest.records.readers.arinc429 import Words
+from flighttest.records.readers.bus_words import Mil1553
 from flighttest.records.readers.formats.chapter10.counts import join_words, to_engineering_value
 from flighttest.records.readers.formats.chapter10.packets import (
     ARINC429_F0,

@@ -13,7 +13,8 @@ from collections import Counter
 from pathlib import Path
 
 from flightmech.errors import SchemaError
-from flighttest.records.readers.bus_words import Analog, Arinc429, Mil1553, Pcm, label_tables
+from flighttest.records.readers.arinc429 import label_tables
+from flighttest.records.readers.bus_words import Analog, Arinc429, Mil1553, Pcm
 from flighttest.records.readers.formats.chapter10.buses import arinc_words, mil1553_tables
 from flighttest.records.readers.formats.chapter10.packets import (
     ARINC429_F0,
