@@ -12,8 +12,8 @@ from flightmech.errors import UnitError, UnknownName, find_symbol
 from flightmech.names import COEFFICIENTS, lookup
 from flightmech.units import fitted_unit, parse_unit
 from flighttest.reconstruction.quality.checks.mistake_search import plausible_range
+from flighttest.records.readers.channel_correction import recorder_units
 from flighttest.records.readers.columns import split_heading, units_at_the_end, words_of
-from flighttest.records.readers.name_map import recorder_units
 
 # Names of channels in recorders, in lower case without separators. The symbols of the field are
 # known to `flightmech.errors.find_symbol`.

@@ -12,7 +12,7 @@ from aeromatch.drafting.names import NamesDraft
 from aeromatch.drafting.sources import quote
 from aeromatch.project.schemas import schema_lines
 from flightmech.names import lookup
-from flighttest.records.readers.name_map import line_of
+from flighttest.records.readers.channel_correction import line_of
 
 _BENCH = (
     '# delta_e = { column = "actuator_servos/control[2]", unit = "deg", table = [[-1, 21.5], '

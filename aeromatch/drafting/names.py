@@ -17,7 +17,8 @@ from aeromatch.drafting.name_rows import (
 )
 from flightmech.errors import SchemaError
 from flighttest.records.readers.columns import unit_of_column
-from flighttest.records.readers.name_map import Channel, Clock, Facts, NameMap, read_names
+from flighttest.records.readers.name_map import Channel, Clock, Facts, NameMap
+from flighttest.records.readers.name_map_reading import read_names
 from flighttest.records.readers.opening import FORMATS, open_recording, recognise_recording
 from flighttest.records.readers.recording import RecordedTable, clock_name
 from flighttest.records.record import needs_names

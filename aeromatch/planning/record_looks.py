@@ -22,7 +22,7 @@ from aeromatch.workflow.identified import record_inputs, record_of
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, AeromatchWarning
 from flightmech.support.kept_stages.stages import Kept, Stages, capture_warnings
-from flighttest.records.readers.name_map import read_names
+from flighttest.records.readers.name_map_reading import read_names
 
 # Records per process for which a further process saves time.
 _RECORDS_PER_PROCESS = 4

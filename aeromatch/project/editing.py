@@ -20,7 +20,7 @@ from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.console import InputFile, NewFile, json_option, print_json
 from flightmech.support.input_files import file_kind, read_toml
-from flighttest.records.readers.name_map import read_names
+from flighttest.records.readers.name_map_reading import read_names
 from pom.cases.case import read_case
 
 _KEY = re.compile(r'"([^"]+)"|([^."]+)')

@@ -33,7 +33,8 @@ from flightmech.support.kept_stages.stages import Kept, Stages, Values
 from pom.archive.origins import ReportProvenance
 from pom.cases.case_file import plain_signatures
 from pom.checking.case_check import checks_text, with_record_checks
-from pom.diagnosis.term_swaps import by_submodel, differing_terms, joint_terms
+from pom.diagnosis.corrected_model import joint_terms
+from pom.diagnosis.term_swaps import by_submodel, differing_terms
 
 REPORT = "report"
 COMPARED = "tables_compared.csv"

@@ -18,11 +18,12 @@ from flightmech.errors import AeromatchError, ParseError
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.hdf5_seal import write_seal
 from flightmech.support.input_files import json_content
-from flighttest.records.readers.clocks import Clocks, Settled
+from flighttest.records.readers.clocks import Clocks, TableClock
 from flighttest.records.readers.columns import clear_unit
 from flighttest.records.readers.formats.chapter10.packets import index_packets
 from flighttest.records.readers.formats.chapter10.tables import chapter10_channels
-from flighttest.records.readers.name_map import NameMap, read_names
+from flighttest.records.readers.name_map import NameMap
+from flighttest.records.readers.name_map_reading import read_names
 from flighttest.records.readers.opening import FORMATS, open_recording, recognise_recording
 from flighttest.records.readers.recording import Recording
 from flighttest.records.reading import Arrays, RecordGroup, unnamed_arrays
@@ -113,10 +114,10 @@ def _table(name: str, clocks: Clocks) -> dict[str, Any]:
         "slower": [],
     }
     try:
-        clock = clocks.settled(name, f"{clocks.file}, table {name}")
+        clock = clocks.table_clock(name, f"{clocks.file}, table {name}")
         about.update(
             samples=len(clock.time),
-            rate=clock.about["rate"],
+            rate=clock.attributes["rate"],
             start=float(clock.time[0]),
             stop=float(clock.time[-1]),
         )
@@ -131,11 +132,11 @@ def _table(name: str, clocks: Clocks) -> dict[str, Any]:
     return about
 
 
-def _slower(columns: Mapping[str, np.ndarray], clock: Settled) -> list[dict[str, Any]]:
+def _slower(columns: Mapping[str, np.ndarray], clock: TableClock) -> list[dict[str, Any]]:
     """Return the columns whose samples form a slower clock than the rows, with rate [Hz] and number
     of the samples.
     """
-    values = {name: np.asarray(column, float)[clock.keep] for name, column in columns.items()}
+    values = {name: np.asarray(column, float)[clock.samples] for name, column in columns.items()}
     found = []
     for rows, names in clocks_of_rows(clock.time, values):
         if rows is not None:

@@ -17,9 +17,11 @@ import numpy as np
 from flightmech.errors import AeromatchError, ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY, lookup, quantity_attributes
 from flightmech.support.arrays import median
-from flighttest.records.readers.clocks import Clocks, Settled, utc_facts
+from flighttest.records.readers.channel_correction import entry_of
+from flighttest.records.readers.clocks import Clocks, TableClock
 from flighttest.records.readers.columns import column_called, unit_of_column
-from flighttest.records.readers.name_map import Channel, NameMap, entry_of, read_names, shipped_maps
+from flighttest.records.readers.name_map import Channel, NameMap
+from flighttest.records.readers.name_map_reading import read_names, shipped_maps
 from flighttest.records.readers.opening import FORMATS, open_recording
 from flighttest.records.readers.recording import (
     LeftOut,
@@ -29,6 +31,7 @@ from flighttest.records.readers.recording import (
     flight_mode_rows,
     left_out_as,
 )
+from flighttest.records.readers.utc_time import utc_facts
 from flighttest.records.signals.blank_cells import clocks_of_rows
 from flighttest.records.signals.conditioning import GAP, remove_delay
 from flighttest.records.signals.delays import follow_command, remove_lag
@@ -364,7 +367,7 @@ def _leaves(
     """
     what = f"{clocks.file}, leaf {leaf}"
     groups = sorted({group for group, _ in places.values()})
-    if any(not clocks.same(groups[0], group, what) for group in groups[1:]):
+    if any(not clocks.have_same_stamps(groups[0], group, what) for group in groups[1:]):
         raise SchemaError(
             f"name map, leaf {leaf}",
             [
@@ -372,11 +375,11 @@ def _leaves(
                 f"make a leaf of each"
             ],
         )
-    clock = clocks.settled(groups[0], what)
+    clock = clocks.table_clock(groups[0], what)
     raw: dict[str, np.ndarray] = {}
     for name, (group, column) in places.items():
         values = np.asarray(tables[group].columns[column], float)
-        raw[name] = values if len(clock.keep) == len(values) else values[clock.keep]
+        raw[name] = values if len(clock.samples) == len(values) else values[clock.samples]
     parts = clocks_of_rows(clock.time, raw)
     if len(parts) == 1 and parts[0][0] is None:
         return {leaf: _leaf(leaf, places, mapping, tables, clock, raw)}
@@ -386,7 +389,7 @@ def _leaves(
     for filled, names in parts:
         samples = np.arange(len(clock.time)) if filled is None else np.flatnonzero(filled)
         slow = clock if filled is None else _slower(clock, samples)
-        rate = float(slow.about["rate"])
+        rate = float(slow.attributes["rate"])
         label = leaf if not found else f"{leaf}_{rate:.3g}Hz"
         label = label if label not in found else f"{label}_{len(found)}"
         own = {name: places[name] for name in names}
@@ -396,7 +399,7 @@ def _leaves(
     return found
 
 
-def _slower(clock: Settled, samples: np.ndarray) -> Settled:
+def _slower(clock: TableClock, samples: np.ndarray) -> TableClock:
     """Return the clock of some rows of a table."""
     time = clock.time[samples]
     step = np.diff(time)
@@ -407,8 +410,11 @@ def _slower(clock: Settled, samples: np.ndarray) -> Settled:
         Flag("", "gap", float(time[i]), float(time[i + 1]), 0, f"{step[i]:.3g} s") for i in gaps
     ]
     words = ", ".join(f"{time[i]:g} s ({step[i]:.3g} s)" for i in gaps)
-    return Settled(
-        time, clock.keep[samples], flags, {**clock.about, "rate": 1.0 / usual, "gaps": words}
+    return TableClock(
+        time,
+        clock.samples[samples],
+        flags,
+        {**clock.attributes, "rate": 1.0 / usual, "gaps": words},
     )
 
 
@@ -417,7 +423,7 @@ def _leaf(
     places: dict[str, _Place],
     mapping: NameMap,
     tables: Mapping[str, RecordedTable],
-    clock: Settled,
+    clock: TableClock,
     samples: dict[str, np.ndarray],
 ) -> RecordGroup:
     """Return channels on one clock, converted, with their flags."""
@@ -441,7 +447,7 @@ def _leaf(
             if limits
             else remove_lag(clock.time, x, channel.lag, name)
         )
-        found += sample_faults(clock.time, x, name, clock.about["rate"])
+        found += sample_faults(clock.time, x, name, clock.attributes["rate"])
         about = {
             **quantity_attributes(name),
             "column": f"{group}/{column}",
@@ -476,5 +482,5 @@ def _leaf(
         f"{name} {sum(m.samples for m in group)} from {group[0].start:g} s"
         for name, group in missing.items()
     )
-    about = {**clock.about, "missing": words, "flags": as_text(dict.fromkeys(found))}
+    about = {**clock.attributes, "missing": words, "flags": as_text(dict.fromkeys(found))}
     return RecordGroup(clock.time, columns, about)

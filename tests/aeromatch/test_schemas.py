@@ -22,7 +22,7 @@ from flightmech.names import VOCABULARY
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_quantities import UNIT
 from flightmech.units import parse_quantity
-from flighttest.records.readers.name_map import read_names
+from flighttest.records.readers.name_map_reading import read_names
 from flighttest.records.sensors.instruments import parse_instruments
 from flighttest.submodels.engine.tables import read_structure
 from pom.cases.case import read_case

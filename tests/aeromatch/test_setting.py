@@ -12,7 +12,7 @@ import pom
 from aeromatch.project.editing import TRIAL, set_key, set_verb, write_trial
 from aeromatch.project.project import read_project
 from flightmech.errors import SchemaError
-from flighttest.records.readers.name_map import read_names
+from flighttest.records.readers.name_map_reading import read_names
 
 T37 = Path(__file__).parents[2] / "data" / "t37"
 

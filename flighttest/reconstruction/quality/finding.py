@@ -12,7 +12,8 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from flighttest.records.readers.name_map import Channel, correct_channel, line_of
+from flighttest.records.readers.channel_correction import correct_channel, line_of
+from flighttest.records.readers.name_map import Channel
 
 SEVERITIES = ("error", "warning", "note")
 """An error makes numbers wrong; a warning spoils some, or should be looked at; a note is worth knowing."""

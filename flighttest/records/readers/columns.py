@@ -18,7 +18,7 @@ import numpy as np
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
 from flightmech.units import fitted_unit, known_unit, parse_unit, to_si
-from flighttest.records.readers.name_map import recorder_units
+from flighttest.records.readers.channel_correction import recorder_units
 from flighttest.records.readers.recording import (
     CLOCK_NAMES,
     Columns,

@@ -1,6 +1,7 @@
-"""Times of day in one number, 102233.05 for 10:22:33.05, as satellite receivers write them.
+"""Times of day in one number, such as 102233.05 for 10:22:33.05.
 
-Taken as seconds such a clock seems to jump by 40 s with every minute.
+Satellite receivers write such numbers.  Read as seconds, such a clock jumps by 40 s at every
+minute.
 """
 
 from __future__ import annotations
@@ -11,13 +12,15 @@ _USUAL = 5.0  # median steps that may lie between two samples about a new minute
 
 
 def seconds_of_digits(stamps: np.ndarray) -> np.ndarray | None:
-    """Return seconds of the day of stamps whose digits are hours, minutes and seconds; None where
-    they are seconds, or where no minute ends between them, so that both are the same clock.
+    """Return seconds of the day if the digits of stamps are hours, minutes and seconds.
+
+    The result is None if the stamps are seconds.  It is also None if no minute ends between them,
+    so that both readings are the same clock.
 
     Parameters
     ----------
     stamps : array (time,)
-        As recorded; NaN stays NaN.
+        Recorded stamps; NaN remains NaN.
 
     Examples
     --------
@@ -26,22 +29,29 @@ def seconds_of_digits(stamps: np.ndarray) -> np.ndarray | None:
     >>> seconds_of_digits(np.array([58.0, 59.0, 60.0])) is None
     True
     """
-    finite = np.isfinite(stamps)
-    found = stamps[finite]
-    if len(found) < 3 or found.min() < 0.0 or found.max() >= 240000.0:
+    is_finite = np.isfinite(stamps)
+    numbers = stamps[is_finite]
+    if len(numbers) < 3 or numbers.min() < 0.0 or numbers.max() >= 240000.0:
         return None
-    whole = np.floor(found)
-    hours, minutes, seconds = whole // 10000.0, whole // 100.0 % 100.0, whole % 100.0
+    whole_numbers = np.floor(numbers)
+    hours = whole_numbers // 10000.0
+    minutes = whole_numbers // 100.0 % 100.0
+    seconds = whole_numbers % 100.0
     if max(minutes.max(), seconds.max()) >= 60.0:
         return None
-    of_day = hours * 3600.0 + minutes * 60.0 + seconds + (found - whole)
-    step, plain = np.diff(of_day), np.diff(found)
-    midnight = (found[:-1] >= 235900.0) & (found[1:] < 100.0)  # the next day begins at 0 again
-    step, plain = step + 86400.0 * midnight, plain + 240000.0 * midnight
-    onward = step[step > 0.0]
-    ends = (plain - step >= 40.0) & (step > 0.0)
-    if not ends.any() or np.mean(step[ends] <= _USUAL * np.median(onward)) < 0.5:
+    of_day = hours * 3600.0 + minutes * 60.0 + seconds + (numbers - whole_numbers)
+
+    # Both readings step back at midnight, when the next day begins at 0 again.
+    is_midnight = (numbers[:-1] >= 235900.0) & (numbers[1:] < 100.0)
+    step = np.diff(of_day) + 86400.0 * is_midnight
+    number_step = np.diff(numbers) + 240000.0 * is_midnight
+    # At the end of a minute the digits jump by 40 more than the seconds do.
+    is_minute_end = (number_step - step >= 40.0) & (step > 0.0)
+    if not is_minute_end.any():
         return None
-    spread = np.full(len(stamps), np.nan)
-    spread[finite] = of_day
-    return spread
+    is_usual = step[is_minute_end] <= _USUAL * np.median(step[step > 0.0])
+    if np.mean(is_usual) < 0.5:
+        return None
+    all_seconds = np.full(len(stamps), np.nan)
+    all_seconds[is_finite] = of_day
+    return all_seconds

@@ -14,11 +14,10 @@ from flighttest.maximum_likelihood.result import OutputError, estimates_dataset,
 from flighttest.maximum_likelihood.search import (
     Likelihood,
     LikelihoodMaximum,
-    Unknown,
     invert_information,
-    lay_out,
     maximise_likelihood,
 )
+from flighttest.maximum_likelihood.unknowns import Unknown, lay_out
 from flighttest.submodels.actuators.response import (
     Structure,
     actuator_inputs,

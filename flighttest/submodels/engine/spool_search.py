@@ -13,7 +13,7 @@ from flightmech.aircraft.engine import EngineDeck
 from flightmech.errors import IdentificationError
 from flightmech.terms import make_term
 from flighttest.maximum_likelihood.result import OutputError
-from flighttest.maximum_likelihood.search import Unknown
+from flighttest.maximum_likelihood.unknowns import Unknown
 from flighttest.submodels.engine import bench
 from flighttest.submodels.engine.schedule import (
     first_rates,

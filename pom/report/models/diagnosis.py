@@ -12,7 +12,8 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
-from pom.diagnosis.swap_runs import MATCHED, OTHERS, criteria_of
+from pom.diagnosis.swap_judgement import MATCHED
+from pom.diagnosis.waterfall import OTHERS, criteria_of
 from pom.report.models.waterfall_figure import cause_figure
 from pom.report.presentation.quantities import MISSING, fixed_decimals, term_words
 from pom.report.presentation.verdict_text import Verdict, criterion_words

@@ -14,7 +14,8 @@ from flighttest.submodels.control_loading.result import IdentifiedLoading
 from flighttest.submodels.engine.result import EngineFit
 from flighttest.submodels.ground_effect.result import GroundEffect
 from flighttest.submodels.landing_gear.identification import IdentifiedGear
-from pom.diagnosis.term_swaps import by_submodel, corrected_terms, correction_reasons
+from pom.diagnosis.corrected_model import corrected_terms, correction_reasons
+from pom.diagnosis.term_swaps import by_submodel
 from pom.report.submodels.control_loading import control_loading
 from pom.report.submodels.engine import engine_section
 from pom.report.submodels.ground_effect import ground_effect_section

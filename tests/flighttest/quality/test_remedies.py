@@ -12,7 +12,8 @@ import pytest
 import flighttest
 from flightmech.errors import SchemaError
 from flighttest.reconstruction.quality.finding import add_delay_line, exchange_channels, map_entry
-from flighttest.records.readers.name_map import Channel, correct_channel, line_of, recorder_units
+from flighttest.records.readers.channel_correction import correct_channel, line_of, recorder_units
+from flighttest.records.readers.name_map import Channel
 from flighttest.records.sensors.instruments import IMU as GYROS
 from flighttest.records.sensors.instruments import instruments_of
 

@@ -9,14 +9,8 @@ from recorders import chapter10
 
 import flighttest
 from flightmech.errors import UnknownName
-from flighttest.records.readers.bus_words import (
-    Arinc429,
-    Arinc429Label,
-    Words,
-    label_tables,
-    label_values,
-    odd_parity,
-)
+from flighttest.records.readers.arinc429 import Words, label_tables, label_values, odd_parity
+from flighttest.records.readers.bus_words import Arinc429, Arinc429Label
 
 
 def words(*values):

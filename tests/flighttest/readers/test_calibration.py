@@ -3,7 +3,8 @@ import pytest
 
 import flighttest
 from flightmech.errors import SchemaError, UnknownName
-from flighttest.records.readers.name_map import Channel, NameMap, read_names, shipped_maps
+from flighttest.records.readers.name_map import Channel, NameMap
+from flighttest.records.readers.name_map_reading import read_names, shipped_maps
 
 
 def mapped(tmp_path, text):

@@ -202,7 +202,7 @@ def test_missing_and_damaged_packets_are_reported(tmp_path):
     file, names = recorded(tmp_path, packets, NAMES)
     record = flighttest.read(file, names)
     found = " | ".join(flighttest.records.faults(record))
-    assert "are no packets and were skipped" in found
+    assert "are not packets and were skipped" in found
     assert "channel 3: 1 packets missing by their sequence numbers" in found
     assert "channel 12: 1 packets missing" in found
     assert record["air"].sizes["time"] == 19

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import flighttest
 from flightmech.errors import ParseError, SchemaError, UnitError
-from flighttest.records.readers.formats import csv_text
+from flighttest.records.readers.formats import csv_columns
 from flighttest.records.readers.opening import recognise_recording
 
 NAMES = '[air]\nalpha = { column = "alpha", unit = "deg" }\n'
@@ -194,8 +194,8 @@ def test_parts_parsed_in_parallel_are_the_whole(tmp_path, monkeypatch):
     text = "time,alpha\n" + "".join(
         f"{t!r},{a!r}\n" for t, a in zip(time.tolist(), alpha.tolist(), strict=True)
     )
-    monkeypatch.setattr(csv_text, "_CHUNK", 20_000)
-    monkeypatch.setattr(csv_text.os, "cpu_count", lambda: 7)
+    monkeypatch.setattr(csv_columns, "_CHUNK", 20_000)
+    monkeypatch.setattr(csv_columns.os, "cpu_count", lambda: 7)
     file, names = written(tmp_path, text)
     record = flighttest.read(file, names)
     np.testing.assert_array_equal(record["air/time"].values, time)
@@ -286,10 +286,11 @@ def test_both_ways_to_parse_numbers_give_the_same(rows, separator, decimal):
         separator.join(cell.replace(".", decimal) for cell in row) + "\n" for row in rows
     ).encode()
     heads = ["a", "b", "c"][: len(rows[0])]
-    found = csv_text._plain_table(text, heads, separator, decimal)
+    layout = csv_columns.Layout(heads, separator, decimal)
+    found = csv_columns.parse_plain_table(text, layout)
     if found is None:
         return
-    frame = csv_text._frame(text, heads, set(), separator, decimal)
+    frame = csv_columns.parse_frame(text, layout, set())
     assert {name: column.tobytes() for name, column in found.items()} == {
         name: frame[name].to_numpy().tobytes() for name in heads
     }
@@ -303,7 +304,7 @@ def test_both_ways_to_parse_numbers_give_the_same(rows, separator, decimal):
 )
 def test_numpy_parses_what_is_plainly_a_table_of_numbers(rows, separator):
     text = "\n\n".join(separator.join(map(repr, row)) for row in rows).encode()
-    found = csv_text._plain_table(text, ["a", "b"], separator, ".")
+    found = csv_columns.parse_plain_table(text, csv_columns.Layout(["a", "b"], separator, "."))
     np.testing.assert_array_equal(np.column_stack([found["a"], found["b"]]), np.array(rows))
 
 

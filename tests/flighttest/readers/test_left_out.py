@@ -77,7 +77,8 @@ def test_words_among_numbers_are_missing_samples_and_counted(tmp_path):
     record = flighttest.read(file, names)
     assert np.flatnonzero(np.isnan(record["air/alpha"].values)).tolist() == [1, 3, 4]
     assert (
-        "column alpha: 2 of 6 cells are no numbers ('INVALID' 1, '----' 1)" in record.attrs["notes"]
+        "column alpha: 2 of 6 cells are not numbers ('INVALID' 1, '----' 1)"
+        in record.attrs["notes"]
     )
     assert contents(file)["notes"] == json.loads(record.attrs["notes"])
 

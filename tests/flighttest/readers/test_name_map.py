@@ -1,7 +1,8 @@
 import pytest
 
 from flightmech.errors import ParseError, SchemaError, UnitError
-from flighttest.records.readers.name_map import Channel, read_names
+from flighttest.records.readers.name_map import Channel
+from flighttest.records.readers.name_map_reading import read_names
 
 
 def written(tmp_path, text):

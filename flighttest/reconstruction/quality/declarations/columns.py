@@ -29,7 +29,7 @@ from flighttest.reconstruction.quality.declarations.headings import (
     matching_words,
 )
 from flighttest.reconstruction.quality.finding import Finding, map_entry_of
-from flighttest.records.readers.name_map import line_of
+from flighttest.records.readers.channel_correction import line_of
 
 _SIDES = re.compile(r"^engine\d+\.|^gear\.\w+\.|_(left|right|nose)$")
 _ALIKE = (

@@ -23,7 +23,8 @@ from flighttest.reconstruction.quality.checks.mistake_search import (
 )
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.finding import Finding, map_entry, map_entry_of
-from flighttest.records.readers.name_map import Channel, line_of
+from flighttest.records.readers.channel_correction import line_of
+from flighttest.records.readers.name_map import Channel
 
 _UNSTATED = ("", "1", "-", "none", "n/a")  # entries of files without a unit
 # headings use the names of masses for forces, and the other way round

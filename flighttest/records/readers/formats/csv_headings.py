@@ -1,8 +1,8 @@
-"""Headings of a CSV file that share a name or have none.
+"""Unique names for the columns of a CSV file whose headings are blank or shared.
 
-Two columns under one heading are a column written twice, or two quantities.  The first is read
-once.  Of the second kind none may be taken for the other: each gets its number behind its name,
-``Alt.1`` and ``Alt.2``, so that a name map has to state which one it means.
+Two columns under one heading are either two copies or two quantities.  Copies are read once.  Two
+quantities have numbered names, ``Alt.1`` and ``Alt.2``, so that a name map must state which one it
+means.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from flighttest.records.readers.recording import LeftOut
 
 
 def own_names(heads: Sequence[str]) -> tuple[list[str], dict[str, list[str]]]:
-    """Return a name of its own for each column, and the names that those of one heading got.
+    """Return a unique name for each column, and the names under each shared heading.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def own_names(heads: Sequence[str]) -> tuple[list[str], dict[str, list[str]]]:
     Returns
     -------
     names : list of str
-        A heading that others share has a number behind it, a blank one is ``column 3``.
+        A shared heading has a number behind it, a blank heading is ``column 3``.
     shared : dict of str to list of str
         Heading -> its names.
 
@@ -39,13 +39,17 @@ def own_names(heads: Sequence[str]) -> tuple[list[str], dict[str, list[str]]]:
     """
     names: list[str] = []
     shared: dict[str, list[str]] = {}
-    for at, head in enumerate(heads):
-        name = head or f"column {at + 1}"
+    for i, head in enumerate(heads):
+        name = head or f"column {i + 1}"
         if head and heads.count(head) > 1:
-            number = len(shared.setdefault(head, [])) + 1
-            while (name := f"{head}.{number}") in (*heads, *names):
+            copies = shared.setdefault(head, [])
+            number = len(copies) + 1
+            name = f"{head}.{number}"
+            # A heading of the file may already look like a numbered name.
+            while name in (*heads, *names):
                 number += 1
-            shared[head].append(name)
+                name = f"{head}.{number}"
+            copies.append(name)
         names.append(name)
     return names, shared
 
@@ -56,59 +60,85 @@ def without_copies(
     shared: Mapping[str, Sequence[str]],
     table: str,
 ) -> tuple[dict[str, Any], tuple[str, ...], list[LeftOut]]:
-    """Return the columns with those of one heading and one content joined under that heading, notes
-    on them, and the headings that are no column because their contents differ.
+    """Return the columns with copies joined under their heading.
 
     Parameters
     ----------
     columns : mapping of str to array (time,)
-        By the names of `own_names`; columns that are left out are missing.
+        By the names of `own_names`, without the omitted columns.
     units : dict of str to str
-        By the same names; those of joined columns are added.
+        By the same names.  The units of joined columns are added.
     shared : mapping of str to sequence of str
-        Of `own_names`.
+        Result of `own_names`.
     table : str
-        Name of the table, for the list of headings that are left out.
+        Name of the table, for the list of omitted headings.
+
+    Returns
+    -------
+    columns : dict of str to array (time,)
+        Without columns that have neither heading nor content.
+    notes : tuple of str
+        One note for each joined heading.
+    left_out : list of LeftOut
+        Headings of columns with different contents.
     """
-    found = {name: values for name, values in columns.items() if not _is_empty(name, values)}
+    remaining = {}
+    for name, values in columns.items():
+        if not _is_empty(name, values):
+            remaining[name] = values
     notes: list[str] = []
     left_out: list[LeftOut] = []
     for head, names in shared.items():
-        first, *others = names
-        if all(name in found for name in names) and all(
-            _same(found[first], found[name]) and units.get(first) == units.get(name)
-            for name in others
-        ):
-            found = {
-                head if name == first else name: values
-                for name, values in found.items()
-                if name not in others
-            }
-            if first in units:
-                units[head] = units[first]
+        present = [name for name in names if name in remaining]
+        if len(present) == len(names) and _are_copies(names, remaining, units):
+            remaining = _join_copies(remaining, names, head)
+            if names[0] in units:
+                units[head] = units[names[0]]
             notes.append(f"{len(names)} columns {head!r} hold the same; the first one is read")
-            continue
-        if not any(name in found for name in names):  # each is named as left out already
-            continue
-        reason = (
-            f"{len(names)} columns {head!r} of different content, called {', '.join(names)} "
-            f"from left to right"
-        )
-        left_out.append(LeftOut(f"{table}/{head}", reason, f"one of {', '.join(names)}", head))
-    return found, tuple(notes), left_out
+        elif present:  # otherwise each column is in the list of omitted columns already
+            called = ", ".join(names)
+            reason = (
+                f"{len(names)} columns {head!r} of different content, called {called} "
+                f"from left to right"
+            )
+            left_out.append(
+                LeftOut(f"{table}/{head}", reason, remedy=f"one of {called}", fault=head)
+            )
+    return remaining, tuple(notes), left_out
 
 
-def _same(one: npt.ArrayLike, other: npt.ArrayLike) -> bool:
-    first, second = np.asarray(one), np.asarray(other)
-    numbers = first.dtype.kind == second.dtype.kind == "f"
-    return bool(np.array_equal(first, second, equal_nan=numbers))
+def _are_copies(names: Sequence[str], columns: Mapping[str, Any], units: Mapping[str, str]) -> bool:
+    """Return whether columns have the same content and unit."""
+    first = names[0]
+    for name in names[1:]:
+        if not _have_same_values(columns[first], columns[name]):
+            return False
+        if units.get(first) != units.get(name):
+            return False
+    return True
+
+
+def _join_copies(columns: Mapping[str, Any], names: Sequence[str], head: str) -> dict[str, Any]:
+    """Return the columns with the first copy under the heading and without the other copies."""
+    joined = {}
+    for name, values in columns.items():
+        if name == names[0]:
+            joined[head] = values
+        elif name not in names:
+            joined[name] = values
+    return joined
+
+
+def _have_same_values(first: npt.ArrayLike, second: npt.ArrayLike) -> bool:
+    """Return whether two columns are equal; NaN equals NaN."""
+    a, b = np.asarray(first), np.asarray(second)
+    are_numbers = a.dtype.kind == b.dtype.kind == "f"
+    return bool(np.array_equal(a, b, equal_nan=are_numbers))
 
 
 def _is_empty(name: str, values: npt.ArrayLike) -> bool:
-    """Whether a column has neither heading nor content, as behind a last separator."""
+    """Return whether a column has neither heading nor content, as behind a last separator."""
+    if re.fullmatch(r"column \d+", name) is None:
+        return False
     cells = np.asarray(values)
-    return (
-        re.fullmatch(r"column \d+", name) is not None
-        and cells.dtype.kind == "f"
-        and bool(np.isnan(cells).all())
-    )
+    return cells.dtype.kind == "f" and bool(np.isnan(cells).all())

@@ -1,28 +1,27 @@
 """CSV files, plain or gzip, as one table.
 
-Columns under one line of names, parted by comma, semicolon, tab or blanks; lines that begin with
-``#`` are skipped.  Units stand in the heading (``alpha [deg]``), in a second line, or in the name
-map.  Stamps may be numbers, times of day (``10:22:33.05`` or ``10:22:33:050``, with the day of the
-year before them or not) or ISO dates.  A column of text is left out (`csv_words`).  Where no comma
-parts the columns, numbers may have decimal commas.  The encoding is UTF-8, UTF-16 or UTF-32 with a
-byte-order mark, or else taken as Windows-1252; lines end with LF, CR LF or CR.  What is not plain
-stands in the notes of the record.
+Columns stand under one line of names.  The separator is a comma, a semicolon, a tab or blanks.
+Lines that begin with ``#`` are skipped.  Units are in the heading (``alpha [deg]``), in a second
+line, or in the name map.
+
+Stamps may be numbers, times of day (``10:22:33.05`` or ``10:22:33:050``, with or without the day of
+the year before them) or ISO dates.  A column of text is left out (`csv_words`).  Numbers may have
+decimal commas if the separator is not a comma.
+
+The encoding is UTF-8, UTF-16 or UTF-32 with a byte-order mark, otherwise Windows-1252.  Lines end
+with LF, CR LF or CR.  The notes of the record state every departure from plain UTF-8 numbers.
 """
 
 from __future__ import annotations
 
 import gzip
-import io
-import os
 import re
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from itertools import islice, pairwise
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from flightmech.errors import ParseError
 from flightmech.support.input_files import (
@@ -34,6 +33,11 @@ from flightmech.support.input_files import (
     read_bytes,
 )
 from flighttest.records.readers.columns import split_headings
+from flighttest.records.readers.formats.csv_columns import (
+    Layout,
+    columns_with_words,
+    parse_columns,
+)
 from flighttest.records.readers.formats.csv_headings import own_names, without_copies
 from flighttest.records.readers.formats.csv_words import (
     is_csv_number,
@@ -54,16 +58,55 @@ from flighttest.records.readers.recording import (
 
 _DIGIT = re.compile(r"^[-+]?\.?\d")
 _DECIMAL_COMMA = re.compile(r"^[-+]?\d*,\d+([eE][-+]?\d+)?$")
-_THOUSANDS = re.compile(r"^[-+]?[1-9]\d{0,2},\d{3}$")  # may be one: no proof of a decimal comma
-_LOOKED_AT = 10  # lines that decide on the decimal mark
+_THOUSANDS = re.compile(r"^[-+]?[1-9]\d{0,2},\d{3}$")  # not a proof of a decimal comma
+_FIRST_LINES = 10  # lines that decide on stamps and on the decimal mark
+_GZIP = b"\x1f\x8b"
 _EXPECTED = "comma-separated columns under one line of names"
-# bytes: NumPy parses them in less time than the import of pandas takes, which parses three times as
-# fast
-_SMALL = 4_000_000
-_NUMBERS = b"0123456789+-.eE,\n "  # bytes of a plain table
-_WORD = re.compile(rb"[-+]?[A-Za-z]+")
-_CHUNK = 8_000_000  # bytes: smaller files are not worth a second thread
 TABLE = "data"
+
+
+class _Line(NamedTuple):
+    """A line with content: its number from 1, the byte behind it, and its text."""
+
+    number: int
+    end: int
+    text: str
+
+
+class _Content(NamedTuple):
+    """Text of a CSV file and what its heading states.
+
+    Attributes
+    ----------
+    path : Path
+    raw : bytes
+        Text as UTF-8 with line feeds.
+    begin : int
+        First byte of the numbers.
+    heads : list of str
+        Unique names of the columns.
+    shared : dict of str to list of str
+        Heading of several columns -> their names.
+    units : dict of str to str
+    separator : str
+    """
+
+    path: Path
+    raw: bytes
+    begin: int
+    heads: list[str]
+    shared: dict[str, list[str]]
+    units: dict[str, str]
+    separator: str
+
+    def lines(self) -> Iterator[_Line]:
+        """Yield the lines of numbers."""
+        first_number = self.raw.count(b"\n", 0, self.begin) + 1
+        return _lines(self.raw, self.begin, first_number)
+
+    def cells(self, text: str, number: int) -> list[str]:
+        """Return the cells of one line."""
+        return _split_cells(text, self.separator, self.path, number)
 
 
 def read(path: Path, names: NameMap) -> Recording:
@@ -72,333 +115,256 @@ def read(path: Path, names: NameMap) -> Recording:
     Raises
     ------
     ParseError
-        With the line: a cell that is no number, a line with other cells than the heading, or no
-        heading.
+        A cell is not a number, a line has other cells than the heading, or the heading is missing.
+        The error states the line.
     """
-    raw, notes = _text(path)
-    heads, shared, units, begin, separator = _heading(raw, path)
-    texts, decimal = _text_columns(raw, begin, heads, separator, path)
+    raw, encoding_note = _read_text(path)
+    notes = [encoding_note] if encoding_note else []
+    content = _read_heading(raw, path)
+    stamp_columns, decimal = _stamps_and_decimal_mark(content)
     if decimal == ",":
-        notes += ("numbers with decimal commas",)
-    columns = _parsed(raw, begin, heads, texts, separator, decimal)
-    words: set[str] = set()
+        notes.append("numbers with decimal commas")
+    layout = Layout(content.heads, content.separator, decimal)
+
+    # Most files have only numbers and stamps.  Columns with words are searched only if they fail.
+    columns = parse_columns(raw, content.begin, layout, stamp_columns)
+    word_columns: set[str] = set()
     if columns is None:
-        _find_fault(raw, begin, heads, separator, path)
-        words = _columns_with_words(raw[begin:], heads, texts, separator, decimal)
-        columns = _parsed(raw, begin, heads, texts | words, separator, decimal)
-    if columns is None:
-        raise ParseError(
-            str(path), 0, "lines that do not fit the heading", f"{len(heads)} numbers in every line"
-        )
-    if not any(len(values) for values in columns.values()):
-        raise ParseError(
-            str(path),
-            0,
-            f"no line of numbers below the names {', '.join(heads[:6])}",
-            "a recording: names, then numbers",
-        )
+        _demand_whole_lines(content)
+        word_columns = columns_with_words(raw[content.begin :], layout, stamp_columns)
+        columns = parse_columns(raw, content.begin, layout, stamp_columns | word_columns)
+    _demand_numbers(columns, content)
+    assert columns is not None
+
+    columns, word_notes, left_out = _convert_words(columns, word_columns, content, decimal)
+    notes += word_notes
+    columns, copy_notes, ambiguous = without_copies(
+        columns, content.units, shared=content.shared, table=TABLE
+    )
+    notes += copy_notes
+    left_out += ambiguous
+    # A column that is read once for several copies has the heading as its name.
+    for head, copies in content.shared.items():
+        if copies[0] in stamp_columns:
+            stamp_columns.add(head)
+    stamps, start = _convert_stamps(columns, stamp_columns, content)
     facts: dict[str, Any] = {"title": path.name.split(".")[0]}
-    left_out: list[LeftOut] = []
-    for name in [name for name in columns if name in words]:
-        cells = [str(cell).strip() for cell in columns.pop(name)]
-        numbers, note, lost = numbers_of(cells, name, f"{TABLE}/{name}", decimal)
-        if lost is not None:
-            left_out.append(
-                lost._replace(line=_line_of(lost.fault, name, (raw, begin, heads, separator), path))
-            )
-        else:
-            columns[name], notes = numbers, (*notes, note)
-    columns = {name: columns[name] for name in heads if name in columns}
-    columns, copies, ambiguous = without_copies(columns, units, shared, TABLE)
-    notes, left_out = (*notes, *copies), [*left_out, *ambiguous]
-    texts |= {head for head, called in shared.items() if called[0] in texts}
-    stamped = [name for name in columns if name in texts]
-    for name in stamped:
-        columns[name], start = seconds_of(columns[name], name, path)
-        units[name] = "s"
-        if start:
-            facts["start"] = start
-    # a column of stamps is the clock where none is called so: the first that rises, not a mere date
-    stamps: np.ndarray | None = None
-    if stamped and clock_name(columns) is None:
-        stamps = columns[next(filter(lambda name: rises(columns[name]), stamped), stamped[0])]
+    if start:
+        facts["start"] = start
     return Recording(
         "csv",
-        {TABLE: RecordedTable(columns, units, stamps)},
+        {TABLE: RecordedTable(columns, content.units, stamps)},
         facts,
-        notes,
+        notes=tuple(notes),
         left_out=tuple(left_out),
     )
 
 
-def _line_of(cell: str, name: str, text: tuple[bytes, int, list[str], str], path: Path) -> int:
+def _demand_numbers(columns: dict[str, Any] | None, content: _Content) -> None:
+    """Raise if the lines do not fit the heading, or if there are none."""
+    path = str(content.path)
+    if columns is None:
+        raise ParseError(
+            path,
+            0,
+            found="lines that do not fit the heading",
+            expected=f"{len(content.heads)} numbers in every line",
+        )
+    if not any(len(values) for values in columns.values()):
+        raise ParseError(
+            path,
+            0,
+            found=f"no line of numbers below the names {', '.join(content.heads[:6])}",
+            expected="a recording: names, then numbers",
+        )
+
+
+def _convert_words(
+    columns: dict[str, Any], word_columns: set[str], content: _Content, decimal: str
+) -> tuple[dict[str, Any], list[str], list[LeftOut]]:
+    """Return the columns with words as numbers, notes on the words, and the omitted columns."""
+    converted: dict[str, Any] = {}
+    notes: list[str] = []
+    left_out: list[LeftOut] = []
+    for name in content.heads:
+        if name not in word_columns:
+            converted[name] = columns[name]
+            continue
+        cells = [str(cell).strip() for cell in columns[name]]
+        numbers, note, omitted = numbers_of(cells, name, place=f"{TABLE}/{name}", decimal=decimal)
+        if omitted is None:
+            converted[name] = numbers
+            notes.append(note)
+        else:
+            line = _line_of_cell(omitted.fault, name, content)
+            left_out.append(omitted._replace(line=line))
+    return converted, notes, left_out
+
+
+def _line_of_cell(cell: str, name: str, content: _Content) -> int:
     """Return the first line with a cell in a column; 0 for an empty cell."""
-    raw, begin, heads, separator = text
-    at = heads.index(name)
-    lines = _lines(raw, begin, raw.count(b"\n", 0, begin) + 1) if cell else iter(())
-    return next(
-        (
-            number
-            for number, _, _, line in lines
-            if _cells(line.split("#")[0], separator, path, number)[at] == cell
-        ),
-        0,
-    )
+    if not cell:
+        return 0
+    column = content.heads.index(name)
+    for line in content.lines():
+        if content.cells(line.text.split("#")[0], line.number)[column] == cell:
+            return line.number
+    return 0
 
 
-def _columns_with_words(
-    piece: bytes, heads: list[str], texts: set[str], separator: str, decimal: str
-) -> set[str]:
-    """Return the columns that hold other cells than numbers and empty ones."""
-    frame = _frame(piece, heads, texts, separator, decimal, guess=True)
-    return (
-        set()
-        if frame is None
-        else {head for head in heads if head not in texts and frame[head].dtype.kind not in "fiu"}
-    )
+def _convert_stamps(
+    columns: dict[str, Any], stamp_columns: set[str], content: _Content
+) -> tuple[np.ndarray | None, str]:
+    """Convert columns of stamps to seconds in place and return the clock and its start.
+
+    The clock is None if a column is the clock by its name.  The start is an ISO date, or empty.
+    """
+    names = [name for name in columns if name in stamp_columns]
+    start = ""
+    for name in names:
+        columns[name], date = seconds_of(columns[name], name, content.path)
+        content.units[name] = "s"
+        start = date or start
+    if not names or clock_name(columns) is not None:
+        return None, start
+    # The first column that rises is the clock.  A column of dates alone does not rise.
+    for name in names:
+        if rises(columns[name]):
+            return columns[name], start
+    return columns[names[0]], start
 
 
-def _text(path: Path) -> tuple[bytes, tuple[str, ...]]:
-    """Return the text as UTF-8 with line feeds, and a note where it was of another encoding."""
+def _read_text(path: Path) -> tuple[bytes, str]:
+    """Return the text as UTF-8 with line feeds, and a note on another encoding, else empty."""
     raw = read_bytes(path, _EXPECTED)
-    if raw[:2] == b"\x1f\x8b":
+    if raw[:2] == _GZIP:
         with decoding_errors(path, "a whole .gz file"):
             raw = gzip.decompress(raw)
-    notes: tuple[str, ...] = ()
+    note = ""
+    # UTF-16 and UTF-32 of plain letters are ASCII bytes between zeros.
     if not raw.isascii() or b"\0" in raw:
-        encoding, skip = marked_encoding(raw)
-        recoded = decode_text(raw, path, _EXPECTED, WESTERN).encode()
-        if recoded != raw[skip:]:
-            notes = (
-                f"text in {encoding.upper()}"
-                if encoding
-                else "text that is no UTF-8, read as Windows-1252",
-            )
+        encoding, mark_length = marked_encoding(raw)
+        recoded = decode_text(raw, path, _EXPECTED, otherwise=WESTERN).encode()
+        if recoded != raw[mark_length:]:
+            note = "text that is not UTF-8, read as Windows-1252"
+            if encoding:
+                note = f"text in {encoding.upper()}"
         raw = recoded
-    return raw.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in raw else raw, notes
+    if b"\r" in raw:
+        raw = raw.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return raw, note
 
 
-def _lines(raw: bytes, start: int = 0, number: int = 1) -> Iterator[tuple[int, int, int, str]]:
-    """Yield number, first byte, end and text of every line with content."""
+def _lines(raw: bytes, start: int = 0, number: int = 1) -> Iterator[_Line]:
+    """Yield every line with content from a byte on."""
     while start < len(raw):
         end = raw.find(b"\n", start)
-        end = len(raw) if end < 0 else end
+        if end < 0:
+            end = len(raw)
         text = raw[start:end].decode("utf-8", "replace").strip()
         if text and not text.startswith("#"):
-            yield number, start, end + 1, text
-        start, number = end + 1, number + 1
+            yield _Line(number, end + 1, text)
+        start = end + 1
+        number += 1
 
 
-def _heading(
-    raw: bytes, path: Path
-) -> tuple[list[str], dict[str, list[str]], dict[str, str], int, str]:
-    """Return the column names, those that share a heading, their units, the byte where the numbers
-    begin, and what parts the columns.
-    """
+def _read_heading(raw: bytes, path: Path) -> _Content:
+    """Return the names of the columns, their units and the separator."""
     lines = _lines(raw)
     top = next(lines, None)
     if top is None:
-        raise ParseError(str(path), 0, "no line with content", _EXPECTED)
-    separator = max(",;\t", key=top[3].count)
-    if not top[3].count(separator):
-        separator = " " if " " in top[3] else ","
-    cells = _cells(top[3], separator, path, top[0])
+        raise ParseError(str(path), 0, found="no line with content", expected=_EXPECTED)
+    # The most frequent separator of the top line; blanks separate only if there is no other.
+    separator = max(",;\t", key=top.text.count)
+    if not top.text.count(separator):
+        separator = " " if " " in top.text else ","
+    cells = _split_cells(top.text, separator, path, top.number)
     if all(is_csv_number(cell) for cell in cells):
         raise ParseError(
             str(path),
-            top[0],
-            f"numbers ({', '.join(cells[:3])}) where names belong",
-            "one line of column names at the top",
+            top.number,
+            found=f"numbers ({', '.join(cells[:3])}) where names belong",
+            expected="one line of column names at the top",
         )
-    short, of_headings = split_headings(cells)
-    heads, shared = own_names(short)
-    units = {
-        head: of_headings[name]
-        for head, name in zip(heads, short, strict=True)
-        if name in of_headings
-    }
-    begin, second = top[2], next(lines, None)
+
+    short_names, stated_units = split_headings(cells)
+    heads, shared = own_names(short_names)
+    units = {}
+    for head, name in zip(heads, short_names, strict=True):
+        if name in stated_units:
+            units[head] = stated_units[name]
+    # The second line belongs to the heading if it holds units.
+    begin = top.end
+    second = next(lines, None)
     if second is not None:
-        row = _cells(second[3], separator, path, second[0])
+        row = _split_cells(second.text, separator, path, second.number)
         if len(row) == len(heads) and _are_units(row):
             units.update(zip(heads, row, strict=True))
-            begin = second[2]
-    return heads, shared, units, begin, separator
+            begin = second.end
+    return _Content(
+        path=path,
+        raw=raw,
+        begin=begin,
+        heads=heads,
+        shared=shared,
+        units=units,
+        separator=separator,
+    )
 
 
 def _are_units(row: list[str]) -> bool:
-    """Whether a line holds units: nothing that begins like a number, but for the unit 1, and not
-    blanks alone.
+    """Return whether a line holds units.
+
+    A unit does not begin like a number, except the unit 1.  A line of blanks does not hold units.
     """
     numbers = [cell for cell in row if _DIGIT.match(cell) or (cell and is_missing(cell))]
-    return all(cell == "1" for cell in numbers) and any(
-        cell and cell not in numbers for cell in row
-    )
+    has_unit = any(cell and cell not in numbers for cell in row)
+    return has_unit and all(cell == "1" for cell in numbers)
 
 
-def _cells(text: str, separator: str, path: Path, number: int) -> list[str]:
+def _split_cells(text: str, separator: str, path: Path, number: int) -> list[str]:
     """Return the cells of one line."""
     if separator == " " and text.count(" ") < MOST_COLUMNS:
         return text.split()
-    return [cell.strip() for cell in csv_rows(text, path, separator, number)[0]]
+    row = csv_rows(text, path, separator=separator, first=number)[0]
+    return [cell.strip() for cell in row]
 
 
-def _text_columns(
-    raw: bytes, begin: int, heads: list[str], separator: str, path: Path
-) -> tuple[set[str], str]:
-    """Return the columns whose first filled cell is a time of day or a date, and the decimal mark: a
-    comma where the first lines have one.
+def _stamps_and_decimal_mark(content: _Content) -> tuple[set[str], str]:
+    """Return the columns of times of day or dates, and the decimal mark.
+
+    The first filled cell of a column decides.  The decimal mark is a comma if the first lines have
+    a number with one.
     """
-    lines = islice(_lines(raw, begin, raw.count(b"\n", 0, begin) + 1), _LOOKED_AT)
-    rows = [_cells(text, separator, path, number) for number, _, _, text in lines]
-    texts = {
-        head
-        for head, *cells in zip(heads, *rows, strict=False)
-        if is_stamp(next((cell for cell in cells if not is_missing(cell)), ""))
-    }
-    commas = separator != "," and any(
-        _DECIMAL_COMMA.match(cell) and not _THOUSANDS.match(cell) for row in rows for cell in row
-    )
-    return texts, "," if commas else "."
+    lines = islice(content.lines(), _FIRST_LINES)
+    rows = [content.cells(line.text, line.number) for line in lines]
+    stamp_columns = set()
+    for head, *cells in zip(content.heads, *rows, strict=False):
+        filled = [cell for cell in cells if not is_missing(cell)]
+        if filled and is_stamp(filled[0]):
+            stamp_columns.add(head)
+    if content.separator != ",":
+        for row in rows:
+            if any(_DECIMAL_COMMA.match(cell) and not _THOUSANDS.match(cell) for cell in row):
+                return stamp_columns, ","
+    return stamp_columns, "."
 
 
-def _parsed(
-    raw: bytes, begin: int, heads: list[str], texts: set[str], separator: str, decimal: str
-) -> dict[str, Any] | None:
-    """Return the columns, or None when a cell or a line does not fit; large files are parsed in
-    several threads.
-    """
-    if (
-        len(raw) - begin <= _SMALL
-        and not texts
-        and (plain := _plain_table(raw[begin:], heads, separator, decimal)) is not None
-    ):
-        return plain
-    parts = max(1, min(os.cpu_count() or 1, 8, (len(raw) - begin) // _CHUNK))
-    cuts = [begin]
-    for i in range(1, parts):
-        at = raw.find(b"\n", begin + i * (len(raw) - begin) // parts) + 1
-        cuts.append(max(at, cuts[-1]) if at else len(raw))
-    spans = [
-        (a, b)
-        for a, b in pairwise([*cuts, len(raw)])
-        if a < b and not (raw[a : a + 4096].isspace() and raw[a:b].isspace())
-    ]
-    if not spans:
-        return {head: np.zeros(0) for head in heads}
-
-    with ThreadPoolExecutor(len(spans)) as pool:
-        frames = list(
-            pool.map(
-                lambda span: _frame(raw[span[0] : span[1]], heads, texts, separator, decimal), spans
-            )
-        )
-    if any(frame is None for frame in frames):
-        return None
-    if len(frames) == 1:
-        return {head: frames[0][head].to_numpy() for head in heads}
-    return {head: np.concatenate([frame[head].to_numpy() for frame in frames]) for head in heads}
-
-
-def _plain_table(
-    piece: bytes, heads: list[str], separator: str, decimal: str
-) -> dict[str, Any] | None:
-    """Return the columns of lines of numbers, ``nan`` and empty cells; None for any other text, and
-    where a line or a cell does not fit.
-
-    NumPy and pandas round a number correctly, so that they give the same.
-    """
-    if decimal == "," and b"." in piece:
-        return None
-    text = piece.replace(b",", b".") if decimal == "," else piece
-    if separator != "," and b"," in text:
-        return None  # a comma would become a separator below
-    if separator == " ":
-        text = re.sub(rb"[ \t]+", b",", re.sub(rb"^[ \t]+|[ \t]+$", b"", text, flags=re.MULTILINE))
-    elif separator != ",":
-        text = text.replace(separator.encode(), b",")
-    words = text.translate(None, _NUMBERS)
-    if words and not (words.isalpha() and set(_WORD.findall(text)) <= {b"e", b"E", b"nan", b"NaN"}):
-        return None
-    if not text.strip():
-        return None
-    try:
-        numbers = np.loadtxt(
-            io.StringIO(_filled(text).decode("ascii")), delimiter=",", comments=None, ndmin=2
-        )
-    except ValueError:
-        return None
-    if numbers.shape[1] != len(heads):
-        return None
-    return dict(zip(heads, np.ascontiguousarray(numbers.T), strict=True))
-
-
-def _filled(text: bytes) -> bytes:
-    """Return lines of cells with ``nan`` in the empty ones; searches for two characters are six
-    times as fast as a pattern.
-    """
-    text = b"\n" + text + b"\n"
-    for before, behind in (
-        (b",", b","),
-        (b",", b","),
-        (b"\n", b","),
-        (b",", b"\n"),
-    ):  # of three commas the first time sees two
-        text = text.replace(before + behind, before + b"nan" + behind)
-    return text
-
-
-def _frame(
-    piece: bytes,
-    heads: list[str],
-    texts: set[str],
-    separator: str,
-    decimal: str,
-    guess: bool = False,
-):
-    """Return the lines as a frame, None where one does not fit; with `guess` pandas chooses the
-    kind of each column.
-    """
-
-    kinds: Any = None if guess else {head: str if head in texts else np.float64 for head in heads}
-    blanks = separator != " " and (
-        piece.startswith(b" ") or b"\n " in piece or f"{separator} ".encode() in piece
-    )
-    try:
-        frame = pd.read_csv(
-            io.BytesIO(piece),
-            sep=r"\s+" if separator == " " else separator,
-            comment="#" if b"#" in piece else None,
-            skipinitialspace=blanks,
-            names=heads,
-            header=None,
-            dtype=kinds,
-            decimal=decimal,
-            index_col=False,
-            encoding_errors="replace",
-            low_memory=False,
-        )
-        for head in texts:
-            frame[head] = frame[head].fillna("")
-    except (ValueError, IndexError, pd.errors.ParserError):
-        return None
-    ragged = (
-        separator != " "
-        and b'"' not in piece
-        and b"#" not in piece
-        and piece.count(separator.encode()) != len(frame) * (len(heads) - 1)
-    )
-    return None if ragged else frame
-
-
-def _find_fault(raw: bytes, begin: int, heads: list[str], separator: str, path: Path) -> None:
-    """Raise for the first line with other cells than the heading."""
-    for number, _, _, text in _lines(raw, begin, raw.count(b"\n", 0, begin) + 1):
-        row = _cells(text.split("#")[0] or separator, separator, path, number)
+def _demand_whole_lines(content: _Content) -> None:
+    """Raise for the first line with another number of cells than the heading."""
+    heads = content.heads
+    for line in content.lines():
+        # A comment may follow the numbers of a line.
+        text = line.text.split("#")[0] or content.separator
+        row = content.cells(text, line.number)
         if len(row) != len(heads):
             first = ", ".join(map(repr, heads[:3])) + (" ..." if len(heads) > 3 else "")
-            expected = (
-                f"{len(heads)} cells, as the line of names has ({first}); delete a last "
-                f"line that was cut off"
+            raise ParseError(
+                str(content.path),
+                line.number,
+                found=f"{len(row)} cells",
+                expected=(
+                    f"{len(heads)} cells, as the line of names has ({first}); delete a last "
+                    f"line that was cut off"
+                ),
             )
-            raise ParseError(str(path), number, f"{len(row)} cells", expected)

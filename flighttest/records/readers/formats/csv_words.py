@@ -1,16 +1,15 @@
-"""Cells of a CSV file that are no numbers: stamps, and columns of text or of numbers with a few
-words among them.
+"""Conversion of CSV cells that are not plain numbers: stamps, words, and damaged numbers.
 
 A column of text is left out and named.  In a column of numbers, words such as ``INVALID`` or
-``----`` are missing samples, which the notes count.  A cell with digits that is no number, such as
-``1.2.3``, is a fault of the file where the name map needs its column.
+``----`` are missing samples, which the notes count.  A cell with digits that is not a number, such
+as ``1.2.3``, is a fault of the file if the name map needs its column.
 """
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,20 +18,26 @@ import pandas as pd
 from flightmech.errors import ParseError
 from flighttest.records.readers.recording import LeftOut
 
+# Hours, minutes and seconds; before them the day of the year, before it the year.
 _DAY_TIME = re.compile(
     r"^(?:(?:\d{4}:)?(\d{1,3})[:\s])?(\d{1,2}):(\d{1,2}):(\d{1,2})(?:[.,:](\d+))?Z?$"
 )
-_PARTS_OF_A_SECOND = re.compile(r"^(\d{1,2}):(\d{2}):(\d{2}):(\d+)$")
+# Hours, minutes, seconds and a fraction; also day of the year, hours, minutes and seconds.
+_FOUR_NUMBERS = re.compile(r"^(\d{1,2}):(\d{2}):(\d{2}):(\d+)$")
 _SHORT_TIME = re.compile(r"^(\d{1,3}):(\d{2}[.,]\d+)$")  # minutes and seconds, without hours
-# a date of any order before a time of day, AM or PM behind it
+# A date of any order before a time of day, AM or PM behind it.
 _DATED = re.compile(
     r"^(?:(\d{1,4}[/.-]\d{1,2}[/.-]\d{1,4}),?[ "
     r"T]+)?(\d{1,2}):(\d{1,2}):(\d{1,2}(?:[.,]\d+)?)\s*([AaPp]\.?[Mm]\.?)?$"
 )
 _ISO = re.compile(r"^\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}(:\d{2}([.,:]\d*)?)?)?(Z|[+-]\d{2}:?\d{2})?$")
 _LIKE_A_NUMBER = re.compile(r"^[-+]?[\d.,' ]*\d[\d.,' eE+-]*$")
+_MISSING = ("", "nan", "na", "n/a", "null", "none", "<na>", "-nan", "#n/a", "#na")
+_TRUTH = {"true": 1.0, "false": 0.0}
 _MOST_WORDS = 0.5  # share of the filled cells; a column with more words is text
-_NAMED = 3  # words of a column that a text names
+_NAMED = 3  # words of a column that a message names
+_DAY = 86400.0  # s
+_HOUR = 3600.0  # s
 REMEDY = (
     "map a column of numbers, replace the words by numbers in the file (UP and DOWN by 0 "
     "and 1), or take the channel out of the map"
@@ -41,7 +46,7 @@ REMEDY = (
 
 def is_missing(cell: str) -> bool:
     """Return whether a cell states that it has no value."""
-    return cell.lower() in ("", "nan", "na", "n/a", "null", "none", "<na>", "-nan", "#n/a", "#na")
+    return cell.lower() in _MISSING
 
 
 def is_csv_number(cell: str, decimal: str = ".") -> bool:
@@ -63,17 +68,16 @@ def is_stamp(cell: str) -> bool:
 def numbers_of(
     cells: Sequence[str], name: str, place: str, decimal: str = "."
 ) -> tuple[np.ndarray | None, str, LeftOut | None]:
-    """Return the numbers of a column with words in it, a note on the words, and the column if it is
-    left out.
+    """Return the numbers of a column that also holds words.
 
     Parameters
     ----------
     cells : sequence of str
-        Cells as they stand in the file.
+        Cells of the file.
     name : str
         Heading.
     place : str
-        Table and heading, for the list of columns that are left out.
+        Table and heading, for the list of omitted columns.
     decimal : str
         Decimal mark.
 
@@ -82,140 +86,181 @@ def numbers_of(
     numbers : array (time,) or None
         NaN for words and empty cells; None for a column of text.
     note : str
+        Note on the words, empty for a column of text.
     left_out : LeftOut or None
+        The column of text or the damaged column.
     """
-    distinct = Counter(cells)
-    filled = {cell: count for cell, count in distinct.items() if not is_missing(cell)}
-    words = {cell: count for cell, count in filled.items() if not is_csv_number(cell, decimal)}
-    total, count = sum(filled.values()), sum(words.values())
-    common = sorted(words, key=lambda word: -words[word])
-    shown = ", ".join(f"{word[:40]!r} {words[word]}" for word in common[:_NAMED])
-    shown += f" and {len(common) - _NAMED} other words" * (len(common) > _NAMED)
-    truth = {"true": 1.0, "false": 0.0}
-    if words and all(word.lower() in truth for word in filled):
-        values = {cell: truth.get(cell.lower(), np.nan) for cell in distinct}
-        return (
-            np.array([values[cell] for cell in cells]),
-            f"column {name}: TRUE and FALSE are read as 1 and 0",
-            None,
-        )
-    faulty = next((word for word in common if _LIKE_A_NUMBER.match(word)), None)
-    numeric = sum(number for word, number in words.items() if _LIKE_A_NUMBER.match(word))
-    if faulty is None and count <= _MOST_WORDS * total:
-        faulty = next((word for word in common if re.search(r"\d", word)), None)
-    if faulty is not None and (numeric > _MOST_WORDS * count or count <= _MOST_WORDS * total):
-        point = "" if decimal == "." else ", as in the first lines with a decimal comma"
+    cell_counts = Counter(cells)
+    filled = {cell: count for cell, count in cell_counts.items() if not is_missing(cell)}
+    word_counts = {c: count for c, count in filled.items() if not is_csv_number(c, decimal)}
+    if word_counts and all(cell.lower() in _TRUTH for cell in filled):
+        note = f"column {name}: TRUE and FALSE are read as 1 and 0"
+        return np.array([_TRUTH.get(cell.lower(), np.nan) for cell in cells]), note, None
+
+    total, count = sum(filled.values()), sum(word_counts.values())
+    damaged = _damaged_cell(word_counts, total)
+    if damaged is not None:
+        mark = "" if decimal == "." else ", as in the first lines with a decimal comma"
         reason = (
-            f"{faulty[:60]!r} in column {name[:60]!r} and {count - words[faulty]} other "
-            f"cells of {total} that are no numbers"
+            f"{damaged[:60]!r} in column {name[:60]!r} and {count - word_counts[damaged]} other "
+            f"cells of {total} that are not numbers"
         )
-        return (
-            None,
-            "",
-            LeftOut(place, reason, f"a number in every cell{point}, or an empty one", fault=faulty),
-        )
+        remedy = f"a number in every cell{mark}, or an empty one"
+        return None, "", LeftOut(place, reason, remedy=remedy, fault=damaged)
+    examples = _most_common_words(word_counts)
     if count > _MOST_WORDS * total:
-        return None, "", LeftOut(place, f"text in {count} of {total} cells ({shown})", REMEDY)
-    values = {
-        cell: float(cell.replace(decimal, ".")) if cell in filled and cell not in words else np.nan
-        for cell in distinct
-    }
+        reason = f"text in {count} of {total} cells ({examples})"
+        return None, "", LeftOut(place, reason, remedy=REMEDY)
+
+    # Each distinct cell is converted once, because recorders repeat values.
+    values = dict.fromkeys(cell_counts, np.nan)
+    for cell in filled:
+        if cell not in word_counts:
+            values[cell] = float(cell.replace(decimal, "."))
     note = (
-        f"column {name}: {count} of {total} cells are no numbers ({shown}) and are read as "
+        f"column {name}: {count} of {total} cells are not numbers ({examples}) and are read as "
         f"missing samples"
     )
     return np.array([values[cell] for cell in cells]), note, None
 
 
-def seconds_of(cells: np.ndarray, name: str, path: Path) -> tuple[np.ndarray, str]:
-    """Return times of day [s] (from the start of the first day of the year), or seconds after the
-    first date and that date.
+def _by_frequency(word_counts: Mapping[str, int]) -> list[str]:
+    """Return words, the most frequent first."""
+    return sorted(word_counts, key=lambda word: -word_counts[word])
 
-    The last of four numbers is a part of a second where it has three digits or more, or exceeds 59
-    somewhere; else they are day of the year, hours, minutes and seconds.
+
+def _most_common_words(word_counts: Mapping[str, int]) -> str:
+    """Return the most frequent words and their counts as text."""
+    common = _by_frequency(word_counts)
+    examples = ", ".join(f"{word[:40]!r} {word_counts[word]}" for word in common[:_NAMED])
+    if len(common) > _NAMED:
+        examples += f" and {len(common) - _NAMED} other words"
+    return examples
+
+
+def _damaged_cell(word_counts: Mapping[str, int], total: int) -> str | None:
+    """Return the most frequent damaged number of a column, None if it has none."""
+    common = _by_frequency(word_counts)
+    count = sum(word_counts.values())
+    is_numeric = count <= _MOST_WORDS * total
+    like_numbers = [word for word in common if _LIKE_A_NUMBER.match(word)]
+    if like_numbers:
+        # In a column of text, a few such cells among many words are text too.
+        like_count = sum(word_counts[word] for word in like_numbers)
+        if is_numeric or like_count > _MOST_WORDS * count:
+            return like_numbers[0]
+        return None
+    if is_numeric:
+        return next((word for word in common if re.search(r"\d", word)), None)
+    return None
+
+
+def seconds_of(cells: np.ndarray, name: str, path: Path) -> tuple[np.ndarray, str]:
+    """Return the seconds of a column of stamps, and its first date or an empty text.
+
+    Times of day count from the start of the first day of the year.  Dates count from the first
+    date. [s]
+
+    A stamp of four numbers is ambiguous.  The last number is a fraction of a second if it has three
+    digits or more, or exceeds 59 in any row.  Otherwise the numbers are day of the year, hours,
+    minutes and seconds.
     """
     texts = [str(cell).strip() for cell in cells]
     first = next((text for text in texts if text), "")
     if _ISO.match(first):
-        return _seconds_of_dates(texts, name, path)
+        return _seconds_of_iso_dates(texts, name, path)
     if not _DAY_TIME.match(first):
-        return _seconds_after_dates(texts, name, path), ""
-    four = [match for match in map(_PARTS_OF_A_SECOND.match, texts) if match]
-    parts = any(len(match[4]) != 2 or int(match[4]) > 59 or int(match[2]) > 23 for match in four)
+        return _seconds_of_dated_times(texts, name, path), ""
+
+    has_fraction = _has_fraction_of_second(texts)
     seconds = np.full(len(texts), np.nan)
     for i, text in enumerate(texts):
         if not text:
             continue
-        split = _PARTS_OF_A_SECOND.match(text) if parts else None
+        day: str | None
+        fraction_match = _FOUR_NUMBERS.match(text) if has_fraction else None
         match = _DAY_TIME.match(text)
-        if split:
-            day, (hours, minutes, whole, rest) = None, split.groups()
+        if fraction_match:
+            day = None
+            hours, minutes, whole_seconds, fraction = fraction_match.groups()
         elif match:
-            day, hours, minutes, whole, rest = match.groups()
+            day, hours, minutes, whole_seconds, fraction = match.groups()
         else:
-            raise ParseError(
-                str(path),
-                0,
-                f"{text!r} in column {name!r}, row {i + 1} of the numbers",
-                "hours:minutes:seconds in every line",
+            raise _unreadable_stamp(
+                text, name, i, path=path, expected="hours:minutes:seconds in every line"
             )
         seconds[i] = (
-            (int(day or 1) - 1) * 86400.0
-            + int(hours) * 3600.0
+            (int(day or 1) - 1) * _DAY
+            + int(hours) * _HOUR
             + int(minutes) * 60.0
-            + float(f"{whole}.{rest or 0}")
+            + float(f"{whole_seconds}.{fraction or 0}")
         )
     return seconds, ""
 
 
-def _seconds_after_dates(texts: list[str], name: str, path: Path) -> np.ndarray:
-    """Return seconds of times of day behind dates whose order of day and month is not known, of 12
-    hours with AM and PM, or of minutes and seconds alone. [s]
+def _has_fraction_of_second(texts: Sequence[str]) -> bool:
+    """Return whether the last of four numbers is a fraction of a second."""
+    for text in texts:
+        match = _FOUR_NUMBERS.match(text)
+        if match and (len(match[4]) != 2 or int(match[4]) > 59 or int(match[2]) > 23):
+            return True
+    return False
 
-    A date is only compared with the one before it: where it changes, a day has passed.
+
+def _unreadable_stamp(text: str, name: str, row: int, path: Path, expected: str) -> ParseError:
+    """Return the error for a stamp of another form than the first stamp."""
+    cell = f"{text!r} in column {name!r}, row {row + 1} of the numbers"
+    return ParseError(str(path), 0, found=cell, expected=expected)
+
+
+def _seconds_of_dated_times(texts: list[str], name: str, path: Path) -> np.ndarray:
+    """Return the seconds of times of day behind dates, or of minutes and seconds alone. [s]
+
+    The order of day and month in a date is not known.  A date is only compared with the date before
+    it: a change means that a day has passed.
     """
-    seconds, day, before = np.full(len(texts), np.nan), 0, ""
+    seconds = np.full(len(texts), np.nan)
+    day, previous_date = 0, ""
     for i, text in enumerate(texts):
         if not text:
             continue
-        short, match = _SHORT_TIME.match(text), _DATED.match(text)
-        if short:
-            seconds[i] = int(short[1]) * 60.0 + float(short[2].replace(",", "."))
+        short_match = _SHORT_TIME.match(text)
+        if short_match:
+            seconds[i] = int(short_match[1]) * 60.0 + float(short_match[2].replace(",", "."))
             continue
+        match = _DATED.match(text)
         if match is None:
-            raise ParseError(
-                str(path),
-                0,
-                f"{text!r} in column {name!r}, row {i + 1} of the numbers",
-                "a date and hours:minutes:seconds in every line",
-            )
-        date, hours, half = match[1] or "", int(match[2]), (match[5] or "").lower()
-        if half:
-            hours = hours % 12 + 12 * half.startswith("p")
-        day, before = day + (bool(before) and date != before), date
+            expected = "a date and hours:minutes:seconds in every line"
+            raise _unreadable_stamp(text, name, i, path=path, expected=expected)
+        date, hours, half_of_day = match[1] or "", int(match[2]), (match[5] or "").lower()
+        if half_of_day:  # 12 AM is hour 0, 12 PM is hour 12
+            hours = hours % 12 + 12 * half_of_day.startswith("p")
+        if previous_date and date != previous_date:
+            day += 1
+        previous_date = date
         seconds[i] = (
-            86400.0 * day
-            + hours * 3600.0
-            + int(match[3]) * 60.0
-            + float(match[4].replace(",", "."))
+            _DAY * day + hours * _HOUR + int(match[3]) * 60.0 + float(match[4].replace(",", "."))
         )
     return seconds
 
 
-def _seconds_of_dates(texts: list[str], name: str, path: Path) -> tuple[np.ndarray, str]:
-
-    # seconds end at 19 letters; a comma or a colon behind them begins their fraction
-    plain: list[str] = [
-        f"{text[:19]}.{text[20:]}" if text[19:20] in (",", ":") else text for text in texts
-    ]
+def _seconds_of_iso_dates(texts: list[str], name: str, path: Path) -> tuple[np.ndarray, str]:
+    """Return the seconds after the first date, and that date."""
+    with_points = []
+    for text in texts:
+        # The seconds end at 19 characters.  pandas reads their fraction behind a point only.
+        if text[19:20] in (",", ":"):
+            text = f"{text[:19]}.{text[20:]}"
+        with_points.append(text)
     try:
-        stamps = pd.DatetimeIndex(pd.to_datetime(plain, utc=True, format="ISO8601"))
+        stamps = pd.DatetimeIndex(pd.to_datetime(with_points, utc=True, format="ISO8601"))
     except ValueError as error:
         raise ParseError(
             str(path),
             0,
-            f"a date in column {name!r} that cannot be read ({error})",
-            "ISO dates in every line",
+            found=f"a date in column {name!r} that cannot be read ({error})",
+            expected="ISO dates in every line",
         ) from error
-    begin = stamps[stamps.notna()][0]
-    return (stamps - begin).total_seconds().to_numpy(), begin.isoformat().replace("+00:00", "Z")
+    start = stamps[stamps.notna()][0]
+    start_text = start.isoformat().replace("+00:00", "Z")
+    return (stamps - start).total_seconds().to_numpy(), start_text

@@ -1,13 +1,14 @@
-"""ArduPilot logs (DataFlash, ``.bin``): one table per message, ``NAME.1`` ... for the further
-instances of a sensor.
+"""ArduPilot logs (DataFlash, ``.bin``), one table per message.
 
-The log describes itself: a message FMT gives number, length, name, format and columns of every
-other, FMTU, UNIT and MULT their units and multipliers.  Values are given in the units so stated.
-MODE gives the flight modes.  The clock is the autopilot's ``TimeUS`` or, in old logs, ``TimeMS``.
+Further instances of a sensor have the tables ``NAME.1`` ...  The log describes itself.  A message
+FMT gives number, length, name, format and columns of every other message.  FMTU, UNIT and MULT give
+their units and multipliers.  Values are in these units.  MODE gives the flight modes.  The clock is
+the column ``TimeUS`` of the autopilot or, in old logs, ``TimeMS``.
 
 References
 ----------
-.. [ArduPilot] AP_Logger, ``LogStructure.h``: message header, format characters, units and multipliers.
+.. [ArduPilot] AP_Logger, ``LogStructure.h``: message header, format characters, units and
+   multipliers.
 """
 
 from __future__ import annotations
@@ -32,13 +33,37 @@ from flighttest.records.readers.recording import (
 _HEAD = 3  # bytes: 0xa3 0x95 and the number of the message
 _VEHICLES = ("ArduPlane", "ArduCopter", "ArduRover", "Rover", "ArduSub", "Blimp", "AntennaTracker")
 _FMT, _FMT_LENGTH = 128, 89
-_TYPES = {  # format character: (numpy type, factor)
-    "a": ("(32,)<i2", 1.0), "b": ("i1", 1.0), "B": ("u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0), "i": ("<i4", 1.0),
-    "I": ("<u4", 1.0), "f": ("<f4", 1.0), "d": ("<f8", 1.0), "n": ("S4", 1.0), "N": ("S16", 1.0), "Z": ("S64", 1.0),
-    "c": ("<i2", 0.01), "C": ("<u2", 0.01), "e": ("<i4", 0.01), "E": ("<u4", 0.01), "L": ("<i4", 1e-7), "M": ("u1", 1.0),
-    "q": ("<i8", 1.0), "Q": ("<u8", 1.0), "g": ("<f2", 1.0),
-}  # fmt: skip
+_TYPES = {  # format character: (NumPy type, factor)
+    "a": ("(32,)<i2", 1.0),
+    "b": ("i1", 1.0),
+    "B": ("u1", 1.0),
+    "h": ("<i2", 1.0),
+    "H": ("<u2", 1.0),
+    "i": ("<i4", 1.0),
+    "I": ("<u4", 1.0),
+    "f": ("<f4", 1.0),
+    "d": ("<f8", 1.0),
+    "n": ("S4", 1.0),
+    "N": ("S16", 1.0),
+    "Z": ("S64", 1.0),
+    "c": ("<i2", 0.01),
+    "C": ("<u2", 0.01),
+    "e": ("<i4", 0.01),
+    "E": ("<u4", 0.01),
+    "L": ("<i4", 1e-7),
+    "M": ("u1", 1.0),
+    "q": ("<i8", 1.0),
+    "Q": ("<u8", 1.0),
+    "g": ("<f2", 1.0),
+}
 _DESCRIBING = ("FMT", "FMTU", "UNIT", "MULT")  # messages that describe the others
+# Columns of the describing messages that units and multipliers need.
+_DESCRIBING_COLUMNS = {
+    "FMTU": ("FmtType", "UnitIds", "MultIds"),
+    "UNIT": ("Id", "Label"),
+    "MULT": ("Id", "Mult"),
+}
+_SECONDS = {"TimeUS": 1e-6, "TimeMS": 1e-3}  # s, one count of a clock
 _REMEDY = "map a column of one number in each message"
 _UNITS = {
     "m/s/s": "m/s2",
@@ -53,7 +78,7 @@ _UNITS = {
 
 @dataclass
 class DataFlashMessage:
-    """One kind of message: its layout, and what FMTU states about it."""
+    """One kind of message: its layout, and its units and factors by FMTU."""
 
     name: str
     length: int
@@ -61,6 +86,11 @@ class DataFlashMessage:
     factors: dict[str, float]
     units: dict[str, str] = field(default_factory=dict)
     instance: str | None = None
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return self.dtype.names or ()
 
 
 def read(path: Path, names: NameMap) -> Recording:
@@ -72,251 +102,255 @@ def read(path: Path, names: NameMap) -> Recording:
         The file is damaged so that no message can be read.
     """
     raw = np.fromfile(path, np.uint8)
-    found, lengths, notes = _messages(raw, path)
-    at = _positions(raw, lengths)
-    lost = _lost(at, raw, lengths)
-    if lost:
-        notes.append(f"{lost} bytes of the log fit no message and were skipped")
-    rows = {kind: _rows(raw, at[raw[at + 2] == kind], message) for kind, message in found.items()}
-    _describe(found, rows)
+    messages, lengths, notes = _read_formats(raw, path)
+    starts = _message_starts(raw, lengths)
+    skipped = _skipped_bytes(starts, raw, lengths)
+    if skipped:
+        notes.append(f"{skipped} bytes of the log fit no message and were skipped")
+    rows = {}
+    for kind, message in messages.items():
+        rows[kind] = _read_rows(raw, starts[raw[starts + 2] == kind], message)
+    by_name = {message.name: rows[kind] for kind, message in messages.items()}
+    _add_units(messages, by_name)
+
     tables: dict[str, RecordedTable] = {}
     left_out: list[LeftOut] = []
-    for kind, message in found.items():
-        tables.update(_tables(message, rows[kind]))
-        left_out += _left_out(message, len(rows[kind]))
+    for kind, message in messages.items():
+        tables.update(_message_tables(message, rows[kind]))
+        left_out += _omitted_columns(message, len(rows[kind]))
     if not tables:
-        raise ParseError(str(path), 0, "no message with a clock", "an ArduPilot log with data")
-    named = {message.name: rows[kind] for kind, message in found.items()}
-    vehicle = _vehicle(named)
-    facts = {"title": path.name.split(".")[0], **({"vehicle": vehicle} if vehicle else {})}
+        raise ParseError(
+            str(path), 0, found="no message with a clock", expected="an ArduPilot log with data"
+        )
+    vehicle = _vehicle(by_name)
+    facts = {"title": path.name.split(".")[0]}
+    if vehicle:
+        facts["vehicle"] = vehicle
     return Recording(
         "dataflash",
         dict(sorted(tables.items())),
         facts,
-        tuple(notes),
-        _modes(tables, vehicle),
-        tuple(left_out),
+        notes=tuple(notes),
+        modes=_flight_modes(tables, vehicle),
+        left_out=tuple(left_out),
     )
 
 
-def _vehicle(named: dict[str, np.ndarray]) -> str:
-    """Return the vehicle of the firmware, which the log states in a text: ArduPlane, ArduCopter
-    ...; empty when it does not.
-    """
-    texts = (
-        named["MSG"]["Message"]
-        if "Message" in (named.get("MSG", np.zeros(0)).dtype.names or ())
-        else ()
-    )
-    words = (text.decode("ascii", "replace").partition(" ")[0] for text in texts)
-    return next((word for word in words if word in _VEHICLES), "")
+def _vehicle(by_name: dict[str, np.ndarray]) -> str:
+    """Return the vehicle that the firmware states in a text, empty if there is none."""
+    texts = by_name.get("MSG", np.zeros(0))
+    if "Message" not in (texts.dtype.names or ()):
+        return ""
+    for text in texts["Message"]:
+        firmware = text.decode("ascii", "replace").partition(" ")[0]
+        if firmware in _VEHICLES:
+            return firmware
+    return ""
 
 
-def _modes(tables: dict[str, RecordedTable], vehicle: str) -> tuple[tuple[float, str], ...]:
-    """Return the flight modes of the message MODE; numbers of other vehicles than aeroplanes have
-    no names here.
+def _flight_modes(tables: dict[str, RecordedTable], vehicle: str) -> tuple[tuple[float, str], ...]:
+    """Return the flight modes of the message MODE.
+
+    Only the numbers of aeroplanes have names here.
     """
     mode = tables.get("MODE")
-    column = None if mode is None else first_present(("ModeNum", "Mode"), mode.columns)
-    if mode is None or mode.time is None or column is None:
+    if mode is None or mode.time is None:
         return ()
-    return flight_mode_changes(
-        mode.time, mode.columns[column], ARDUPLANE if vehicle in ("", "ArduPlane") else {}
-    )
+    column = first_present(("ModeNum", "Mode"), mode.columns)
+    if column is None:
+        return ()
+    mode_names = ARDUPLANE if vehicle in ("", "ArduPlane") else {}
+    return flight_mode_changes(mode.time, mode.columns[column], mode_names)
 
 
-def _messages(
+def _read_formats(
     raw: np.ndarray, path: Path
 ) -> tuple[dict[int, DataFlashMessage], np.ndarray, list[str]]:
-    """Return the kinds of messages, and the length of each by its number."""
-    starts = _headers(raw, _FMT)
+    """Return the kinds of messages, the length of each by its number, and notes. [bytes]"""
+    starts = _find_headers(raw, _FMT)
     starts = starts[starts + _FMT_LENGTH <= len(raw)]
-    found: dict[int, DataFlashMessage] = {}
+    messages: dict[int, DataFlashMessage] = {}
     lengths = np.zeros(256, np.int64)
     lengths[_FMT] = _FMT_LENGTH
     notes: list[str] = []
     for start in starts:
-        kind, length, name, form, columns = struct.unpack(
+        kind, length, *texts = struct.unpack(
             "<BB4s16s64s", raw[start + _HEAD : start + _FMT_LENGTH].tobytes()
         )
-        text, form, columns = (
-            part.split(b"\0")[0].decode("ascii", "replace") for part in (name, form, columns)
-        )
-        fields = columns.split(",") if columns else []
-        if kind == _FMT or kind in found:
-            continue
-        unknown = set(form) - set(_TYPES)
-        if (
-            unknown
-            or len(fields) != len(form)
-            or len(set(fields)) != len(fields)
-            or not all(fields)
-        ):
-            notes.append(
-                f"message {text} at byte {start} has a layout that is not known ({form!r}, "
-                f"{columns!r}); left out"
-            )
-            lengths[kind] = length
-            continue
-        dtype = np.dtype(
-            [(column, _TYPES[char][0]) for column, char in zip(fields, form, strict=True)]
-        )
-        if dtype.itemsize + _HEAD != length:
-            notes.append(
-                f"message {text} at byte {start}: {length} bytes do not fit its format "
-                f"{form!r}; left out"
-            )
-            lengths[kind] = length
+        if kind == _FMT or kind in messages:
             continue
         lengths[kind] = length
-        factors = {column: _TYPES[char][1] for column, char in zip(fields, form, strict=True)}
-        found[kind] = DataFlashMessage(text, length, dtype, factors)
-    if not found:
+        name, characters, columns = (
+            text.split(b"\0")[0].decode("ascii", "replace") for text in texts
+        )
+        fields = columns.split(",") if columns else []
+        if not _is_known_layout(characters, fields):
+            notes.append(
+                f"message {name} at byte {start} has a layout that is not known ({characters!r}, "
+                f"{columns!r}); left out"
+            )
+            continue
+        types = [(column, _TYPES[c][0]) for column, c in zip(fields, characters, strict=True)]
+        dtype = np.dtype(types)
+        if dtype.itemsize + _HEAD != length:
+            notes.append(
+                f"message {name} at byte {start}: {length} bytes do not fit its format "
+                f"{characters!r}; left out"
+            )
+            continue
+        factors = {column: _TYPES[c][1] for column, c in zip(fields, characters, strict=True)}
+        messages[kind] = DataFlashMessage(name, length, dtype, factors)
+    if not messages:
         raise ParseError(
             str(path),
             0,
-            "no message FMT that describes the others",
-            "an ArduPilot DataFlash log (.bin)",
+            found="no message FMT that describes the others",
+            expected="an ArduPilot DataFlash log (.bin)",
         )
-    return found, lengths, notes
+    return messages, lengths, notes
 
 
-def _headers(raw: np.ndarray, kind: int | None = None) -> np.ndarray:
-    """Return where two header bytes stand (and the number of a message after them)."""
+def _is_known_layout(characters: str, fields: list[str]) -> bool:
+    """Return whether each field has a unique name and a known format character."""
+    is_unique = len(set(fields)) == len(fields) == len(characters)
+    return is_unique and all(fields) and set(characters) <= set(_TYPES)
+
+
+def _find_headers(raw: np.ndarray, kind: int | None = None) -> np.ndarray:
+    """Return the positions of two header bytes, if stated only those of one kind of message."""
     if len(raw) < _HEAD:
         return np.zeros(0, np.int64)
-    at = np.flatnonzero(raw[:-2] == 0xA3)
-    at = at[raw[at + 1] == 0x95]
-    return at if kind is None else at[raw[at + 2] == kind]
+    positions = np.flatnonzero(raw[:-2] == 0xA3)
+    positions = positions[raw[positions + 1] == 0x95]
+    if kind is None:
+        return positions
+    return positions[raw[positions + 2] == kind]
 
 
-def _positions(raw: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Return where messages begin: headers that follow each other without a gap, and never inside a
-    message before.
+def _message_starts(raw: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Return the positions where messages begin.
 
-    Header bytes can stand inside a message by chance; such a place has no neighbour at the right
-    distance, or lies inside its message.
+    Header bytes can occur inside a message by chance.  Such a position has no neighbour at the
+    right distance, or lies inside a message that begins before it.
     """
-    at = _headers(raw)
-    length = lengths[raw[at + 2]]
-    at, length = at[length > 0], length[length > 0]
-    whole = at + length <= len(raw)
-    at, length = at[whole], length[whole]
-    ends = at + length
-    after = np.minimum(np.searchsorted(at, ends), max(len(at) - 1, 0))
-    linked = ends == len(raw)
-    follows = at[after] == ends if len(at) else linked
-    linked |= follows
-    linked[after[follows]] = True
-    at, ends = at[linked], ends[linked]
-    keep = np.ones(len(at), bool)
-    overlapped = np.flatnonzero(at[1:] < np.maximum.accumulate(ends)[:-1]) + 1
-    last = 0
+    starts = _find_headers(raw)
+    length = lengths[raw[starts + 2]]
+    starts, length = starts[length > 0], length[length > 0]
+    is_complete = starts + length <= len(raw)
+    starts, length = starts[is_complete], length[is_complete]
+    ends = starts + length
+
+    # A position counts if the next message begins at its end, if it is such a next message, or if
+    # it ends with the file.
+    following = np.minimum(np.searchsorted(starts, ends), max(len(starts) - 1, 0))
+    is_linked = ends == len(raw)
+    has_follower = starts[following] == ends if len(starts) else is_linked
+    is_linked |= has_follower
+    is_linked[following[has_follower]] = True
+    return _without_overlaps(starts[is_linked], ends[is_linked])
+
+
+def _without_overlaps(starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Return the positions that do not lie inside a message that begins before them."""
+    is_start = np.ones(len(starts), bool)
+    overlapped = np.flatnonzero(starts[1:] < np.maximum.accumulate(ends)[:-1]) + 1
+    last_end = 0
     for i in overlapped:
+        # Only messages that remain can cover a later position.
         previous = i - 1
-        while not keep[previous]:
+        while not is_start[previous]:
             previous -= 1
-        last = max(last, int(ends[previous]))
-        keep[i] = at[i] >= last
-        if keep[i]:
-            last = int(ends[i])
-    return at[keep]
+        last_end = max(last_end, int(ends[previous]))
+        is_start[i] = starts[i] >= last_end
+        if is_start[i]:
+            last_end = int(ends[i])
+    return starts[is_start]
 
 
-def _lost(at: np.ndarray, raw: np.ndarray, lengths: np.ndarray) -> int:
-    return int(len(raw) - lengths[raw[at + 2]].sum()) if len(at) else len(raw)
+def _skipped_bytes(starts: np.ndarray, raw: np.ndarray, lengths: np.ndarray) -> int:
+    """Return the number of bytes outside of messages."""
+    if not len(starts):
+        return len(raw)
+    return int(len(raw) - lengths[raw[starts + 2]].sum())
 
 
-def _rows(raw: np.ndarray, at: np.ndarray, message: DataFlashMessage) -> np.ndarray:
+def _read_rows(raw: np.ndarray, starts: np.ndarray, message: DataFlashMessage) -> np.ndarray:
     """Return all messages of one kind as a structured array."""
-    if not len(at):
+    if not len(starts):
         return np.zeros(0, message.dtype)
-    body = raw[at[:, None] + np.arange(_HEAD, message.length)]
+    body = raw[starts[:, None] + np.arange(_HEAD, message.length)]
     return np.ascontiguousarray(body).view(message.dtype).ravel()
 
 
-def _describe(found: dict[int, DataFlashMessage], rows: dict[int, np.ndarray]) -> None:
-    """Enter units, multipliers and the instance column that FMTU, UNIT and MULT state."""
-    named = {message.name: rows[kind] for kind, message in found.items()}
-    if not {"FMTU", "UNIT", "MULT"} <= set(named):
-        return
-    if not all(
-        {*wanted} <= set(named[name].dtype.names or ())
-        for name, wanted in {
-            "FMTU": ("FmtType", "UnitIds", "MultIds"),
-            "UNIT": ("Id", "Label"),
-            "MULT": ("Id", "Mult"),
-        }.items()
-    ):
-        return
-    units = {
-        chr(int(row["Id"]) & 0xFF): row["Label"].decode("utf-8", "replace") for row in named["UNIT"]
-    }
-    factors = {chr(int(row["Id"]) & 0xFF): float(f"{row['Mult']:.7g}") for row in named["MULT"]}
-    for row in named["FMTU"]:
-        message = found.get(int(row["FmtType"]))
+def _add_units(messages: dict[int, DataFlashMessage], by_name: dict[str, np.ndarray]) -> None:
+    """Add the units, multipliers and the instance column that FMTU, UNIT and MULT state."""
+    for name, columns in _DESCRIBING_COLUMNS.items():
+        if name not in by_name or not {*columns} <= set(by_name[name].dtype.names or ()):
+            return
+    # FMTU has one character per column, which UNIT and MULT translate.
+    labels, factors = {}, {}
+    for row in by_name["UNIT"]:
+        labels[chr(int(row["Id"]) & 0xFF)] = row["Label"].decode("utf-8", "replace")
+    for row in by_name["MULT"]:
+        # The multiplier is a 32-bit float; seven digits give the decimal number that was meant.
+        factors[chr(int(row["Id"]) & 0xFF)] = float(f"{row['Mult']:.7g}")
+
+    for row in by_name["FMTU"]:
+        message = messages.get(int(row["FmtType"]))
         if message is None:
             continue
-        pairs = zip(
-            message.dtype.names or (),
-            row["UnitIds"].decode("latin-1"),
-            row["MultIds"].decode("latin-1"),
-            strict=False,
-        )
-        for column, unit, factor in pairs:
+        units = row["UnitIds"].decode("latin-1")
+        multipliers = row["MultIds"].decode("latin-1")
+        for column, unit, multiplier in zip(message.fields, units, multipliers, strict=False):
             if unit == "#":
                 message.instance = column
-            label = units.get(unit, "")
+            label = labels.get(unit, "")
             if label and unit not in "-?#":
                 message.units[column] = _UNITS.get(label, label)
-            if (
-                message.factors[column] == 1.0
-                and factors.get(factor, 0.0) > 0.0
-                and factor not in "-?"
-            ):
-                message.factors[column] = factors[factor]
+            # A factor of the format character counts before a multiplier.
+            has_factor = message.factors[column] != 1.0 or multiplier in "-?"
+            if not has_factor and factors.get(multiplier, 0.0) > 0.0:
+                message.factors[column] = factors[multiplier]
 
 
-def _tables(message: DataFlashMessage, rows: np.ndarray) -> dict[str, RecordedTable]:
-    fields = message.dtype.names or ()
-    clock = "TimeUS" if "TimeUS" in fields else "TimeMS" if "TimeMS" in fields else None
+def _message_tables(message: DataFlashMessage, rows: np.ndarray) -> dict[str, RecordedTable]:
+    """Return a table for each instance of a message; none if it has no clock or no rows."""
+    clock = next((name for name in _SECONDS if name in message.fields), None)
     if clock is None or not len(rows):
         return {}
-    found: dict[str, RecordedTable] = {}
-    numbers = np.asarray(rows[message.instance]) if message.instance in fields else None
-    for number in np.unique(numbers) if numbers is not None else (None,):
-        part = rows if number is None else rows[numbers == number]
-        columns = {}
-        for name in fields:
-            if name == clock or part[name].dtype.kind not in "fiu":
-                continue
-            if part[name].ndim == 1:
-                columns[name] = part[name].astype(float) * message.factors[name]
-        label = message.name if number in (None, 0) else f"{message.name}.{number}"
-        stamps = part[clock].astype(float) * (1e-6 if clock == "TimeUS" else 1e-3)
-        found[label] = RecordedTable(
-            columns, {name: unit for name, unit in message.units.items() if name in columns}, stamps
-        )
-    return found
+    if message.instance not in message.fields:
+        return {message.name: _table(message, rows, clock)}
+    tables: dict[str, RecordedTable] = {}
+    instances = np.asarray(rows[message.instance])
+    for instance in np.unique(instances):
+        name = message.name if instance == 0 else f"{message.name}.{instance}"
+        tables[name] = _table(message, rows[instances == instance], clock)
+    return tables
 
 
-def _left_out(message: DataFlashMessage, samples: int) -> list[LeftOut]:
-    """Return the columns of a message that are no numbers, or the whole of one without a clock."""
-    fields = message.dtype.names or ()
+def _table(message: DataFlashMessage, rows: np.ndarray, clock: str) -> RecordedTable:
+    """Return the columns of one number per message, over the clock. [s]"""
+    columns = {}
+    for name in message.fields:
+        if name != clock and rows[name].dtype.kind in "fiu" and rows[name].ndim == 1:
+            columns[name] = rows[name].astype(float) * message.factors[name]
+    units = {name: unit for name, unit in message.units.items() if name in columns}
+    return RecordedTable(columns, units, rows[clock].astype(float) * _SECONDS[clock])
+
+
+def _omitted_columns(message: DataFlashMessage, samples: int) -> list[LeftOut]:
+    """Return the columns that are not numbers, or the message itself if it has no clock."""
     if message.name in _DESCRIBING or not samples:
         return []
-    if not {"TimeUS", "TimeMS"} & set(fields):
-        return [LeftOut(message.name, f"{samples} messages without a time stamp", _REMEDY)]
-    texts = [name for name in fields if message.dtype[name].kind == "S"]
-    arrays = [name for name in fields if message.dtype[name].shape]
-    return [
-        *(LeftOut(f"{message.name}/{name}", "text", _REMEDY) for name in texts),
-        *(
-            LeftOut(
-                f"{message.name}/{name}",
-                f"{message.dtype[name].shape[0]} numbers in each message",
-                _REMEDY,
-            )
-            for name in arrays
-        ),
-    ]
+    if not {*_SECONDS} & set(message.fields):
+        reason = f"{samples} messages without a time stamp"
+        return [LeftOut(message.name, reason, _REMEDY)]
+    texts, arrays = [], []
+    for name in message.fields:
+        column = message.dtype[name]
+        if column.kind == "S":
+            texts.append(LeftOut(f"{message.name}/{name}", "text", _REMEDY))
+        if column.shape:
+            reason = f"{column.shape[0]} numbers in each message"
+            arrays.append(LeftOut(f"{message.name}/{name}", reason, _REMEDY))
+    return [*texts, *arrays]

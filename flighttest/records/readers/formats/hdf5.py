@@ -1,11 +1,13 @@
-"""HDF5 files: netCDF-4, MATLAB v7.3 and plain HDF5; every group with a clock is a table, and only
-the columns requested are read.
+"""HDF5 files (netCDF-4, MATLAB v7.3 and plain HDF5) as one table per group with a clock.
+
+Only the requested columns are read.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +21,19 @@ from flighttest.records.readers.formats.nested import Array, Group, as_one_array
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.recording import Recording, decoding_errors
 
+# Unit of a clock by the CF conventions.
 _SINCE = re.compile(r"^(seconds|second|sec|secs|s|milliseconds|ms|minutes|min|hours|h) since (.+)$")
-_DEPTH = 20
+_EXPECTED = "a whole HDF5, netCDF-4 or MATLAB v7.3 file"
+_DEPTH = 20  # groups inside each other
+# MATLAB_class of datasets that are not numbers -> description.
+_MATLAB_CLASSES = {
+    "char": "text",
+    "cell": "a cell array",
+    "struct": "an empty structure",
+    "function_handle": "a function",
+}
+# NAME of the datasets in which netCDF-4 stores a dimension without values.
+_NETCDF_DIMENSION = "This is a netCDF dimension but not a netCDF variable"
 
 
 def read(path: Path, names: NameMap) -> Recording:
@@ -29,179 +42,204 @@ def read(path: Path, names: NameMap) -> Recording:
     Raises
     ------
     ParseError
-        The file is damaged, or holds no numbers over a clock.
+        The file is damaged, or has no numbers over a clock.
     """
     demand_self_contained(path)
-    with decoding_errors(path, "a whole HDF5, netCDF-4 or MATLAB v7.3 file"):
+    facts: dict[str, Any] = {}
+    with decoding_errors(path, _EXPECTED):
         file = h5py.File(path, "r")
-        facts = {
-            str(key): _plain(value) for key, value in file.attrs.items() if not key.startswith("_")
-        }
-        root = _group(file.id, str(path), facts, 0)
-        found, left_out = nested_tables(root, names)
-    if not found:
+        for key, value in file.attrs.items():
+            if not key.startswith("_"):
+                facts[str(key)] = _to_plain_value(value)
+        root = _read_group(file.id, str(path), facts, depth=0)
+        tables, left_out = nested_tables(root, names)
+    if not tables:
         raise ParseError(
-            str(path), 0, "no array of numbers", "a recording: arrays next to their stamps"
+            str(path),
+            0,
+            found="no array of numbers",
+            expected="a recording: arrays next to their stamps",
         )
     with path.open("rb") as stream:
-        matlab = stream.read(16).startswith(b"MATLAB")
+        is_matlab = stream.read(16).startswith(b"MATLAB")
     facts = {key: value for key, value in facts.items() if isinstance(value, str | int | float)}
-    return Recording("matlab73" if matlab else "hdf5", found, facts, left_out=tuple(left_out))
+    kind = "matlab73" if is_matlab else "hdf5"
+    return Recording(kind, tables, facts, left_out=tuple(left_out))
 
 
-def _group(place: h5py.h5g.GroupID, path: str, facts: dict[str, Any], depth: int) -> Group:
-    """Return the arrays of a group; the objects of HDF5 itself are opened, for those of h5py take
-    six times as long.
-    """
-    text = _stated(
-        place, "flags", _stated(place, "marks", "")
-    )  # marks: former name of the attribute
-    found = Group(flags=text if isinstance(text, str) else "")
+# The functions below open the low-level objects of HDF5, because the objects of h5py take several
+# times as long for the many short datasets of a record.
+
+
+def _read_group(group: h5g.GroupID, path: str, facts: dict[str, Any], depth: int) -> Group:
+    """Return the arrays of a group and its inner groups."""
     if depth > _DEPTH:
         raise ParseError(
-            path, 0, f"groups inside each other more than {_DEPTH} deep", "a recording"
+            path,
+            0,
+            found=f"groups inside each other more than {_DEPTH} deep",
+            expected="a recording",
         )
-    for key in place:
+    # "marks" is the former name of the attribute "flags".
+    flags = _attribute_value(group, "flags", _attribute_value(group, "marks", ""))
+    content = Group(flags=flags if isinstance(flags, str) else "")
+    for key in group:
         name = key.decode("utf-8", "surrogateescape")
         if name.startswith("#"):
-            continue  # what MATLAB refers to from elsewhere
-        item = h5o.open(place, key)
+            continue  # MATLAB stores the targets of its references there
+        item = h5o.open(group, key)
         if isinstance(item, h5g.GroupID):
-            inner = _group(item, path, facts, depth + 1)
-            array = as_one_array(inner, _texts(item))
+            inner = _read_group(item, path, facts, depth + 1)
+            array = as_one_array(inner, _structure_texts(item))
             if array is not None:
-                found.arrays[name] = array
+                content.arrays[name] = array
             else:
-                found.groups[name] = inner
+                content.groups[name] = inner
         elif isinstance(item, h5d.DatasetID):
-            content = _array(item, path, facts)
-            if isinstance(content, Array):
-                found.arrays[name] = content
-            elif content:
-                found.left_out[name] = content
-    return found
+            _add_dataset(content, name, item, path=path, facts=facts)
+    return content
 
 
-def _stated(item: h5py.h5d.DatasetID | h5py.h5g.GroupID, name: str, default: Any = None) -> Any:
-    """Return an attribute as a Python text or number where it is one."""
-    return _plain(_attribute(item, name, default))
+def _attribute_value(item: h5d.DatasetID | h5g.GroupID, name: str, default: Any = None) -> Any:
+    """Return an attribute as a Python text or number if it is one."""
+    return _to_plain_value(_read_attribute(item, name, default))
 
 
-def _attribute(item: h5py.h5d.DatasetID | h5py.h5g.GroupID, name: str, default: Any) -> Any:
-    """Return an attribute as h5py gives it; one that is a number, an array of them or a text is
-    read in half the time.
-    """
+def _read_attribute(item: h5d.DatasetID | h5g.GroupID, name: str, default: Any) -> Any:
+    """Return an attribute as h5py returns it."""
     key = name.encode()
     if not h5a.exists(item, key):
         return default
     attribute = h5a.open(item, key)
     kind, shape = attribute.dtype, attribute.shape
     text = h5py.check_string_dtype(kind)
-    if (
-        shape is None
-        or kind.subdtype is not None
-        or (kind.kind not in "fiu" and (text is None or text.length is not None or shape))
-    ):
+    is_numeric = kind.kind in "fiu"
+    is_single_text = text is not None and text.length is None and not shape
+    if shape is None or kind.subdtype is not None or not (is_numeric or is_single_text):
         owner: Any = Dataset(item) if isinstance(item, h5d.DatasetID) else h5py.Group(item)
         return AttributeManager(owner)[name]
-    found = np.empty(shape, kind)
-    attribute.read(found)
-    return found if text is None else bytes(found[()]).decode("utf-8", "surrogateescape")
+    # Numbers and single texts are read without the attribute manager, in half the time.
+    value = np.empty(shape, kind)
+    attribute.read(value)
+    if text is None:
+        return value
+    return bytes(value[()]).decode("utf-8", "surrogateescape")
 
 
-def _array(item: h5py.h5d.DatasetID, path: str, facts: dict[str, Any]) -> Array | str | None:
-    """Return a dataset as an array; what it is where it is none, and None for what holds no values."""
-    kind = _stated(item, "MATLAB_class", "")
-    if kind in ("char", "cell", "struct", "function_handle"):
-        return {"char": "text", "cell": "a cell array", "struct": "an empty structure"}.get(
-            kind, "a function"
-        )
-    if item.dtype.kind not in "fiub":
-        return _no_numbers(item)
-    if _stated(item, "MATLAB_empty", 0) or item.shape is None:
-        return "an empty array"
-    if str(_stated(item, "NAME", "")).startswith(
-        "This is a netCDF dimension but not a netCDF variable"
-    ):
-        return None
-    unit = _stated(item, "units", _stated(item, "unit", ""))
-    unit = unit if isinstance(unit, str) and unit else None
-    since = _SINCE.match(unit) if unit else None
-    if since:
-        facts.setdefault("start", since.group(2).strip().replace(" ", "T", 1))
-        unit = (
-            {"m": "min", "h": "h"}.get(since.group(1)[0], "s")
-            if not since.group(1).startswith(("ms", "milli"))
-            else "ms"
-        )
-    error = _stated(item, "stderr")
-    known = isinstance(error, float) and math.isfinite(error)
-    return Array(tuple(item.shape), lambda: _values(item, path), unit, error if known else None)
+def _add_dataset(
+    group: Group, name: str, item: h5d.DatasetID, path: str, facts: dict[str, Any]
+) -> None:
+    """Add a dataset to the arrays of a group, or the reason to omit it."""
+    reason = _reason_to_omit(item)
+    if reason is None:
+        group.arrays[name] = _dataset_array(item, path, facts)
+    elif reason:
+        group.left_out[name] = reason
 
 
-def _no_numbers(item: h5py.h5d.DatasetID) -> str | None:
-    """Return what the values of a dataset are that are no numbers; None for a reference of HDF5
-    itself.
+def _reason_to_omit(item: h5d.DatasetID) -> str | None:
+    """Return why a dataset is not an array of numbers, None if it is one.
+
+    The reason is empty for datasets that are not content: references and bare dimensions.
     """
+    matlab_class = _attribute_value(item, "MATLAB_class", "")
+    if isinstance(matlab_class, str) and matlab_class in _MATLAB_CLASSES:
+        return _MATLAB_CLASSES[matlab_class]
+    if item.dtype.kind not in "fiub":
+        return _describe_other_values(item)
+    if _attribute_value(item, "MATLAB_empty", 0) or item.shape is None:
+        return "an empty array"
+    if str(_attribute_value(item, "NAME", "")).startswith(_NETCDF_DIMENSION):
+        return ""
+    return None
+
+
+def _describe_other_values(item: h5d.DatasetID) -> str:
+    """Return a description of values that are not numbers, empty for a reference."""
     if h5py.check_string_dtype(item.dtype) is not None or item.dtype.kind in "SU":
         return "text"
     if h5py.check_ref_dtype(item.dtype) is not None:
-        return None
+        return ""
     if item.dtype.names:
         return (
             f"rows of several fields ({', '.join(item.dtype.names[:6])}); write each field as "
             f"an array"
         )
-    return "values that are no numbers"
+    return "values that are not numbers"
 
 
-def _values(item: h5py.h5d.DatasetID, path: str) -> np.ndarray:
-    """Return the values of a dataset with the packing of the CF conventions undone."""
-    with decoding_errors(path, "a whole HDF5, netCDF-4 or MATLAB v7.3 file"):
-        raw = _read(item)
-        scale, offset = (
-            float(np.ravel(_attribute(item, key, default))[0])
-            for key, default in (("scale_factor", 1.0), ("add_offset", 0.0))
-        )
-        values = np.asarray(raw, float)
+def _dataset_array(item: h5d.DatasetID, path: str, facts: dict[str, Any]) -> Array:
+    """Return a dataset of numbers as an array; a clock since a date adds the fact ``start``."""
+    unit = _attribute_value(item, "units", _attribute_value(item, "unit", ""))
+    if not isinstance(unit, str) or not unit:
+        unit = None
+    since = _SINCE.match(unit) if unit else None
+    if since:
+        facts.setdefault("start", since.group(2).strip().replace(" ", "T", 1))
+        unit = _clock_unit(since.group(1))
+    error = _attribute_value(item, "stderr")
+    if not isinstance(error, float) or not math.isfinite(error):
+        error = None
+    return Array(tuple(item.shape), partial(_read_values, item, path), unit, error)
+
+
+def _clock_unit(word: str) -> str:
+    """Return the unit of a clock from its word in the CF conventions."""
+    if word.startswith(("ms", "milli")):
+        return "ms"
+    return {"m": "min", "h": "h"}.get(word[0], "s")
+
+
+def _read_values(item: h5d.DatasetID, path: str) -> np.ndarray:
+    """Return the values of a dataset without the packing of the CF conventions."""
+    with decoding_errors(path, _EXPECTED):
+        stored = _read_stored(item)
+        scale = float(np.ravel(_read_attribute(item, "scale_factor", 1.0))[0])
+        offset = float(np.ravel(_read_attribute(item, "add_offset", 0.0))[0])
+        values = np.asarray(stored, float)
         if scale != 1.0 or offset != 0.0:
             values = values * scale + offset
         for key in ("_FillValue", "missing_value"):
-            empty = np.ravel(_attribute(item, key, np.nan))[0]
-            if empty == empty:
-                values = np.where(raw == empty, np.nan, values)
+            empty = np.ravel(_read_attribute(item, key, np.nan))[0]
+            if empty == empty:  # not NaN
+                values = np.where(stored == empty, np.nan, values)
         return values
 
 
-def _read(item: h5py.h5d.DatasetID) -> np.ndarray:
-    """Return the numbers of a dataset as they are stored; the object of h5py takes three times as
-    long to read a short one.
-    """
+def _read_stored(item: h5d.DatasetID) -> np.ndarray:
+    """Return the numbers of a dataset as they are stored."""
+    # Booleans and empty datasets need the conversion of h5py.
     if item.dtype.kind == "b" or not all(item.shape):
         return Dataset(item)[()]
-    found = np.empty(item.shape, item.dtype)
-    item.read(h5s.ALL, h5s.ALL, found)
-    return found
+    values = np.empty(item.shape, item.dtype)
+    item.read(h5s.ALL, h5s.ALL, values)
+    return values
 
 
-def _texts(group: h5py.h5g.GroupID) -> dict[str, str]:
+def _structure_texts(group: h5g.GroupID) -> dict[str, str]:
     """Return the text members of a MATLAB structure."""
-    found = {}
+    texts = {}
     for name in ("units", "unit", "description"):
-        item = h5o.open(group, name.encode()) if name.encode() in group else None
-        if isinstance(item, h5d.DatasetID) and _stated(item, "MATLAB_class", "") == "char":
-            found[name] = (
-                ""
-                if _stated(item, "MATLAB_empty", 0)
-                else "".join(map(chr, np.ravel(Dataset(item)[()], order="F")))
-            )
-    return found
+        if name.encode() not in group:
+            continue
+        item = h5o.open(group, name.encode())
+        if not isinstance(item, h5d.DatasetID):
+            continue
+        if _attribute_value(item, "MATLAB_class", "") != "char":
+            continue
+        texts[name] = ""
+        if not _attribute_value(item, "MATLAB_empty", 0):
+            # MATLAB stores a text as a matrix of character codes in column order.
+            texts[name] = "".join(map(chr, np.ravel(Dataset(item)[()], order="F")))
+    return texts
 
 
-def _plain(value: Any) -> Any:
-    """Return an attribute as a Python text or number where it is one."""
+def _to_plain_value(value: Any) -> Any:
+    """Return an attribute as a Python text or number if it is one."""
     if isinstance(value, bytes):
         return value.decode("utf-8", "replace")
     if isinstance(value, np.ndarray) and value.size == 1:
-        return _plain(value.ravel()[0])
-    return value.item() if isinstance(value, np.generic) else value
+        return _to_plain_value(value.ravel()[0])
+    if isinstance(value, np.generic):
+        return value.item()
+    return value

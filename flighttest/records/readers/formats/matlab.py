@@ -1,12 +1,13 @@
-"""MATLAB files v5 to v7: plain arrays and structures; v7.3 is HDF5 and read there.
+"""MATLAB files v5 to v7 as tables of their plain arrays and structures.
 
-Objects of classes (``timetable``, ``timeseries``, ``table``) are stored in a form of MATLAB's own:
-save them as structures there, ``s = timetable2table(tt); s = table2struct(s, 'ToScalar', true)``.
+Version 7.3 is HDF5 and is read by `hdf5`.  Objects of classes (``timetable``, ``timeseries``,
+``table``) have a storage format that only MATLAB reads.  Save them as structures in MATLAB:
+``s = timetable2table(tt); s = table2struct(s, 'ToScalar', true)``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +20,19 @@ from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.recording import Recording, decoding_errors, not_spread
 
 _EXPECTED = "a whole MATLAB file, v5 to v7"
+_LONGEST_FACT = 2000  # characters
+_LABELS = ("units", "unit", "description")
 
 
 def read(path: Path, names: NameMap) -> Recording:
-    """Return the arrays and structures of a MATLAB file as tables; texts at its top are facts of
-    the record.
+    """Return the arrays and structures of a MATLAB file as tables.
+
+    Texts at the top level are facts of the record.
 
     Raises
     ------
     ParseError
-        The file is damaged, or holds no numbers.
+        The file is damaged, or has no numbers.
     """
     with decoding_errors(path, _EXPECTED):
         content = load_mat(
@@ -39,105 +43,116 @@ def read(path: Path, names: NameMap) -> Recording:
             verify_compressed_data_integrity=True,
         )
         content = {key: value for key, value in content.items() if not key.startswith("__")}
-        root = _group(content)
-        found, left_out = nested_tables(root, names)
-    if not found:
-        objects = [
-            key
-            for key, value in content.items()
-            if type(value).__name__ == "MatlabOpaque" or key == "None"
-        ]
-        what = (
-            f"objects of MATLAB classes ({', '.join(objects)})"
-            if objects
-            else "no array of numbers"
-        )
-        raise ParseError(
-            str(path),
-            0,
-            what,
-            "plain arrays or structures; convert objects in MATLAB, for instance with table2struct",
-        )
-    facts = {
-        key: " ".join(value.split())
-        for key, value in content.items()
-        if isinstance(value, str) and len(value) < 2000
-    }
-    left_out = [one for one in left_out if one.place not in facts]
-    return Recording("matlab5", found, facts, left_out=tuple(left_out))
+        root = _read_group(content)
+        tables, left_out = nested_tables(root, names)
+    if not tables:
+        raise _missing_arrays(content, path)
+    facts = {}
+    for key, value in content.items():
+        if isinstance(value, str) and len(value) < _LONGEST_FACT:
+            facts[key] = " ".join(value.split())
+    omitted = [item for item in left_out if item.place not in facts]
+    return Recording("matlab5", tables, facts, left_out=tuple(omitted))
 
 
-def _group(content: Mapping[str, Any]) -> Group:
-    found = Group()
-    for name, item in _simulink(content).items():
+def _missing_arrays(content: Mapping[str, Any], path: Path) -> ParseError:
+    """Return the error for a file without arrays of numbers."""
+    # SciPy stores an object of a MATLAB class as MatlabOpaque, or under the name "None".
+    objects = []
+    for key, value in content.items():
+        if type(value).__name__ == "MatlabOpaque" or key == "None":
+            objects.append(key)
+    description = "no array of numbers"
+    if objects:
+        description = f"objects of MATLAB classes ({', '.join(objects)})"
+    return ParseError(
+        str(path),
+        0,
+        found=description,
+        expected=(
+            "plain arrays or structures; convert objects in MATLAB, for instance with table2struct"
+        ),
+    )
+
+
+def _read_group(content: Mapping[str, Any]) -> Group:
+    """Return the arrays and groups of a structure."""
+    group = Group()
+    for name, item in _simulink_arrays(content).items():
         if isinstance(item, Mapping):
-            inner = _group(item)
-            texts = {
-                key: item[key]
-                for key in ("units", "unit", "description")
-                if isinstance(item.get(key), str)
-            }
-            array = as_one_array(inner, texts)
-            if array is not None:
-                found.arrays[name] = array
-            else:
-                found.groups[name] = inner
+            _add_structure(group, name, item)
         elif isinstance(item, list):
-            found.groups.update(
-                {
-                    f"{name}[{i}]": _group(part)
-                    for i, part in enumerate(item)
-                    if isinstance(part, Mapping)
-                }
-            )
-            if not all(isinstance(part, Mapping) for part in item):
-                found.left_out[name] = "a cell array"
+            _add_structures(group, name, item)
+            if not _are_structures(item):
+                group.left_out[name] = "a cell array"
         else:
-            values = np.asarray(item)
-            if values.dtype.kind in "fiub" and values.size and values.ndim <= 2:
-                found.arrays[name] = Array.of(values)
-            elif (
-                values.dtype == object
-                and values.size
-                and all(isinstance(part, Mapping) for part in values.ravel())
-            ):
-                found.groups.update(
-                    {f"{name}[{i}]": _group(part) for i, part in enumerate(values.ravel())}
-                )
-            elif not (isinstance(item, str) and name in ("units", "unit", "description")):
-                found.left_out[name] = _no_array(item, values)
-    return found
+            _add_values(group, name, item)
+    return group
 
 
-def _no_array(item: Any, values: np.ndarray) -> str:
-    """Return what an item is that gives no column."""
+def _add_structure(group: Group, name: str, structure: Mapping[str, Any]) -> None:
+    """Add a structure to a group, as an array if it is one channel."""
+    inner = _read_group(structure)
+    texts = {key: structure[key] for key in _LABELS if isinstance(structure.get(key), str)}
+    array = as_one_array(inner, texts)
+    if array is not None:
+        group.arrays[name] = array
+    else:
+        group.groups[name] = inner
+
+
+def _add_structures(group: Group, name: str, items: Iterable[Any]) -> None:
+    """Add the structures of an array of structures, ``name[0]``, ``name[1]``, ..."""
+    for i, item in enumerate(items):
+        if isinstance(item, Mapping):
+            group.groups[f"{name}[{i}]"] = _read_group(item)
+
+
+def _are_structures(items: Iterable[Any]) -> bool:
+    """Return whether all items are structures."""
+    return all(isinstance(item, Mapping) for item in items)
+
+
+def _add_values(group: Group, name: str, item: Any) -> None:
+    """Add an array of numbers or of structures to a group, or the reason to omit it."""
+    values = np.asarray(item)
+    if values.dtype.kind in "fiub" and values.size and values.ndim <= 2:
+        group.arrays[name] = Array.of(values)
+    elif values.dtype == object and values.size and _are_structures(values.ravel()):
+        _add_structures(group, name, values.ravel())
+    elif not (isinstance(item, str) and name in _LABELS):
+        group.left_out[name] = _describe_omitted(item, values)
+
+
+def _describe_omitted(item: Any, values: np.ndarray) -> str:
+    """Return a description of an item that gives no column."""
     if type(item).__name__ == "MatlabOpaque":
         return "an object of a MATLAB class; convert it there, for instance with table2struct"
     if values.dtype.kind in "SU":
         return "text"
     if not values.size:
         return "an empty array"
-    if values.dtype.kind in "fiubc":
+    if values.dtype.kind == "c":
         sizes = " x ".join(map(str, values.shape))
-        return (
-            f"complex numbers ({sizes})"
-            if values.dtype.kind == "c"
-            else not_spread(values.shape, 0)
-        )
+        return f"complex numbers ({sizes})"
+    if values.dtype.kind in "fiub":
+        return not_spread(values.shape, 0)
     return "a cell array"
 
 
-def _simulink(content: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return Simulink's structure with time as arrays by label; anything else as it is."""
+def _simulink_arrays(content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the arrays of Simulink's structure with time by label; other content is unchanged."""
     signals = content.get("signals")
     if "time" not in content or signals is None:
         return content
-    parts = (
-        [signals] if isinstance(signals, Mapping) else list(np.ravel(np.asarray(signals, object)))
-    )
-    if not all(isinstance(part, Mapping) and "values" in part for part in parts):
-        return content
-    arrays = {
-        str(part.get("label") or f"signal[{i}]"): part["values"] for i, part in enumerate(parts)
-    }
-    return {"time": content["time"], **arrays}
+    # A single signal is a structure, several are an array of structures.
+    if isinstance(signals, Mapping):
+        structures = [signals]
+    else:
+        structures = list(np.ravel(np.asarray(signals, object)))
+    arrays = {"time": content["time"]}
+    for i, signal in enumerate(structures):
+        if not isinstance(signal, Mapping) or "values" not in signal:
+            return content
+        arrays[str(signal.get("label") or f"signal[{i}]")] = signal["values"]
+    return arrays

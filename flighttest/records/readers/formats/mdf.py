@@ -1,8 +1,8 @@
-"""Measurement data format (MDF 3 and 4) through asammdf: one table per channel group that has a
-time master.
+"""Measurement data files (MDF 3 and 4) as one table per channel group with a time master.
 
-asammdf decodes in C and can bring its process down on damaged bytes, so it works in a child process
-(`mdf_child`), which also keeps its second of import out of this one.
+The package asammdf decodes the file in C and may crash its process on damaged bytes.  It runs in a
+child process (`mdf_child`), so that a crash is an ordinary error here and this process does not
+import the package.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from typing import IO, Any
 import numpy as np
 
 from flightmech.errors import ParseError
-from flighttest.records.readers.bus_words import Arinc429
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.recording import (
     Columns,
@@ -34,10 +33,10 @@ _REMEDY = "map a channel of numbers in a group with a time master"
 
 
 def read(path: Path, names: NameMap) -> Recording:
-    """Return the channel groups of an MDF file as tables, called by their acquisition name or
-    ``group0``, ``group1``, ...
+    """Return the channel groups of an MDF file as tables.
 
-    Only the channels that the name map may require are decoded; without a map all of them.
+    A table has the acquisition name of its group, else ``group0``, ``group1``, ...  Only the
+    channels that the name map may read are decoded, without a map all channels.
 
     Raises
     ------
@@ -53,7 +52,7 @@ def read(path: Path, names: NameMap) -> Recording:
         "-m",
         f"{__package__}.mdf_child",
         str(path),
-        json.dumps(_wanted(names)),
+        json.dumps(_requested_channels(names)),
     ]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
     with subprocess.Popen(
@@ -61,59 +60,60 @@ def read(path: Path, names: NameMap) -> Recording:
     ) as child:
         assert child.stdout is not None
         try:
-            head, tables = _received(child.stdout, path)
+            head, tables = _receive_tables(child.stdout, path)
         except (ValueError, EOFError, KeyError) as error:
             child.kill()
             raise ParseError(
-                str(path), 0, "bytes on which the decoder asammdf broke down", _EXPECTED
+                str(path),
+                0,
+                found="bytes on which the decoder asammdf broke down",
+                expected=_EXPECTED,
             ) from error
     if head["fault"]:
-        raise ParseError(str(path), 0, head["fault"], _EXPECTED)
+        raise ParseError(str(path), 0, found=head["fault"], expected=_EXPECTED)
     if not tables:
         raise ParseError(
-            str(path), 0, "no group of channels with a time master", "a measurement over time"
+            str(path),
+            0,
+            found="no group of channels with a time master",
+            expected="a measurement over time",
         )
     facts = {"title": path.name.split(".")[0], **head["facts"]}
     left_out = [LeftOut(place, reason, _REMEDY) for place, reason in head["left_out"]]
     return Recording("mdf", tables, facts, left_out=tuple(left_out))
 
 
-def _wanted(names: NameMap) -> list[str]:
-    """Return the channels that the map may require, without their group."""
-    columns = [
-        column
-        for leaf in names.leaves.values()
-        for channel in leaf.values()
-        for column in channel.columns
-    ]
-    columns += [
-        spec.column for spec in names.decode.values() if isinstance(spec, Arinc429) and spec.column
-    ]
-    columns += [names.utc.column] if names.utc else []
+def _requested_channels(names: NameMap) -> list[str]:
+    """Return the channels that the map may read, without their group; empty for all channels."""
+    columns = names.requested_columns()
     if columns:
         columns += [clock.column for clock in (names.clock, *names.clocks.values()) if clock.column]
     return sorted({column.rpartition("/")[2] for column in columns})
 
 
-def _received(stream: IO[bytes], path: Path) -> tuple[dict[str, Any], dict[str, RecordedTable]]:
-    """Return the head and the tables that the decoder sends: a line of JSON, then the arrays as
-    they are.
-    """
+def _receive_tables(
+    stream: IO[bytes], path: Path
+) -> tuple[dict[str, Any], dict[str, RecordedTable]]:
+    """Return the head and the tables of the decoder, which sends a line of JSON and the arrays."""
     head = json.loads(stream.readline())
     tables = {}
     for group in head["groups"]:
-        time = _array(stream, "<f8", group["samples"])
-        arrays = {
-            name: _array(stream, kind, group["samples"]) for name, kind in group["decoded"].items()
-        }
-        columns = Columns(
-            {name: partial(_column, name, arrays, str(path)) for name in group["channels"]}
-        )
-        tables[group["name"]] = RecordedTable(columns, group["units"], time)
+        # The order of the arrays in the stream is the stamps, then the decoded channels.
+        samples = group["samples"]
+        time = _read_array(stream, "<f8", samples)
+        arrays = {}
+        for name, kind in group["decoded"].items():
+            arrays[name] = _read_array(stream, kind, samples)
+        # A channel without numbers is an error only when it is read.
+        loaders = {}
+        for name in group["channels"]:
+            loaders[name] = partial(_load_column, name, arrays, path=str(path))
+        tables[group["name"]] = RecordedTable(Columns(loaders), group["units"], time)
     return head, tables
 
 
-def _array(stream: IO[bytes], kind: str, length: int) -> np.ndarray:
+def _read_array(stream: IO[bytes], kind: str, length: int) -> np.ndarray:
+    """Return the next array of the stream."""
     dtype = np.dtype(kind)
     raw = stream.read(dtype.itemsize * length)
     if len(raw) < dtype.itemsize * length:
@@ -121,9 +121,13 @@ def _array(stream: IO[bytes], kind: str, length: int) -> np.ndarray:
     return np.frombuffer(raw, dtype)
 
 
-def _column(name: str, arrays: dict[str, np.ndarray], path: str) -> np.ndarray:
+def _load_column(name: str, arrays: dict[str, np.ndarray], path: str) -> np.ndarray:
+    """Return the numbers of a channel."""
     if name not in arrays:
         raise ParseError(
-            path, 0, f"channel {name!r} holding no numbers", "channels of numbers in the name map"
+            path,
+            0,
+            found=f"channel {name!r} holding no numbers",
+            expected="channels of numbers in the name map",
         )
     return arrays[name]

@@ -1,9 +1,9 @@
-"""Arrays in groups, as HDF5 and MATLAB files hold them, as tables.
+"""Tables of arrays in groups, as HDF5 and MATLAB files hold them.
 
-A group (structure) with a clock among its arrays is a table of its own; one without adds its arrays
-to the group above it, as ``group.array``.  Three layouts of structures are known besides plain
-arrays: ``data`` with ``units`` or ``description`` is one array; Simulink's structure with time
-(``time``, ``signals.values``, ``signals.label``); and matrices, of which every column is one.
+A group (structure) with a clock among its arrays is a table.  A group without a clock adds its
+arrays to the group above it, as ``group.array``.  Three layouts are read besides plain arrays:
+``data`` with ``units`` or ``description`` is one array; Simulink's structure with time (``time``,
+``signals.values``, ``signals.label``); and a matrix, whose columns are one array each.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ _REMEDY = "map an array of numbers with one value, or one row, for each sample o
 
 
 class Array(NamedTuple):
-    """An array of a file, read when it is requested; `stderr` is the standard error that the file
-    states, in its unit.
+    """An array of a file, which is read when it is requested.
+
+    `stderr` is the standard error that the file states, in the unit of the array.
     """
 
     shape: tuple[int, ...]
@@ -43,7 +44,7 @@ class Array(NamedTuple):
     @classmethod
     def of(cls, values: np.ndarray, unit: str | None = None) -> Array:
         """Return an array that is in memory already."""
-        return cls(values.shape, partial(_itself, values), unit)
+        return cls(values.shape, partial(np.asarray, values), unit)
 
     @property
     def size(self) -> int:
@@ -53,8 +54,16 @@ class Array(NamedTuple):
 
 @dataclass
 class Group:
-    """Arrays and groups by name, the flags that a record written by this package carries, and what
-    is no array, with the reason.
+    """Arrays and groups by name.
+
+    Attributes
+    ----------
+    arrays : dict of str to Array
+    groups : dict of str to Group
+    flags : str
+        Flags that a record of this package carries, else empty.
+    left_out : dict of str to str
+        Items that are not arrays of numbers -> reason.
     """
 
     arrays: dict[str, Array] = field(default_factory=dict)
@@ -64,30 +73,33 @@ class Group:
 
 
 def nested_tables(root: Group, names: NameMap) -> tuple[dict[str, RecordedTable], list[LeftOut]]:
-    """Return the tables of nested arrays, those of the root called ``data``, and the arrays that
-    are left out.
+    """Return the tables of nested arrays, and the omitted arrays.
+
+    The table of the root is ``data``.
     """
-    found: dict[str, RecordedTable] = {}
-    left_out = _no_arrays(root, "")
-    left = _collect(root, "", names, (found, left_out))
-    if left:
-        found = {ROOT: _table(left, ROOT, names, root.flags, left_out), **found}
-    return found, left_out
+    left_out = _omitted_items(root, "")
+    tables: dict[str, RecordedTable] = {}
+    arrays = _collect_tables(root, "", names, tables=tables, left_out=left_out)
+    if arrays:
+        root_table = _table(arrays, ROOT, names, flags=root.flags, left_out=left_out)
+        tables = {ROOT: root_table, **tables}
+    return tables, left_out
 
 
-def _no_arrays(group: Group, place: str) -> list[LeftOut]:
-    """Return what is no array of numbers in a group and those inside it."""
-    left_out = [
-        LeftOut(f"{place}{name}", reason, _REMEDY) for name, reason in group.left_out.items()
-    ]
+def _omitted_items(group: Group, prefix: str) -> list[LeftOut]:
+    """Return the items of a group and of its inner groups that are not arrays of numbers."""
+    left_out = []
+    for name, reason in group.left_out.items():
+        left_out.append(LeftOut(f"{prefix}{name}", reason, _REMEDY))
     for name, inner in group.groups.items():
-        left_out += _no_arrays(inner, f"{place}{name}/")
+        left_out += _omitted_items(inner, f"{prefix}{name}/")
     return left_out
 
 
 def as_one_array(group: Group, texts: dict[str, str]) -> Array | None:
-    """Return the array of a structure that is one channel: ``data`` next to ``units`` or
-    ``description``.
+    """Return the array of a structure that is one channel.
+
+    Such a structure has ``data`` next to ``units`` or ``description``.
     """
     if "data" not in group.arrays or not texts:
         return None
@@ -96,54 +108,64 @@ def as_one_array(group: Group, texts: dict[str, str]) -> Array | None:
     return Array(data.shape, data.load, unit or None)
 
 
-def _collect(
-    group: Group, place: str, names: NameMap, found: tuple[dict[str, RecordedTable], list[LeftOut]]
+def _collect_tables(
+    group: Group,
+    path: str,
+    names: NameMap,
+    tables: dict[str, RecordedTable],
+    left_out: list[LeftOut],
 ) -> dict[str, Array]:
-    """Add the tables of a group, and what they leave out, to `found` and return its arrays when it
-    has no clock.
-    """
+    """Add the tables of a group to `tables` and return the arrays that have no clock."""
     arrays = dict(group.arrays)
     for name, inner in group.groups.items():
-        path = f"{place}/{name}" if place else name
-        for key, array in _collect(inner, path, names, found).items():
+        inner_path = f"{path}/{name}" if path else name
+        inner_arrays = _collect_tables(inner, inner_path, names, tables=tables, left_out=left_out)
+        for key, array in inner_arrays.items():
             arrays[f"{name}.{key}"] = array
-    if place and (
-        _clock_name(arrays, place, names) is not None or names.clock_of(place).rate is not None
-    ):
-        found[0][place] = _table(arrays, place, names, group.flags, found[1])
-        return {}
-    return arrays
+    if not path:
+        return arrays
+    if _clock_name(arrays, path, names) is None and names.clock_of(path).rate is None:
+        return arrays
+    tables[path] = _table(arrays, path, names, flags=group.flags, left_out=left_out)
+    return {}
 
 
-def _clock_name(arrays: Mapping[str, Array], place: str, names: NameMap) -> str | None:
-    wanted = names.clock_of(place).column
-    if (
-        wanted is not None and wanted not in arrays and "/" in wanted
-    ):  # table/column: the stamps of that table
-        table, _, wanted = wanted.rpartition("/")
-        wanted = wanted if table == place else None
-    choice = (wanted,) if wanted is not None else CLOCK_NAMES
-    return next((name for name in choice if name in arrays and arrays[name].size > 1), None)
+def _clock_name(arrays: Mapping[str, Array], path: str, names: NameMap) -> str | None:
+    """Return the array that is the clock of a group, None if there is none."""
+    column = names.clock_of(path).column
+    if column is not None and column not in arrays and "/" in column:
+        # TABLE/COLUMN of the name map is the clock of that table only.
+        table, _, column_of_table = column.rpartition("/")
+        column = column_of_table if table == path else None
+    candidates = CLOCK_NAMES if column is None else (column,)
+    for name in candidates:
+        if name in arrays and arrays[name].size > 1:
+            return name
+    return None
 
 
 def _table(
-    arrays: Mapping[str, Array], place: str, names: NameMap, flags: str, left_out: list[LeftOut]
+    arrays: Mapping[str, Array],
+    path: str,
+    names: NameMap,
+    flags: str,
+    left_out: list[LeftOut],
 ) -> RecordedTable:
-    clock = _clock_name(arrays, place, names)
-    longest = Counter(max(array.shape) for array in arrays.values() if array.size > 1)
-    length = arrays[clock].size if clock else longest.most_common(1)[0][0] if longest else 1
+    """Return the table of a group and add its omitted arrays to `left_out`."""
+    length = _sample_count(arrays, _clock_name(arrays, path, names))
     loaders: dict[str, Callable[[], Any]] = {}
     units: dict[str, str] = {}
     errors: dict[str, float] = {}
     for name, array in arrays.items():
         columns = columns_of_array(name, array.shape, length)
         if not columns:
-            left_out.append(LeftOut(f"{place}/{name}", not_spread(array.shape, length), _REMEDY))
-        load = (
-            cache(array.load) if len(columns) > 1 else array.load
-        )  # a matrix is read once, not once for each column
-        for column, take in columns.items():
-            loaders[column] = partial(_taken, load, take)
+            reason = not_spread(array.shape, length)
+            left_out.append(LeftOut(f"{path}/{name}", reason, _REMEDY))
+        load = array.load
+        if len(columns) > 1:
+            load = cache(load)  # a matrix is read once, not once for each column
+        for column, select in columns.items():
+            loaders[column] = partial(_load_column, load, select)
             if array.unit:
                 units[column] = array.unit
             if array.stderr is not None:
@@ -151,9 +173,16 @@ def _table(
     return RecordedTable(Columns(loaders), units, flags=flags, errors=errors)
 
 
-def _taken(load: Callable[[], Any], take: Callable[[Any], np.ndarray]) -> np.ndarray:
-    return take(np.asarray(load()))
+def _sample_count(arrays: Mapping[str, Array], clock: str | None) -> int:
+    """Return the size of the clock, else the most frequent longest dimension."""
+    if clock is not None:
+        return arrays[clock].size
+    dimensions = Counter(max(array.shape) for array in arrays.values() if array.size > 1)
+    if not dimensions:
+        return 1
+    return dimensions.most_common(1)[0][0]
 
 
-def _itself(values: np.ndarray) -> np.ndarray:
-    return values
+def _load_column(load: Callable[[], Any], select: Callable[[Any], np.ndarray]) -> np.ndarray:
+    """Return one column of an array of the file."""
+    return select(np.asarray(load()))

@@ -1,8 +1,9 @@
-"""netCDF classic files (before netCDF-4): one table of the variables over the clock."""
+"""Classic netCDF files (before netCDF-4) as one table of the variables over the clock."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.io import netcdf_file
@@ -19,9 +20,8 @@ def read(path: Path, names: NameMap) -> Recording:
     Raises
     ------
     ParseError
-        The file is damaged, or holds no variable over a clock.
+        The file is damaged, or has no variable over a clock.
     """
-
     root = Group()
     with (
         decoding_errors(path, "a whole netCDF file"),
@@ -31,19 +31,29 @@ def read(path: Path, names: NameMap) -> Recording:
             if variable.data.dtype.kind not in "fiu":
                 root.left_out[name] = "text"
                 continue
-            values = (
-                np.ma.filled(np.ma.asarray(variable[:], float), np.nan)
-                if variable.shape
-                else np.asarray(variable.getValue(), float)
-            )
-            unit = getattr(variable, "units", b"")
-            unit = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
-            root.arrays[name] = Array.of(values, unit.split(" since ")[0] or None)
-        found, left_out = nested_tables(root, names)
-        title = getattr(file, "title", b"")
-    if not found:
+            values: np.ndarray
+            if variable.shape:
+                values = np.ma.filled(np.ma.asarray(variable[:], float), np.nan)
+            else:
+                values = np.asarray(variable.getValue(), float)
+            # The unit of a clock is "seconds since DATE" by the CF conventions.
+            unit = _text(getattr(variable, "units", b"")).split(" since ")[0]
+            root.arrays[name] = Array.of(values, unit or None)
+        tables, left_out = nested_tables(root, names)
+        title = _text(getattr(file, "title", b""))
+    if not tables:
         raise ParseError(
-            str(path), 0, "no variable of numbers", "a recording: variables over their stamps"
+            str(path),
+            0,
+            found="no variable of numbers",
+            expected="a recording: variables over their stamps",
         )
-    title = title.decode("utf-8", "replace") if isinstance(title, bytes) else str(title)
-    return Recording("netcdf3", found, {"title": title} if title else {}, left_out=tuple(left_out))
+    facts = {"title": title} if title else {}
+    return Recording("netcdf3", tables, facts, left_out=tuple(left_out))
+
+
+def _text(attribute: Any) -> str:
+    """Return an attribute as text."""
+    if isinstance(attribute, bytes):
+        return attribute.decode("utf-8", "replace")
+    return str(attribute)

@@ -1,11 +1,12 @@
-"""PX4 logs (ULog): one table per topic, ``topic`` for its first instance and ``topic.1`` ... for
-the others.
+"""PX4 logs (ULog), one table per topic.
 
-Fields keep their names (``xyz[0]``); ULog states no units, so the name map does.  A topic with an
-attitude quaternion ``q[0]`` ... ``q[3]`` (Hamilton, scalar first, body to north-east-down) also
-gets ``roll``, ``pitch`` and ``yaw`` [rad].  The clock is the autopilot's, in seconds;
-`timestamp_sample`, the time of the measurement, can be chosen as the clock of a topic in the name
-map.  ``vehicle_status`` gives the flight modes.
+The first instance of a topic has the table ``topic``, further instances have ``topic.1`` ...
+Fields keep their names (``xyz[0]``).  ULog states no units, so that the name map must state them.
+
+A topic with an attitude quaternion ``q[0]`` ... ``q[3]`` (Hamilton, scalar first, body to
+north-east-down) also has the columns ``roll``, ``pitch`` and ``yaw`` [rad].  The clock is the clock
+of the autopilot in seconds.  The name map may choose `timestamp_sample`, the time of the
+measurement, as the clock of a topic.  ``vehicle_status`` gives the flight modes.
 """
 
 from __future__ import annotations
@@ -14,11 +15,11 @@ import contextlib
 import io
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from flightmech.errors import ParseError
-from flighttest.records.readers.bus_words import Arinc429
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.recording import (
     PX4,
@@ -30,6 +31,7 @@ from flighttest.records.readers.recording import (
 
 _MICRO = 1e-6
 _STATUS = "vehicle_status"
+_MOST_DROPOUTS = 20  # dropouts that have a note each
 
 
 def read(path: Path, names: NameMap) -> Recording:
@@ -42,101 +44,90 @@ def read(path: Path, names: NameMap) -> Recording:
     """
     from pyulog import ULog
 
+    topics = _requested_topics(names)
     with (
         decoding_errors(path, "a whole ULog file"),
         contextlib.redirect_stdout(io.StringIO()),
-    ):  # pyulog prints what it meets
-        wanted = _topics(names)
-        log = ULog(str(path), None if wanted is None else [*wanted, _STATUS])
-        tables = {}
-        for part in sorted(log.data_list, key=lambda part: (part.name, part.multi_id)):
-            if len(part.data.get("timestamp", ())):
-                tables[part.name if part.multi_id == 0 else f"{part.name}.{part.multi_id}"] = (
-                    _table(part.data)
-                )
-    status = tables.get(_STATUS)
-    modes: tuple[tuple[float, str], ...] = ()
-    if status is not None and status.time is not None and "nav_state" in status.columns:
-        modes = flight_mode_changes(status.time, status.columns["nav_state"], PX4)
-    if wanted is not None and _STATUS not in wanted:
-        tables = {
-            name: table for name, table in tables.items() if name.partition(".")[0] != _STATUS
-        }
-    if not tables and not wanted:
+    ):  # pyulog prints its warnings
+        log = ULog(str(path), None if topics is None else [*topics, _STATUS])
+        tables: dict[str, RecordedTable] = {}
+        for topic in sorted(log.data_list, key=lambda topic: (topic.name, topic.multi_id)):
+            if len(topic.data.get("timestamp", ())):
+                instance = f".{topic.multi_id}" if topic.multi_id else ""
+                tables[f"{topic.name}{instance}"] = _topic_table(topic.data)
+
+    modes = _flight_modes(tables.get(_STATUS))
+    if topics is not None and _STATUS not in topics:
+        for name in [name for name in tables if name.partition(".")[0] == _STATUS]:
+            del tables[name]
+    if not tables and not topics:
         raise ParseError(
             str(path),
             0,
-            "no logged topic",
-            "a ULog file with data; logging may have stopped before it began",
+            found="no logged topic",
+            expected="a ULog file with data; logging may have stopped before it began",
         )
-    gone = [
-        f"logger dropped {drop.duration:g} ms at {drop.timestamp * _MICRO:.6g} s"
-        for drop in log.dropouts[:20]
-    ]
-    if len(log.dropouts) > 20:
-        gone.append(
-            f"{len(log.dropouts)} dropouts of the logger in all, "
-            f"{sum(drop.duration for drop in log.dropouts):g} ms"
-        )
-    if log.file_corruption:
-        gone.append("damaged parts of the log were skipped")
     facts = {"title": path.name.split(".")[0]}
-    facts.update(
-        {
-            f"px4_{key}": str(log.msg_info_dict[key])
-            for key in ("sys_name", "ver_hw", "ver_sw_release")
-            if key in log.msg_info_dict
-        }
-    )
-    return Recording("ulog", tables, facts, tuple(gone), modes)
+    for key in ("sys_name", "ver_hw", "ver_sw_release"):
+        if key in log.msg_info_dict:
+            facts[f"px4_{key}"] = str(log.msg_info_dict[key])
+    return Recording("ulog", tables, facts, notes=tuple(_damage_notes(log)), modes=modes)
 
 
-def _topics(names: NameMap) -> list[str] | None:
-    """Return the topics that the map names, without their instance."""
-    columns = [
-        column
-        for leaf in names.leaves.values()
-        for channel in leaf.values()
-        for column in channel.columns
-    ]
-    columns += [names.utc.column] if names.utc else []
-    columns += [
-        spec.column for spec in names.decode.values() if isinstance(spec, Arinc429) and spec.column
-    ]
-    topics = {column.rpartition("/")[0].partition(".")[0] for column in columns}
-    topics |= {
-        leaf
-        for leaf, channels in names.leaves.items()
-        if any("/" not in c for one in channels.values() for c in one.columns)
-    }
+def _flight_modes(status: RecordedTable | None) -> tuple[tuple[float, str], ...]:
+    """Return the flight modes of the topic ``vehicle_status``."""
+    if status is None or status.time is None or "nav_state" not in status.columns:
+        return ()
+    return flight_mode_changes(status.time, status.columns["nav_state"], PX4)
+
+
+def _damage_notes(log: Any) -> list[str]:
+    """Return notes on dropouts and damaged parts of a log."""
+    notes = []
+    for dropout in log.dropouts[:_MOST_DROPOUTS]:
+        seconds = dropout.timestamp * _MICRO
+        notes.append(f"logger dropped {dropout.duration:g} ms at {seconds:.6g} s")
+    if len(log.dropouts) > _MOST_DROPOUTS:
+        total = sum(dropout.duration for dropout in log.dropouts)
+        notes.append(f"{len(log.dropouts)} dropouts of the logger in all, {total:g} ms")
+    if log.file_corruption:
+        notes.append("damaged parts of the log were skipped")
+    return notes
+
+
+def _requested_topics(names: NameMap) -> list[str] | None:
+    """Return the topics that the map reads, without their instance; None for all topics."""
+    topics = {column.rpartition("/")[0].partition(".")[0] for column in names.requested_columns()}
+    # A column without a topic belongs to the topic that has the name of its leaf.
+    for leaf, channels in names.leaves.items():
+        for channel in channels.values():
+            if any("/" not in column for column in channel.columns):
+                topics.add(leaf)
     topics.discard("")
     return sorted(topics) or None
 
 
-def _table(data: Mapping[str, np.ndarray]) -> RecordedTable:
-    columns = {
-        name: values
-        for name, values in data.items()
-        if name != "timestamp" and values.dtype.kind in "fiub"
-    }
-    units = {}
+def _topic_table(data: Mapping[str, np.ndarray]) -> RecordedTable:
+    """Return the numbers of a topic over its time stamps."""
+    columns, units = {}, {}
+    for name, values in data.items():
+        if name != "timestamp" and values.dtype.kind in "fiub":
+            columns[name] = values
     if {"q[0]", "q[1]", "q[2]", "q[3]"} <= set(columns) and "roll" not in columns:
-        columns.update(
-            zip(
-                ("roll", "pitch", "yaw"),
-                quaternion_to_euler(*(columns[f"q[{i}]"] for i in range(4))),
-                strict=True,
-            )
-        )
-        units = {"roll": "rad", "pitch": "rad", "yaw": "rad"}
+        quaternion = [columns[f"q[{i}]"] for i in range(4)]
+        angles = quaternion_to_euler(*quaternion)
+        for name, values in zip(("roll", "pitch", "yaw"), angles, strict=True):
+            columns[name] = values
+            units[name] = "rad"
     if "timestamp_sample" in columns:
         units["timestamp_sample"] = "us"
     return RecordedTable(columns, units, data["timestamp"].astype(float) * _MICRO)
 
 
 def quaternion_to_euler(w, x, y, z) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return bank, pitch and heading of a quaternion body to north-east-down, scalar first; heading
-    0 ... 2 pi. [rad]
+    """Return bank, pitch and heading of a quaternion from body to north-east-down. [rad]
+
+    The scalar part is `w`.  The heading is between 0 and 2 pi.
     """
     w, x, y, z = (np.asarray(part, float) for part in (w, x, y, z))
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))

@@ -1,6 +1,4 @@
-"""IRIG 106 Chapter 10 recordings: packets in `packets`, time in `time_packets`, and a module for
-each kind of data.
-"""
+"""IRIG 106 Chapter 10 recordings, with a module for packets, time and each kind of data."""
 
 from __future__ import annotations
 
@@ -12,8 +10,9 @@ from flighttest.records.readers.recording import Recording
 
 
 def read(path: Path, names: NameMap) -> Recording:
-    """Return the parameters that ``[decode]`` of the name map takes out of a Chapter 10 file, see
-    `tables.read_chapter10_tables`.
+    """Return the parameters that ``[decode]`` of the name map defines.
+
+    See `tables.read_chapter10_tables`.
     """
 
     return read_tables(path, names)

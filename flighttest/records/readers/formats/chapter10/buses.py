@@ -2,17 +2,21 @@
 
 References
 ----------
-.. [IRIG106-11] IRIG Standard 106-17, Chapter 11, 11.2.4.1 (MIL-STD-1553 format 1) and 11.2.8.1 (ARINC 429 format 0).
+.. [IRIG106-11] IRIG Standard 106-17, Chapter 11, 11.2.4.1 (MIL-STD-1553 format 1) and 11.2.8.1
+   (ARINC 429 format 0).
 """
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from flightmech.errors import UnknownName
-from flighttest.records.readers.bus_words import Mil1553, Words
+from flighttest.records.readers.arinc429 import Words
+from flighttest.records.readers.bus_words import Mil1553
 from flighttest.records.readers.formats.chapter10.counts import join_words, to_engineering_value
 from flighttest.records.readers.formats.chapter10.packets import (
     ARINC429_F0,
@@ -23,38 +27,57 @@ from flighttest.records.readers.formats.chapter10.packets import (
 )
 from flighttest.records.readers.recording import RecordedTable
 
-_ERRORS = (
-    0x1000 | 0x0400 | 0x0200 | 0x0038
-)  # message, format, time-out; length, sync type, invalid word
+# Block status: message error, format error, response time-out.
+_MESSAGE_ERRORS = 0x1000 | 0x0400 | 0x0200
+# Block status: word count error, sync type error, invalid word.
+_WORD_ERRORS = 0x0038
+_TERMINAL_TO_TERMINAL = 0x0800
+_MESSAGE_HEADER = 14  # bytes before the words of a MIL-STD-1553 message
+
+
+class _Message(NamedTuple):
+    """One MIL-STD-1553 message: relative time [ticks], block status, and its 16-bit words."""
+
+    tick: int
+    status: int
+    words: np.ndarray
 
 
 def arinc_words(file: Index, channel: int, first_tick: int, name: str, notes: list[str]) -> Words:
-    """Return all ARINC 429 words of a channel; words with a format error are left out.
+    """Return the ARINC 429 words of a channel without the words that have a format error.
 
-    The first word of a packet has the packet's time; each gap time counts from the beginning of the
-    word before.
+    The first word of a packet has the time of the packet.  The gap time of every further word
+    counts from the start of the word before it.
     """
-    times, words, buses = [], [], []
+    times, data_words, buses = [], [], []
     for packet in file.of(channel, ARINC429_F0, name):
         body = file.body(packet)
-        count = struct.unpack_from("<H", body)[0] if len(body) >= 4 else -1
+        # The channel-specific word holds the number of words in its low 16 bits.
+        count = -1
+        if len(body) >= 4:
+            count = struct.unpack_from("<H", body)[0]
         if count < 0 or 4 + 8 * count > len(body):
             notes.append(
                 f"packet at byte {packet.start}: {count} ARINC 429 words do not fit its "
                 f"{len(body)} bytes; left out"
             )
             continue
+
+        # Each word follows its intra-packet header: gap time in bits 0-19 [ticks], format error in
+        # bit 23, bus in bits 24-31.
         pairs = np.frombuffer(body, "<u4", 2 * count, 4).reshape(count, 2)
-        gaps = (pairs[:, 0] & 0xFFFFF).astype(np.int64)
+        headers = pairs[:, 0]
+        gaps = (headers & 0xFFFFF).astype(np.int64)
         if count:
             gaps[0] = 0
-        good = pairs[:, 0] & (1 << 23) == 0
-        times.append(((packet.rtc - first_tick + np.cumsum(gaps)) * TICK)[good])
-        words.append(pairs[good, 1])
-        buses.append((pairs[:, 0] >> 24)[good])
+        is_valid = headers & (1 << 23) == 0
+        times.append(((packet.rtc - first_tick + np.cumsum(gaps)) * TICK)[is_valid])
+        data_words.append(pairs[is_valid, 1])
+        buses.append((headers >> 24)[is_valid])
+
     if not times:
         return Words(np.zeros(0), np.zeros(0, np.uint32), np.zeros(0, np.uint32))
-    return Words(np.concatenate(times), np.concatenate(words), np.concatenate(buses))
+    return Words(np.concatenate(times), np.concatenate(data_words), np.concatenate(buses))
 
 
 def mil1553_tables(
@@ -62,76 +85,87 @@ def mil1553_tables(
 ) -> dict[str, RecordedTable]:
     """Return the table of one message: its parameters at the times of the messages.
 
-    Messages that the recorder flags as faulty are left out, and so are transfers from terminal to
-    terminal.
+    Messages that the recorder flags as faulty and transfers from terminal to terminal are left
+    out.
 
     Raises
     ------
     UnknownName
-        No such message, with those that are there.
+        The channel has no such message.  The error lists the messages of the channel.
     """
-    transmit = spec.direction == "transmit"
-    wanted = (spec.rt, transmit, spec.subaddress)
-    times, rows = [], []
-    seen: set[tuple[int, bool, int]] = set()
+    transmits = spec.direction == "transmit"
+    requested = (spec.rt, transmits, spec.subaddress)
     needed = max((max(word.words) for word in spec.parameters.values()), default=1)
-    short = 0
+    times, rows = [], []
+    recorded: set[tuple[int, bool, int]] = set()
+    short_messages = 0
     for packet in file.of(spec.channel, MIL1553_F1, name):
-        for tick, block, words in _messages(file, packet, notes):
-            if block & _ERRORS or block & 0x0800 or len(words) < 2:
+        for message in _read_messages(file, packet, notes):
+            faulty = message.status & (_MESSAGE_ERRORS | _WORD_ERRORS)
+            if faulty or message.status & _TERMINAL_TO_TERMINAL or len(message.words) < 2:
                 continue
-            command = int(words[0])
+            # Command word: terminal in bits 11-15, transmit in bit 10, subaddress in bits 5-9.
+            command = int(message.words[0])
             key = (command >> 11, bool(command >> 10 & 1), command >> 5 & 0x1F)
-            seen.add(key)
-            if key != wanted:
+            recorded.add(key)
+            if key != requested:
                 continue
-            data = (
-                words[2:] if transmit else words[1:-1]
-            )  # a transmitting terminal sends its status before the data
+            data = _data_words(message.words, transmits)
             if len(data) < needed:
-                short += 1
+                short_messages += 1
                 continue
-            times.append((tick - first_tick) * TICK)
+            times.append((message.tick - first_tick) * TICK)
             rows.append(data[:needed])
+
     if not times:
-        there = [
-            f"rt {rt} {'transmit' if sends else 'receive'} subaddress {sub}"
-            for rt, sends, sub in sorted(seen)
-        ]
-        message = f"rt {spec.rt} {spec.direction} subaddress {spec.subaddress}"
-        raise UnknownName(
-            message,
-            there,
-            "MIL-STD-1553 message",
-            f"decode.{name} requires it on channel {spec.channel}",
-        )
-    if short:
+        raise _unknown_message(spec, recorded, name)
+    if short_messages:
         notes.append(
-            f"decode.{name}: {short} messages with fewer than {needed} data words left out"
+            f"decode.{name}: {short_messages} messages with fewer than {needed} data words left out"
         )
+
     data = np.array(rows)
-    columns = {
-        parameter: to_engineering_value(
-            join_words([data[:, i - 1] for i in word.words], 16),
+    columns, units = {}, {}
+    for parameter, word in spec.parameters.items():
+        parts = [data[:, i - 1] for i in word.words]  # the name map counts data words from 1
+        columns[parameter] = to_engineering_value(
+            join_words(parts, 16),
             16 * len(word.words),
-            word.code,
-            word.lsb,
-            word.offset,
-            word.bits,
+            code=word.code,
+            lsb=word.lsb,
+            offset=word.offset,
+            bits=word.bits,
         )
-        for parameter, word in spec.parameters.items()
-    }
-    return {
-        name: RecordedTable(
-            columns,
-            {parameter: word.unit for parameter, word in spec.parameters.items()},
-            np.array(times),
-        )
-    }
+        units[parameter] = word.unit
+    return {name: RecordedTable(columns, units, np.array(times))}
 
 
-def _messages(file: Index, packet: Packet, notes: list[str]):
-    """Yield tick, block status and words of every message of a packet."""
+def _data_words(words: np.ndarray, transmits: bool) -> np.ndarray:
+    """Return the data words of a message.
+
+    A transmitting terminal sends its status before the data, a receiving one after the data.
+    """
+    if transmits:
+        return words[2:]
+    return words[1:-1]
+
+
+def _unknown_message(spec: Mil1553, recorded: set[tuple[int, bool, int]], name: str) -> UnknownName:
+    """Return the error for a message that the channel does not have."""
+    recorded_names = []
+    for terminal, transmits, subaddress in sorted(recorded):
+        direction = "transmit" if transmits else "receive"
+        recorded_names.append(f"rt {terminal} {direction} subaddress {subaddress}")
+    return UnknownName(
+        f"rt {spec.rt} {spec.direction} subaddress {spec.subaddress}",
+        recorded_names,
+        what="MIL-STD-1553 message",
+        hint=f"decode.{name} requires it on channel {spec.channel}",
+    )
+
+
+def _read_messages(file: Index, packet: Packet, notes: list[str]) -> Iterator[_Message]:
+    """Yield every complete message of a packet."""
     body = file.body(packet)
     if packet.absolute_stamps:
         notes.append(
@@ -139,20 +173,23 @@ def _messages(file: Index, packet: Packet, notes: list[str]):
             f"are not read; left out"
         )
         return
-    count = struct.unpack_from("<I", body)[0] & 0xFFFFFF if len(body) >= 4 else 0
-    place = 4
+    count = 0
+    if len(body) >= 4:
+        count = struct.unpack_from("<I", body)[0] & 0xFFFFFF
+    offset = 4
     for _ in range(count):
-        if place + 14 > len(body):
+        if offset + _MESSAGE_HEADER > len(body):
             notes.append(f"packet at byte {packet.start}: cut off inside a MIL-STD-1553 message")
             return
-        tick = int.from_bytes(body[place : place + 6], "little")
-        block, _, length = struct.unpack_from("<HHH", body, place + 8)
-        place += 14
-        if length % 2 or place + length > len(body):
+        # Intra-packet header: 48-bit time, 2 reserved bytes, block status, gap times, length.
+        tick = int.from_bytes(body[offset : offset + 6], "little")
+        status, _, length = struct.unpack_from("<HHH", body, offset + 8)
+        offset += _MESSAGE_HEADER
+        if length % 2 or offset + length > len(body):
             notes.append(
                 f"packet at byte {packet.start}: a MIL-STD-1553 message of {length} bytes "
                 f"does not fit"
             )
             return
-        yield tick, block, np.frombuffer(body, "<u2", length // 2, place)
-        place += length
+        yield _Message(tick, status, np.frombuffer(body, "<u2", length // 2, offset))
+        offset += length

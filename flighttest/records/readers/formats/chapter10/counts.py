@@ -1,4 +1,4 @@
-"""Counts in words to engineering values."""
+"""Conversion of counts in recorded words to engineering values."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import numpy as np
 
 from flightmech.errors import SchemaError
 
+# Bits of a floating-point word: unsigned type of the same width, floating-point type.
+_FLOAT_TYPES = {32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
+
 
 def join_words(words: list[np.ndarray], width: int) -> np.ndarray:
-    """Return words (most significant first, `width` bits each) as one unsigned number of up to 64
-    bits.
-    """
+    """Return words of `width` bits, most significant first, as one number of up to 64 bits."""
     value = np.zeros(len(words[0]), np.uint64)
     for word in words:
         value = (value << np.uint64(width)) | word.astype(np.uint64)
@@ -39,38 +40,51 @@ def to_engineering_value(
     lsb, offset : float
         Value of one count, and value at count zero.
     bits : (int, int), optional
-        Lowest and highest bit taken, from 0.
+        Lowest and highest bit of the parameter in `count`, from 0.
 
     Raises
     ------
     SchemaError
-        Floating point in another number of bits than 32 or 64.
+        The code is floating point, and the word has another width than 32 or 64 bits.
     """
     if bits is not None:
         width = bits[1] - bits[0] + 1
         count = (count >> np.uint64(bits[0])) & np.uint64((1 << width) - 1)
     if code == "float":
-        kind = {32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}.get(width)
-        if kind is None:
-            raise SchemaError(
-                "[decode] of the name map",
-                [f"code 'float' on {width} bits; it has 32 or 64: name the words that hold it"],
-            )
-        number = count.astype(kind[0]).view(kind[1]).astype(float)
+        number = _float_of_bits(count, width)
     elif code == "twos":
-        negative = (count >> np.uint64(width - 1)) & np.uint64(1) > 0
-        number = (
-            count.astype(np.int64).astype(float)
-            if width == 64
-            else count.astype(float) - np.where(negative, 2.0**width, 0.0)
-        )
+        number = _twos_complement(count, width)
     elif code == "offset":
         number = count.astype(float) - 2.0 ** (width - 1)
     elif code == "magnitude":
-        negative = (count >> np.uint64(width - 1)) & np.uint64(1) > 0
-        number = (count & np.uint64((1 << (width - 1)) - 1)).astype(float) * np.where(
-            negative, -1.0, 1.0
-        )
+        sign = np.where(_sign_bit(count, width), -1.0, 1.0)
+        number = (count & np.uint64((1 << (width - 1)) - 1)).astype(float) * sign
     else:
         number = count.astype(float)
     return lsb * number + offset
+
+
+def _sign_bit(count: np.ndarray, width: int) -> np.ndarray:
+    """Return whether the highest of `width` bits is set."""
+    return (count >> np.uint64(width - 1)) & np.uint64(1) > 0
+
+
+def _float_of_bits(count: np.ndarray, width: int) -> np.ndarray:
+    """Return the IEEE 754 numbers whose bits are stored in unsigned words."""
+    kinds = _FLOAT_TYPES.get(width)
+    if kinds is None:
+        raise SchemaError(
+            "[decode] of the name map",
+            [f"code 'float' on {width} bits; it has 32 or 64: name the words that hold it"],
+        )
+    unsigned, floating = kinds
+    return count.astype(unsigned).view(floating).astype(float)
+
+
+def _twos_complement(count: np.ndarray, width: int) -> np.ndarray:
+    """Return the signed values of two's complement numbers."""
+    # In double precision, subtraction of 2^64 would lose the low bits of the count.
+    # The 64 bits are reinterpreted as a signed integer instead.
+    if width == 64:
+        return count.astype(np.int64).astype(float)
+    return count.astype(float) - np.where(_sign_bit(count, width), 2.0**width, 0.0)
