@@ -25,8 +25,8 @@ from .diagnosis.diagnosis import diagnose as diagnose
 from .diagnosis.joint_correction import diagnose_all as diagnose_all
 from .diagnosis.joint_correction import join_diagnoses as join_diagnoses
 from .diagnosis.sampling.sampled_replay import replay_sampled as replay_sampled
-from .diagnosis.waterfall import ranking as ranking
-from .diagnosis.waterfall import waterfall as waterfall
+from .diagnosis.waterfall_steps import ranking as ranking
+from .diagnosis.waterfall_steps import waterfall as waterfall
 from .replaying.batch import replay_all as replay_all
 from .replaying.replay_case import replay as replay
 from .report.writer import write_report as write_report

@@ -11,5 +11,5 @@ from .term_swaps import by_submodel as by_submodel
 from .term_swaps import differing_terms as differing
 from .term_swaps import differing_terms as differing_terms
 from .term_swaps import swap_terms as swap_terms
-from .waterfall import ranking as ranking
-from .waterfall import waterfall as waterfall
+from .waterfall_steps import ranking as ranking
+from .waterfall_steps import waterfall as waterfall

@@ -29,7 +29,7 @@ from pom.diagnosis.swap_judgement import Judged, nearest_choice
 from pom.diagnosis.swap_models import SwapModels
 from pom.diagnosis.swap_runs import SwapBench
 from pom.diagnosis.term_swaps import groups_of
-from pom.diagnosis.waterfall import OTHERS
+from pom.diagnosis.waterfall_steps import OTHERS
 
 LEAST_SHARE = 0.02  # of the gap: an addition that explains less is not worth a correction
 # [half widths] A criterion whose mismatch differs by less between the two models has no meaningful

@@ -64,7 +64,7 @@ def replay_choices(
     for choice in choices:
         rows.append([choice[name] for name in varied])
     table = np.array(rows, float)
-    # The kernel closes few loops of a math pilot itself.
+    # The kernel handles few loops of a math pilot itself.
     fly = _fly_in_kernel
     if len(job.pilot) > MOST_LOOPS:
         fly = _fly_with_pilot

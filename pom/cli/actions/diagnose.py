@@ -26,7 +26,7 @@ from pom.cli.actions.report import case_files, read_biases
 from pom.diagnosis.corrected_model import corrected_aircraft, corrected_database, joint_terms
 from pom.diagnosis.joint_correction import join_tables, rank_all, swap_models
 from pom.diagnosis.term_swaps import differing_terms
-from pom.diagnosis.waterfall import criteria_of
+from pom.diagnosis.waterfall_steps import criteria_of
 from pom.report.models.diagnosis import cause_sentences
 
 _IDLE = 0.005  # share of the gap

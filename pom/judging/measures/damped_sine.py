@@ -201,7 +201,7 @@ def _minimise_residual(
     """Return (sigma, wd) of least squares to a relative tolerance, from a start point."""
     scaled = y / (float(np.ptp(y)) or 1.0)
 
-    # MINPACK asks for residual and derivative of one point in two calls.
+    # MINPACK requires residual and derivative of one point in two calls.
     @lru_cache(maxsize=2)
     def project(sigma: float, wd: float) -> _Projection:
         return _project_trace(t, scaled, sigma, wd=wd)

@@ -107,7 +107,7 @@ def _make_cross(
 
 # Largest share of the height of flight and band by which an outlier widens a scale, on each side.
 ROOM = 0.5
-# Least share of the panel that half a band keeps beside the trace of a model.
+# Least share of the panel that half a band keeps next to the trace of a model.
 LEAST_BAND = 0.05
 # Margin beyond the extreme values, as a share of the height.
 MARGIN = 0.05

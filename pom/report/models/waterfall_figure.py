@@ -11,7 +11,7 @@ import pandas as pd
 
 from flightmech.support import figures as svg_chart
 from flightmech.support.figures import Frame
-from pom.diagnosis.waterfall import OTHERS, criteria_of, waterfall
+from pom.diagnosis.waterfall_steps import OTHERS, criteria_of, waterfall
 from pom.report.presentation.quantities import fixed_decimals
 
 MOST_PANELS = 4  # criteria next to the total

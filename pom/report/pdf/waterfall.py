@@ -16,7 +16,7 @@ from flightmech.support.figures import (
     draw_text,
     tick_text,
 )
-from pom.diagnosis.waterfall import OTHERS, waterfall
+from pom.diagnosis.waterfall_steps import OTHERS, waterfall
 from pom.report.pdf.style import Drawing, svg_drawing
 from pom.report.presentation.quantities import fixed_decimals, term_words
 

@@ -117,7 +117,7 @@ def exceedance_area(
     above, below = np.where(is_above, values, high), np.where(is_below, values, low)
     shapes = ""
     for edge, trace, outside in ((high, above, is_above), (below, low, is_below)):
-        # One sample more at each side closes the area at the crossing.
+        # One sample more at each side completes the area at the crossing.
         wide = outside | np.roll(outside, 1) | np.roll(outside, -1)
         lower, upper = np.where(wide, edge, np.nan), np.where(wide, trace, np.nan)
         shapes += draw_area(frame, time, lower, upper, "exit")
