@@ -3,7 +3,6 @@ cards.
 """
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -91,8 +90,12 @@ ratio = 0.05
 @pytest.fixture(scope="module")
 def planned(tmp_path_factory):
     folder = tmp_path_factory.mktemp("plan")
-    project = replace(
-        read_project(PROJECT), engine=None, controls={}, gear=None, ground_effect=None
+    shipped = read_project(PROJECT)
+    project = shipped.with_changes(
+        engine=None,
+        controls=type(shipped.controls)(),
+        gear=None,
+        ground_effect=None,
     )
     aircraft = flightmech.read_aircraft(project.aircraft)
     aerodb.save(

@@ -1,7 +1,5 @@
 import hashlib
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import h5py
@@ -213,17 +211,6 @@ def test_history_and_decisions_print_what_the_whole_reading_prints(small, tmp_pa
 
 
 @pytest.mark.slow
-def test_history_and_decisions_need_neither_xarray_nor_pandas(file):
-    code = """
-import sys
-from aerodb.cli.group import db
-db(sys.argv[1:], standalone_mode=False)
-sys.exit(len({"xarray", "pandas"} & set(sys.modules)))
-"""
-    for verb in ("history", "decisions"):
-        assert subprocess.run([sys.executable, "-c", code, verb, file]).returncode == 0
-
-
 def test_show_one_term_with_its_numbers(file):
     text = run("show", file, "--term", "CL/flap").stdout
     assert "delta_f 40" in text
