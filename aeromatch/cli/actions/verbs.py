@@ -13,17 +13,7 @@ from typing import Any
 
 import click
 
-from aeromatch.planning.match_plan import MatchOptions, make_plan
-from aeromatch.project.project import read_project
 from aeromatch.rebuilding.finished import Finished, Watched
-from aeromatch.workbench.actions import (
-    PlaceholderFolders,
-    carry_out,
-    last_match,
-    read_action_log,
-    to_do,
-)
-from aeromatch.workflow.steps import perform_match
 from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.support.console import (
     command_line,
@@ -33,11 +23,7 @@ from flightmech.support.console import (
     timed_step,
     to_json_types,
 )
-from flightmech.support.kept_stages.explanation import StageTrace
-from flightmech.support.kept_stages.stages import Stages
 from flightmech.support.kept_stages.store import StageStore, size_limit, store_folder
-from pom.report.case.remarks import sampled_line
-from pom.result import status_text
 
 INPUTS = ("README.md", "datcom", "flight")
 """What a project starts from; aircraft file, name map, project file and cases are made from it."""
@@ -185,6 +171,14 @@ def _replayed(project: Path, output: Path, log: Path) -> bool:
     """Carry out the actions of a log, and return whether the match of the project as they leave it
     is one of them.
     """
+    # a match without a change loads nothing that computes
+    from aeromatch.workbench.actions import (
+        PlaceholderFolders,
+        carry_out,
+        last_match,
+        read_action_log,
+        to_do,
+    )
 
     output.mkdir(parents=True, exist_ok=True)
     places, entries = (
@@ -272,6 +266,8 @@ def _performed(
     options: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Perform a match, and return what is printed of it as plain data."""
+    # a match without a change loads nothing that computes
+    from aeromatch.workflow.steps import perform_match
 
     project = _project(file, unplaced)
     with _stages(store, output, fresh, explain) as stages:
@@ -296,6 +292,8 @@ def _performed(
 
 def _project(file: Path, unplaced: str | None) -> Any:
     """Return a project, with the answer to terms without a place that the command gives."""
+    # a match without a change loads nothing that computes
+    from aeromatch.project.project import read_project
 
     project = read_project(file)
     return project if unplaced is None else project.with_changes(unplaced=unplaced)
@@ -310,6 +308,9 @@ def _made_plan(
     keep_records: bool = False,
 ) -> Any:
 
+    # a match without a change loads nothing that computes
+    from aeromatch.planning.match_plan import MatchOptions, make_plan
+
     chosen = MatchOptions(**{name: options[name] for name in _PLANNED if name in options})
     return make_plan(project, output, jobs, chosen, stages, keep_records)
 
@@ -319,6 +320,9 @@ def _stages(store: Any, output: Path, fresh: bool, explain: bool) -> Iterator[An
     """Give the stages of a job; when it is over, also by an error, state why stages were computed
     if that is wanted.
     """
+    # a match without a change loads nothing that computes
+    from flightmech.support.kept_stages.explanation import StageTrace
+    from flightmech.support.kept_stages.stages import Stages
 
     reasons: list[str] = []
     trace = StageTrace.of(store.folder, output) if store is not None else None
@@ -339,6 +343,8 @@ def _summary(outcome: Any) -> dict[str, Any]:
     """Return what is printed of a match: columns, rows of cases, lines, and the files that it
     wrote.
     """
+    # a match without a change loads nothing that computes
+    from pom.report.case.remarks import sampled_line
 
     runs = list(outcome.results[0].runs)
     rows = [
@@ -475,6 +481,9 @@ def _print(shown: Mapping[str, Any]) -> None:
 
 
 def _cell(result: Any, run: str) -> str:
+
+    # a match without a change loads nothing that computes
+    from pom.result import status_text
 
     worst = result.worst(run)
     status = result.status(run)

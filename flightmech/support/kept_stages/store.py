@@ -22,11 +22,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from joblib import Memory
-
 from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import written_atomically
-from flightmech.support.kept_stages.pickles import to_pickle
 
 PLACE, LIMIT = "AEROMATCH_STORE", "AEROMATCH_STORE_LIMIT"
 """Environment variables for the folder of the store (``off``: no store), and for its size."""
@@ -92,6 +89,9 @@ class StageStore:
 
     def write(self, stage: str, key: str, value: Any, remarks: Sequence[str] = ()) -> str:
         """Store a result with its remarks, and return the hash of the stored bytes."""
+        # a match without a change reads no stage
+        from flightmech.support.kept_stages.pickles import to_pickle
+
         head = json.dumps(list(remarks)).encode() + b"\n"
         try:
             body = to_pickle(value)
@@ -139,6 +139,9 @@ class StageStore:
         return size
 
     def _memory(self) -> Any:
+        # a match without a change reads no stage
+        from joblib import Memory
+
         return Memory(self.folder, verbose=0)
 
     def _file(self, stage: str, key: str) -> Path:
