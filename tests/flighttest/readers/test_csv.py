@@ -1,6 +1,4 @@
 import gzip
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -319,20 +317,3 @@ def test_a_blank_cell_is_a_missing_value_wherever_it_stands(tmp_path, separator,
     leaf = flighttest.read(file)["data"]
     np.testing.assert_array_equal(leaf["q"].values, [np.nan, 2.0, np.nan])
     np.testing.assert_array_equal(leaf["r"].values, [1.5, np.nan, 3.5])
-
-
-@pytest.mark.slow
-def test_pandas_is_imported_for_what_is_no_plain_table_of_numbers_only(tmp_path):
-    code = (
-        "import sys; from flighttest.records.reading import read_arrays; "
-        "read_arrays(*sys.argv[1:]); sys.exit('pandas' in sys.modules)"
-    )
-    for text, imported in (
-        ("time,alpha\n0,1\n0.1,\n0.2,nan\n", 0),
-        ("time,alpha\n0,1\n0.1,NULL\n0.2,3\n", 1),
-    ):
-        file, names = written(tmp_path, text)
-        assert (
-            subprocess.run([sys.executable, "-c", code, str(file), str(names)]).returncode
-            == imported
-        )
