@@ -68,7 +68,8 @@ def test_jobs_share_out_the_report_too_and_change_no_byte(run, toy, tmp_path, mo
     monkeypatch.setattr("pom.report.case_parts.LEAST_SHARE", 1)
     effective, asked = joblib.effective_n_jobs, []
     monkeypatch.setattr(
-        joblib, "effective_n_jobs", lambda jobs: asked.append(jobs) or effective(jobs)
+        "pom.report.case_parts.effective_n_jobs",
+        lambda jobs: asked.append(jobs) or effective(jobs),
     )
     reports = []
     for jobs in (1, 2):

@@ -430,10 +430,10 @@ def test_all_cases_together_give_the_tables_of_each_alone_joined(compensated, mo
     """Side by side, with the models and flights shared: the same rows, fewer flights."""
     found, cases, prior, final, aircraft, flown = compensated
     flights = []
-    own = SwapBench._flown
+    own = SwapBench._fly_group
     monkeypatch.setattr(
         SwapBench,
-        "_flown",
+        "_fly_group",
         lambda bench, parts, choices: flights.extend(choices) or own(bench, parts, choices),
     )
     joined = pom.join_diagnoses(found, cases, prior, final, aircraft, flown)

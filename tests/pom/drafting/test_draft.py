@@ -265,7 +265,7 @@ def test_standards_by_a_part_of_their_name():
 
 @pytest.mark.slow
 def test_the_command_asks_two_questions_on_a_terminal(tmp_path, monkeypatch):
-    monkeypatch.setattr(pom.cli.report, "_on_terminal", lambda: True)
+    monkeypatch.setattr("pom.cli.actions.report._on_terminal", lambda: True)
     record, output = str(FLIGHT / "t37_26_val_phugoid.nc"), str(tmp_path / "case.toml")
     done = CliRunner().invoke(
         pom.cli.group.pom, ["init", record, "-o", output], input="no such thing\nphugoid\n\n"
