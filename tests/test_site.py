@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 PAGES = [
     "index.html",
     "how-to/own-aircraft/",
-    "tolerances/",
+    "explanation/proof-of-match/tolerances/",
     "reference/verbs/",
     "reference/flighttest.regression.equation_error/",
     "design/folders/",
