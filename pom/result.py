@@ -428,7 +428,7 @@ def results_name(results: Sequence[PomResult]) -> str:
 
 
 def status_text(status: str) -> str:
-    """Return a status as a terminal prints it: whatever is no plain pass in capitals."""
+    """Return a status as a terminal prints it: whatever is not a plain pass in capitals."""
     return {"pass": "pass", "limits_exceeded": "LIMITS", "record_error": "RECORD"}.get(
         status, status.upper()
     )

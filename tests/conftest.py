@@ -23,15 +23,13 @@ EXAMPLES = int(
 )  # of a property; .ci/run tries 100, and tests that need more take multiples
 settings.register_profile(
     "any load", deadline=None, max_examples=EXAMPLES
-)  # a busy machine is no fault of the code
+)  # a busy machine is not a fault of the code
 settings.load_profile("any load")
 # With the default of 700 new objects, looking through the modules and the collected tests takes 7 %
 # of the processor time.
 gc.set_threshold(50_000, 20, 20)
 CHROMIUM = shutil.which("chromium")
-PATIENCE = (
-    300_000  # ms that a browser may take for what ends well; a busy machine is no fault of the page
-)
+PATIENCE = 300_000  # ms that a browser may take for what ends well; a busy machine is not a fault of the page
 HERE = ("http://127.0.0.1:", "file:", "data:", "blob:")
 
 

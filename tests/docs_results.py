@@ -225,7 +225,7 @@ FOR_READING = {
     ("docs/how-to/data-package.md", 1): "printed by package diff; "
     "tests/aeromatch/delivery/test_package.py compares the models",
 }
-"""Blocks that are no code."""
+"""Blocks that are not code."""
 
 CHECKS: dict[tuple[str, int], Check] = {
     ("docs/how-to/data-package.md", 0): contains("hold"),

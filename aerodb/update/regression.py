@@ -244,7 +244,7 @@ def _observe_samples(
     B = hstack(free_bases, format="csr")
     # Only nodes that the samples move: residual r = B F x with x ~ N(0, 1) a priori.
     touched, F = _prior_factor(free_bases, priors)
-    product = _Product(B[:, touched], F)
+    product = _NodeProduct(B[:, touched], F)
     r = z - B @ g0
     s, W, U = _select_directions(product, r, lambda X, v: covariance(samples, X, v), name)
     C = covariance(samples, U, r - U @ (U.T @ r))
@@ -287,7 +287,7 @@ def _prior_factor(
     return np.concatenate(touched), block_diag(*factors)
 
 
-class _Product:
+class _NodeProduct:
     """Sparse B times dense F; the product is never in memory as a whole."""
 
     def __init__(self, B: Any, F: np.ndarray) -> None:
@@ -316,7 +316,7 @@ class _Product:
 
 
 def _select_directions(
-    product: _Product,
+    product: _NodeProduct,
     r: np.ndarray,
     covariance: Callable[[np.ndarray, np.ndarray], np.ndarray],
     name: str,

@@ -30,13 +30,13 @@ from aerodb.exchange.tables.csv_terms import export_csv
 from aerodb.exchange.tables.matlab import export_matlab
 from aeromatch.delivery.flown_checks import conditions_of, write_flown_checks
 from aeromatch.project.project import OWN_MODELS, Project
-from aeromatch.rebuilding.finished import file_sha256
 from aeromatch.workflow.steps import REPORT
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, SchemaError
 from flightmech.names import lookup
 from flightmech.support.atomic_write import folder_written_atomically, written_atomically
 from flightmech.support.figures import make_template_environment
+from flightmech.support.input_files import file_sha256
 from flightmech.terms import power_factor
 
 MANIFEST = "manifest.json"

@@ -28,9 +28,8 @@ from aeromatch.delivery.flown_checks import (
     read_flown_check,
 )
 from aeromatch.delivery.jsbsim_flight import BANDS, PART, fly_by_jsbsim, jsbsim_installed
-from aeromatch.rebuilding.finished import file_sha256
 from flightmech.errors import AeromatchError, ParseError, SchemaError
-from flightmech.support.input_files import json_content
+from flightmech.support.input_files import file_sha256, json_content
 
 # Largest unpacked size of a zip. [byte]
 _MOST = 20_000_000_000

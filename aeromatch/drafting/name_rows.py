@@ -97,7 +97,8 @@ def assign_columns(
                 result.left_out.append(location)
             elif _is_fraction(content, column, guess) and (flap is None or guess.name != "delta_f"):
                 result.left_out.append(
-                    f'{location}: a position 0 ... 1; {guess.name} = {{ column = "{location}", scale '
+                    f"{location}: a position 0 ... 1; {guess.name} = {{ column = "
+                    f'"{location}", scale '
                     f'= "40 deg" }} with the angle at 1'
                 )
                 result.remarks.append(

@@ -268,7 +268,8 @@ def submodel_structure_problems(
         run_collecting_problems(problems, position, loading_of, aircraft, control, *settings)
         if control not in aircraft.circuits:
             problems.append(
-                f"{position}: {aircraft.name} has no [circuit.{control}]; give stops and mass at least"
+                f"{position}: {aircraft.name} has no [circuit.{control}]; give stops and "
+                f"mass at least"
             )
     if project.gear is not None:
         run_collecting_problems(problems, "gear", wheels_of, aircraft)

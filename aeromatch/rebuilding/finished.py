@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.input_files import file_sha256
 from flightmech.support.kept_stages.program import hash_arithmetic, hash_installation
 
 # Letters of the longest text that is tried as the name of a file.
@@ -124,7 +125,7 @@ class Finished:
                     return None
             return record["shown"]
         except (OSError, ValueError, KeyError, TypeError):
-            # A record that cannot be read is no proof, so the match is done again.
+            # A record that cannot be read is not a proof, so the match is done again.
             return None
 
     def write(
@@ -167,12 +168,6 @@ class Finished:
         """Remove the record, before its output is replaced."""
         with suppress(OSError):
             self._file.unlink(missing_ok=True)
-
-
-def file_sha256(file: Path) -> str:
-    """Return the SHA-256 of a file as hexadecimal digits."""
-    with file.open("rb") as content:
-        return hashlib.file_digest(content, "sha256").hexdigest()
 
 
 def _with_program(settings: Mapping[str, Any]) -> dict[str, Any]:

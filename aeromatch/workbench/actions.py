@@ -193,9 +193,9 @@ def read_action_log(path: str | Path) -> list[LoggedAction]:
     Raises
     ------
     ParseError
-        A line is no entry.
+        A line is not an entry.
     ActionError
-        An entry is no action of the workbench.
+        An entry is not an action of the workbench.
     """
     found = []
     for number, line in enumerate(Path(path).read_text(encoding="utf-8").splitlines(), start=1):

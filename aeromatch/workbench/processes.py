@@ -37,8 +37,8 @@ class WorkbenchJob:
     out, err : Path
         What it printed.
     title : str
-        Of a job that is no command of the command line: what it does. It changes no file but those
-        of a cache, and is no action.
+        Of a job that is not a command of the command line: what it does. It changes no file but those
+        of a cache, and is not an action.
     """
 
     number: int

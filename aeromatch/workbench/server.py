@@ -253,7 +253,7 @@ class Workbench:
                 try:
                     body = json.loads(raw or b"null")
                 except ValueError:
-                    return JSONResponse({"error": "request", "text": "the body is no JSON"}, 400)
+                    return JSONResponse({"error": "request", "text": "the body is not a JSON"}, 400)
             try:
                 found = await run_in_threadpool(call, self.opened, dict(request.query_params), body)
             except (AeromatchError, OSError) as error:

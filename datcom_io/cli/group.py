@@ -86,7 +86,8 @@ def show_listing_command(file: str, name: str | None, partial: bool, as_json: bo
             "missing, suspect",
         ],
         [_summary_row(row) for row in found],
-        title=f"{listing.file}: {count_text(listing.runs, 'run')}, {count_text(len(listing), 'case')}, "
+        title=f"{listing.file}: {count_text(listing.runs, 'run')}, "
+        f"{count_text(len(listing), 'case')}, "
         f"{count_text(listing.line_count, 'line')}",
         right=["no"],
     )

@@ -299,7 +299,7 @@ def _find_problems(case: Deck) -> Iterator[str]:
     for name, group in case.namelists.items():
         for word in (name, *group):
             if not _NAME.fullmatch(word):
-                yield f"${name}: {word!r} is no name; upper case letters and digits, at most 10"
+                yield f"${name}: {word!r} is not a name; upper case letters and digits, at most 10"
         for variable, values in group.items():
             if any(isinstance(x, float) and not math.isfinite(x) for x in values):
                 yield (

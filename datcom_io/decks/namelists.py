@@ -152,7 +152,7 @@ def read_values(text: str) -> tuple[tuple[Value, ...], list[tuple[str, str]]]:
     Returns
     -------
     values : tuple
-        Empty when it is no value.
+        Empty when it is not a value.
     complaints : list of (str, str)
         Severity and text about a value that the program would not read as it is meant.
 
@@ -205,7 +205,7 @@ def _read_value(word: str) -> tuple[Value | None, str, str]:
     if cell and cell[1] == OK and abs(cell[0]) <= _LARGEST:
         complaint = f"has the value {word}; the program reads only E exponents in upper case"
         return cell[0], "error", complaint
-    return None, "error", f"has the value {_shorten(word)!r}, which is no number"
+    return None, "error", f"has the value {_shorten(word)!r}, which is not a number"
 
 
 def _read_number(word: str, number: re.Match[str]) -> tuple[Value | None, str, str]:

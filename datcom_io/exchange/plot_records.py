@@ -140,7 +140,7 @@ def read_records(path: str | os.PathLike[str]) -> list[PlotCase]:
     Raises
     ------
     ParseError
-        The file is no plot file, or ends within a record.
+        The file is not a plot file, or ends within a record.
     """
     lines = read_bytes(path, "a plot file (unit 13)").decode("latin-1").splitlines()
     while lines and not lines[-1].strip("\x1a "):
@@ -149,7 +149,8 @@ def read_records(path: str | os.PathLike[str]) -> list[PlotCase]:
     cases: list[PlotCase] = []
     if not lines or not is_line_of_plot(lines[0]):
         problem = (
-            f"a file of {len(lines)} lines whose first is no line of ten numbers of twelve columns"
+            f"a file of {len(lines)} lines whose first is not a line of ten numbers of "
+            f"twelve columns"
         )
         raise ParseError(file, 0, problem, "a plot file (unit 13, written with card PLOT)")
     index = 0

@@ -97,7 +97,7 @@ def read_plot(path: str | os.PathLike[str]) -> xr.DataTree:
     Raises
     ------
     ParseError
-        The file is no plot file, or ends within a record.
+        The file is not a plot file, or ends within a record.
     """
     file = Path(path).name
     root = xr.DataTree(xr.Dataset(attrs={"file": file}))

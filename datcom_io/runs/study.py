@@ -133,7 +133,7 @@ def _wrong_keys(content: dict[str, Any]) -> list[str]:
             if isinstance(run, dict):
                 problems += _check_table(run, _RUN_KEYS, f"runs.{name}.")
             else:
-                problems.append(f"runs.{name} is no table")
+                problems.append(f"runs.{name} is not a table")
     return problems
 
 

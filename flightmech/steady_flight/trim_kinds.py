@@ -95,7 +95,7 @@ KINDS = {
 _ANGLE, _RATE = 1.5, 3.0  # limits of attitude and climb angle [rad], of rates [rad s-1]
 
 
-class Limits(NamedTuple):
+class TrimLimits(NamedTuple):
     """Limits of an unknown, and the size over which the residuals change. [SI]"""
 
     low: float
@@ -105,11 +105,11 @@ class Limits(NamedTuple):
 
 # Alpha and beta have the limits of the kernel's trim at the start of a run.
 LIMITS = {
-    "alpha": Limits(-0.6, 0.6, 1.0),
-    "beta": Limits(-0.35, 0.35, 1.0),
-    "psi": Limits(-np.inf, np.inf, 1.0),
-    "V": Limits(1.0, 1000.0, 100.0),
-    "h": Limits(-500.0, 30000.0, 10000.0),
-    **dict.fromkeys(("gamma", "theta", "phi"), Limits(-_ANGLE, _ANGLE, 1.0)),
-    **dict.fromkeys(("p", "q", "r", "psi_dot"), Limits(-_RATE, _RATE, 1.0)),
+    "alpha": TrimLimits(-0.6, 0.6, 1.0),
+    "beta": TrimLimits(-0.35, 0.35, 1.0),
+    "psi": TrimLimits(-np.inf, np.inf, 1.0),
+    "V": TrimLimits(1.0, 1000.0, 100.0),
+    "h": TrimLimits(-500.0, 30000.0, 10000.0),
+    **dict.fromkeys(("gamma", "theta", "phi"), TrimLimits(-_ANGLE, _ANGLE, 1.0)),
+    **dict.fromkeys(("p", "q", "r", "psi_dot"), TrimLimits(-_RATE, _RATE, 1.0)),
 }

@@ -20,7 +20,7 @@ from flightmech.steady_flight.trim_kinds import (
     KINDS,
     LIMITS,
     ON_GROUND,
-    Limits,
+    TrimLimits,
 )
 from flightmech.units import G0
 
@@ -37,7 +37,7 @@ _ENGINE_OUTPUTS = ("thrust", "n1", "n2")
 _PILOT_FORCE = 100.0  # size of a pilot force [N]
 _TYRE = 0.2  # largest deflection of a tyre along the ground [m]
 # Height of the reference point on the ground, from the runway: lower and upper limit, size. [m]
-_ABOVE_RUNWAY = Limits(-20.0, 50.0, 10.0)
+_ABOVE_RUNWAY = TrimLimits(-20.0, 50.0, 10.0)
 
 
 class Request(NamedTuple):
@@ -418,28 +418,28 @@ class _RequestResolver:
             return np.nan  # the kernel computes height and attitude of the aircraft at rest
         return 0.0 if item in self.states else self._value(item)
 
-    def _limits(self, name: str, item: str, path: int) -> Limits:
+    def _limits(self, name: str, item: str, path: int) -> TrimLimits:
         """Return the limits of an unknown; `item` is the first entry that it moves."""
         if name == "h" and path == ON_GROUND:
             runway = self._value("env.runway_elevation")
             low, high, size = _ABOVE_RUNWAY
-            return Limits(runway + low, runway + high, size)
+            return TrimLimits(runway + low, runway + high, size)
         if name in LIMITS:
             return LIMITS[name]
         if item in self.states:
             row = self.states[item]
             if ".tyre_" in item:
-                return Limits(-_TYRE, _TYRE, 0.05 * _TYRE)
-            return Limits(row.low, row.high, 1.0)
+                return TrimLimits(-_TYRE, _TYRE, 0.05 * _TYRE)
+            return TrimLimits(row.low, row.high, 1.0)
         entry, weight = self.rows[item], self._value("mass.mass") * G0
         if item.endswith(".thrust_drive"):
-            return Limits(max(entry.low, -weight), min(entry.high, weight), weight)
+            return TrimLimits(max(entry.low, -weight), min(entry.high, weight), weight)
         size = 1.0
         if item.startswith("F_"):
             size = _PILOT_FORCE
         elif item in self.sim.parameters:
             size = max(abs(self._value(item)), 1.0)
-        return Limits(entry.low, entry.high, size)
+        return TrimLimits(entry.low, entry.high, size)
 
 
 def _join_choices(names: Iterable[str]) -> str:

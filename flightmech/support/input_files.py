@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import csv
+import hashlib
 import io
 import json
 import os
@@ -445,3 +446,9 @@ def foreign_kind(content: Mapping[str, Any], own: Iterable[str] = ()) -> str:
         if keys <= set(content) and not keys & set(own):
             return f"this is {kind} (it has {', '.join(sorted(keys))}), which {use}"
     return ""
+
+
+def file_sha256(file: str | os.PathLike[str]) -> str:
+    """Return the SHA-256 of a file as hexadecimal digits."""
+    with open(file, "rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()

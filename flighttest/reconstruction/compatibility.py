@@ -4,7 +4,7 @@
 For every channel there are three signals at its readings: ``raw`` as recorded; ``corrected``, the
 errors of the instrument (offset, factor, latency, position error) taken off; ``reconstructed``,
 what an instrument without errors would have shown on the reconstructed path.  The vanes keep their
-place on the boom and their lag, which are no errors.
+place on the boom and their lag, which are not errors.
 
 References
 ----------

@@ -238,7 +238,7 @@ def in_calm_air(setup: Setup, solution: Solution) -> bool:
     With an inertial unit the path hardly follows gusts, so they are left over in these residuals.
     Gusts last, noise of instruments does not: of a residual larger than the noise specified, only
     what is correlated from reading to reading speaks of gusts.  So a specification that is too
-    small is no turbulence.
+    small is not turbulence.
     """
     V = max(float(np.median(np.linalg.norm(solution.x[:, 3:6], axis=1))), 10.0)
     for sensor in setup.problem.sensors:

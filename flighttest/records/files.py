@@ -209,7 +209,7 @@ def read_listed_rows(attrs: Mapping[Any, Any], key: str) -> list[dict[str, Any]]
     Raises
     ------
     ParseError
-        The attribute is no such list.
+        The attribute is not such a list.
     """
     file = str(attrs.get("source_file", "the record"))
     found = json_content(attrs.get(key, "[]"), file, f"a list of {key}")

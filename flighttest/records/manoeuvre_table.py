@@ -108,7 +108,7 @@ def read_manoeuvres(path: str | Path) -> dict[str, pd.DataFrame]:
     ParseError
         Not TOML, no line of names, a row of another length.
     SchemaError
-        Unknown or missing columns, cells that are no time, ends before their start; all of them.
+        Unknown or missing columns, cells that are not a time, ends before their start; all of them.
     """
     return {record: pd.DataFrame(rows)[_SHOWN] for record, rows in _rows(Path(path)).items()}
 

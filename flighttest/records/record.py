@@ -97,7 +97,7 @@ def _offsets(records: Sequence[xr.DataTree]) -> list[float]:
             moments.append(moment if moment.tzinfo else moment.replace(tzinfo=UTC))
         except ValueError:
             problems.append(
-                f"{record.attrs.get('source_file', 'a record')}: start {text!r} is no date "
+                f"{record.attrs.get('source_file', 'a record')}: start {text!r} is not a date "
                 f"and time; pass offsets=[...]"
             )
     if problems:

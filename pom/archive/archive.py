@@ -27,7 +27,8 @@ import xarray as xr
 from flightmech.errors import SchemaError
 from flightmech.support.console import to_json_types
 from flightmech.support.hdf5_seal import demand_self_contained
-from pom.archive.origins import case_found_from, case_seen_from, file_sha256
+from flightmech.support.input_files import file_sha256
+from pom.archive.origins import case_found_from, case_seen_from
 from pom.cases.case import PomCase
 from pom.fmu.run_cache import FileState
 from pom.result import PomResult, make_verdict_table, to_split_dict

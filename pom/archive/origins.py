@@ -8,7 +8,6 @@ wants it signed signs this one file.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -21,7 +20,7 @@ from urllib.parse import quote, unquote
 
 from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.support.console import to_json_types
-from flightmech.support.input_files import json_content
+from flightmech.support.input_files import file_sha256, json_content
 from pom.cases.case import PomCase
 from pom.result import PomResult
 
@@ -179,12 +178,6 @@ def case_found_from(case: PomCase, folder: str | os.PathLike) -> PomCase:
         if getattr(case, name)
     }
     return replace(case, **names)
-
-
-def file_sha256(file: str | Path) -> str:
-    """Return the SHA-256 of a file as hexadecimal digits."""
-    with Path(file).open("rb") as content:
-        return hashlib.file_digest(content, "sha256").hexdigest()
 
 
 NAME = "manifest.json"

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from flightmech.errors import AeromatchError
+from flightmech.support.input_files import file_sha256
 from pom.archive.archive import read_archive
-from pom.archive.origins import dependency_path, file_sha256, read_report_manifest
+from pom.archive.origins import dependency_path, read_report_manifest
 from pom.archive.statements import CLOSE, compare_statements, run_of
 from pom.judging.beyond_the_bands import watch_channels
 from pom.judging.signals import traces_of

@@ -45,7 +45,7 @@ class Signature(Strict):
         try:
             day = datetime.date.fromisoformat(date)
         except ValueError:
-            raise ValueError(f"{date!r} is no day; write YYYY-MM-DD") from None
+            raise ValueError(f"{date!r} is not a day; write YYYY-MM-DD") from None
         return day.isoformat()
 
 

@@ -36,7 +36,7 @@ _SIZES = {"": 1.0, "B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9}
 
 
 @dataclass(frozen=True)
-class Limits:
+class WorkerLimits:
     """Limits of a child process; 0: none.
 
     Attributes
@@ -58,13 +58,13 @@ class Limits:
     sandbox: bool = False
 
 
-def read_worker_limits(environment: Mapping[str, str] = os.environ) -> Limits:
+def read_worker_limits(environment: Mapping[str, str] = os.environ) -> WorkerLimits:
     """Return the limits as the environment has them.
 
     Raises
     ------
     SchemaError
-        Variables that are no size; a sandbox where there is no bubblewrap; all of them.
+        Variables that are not a size; a sandbox where there is no bubblewrap; all of them.
 
     Examples
     --------
@@ -87,7 +87,7 @@ def read_worker_limits(environment: Mapping[str, str] = os.environ) -> Limits:
         )
     if problems:
         raise SchemaError("environment", problems)
-    return Limits(**sizes, sandbox=sandbox == "bwrap")
+    return WorkerLimits(**sizes, sandbox=sandbox == "bwrap")
 
 
 def _size(name: str, text: str, problems: list[str]) -> int:
@@ -202,7 +202,7 @@ class Child:
         def converse() -> None:
             with suppress(
                 OSError, EOFError, ValueError
-            ):  # a broken pipe, or bytes that are no reply
+            ):  # a broken pipe, or bytes that are not a reply
                 pickle.dump({**job, "number": number}, process.stdin)  # type: ignore[arg-type]
                 process.stdin.flush()  # type: ignore[union-attr]
                 answers.append(read_reply(process.stdout.read, number, shape))  # type: ignore[union-attr]
@@ -286,7 +286,7 @@ def _new_folder() -> str:
     return str(folder)
 
 
-def _command(fmu: Path, folder: str, allowed: Limits) -> list[str]:
+def _command(fmu: Path, folder: str, allowed: WorkerLimits) -> list[str]:
     sizes = [str(size) for size in (allowed.memory, allowed.written, allowed.unpacked)]
     parent = (
         "0" if allowed.sandbox else str(os.getpid())

@@ -255,7 +255,7 @@ def check_law(model: FmuModel, job: ReplayJob) -> None:
         elif not is_recorded(name) and name not in model.links.outputs:
             problems.append(
                 f"input {name}: the model {model.fmu.path.name} has no such output, and it "
-                f"is no control that is recorded"
+                f"is not a control that is recorded"
             )
         elif not is_recorded(name) and not np.isfinite(given.start.get(name, np.nan)):
             problems.append(

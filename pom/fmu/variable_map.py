@@ -34,7 +34,7 @@ class Fmu:
     inputs, outputs, parameters : dict of str to str
         Name to unit.
     settable : dict of str to str
-        Variables that are no parameters but take a start value.
+        Variables that are not parameters but take a start value.
     exchange : bool
         Model exchange, for want of co-simulation.
     even : bool
@@ -277,7 +277,7 @@ def _check_waived(waived: list[str], linked: Mapping[str, Link], problems: list[
                 f"the list"
             )
         elif not _known(name):
-            problems.append(f"waived: {name!r} is no canonical name of an input or parameter")
+            problems.append(f"waived: {name!r} is not a canonical name of an input or parameter")
 
 
 def canonical_unit(name: str) -> str:

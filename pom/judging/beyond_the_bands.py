@@ -213,7 +213,7 @@ def watch_channels(
     time : array (time,)
         [s]
     flight, model : mapping of str to array (time,)
-        Signals by SI name; samples that are no number are not looked at. [SI]
+        Signals by SI name; samples that are not a number are not looked at. [SI]
     """
     if case.reference == "footprint":
         return ()

@@ -288,7 +288,8 @@ def find_event(match: Comparison, event: str, excluded: str = "") -> Instant:
     reached = crossing_time(match.time, match.model[channel], level, direction)
     if reached is None:
         raise Invalid(
-            f"the model does not come to {event} ({channel_value_text(channel, level)}) in the record"
+            f"the model does not come to {event} ({channel_value_text(channel, level)}) in "
+            f"the record"
         )
     remark = RowRemark(
         "event",

@@ -121,7 +121,7 @@ def _samples(states: xr.Dataset) -> dict[str, np.ndarray]:
 def check_plan(plan: ReplayPlan, model: FmuModel) -> None:
     """Check that a model offers what a case needs.
 
-    A judged channel that the flight record lacks as well is no error: its verdict states what is
+    A judged channel that the flight record lacks as well is not an error: its verdict states what is
     missing.
 
     Raises

@@ -209,7 +209,7 @@ def tables_left(
     outputs : mapping of str to array (time,)
         Of one run; ``out_of_range`` counts the internal steps beyond a table, over all tables.
     ranges : tuple of TableRange
-        Of the model; a variable that is no output cannot be named.
+        Of the model; a variable that is not an output cannot be named.
     """
     steps = float(np.fmax.reduce(outputs.get("out_of_range", np.zeros(1))))
     if not steps > 0.0:

@@ -148,7 +148,7 @@ def beyond_limits(
         size = (limit.size if limit.demanded else np.inf) if demanded else limit.usual
         if (
             math.isfinite(size) and not abs(value) <= size
-        ):  # a value that is no number is not within it
+        ):  # a value that is not a number is not within it
             unit = SHOWN_UNITS.get(LIMIT_UNITS[name], LIMIT_UNITS[name])
             shown = "" if unit == "1" else f" {unit}"
             values = {"found": float(from_si(value, unit)), "limit": float(from_si(size, unit))}

@@ -263,7 +263,10 @@ def _tests(result: PomResult, run: str) -> Iterator[tuple[str, str, str]]:
 
 def _reason(row: Mapping[Hashable, Any]) -> str:
     if not math.isfinite(row["worst_ratio"]):
-        return f"{row['criterion']}: {row['verdict'].replace('_', ' ')}: {remarks_text(row['remarks'])}"
+        return (
+            f"{row['criterion']}: {row['verdict'].replace('_', ' ')}: "
+            f"{remarks_text(row['remarks'])}"
+        )
     at = f" at {row['at']:.2f} s" if math.isfinite(row["at"]) else ""
     return (
         f"{row['criterion']}: {row['worst_ratio']:.3g} x tolerance, {row['worst']:+.3g} "

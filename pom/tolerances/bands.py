@@ -104,7 +104,7 @@ class Invalid(Exception):
 
 
 class NoValue(Invalid):
-    """A sample in the window is no number: no alternative of the group can make up for it."""
+    """A sample in the window is not a number: no alternative of the group can make up for it."""
 
 
 @dataclass(frozen=True)

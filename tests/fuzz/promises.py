@@ -150,7 +150,7 @@ def keeps_promises(lines: Lines, before: Sound | None = None) -> None:
 
 def same_cells(cells: pd.DataFrame, wanted: pd.DataFrame, how: str) -> None:
     for column in wanted.columns:
-        # an axis that only a lost page has is no column
+        # an axis that only a lost page has is not a column
         a, b = (
             frame.reindex(columns=[column])[column].astype(object).fillna("").tolist()
             for frame in (cells, wanted)

@@ -168,7 +168,7 @@ def _tabulate_thrust(model: DaveModel) -> xr.Dataset:
         input_sums[varID] = polynomials.make_variable_sum(quantity, factor, offset)
     sums, reasons = expand_variables(model, input_sums, {})
     if source.output not in sums:
-        raise SchemaError(model.file, [f"{source.output} is no table: {reasons[source.output]}"])
+        raise SchemaError(model.file, [f"{source.output} is not a table: {reasons[source.output]}"])
     axes = {}
     for quantity in THRUST_AXES:
         points = _breakpoints_along(sums[source.output], quantity)

@@ -293,7 +293,7 @@ def _condition_region(
     if not is_comparison:
         value = expand_expression(condition, expanded).constant
         if value is None:
-            raise Inexact("a condition that is no comparison by lt, gt, leq or geq")
+            raise Inexact("a condition that is not a comparison by lt, gt, leq or geq")
         return value != 0.0
     assert isinstance(condition, mathml.Apply)
     first, second = (expand_expression(argument, expanded) for argument in condition.arguments)
@@ -303,7 +303,7 @@ def _condition_region(
         compare = mathml.OPERATORS[condition.operator][0]
         return bool(float(compare(np.asarray(gap.constant), np.asarray(0.0))))
     if not function.is_line:
-        raise Inexact(f"a condition that is no plain comparison of {name} with a number")
+        raise Inexact(f"a condition that is not a plain comparison of {name} with a number")
     # The line first - second is zero at the limit. A negative slope reverses the comparison.
     slope = float(function.left_slope)
     limit = float(function.points[0] - function.values[0] / slope)

@@ -161,7 +161,7 @@ def _build_terms(source: ImportedModel, sampler: Sampler | None) -> dict[str, xr
         if sampler is None:
             remedy = f"put them onto tables with sample=, {remedy}"
         raise SchemaError(
-            f"{Path(source.model.file).name} holds coefficients that are no exact sum of "
+            f"{Path(source.model.file).name} holds coefficients that are not an exact sum of "
             f"terms; {remedy}",
             problems,
         )
@@ -241,7 +241,7 @@ def _warn_unnamed_inputs(
             unnamed.append(f"{varID} is {name}")
     if not unnamed:
         return ""
-    text = f"inputs that are no quantity of the vocabulary: {', '.join(unnamed)}"
+    text = f"inputs that are not a quantity of the vocabulary: {', '.join(unnamed)}"
     warnings.warn(
         f"{text}; give a quantity with names= if one of them is meant",
         AeromatchWarning,

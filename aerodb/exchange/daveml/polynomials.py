@@ -273,7 +273,7 @@ def as_piecewise_linear(expression: Sum) -> tuple[str, PiecewiseLinear]:
     for (grids, powers), coefficient in expression.products.items():
         degree = len(grids) + sum(abs(power) for _, power in powers)
         if degree > 1 or any(power < 0 for _, power in powers):
-            raise Inexact(f"it is no piecewise-linear function of {name}")
+            raise Inexact(f"it is not a piecewise-linear function of {name}")
         # A table without axes is a constant with a standard error.
         # With degree 0 or 1 the product is a table, the variable itself, or a number.
         if grids and not grids[0].axes:

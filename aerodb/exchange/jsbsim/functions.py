@@ -172,7 +172,7 @@ class Functions:
                 f"{name} is a fraction and the file does not state of which angle; give "
                 f"travel = {{{variable!r}: angle where it is 1}}"
             )
-        return f"{name} is no variable of the model"
+        return f"{name} is not a variable of the model"
 
     def _expand_function(self, name: str) -> Sum:
         """Return a function that is used by its name, with its tables marked as shared."""
@@ -208,7 +208,7 @@ class Functions:
         # The reference quantities are numbers, so one variable must remain.
         powers = {symbol: power for symbol, power in value.symbols.items() if symbol not in LENGTHS}
         if len(powers) != 1 or set(powers.values()) != {1}:
-            raise NotAProduct(f"a table over {name}, which is no single variable of the model")
+            raise NotAProduct(f"a table over {name}, which is not a single variable of the model")
         (variable,) = powers
         sense = -1.0 if name.startswith("-") else 1.0
         scale = value.factor * reference_factor(value.symbols, self.sizes)
@@ -278,7 +278,7 @@ def _mirror_table(table: xr.DataArray, axis: str) -> xr.DataArray:
 
 def _single_table(parts: Sum) -> xr.DataArray:
     """Return a sum that is one table, or one number, as a table."""
-    message = "<interpolate1d> between values that are no tables"
+    message = "<interpolate1d> between values that are not tables"
     if len(parts) != 1:
         raise NotAProduct(message)
     part = parts[0]
@@ -322,7 +322,7 @@ def sample_product(
     label, variables = " x ".join(labels), sorted(variable_names)
     if bound is None:
         raise NotAProduct(
-            f"{label} is no product of tables without common axes; give sample = largest "
+            f"{label} is not a product of tables without common axes; give sample = largest "
             f"difference to put it onto one table"
         )
     if len(variables) > MAX_AXES:

@@ -129,7 +129,7 @@ def combine_sums(tag: str, sums: Sequence[Sum], sizes: Mapping[str, float]) -> S
         The result has too many products, or the operation is not a function of model variables.
     """
     if tag in NOT_COMPUTED:
-        raise NotAProduct(f"<{tag}> is no function of model variables")
+        raise NotAProduct(f"<{tag}> is not a function of model variables")
     result = None
     if tag in _EXACT:
         result = _EXACT[tag](sums)

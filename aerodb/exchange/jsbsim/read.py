@@ -157,7 +157,7 @@ def import_jsbsim(
     leaves, problems = _convert_functions(axes, functions, options)
     if problems:
         raise SchemaError(
-            f"{path}: functions that are no terms; leave_out = [names] does without them, "
+            f"{path}: functions that are not terms; leave_out = [names] does without them, "
             f"sample = bound tabulates what can be",
             problems,
         )

@@ -269,7 +269,7 @@ def _sort_like_file(regressors: list[str], product: Product) -> list[str]:
 
 def _demand_variable(name: str) -> None:
     if name not in _KNOWN and not ENGINE.match(name):
-        raise NotAProduct(f"{name} is no variable of the model")
+        raise NotAProduct(f"{name} is not a variable of the model")
 
 
 def _axis_names(tables: Sequence[xr.DataArray]) -> list[str]:

@@ -217,7 +217,7 @@ def _add_fact(line: str, facts: dict[str, Fact], problems: list[str], location: 
             facts[key] = int(number) if re.fullmatch(r"[-+]?\d+", number) else float(number)
         except ValueError:
             problems.append(
-                f"{location}: {number!r} is no number; a text takes a colon: '# {key}: {number}'"
+                f"{location}: {number!r} is not a number; a text takes a colon: '# {key}: {number}'"
             )
         return
     # A repeated key continues its text on a new line.

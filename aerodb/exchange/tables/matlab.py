@@ -82,7 +82,7 @@ def export_matlab(db: xr.DataTree, path: str | os.PathLike[str]) -> None:
     problems = []
     for key in map(str, db.attrs):
         if not _FIELD.fullmatch(key):
-            problems.append(f"root attribute {key!r} is no name of a MATLAB field; rename it")
+            problems.append(f"root attribute {key!r} is not a name of a MATLAB field; rename it")
     if problems:
         raise SchemaError("MAT file", problems)
     rows = [_term_structure(name, leaf) for name, leaf in terms(db).items()]

@@ -158,7 +158,10 @@ def run_run_deck(
     else:
         for message in done.messages:
             click.echo(f"line {message.line}: {message.text}")
-        cases = f"{count_text(len(done.listing), 'case')}, {count_text(len(done.listing.pages), 'page')}"
+        cases = (
+            f"{count_text(len(done.listing), 'case')}, "
+            f"{count_text(len(done.listing.pages), 'page')}"
+        )
         click.echo(
             f"{cases} in {done.seconds:.1f} s; written: "
             f"{', '.join(str(path) for path in done.files.values())}"

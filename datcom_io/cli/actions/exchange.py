@@ -32,7 +32,10 @@ def plot_file(file: str, listing: str | None, output: str | None, as_json: bool)
     if tree is None:
         raise SchemaError(
             file,
-            ["is no plot file; it is written in a run with card PLOT, as for013.dat or for014.dat"],
+            [
+                "is not a plot file; it is written in a run with card PLOT, as for013.dat or "
+                "for014.dat"
+            ],
         )
     if listing is None:
         if output:

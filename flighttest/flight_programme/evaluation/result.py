@@ -169,7 +169,8 @@ def format_evaluation(evaluation: Evaluation) -> str:
     for row in e.judged.to_dict("records"):
         symbol = " " if row["verdict"] == "inside" else "!"
         value = (
-            f"{format_si_value(row['value'], row['unit'])} ({format_si_value(row['stderr'], row['unit'], 2)}) "
+            f"{format_si_value(row['value'], row['unit'])} "
+            f"({format_si_value(row['stderr'], row['unit'], 2)}) "
             f"{unit_shown(row['unit'])}".rstrip()
         )
         limits = limits_shown(row["low"], row["high"], row["unit"])

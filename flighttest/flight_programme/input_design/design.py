@@ -95,7 +95,7 @@ def save_timetable(signal: xr.Dataset, path: str | os.PathLike, title: str = "")
     Raises
     ------
     SchemaError
-        A step that is no whole number of milliseconds, an axis that does not move, a title of
+        A step that is not a whole number of milliseconds, an axis that does not move, a title of
         several lines.
     """
     names, step = axes_of(signal), 1000.0 / float(signal.attrs["rate"])

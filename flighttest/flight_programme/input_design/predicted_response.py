@@ -194,7 +194,7 @@ def amplitude_within(
     OutOfRange
         The trimmed flight itself is outside, or a thousandth of the largest input is too much.
     UnknownName
-        A limit on something that is no output.
+        A limit on something that is not an output.
 
     Notes
     -----

@@ -11,6 +11,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import spearmanr
 
+from flightmech.support.arrays import true_runs
+
 # s from 15 to 85 % of an excursion; a pilot moves a stick between the stops of a test input in 0.2
 # to 0.5 s
 FAST = 0.8
@@ -121,12 +123,6 @@ def _turning_points(x: np.ndarray, least: float) -> list[int]:
             turns.append(low)
             rising, low, high = 1, k, k
     return [*turns, high if rising > 0 else low] if turns else []
-
-
-def true_runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    """Return first sample and the one after the last of every stretch in which a mask is true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _excursion(time: np.ndarray, x: np.ndarray) -> Excursion:

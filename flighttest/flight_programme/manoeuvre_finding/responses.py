@@ -9,13 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from flightmech.support.arrays import true_runs
 from flightmech.units import DEGREE
 from flighttest.flight_programme.manoeuvre_finding.excursions import (
     Excursion,
     FoundManoeuvre,
     find_excursions,
     find_movements,
-    true_runs,
 )
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels, lowpass_if_possible
 

@@ -147,7 +147,7 @@ def reconstruct_batch(
         Constants of `free` that the readings do not show, by name; or the iteration does not
         settle.
     OutOfRange, SchemaError, UnknownName
-        As `reconstruct`; a name of `free` that is no constant.
+        As `reconstruct`; a name of `free` that is not a constant.
 
     Notes
     -----

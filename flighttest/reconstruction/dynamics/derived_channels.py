@@ -245,7 +245,7 @@ def _values(data: xr.Dataset, name: str) -> np.ndarray:
 
 def _as_recorded(data: xr.Dataset, name: str) -> tuple[np.ndarray, np.ndarray, float]:
     """Return clock, samples and step of a channel at the rate of its recorder: interpolated samples
-    are no news.
+    are not news.
     """
     time = data["time"].values
     step = float(time[-1] - time[0]) / (len(time) - 1)

@@ -3,7 +3,7 @@
 
 A unit in brackets or behind a comma is not a part of the name.  A unit at the end of the name
 itself remains there, and counts where it is one of the quantity that the name map reads from the
-column: the end of ``V_c`` is no temperature.
+column: the end of ``V_c`` is not a temperature.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ def name_map_schema() -> dict[str, Any]:
 
 
 def _parts() -> dict[str, Any]:
-    """Return the schemas of the keys that are no tables of channels."""
+    """Return the schemas of the keys that are not tables of channels."""
     kinds = [{"$ref": f"#/$defs/decode_{kind}"} for kind in KINDS]
     clock = part_schema(Clock)
     return {

@@ -292,7 +292,7 @@ def clock_name(columns: Mapping[str, Any]) -> str | None:
     ``Elapsed Time`` and the like.
 
     Of those other names only a column counts that rises in 19 of 20 steps: a time of day at one
-    sample per second is no clock.
+    sample per second is not a clock.
     """
     if plain := first_present(CLOCK_NAMES, columns):
         return plain

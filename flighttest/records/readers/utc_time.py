@@ -20,7 +20,7 @@ _LEAST_SIGMA = 1e-6  # s
 _LEAST_SPAN = 10.0  # s of record that a drift needs
 
 
-class _Line(NamedTuple):
+class _StampLine(NamedTuple):
     """Straight line through UTC over record time.
 
     `offset` is the UTC at zero of the record clock, `is_used` distinguishes the stamps near the line, and
@@ -107,7 +107,7 @@ def _unknown_column(utc: Utc, tables: Mapping[str, RecordedTable]) -> UnknownNam
     return UnknownName(utc.column, columns, what="column", hint="[utc] of the name map")
 
 
-def _fit_line(time: np.ndarray, stamps: np.ndarray) -> _Line:
+def _fit_line(time: np.ndarray, stamps: np.ndarray) -> _StampLine:
     """Return the straight line through stamps over time, without outliers."""
     # Seconds since 1970 leave few digits for the fraction, so that whole seconds are subtracted.
     whole_seconds = np.floor(stamps[0])
@@ -120,4 +120,4 @@ def _fit_line(time: np.ndarray, stamps: np.ndarray) -> _Line:
         is_used = np.abs(residual - np.median(residual[is_used])) <= _OUTLIER * sigma
         if np.ptp(time[is_used]) > _LEAST_SPAN:
             slope, intercept = np.polyfit(time[is_used], (stamps - whole_seconds)[is_used], 1)
-    return _Line(slope, whole_seconds + intercept, sigma, is_used)
+    return _StampLine(slope, whole_seconds + intercept, sigma, is_used)

@@ -1,4 +1,4 @@
-"""Channels that are slower than the rows of their table: blanks between samples are no missing
+"""Channels that are slower than the rows of their table: blanks between samples are not missing
 samples.
 
 A recorder that writes channels of several clocks into one table leaves the cells of a slower one

@@ -45,7 +45,7 @@ def harmonics(duration: float, low: float, high: float) -> np.ndarray:
     Raises
     ------
     IdentificationError
-        Edges that are no band, or a band without a multiple inside.
+        Edges that are not a band, or a band without a multiple inside.
 
     Examples
     --------

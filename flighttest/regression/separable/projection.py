@@ -172,7 +172,7 @@ def minimise_projection(
     IdentificationError
         The coefficients are not determined at any start.
     """
-    search = _Search(evaluate, low, high)
+    search = _ProjectionSearch(evaluate, low, high)
     best: _Minimum | None = None
     for start in starts:
         best = _better_minimum(best, search.descend(np.clip(start, low, high)))
@@ -237,7 +237,7 @@ class _Gradient(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Search:
+class _ProjectionSearch:
     """Search for the least cost between bounds."""
 
     evaluate: Evaluation

@@ -397,7 +397,7 @@ def read_vehicle(path: str | Path) -> Vehicle:
     ParseError
         The text is not TOML.
     SchemaError
-        With all faults of the keys; a name that is no body or joint, joints in a circle, a linkage
+        With all faults of the keys; a name that is not a body or joint, joints in a circle, a linkage
         that is not planar.
     """
     path = Path(path)

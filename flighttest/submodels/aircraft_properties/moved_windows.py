@@ -28,7 +28,7 @@ SHIFT = 3.0
 LEAST = {
     "period": 0.05,
     "damping_ratio": 0.04,
-}  # and of the period [1], and of the damping ratio: less is no fault of the window
+}  # and of the period [1], and of the damping ratio: less is not a fault of the window
 
 
 @dataclass(frozen=True)

@@ -303,7 +303,8 @@ class IdentifiedLoading:
         wheel = loading.item == "wheel"
         unit = "N m" if wheel else "N"
         lines = [
-            f"{loading.item}: {loading.model}, gearing {loading.gearing:g} {'rad/rad' if wheel else 'rad/m'}"
+            f"{loading.item}: {loading.model}, gearing {loading.gearing:g} "
+            f"{'rad/rad' if wheel else 'rad/m'}"
         ]
         lines.append(
             f"sliding: R2 {s['R2']:.5f}, rms {s['residual_rms']:.3g} {unit}, {s['samples']} "

@@ -19,9 +19,10 @@ from flightmech.support.console import (
     print_table,
     show_progress,
 )
+from flightmech.support.input_files import file_sha256
 from flightmech.support.toml_models import schema_text, validate_content
 from flighttest.reconstruction.flight_programme import open_biases
-from pom.archive.origins import NAME, ReportProvenance, file_sha256
+from pom.archive.origins import NAME, ReportProvenance
 from pom.archive.results_document import join_reports
 from pom.archive.verification import KINDS
 from pom.archive.verification import verify as check

@@ -180,7 +180,7 @@ def tuning_logs(files: Mapping[str, Path], runs: Mapping[str, Path]) -> dict[str
     UnknownName
         A log for a model that is not flown.
     SchemaError
-        A file that is no log, or an FMU that does not hold the tables of its log; all of these.
+        A file that is not a log, or an FMU that does not hold the tables of its log; all of these.
     """
 
     found, problems = {}, []

@@ -195,7 +195,7 @@ def read_log(path: str | os.PathLike) -> dict[str, Any]:
     ------
     FileNotFoundError
     SchemaError
-        The file is no log of a tuning that was done.
+        The file is not a log of a tuning that was done.
     """
     expected = "give tuning.json, as aeromatch pom tune writes it"
     try:

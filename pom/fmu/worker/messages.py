@@ -72,7 +72,7 @@ def read_reply(
     EOFError
         The bytes end.
     ValueError
-        They are no reply to this job, or one of another size.
+        They are not a reply to this job, or one of another size.
     """
     magic, answered, length, size = _HEAD.unpack(_exactly(read, _HEAD.size))
     wanted = 8 * shape[0] * shape[1]
@@ -167,7 +167,7 @@ def _whole(kind: str, value: float) -> int | bool:
 
 
 class Course:
-    """Inputs over time: linear between samples; what is no continuous Real keeps the value of a
+    """Inputs over time: linear between samples; what is not a continuous Real keeps the value of a
     sample until the next.
 
     Parameters
@@ -200,7 +200,7 @@ class Course:
         return self._middles[k] + self.added
 
     def slope(self, k: int) -> np.ndarray:
-        """Return the rates of change from sample `k` to the next; zero for what is no continuous
+        """Return the rates of change from sample `k` to the next; zero for what is not a continuous
         Real. [1/s]
         """
         return self._slopes[k]

@@ -78,7 +78,7 @@ def _step_by_step(model: UnpackedFmu, job: dict[str, Any]) -> dict[str, Any]:
     found = np.full((len(time), len(job["outputs"])), np.nan)
     law = None
     try:
-        law = _ControlLaw(job, course, model.folder, model.most) if job.get("law") else None
+        law = _LawFmu(job, course, model.folder, model.most) if job.get("law") else None
         flown = (Exchange if model.exchange else CoSimulation)(model, variables, course)
         outputs = Ports(
             flown.instance, model.version, [model.variables[name] for name in job["outputs"]]
@@ -130,7 +130,7 @@ class _Hand:
         self.course.added = added
 
 
-class _ControlLaw:
+class _LawFmu:
     """The FMU of a control law, in its own units, and the inputs of the model that it moves.
 
     Everything it sees is held from sample to sample, as a computer samples it; a law in model
@@ -201,7 +201,7 @@ def _unpacked(law: dict[str, Any], folder: str, most: int) -> UnpackedFmu:
 
 
 def _reply(
-    outputs: np.ndarray, error: str, pilot: _Hand | None = None, law: _ControlLaw | None = None
+    outputs: np.ndarray, error: str, pilot: _Hand | None = None, law: _LawFmu | None = None
 ) -> dict[str, Any]:
     moved = {**(pilot.pilot.moved if pilot else {}), **(law.moved if law else {})}
     return {"outputs": outputs, "moved": moved, "error": error}

@@ -26,7 +26,7 @@ _MOST_CHARACTERS = 72  # of a name, in the width of the names
 
 
 @dataclass(frozen=True)
-class _Bar:
+class _PrintedBar:
     """One row: its name, its ends [half widths], its class, and its share as a text."""
 
     name: str
@@ -90,18 +90,18 @@ def draw_waterfall(table: pd.DataFrame) -> Drawing | None:
     return Drawing(svg_drawing(bottom + 3.0, "".join(parts)), bottom + 3.0, alternative)
 
 
-def _list_bars(table: pd.DataFrame) -> list[_Bar]:
+def _list_bars(table: pd.DataFrame) -> list[_PrintedBar]:
     """Return the rows from the a-priori model to the final one; empty without shares."""
     steps = waterfall(table).dropna(subset=["start", "stop"]).to_dict("records")
     if not steps:
         return []
-    bars = [_Bar("a-priori model", 0.0, steps[0]["start"], css="total", share="")]
+    bars = [_PrintedBar("a-priori model", 0.0, steps[0]["start"], css="total", share="")]
     for step in steps:
         css = "bar" if step["stop"] <= step["start"] else "rise"
         share = _describe_share(step["explained"], step["stderr"])
         name = _describe_term(str(step["term"]))
-        bars.append(_Bar(name, step["start"], step["stop"], css=css, share=share))
-    bars.append(_Bar("final model", 0.0, steps[-1]["stop"], css="total", share=""))
+        bars.append(_PrintedBar(name, step["start"], step["stop"], css=css, share=share))
+    bars.append(_PrintedBar("final model", 0.0, steps[-1]["stop"], css="total", share=""))
     return bars
 
 

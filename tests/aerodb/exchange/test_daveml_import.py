@@ -601,7 +601,7 @@ ALL = "".join(variable(name) for name in ("T", "U"))
         (
             apply("abs", apply("times", ci("AL"), ci("AL"))),
             "",
-            "it is no piecewise-linear function of alpha",
+            "it is not a piecewise-linear function of alpha",
         ),
         (
             ci("T"),
@@ -640,7 +640,7 @@ def test_what_is_no_sum_of_products_is_refused_with_the_variable_and_the_reason(
 ):
     more = variable("limited", made(ci("AL"), ""), "LIM", units="deg")
     more += variable("total", made(apply("plus", ci("AL"), ci("BE")), ""), "TOT", units="deg")
-    with pytest.raises(SchemaError, match=r"no exact sum of terms") as caught:
+    with pytest.raises(SchemaError, match=r"not an exact sum of terms") as caught:
         aerodb.exchange.import_daveml(one(tmp_path, math, ALL + more, functions))
     assert len(caught.value.problems) == 1
     assert caught.value.problems[0].startswith("CL: OUT (liftCoefficient): ")
@@ -830,7 +830,7 @@ def test_surfaces_of_a_lifting_body_are_sampled_and_the_powers_of_alpha_stay_exa
         "",
         "alpha",
         "alpha alpha",
-    }  # alpha is no sampled axis
+    }  # alpha is not a sampled axis
     random, count = np.random.default_rng(3), 3000
     state = {
         f"device.{name}.deflection": random.uniform(-30, 30, count) * DEGREE for name in surfaces

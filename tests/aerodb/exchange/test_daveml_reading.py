@@ -474,7 +474,7 @@ def test_check_values_in_other_units_of_the_same_quantity_are_converted(tmp_path
         SchemaError,
         match="given in deg, the variable is in nd: no conversion between them; correct signalUnits",
     ):
-        read(document(tmp_path, shot(6.0, 0.1, "deg")))  # an angle is no plain number
+        read(document(tmp_path, shot(6.0, 0.1, "deg")))  # an angle is not a plain number
 
 
 def test_a_check_case_of_an_unknown_signal_is_a_failure(tmp_path):

@@ -232,8 +232,8 @@ UNFIT = {
         "<quotient><v>1</v><p>aero/qbar-psf</p></quotient>",
         "it is not proportional to the dynamic pressure",
     ),
-    "unknown": ("<p>fcs/canard-pos-rad</p>", "fcs/canard-pos-rad is no variable of the model"),
-    "chance": ("<urandom/>", "<urandom> is no function of model variables"),
+    "unknown": ("<p>fcs/canard-pos-rad</p>", "fcs/canard-pos-rad is not a variable of the model"),
+    "chance": ("<urandom/>", "<urandom> is not a function of model variables"),
     "over a rate": ("<quotient><v>1</v><p>velocities/q-rad_sec</p></quotient>", "it divides by q"),
     "over the speed": ("<quotient><v>1</v><p>velocities/vt-fps</p></quotient>", "it divides by V"),
 }

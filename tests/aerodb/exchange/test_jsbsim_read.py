@@ -187,7 +187,7 @@ def test_t37_by_name(tmp_path):
 
 
 def test_what_is_no_term_is_named():
-    """The F-22 has terms over its own systems, which are no model variables."""
+    """The F-22 has terms over its own systems, which are not model variables."""
     jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
     path = Path(jsbsim.get_default_root_dir()) / "aircraft" / "f22" / "f22.xml"
     with pytest.raises(SchemaError, match="leave_out = ") as caught:
@@ -351,7 +351,7 @@ def test_sampling_only_on_demand(tmp_path):
     parts = (f"<sin>{prop('aero/alpha-rad')}</sin>", ALPHA, LINE.format("velocities/mach"))
     with pytest.raises(
         SchemaError,
-        match=r"CLx: <sin> x table\(alpha\) is no product of tables .* give sample = largest "
+        match=r"CLx: <sin> x table\(alpha\) is not a product of tables .* give sample = largest "
         r"difference",
     ):
         lift(tmp_path, *parts)

@@ -210,6 +210,8 @@ def test_a_flipped_byte_is_a_clear_error(small, tmp_path):
 
 def test_a_root_attribute_that_no_structure_takes_is_refused(small, tmp_path):
     small.attrs["my note"] = "x"
-    with pytest.raises(SchemaError, match="root attribute 'my note' is no name of a MATLAB field"):
+    with pytest.raises(
+        SchemaError, match="root attribute 'my note' is not a name of a MATLAB field"
+    ):
         aerodb.exchange.export_matlab(small, tmp_path / "small.mat")
     assert not list(tmp_path.iterdir())

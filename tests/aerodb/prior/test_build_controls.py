@@ -97,7 +97,7 @@ def test_no_height_no_moment(spoiled):
 
 
 def test_a_yawing_moment_without_method_leaves_the_roll(spoiled):
-    """Mach 0.7 prints CN NDM: it is no node of Cn, and counts as zero in the roll, 1.5369E-02,
+    """Mach 0.7 prints CN NDM: it is not a node of Cn, and counts as zero in the roll, 1.5369E-02,
     turned to body axes.
     """
     np.testing.assert_array_equal(spoiled["Cn/spoiler"]["mach"], [0.0, 0.3, 1.6])

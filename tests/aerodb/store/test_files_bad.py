@@ -1,4 +1,4 @@
-"""Files that are no database, damaged, or written by others."""
+"""Files that are not a database, damaged, or written by others."""
 
 import os
 import shutil

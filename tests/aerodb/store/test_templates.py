@@ -139,7 +139,8 @@ def test_wrong_axes_are_errors():
         make("CL/gear", {}, K1={"gear": ([0.0, 1.0], [0.0])})
     with pytest.raises(
         SchemaError,
-        match="does not depend on height; give K1 over h_agl, h_agl among the breakpoints, or a power "
+        match="does not depend on height; give K1 over h_agl, h_agl among the breakpoints, or a "
+        "power "
         "of it",
     ):
         make("CL/ground", {"alpha": [0.0, 0.2]})

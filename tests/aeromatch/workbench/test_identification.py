@@ -388,7 +388,7 @@ def test_a_server_forms_coefficients_in_a_process_that_can_be_cancelled(opened, 
 @pytest.mark.slow
 def test_what_only_looks_does_not_wait_for_the_commands(tmp_path):
     """A command that has not begun holds the queue; a module outside it ends well, or with its
-    error, and is no action.
+    error, and is not an action.
     """
     begun, go, ended = threading.Event(), threading.Event(), []
     jobs = Jobs(

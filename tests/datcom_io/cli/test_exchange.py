@@ -91,7 +91,7 @@ def test_plot_of_another_run(run):
     assert "cases in the plot file: 1; cases with card PLOT in the listing: 0" in err
     code, _, err = run("plot", DATA / "t37_clean.out")
     assert code == 2
-    assert "is no plot file" in err
+    assert "is not a plot file" in err
 
 
 def test_csv_needs_its_unit(run, tmp_path):

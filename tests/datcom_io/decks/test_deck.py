@@ -99,7 +99,7 @@ def test_faults_are_reported_by_line():
     )
     assert found.problems == (
         (1, "not a control card: * A COMMENT"),
-        (2, "$FLTCON: MACH has the value 'ABC', which is no number"),
+        (2, "$FLTCON: MACH has the value 'ABC', which is not a number"),
         (4, "$BODY: X(9999) holds 1 values; an array has at most 300"),
     )
     assert found.findings[-1] == (
@@ -310,5 +310,6 @@ def test_a_card_of_any_length_is_read():
     ]
     assert texts[0] == "$BODY: X(1) holds 100000 values; an array has at most 300"
     assert all(
-        "no number" in text or "a blank in it" in text or "too large" in text for text in texts[1:]
+        "not a number" in text or "a blank in it" in text or "too large" in text
+        for text in texts[1:]
     )

@@ -165,8 +165,8 @@ def test_what_no_card_can_hold_is_refused(tmp_path):
     assert caught.value.problems == [
         "case 1: CASEID holds 'A\\nB'; a card holds printable characters of ISO 8859-1",
         "case 1: CASEID holds 75 characters; they do not fit on one card",
-        "case 1: $body: 'body' is no name; upper case letters and digits, at most 10",
-        "case 1: $body: 'X Y' is no name; upper case letters and digits, at most 10",
+        "case 1: $body: 'body' is not a name; upper case letters and digits, at most 10",
+        "case 1: $body: 'X Y' is not a name; upper case letters and digits, at most 10",
         "case 1: $body: X Y holds a number that is not finite; leave the place empty (None) "
         "when it is not given",
     ]

@@ -274,7 +274,7 @@ def test_faults_of_a_study_file_are_reported_at_once(tmp_path):
         "devices is 'flaps'; it must be a list",
         "unknown key runs.clean.alpha; allowed: caseid, cards, separate",
         "runs.clean.separate is 'no'; it must be a bool",
-        "runs.ground is no table",
+        "runs.ground is not a table",
     ]
 
 

@@ -169,7 +169,7 @@ def test_tables_learn_the_same_from_the_published_numbers_as_from_the_samples():
     ours, theirs = (aerodb.tabulate([one], prior) for one in (fit, printed))
     for name in ours:
         apart = np.abs(ours[name]["value"] - theirs[name]["value"]) / ours[name]["stderr"]
-        assert float(apart.max()) < 0.25, name  # 400 random samples are no even grid
+        assert float(apart.max()) < 0.25, name  # 400 random samples are not an even grid
         np.testing.assert_allclose(ours[name]["stderr"], theirs[name]["stderr"], rtol=0.1)
     assert (
         theirs.points.loc[("Cm", "paper"), "rms"] < theirs.points.loc[("Cm", "paper"), "rms_prior"]

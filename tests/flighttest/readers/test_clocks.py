@@ -161,5 +161,5 @@ def test_records_of_two_recorders_on_one_clock(tmp_path):
 def test_records_without_a_start_need_offsets(tmp_path):
     (tmp_path / "a.csv").write_text("time [s],alpha [deg]\n0,1\n1,2\n")
     record = flighttest.read(tmp_path / "a.csv")
-    with pytest.raises(SchemaError, match="start '' is no date and time; pass offsets="):
+    with pytest.raises(SchemaError, match="start '' is not a date and time; pass offsets="):
         flighttest.merge([record, record])

@@ -79,7 +79,7 @@ def test_units_multipliers_and_instances_of_the_log(log):
     assert tables["IMU.1"]["AccZ"]["max"] == pytest.approx(-10.5)
     assert tables["BARO"]["Raw"]["max"] == pytest.approx(1.234)  # multiplier C: 1e-3
     assert tables["GPS"]["Lat"]["max"] == pytest.approx(48.1)
-    assert "Message" not in tables.get("MSG", {})  # a text is no channel
+    assert "Message" not in tables.get("MSG", {})  # a text is not a channel
 
 
 def test_header_bytes_inside_a_message_are_no_message(tmp_path):

@@ -80,7 +80,7 @@ def test_modes_of_px4(tmp_path):
     np.testing.assert_allclose([span[1:] for span in spans(record)], [span[1:] for span in SPANS])
     assert (
         len(flighttest.manoeuvres(record)) == 0
-    )  # modes are no marks: the movements of the controls are still searched
+    )  # modes are not marks: the movements of the controls are still searched
     assert "vehicle_status" not in record.attrs["unmapped"]
     assert set(flight_modes(record)["note"]) == {"flight mode of the log"}
 

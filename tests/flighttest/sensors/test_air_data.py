@@ -205,7 +205,7 @@ def test_rate_of_the_earth_in_the_gyros():
     record, error, truth = fly(3, SPAN, facts={"latitude": 0.8})
     known = normalised(flighttest.reconstruct(record, aircraft(irs={"earth_rate": True})), error)
     assert max(map(abs, known.values())) < 3.5
-    # 7e-5 rad/s turn with the heading and are no bias then
+    # 7e-5 rad/s turn with the heading and are not bias then
     assert abs(normalised(flighttest.reconstruct(record, aircraft()), error)["bias.q"]) > 20.0
     batch = flighttest.reconstruct_batch([record], aircraft(irs={"earth_rate": True}), rate=50.0)
     assert rms(batch.paths[0], truth, "beta") < 0.01 * DEGREE

@@ -53,7 +53,7 @@ PULSE = [(10.0, 0.0), (10.1, -0.05), (12.0, -0.05), (12.1, 0.0)]
 
 def test_a_movement_starts_and_ends_where_the_control_does():
     found = find_movement(recorded(delta_e=PULSE), ["delta_a", "delta_e"], (0.0, 40.0))
-    assert found.channel == "delta_e"  # noise of the aileron is no movement
+    assert found.channel == "delta_e"  # noise of the aileron is not a movement
     assert found.start == pytest.approx(10.0, abs=0.04)
     assert found.end == pytest.approx(12.1, abs=0.04)
     assert find_movement(recorded(), ["delta_e"], (0.0, 40.0)) is None

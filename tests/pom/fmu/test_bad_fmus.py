@@ -17,7 +17,7 @@ from flightmech.errors import ParseError, SchemaError
 from pom.cases.case import read_case
 from pom.fmu import process
 from pom.fmu.description import read_fmu_interface
-from pom.fmu.process import Child, Limits, read_worker_limits
+from pom.fmu.process import Child, WorkerLimits, read_worker_limits
 from pom.fmu.worker.messages import read_reply, reply_bytes, reply_columns
 from pom.replaying.replay_case import replay
 
@@ -241,13 +241,13 @@ def test_what_is_no_reply_to_the_job_is_refused(content, number, error):
 
 
 def test_limits_of_the_environment():
-    assert read_worker_limits({}) == Limits()
+    assert read_worker_limits({}) == WorkerLimits()
     given = {
         "AEROMATCH_FMU_MEMORY": "8GB",
         "AEROMATCH_FMU_WRITTEN": "500 kB",
         "AEROMATCH_FMU_UNPACKED": "none",
     }
-    assert read_worker_limits(given) == Limits(8_000_000_000, 500_000, 0)
+    assert read_worker_limits(given) == WorkerLimits(8_000_000_000, 500_000, 0)
     with pytest.raises(SchemaError) as caught:
         read_worker_limits(
             {

@@ -179,5 +179,5 @@ def test_what_is_waived_must_be_needed_and_absent(toy, tmp_path):
     assert caught.value.problems == [
         "waived: the FMU has 'delta_e' as 'delta_e'; delete it from the list",
         "waived: the FMU has 'mode.engine' as 'mode.engine'; delete it from the list",
-        "waived: 'delta_x' is no canonical name of an input or parameter",
+        "waived: 'delta_x' is not a canonical name of an input or parameter",
     ]

@@ -332,7 +332,7 @@ def test_a_trend_states_its_criteria(judged):
 
 
 def test_a_change_within_the_scatter_of_the_flight_is_no_trend(judged):
-    """0.03 deg is no trend whatever its sign, and a model that moves by 2 deg there has one that
+    """0.03 deg is not a trend whatever its sign, and a model that moves by 2 deg there has one that
     the flight has not.
     """
     flight = {"phi": 0.03 * DEG * TIME / TIME[-1]}
@@ -360,7 +360,7 @@ def test_a_change_within_the_scatter_of_the_flight_is_no_trend(judged):
 
 
 def test_a_sample_without_a_number_leaves_no_alternative(judged):
-    """Either pitch angle or pitch rate passes 2.c.10; a model whose pitch rate is no number passes
+    """Either pitch angle or pitch rate passes 2.c.10; a model whose pitch rate is not a number passes
     neither.
     """
     flight = {"theta": 0.0 * FLAT, "q": 0.0 * FLAT, "nz": FLAT}

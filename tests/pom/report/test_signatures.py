@@ -90,7 +90,7 @@ def test_a_case_file_holds_its_signatures(tmp_path):
     assert pom.read_case(own).signatures["checked"]["results"] == "3f9a12c4d0be"
     for wrong, words in (
         ("date = '2026-11-21'\nresults = 'mine'", "results"),
-        ("date = 'yesterday'", "no day; write YYYY-MM-DD"),
+        ("date = 'yesterday'", "not a day; write YYYY-MM-DD"),
         ("date = '2026-11-21'\nrole = 'x'", "role"),
     ):
         own.write_text(text + f"\n[signatures.checked]\nname = 'C. Reviewer'\n{wrong}\n")

@@ -1,3 +1,3 @@
-"""The script that flies the records is no test; it needs ``../shared`` and JSBSim."""
+"""The script that flies the records is not a test; it needs ``../shared`` and JSBSim."""
 
 collect_ignore = ["fly_rows.py"]

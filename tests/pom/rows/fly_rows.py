@@ -19,7 +19,7 @@ import xarray as xr
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parents[3] / "shared" / "tools"))
 
-import t37_flight_test as T  # noqa: E402  (a tool that is no part of the repository)
+import t37_flight_test as T  # noqa: E402  (a tool that is not a part of the repository)
 from t37_ground_handling import drive, roll_up, steps, still, straight  # noqa: E402
 
 FLAP = np.radians(40.0)  # full flap, as in data/t37/names.toml

@@ -232,7 +232,7 @@ def computation_order(
                 file,
                 function.line,
                 f"a function for the input {varID}",
-                "an output that is no input",
+                "an output that is not an input",
             )
         sources[varID] = set(function.inputs)
     try:

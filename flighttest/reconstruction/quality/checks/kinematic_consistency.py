@@ -198,7 +198,7 @@ _SCALED = {  # relation -> channels named when the slope is not one
 _COLUMNS = (
     "relation", "title", "units", "disagreement", "limit", "consistent", "moving", "correlation", "slope", "slope_stderr", "offset", "rms"
 )  # fmt: skip
-_UPWASH = (0.8, 1.35)  # slopes of a vane that are no warning
+_UPWASH = (0.8, 1.35)  # slopes of a vane that are not a warning
 
 
 def kinematic_table(signals: ResampledChannels) -> pd.DataFrame:

@@ -65,7 +65,7 @@ _EXPECTED = "comma-separated columns under one line of names"
 TABLE = "data"
 
 
-class _Line(NamedTuple):
+class _TextLine(NamedTuple):
     """A line with content: its number from 1, the byte behind it, and its text."""
 
     number: int
@@ -99,7 +99,7 @@ class _Content(NamedTuple):
     units: dict[str, str]
     separator: str
 
-    def lines(self) -> Iterator[_Line]:
+    def lines(self) -> Iterator[_TextLine]:
         """Yield the lines of numbers."""
         first_number = self.raw.count(b"\n", 0, self.begin) + 1
         return _lines(self.raw, self.begin, first_number)
@@ -255,7 +255,7 @@ def _read_text(path: Path) -> tuple[bytes, str]:
     return raw, note
 
 
-def _lines(raw: bytes, start: int = 0, number: int = 1) -> Iterator[_Line]:
+def _lines(raw: bytes, start: int = 0, number: int = 1) -> Iterator[_TextLine]:
     """Yield every line with content from a byte on."""
     while start < len(raw):
         end = raw.find(b"\n", start)
@@ -263,7 +263,7 @@ def _lines(raw: bytes, start: int = 0, number: int = 1) -> Iterator[_Line]:
             end = len(raw)
         text = raw[start:end].decode("utf-8", "replace").strip()
         if text and not text.startswith("#"):
-            yield _Line(number, end + 1, text)
+            yield _TextLine(number, end + 1, text)
         start = end + 1
         number += 1
 
