@@ -4,6 +4,7 @@ that all are reported at once.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
@@ -129,8 +130,12 @@ def resolve_quantities(
         value = collect_case_problems(
             problems, f"{place}.{name}", parse_quantity, item, units[name]
         )
-        if value is not None:
-            values[name] = value
+        if value is None:
+            continue
+        if not math.isfinite(value):
+            problems.append(f"{place}.{name}: {value:g} is not finite; give a number with its unit")
+            continue
+        values[name] = value
     return values
 
 

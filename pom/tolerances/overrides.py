@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -125,9 +126,12 @@ def _override_band(criterion: Criterion, entry: ToleranceOverride) -> Criterion:
         # A unit that does not fit the channel raises UnitError.
         limit_to_si_factor(criterion.measure, criterion.channel, unit)
         limits.append(Limit("absolute", value, unit))
-    if any(limit.value <= 0.0 for limit in limits):
-        least = min(limit.value for limit in limits)
-        raise OutOfRange(f"width {least:g} is not positive; a tolerance is a half width")
+    for limit in limits:
+        # An infinite width would pass every response; a comparison with NaN is always false.
+        if not 0.0 < limit.value < math.inf:
+            raise OutOfRange(
+                f"width {limit.value:g} is not positive and finite; a tolerance is a half width"
+            )
     rule = entry.rule if len(limits) == 2 else "single"
     base = entry.base if entry.percent is not None else ""
     return replace(

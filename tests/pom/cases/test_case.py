@@ -107,6 +107,9 @@ def test_a_tolerance_on_another_channel_adds_a_criterion(write_case):
         ('theta = "1.5 ft"', "unit 'ft' cannot be converted to 'rad'"),
         ("theta = {}", "has no width"),
         ('theta = "-1 deg"', "is not positive"),
+        ("theta = inf", "width inf is not positive and finite"),
+        ("theta = nan", "width nan is not positive and finite"),
+        ("theta = { percent = inf }", "width inf is not positive and finite"),
         ("theta = { percnt = 3 }", "near it: percent"),
         ('thetta = "1 deg"', "near it: theta"),
     ],
@@ -253,4 +256,14 @@ def test_calm_air_takes_no_wind(write_case):
     path = write_case(more='[conditions]\nwind_n = "5 kt"')
     path.write_text(path.read_text().replace("[drive]", '[drive]\nwind = "none"'))
     with pytest.raises(SchemaError, match=r"conditions\.wind_n: drive\.wind is \"none\""):
+        read_case(path)
+
+
+@pytest.mark.parametrize("value", ["inf", "nan"])
+@pytest.mark.parametrize(
+    ("table", "name"), [("ranges", "theta"), ("conditions", "mass"), ("certified", "gradient")]
+)
+def test_a_number_that_is_not_finite_is_an_error(write_case, table, name, value):
+    path = write_case(more=f"[{table}]\n{name} = {value}")
+    with pytest.raises(SchemaError, match=rf"{table}\.{name}: {value} is not finite"):
         read_case(path)
