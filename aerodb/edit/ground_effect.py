@@ -62,9 +62,9 @@ def in_ground_effect(free: xr.Dataset, k: float, exponent: float, floor: float) 
     --------
     LR-743 table 2, CL_0 at 40 deg of flap, 2 m over the ground:
 
-    >>> from flightmech.terms import evaluate, make
-    >>> term = in_ground_effect(make(0.827), 0.599, -1.45, floor=2.0)
-    >>> round(float(evaluate(term, {"h_agl": 2.0})), 4)
+    >>> from flightmech.terms import evaluate_term, make_term
+    >>> term = in_ground_effect(make_term(0.827), 0.599, -1.45, floor=2.0)
+    >>> round(float(evaluate_term(term, {"h_agl": 2.0})), 4)
     0.1813
     """
     if not np.isfinite(k):
@@ -129,9 +129,9 @@ def bank_in_ground_effect(k: float, exponent: float, floor: float) -> xr.Dataset
     --------
     LR-743 table 2: CL 1.2 and 5 deg of bank, 3 m over the ground:
 
-    >>> from flightmech.terms import evaluate
+    >>> from flightmech.terms import evaluate_term
     >>> term = bank_in_ground_effect(-0.078, -1.09, floor=1.7)
-    >>> round(float(evaluate(term, {"CL": 1.2, "phi": np.radians(5.0), "h_agl": 3.0})), 6)
+    >>> round(float(evaluate_term(term, {"CL": 1.2, "phi": np.radians(5.0), "h_agl": 3.0})), 6)
     -0.002466
     """
     return _terms.make_term(

@@ -187,17 +187,17 @@ def guess_quantity(column: str) -> Guess | None:
 
     Examples
     --------
-    >>> guess("Elevator_Pos_deg")
+    >>> guess_quantity("Elevator_Pos_deg")
     Guess(name='delta_e', unit='deg', rank=2, inverted=False, sign=1)
-    >>> guess("KIAS").name, guess("KIAS").unit
+    >>> guess_quantity("KIAS").name, guess_quantity("KIAS").unit
     ('V_cas', 'kt')
-    >>> guess("thrust_left_lbf").name
+    >>> guess_quantity("thrust_left_lbf").name
     'engine1.thrust'
-    >>> guess("Roll Rate (deg/s)").name, guess("Roll Rate (deg/s)").unit
+    >>> guess_quantity("Roll Rate (deg/s)").name, guess("Roll Rate (deg/s)").unit
     ('p', 'deg/s')
-    >>> guess("ELEV_DEG_TEU").name, guess("ELEV_DEG_TEU").unit, guess("ELEV_DEG_TEU").sign
+    >>> guess_quantity("ELEV_DEG_TEU").name, guess("ELEV_DEG_TEU").unit, guess("ELEV_DEG_TEU").sign
     ('delta_e', 'deg', -1)
-    >>> guess("spare_7") is None
+    >>> guess_quantity("spare_7") is None
     True
     """
     heading, stated = split_heading(column)

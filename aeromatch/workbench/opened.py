@@ -59,7 +59,7 @@ def coarsest_level(samples: int, points: int) -> int:
 
     Examples
     --------
-    >>> level_of(1000, 1000), level_of(8000, 1000), level_of(63_999, 1000)
+    >>> coarsest_level(1000, 1000), coarsest_level(8000, 1000), coarsest_level(63_999, 1000)
     (0, 1, 1)
     """
     number = 0

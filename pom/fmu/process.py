@@ -68,8 +68,8 @@ def read_worker_limits(environment: Mapping[str, str] = os.environ) -> WorkerLim
 
     Examples
     --------
-    >>> limits({"AEROMATCH_FMU_MEMORY": "8 GB", "AEROMATCH_FMU_WRITTEN": "none"})
-    Limits(memory=8000000000, written=0, unpacked=1000000000, sandbox=False)
+    >>> read_worker_limits({"AEROMATCH_FMU_MEMORY": "8 GB", "AEROMATCH_FMU_WRITTEN": "none"})
+    WorkerLimits(memory=8000000000, written=0, unpacked=1000000000, sandbox=False)
     """
     problems: list[str] = []
     sizes = {}

@@ -65,7 +65,7 @@ def remarks_text(remarks: Iterable[RowRemark]) -> str:
 
     Examples
     --------
-    >>> text_of([RowRemark("cycles", "6.2 cycles", values={"flight": 6.2}, unit="1"), RowRemark("stability", "stability differs")])
+    >>> remarks_text([RowRemark("cycles", "6.2 cycles", values={"flight": 6.2}, unit="1"), RowRemark("stability", "stability differs")])
     '6.2 cycles; stability differs'
     """
     return "; ".join(remark.text for remark in remarks)

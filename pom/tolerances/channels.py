@@ -199,9 +199,9 @@ def limit_to_si_factor(measure: str, channel: str, unit: str) -> float:
 
     Examples
     --------
-    >>> factor("trace", "h", "ft")
+    >>> limit_to_si_factor("trace", "h", "ft")
     0.3048
-    >>> factor("trace", "nz", "g")  # load factor counts in g
+    >>> limit_to_si_factor("trace", "nz", "g")  # load factor counts in g
     1.0
     """
     expected = si_unit(measure, channel)

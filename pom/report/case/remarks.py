@@ -187,7 +187,7 @@ def fraction_text(fraction: float) -> str:
 
     Examples
     --------
-    >>> share(0.2)
+    >>> fraction_text(0.2)
     '20 %'
     """
     return f"{short_number(100.0 * fraction)} %"

@@ -116,7 +116,7 @@ def wind_text(north: float, east: float, down: float = 0.0) -> str:
 
     Examples
     --------
-    >>> wind(-5.0, 0.0)
+    >>> wind_text(-5.0, 0.0)
     'from 360° true at 9.7 kt'
     """
     knots = float(quantity_label("V").shown(math.hypot(north, east)))

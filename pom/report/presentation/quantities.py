@@ -301,7 +301,7 @@ def format_number(value, digits: int = 3) -> str:
 
     Examples
     --------
-    >>> number(1234.5), number(0.012345), number(float("nan"))
+    >>> format_number(1234.5), format_number(0.012345), format_number(float("nan"))
     ('1234', '0.0123', '–')
     """
     if value is None:
@@ -331,7 +331,7 @@ def percent_text(share) -> str:
 
     Examples
     --------
-    >>> percent(0.9999), percent(1.0)
+    >>> percent_text(0.9999), percent_text(1.0)
     ('99.9 %', '100 %')
     """
     if share is None or not math.isfinite(float(share)):
@@ -346,7 +346,7 @@ def short_number(value: float, digits: int = 4) -> str:
 
     Examples
     --------
-    >>> short(40.0), short(0.1900)
+    >>> short_number(40.0), short_number(0.1900)
     ('40', '0.19')
     """
     text = format_number(value, digits)

@@ -103,7 +103,7 @@ def reason_text(remarks: Sequence[RowRemark]) -> str:
 
     Examples
     --------
-    >>> reason([RowRemark("values", "flight 2.84 s"), RowRemark("no_mode", "the model: no oscillation stands out")])
+    >>> reason_text([RowRemark("values", "flight 2.84 s"), RowRemark("no_mode", "the model: no oscillation stands out")])
     'the model: no oscillation stands out'
     """
     return next(
