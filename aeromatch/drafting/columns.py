@@ -193,9 +193,9 @@ def guess_quantity(column: str) -> Guess | None:
     ('V_cas', 'kt')
     >>> guess_quantity("thrust_left_lbf").name
     'engine1.thrust'
-    >>> guess_quantity("Roll Rate (deg/s)").name, guess("Roll Rate (deg/s)").unit
+    >>> guess_quantity("Roll Rate (deg/s)").name, guess_quantity("Roll Rate (deg/s)").unit
     ('p', 'deg/s')
-    >>> guess_quantity("ELEV_DEG_TEU").name, guess("ELEV_DEG_TEU").unit, guess("ELEV_DEG_TEU").sign
+    >>> guess_quantity("ELEV_DEG_TEU").name, guess_quantity("ELEV_DEG_TEU").unit, guess_quantity("ELEV_DEG_TEU").sign
     ('delta_e', 'deg', -1)
     >>> guess_quantity("spare_7") is None
     True
