@@ -7,6 +7,7 @@ aeroplane climbs at a constant rate, and a wind along its path produces the reco
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -222,20 +223,27 @@ def as_nodes(table: str, values: np.ndarray) -> dict[str, float]:
 class _CachedParameters:
     """Parameters of the engine for rows of unknowns.
 
-    All records need the same rows one after the other, so the last result is stored.
+    All records need the same rows one after the other, so the last result is stored. The records
+    are simulated in threads: rows and parameters are replaced together, and under a lock, so that
+    no thread reads a result that another one is still filling.
     """
 
     def __init__(self, expand: Expand):
-        self.expand, self.rows = expand, np.empty(0)
-        self.parameters: dict[str, np.ndarray] = {}
+        self.expand = expand
+        self.lock = threading.Lock()
+        self.last: tuple[np.ndarray, dict[str, np.ndarray]] = (np.empty(0), {})
 
     def __call__(self, rows: np.ndarray) -> dict[str, np.ndarray]:
-        if not np.array_equal(rows, self.rows):
-            settings = [self.expand(row) for row in rows]
-            self.rows, self.parameters = rows.copy(), {}
-            for name in settings[0]:
-                self.parameters[name] = np.array([setting[name] for setting in settings])
-        return self.parameters
+        with self.lock:
+            last_rows, parameters = self.last
+            if not np.array_equal(rows, last_rows):
+                parameters = self._expand_rows(rows)
+                self.last = rows.copy(), parameters
+            return parameters
+
+    def _expand_rows(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        settings = [self.expand(row) for row in rows]
+        return {name: np.array([setting[name] for setting in settings]) for name in settings[0]}
 
 
 class _SimulatedEngine:
