@@ -218,3 +218,28 @@ def pytest_runtest_makereport(item):
             None,
             "Skipped: needs ../shared, material that is not part of the repository",
         )
+
+
+@pytest.fixture
+def add_distribution(tmp_path, monkeypatch):
+    """Return a function that puts a distribution with entry points, and its modules, on the path.
+
+    It takes the name, the entry points by group and name, and the text of each module.
+    """
+
+    def add(name: str, groups: dict[str, dict[str, str]], **modules: str) -> Path:
+        folder = tmp_path / f"site-{name}"
+        information = folder / f"{name.replace('-', '_')}-1.0.dist-info"
+        information.mkdir(parents=True)
+        (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1\n")
+        lines = []
+        for group, points in groups.items():
+            lines += [f"[{group}]", *(f"{key} = {value}" for key, value in points.items())]
+        (information / "entry_points.txt").write_text("\n".join(lines) + "\n")
+        for module, text in modules.items():
+            (folder / f"{module}.py").write_text(text)
+            monkeypatch.delitem(sys.modules, module, raising=False)
+        monkeypatch.syspath_prepend(str(folder))
+        return folder
+
+    return add

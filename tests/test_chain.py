@@ -22,6 +22,7 @@ ORDER = {
         "errors",
         "units",
         "names",
+        "plugins",
         "axes",
         "air",
         "support",
@@ -94,6 +95,25 @@ ORDER = {
     ],
 }
 MOST_MODULES = 13  # in one folder
+# Folders at the edge, which only some users need, and what outside the command line may import
+# them: a reader can leave them out and still follow the whole job.
+WINGS = {
+    "aerodb.exchange.daveml": ["aeromatch.delivery"],
+    "aerodb.exchange.jsbsim": ["aeromatch.delivery"],
+    "aerodb.exchange.tables.matlab": ["aeromatch.delivery"],
+    "datcom_io.exchange": [],
+    "datcom_io.runs": [],
+    "flighttest.records.readers.formats.chapter10": ["flighttest.records.files"],
+    "flighttest.special_tests": [],
+    "flighttest.flight_programme.evaluation": [],
+    "flighttest.flight_programme.input_design": ["flighttest.flight_programme.planning"],
+    "flighttest.flight_programme.planning": [],
+    "pom.diagnosis.tuning": ["pom.report.models.tuning"],
+    "aeromatch.drafting": [],
+    "aeromatch.planning": [],
+    "aeromatch.workbench": [],
+    "aeromatch.delivery": [],
+}
 
 
 def module_name(file: Path, root: Path = ROOT) -> str:
@@ -204,6 +224,30 @@ def test_no_circle_of_folders(graph):
                 if a != b and len(a) == len(b) == depth and a[:-1] == b[:-1]:
                     edges[".".join(a)].add(".".join(b))
         assert not circle(edges), f"depth {depth}"
+
+
+@pytest.mark.parametrize("wing", WINGS)
+def test_the_core_does_not_import_a_wing(graph, wing):
+    """Only the command line, the namespaces above a wing, and the declared users import it."""
+    assert any(is_inside(name, wing) for name in graph), f"{wing} went; delete it from WINGS"
+    users = []
+    for name, others in graph.items():
+        if is_inside(name, wing) or not any(is_inside(other, wing) for other in others):
+            continue
+        is_namespace = is_inside(wing, name)
+        is_command_line = name.split(".")[1:2] == ["cli"]
+        if not is_namespace and not is_command_line:
+            users.append(name)
+    allowed = WINGS[wing]
+    extra = [name for name in users if not any(is_inside(name, place) for place in allowed)]
+    unused = [place for place in allowed if not any(is_inside(name, place) for name in users)]
+    assert not extra, f"{extra} import {wing}; move what they need into the core"
+    assert not unused, f"{unused} no longer import {wing}; delete them from WINGS"
+
+
+def is_inside(name: str, folder: str) -> bool:
+    """Return whether a module is a folder, or stands in it."""
+    return name == folder or name.startswith(f"{folder}.")
 
 
 def test_folders_are_small():

@@ -7,17 +7,23 @@ from typing import Any
 import click
 
 from aerodb.cli.edit import AxisOption
+from flightmech.plugins import DATABASE_EXPORTERS, find_plugins
 from flightmech.support.console import InputFile, NewFile, json_option, performed_by
 
-# format: module and function
-_EXPORTS = {
-    "netcdf": ("aerodb.store.files", "save"),
-    "jsbsim": ("aerodb.exchange.jsbsim.write", "export_jsbsim"),
-    "daveml": ("aerodb.exchange.daveml.exporter", "export_daveml"),
-    "matlab": ("aerodb.exchange.tables.matlab", "export_matlab"),
-    "csv": ("aerodb.exchange.tables.csv_terms", "export_csv"),
-    "checkcases": ("aerodb.exchange.tables.csv_checks", "export_checkcases"),
-}
+_FORMATS = ("netcdf", "jsbsim", "daveml", "matlab", "csv", "checkcases")
+
+
+class ExportFormat(click.Choice[str]):
+    """A format of the product, or the name of an exporter that another package adds."""
+
+    def __init__(self) -> None:
+        super().__init__(_FORMATS)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the name; the entry points are read only for a name that the product lacks."""
+        if value not in _FORMATS and value in find_plugins(DATABASE_EXPORTERS, _FORMATS):
+            return value
+        return super().convert(value, param, ctx)
 
 
 sample_option = click.option(
@@ -52,7 +58,13 @@ def reading_options(verb: Any) -> Any:
 
 @click.command("export")
 @click.argument("file", type=InputFile())
-@click.option("--to", "fmt", required=True, type=click.Choice(list(_EXPORTS)), help="Format.")
+@click.option(
+    "--to",
+    "fmt",
+    required=True,
+    type=ExportFormat(),
+    help="Format, or the name of an exporter that another package adds.",
+)
 @click.option(
     "-o", "--output", required=True, type=click.Path(), help="File to write, for csv a folder."
 )

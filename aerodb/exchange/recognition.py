@@ -10,7 +10,7 @@ from flightmech.errors import ParseError
 from flightmech.support.input_files import demand_regular
 
 # Bytes in which the first element of an XML file must begin. Comments and document type precede it.
-_HEAD = 65_536
+HEAD = 65_536
 _BEFORE = re.compile(rb"\s+|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^\[>]*(\[.*?\]\s*)?>", re.DOTALL)
 _ELEMENT = re.compile(rb"<(?:[\w.-]+:)?([\w.-]+)")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -21,7 +21,7 @@ _KNOWN = (
 )
 
 
-def recognise_format(path: Path) -> str:
+def recognise_own_format(path: Path) -> str:
     """Return the format of a file or folder: netcdf, matlab, jsbsim, daveml or csv.
 
     Raises
@@ -35,7 +35,7 @@ def recognise_format(path: Path) -> str:
         raise ParseError(str(path), 0, f"a folder without {INDEX}", _KNOWN)
     demand_regular(path, _KNOWN)
     with path.open("rb") as file:
-        head = file.read(_HEAD)
+        head = file.read(HEAD)
     # A netCDF-4 file is an HDF5 file.
     if head.startswith(b"\x89HDF\r\n\x1a\n"):
         return "netcdf"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,12 +11,11 @@ import click
 import xarray as xr
 
 import flightmech
-from aerodb.cli.exchange import _EXPORTS
 from aerodb.edit.ground_effect import with_height_table
 from aerodb.edit.table_edits import replace_terms
 from aerodb.exchange.daveml.airframe import import_daveml_aircraft
+from aerodb.exchange.formats import find_exporter, find_importer, recognise_format
 from aerodb.exchange.jsbsim.aircraft import import_jsbsim_aircraft
-from aerodb.exchange.recognition import recognise_format
 from aerodb.store.files import open as open_database
 from aerodb.store.files import save
 from aerodb.store.overview import describe_database, summary
@@ -29,14 +27,6 @@ from flightmech.names import lookup
 from flightmech.support.console import print_json, print_remark
 from flightmech.terms import power_factor
 from flightmech.units import parse_quantity
-
-_IMPORTS = {
-    "netcdf": ("aerodb.store.files", "open"),
-    "jsbsim": ("aerodb.exchange.jsbsim.read", "import_jsbsim"),
-    "daveml": ("aerodb.exchange.daveml.importer", "import_daveml"),
-    "matlab": ("aerodb.exchange.tables.matlab", "import_matlab"),
-    "csv": ("aerodb.exchange.tables.csv_terms", "import_csv"),
-}
 
 
 def reader_options(
@@ -79,7 +69,7 @@ def import_with_remarks(fmt: str, file: str, options: Mapping[str, Any]) -> xr.D
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", AeromatchWarning)
-        tree = _function(_IMPORTS[fmt])(file, **options)
+        tree = find_importer(fmt)(file, **options)
     for warning in caught:
         if issubclass(warning.category, AeromatchWarning):
             print_remark(f"warning: {warning.message}")
@@ -102,10 +92,6 @@ _TABLES_ONLY = ("jsbsim", "daveml")
 
 
 _HIGHEST = "1000 m"  # there a ground effect h^-1.5 has fallen to a thousandth of what it is at 10 m
-
-
-def _function(place: tuple[str, str]) -> Any:
-    return getattr(importlib.import_module(place[0]), place[1])
 
 
 def export_database(
@@ -141,7 +127,7 @@ def export_database(
     tree = open_database(file)
     if fmt in _TABLES_ONLY:
         tree = _with_height_tables(tree, options.pop("height", _HIGHEST))
-    _function(_EXPORTS[fmt])(tree, output, **options)
+    find_exporter(fmt)(tree, output, **options)
     print_json({"file": output, "format": fmt}) if as_json else click.echo(f"written: {output}")
 
 

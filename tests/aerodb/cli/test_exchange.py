@@ -11,7 +11,7 @@ from click.testing import CliRunner
 import aerodb
 from aerodb.cli.group import db
 from aerodb.edit.ground_effect import in_ground_effect
-from aerodb.exchange.recognition import recognise_format
+from aerodb.exchange.formats import recognise_format
 from flightmech import terms
 from flightmech.errors import ParseError
 from flightmech.units import DEGREE

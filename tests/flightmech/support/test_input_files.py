@@ -11,7 +11,7 @@ import scipy.io
 import aerodb
 import datcom_io
 import flighttest
-from aerodb.exchange.recognition import recognise_format
+from aerodb.exchange.formats import recognise_format
 from flightmech.errors import ParseError, SchemaError
 from flightmech.support import input_files as texts
 from flightmech.support import mat_files as mat_file
