@@ -212,7 +212,17 @@ def decisions_command() -> None:
 
 @db.command("check")
 @click.argument("file", type=_LISTING)
+@click.option(
+    "--aircraft",
+    type=InputFile(),
+    help="Aircraft file: its mass for the manoeuvre margin, its reasons for unusual values.",
+)
 @json_option
 @performed_by("aerodb.cli.actions.group:check_database")
 def check_database_command() -> None:
-    """Check a database file; every problem is listed, exit code 2 when there is any."""
+    """Check a database file and the plausibility of its numbers.
+
+    Every problem of the file is listed, with exit code 2. Signs and sizes of the derivatives are
+    compared with ranges at every Mach number; an implausible value has exit code 1 unless the
+    aircraft file acknowledges it with a reason.
+    """

@@ -19,9 +19,12 @@ from aerodb.prior.effect_to_terms import fill_unprinted_cells, terms_of_effect
 from aerodb.prior.power import power_effect, with_power_in_it
 from aerodb.prior.prior_errors import errors_with
 from aerodb.prior.reference_quantities import Point, find_reference_point, refer_to_aircraft
+from aerodb.prior.roles import ADVICE_ON_MISFIT, describe_misfit
 from aerodb.prior.sources import Source, collect_source, split_powered, warn_user
 from aerodb.store.effects import Effect
 from aerodb.store.schema import SCHEME, make_database
+from aerodb.update.cautions.notices import note_plausibility
+from datcom_io.decks.aircraft_rules import ROUNDED_SPAN
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 
@@ -31,6 +34,8 @@ _ROLL_CONTROLS = {
     "spoilers": devices.spoiler_effect,
     "differential_tail": devices.differential_tail,
 }
+# Roles whose increments are those of a control device.
+_DEVICE_ROLES = ("flaps", "elevator", "aileron", "spoilers", "ground_flap", "aileron_hinge", "tabs")
 _INCOMPRESSIBLE = 0.3  # tables that begin below this Mach number are extended to Mach 0
 
 
@@ -115,9 +120,10 @@ def from_datcom(
     ------
     SchemaError
         A listing lacks the tables of its role, its conditions fill no grid, pages over ground are
-        of several deflections of one run, the reference point lies off the plane of symmetry or
-        more than 0.1 chord from a moment centre, or the clean pages are powered or those of a
-        wing-body, unless stated.
+        of several deflections of one run, a device lies more than 5 % of the semispan beyond the
+        tip of its surface, the reference point lies off the plane of symmetry or more than 0.1
+        chord from a moment centre, or the clean pages are powered or those of a wing-body, unless
+        stated.
     UnknownName
         `stderr` names an unknown term.
 
@@ -128,7 +134,8 @@ def from_datcom(
         pages are used, reference quantities differ by more than 1 % (coefficients are
         re-referenced), D(CM) comes from a loop over several conditions, ground pages with elevator
         are given, a value is extended into another speed regime, a spoiler of zero height has a
-        moment, each Mach number has its own altitude, or a term of a given listing is absent.
+        moment, each Mach number has its own altitude, a term of a given listing is absent, a suspect
+        number was replaced, or a value is implausible (`aerodb.store.plausibility`).
     """
     listings = {
         "clean": clean,
@@ -168,7 +175,12 @@ def from_datcom(
     leaves: dict[str, xr.Dataset] = {}
     for effect in (*effects.values(), *_hinge_effects(sources, h_ref)):
         leaves |= terms_of_effect(effect, prior, ranges)
-    return _assemble_database(aircraft, leaves, reference=reference, sources=sources)
+    tree = _assemble_database(aircraft, leaves, reference=reference, sources=sources)
+    tree, findings = note_plausibility(tree, aircraft)
+    for finding in findings:
+        if finding.kind == "implausible":
+            warn_user(str(finding))
+    return tree
 
 
 def _collect_sources(listings: Mapping[str, Any], powered: bool) -> dict[str, Source]:
@@ -195,7 +207,19 @@ def _collect_sources(listings: Mapping[str, Any], powered: bool) -> dict[str, So
         if role == "clean" and powered:
             use_power = not split_powered(cases[role])[0]
         sources[role] = collect_source(role, cases[role], use_power)
+        if role in _DEVICE_ROLES:
+            _require_device_on_surface(sources[role])
     return sources
+
+
+def _require_device_on_surface(source: Source) -> None:
+    """Raise if a device lies beyond the tip of its surface; warn if it does so by a little."""
+    for deck in source.decks:
+        if misfit := describe_misfit(deck):
+            raise SchemaError(source.role, [f"{source.file}: {misfit}; {ADVICE_ON_MISFIT}"])
+    for misfit in dict.fromkeys(describe_misfit(deck, ROUNDED_SPAN) for deck in source.decks):
+        if misfit:
+            warn_user(f"{source.role}: {misfit}; it counts as a device to the tip")
 
 
 def _assemble_database(

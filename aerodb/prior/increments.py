@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
+from aerodb.prior.damping import rate_effect
 from aerodb.prior.power import without_thrust
 from aerodb.prior.sources import Source, drop_empty_tables, warn_user
 from aerodb.store.effects import Effect, join_sentences
@@ -132,8 +133,8 @@ def pitch_rates(clean: Source, h_ref: float) -> list[Effect]:
     """
     if not clean.has("dynamic"):
         return [with_tail_share(Effect("alphadothat", {}, "alphadothat"), clean, h_ref)]
-    qhat = _derivatives(clean, "dynamic", "qhat", h_ref=h_ref, coefficients=("CL", "Cm"))
-    alphadot = _derivatives(clean, "dynamic", "alphadothat", h_ref=h_ref, coefficients=("CL", "Cm"))
+    qhat = rate_effect(clean, "qhat", ("CL", "Cm"), h_ref)
+    alphadot = rate_effect(clean, "alphadothat", ("CL", "Cm"), h_ref)
     return [qhat, with_tail_share(alphadot, clean, h_ref)]
 
 
@@ -144,8 +145,8 @@ def sideslip_effect(clean: Source, h_ref: float) -> Effect:
 
 def lateral_rates(clean: Source, h_ref: float) -> tuple[Effect, Effect]:
     """Return the effects of ``phat`` and ``rhat``, in stability axes."""
-    roll = _derivatives(clean, "dynamic", "phat", h_ref=h_ref, coefficients=_LATERAL)
-    yaw = _derivatives(clean, "dynamic", "rhat", h_ref=h_ref, coefficients=("Cl", "Cn"))
+    roll = rate_effect(clean, "phat", _LATERAL, h_ref)
+    yaw = rate_effect(clean, "rhat", ("Cl", "Cn"), h_ref)
     return replace(roll, comment="CY_rhat, which has no DATCOM method, counts as zero"), yaw
 
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from datcom_io.arrays.conditions import control_surface
+from datcom_io.decks.aircraft_rules import describe_span_beyond_tip
+from datcom_io.decks.deck import Deck
 from datcom_io.decks.namelists import COUNTS
 from datcom_io.listing import Case
 from flightmech.errors import SchemaError
@@ -24,6 +26,14 @@ _ASYMMETRIC_PAGES = {
     "spoiler_supersonic",
 }
 _RUN_NAMELISTS = ("FLTCON", "GRNDEF")  # namelists that do not change the aircraft or a device
+# Part of the semispan by which the device of a careless deck may pass the tip of its own surface.
+# The elevator of a public deck passes it by 0.05 %, an aileron by 1.8 %; a flap of the wing that the
+# program computes on the tail passes it by half the span and more.
+_CARELESS_SPAN = 0.05
+ADVICE_ON_MISFIT = (
+    "with a wing and a horizontal tail the program computes a SYMFLP on the tail, so run the flap "
+    "of a wing without HTPLNF"
+)
 _DEVICE_NAMELISTS = ("SYMFLP", "CONTAB", "JETPWR", "PROPWR")
 
 
@@ -70,7 +80,8 @@ def assign_roles(given: Iterable[Any]) -> list[CaseRole]:
     list of CaseRole
         In the order of the cases.  The whole aeroplane is the configuration with the most
         components.  If several cases have the same conditions in one role, the first is used; with
-        SYMFLP that of the shortest run.  If every case of the whole aeroplane has a deflection, the
+        SYMFLP that of the shortest run.  A device beyond the tip of its surface has no role.  If every
+    case of the whole aeroplane has a deflection, the
         static pages of the elevator cases are the clean ones: the program prints them without
         deflection.
 
@@ -87,7 +98,12 @@ def assign_roles(given: Iterable[Any]) -> list[CaseRole]:
     hinges = {_span_stations(case, "ASYFLP") for case in cases if _style(case) == _AILERON}
     assigned = []
     for case in cases:
-        roles, reason = _find_roles(case, aeroplane, hinges)
+        roles: tuple[str, ...] = ()
+        misfit = describe_misfit(case.deck)
+        if misfit and not _has_power(case):
+            reason = f"not used: {misfit}; {ADVICE_ON_MISFIT}"
+        else:
+            roles, reason = _find_roles(case, aeroplane, hinges)
         assigned.append(CaseRole(case, roles, reason))
     if not _cases_of_role(assigned, "clean"):
         assigned = _assign_clean(assigned, aeroplane)
@@ -108,6 +124,33 @@ def by_role(found: Iterable[CaseRole]) -> dict[str, list[Case]]:
         for role in item.roles:
             roles.setdefault(role, []).append(item.case)
     return roles
+
+
+def describe_misfit(deck: Deck, tolerance: float = _CARELESS_SPAN) -> str:
+    """Return a clause on the device of a deck that does not fit its surface, empty if it fits.
+
+    With a wing and a horizontal tail the program computes every SYMFLP on the tail.  A flap of the
+    wing then gives increments that belong to no surface of the aircraft.
+
+    Parameters
+    ----------
+    deck : Deck
+    tolerance : float
+        Part of the semispan that the device may reach beyond the tip.
+    """
+    if "SYMFLP" in deck.namelists:
+        if control_surface(deck) == "wing":
+            return describe_span_beyond_tip(deck, "SYMFLP", "WGPLNF", tolerance)
+        return describe_span_beyond_tip(deck, "SYMFLP", "HTPLNF", tolerance)
+    is_on_tail = round(deck.value("ASYFLP", "STYPE") or 0.0) == _DIFFERENTIAL_TAIL
+    if "ASYFLP" in deck.namelists and not is_on_tail:
+        return describe_span_beyond_tip(deck, "ASYFLP", "WGPLNF", tolerance)
+    return ""
+
+
+def _has_power(case: Case) -> bool:
+    """Return whether a page of a case has power effects."""
+    return any(page.power != "off" for page in case.pages)
 
 
 def _cases_of_role(assigned: Iterable[CaseRole], role: str) -> list[CaseRole]:

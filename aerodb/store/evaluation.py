@@ -94,11 +94,11 @@ def _add_coefficients(
     if problems:
         raise SchemaError(f"database {db.attrs.get('title', '')!r}", problems)
     variables = {str(name): conditions[name] for name in conditions}
-    computed = {name: _evaluate_any(db, name, outside, variables) for name in missing}
+    computed = {name: evaluate_any(db, name, outside, variables) for name in missing}
     return variables | computed
 
 
-def _evaluate_any(
+def evaluate_any(
     db: xr.DataTree, name: str, outside: str, conditions: Mapping[str, Any]
 ) -> np.ndarray:
     """Return a coefficient; lift and drag of a database in body axes come from CX and CZ."""

@@ -20,6 +20,8 @@ _SURFACES = {
     "F": ("VF", "ventral fin"),
 }
 _DIFFERENTIAL_TAIL = 5
+# A rounding of the last digit of SPANFO is not a fault.
+ROUNDED_SPAN = 1e-4
 _TYPES = 4  # straight, double delta, cranked, curved
 
 
@@ -160,13 +162,32 @@ def flap_span(deck: Deck) -> Iterator[DeckFinding]:
             WARNING,
             f"{text}; the program prints ERROR and computes with {side:g}: write it",
         )
-    # A rounding of the last digit is not a fault.
-    outer = deck.value(name, "SPANFO")
-    if outer is not None and outer > tip * 1.0001:
-        text = f"${name}: SPANFO={outer:g} lies beyond the tip, SSPN={tip:g} of ${surface}"
+    if text := describe_span_beyond_tip(deck, name, surface):
         if surface == "HTPLNF":
             text += "; with a wing and a horizontal tail the program puts the device on the tail"
         yield DeckFinding(deck.line_of(name, "SPANFO"), WARNING, text)
+
+
+def describe_span_beyond_tip(
+    deck: Deck, name: str, surface: str, tolerance: float = ROUNDED_SPAN
+) -> str:
+    """Return a clause on a device that reaches beyond the tip of its surface, empty if none does.
+
+    Parameters
+    ----------
+    deck : Deck
+    name : str
+        Namelist of the device, ``SYMFLP`` or ``ASYFLP``.
+    surface : str
+        Namelist of the planform, ``WGPLNF`` or ``HTPLNF``.
+    tolerance : float
+        Part of the semispan that a device may reach beyond the tip. By default the rounding of the
+        last printed digit.
+    """
+    outer, tip = deck.value(name, "SPANFO"), deck.value(surface, "SSPN")
+    if outer is None or tip is None or outer <= tip * (1.0 + tolerance):
+        return ""
+    return f"${name}: SPANFO={outer:g} lies beyond the tip, SSPN={tip:g} of ${surface}"
 
 
 def _device_namelist(deck: Deck) -> str:

@@ -117,6 +117,8 @@ class Aircraft:
         Fuel on board, part of `mass`. Without it the mass is constant.
     earth_outputs : bool
         Whether the models have outputs in Earth-fixed and inertial axes, and the gravitation.
+    acknowledged : dict of str to str
+        Reasons for unusual values of the database by subject, such as ``static margin``.
     history : str
         Source of computed numbers, one line per step.
     """
@@ -143,6 +145,7 @@ class Aircraft:
     gear: LandingGear | None = None
     fuel: Fuel | None = None
     earth_outputs: bool = False
+    acknowledged: dict[str, str] = field(default_factory=dict)
     history: str = ""
 
     def _repr_html_(self) -> str:
@@ -215,6 +218,8 @@ def read_aircraft(path: str | Path) -> Aircraft:
     return Aircraft(**parts)
 
 
+# a reason that a reader can judge has more than a word
+Reason = Annotated[str, Field(min_length=15)]
 _Length = Annotated[float, InUnits("m")]
 _Vector = tuple[_Length, _Length, _Length]
 # JSON schema of a quantity whose unit depends on the control
@@ -334,6 +339,12 @@ class _AircraftFile(_NumberOrText):
         default=False,
         description="Whether models have outputs in Earth-fixed and inertial axes (earth.x, "
         "inertial.vx) and the gravitation.",
+    )
+    acknowledged: dict[str, Reason] = Field(
+        default={},
+        examples=[{"static margin": "relaxed stability, the flight control system stabilises it"}],
+        description="Why unusual values of the database are right, by the subject that "
+        "`aeromatch db check` prints; the report prints the reason.",
     )
     history: str = Field(
         default="",

@@ -64,6 +64,8 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
         lines += _write_fuel(aircraft.fuel, path)
     if aircraft.gear is not None:
         lines += _gear_lines(aircraft.gear)
+    if aircraft.acknowledged:
+        lines += ["", "[acknowledged]", *_key_lines(aircraft.acknowledged)]
     if aircraft.limits:
         lines += ["", "[limits]", *_key_lines(aircraft.limits)]
     for name, control in aircraft.controls.items():

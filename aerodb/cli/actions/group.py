@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import warnings
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +13,11 @@ import click
 
 from aerodb.prior.build import from_datcom
 from aerodb.prior.roles import CaseRole, assign_roles, by_role
+from aerodb.store.files import open as open_database
 from aerodb.store.files import read_overview, save
 from aerodb.store.overview import describe_database, summary
 from aerodb.store.schema import terms
-from aerodb.update.cautions.notices import notices_of
+from aerodb.update.cautions.notices import note_plausibility, notices_of
 from aerodb.update.term_decisions import DECISIONS, decision_rows
 from datcom_io.reading.reader import ListingCase, listings_in, read, read_place
 from flightmech.aircraft.aircraft import read_aircraft
@@ -154,12 +157,31 @@ def run_decisions(file: str, as_json: bool) -> None:
         click.echo(f"warning: {notice}")
 
 
-def check_database(file: str, as_json: bool) -> None:
+def check_database(file: str, aircraft: str | None, as_json: bool) -> None:
     """Perform the command ``check``."""
-    from aerodb.store.files import open
-
-    tree = open(file)
+    tree = open_database(file)
+    craft = None
+    if aircraft is not None:
+        craft = read_aircraft(aircraft)
+    findings = note_plausibility(tree, craft)[1]
     count = len(terms(tree))
-    print_json({"file": file, "terms": count, "problems": []}) if as_json else click.echo(
-        f"{file}: sound, {count} terms"
-    )
+    is_implausible = any(finding.stops for finding in findings)
+    if as_json:
+        rows = [without_missing(asdict(finding)) for finding in findings]
+        print_json({"file": file, "terms": count, "problems": [], "plausibility": rows})
+    else:
+        verdict = "implausible" if is_implausible else "sound"
+        click.echo(f"{file}: {verdict}, {count} terms")
+        for finding in findings:
+            click.echo(f"  {finding}")
+    if is_implausible:
+        raise SystemExit(1)
+
+
+def without_missing(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a row without numbers that are NaN or infinite, which JSON does not have."""
+    return {
+        key: value
+        for key, value in row.items()
+        if not isinstance(value, float) or math.isfinite(value)
+    }

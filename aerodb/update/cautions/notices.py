@@ -6,6 +6,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import pandas as pd
+import xarray as xr
+
+from aerodb.store.plausibility import Finding, check_plausibility
 
 NOTICES = "notices"
 INCOMPATIBLE = 1e-6
@@ -28,6 +31,26 @@ def with_notices(attributes: Mapping[Any, Any], more: Iterable[str]) -> dict[str
     if not lines:
         return {}
     return {NOTICES: "\n".join(dict.fromkeys(lines))}
+
+
+def note_plausibility(db: xr.DataTree, aircraft: Any) -> tuple[xr.DataTree, list[Finding]]:
+    """Return a database whose notices hold its implausible values, and all findings.
+
+    Parameters
+    ----------
+    db : DataTree
+    aircraft : Aircraft
+        Its ``mass`` and the reasons in ``acknowledged`` are used where it has them.
+    """
+    loading = None
+    if hasattr(aircraft, "mass"):
+        loading = aircraft
+    findings = check_plausibility(db, loading, getattr(aircraft, "acknowledged", {}))
+    notices = [str(item) for item in findings if item.kind == "implausible"]
+    if notices:
+        db = db.copy()
+        db.attrs = {**db.attrs, **with_notices(db.attrs, notices)}
+    return db, findings
 
 
 def incompatible_fits(compatibility: pd.DataFrame) -> list[str]:

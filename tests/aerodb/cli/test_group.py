@@ -222,7 +222,10 @@ def test_show_one_term_with_its_numbers(file):
 
 
 def test_check(file, tmp_path):
-    assert run("check", file).stdout == f"{file}: sound, 4 terms\n"
+    found = run("check", file)
+    assert found.stdout.startswith(f"{file}: implausible, 4 terms\n")
+    assert "CD is implausible (no term: the simulation takes it as zero)" in found.stdout
+    assert found.exit_code == 1
     bad = tmp_path / "bad.nc"
     bad.write_bytes(b"nothing")
     with pytest.raises(ParseError, match="no netCDF-4"):

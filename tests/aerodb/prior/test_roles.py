@@ -281,3 +281,42 @@ def test_an_increment_printed_alone_is_taken_out(jet, corpus):
     assert float(Cm["value"].sel(alpha=22 * DEGREE, method="nearest")) == float(
         Cm["value"].sel(alpha=16 * DEGREE, method="nearest")
     )
+
+
+ELEVATOR_SPAN = "SPANFI=0.4,SPANFO=5.3"
+
+
+@pytest.fixture
+def listing_with_span(tmp_path):
+    """Return a reader of the listing with another outer station of the elevator. [ft]"""
+
+    def with_span(outer: float):
+        text = (LISTINGS / "multi.out").read_text()
+        assert ELEVATOR_SPAN in text
+        file = tmp_path / "span.out"
+        file.write_text(text.replace(ELEVATOR_SPAN, f"SPANFI=0.4,SPANFO={outer}"))
+        return datcom_io.read(file)
+
+    return with_span
+
+
+def test_a_device_beyond_the_tip_of_its_surface_has_no_role(listing_with_span, light):
+    """The program computes the flap of a wing on the tail; SSPN of the tail is 5.4 ft."""
+    listing = listing_with_span(8.5)
+    found = assign_roles([listing])
+    assert [item.roles for item in found] == [("clean",), ("flaps",), (), ("aileron",)]
+    assert "SPANFO=8.5 lies beyond the tip, SSPN=5.4 of $HTPLNF" in found[2].reason
+    with pytest.raises(SchemaError, match=r"(?s)elevator.*SPANFO=8.5 lies beyond the tip"):
+        aerodb.from_datcom(light, clean=listing[0], elevator=listing[2])
+
+
+def test_of_several_devices_the_one_that_fits_is_used(listing_with_span, read):
+    found = assign_roles([listing_with_span(8.5)[2], read("multi")])
+    assert [item.roles for item in found][:4] == [(), ("clean",), ("flaps",), ("elevator",)]
+
+
+def test_a_device_a_little_beyond_the_tip_is_used_with_a_warning(listing_with_span, light):
+    listing = listing_with_span(5.5)
+    with pytest.warns(AeromatchWarning, match="elevator: .*SPANFO=5.5 lies beyond the tip"):
+        db = aerodb.from_datcom(light, clean=listing[0], elevator=listing[2])
+    assert "Cm/elevator" in aerodb.terms(db)

@@ -156,7 +156,7 @@ def test_every_field_has_been_thought_of():
         "history",
     }
     scaled |= {"Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"}
-    kept = {"x_ref_mac", "limits", "earth_outputs"}
+    kept = {"x_ref_mac", "limits", "earth_outputs", "acknowledged"}
     assert {field.name for field in fields(Aircraft)} == scaled | kept
 
 

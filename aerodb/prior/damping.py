@@ -1,0 +1,103 @@
+"""Effects of the angular rates, without the printed derivatives that are suspect.
+
+A suspect pitch damping is replaced by the tail's share, which the page itself contains: CMAD over
+the slope of the downwash (`datcom_io.reading.damping`).  Its standard error is twice that of a
+printed one, since the wing-body is missing.  Other suspect numbers count as not printed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+import datcom_io
+from aerodb.prior.sources import Source, drop_empty_tables, warn_user
+from aerodb.store.effects import Effect, join_sentences
+from datcom_io.reading.damping import estimate_tail_share
+from flightmech.units import DEGREE
+
+_SUSPECT = datcom_io.FLAGS.index("suspect")
+
+
+def rate_effect(clean: Source, variable: str, coefficients: Sequence[str], h_ref: float) -> Effect:
+    """Return the effect of a rate from the dynamic pages.
+
+    Parameters
+    ----------
+    clean : Source
+        The whole aeroplane with dynamic pages.
+    variable : str
+        ``qhat``, ``alphadothat``, ``phat`` or ``rhat``.
+    coefficients : sequence of str
+    h_ref : float
+        Altitude of the basic tables. [m]
+
+    Warns
+    -----
+    AeromatchWarning
+        Suspect numbers were replaced or left out.
+    """
+    grid = clean.grid("dynamic").sel(h=h_ref, drop=True)
+    tables, judged, notes = {}, {}, []
+    for coefficient in coefficients:
+        name = f"{coefficient}_{variable}"
+        table = grid[name]
+        is_suspect = xr.zeros_like(table, bool)
+        if f"{name}_flag" in grid:
+            is_suspect = grid[f"{name}_flag"] == _SUSPECT
+        if bool(is_suspect.any()):
+            printed = table.where(is_suspect)
+            table = table.where(~is_suspect)
+            share = None
+            if variable == "qhat":
+                share = _tail_share(clean, grid, name, h_ref)
+            if share is not None:
+                judged[coefficient] = is_suspect & share.notnull()
+                table = table.where(~is_suspect, share)
+            notes.append(_describe(name, printed, share))
+        tables[coefficient] = table
+    for note in notes:
+        warn_user(f"{clean.role}: {note}")
+    return Effect(
+        variable,
+        drop_empty_tables(tables),
+        variable,
+        judged=judged,
+        references=clean.place("dynamic"),
+        comment=join_sentences(*notes),
+    )
+
+
+def _tail_share(clean: Source, grid: xr.Dataset, name: str, h_ref: float) -> xr.DataArray | None:
+    """Return the tail's share of CLQ or CMQ over mach, None without downwash tables."""
+    if not clean.has("downwash"):
+        return None
+    slope = clean.grid("downwash").sel(h=h_ref, method="nearest", drop=True)["epsilon_alpha"]
+    slope = slope.reindex(mach=grid["mach"], alpha=grid["alpha"], method="nearest", tolerance=1e-6)
+    alpha = grid["alpha"].values / DEGREE
+    shares = []
+    for mach in grid["mach"].values:
+        row = grid.sel(mach=mach)
+        derivatives = {
+            key: row[key].transpose("alpha").values for key in ("CL_alphadothat", "Cm_alphadothat")
+        }
+        estimate = estimate_tail_share(derivatives, alpha, slope.sel(mach=mach).values)
+        shares.append(estimate.get(name, np.nan))
+    return xr.DataArray(shares, {"mach": grid["mach"].values}, "mach").broadcast_like(grid[name])
+
+
+def _describe(name: str, printed: xr.DataArray, share: xr.DataArray | None) -> str:
+    """Return a sentence on the suspect numbers of a derivative and what takes their place."""
+    lowest, highest = float(printed.min()), float(printed.max())
+    values = f"{lowest:.4g}"
+    if highest != lowest:
+        values += f" to {highest:.4g}"
+    text = f"{name} of the print is suspect in sign or size ({values} per radian)"
+    if share is None or not bool(share.notnull().any()):
+        return f"{text} and is not used; the nearest printed number holds, or the term is absent"
+    return (
+        f"{text}; the tail's share by alpha-dot and downwash, {float(share.mean()):.4g}, takes its "
+        f"place with twice the standard error"
+    )

@@ -1,0 +1,372 @@
+"""Plausibility of a database: signs and sizes of its derivatives as a knowledgeable reader sees them.
+
+A valid file can hold the numbers of no aeroplane: a derivative with the wrong sign, a wrong chord, a
+table of one angle of attack. `check_plausibility` evaluates the sum of all terms in cruise
+configuration at every Mach number of the tables and compares the derivatives with ranges. Each range
+states its source. A finding of an unusual aeroplane is acknowledged in its aircraft file with a
+reason.
+
+Most ranges are the spread of published derivatives of nine aeroplanes, from a light single to a jet
+fighter, widened three times towards either side with the sign kept. The numbers come from Teper,
+NASA CR-96008 (1969), Heffley and Jewell, NASA CR-2144 (1972), Roskam, Airplane Flight Dynamics,
+Appendix B, Seckel, FAA-RD-71-6 (1971), and the model GTM T2 of NASA.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+import xarray as xr
+
+from aerodb.store.evaluation import evaluate_any
+from aerodb.store.schema import database_coefficients, terms
+from flightmech.terms import list_model_variables, list_regressors
+from flightmech.units import DEGREE
+
+_PUBLISHED = "three times the spread of nine published aeroplanes"
+# Published lowest and highest value by coefficient and variable, signs of this product (delta_a
+# positive rolls left). [1/rad; rates by pb/2V, qc/2V, rb/2V]
+_SPREAD = {
+    ("CL", "qhat"): (3.8, 24.97),
+    ("Cm", "qhat"): (-41.63, -3.708),
+    ("Cm", "alphadothat"): (-11.4, -1.0988),
+    ("CY", "beta"): (-1.0107, -0.393),
+    ("Cl", "beta"): (-0.142, -0.067),
+    ("Cn", "beta"): (0.049, 0.2176),
+    ("Cl", "phat"): (-0.57, -0.3076),
+    ("Cl", "rhat"): (0.069, 0.28),
+    ("Cn", "rhat"): (-0.383, -0.088),
+    ("CL", "delta_e"): (0.34, 0.77),
+    ("Cm", "delta_e"): (-2.16, -0.5343),
+    ("Cl", "delta_a"): (-0.229, -0.057),
+    ("CY", "delta_r"): (0.157, 0.338),
+    ("Cn", "delta_r"): (-0.1694, -0.0717),
+}
+_WIDENED = 3.0
+# Derivatives whose absence a reader must know, beside the three static coefficients.
+_ESSENTIAL = (
+    ("Cm", "qhat"),
+    ("CY", "beta"),
+    ("Cl", "beta"),
+    ("Cn", "beta"),
+    ("Cl", "phat"),
+    ("Cn", "rhat"),
+    ("Cm", "delta_e"),
+    ("Cl", "delta_a"),
+    ("Cn", "delta_r"),
+)
+_STATIC = ("CL", "CD", "Cm")
+# Range of attached flow in which slopes are taken. [rad]
+_LINEAR = (-4.0 * DEGREE, 6.0 * DEGREE)
+_STEP = 2.0 * DEGREE  # of sideslip and controls, central difference [rad]
+_RATE_STEP = 0.01  # of the reduced rates
+_CHORD = (0.8, 1.8)  # mean aerodynamic over geometric mean chord
+_DRAG = (0.005, 0.2)
+_MARGIN = (0.0, 1.0)  # chords
+_SLOPE = (0.5, 1.35)  # of the slope of a straight wing
+_TRANSONIC = (0.9, 1.2)
+_RHO_0 = 1.225  # sea level [kg/m3]
+_HIGH = 1000.0  # height above ground without ground effect, where no table ends [m]
+COEFFICIENTS = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
+_LEAST = 1e-9  # below it a derivative is absent
+
+
+class Loading(Protocol):
+    """The part of an aircraft that the manoeuvre margin needs: mass [kg]."""
+
+    @property
+    def mass(self) -> float:
+        """Mass. [kg]"""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One quantity outside its range, or one that is missing.
+
+    Attributes
+    ----------
+    subject : str
+        Quantity as it is acknowledged, such as ``Cm/qhat`` or ``static margin``.
+    kind : str
+        ``implausible``, ``missing`` or ``not checked``.
+    value, low, high : float
+        Worst value and its range; NaN where there is none.
+    place : str
+        Mach numbers, or empty.
+    source : str
+        Where the range comes from, or why nothing was checked.
+    reason : str
+        Acknowledgement in the aircraft file, empty without one.
+    """
+
+    subject: str
+    kind: str
+    value: float = np.nan
+    low: float = np.nan
+    high: float = np.nan
+    place: str = ""
+    source: str = ""
+    reason: str = ""
+
+    @property
+    def stops(self) -> bool:
+        """Whether the database is implausible: nobody has acknowledged the finding."""
+        return self.kind == "implausible" and not self.reason
+
+    def __str__(self) -> str:
+        text = f"{self.subject} is {self.kind}"
+        if np.isfinite(self.value):
+            text = f"{self.subject} = {self.value:.4g} is {self.kind}"
+        if self.place:
+            text += f" at {self.place}"
+        if np.isfinite(self.low) or np.isfinite(self.high):
+            text += f"; the range is {self.low:.4g} to {self.high:.4g}"
+        if self.source:
+            text += f" ({self.source})"
+        if self.reason:
+            text += f"; acknowledged: {self.reason}"
+        return text
+
+
+def check_plausibility(
+    db: xr.DataTree,
+    aircraft: Loading | None = None,
+    acknowledged: Mapping[str, str] | None = None,
+) -> list[Finding]:
+    """Return what a knowledgeable reader would question in a database.
+
+    Parameters
+    ----------
+    db : DataTree
+        The database.
+    aircraft : Aircraft, optional
+        With its mass the manoeuvre margin is checked.
+    acknowledged : mapping of str to str, optional
+        Reasons by the subject of a finding; an acknowledged finding stays in the list.
+
+    Returns
+    -------
+    list of Finding
+        One for each subject, with its worst Mach number.
+    """
+    machs = _mach_numbers(db)
+    findings = [*_check_lengths(db), *_check_alphas(db)]
+    # Without lift over several alphas no slope exists.
+    if not findings or all(item.subject != "angles of attack" for item in findings):
+        findings += _merge(_check_slopes(db, machs, aircraft), machs)
+    findings += _merge(_check_derivatives(db, machs), machs)
+    findings += _find_missing(db, machs)
+    if aircraft is None:
+        why = "it needs the mass of the aircraft: give the aircraft file"
+        findings.append(Finding("manoeuvre margin", "not checked", source=why))
+    reasons = acknowledged or {}
+    return [replace(item, reason=reasons.get(item.subject, "")) for item in findings]
+
+
+def _mach_numbers(db: xr.DataTree) -> np.ndarray:
+    """Return all Mach numbers of the tables of CL, CD and Cm; 0 alone without a Mach axis."""
+    machs: set[float] = set()
+    for name, leaf in terms(db).items():
+        if name.split("/")[0] in (*_STATIC, "CX", "CZ") and "mach" in leaf.dims:
+            machs.update(np.round(leaf["mach"].values.astype(float), 6))
+    positive = sorted(mach for mach in machs if mach > 0.0)
+    return np.array(positive or [0.0])
+
+
+def _check_lengths(db: xr.DataTree) -> Iterator[Finding]:
+    """Yield a chord that does not belong to the area and the span."""
+    ratio = float(db.attrs["cbar"]) * float(db.attrs["b"]) / float(db.attrs["S"])
+    low, high = _CHORD
+    if not low <= ratio <= high:
+        why = "cbar b/S is 1 for a rectangular and 1.33 for a pointed wing"
+        yield Finding("reference lengths", "implausible", ratio, low, high, source=why)
+
+
+def _check_alphas(db: xr.DataTree) -> Iterator[Finding]:
+    """Yield a database that does not depend on alpha, or knows one angle of attack only."""
+    count, has_regressor = 0, False
+    for name, leaf in terms(db).items():
+        if name.split("/")[0] in ("CL", "CZ"):
+            if "alpha" in leaf.dims:
+                count = max(count, leaf.sizes["alpha"])
+            has_regressor = has_regressor or "alpha" in list_regressors(leaf)
+    if count < 2 and not has_regressor:
+        why = "the lift of an aeroplane depends on alpha: its tables need several angles"
+        yield Finding("angles of attack", "implausible", float(count), 2.0, np.inf, source=why)
+
+
+def _check_slopes(
+    db: xr.DataTree, machs: np.ndarray, aircraft: Loading | None
+) -> Iterator[tuple[Finding, float]]:
+    """Yield lift slope, margins and drag outside their ranges, with the Mach number."""
+    S, b, cbar = (float(db.attrs[name]) for name in ("S", "b", "cbar"))
+    present = _present_coefficients(db)
+    alpha = np.linspace(*_LINEAR, 11)
+    for mach in machs:
+        state = _base_state(db) | {"mach": np.full(alpha.size, mach), "alpha": alpha}
+        CL, CD, Cm = (_evaluate(db, name, state) for name in _STATIC)
+        CL_alpha = float(np.polyfit(alpha, CL, 1)[0])
+        Cm_alpha = float(np.polyfit(alpha, Cm, 1)[0])
+        straight = _straight_wing_slope(b**2 / S, mach)
+        if np.isfinite(straight):
+            why = (
+                f"lift-line slope of a straight wing of aspect ratio {b**2 / S:.3g}; sweep lowers "
+            )
+            why += "it, the tail and the body raise it"
+            low, high = _SLOPE[0] * straight, _SLOPE[1] * straight
+            yield from _outside("CL/alpha", CL_alpha, low, high, why, mach)
+        if {"CD", "CX"} & present:
+            why = "drag of an aeroplane at low lift"
+            yield from _outside("CD", float(CD.min()), *_DRAG, why, mach)
+        if abs(CL_alpha) < _LEAST or "Cm" not in present:
+            continue
+        margin = -Cm_alpha / CL_alpha
+        why = "a stable aeroplane about its reference point; an unstable one is acknowledged"
+        yield from _outside("static margin", margin, *_MARGIN, why, mach)
+        damping = _derivative(db, "Cm", "qhat", mach)
+        if aircraft is not None and damping is not None:
+            # h_m = h_n - (rho S cbar / 4 m) Cm_qhat, at sea level.
+            manoeuvre = margin - _RHO_0 * S * cbar / (4.0 * aircraft.mass) * damping
+            why = "positive elevator per g at sea level, centre of gravity at the reference point"
+            yield from _outside("manoeuvre margin", manoeuvre, 0.0, 5.0, why, mach)
+
+
+def _check_derivatives(db: xr.DataTree, machs: np.ndarray) -> Iterator[tuple[Finding, float]]:
+    """Yield derivatives outside the widened spread of published ones, with the Mach number."""
+    for (coefficient, variable), (lowest, highest) in _SPREAD.items():
+        low, high = _widen(lowest, highest)
+        why = f"{_PUBLISHED}, {lowest:g} to {highest:g} per radian"
+        if coefficient in ("Cm", "CL") and variable == "qhat":
+            why += "; a value far outside means a wrong chord or reference point"
+        for mach in machs:
+            slope = _derivative(db, coefficient, variable, mach)
+            if slope is not None:
+                yield from _outside(f"{coefficient}/{variable}", slope, low, high, why, mach)
+
+
+def _find_missing(db: xr.DataTree, machs: np.ndarray) -> Iterator[Finding]:
+    """Yield coefficients without a term, and essential derivatives without a source."""
+    present = _present_coefficients(db)
+    for coefficient in database_coefficients(db):
+        if coefficient not in present:
+            # An aeroplane without lift, drag or pitching moment cannot be flown.
+            kind = "missing" if coefficient in ("CY", "Cl", "Cn") else "implausible"
+            yield Finding(coefficient, kind, source="no term: the simulation takes it as zero")
+    for coefficient, variable in _ESSENTIAL:
+        if coefficient in present and _derivative(db, coefficient, variable, machs[0]) is None:
+            why = "no term depends on it: the simulation takes it as zero"
+            yield Finding(f"{coefficient}/{variable}", "missing", source=why)
+
+
+def _present_coefficients(db: xr.DataTree) -> set[str]:
+    """Return the coefficients that have a term."""
+    return {name.split("/")[0] for name in terms(db)}
+
+
+def _outside(
+    subject: str, value: float, low: float, high: float, why: str, mach: float
+) -> Iterator[tuple[Finding, float]]:
+    if not low <= value <= high:
+        yield Finding(subject, "implausible", value, low, high, source=why), mach
+
+
+def _merge(found: Iterable[tuple[Finding, float]], machs: np.ndarray) -> list[Finding]:
+    """Return one finding for each subject: the value farthest outside, with all Mach numbers."""
+    worst: dict[str, Finding] = {}
+    places: dict[str, list[float]] = {}
+    for finding, mach in found:
+        places.setdefault(finding.subject, []).append(mach)
+        earlier = worst.get(finding.subject)
+        if earlier is None or _excess(finding) > _excess(earlier):
+            worst[finding.subject] = finding
+    merged = []
+    for subject, finding in worst.items():
+        place = "every Mach number"
+        if len(places[subject]) < machs.size:
+            place = "Mach " + " ".join(f"{mach:g}" for mach in places[subject])
+        merged.append(replace(finding, place=place))
+    return merged
+
+
+def _excess(finding: Finding) -> float:
+    """Return how far a value lies outside its range."""
+    if np.isnan(finding.value):
+        return np.inf
+    return max(finding.low - finding.value, finding.value - finding.high)
+
+
+def _widen(lowest: float, highest: float) -> tuple[float, float]:
+    """Return a range three times as wide towards either side; its sign stays."""
+    if lowest < 0.0:
+        return lowest * _WIDENED, highest / _WIDENED
+    return lowest / _WIDENED, highest * _WIDENED
+
+
+def _straight_wing_slope(aspect_ratio: float, mach: float) -> float:
+    """Return the lift slope of a straight wing, NaN in the transonic regime. [1/rad]
+
+    2 pi A / (2 + sqrt(A^2 beta^2 + 4)) below, 4 / sqrt(M^2 - 1) above the speed of sound [DATCOM
+    4.1.3.2].
+    """
+    if mach >= _TRANSONIC[1]:
+        return 4.0 / np.sqrt(mach**2 - 1.0)
+    if mach > _TRANSONIC[0]:
+        return np.nan
+    beta = np.sqrt(1.0 - mach**2)
+    return 2.0 * np.pi * aspect_ratio / (2.0 + np.sqrt((aspect_ratio * beta) ** 2 + 4.0))
+
+
+def _base_state(db: xr.DataTree) -> dict[str, Any]:
+    """Return cruise conditions: every variable of the terms at zero, or the end next to it.
+
+    Heights above ground are at the highest breakpoint, out of the ground effect. Coefficients on
+    which terms depend are not set: `evaluate_any` computes them.
+    """
+    state: dict[str, Any] = {"mach": 0.0, "alpha": 0.0}
+    for leaf in terms(db).values():
+        for variable in list_model_variables(leaf):
+            if variable in COEFFICIENTS:
+                continue
+            value = 0.0
+            if variable in leaf.dims:
+                points = leaf[variable].values.astype(float)
+                value = float(np.clip(0.0, points.min(), points.max()))
+                if variable == "h_agl":
+                    value = max(float(points.max()), float(state.get(variable, 0.0)))
+            elif variable == "h_agl":
+                value = _HIGH
+            state[variable] = max(value, float(state.get(variable, value)))
+    return state
+
+
+def _derivative(db: xr.DataTree, coefficient: str, variable: str, mach: float) -> float | None:
+    """Return a central difference at alpha = 2 deg, None if no term depends on the variable.
+
+    A table that begins at zero deflection gives a one-sided difference.
+    """
+    step = _STEP
+    if variable.endswith("hat"):
+        step = _RATE_STEP
+    low, high = -step, step
+    for name, leaf in terms(db).items():
+        if name.split("/")[0] == coefficient and variable in leaf.dims:
+            points = leaf[variable].values.astype(float)
+            low, high = max(low, points.min()), min(high, points.max())
+    if high <= low:
+        return None
+    state = _base_state(db) | {"mach": np.full(2, mach), "alpha": np.full(2, 2.0 * DEGREE)}
+    state[variable] = np.array([low, high])
+    ends = _evaluate(db, coefficient, state)
+    slope = float((ends[1] - ends[0]) / (high - low))
+    if abs(slope) < _LEAST:
+        return None
+    return slope
+
+
+def _evaluate(db: xr.DataTree, coefficient: str, state: Mapping[str, Any]) -> np.ndarray:
+    """Return a coefficient over a state; tables end with their last value."""
+    size = np.size(state["alpha"])
+    return np.broadcast_to(evaluate_any(db, coefficient, "clamp", state), (size,))

@@ -1,0 +1,201 @@
+"""Signs and mutual consistency of the dynamic derivatives of one page.
+
+The tail sees a pitch rate as a change of incidence, and a rate of incidence as a downwash that
+arrives late. Both act with the same slope and the same arm, so that the tail's share of CMQ is
+CMAD / (d epsilon / d alpha), and likewise CLQ and CLAD [DATCOM 7.4.1.2, 7.4.4.2]. On 40 listings of
+aeroplanes with a tail CMQ differs from that share by at most 3 %. The wing-body share of CMQ has a
+pole over the position of the centre of gravity, near which the printed CMQ of the aeroplane is
+wrong in size and sign: an own twin prints -27 to +101 per radian over 0.8 chord of XCG, where the
+tail's share goes from -28 to -22.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from datcom_io.arrays.conditions import printed_condition
+from datcom_io.listing import Case
+from datcom_io.printout.content import ListingMessage, Page
+from datcom_io.printout.tables import PrintedTable
+from datcom_io.reading.suspects import with_suspects
+
+# Range in which the signs of attached flow hold. [deg]
+_LINEAR = 6.0
+# Least slope of the downwash that can divide.
+_LEAST_SLOPE = 0.05
+# Wing-body share of CMQ and CLQ: part of the tail's share, and amount per radian. A wing-body has
+# no positive pitch damping; 10 % leave room for the rounding of the print.
+_MOMENT_ABOVE, _MOMENT_BELOW, _MOMENT_AMOUNT = 0.10, 0.25, 2.5
+_LIFT_PART, _LIFT_AMOUNT = 1.0, 5.0
+# Lift from which the rolling moment due to yaw has the sign of the lift, but for the share of a
+# vertical tail.
+_LIFTING, _TAIL_CLR = 0.2, 0.1
+# Largest sizes of a derivative of an aeroplane; beyond them its reference length is wrong. [1/rad]
+LARGEST = {
+    "CL_qhat": 50.0,
+    "Cm_qhat": 150.0,
+    "CL_alphadothat": 30.0,
+    "Cm_alphadothat": 80.0,
+    "Cl_phat": 3.0,
+    "Cn_rhat": 3.0,
+    "Cl_rhat": 2.0,
+    "Cn_phat": 1.5,
+}
+# Sign in attached flow: damping opposes its rate; a late downwash lifts the tail down.
+_SIGNS = {"Cm_qhat": -1, "Cl_phat": -1, "Cn_rhat": -1, "Cm_alphadothat": -1, "CL_alphadothat": 1}
+
+Derivatives = Mapping[str, np.ndarray]
+
+
+def estimate_tail_share(
+    derivatives: Derivatives, alpha: np.ndarray, downwash_slope: np.ndarray
+) -> dict[str, float]:
+    """Return CLQ and CMQ of the tail from CLAD and CMAD and the downwash.
+
+    Parameters
+    ----------
+    derivatives : mapping of str to array (alpha,)
+        With ``CL_alphadothat`` and ``Cm_alphadothat``. [1/rad]
+    alpha : array (alpha,)
+        Angle of attack. [deg]
+    downwash_slope : array (alpha,)
+        d epsilon / d alpha, NaN where it is not printed.
+
+    Returns
+    -------
+    dict of str to float
+        ``CL_qhat`` and ``Cm_qhat``: medians over the linear range. A derivative without a number
+        there is absent. [1/rad]
+    """
+    shares = {}
+    is_usable = (np.abs(alpha) <= _LINEAR) & (downwash_slope > _LEAST_SLOPE)
+    for name in ("CL", "Cm"):
+        lag = derivatives[f"{name}_alphadothat"]
+        rows = is_usable & np.isfinite(lag)
+        if rows.any():
+            shares[f"{name}_qhat"] = float(np.median(lag[rows] / downwash_slope[rows]))
+    return shares
+
+
+def find_inconsistent(
+    derivatives: Derivatives,
+    alpha: np.ndarray,
+    lift: np.ndarray,
+    downwash_slope: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """Return masks of the numbers that contradict their sign, their size or each other.
+
+    Parameters
+    ----------
+    derivatives : mapping of str to array (alpha,)
+        ``CL_qhat``, ``Cm_qhat``, ``CL_alphadothat``, ``Cm_alphadothat``, ``Cl_phat``, ``Cn_phat``,
+        ``Cn_rhat``, ``Cl_rhat``, NaN where nothing is printed. [1/rad]
+    alpha : array (alpha,)
+        Angle of attack. [deg]
+    lift : array (alpha,)
+        Lift coefficient, NaN where it is not printed.
+    downwash_slope : array (alpha,)
+        d epsilon / d alpha, NaN without a tail behind the wing.
+
+    Returns
+    -------
+    dict of str to array (alpha,) of bool
+        By derivative; only those with a number that is inconsistent.
+    """
+    is_linear = np.abs(alpha) <= _LINEAR
+    has_tail = bool(np.isfinite(downwash_slope).any())
+    wrong = {}
+    for name, largest in LARGEST.items():
+        wrong[name] = np.abs(derivatives[name]) > largest
+    for name, sign in _SIGNS.items():
+        # Without a tail the lag of the downwash has no sign of its own.
+        if name.endswith("alphadothat") and not has_tail:
+            continue
+        # CMQ and CLQ are printed once, in the first row, for all angles.
+        rows = is_linear | (name == "Cm_qhat")
+        wrong[name] = wrong[name] | (rows & (sign * derivatives[name] < 0.0))
+    # A wing that lifts more on the advancing side rolls away from it: Clr has the sign of CL.
+    is_reversed = (np.abs(lift) > _LIFTING) & (derivatives["Cl_rhat"] * np.sign(lift) < -_TAIL_CLR)
+    wrong["Cl_rhat"] = wrong["Cl_rhat"] | (is_linear & is_reversed)
+    # The yaw of a rolling aeroplane is a part of its roll damping.
+    wrong["Cn_phat"] = wrong["Cn_phat"] | (
+        is_linear & (np.abs(derivatives["Cn_phat"]) > np.abs(derivatives["Cl_phat"]))
+    )
+    for name, share in estimate_tail_share(derivatives, alpha, downwash_slope).items():
+        rest = derivatives[name] - share
+        if name == "Cm_qhat":
+            below = _MOMENT_BELOW * abs(share) + _MOMENT_AMOUNT
+            is_off = (rest > _MOMENT_ABOVE * abs(share)) | (rest < -below)
+        else:
+            is_off = np.abs(rest) > _LIFT_PART * abs(share) + _LIFT_AMOUNT
+        wrong[name] = wrong[name] | is_off
+    return {name: mask for name, mask in wrong.items() if mask.any()}
+
+
+def flag_damping(case: Case) -> None:
+    """Flag the dynamic derivatives of wings with others that are inconsistent, and report them."""
+    static_pages = {
+        (page.configuration, printed_condition(page)): page
+        for page in case.pages
+        if page.kind == "static" and math.isinf(page.ground_height)
+    }
+    # Reported once by derivative, with the first line and number and all Mach numbers.
+    reports: dict[str, tuple[int, str, list[float]]] = {}
+    for i, page in enumerate(case.pages):
+        table = page.table("dynamic")
+        if table is None or "WING" not in page.configuration:
+            continue
+        static = static_pages.get((page.configuration, printed_condition(page)))
+        columns = _columns(table)
+        alpha = columns["alpha"]
+        per_radian = 1.0
+        if case.deck.deriv == "DEG":
+            per_radian = math.degrees(1.0)
+        derivatives = {name: per_radian * columns[name] for name in LARGEST}
+        lift = _column_of_page(static, "static", "CL", alpha)
+        slope = _column_of_page(static, "downwash", "epsilon_alpha", alpha)
+        wrong = find_inconsistent(derivatives, alpha, lift, slope)
+        shares = estimate_tail_share(derivatives, alpha, slope)
+        for name, mask in wrong.items():
+            page = with_suspects(page, "dynamic", (name,), mask)
+            row = int(np.argmax(mask))
+            text = f"{derivatives[name][row]:.4g} per radian at alpha {alpha[row]:g} deg"
+            if name in shares:
+                text += ", where the derivatives of alpha-dot and the downwash of the page give "
+                text += f"{shares[name]:.4g} for the tail alone"
+            _, _, machs = reports.setdefault(name, (table.lines[row], text, []))
+            machs.append(page.condition("mach"))
+        case.pages[i] = page
+    for name, (line, text, machs) in reports.items():
+        at = " ".join(f"{mach:g}" for mach in dict.fromkeys(machs))
+        case.messages.append(
+            ListingMessage(
+                line,
+                f"{name} is inconsistent in sign or size at Mach {at} ({text}) and is flagged "
+                f"suspect; the program's method of the damping of a wing-body has a pole over "
+                f"XCG, so move XCG by a tenth of a chord and compare",
+                "reader",
+            )
+        )
+
+
+def _columns(table: PrintedTable) -> dict[str, np.ndarray]:
+    """Return the printed numbers of a table by quantity."""
+    return {column.quantity: table.values[:, k] for k, column in enumerate(table.columns)}
+
+
+def _column_of_page(page: Page | None, name: str, quantity: str, alpha: np.ndarray) -> np.ndarray:
+    """Return a quantity of another table at the same angles; NaN where it is not printed."""
+    missing = np.full(alpha.shape, np.nan)
+    table = None
+    if page is not None:
+        table = page.table(name)
+    if table is None:
+        return missing
+    columns = _columns(table)
+    if not np.array_equal(columns["alpha"], alpha, equal_nan=True):
+        return missing
+    return columns[quantity]

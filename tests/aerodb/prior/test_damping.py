@@ -1,0 +1,80 @@
+"""Tests of the damping that a database takes when the printed one is suspect."""
+
+import dataclasses
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import aerodb
+import datcom_io
+from flightmech.errors import AeromatchWarning
+from flightmech.terms import SOURCES
+from flightmech.units import FOOT
+
+LISTING = Path(__file__).parents[1] / "listings" / "multi.out"
+
+
+@pytest.fixture(scope="module")
+def light(craft):
+    """Return the aircraft of the listing."""
+    lengths = {"cbar": 4.9 * FOOT, "b": 33.0 * FOOT, "reference": (-7.2 * FOOT, 0.0, -0.1 * FOOT)}
+    return dataclasses.replace(craft, name="Light single", S=160.0 * FOOT**2, **lengths)
+
+
+@pytest.fixture(scope="module")
+def printed() -> list[str]:
+    return LISTING.read_text().splitlines(keepends=True)
+
+
+@pytest.fixture
+def read_with(printed, tmp_path):
+    """Return a reader of the listing with another word in the column CMQ."""
+
+    def read(word: str):
+        lines = list(printed)
+        row = next(i for i, line in enumerate(lines) if "CMQ" in line) + 2
+        head, old, tail = lines[row][:25], lines[row][25:37], lines[row][37:]
+        assert float(old) < 0.0
+        lines[row] = f"{head}{word:>12}{tail}"
+        file = tmp_path / "damping.out"
+        file.write_text("".join(lines))
+        return datcom_io.read(file)
+
+    return read
+
+
+def build(light, listing):
+    """Return the database and the warnings on its damping."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", AeromatchWarning)
+        db = aerodb.from_datcom(light, clean=listing[0])
+    return db, [str(item.message) for item in caught if "Cm_qhat" in str(item.message)]
+
+
+def test_a_positive_pitch_damping_is_replaced_by_the_share_of_the_tail(read_with, light) -> None:
+    """The page prints -2.503E-01 per degree; of the other sign it contradicts CMAD."""
+    printed, none = build(light, read_with("-2.503E-01"))
+    db, (warning,) = build(light, read_with("2.503E-01"))
+    assert none == []
+    leaf, sound = db["Cm/qhat"], printed["Cm/qhat"]
+    # share of the tail against the whole: the page is consistent within 10 %
+    assert np.allclose(leaf["value"], sound["value"], rtol=0.1)
+    assert (leaf["value"] < 0.0).all()
+    assert np.allclose(leaf["stderr"] / np.abs(leaf["value"]), 0.5)
+    assert (leaf["source"] == SOURCES.index("judgement")).all()
+    assert "suspect in sign or size (14.34 per radian)" in warning
+    assert "takes its place with twice the standard error" in warning
+    assert "suspect" in leaf.attrs["comment"]
+
+
+def test_the_cells_of_the_reader_have_the_flag(read_with) -> None:
+    listing = read_with("2.503E-01")
+    dynamic = listing[0].to_datatree()["dynamic"]
+    suspect = datcom_io.FLAGS.index("suspect")
+    assert (dynamic["Cm_qhat_flag"].values[0] == suspect).all()
+    assert not (dynamic["CL_qhat_flag"].values == suspect).any()
+    (message,) = [item.text for item in listing.messages if "Cm_qhat" in item.text]
+    assert "14.34 per radian" in message
+    assert "for the tail alone" in message

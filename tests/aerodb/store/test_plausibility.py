@@ -1,0 +1,168 @@
+"""Tests of the signs and sizes that a reader of a database would question."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+import aerodb
+from aerodb.cli.group import db as group
+from aerodb.store.plausibility import check_plausibility
+from flightmech.errors import AeromatchWarning
+from flightmech.terms import make_term
+from flightmech.units import DEGREE
+
+ALPHA = np.radians([-8.0, 0.0, 8.0, 16.0])
+MACH = [0.2, 0.4]
+DELTA = np.radians([-20.0, 0.0, 20.0])
+
+
+@pytest.fixture
+def aeroplane(root) -> xr.DataTree:
+    """Return a database with the derivatives of an ordinary light aeroplane."""
+
+    def over_alpha(offset: float, slope: float) -> xr.Dataset:
+        table = offset + np.outer([1.0, 1.05], slope * ALPHA)
+        return make_term(table, {"mach": MACH, "alpha": ALPHA}, stderr=0.01)
+
+    leaves = {
+        "CL/basic": over_alpha(0.2, 4.9),
+        "CD/basic": over_alpha(0.03, 0.0),
+        "Cm/basic": over_alpha(0.02, -0.7),
+        "Cm/qhat": make_term(-15.0, regressors=["qhat"]),
+        "CL/qhat": make_term(7.0, regressors=["qhat"]),
+        "CY/beta": make_term(-0.5, regressors=["beta"]),
+        "Cl/beta": make_term(-0.1, regressors=["beta"]),
+        "Cn/beta": make_term(0.08, regressors=["beta"]),
+        "Cl/phat": make_term(-0.45, regressors=["phat"]),
+        "Cl/rhat": make_term(0.1, regressors=["rhat"]),
+        "Cn/rhat": make_term(-0.12, regressors=["rhat"]),
+        "Cm/elevator": make_term(-1.2 * DELTA, {"delta_e": DELTA}),
+        "Cl/aileron": make_term(-0.15 * DELTA, {"delta_a": DELTA}),
+        "Cn/rudder": make_term(-0.09, regressors=["delta_r"]),
+    }
+    return aerodb.make_database(leaves, **{**root, "absent": ""})
+
+
+@dataclasses.dataclass(frozen=True)
+class Mass:
+    mass: float
+
+
+def subjects(found) -> set[str]:
+    return {item.subject for item in found if item.stops}
+
+
+def test_an_ordinary_aeroplane_is_plausible(aeroplane) -> None:
+    found = check_plausibility(aeroplane, Mass(1200.0))
+    assert [str(item) for item in found] == []
+
+
+def test_what_was_not_checked_is_listed(aeroplane) -> None:
+    (found,) = check_plausibility(aeroplane)
+    assert (found.subject, found.kind, found.stops) == ("manoeuvre margin", "not checked", False)
+
+
+@pytest.mark.parametrize(
+    ("term", "factor", "subject"),
+    [
+        ("Cm/qhat", -1.0, "Cm/qhat"),
+        ("Cm/qhat", 27.0, "Cm/qhat"),
+        ("Cn/beta", -1.0, "Cn/beta"),
+        ("Cl/phat", -1.0, "Cl/phat"),
+        ("Cl/aileron", -1.0, "Cl/delta_a"),
+        ("Cm/elevator", -1.0, "Cm/delta_e"),
+        ("Cn/rudder", 57.3, "Cn/delta_r"),
+        ("CL/basic", 57.3, "CL/alpha"),
+        ("CL/basic", 0.3, "CL/alpha"),
+        ("Cm/basic", -1.0, "static margin"),
+        ("CD/basic", 0.0, "CD"),
+        ("CD/basic", 20.0, "CD"),
+    ],
+)
+def test_a_wrong_sign_or_size_is_named(aeroplane, term: str, factor: float, subject: str) -> None:
+    aeroplane[term]["value"][...] *= factor
+    found = check_plausibility(aeroplane)
+    assert subject in subjects(found)
+    (item,) = [item for item in found if item.subject == subject]
+    assert item.place == "every Mach number"
+    assert item.source
+
+
+def test_one_wrong_mach_number_is_named(aeroplane) -> None:
+    aeroplane["Cm/basic"]["value"][1] *= -1.0
+    (item,) = [item for item in check_plausibility(aeroplane) if item.stops]
+    assert (item.subject, item.place) == ("static margin", "Mach 0.4")
+
+
+def test_a_wrong_chord_is_named(aeroplane) -> None:
+    aeroplane.attrs["cbar"] = 0.3048 * aeroplane.attrs["cbar"]
+    assert "reference lengths" in subjects(check_plausibility(aeroplane))
+
+
+def test_one_angle_of_attack_is_no_database(small_terms, root) -> None:
+    leaf = small_terms["CL/basic"].isel(alpha=[1])
+    tree = aerodb.make_database({"CL/basic": leaf}, **root)
+    assert "angles of attack" in subjects(check_plausibility(tree))
+
+
+def test_an_aeroplane_that_damping_alone_makes_unstable(aeroplane) -> None:
+    """The manoeuvre margin needs the mass: h_m = h_n - (rho S cbar / 4 m) Cm_qhat."""
+    light = check_plausibility(aeroplane, Mass(1200.0))
+    assert not light
+    aeroplane["Cm/basic"]["value"][...] *= -1.0
+    aeroplane["Cm/qhat"]["value"][...] *= 0.1
+    found = check_plausibility(aeroplane, Mass(1200.0))
+    assert {"static margin", "manoeuvre margin"} <= subjects(found)
+
+
+def test_a_coefficient_without_terms(aeroplane) -> None:
+    del aeroplane["CD"]
+    assert subjects(check_plausibility(aeroplane)) == {"CD"}
+    del aeroplane["CY"]
+    kinds = {item.subject: item.kind for item in check_plausibility(aeroplane)}
+    assert kinds["CY"] == "missing"
+
+
+def test_an_acknowledged_finding_keeps_its_reason(aeroplane, tmp_path) -> None:
+    aeroplane["Cm/basic"]["value"][...] *= -1.0
+    aerodb.save(aeroplane, tmp_path / "x.nc")
+    text = 'name = "x"\nS = 16.9\ncbar = 1.667\nb = 10.31\nmass = 1200.0\nIxx = 1.0\nIyy = 1.0\n'
+    text += "Izz = 1.0\n"
+    reason = '[acknowledged]\n"static margin" = "relaxed stability, stabilised by a computer"\n'
+    manoeuvre = '"manoeuvre margin" = "relaxed stability, stabilised by a computer"\n'
+    (tmp_path / "plain.toml").write_text(text)
+    (tmp_path / "reason.toml").write_text(text + reason + manoeuvre)
+    (tmp_path / "short.toml").write_text(text + '[acknowledged]\n"static margin" = "ok"\n')
+
+    def check(aircraft: str):
+        arguments = ["check", str(tmp_path / "x.nc"), "--aircraft", str(tmp_path / aircraft)]
+        return CliRunner().invoke(group, arguments)
+
+    assert check("plain.toml").exit_code == 1
+    accepted = check("reason.toml")
+    assert accepted.exit_code == 0
+    assert "acknowledged: relaxed stability, stabilised by a computer" in accepted.stdout
+    assert "acknowledged.static margin" in str(check("short.toml").exception)
+
+
+def test_a_body_axes_database_is_checked(aeroplane, root) -> None:
+    """CL and CD come from CX and CZ."""
+    leaves = {
+        "CZ/basic": make_term(-0.2 - 4.9 * ALPHA, {"alpha": ALPHA}),
+        "CX/basic": make_term(-0.03 + 0.0 * ALPHA, {"alpha": ALPHA}),
+        "Cm/basic": make_term(0.02 + 0.7 * ALPHA, {"alpha": ALPHA}),
+    }
+    tree = aerodb.make_database(leaves, **{**root, "absent": "", "force_axes": "body"})
+    assert subjects(check_plausibility(tree)) == {"static margin"}
+
+
+def test_build_warns_of_an_implausible_database(make_case, craft) -> None:
+    alpha = np.radians(np.arange(-8.0, 17.0, 2.0))
+    aircraft = dataclasses.replace(craft, S=16.0, cbar=1.6, b=10.0, reference=(-3.0, 0.0, 0.0))
+    with pytest.warns(AeromatchWarning, match="static margin = -0.2 is implausible"):
+        tree = aerodb.from_datcom(aircraft, clean=make_case(Cm=0.05 + 1.0 * alpha))
+    assert "static margin = -0.2 is implausible" in tree.attrs["notices"]
+    assert np.isclose(alpha[1] - alpha[0], 2.0 * DEGREE)

@@ -1,0 +1,79 @@
+"""Tests of the signs and the consistency of dynamic derivatives."""
+
+import numpy as np
+import pytest
+
+from datcom_io.reading.damping import estimate_tail_share, find_inconsistent
+
+ALPHA = np.array([-4.0, 0.0, 4.0, 8.0, 16.0])
+LIFT = 0.2 + 0.09 * ALPHA
+SLOPE = np.full(5, 0.45)
+# an own light twin, printed with the centre of gravity far from the pole of the method [1/rad]
+SOUND = {
+    "CL_qhat": [8.3, *4 * [np.nan]],
+    "Cm_qhat": [-22.5, *4 * [np.nan]],
+    "CL_alphadothat": [2.9, 3.0, 3.1, 3.0, 1.0],
+    "Cm_alphadothat": [-9.6, -9.9, -10.3, -9.9, -3.0],
+    "Cl_phat": [-0.44, -0.45, -0.45, -0.40, 0.10],
+    "Cn_phat": [0.015, -0.012, -0.04, -0.07, -0.1],
+    "Cn_rhat": [-0.09, -0.09, -0.1, -0.1, -0.11],
+    "Cl_rhat": [-0.01, 0.04, 0.1, 0.15, 0.2],
+}
+
+
+def derivatives(**changes: list[float]) -> dict[str, np.ndarray]:
+    return {name: np.array(row, float) for name, row in {**SOUND, **changes}.items()}
+
+
+def wrong(slope: np.ndarray = SLOPE, **changes: list[float]) -> dict[str, list[bool]]:
+    found = find_inconsistent(derivatives(**changes), ALPHA, LIFT, slope)
+    return {name: mask.tolist() for name, mask in found.items()}
+
+
+def test_a_sound_page_has_no_suspect() -> None:
+    assert wrong() == {}
+
+
+def test_the_share_of_the_tail_is_alpha_dot_over_the_slope_of_the_downwash() -> None:
+    shares = estimate_tail_share(derivatives(), ALPHA, SLOPE)
+    # medians of the rows up to 6 deg
+    assert shares == {"CL_qhat": pytest.approx(3.0 / 0.45), "Cm_qhat": pytest.approx(-9.9 / 0.45)}
+
+
+@pytest.mark.parametrize("Cm_qhat", [10.6, -15.0, -41.0])
+def test_pitch_damping_that_contradicts_alpha_dot(Cm_qhat: float) -> None:
+    """The three kinds of numbers near the pole: positive, too small, too large."""
+    assert wrong(Cm_qhat=[Cm_qhat, *4 * [np.nan]]) == {"Cm_qhat": [True, *4 * [False]]}
+
+
+def test_a_wing_without_tail_is_judged_by_signs() -> None:
+    no_tail = np.full(5, np.nan)
+    assert wrong(no_tail, Cm_qhat=[-0.5, *4 * [np.nan]]) == {}
+    assert list(wrong(no_tail, Cm_qhat=[0.5, *4 * [np.nan]])) == ["Cm_qhat"]
+
+
+@pytest.mark.parametrize(
+    ("name", "row"),
+    [
+        ("Cl_phat", [0.44, -0.45, -0.45, -0.40, 0.10]),
+        ("Cn_rhat", [0.09, -0.09, -0.1, -0.1, -0.11]),
+        ("Cm_alphadothat", [9.6, -9.9, -10.3, -9.9, -3.0]),
+        ("CL_alphadothat", [-2.9, 3.0, 3.1, 3.0, 1.0]),
+        ("Cn_phat", [0.6, -0.012, -0.04, -0.07, -0.1]),
+        ("CL_qhat", [60.0, *4 * [np.nan]]),
+    ],
+)
+def test_a_sign_or_size_of_its_own_is_flagged_in_its_row(name: str, row: list[float]) -> None:
+    assert wrong(**{name: row})[name] == [True, *4 * [False]]
+
+
+def test_roll_due_to_yaw_has_the_sign_of_the_lift() -> None:
+    assert wrong(Cl_rhat=[-0.01, 0.04, -0.3, 0.15, 0.2]) == {
+        "Cl_rhat": [False, False, True, False, False]
+    }
+
+
+def test_beyond_the_linear_range_signs_are_free() -> None:
+    """A stalled wing autorotates: Cl_phat is positive at 16 deg of the sound page."""
+    assert SOUND["Cl_phat"][-1] > 0.0
+    assert wrong() == {}
