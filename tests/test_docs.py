@@ -62,7 +62,13 @@ NOT_RUN = {
     "ruff": "style and types: run by .ci/run",
 }
 # pages of half a minute and more, whose verbs have tests of their own in the suite: for .ci/nightly
-NIGHTLY_PAGES = ("flapping-vehicle.md", "compare-databases.md", "real-flights.md")
+# the overview of the commands repeats what the how-to pages run
+NIGHTLY_PAGES = (
+    "flapping-vehicle.md",
+    "compare-databases.md",
+    "real-flights.md",
+    "command-line.md",
+)
 FENCE = re.compile(
     r"^(?P<slow><!-- slow -->\n+)?(?P<indent> *)```(?P<language>\S*)(?: "
     r"title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)^(?P=indent)```$",

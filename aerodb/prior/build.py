@@ -16,7 +16,7 @@ import xarray as xr
 from aerodb.prior import control_devices as devices
 from aerodb.prior import ground_increments, increments
 from aerodb.prior.effect_to_terms import fill_unprinted_cells, terms_of_effect
-from aerodb.prior.power import power_effect, with_power_in_it
+from aerodb.prior.power import power_effect, with_idle_engines, with_power_in_it
 from aerodb.prior.prior_errors import errors_with
 from aerodb.prior.reference_quantities import Point, find_reference_point, refer_to_aircraft
 from aerodb.prior.roles import ADVICE_ON_MISFIT, describe_misfit
@@ -165,6 +165,8 @@ def from_datcom(
         )
     if clean_source.powered:
         prior = with_power_in_it(prior, clean_source)
+    if clean_source.idle:
+        prior = with_idle_engines(prior, clean_source)
     reference = find_reference_point(aircraft, sources, move_reference)
     h_ref = _reference_altitude(clean_source, altitude)
     # All effects in the axes and with the reference of the program, then of the aircraft.
@@ -327,7 +329,16 @@ def _require_tail(clean: Source) -> None:
 
 
 def _reference_altitude(clean: Source, altitude: float | None) -> float:
-    """Return the printed altitude nearest to the requested one, or the middle one. [m]"""
+    """Return the printed altitude nearest to the requested one, or the middle one. [m]
+
+    It is 0 if the pages state Reynolds numbers, or pressure and temperature, and no altitude.
+    """
+    if not clean.has_altitude:
+        warn_user(
+            f"{clean.role}: the pages of {clean.file} state no altitude (Reynolds number, or "
+            f"pressure and temperature, in the deck); the tables go over Mach number alone"
+        )
+        return 0.0
     heights = clean.grid("static")["h"].values
     if altitude is None:
         return float(heights[len(heights) // 2])

@@ -112,7 +112,10 @@ def static_effects(clean: Source, h_ref: float) -> list[Effect]:
     # The basic tables are those of the reference altitude.
     basic = {coefficient: table.sel(h=h_ref, drop=True) for coefficient, table in tables.items()}
     references = clean.place("static")
-    comment = join_sentences(f"clean aeroplane at {h_ref:.0f} m", power_note)
+    place = "at the Reynolds numbers of the deck"
+    if clean.has_altitude:
+        place = f"at {h_ref:.0f} m"
+    comment = join_sentences(f"clean aeroplane {place}", power_note)
     effects = [Effect("basic", basic, references=references, comment=comment)]
     if grid.sizes["h"] > 1:
         altitude = Effect(

@@ -32,6 +32,14 @@ _ROUNDING = {"CL": 1e-3, "CD": 1e-3, "Cm": 1e-4}  # of the difference of two pri
 # 0.145 and 0.164, Cm 0.307 and 0.276), rounded.
 _INDUCED_BY_JET = {"CL": 0.15, "Cm": 0.1}  # JETPWE sets the drag increment to zero
 _INDUCED_BY_PROPELLER = {"CL": 0.25, "CD": 0.2, "Cm": 0.3}
+# Largest normal force of an inlet or a propeller without thrust, and its drag and moment, over the
+# angles from -4 to 12 deg of an own twin: the difference of its pages with engines of zero thrust
+# to those without engines (CL 0.024, Cm 0.026 of two jets; CL 0.007, CD 0.004, Cm 0.046 of two
+# propellers), rounded.
+_IDLE = {
+    "jet": {"CL": 0.025, "Cm": 0.03},
+    "propeller": {"CL": 0.01, "CD": 0.005, "Cm": 0.05},
+}
 
 
 @dataclass(frozen=True)
@@ -260,6 +268,25 @@ def with_power_in_it(prior: PriorErrors, clean: Source) -> PriorErrors:
     if engine.jet:
         induced = _INDUCED_BY_JET
     return prior.widened({f"{name}/basic": engine.CT * size for name, size in induced.items()})
+
+
+def with_idle_engines(prior: PriorErrors, clean: Source) -> PriorErrors:
+    """Return the rules with the normal force of idle engines in the errors of the basic terms.
+
+    Warns
+    -----
+    AeromatchWarning
+        With the size of the widening.
+    """
+    sizes = _IDLE[clean.idle]
+    part = "inlets" if clean.idle == "jet" else "propellers"
+    listed = ", ".join(f"{name} {size:g}" for name, size in sizes.items())
+    warn_user(
+        f"{clean.role}: {clean.file} is computed with {clean.idle} engines of zero thrust: its "
+        f"pages count as clean; the normal force of the {part} is in them, which widens the "
+        f"standard errors of the basic terms by {listed}"
+    )
+    return prior.widened({f"{name}/basic": size for name, size in sizes.items()})
 
 
 def _undeflected_pages(source: Source) -> xr.Dataset:

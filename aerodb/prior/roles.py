@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from datcom_io.arrays.conditions import control_surface
-from datcom_io.decks.aircraft_rules import describe_span_beyond_tip
+from datcom_io.decks.aircraft_rules import describe_span_beyond_tip, has_thrust
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.namelists import COUNTS
 from datcom_io.listing import Case
@@ -150,7 +150,7 @@ def describe_misfit(deck: Deck, tolerance: float = _CARELESS_SPAN) -> str:
 
 def _has_power(case: Case) -> bool:
     """Return whether a page of a case has power effects."""
-    return any(page.power != "off" for page in case.pages)
+    return has_thrust(case.deck) and any(page.power != "off" for page in case.pages)
 
 
 def _cases_of_role(assigned: Iterable[CaseRole], role: str) -> list[CaseRole]:
@@ -169,11 +169,13 @@ def _find_roles(
         printed.update(item.name for item in page.printed)
         if page.ground_height != float("inf") and page.kind == "static":
             has_ground_page = True
-        if page.power != "off" and not power:
+        # Engines of zero thrust have no effect of power.
+        if page.power != "off" and not power and has_thrust(case.deck):
             power = page.power
     configuration = _fullest_configuration(case)
     # Power and ground pages also have static tables, so that they are decided first.
-    if power:
+    # The pages of a control device contain no power.
+    if power and not printed & (_ASYMMETRIC_PAGES | {"symflp"}):
         namelist = {"jet": "JETPWR"}.get(power, "PROPWR")
         return ("power",), f"{namelist}: {configuration} with {power} power"
     if has_ground_page:

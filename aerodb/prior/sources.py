@@ -13,6 +13,7 @@ import xarray as xr
 
 import datcom_io
 from aerodb.prior.prior_errors import STMACH, TSMACH
+from datcom_io.decks.aircraft_rules import has_thrust
 from datcom_io.decks.deck import Deck
 from flightmech.errors import AeromatchWarning, SchemaError
 
@@ -45,6 +46,8 @@ class Source:
         Input cards of the cases; empty if only trees were given.
     powered : bool
         Whether the pages with power effects are used.
+    idle : str
+        ``jet`` or ``propeller`` if the pages are those of engines without thrust.
     """
 
     role: str
@@ -53,6 +56,7 @@ class Source:
     looped: frozenset[str]
     decks: tuple[Deck, ...] = ()
     powered: bool = False
+    idle: str = ""
 
     @property
     def file(self) -> str:
@@ -119,6 +123,11 @@ class Source:
         return self.card("FLTCON", "STMACH", STMACH), self.card("FLTCON", "TSMACH", TSMACH)
 
     @property
+    def has_altitude(self) -> bool:
+        """Whether a static page states its altitude; a deck with Reynolds numbers gives none."""
+        return not _is_without_altitude(self._fullest_configuration("static"))
+
+    @property
     def configuration(self) -> str:
         """Configuration of the static pages, such as ``WING-BODY``; empty without any."""
         if not self.has("static"):
@@ -145,7 +154,12 @@ class Source:
                 [f"the listing {self.file} holds no {leaf} table; give the case that prints it"],
             )
         # Mach number and altitude become axes of the grid.
-        dataset = self._select_power(self._fullest_configuration(leaf))
+        dataset = self._fullest_configuration(leaf)
+        if leaf == "static":
+            dataset = self._select_power(dataset)
+        elif "power" in dataset.dims:
+            # Only the static pages contain effects of power.
+            dataset = dataset.isel(power=0, drop=True)
         try:
             grid = datcom_io.to_grid(_along_mach(dataset))
         except SchemaError as error:
@@ -203,9 +217,13 @@ def collect_source(role: str, given: Any, powered: bool = False) -> Source:
         Reference quantities are missing, or cases differ in them or in their axes.
     """
     trees, decks = [], []
+    idle = ""
     for tree, deck in _case_trees(given):
         if not tree.children:
             continue
+        if deck is not None and not has_thrust(deck):
+            idle = idle or _kind_of_power(tree)
+            tree = _without_idle_power(tree)
         trees.append(tree)
         if deck is not None:
             decks.append(deck)
@@ -236,7 +254,47 @@ def collect_source(role: str, given: Any, powered: bool = False) -> Source:
         looped=frozenset(looped),
         decks=tuple(decks),
         powered=powered,
+        idle=idle,
     )
+
+
+def _kind_of_power(tree: xr.DataTree) -> str:
+    """Return the kind of power of the static pages, empty without any."""
+    if "static" not in tree.children:
+        return ""
+    static = tree.children["static"].to_dataset(inherit=False)
+    if "power" not in static.coords:
+        return ""
+    kinds = {str(kind) for kind in np.atleast_1d(static["power"].values)} - {"off"}
+    return min(kinds, default="")
+
+
+# A slope that is printed without power, and the numbers to which the program adds the increment of
+# power whether it printed them or not.
+_FILLED_BY_POWER = {"Cm_alpha": ("Cm", "xcp"), "CL_alpha": ("CD", "CL", "CN", "CA", "xcp")}
+
+
+def _without_idle_power(tree: xr.DataTree) -> xr.DataTree:
+    """Return the tables of engines without thrust as those without power.
+
+    Numbers of cells that have no value without power are removed: they are increments.
+    """
+    if not _kind_of_power(tree):
+        return tree
+    tree = tree.copy()
+    for name, leaf in tree.children.items():
+        dataset = leaf.to_dataset(inherit=False)
+        if "power" not in dataset.coords or "power" in dataset.dims:
+            continue
+        dataset = dataset.drop_vars("power")
+        for slope, filled in _FILLED_BY_POWER.items():
+            if name != "static" or slope not in dataset:
+                continue
+            for quantity in filled:
+                if quantity in dataset:
+                    dataset[quantity] = dataset[quantity].where(dataset[slope].notnull())
+        leaf.dataset = dataset
+    return tree
 
 
 def _require_reference_quantities(role: str, trees: Iterable[xr.DataTree]) -> None:
@@ -282,7 +340,7 @@ def split_powered(given: Any) -> tuple[list[Any], list[Any]]:
 def _is_powered(item: Any) -> bool:
     """Return whether a case or case tree has pages with power effects."""
     if not isinstance(item, xr.DataTree):
-        return any(page.power != "off" for page in item.pages)
+        return has_thrust(item.deck) and any(page.power != "off" for page in item.pages)
     if "static" not in item.children:
         return False
     static = item.children["static"].to_dataset(inherit=False)
@@ -290,7 +348,11 @@ def _is_powered(item: Any) -> bool:
 
 
 def _along_mach(dataset: xr.Dataset) -> xr.Dataset:
-    """Return a leaf at one altitude if each Mach number has its own altitude; else unchanged."""
+    """Return a leaf at one altitude if each Mach number has its own or none; else unchanged."""
+    if _is_without_altitude(dataset):
+        # A table over Mach number needs no altitude.
+        h = ("condition", np.zeros(dataset.sizes["condition"]), dataset["h"].attrs)
+        return dataset.assign_coords(h=h)
     if not _has_own_altitudes(dataset):
         return dataset
     # The middle altitude represents all of them.
@@ -298,6 +360,12 @@ def _along_mach(dataset: xr.Dataset) -> xr.Dataset:
     middle = np.sort(heights)[len(heights) // 2]
     h = ("condition", np.full(len(heights), middle), dataset["h"].attrs)
     return dataset.assign_coords(h=h)
+
+
+def _is_without_altitude(dataset: xr.Dataset) -> bool:
+    """Return whether no condition has an altitude, and every Mach number occurs once."""
+    machs = dataset["mach"].values
+    return len(np.unique(machs)) == len(machs) and bool(np.isnan(dataset["h"].values).all())
 
 
 def _has_own_altitudes(dataset: xr.Dataset) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 
 from aerodb.prior.roles import CaseRole, assign_roles
 from datcom_io.arrays.conditions import control_surface
+from datcom_io.decks.aircraft_rules import has_thrust
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.deck_file import read_deck
 from datcom_io.listing import Case
@@ -111,7 +112,8 @@ def geometry_of(listings: Sequence[Path], decks: Sequence[Path]) -> Geometry:
 
 
 def _has_power(case: Case) -> bool:
-    return any(page.power != "off" for page in case.pages if page.kind == "static")
+    is_powered = any(page.power != "off" for page in case.pages if page.kind == "static")
+    return is_powered and has_thrust(case.deck)
 
 
 def _places_by_role(contents: dict[Path, Any], roles: Sequence[CaseRole]) -> dict[str, list[str]]:

@@ -190,6 +190,18 @@ def describe_span_beyond_tip(
     return f"${name}: SPANFO={outer:g} lies beyond the tip, SSPN={tip:g} of ${surface}"
 
 
+def has_thrust(deck: Deck) -> bool:
+    """Return whether a deck has engines with a thrust coefficient other than zero.
+
+    The program takes a coefficient or a number of engines that the deck does not give as zero.
+    """
+    for name, letter in (("JETPWR", "J"), ("PROPWR", "P")):
+        count, coefficient = deck.value(name, f"NENGS{letter}"), deck.value(name, f"THSTC{letter}")
+        if count and coefficient:
+            return True
+    return False
+
+
 def _device_namelist(deck: Deck) -> str:
     """Return the namelist of the control device of a case, empty without one."""
     for name in ("SYMFLP", "ASYFLP"):

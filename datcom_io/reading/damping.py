@@ -32,7 +32,7 @@ _MOMENT_ABOVE, _MOMENT_BELOW, _MOMENT_AMOUNT = 0.10, 0.25, 2.5
 _LIFT_PART, _LIFT_AMOUNT = 1.0, 5.0
 # Lift from which the rolling moment due to yaw has the sign of the lift, but for the share of a
 # vertical tail.
-_LIFTING, _TAIL_CLR = 0.2, 0.1
+_LIFTING, _TAIL_CLR = 0.2, 0.2
 # Largest sizes of a derivative of an aeroplane; beyond them its reference length is wrong. [1/rad]
 LARGEST = {
     "CL_qhat": 50.0,
