@@ -13,6 +13,8 @@ from datcom_io.printout.content import paused_collection
 from datcom_io.reading.faults import Observer
 from datcom_io.reading.lines import ControlColumn, line_blocks
 from datcom_io.reading.scanner import Scanner
+from flightmech.errors import ParseError
+from flightmech.support.input_files import MISSILE_FILE, file_kind
 
 Source = str | os.PathLike[str] | Iterable[str]
 
@@ -102,6 +104,9 @@ class Cases(Iterator[Case]):
         file = "<text>"
         if isinstance(source, str | os.PathLike):
             file = os.path.basename(os.fspath(source))
+            kind = file_kind(source)
+            if kind.startswith(MISSILE_FILE):
+                raise ParseError(file, 1, kind, "a print file of Digital DATCOM")
         self.listing = Listing(file)
         self._cases = self._scan(source, Scanner(self.listing, partial))
 

@@ -18,7 +18,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from datcom_io.decks.cards import ERROR
+from datcom_io.decks.cards import ERROR, NOTE
 from datcom_io.decks.deck_file import DeckFile, deck_text, read_deck
 from datcom_io.listing import Listing
 from datcom_io.printout.content import ListingMessage
@@ -227,12 +227,16 @@ def _find_command(program: str | os.PathLike[str] | Sequence[str]) -> list[str]:
 
 
 def _deck_bytes(deck: DeckFile, path: Path) -> bytes:
-    """Return the deck for the program: its own bytes when the program can read them."""
+    """Return the deck for the program: its own bytes if the parser has changed nothing.
+
+    The parser removes comments, repeats the cards that DATCOM+ repeats (a note), and reports as an
+    error what the program does not read.
+    """
     raw = path.read_bytes()
     has_mark = bool(marked_encoding(raw)[0])
     has_lone_returns = b"\n" not in raw and b"\r" in raw
-    has_errors = any(finding.severity == ERROR for finding in deck.findings)
-    if has_mark or has_lone_returns or deck.comments or has_errors:
+    is_changed = any(finding.severity in (ERROR, NOTE) for finding in deck.findings)
+    if has_mark or has_lone_returns or deck.comments or is_changed:
         return deck_text(deck).encode("latin-1")
     return raw
 

@@ -238,6 +238,11 @@ _OTHER_TABLES = {
 _TAR = 257
 # greatest number of members of an archive in an error
 _MOST_MEMBERS = 4
+# its print begins as one of Digital DATCOM does
+MISSILE_FILE = (
+    "a file of Missile DATCOM, another program than Digital DATCOM, which aeromatch does not read"
+)
+_MISSILE = re.compile(rb"MISSILE DATCOM", re.I)
 _LISTING = re.compile(
     rb"STABILITY AND CONTROL +(?:METHODS|DIGITAL DATCOM)|CONFIGURATION AUXILIARY|INPUT DATA CARDS"
 )
@@ -280,6 +285,8 @@ def file_kind(path: str | os.PathLike[str]) -> str:
         head = _to_utf8(head)
     if b"\0" in head:
         return f"bytes that begin with {head[:8]!r}"
+    if _MISSILE.search(head):
+        return MISSILE_FILE
     if _LISTING.search(head):
         return (
             "a Digital DATCOM listing (`aeromatch datcom show` reads it, `db build` makes a "
