@@ -183,14 +183,18 @@ def _pages_by_heading(case: PrintedCase) -> dict[tuple[Any, ...], list[Page]]:
 def _count_occurrences(groups: dict[tuple[Any, ...], list[Page]]) -> dict[Group, int]:
     """Return how often each printed condition occurs.
 
-    The free-air pages of one configuration are counted.
+    The free-air pages of one configuration are counted.  Some regimes print no static page; the
+    pages of the control device are counted there, one for each condition.
     """
-    occurrences: dict[Group, int] = {}
+    static: dict[Group, int] = {}
+    device: dict[Group, int] = {}
     for pages in groups.values():
+        condition, count = printed_condition(pages[0]), len(pages)
         if pages[0].kind == "static" and math.isinf(pages[0].ground_height):
-            condition = printed_condition(pages[0])
-            occurrences[condition] = max(occurrences.get(condition, 0), len(pages))
-    return occurrences
+            static[condition] = max(static.get(condition, 0), count)
+        elif pages[0].kind == "high-lift":
+            device[condition] = max(device.get(condition, 0), count)
+    return {**device, **static}
 
 
 def _ground_deflection(deck: Deck, page: Page, ordinal: int, per_condition: int) -> float:

@@ -133,6 +133,7 @@ _AIRCRAFT_LEVEL = (
     _AIRCRAFT[1]._replace(first=69, last=78),
 )
 
+_SECOND_TABLE = "WING-BODY-TAIL COEFFICIENTS AT TRIM INCIDENCE"
 TRIM = TableLayout("trim", "", _CONTROL, keys=1, rows=_ROWS, stops=_STOPS)
 TRIM_LEVEL = TableLayout("trim_level", "", _CONTROL, keys=1)
 STABILIZER = TableLayout("trim_stabilizer", "", _STABILIZER, keys=1, rows=_ROWS, stops=_STOPS)
@@ -157,14 +158,20 @@ def _read_trim_table(
     printed: list[Printed] = []
     if table:
         printed.append(table)
-    # Without a row only a note may follow; any other line means another form of page.
-    elif not behind or not lines[behind[0]][1][1:].startswith("*"):
+    # Without a row only a note or the next table may follow; any other line means another form of
+    # page.
+    elif not behind or not _follows_empty_table(lines[behind[0]][1]):
         return None
     if level and behind:
         row = _read_level_row(level, [lines[i] for i in behind])
         if row:
             return [*printed, row], behind[0] + 1
     return printed, max(after, start)
+
+
+def _follows_empty_table(line: str) -> bool:
+    """Return whether a line is a note or the heading of the second table."""
+    return line[1:].startswith("*") or normalise_heading(line) == _SECOND_TABLE
 
 
 def _end_of_rows(filled: list[int], end: int) -> int:
@@ -223,7 +230,7 @@ BLOCKS = (
     ),
     _trim_block(
         ("trim_stabilizer_aircraft", "trim_stabilizer_level"),
-        opens="WING-BODY-TAIL COEFFICIENTS AT TRIM INCIDENCE",
+        opens=_SECOND_TABLE,
         layout=AIRCRAFT,
         columns="ALPHA CD CL",
         level=AIRCRAFT_LEVEL,
