@@ -21,6 +21,8 @@ from flightmech.errors import AeromatchWarning
 
 SUSPECT = 0.3  # weight below which a fit is listed as suspect
 _FLIGHT = _terms.SOURCES.index("flight")
+# Information of a fit on a node, over that of the most informative fit, from which it contributes.
+_LEAST_SHARE = 1e-3
 _COLLINEAR = (
     "Pitch rate and rate of incidence move alike in flight; between their terms the "
     "a-priori errors decide."
@@ -159,10 +161,20 @@ def new_leaf(
 
 
 def contributing_fits(observed: Sequence[Observation], nodes: slice) -> list[str]:
-    """Return the names of the fits that some of the nodes enter."""
+    """Return the names of the fits that inform some of the nodes, such as those of one term.
+
+    A fit that did not move the regressor of a term leaves rounding errors in its columns, and no
+    information. The information on a node is the sum of H^2 / C over the estimates of a fit.
+    """
+    information = []
+    for observation in observed:
+        variance = np.maximum(np.diag(observation.C), np.finfo(float).tiny)[:, None]
+        on_nodes = (observation.H[:, nodes] ** 2 / variance).sum(axis=0)
+        information.append(on_nodes)
+    largest = np.max(information, axis=0, initial=0.0)
     names = []
-    for number, observation in enumerate(observed):
-        if np.abs(observation.H[:, nodes]).max() > 0:
+    for number, (observation, on_nodes) in enumerate(zip(observed, information)):
+        if np.any((on_nodes > 0.0) & (on_nodes > _LEAST_SHARE * largest)):
             names.append(observation.name or f"fit {number}")
     return names
 

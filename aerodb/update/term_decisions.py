@@ -20,7 +20,7 @@ from flightmech.support.netcdf_trees import StoredGroup
 # second.
 REPLACED, CORRECTED = 0.5, 0.9
 DECISIONS = ("replace", "correct", "keep", "delete")
-_DATCOM = _terms.SOURCES.index("datcom")
+_DATCOM, _FLIGHT = (_terms.SOURCES.index(name) for name in ("datcom", "flight"))
 # Correlation from which on the flights determine two terms together and not one by one.
 _JOINT = 0.9
 _NOT_SIGNIFICANT = 2.0  # standard errors from zero below which an opened term may be left out
@@ -67,9 +67,26 @@ def decision_rows(leaves: Mapping[str, xr.Dataset | StoredGroup]) -> dict[str, t
     """Return the rows of `decisions` by term; `leaves` may also be the stored groups of a file."""
     rows = {}
     for name, leaf in leaves.items():
-        decision = str(leaf.attrs.get("decision", _decide_uninformed(leaf)))
-        rows[name] = decision, str(leaf.attrs.get("reason", "no fit informs it"))
+        if "decision" in leaf.attrs:
+            rows[name] = str(leaf.attrs["decision"]), str(leaf.attrs.get("reason", ""))
+        elif _has_flight_nodes(leaf):
+            rows[name] = "replace", _describe_entry(leaf)
+        else:
+            rows[name] = _decide_uninformed(leaf), "no fit informs it"
     return rows
+
+
+def _has_flight_nodes(leaf: xr.Dataset | StoredGroup) -> bool:
+    """Return whether a node of a term comes from flight: a submodel or an engineer entered it."""
+    return "source" in leaf and bool((np.asarray(leaf["source"].values) == _FLIGHT).any())
+
+
+def _describe_entry(leaf: xr.Dataset | StoredGroup) -> str:
+    """Return how numbers from flight entered a term that no tabulation decided on."""
+    history = str(leaf.attrs.get("history", "")).splitlines()
+    if not history:
+        return "from flight; its history does not state how it was entered"
+    return f"from flight, entered outside the fits of the tables: {history[-1]}"
 
 
 def _decide_uninformed(leaf: xr.Dataset | StoredGroup) -> str:

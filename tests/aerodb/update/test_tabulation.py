@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 from aerodb.store.schema import make_database
 from aerodb.update.correlation import LEVEL, PARTS, prior_covariance, prior_parts
 from aerodb.update.tabulation import tabulate
+from aerodb.update.tabulation_report import contributing_fits
 from aerodb.update.weight_learning import WeightLikelihood
 from flightmech import terms
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
@@ -652,3 +653,15 @@ def test_tables_that_flight_has_updated_once_can_be_updated_again():
             == leaf["posterior_sign"].size
             != first.terms["CL/basic"].sizes["component"]
         )
+
+
+def test_a_fit_that_did_not_move_a_regressor_does_not_contribute_to_its_term() -> None:
+    """Rounding errors in the columns of a term are no information."""
+
+    def observation(name: str, column: float) -> SimpleNamespace:
+        return SimpleNamespace(name=name, H=np.array([[1.0, column]]), C=np.array([[0.01]]))
+
+    observed = [observation("moved it", 0.4), observation("held it", 1e-16)]
+    observed += [observation("a little", 0.1), observation("", 0.4)]
+    assert contributing_fits(observed, slice(1, 2)) == ["moved it", "a little", "fit 3"]
+    assert contributing_fits(observed, slice(0, 1)) == ["moved it", "held it", "a little", "fit 3"]

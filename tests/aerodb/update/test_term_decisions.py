@@ -99,3 +99,15 @@ def test_verb_lists_the_decisions(found, tmp_path):
         CliRunner().invoke(group, ["show", str(tmp_path / "db.nc"), "--term", "CL/basic"]).output
     )
     assert "decision: replace" in shown
+
+
+def test_a_term_entered_from_flight_has_its_history_as_the_reason(small):
+    """The ground effect of a submodel has no decision of the tables, but it is from flight."""
+    entered = terms.make_term(-0.4, regressors=["delta_r"], source="flight").assign_attrs(
+        history="ground effect: identified from 4 passes"
+    )
+    db = aerodb.replace_terms(small, {"CY/rudder": entered})
+    decision, reason = decisions(db).loc["CY/rudder"]
+    assert decision == "replace"
+    assert reason.startswith("from flight, entered outside the fits of the tables: ")
+    assert "no fit informs it" in decisions(db).loc["CL/basic"].tolist()
