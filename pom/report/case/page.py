@@ -14,18 +14,13 @@ import pandas as pd
 from pom.cases.case_file import signature_rows
 from pom.report.case import remarks
 from pom.report.case.case_figure import draw_case_figures
+from pom.report.case.driving import describe_driving
 from pom.report.case.panels import (
     make_case_panels,
     make_cross_plots,
 )
 from pom.report.case.plot_data import plot_data
-from pom.report.case.start_and_inputs import (
-    calibration_rows,
-    condition_rows,
-    describe_driving,
-    drift_rows,
-    trim_tables,
-)
+from pom.report.case.start import calibration_rows, condition_rows, drift_rows, trim_tables
 from pom.report.models.diagnosis import cause_section
 from pom.report.presentation.quantities import fixed_decimals
 from pom.report.presentation.traces import pack_page, page_templates

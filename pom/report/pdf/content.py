@@ -15,14 +15,9 @@ import xarray as xr
 from pom.cases.case import PomCase
 from pom.cases.case_file import signature_rows
 from pom.report.case import remarks
+from pom.report.case.driving import describe_driving
 from pom.report.case.page import digest_rows, outcome_rows, run_line_classes
-from pom.report.case.start_and_inputs import (
-    calibration_rows,
-    condition_rows,
-    describe_driving,
-    drift_rows,
-    trim_tables,
-)
+from pom.report.case.start import calibration_rows, condition_rows, drift_rows, trim_tables
 from pom.report.models.diagnosis import cause_sentences
 from pom.report.overview import (
     list_runs,
