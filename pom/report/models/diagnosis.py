@@ -15,7 +15,8 @@ from markupsafe import Markup
 from pom.diagnosis.swap_judgement import MATCHED
 from pom.diagnosis.waterfall_steps import OTHERS, criteria_of
 from pom.report.models.waterfall_figure import cause_figure
-from pom.report.presentation.quantities import MISSING, fixed_decimals, term_words
+from pom.report.presentation.quantities import MISSING, fixed_decimals
+from pom.report.presentation.term_words import term_words
 from pom.report.presentation.verdict_text import Verdict, criterion_words
 from pom.result import PomResult
 

@@ -9,8 +9,7 @@ import report_fixture as fixture
 from pom.report.case import page as case
 from pom.report.case import page as case_data
 from pom.report.case import panels, start
-from pom.report.presentation import quantities, traces
-from pom.report.presentation import quantities as term_names
+from pom.report.presentation import quantities, term_words, traces
 
 
 @pytest.mark.parametrize("index", [0, 1, 2])
@@ -134,7 +133,7 @@ def test_symbols():
     ],
 )
 def test_terms_in_words(term, stated):
-    assert term_names.term_words(term) == stated
+    assert term_words.term_words(term) == stated
 
 
 def test_winds_are_named_from_where_they_blow():
