@@ -21,7 +21,8 @@ from pom.report.models.database_comparison import models_page
 from pom.report.models.identification import identification_page
 from pom.report.models.tuning import NOTE
 from pom.report.overview import list_runs, provenance_page, table_coverage, verdict_matrix
-from pom.report.presentation.traces import pack_page, page_templates
+from pom.report.presentation.page_templates import page_templates
+from pom.report.presentation.traces import pack_page
 from pom.report.submodels.sections import submodels_context
 from pom.result import PomResult
 from pom.tolerances.rows import tolerance_rows

@@ -22,8 +22,9 @@ from pom.report.case.panels import (
 from pom.report.case.plot_data import plot_data
 from pom.report.case.start import calibration_rows, condition_rows, drift_rows, trim_tables
 from pom.report.models.diagnosis import cause_section
+from pom.report.presentation.page_templates import page_templates
 from pom.report.presentation.quantities import fixed_decimals
-from pom.report.presentation.traces import pack_page, page_templates
+from pom.report.presentation.traces import pack_page
 from pom.report.presentation.verdict_text import (
     MODAL,
     Verdict,

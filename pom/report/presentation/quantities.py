@@ -73,8 +73,11 @@ _SYMBOLS = {
     "Cn": ("C", "n"),
 }
 # Symbols of which the first letter is the base and the rest is the subscript.
-_FIRST_LETTER = ("ax", "ay", "az", "nz", "vn", "ve", "vd", "n1", "n2")
-_FIRST_LETTER += ("CL", "CD", "CY", "CX", "CZ", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+_FIRST_LETTER = (
+    *("ax", "ay", "az", "nz", "vn", "ve", "vd", "n1", "n2"),
+    *("CL", "CD", "CY", "CX", "CZ"),
+    *("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"),
+)
 # Quantities that the vocabulary does not have: words, SI unit and display unit.
 _EXTRA = {
     "u_dot": ("body acceleration along x", "m s-2", "m s-2"),
