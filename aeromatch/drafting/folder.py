@@ -29,9 +29,9 @@ from aeromatch.drafting.gaps import (
     unknown_columns,
 )
 from aeromatch.drafting.geometry import Geometry, geometry_of
-from aeromatch.drafting.name_repair import check_draft
-from aeromatch.drafting.name_text import names_text
-from aeromatch.drafting.names import NamesDraft, draft_names, own_names
+from aeromatch.drafting.name_map.name_repair import check_draft
+from aeromatch.drafting.name_map.name_text import names_text
+from aeromatch.drafting.name_map.names import NamesDraft, draft_names, own_names
 from aeromatch.drafting.project_text import map_file, project_text
 from aeromatch.drafting.sources import Sources, quote, source_folders, sources_of
 from aeromatch.project.project import read_project

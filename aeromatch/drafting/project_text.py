@@ -8,7 +8,7 @@ from pathlib import Path
 
 from aeromatch.drafting.flown import CaseDraft, FitDraft
 from aeromatch.drafting.geometry import Geometry
-from aeromatch.drafting.names import NamesDraft
+from aeromatch.drafting.name_map.names import NamesDraft
 from aeromatch.drafting.sources import Sources, quote
 from aeromatch.project.schemas import schema_lines
 from flightmech.support.toml_quantities import UNFILLED
