@@ -118,6 +118,7 @@ def case_parts(
     report : Path, optional
         Files are named relative to this folder.  The default is ``place.folder``.
     """
+    # Page, PDF and JSON print the same fitted modes, so the fit is made once.
     modes = mode_table(result)
     with _csv_path(place, key).open("w", encoding="utf-8", newline="\n") as file:
         file.writelines(case_csv(result))
@@ -150,6 +151,7 @@ def part_files(
     report: Path,
 ) -> PartFiles:
     """Return the parts of a case with the contents of its files; arguments as in `case_parts`."""
+    # Another process may run on another machine, so the result has the contents of the files.
     with TemporaryDirectory() as name:
         place = CasePaths(Path(name) / "report", paper, Path(name) / "drawings")
         _csv_path(place, key).parent.mkdir(parents=True)
@@ -235,6 +237,7 @@ def parts_of_cases(
         Number of simultaneous processes; -1 for one per core.  Each process has at least
         `LEAST_SHARE` cases.
     """
+    # A generator: a result is prepared when a process is free for it.
     calls = (
         delayed(case_parts)(
             position,

@@ -34,7 +34,8 @@ _STATIC = {
     "uplot_js": "uplot/uPlot.iife.min.js",
 }
 _SCRIPT = ("basics", "parcels", "scales", "marks", "plots", "fraction", "paper", "fits", "pages")
-MOST_HELD = 2_500_000  # characters of packed pages and of lists that ``report.html`` holds itself
+# Characters of packed pages and of lists that ``report.html`` holds itself.
+MOST_HELD = 2_500_000
 PAGE, PAGES = "report.html", "pages"
 INDEX = f"{PAGES}/index.js"
 # A page from a disk may load scripts only, so the lists are a script.  It runs before that of the
@@ -91,12 +92,11 @@ def html_files(
 
     # If the page is too long, the parcels become files.  If the lists alone are too long, they
     # become a file too.
-    files = {}
+    files: dict[str, str] = {}
     is_apart = _is_too_long(lists)
     if is_apart:
         names = {name: f"{PAGES}/{name}.js" for name in packed}
-        for name, file in names.items():
-            files[file] = f'(window.parcels ??= {{}})["{file}"] = "{packed[name]}";\n'
+        files = _parcel_files(packed, names)
         lists["articles"] = _render_articles(templates, cases, packed=packed, names=names)
     has_index = _is_too_long(lists)
     if has_index:
@@ -114,6 +114,14 @@ def html_files(
         **_static_texts(),
     )
     return {PAGE: text, **files}
+
+
+def _parcel_files(packed: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:
+    """Return the scripts that hand parcels over to the page, by the name of the file."""
+    files = {}
+    for name, file in names.items():
+        files[file] = f'(window.parcels ??= {{}})["{file}"] = "{packed[name]}";\n'
+    return files
 
 
 def _static_texts() -> dict[str, Markup]:
