@@ -43,6 +43,7 @@ class ProjectFolder:
     def existing(self, name: str, place: str) -> Path:
         """Return the path of a file; a missing file at `place` is a problem."""
         file = self.folder / name
+        # The path is returned in any case, so that all missing files are reported at once.
         if not file.is_file():
             self.problems.append(f"{place}: no file {name!r} in {self.folder}")
         return file
@@ -149,6 +150,7 @@ def _match_flights(patterns: Paths, folder: ProjectFolder, key: str) -> dict[str
         folder.problems.append(
             f"{key}: an empty list; give a file or a pattern such as 'flight/*.csv'"
         )
+    # A record is named after its file.
     return {file.stem: file for file in _match_patterns(_as_sequence(patterns), folder, key)}
 
 
@@ -231,8 +233,9 @@ class Listings(Strict):
     @property
     def by_role(self) -> dict[str, tuple[ListingCase, ...]]:
         """The listings, or single cases of them, by their role in `aerodb.from_datcom`."""
-        others = ("altitude", *self.statements)
-        return {role: cases for role, cases in self if role not in others and cases}
+        # The other fields of the model are statements about the listings.
+        excluded = ("altitude", *self.statements)
+        return {role: cases for role, cases in self if role not in excluded and cases}
 
     def places(self) -> list[ListingCase]:
         """Return the listings of all roles."""

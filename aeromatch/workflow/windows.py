@@ -88,6 +88,7 @@ def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
     """Return every file that the results depend on, with the named flight records."""
     files = [project.file, project.aircraft]
     files += [file for file in (project.apriori, project.names) if file]
+    # Several roles may use cases of one listing.
     files += dict.fromkeys(listing.file for listing in project.listings.places())
     files += [project.flights[name] for name in names]
     files += [*project.cases, *project.tables.values()]
@@ -183,6 +184,7 @@ def rests_on(
     """
     identifying = records_of(project)
     proving = [Path(case.record).stem for case in cases]
+    # Without identification, the records of the cases give the instrument constants.
     sources = {"constants of the instruments": ", ".join(identifying or dict.fromkeys(proving))}
     for fit, spans in zip(project.fit, windows.fits, strict=True):
         sources[f"fit {fit.name}"] = ", ".join(spans)
@@ -227,6 +229,7 @@ def spans_of(
                 problems=problems,
             )
             parts += selection.window
+            # A selection of neither selects the whole record.
             if not selection.manoeuvres and not selection.window:
                 parts = [(-np.inf, np.inf)]
             spans.setdefault(record, []).extend(parts)
@@ -241,6 +244,7 @@ def _manoeuvre_spans(
     problems: list[str],
 ) -> list[tuple[float, float]]:
     """Return the windows of manoeuvres in one record: ``"3211 elevator"``, or a kind: ``"trim"``."""
+    # A manoeuvre without a control, such as a trim, is named by its kind alone.
     labels = (table["manoeuvre"] + " " + table["control"].fillna("")).str.strip()
     spans: list[tuple[float, float]] = []
     for name in manoeuvres:
@@ -260,6 +264,7 @@ def find_case_overlaps(place: str, spans: Spans, cases: Iterable[Any]) -> list[s
     for case in cases:
         record = Path(case.record).stem
         start, end = case.window
+        # Windows that share only an instant do not overlap.
         if any(span[0] < end and start < span[1] for span in spans.get(record, [])):
             problems.append(
                 f"{place}: record {record} proves case {case.name} from {start:g} to {end:g} s; "
