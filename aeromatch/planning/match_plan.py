@@ -103,7 +103,7 @@ class MatchPlan:
     def _uses_of(self, look: RecordLook) -> list[str]:
         """Return the fits, submodels and cases that use a record."""
         uses = []
-        for label, (count, seconds) in look.taken.items():
+        for label, (count, seconds) in look.uses.items():
             # A record that cannot be read has no windows.
             if count:
                 uses.append(f"{label} ({count}: {seconds:.0f} s)")
@@ -122,7 +122,7 @@ class MatchPlan:
             count, seconds = 0, 0.0
             for name, look in self.looks.items():
                 if name in fit.records:
-                    windows, duration = look.taken.get(f"fit {fit.name!r}", (0, 0.0))
+                    windows, duration = look.uses.get(f"fit {fit.name!r}", (0, 0.0))
                     count += windows
                     seconds += duration
             rows.append(
@@ -291,7 +291,7 @@ def _look_tasks(plan: MatchPlan, aircraft: Aircraft, names: Mapping[str, bool]) 
             plan.problems.append(f"manoeuvres: {UnknownName(name, project.flights, 'record')}")
     tasks = []
     for name in names:
-        task = LookTask.of(name, project, aircraft, cases=plan.cases, given=tables.get(name))
+        task = LookTask.of(name, project, aircraft, cases=plan.cases, table=tables.get(name))
         tasks.append(task)
     return tasks
 
@@ -369,4 +369,4 @@ class _ModelChecks:
 
 def _forms_coefficients(look: RecordLook) -> bool:
     """Return whether the match forms the aerodynamic coefficients along a record."""
-    return any(label.startswith("fit ") or label == "ground_effect.flown" for label in look.taken)
+    return any(label.startswith("fit ") or label == "ground_effect.flown" for label in look.uses)

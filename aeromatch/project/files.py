@@ -40,20 +40,20 @@ class ProjectFolder:
         """Folder that relative paths refer to."""
         return self.file.parent
 
-    def existing(self, name: str, place: str) -> Path:
-        """Return the path of a file; a missing file at `place` is a problem."""
+    def existing(self, name: str, key: str) -> Path:
+        """Return the path of a file; a missing file at `key` is a problem."""
         file = self.folder / name
         # The path is returned in any case, so that all missing files are reported at once.
         if not file.is_file():
-            self.problems.append(f"{place}: no file {name!r} in {self.folder}")
+            self.problems.append(f"{key}: no file {name!r} in {self.folder}")
         return file
 
-    def matching(self, pattern: str, place: str) -> list[Path]:
+    def matching(self, pattern: str, key: str) -> list[Path]:
         """Return the files that match a pattern, sorted; a pattern without a file is a problem."""
         names = glob(str(self.folder / pattern), recursive=True)
         files = sorted(Path(name) for name in names if Path(name).is_file())
         if not files:
-            self.problems.append(f"{place}: {self._explain_no_match(pattern)}")
+            self.problems.append(f"{key}: {self._explain_no_match(pattern)}")
         return files
 
     def _explain_no_match(self, pattern: str) -> str:
@@ -70,11 +70,11 @@ class ProjectFolder:
             f"'folder/*.toml'"
         )
 
-    def listing(self, text: str, place: str) -> ListingCase:
+    def listing(self, text: str, key: str) -> ListingCase:
         """Return a listing, or one case of it; a missing file is a problem."""
         if text == UNFILLED:
             self.problems.append(
-                f"{place}: {UNFILLED!r} stands for a listing that is still to be given; "
+                f"{key}: {UNFILLED!r} stands for a listing that is still to be given; "
                 f"write FILE, or FILE:CASE"
             )
             return ListingCase(self.folder / text)
@@ -82,7 +82,7 @@ class ProjectFolder:
             return place_of(text, self.folder)
         except FileNotFoundError:
             self.problems.append(
-                f"{place}: no file {text!r} in {self.folder}; write FILE, or FILE:CASE for one "
+                f"{key}: no file {text!r} in {self.folder}; write FILE, or FILE:CASE for one "
                 f"case of it"
             )
             return ListingCase(self.folder / text)

@@ -40,14 +40,14 @@ _MOST_NODES = 200_000
 def list_databases(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the databases of the working folder, and their aircraft files."""
     files = []
-    for place, file in _database_files(opened).items():
+    for location, file in _database_files(opened).items():
         aircraft = _aircraft_place(opened, file)
-        files.append({"file": place, "label": file.stem, "aircraft": aircraft})
+        files.append({"file": location, "label": file.stem, "aircraft": aircraft})
     return {"files": files}
 
 
 def _database_files(opened: OpenProject) -> dict[str, Path]:
-    """Return the databases by their place: those of the match, edited ones, tuned ones."""
+    """Return the databases by their location: those of the match, edited ones, tuned ones."""
     files = []
     for name in OWN_MODELS:
         file = opened.work / MATCH / f"{name}.nc"
@@ -78,12 +78,12 @@ def _aircraft_place(opened: OpenProject, file: Path) -> str:
     return opened.places.named(opened.project.aircraft)
 
 
-def _open(opened: OpenProject, place: str) -> xr.DataTree:
-    """Return the database of a place."""
+def _open(opened: OpenProject, location: str) -> xr.DataTree:
+    """Return the database of a location."""
     files = _database_files(opened)
-    if place not in files:
-        raise UnknownName(place, files, "database")
-    return opened.kept(("database",), [files[place]], lambda: open_database(files[place]))
+    if location not in files:
+        raise UnknownName(location, files, "database")
+    return opened.kept(("database",), [files[location]], lambda: open_database(files[location]))
 
 
 def show_database(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
@@ -134,14 +134,14 @@ def show_term(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[
         The table over the common axes is too large.
     """
     name = query.get("term", "")
-    places = [place for place in query.get("files", "").split(",") if place]
+    places = [location for location in query.get("files", "").split(",") if location]
     leaves: dict[str, xr.Dataset] = {}
     available: set[str] = set()
-    for place in places:
-        terms = aerodb.terms(_open(opened, place))
+    for location in places:
+        terms = aerodb.terms(_open(opened, location))
         available.update(terms)
         if name in terms:
-            leaves[place] = terms[name]
+            leaves[location] = terms[name]
     if not leaves:
         raise UnknownName(name, available, "term")
     points = union_axes(*leaves.values())
@@ -154,8 +154,8 @@ def show_term(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[
         )
         raise SchemaError(name, [problem])
     curves = []
-    for place, leaf in leaves.items():
-        curve = {"file": place, **_table(regrid_leaf(leaf, points))}
+    for location, leaf in leaves.items():
+        curve = {"file": location, **_table(regrid_leaf(leaf, points))}
         curves.append({**curve, "multipliers": " ".join(_terms.list_multipliers(leaf))})
     first = next(iter(leaves))
     leaf = leaves[first]
@@ -173,8 +173,8 @@ def show_term(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[
         "nodes": {"axes": axes, **_table(leaf)},
         "axes": [_axis(axis, breakpoints) for axis, breakpoints in points.items()],
         "curves": curves,
-        "lacking": [place for place in places if place not in leaves],
-        "points": _flight_points(opened, name, place=first, leaf=leaf, axes=list(points)),
+        "lacking": [location for location in places if location not in leaves],
+        "points": _flight_points(opened, name, location=first, leaf=leaf, axes=list(points)),
     }
 
 
@@ -189,7 +189,7 @@ def _table(leaf: xr.Dataset) -> dict[str, Any]:
 
 
 def _flight_points(
-    opened: OpenProject, name: str, place: str, leaf: xr.Dataset, axes: list[str]
+    opened: OpenProject, name: str, location: str, leaf: xr.Dataset, axes: list[str]
 ) -> dict[str, Any]:
     """Return the points of a term from flight, one row each.
 
@@ -202,10 +202,10 @@ def _flight_points(
     flight: FlightData = opened.kept(("flown",), [file], lambda: read_flown(file))
     regressors, coefficient = _terms.list_regressors(leaf), name.split("/")[0]
     if len(regressors) != 1 or _terms.power_factor(leaf) is not None:
-        database = _database_files(opened)[place]
+        database = _database_files(opened)[location]
 
         def make() -> pd.DataFrame:
-            return aerodb.figures.partial_residuals(_open(opened, place), flight, name)
+            return aerodb.figures.partial_residuals(_open(opened, location), flight, name)
 
         table = opened.kept(("partial", name), [database, file], make)
         names: Iterable[Any] = ()

@@ -199,8 +199,8 @@ def rests_on(
 
 
 def spans_of(
-    place: str,
-    flown: Iterable[RecordSelection],
+    position: str,
+    selections: Iterable[RecordSelection],
     tables: Mapping[str, pd.DataFrame],
     problems: list[str],
 ) -> Spans:
@@ -210,19 +210,19 @@ def spans_of(
 
     Parameters
     ----------
-    place : str
+    position : str
         Position in the project file.
-    flown : iterable of RecordSelection
+    selections : iterable of RecordSelection
     tables : mapping of str to DataFrame
         `flighttest.manoeuvres` by record.
     problems : list of str
         Gets a line for every manoeuvre that a record does not have.
     """
     spans: Spans = {}
-    for selection in flown:
+    for selection in selections:
         for record in selection.records:
             parts = _manoeuvre_spans(
-                place,
+                position,
                 record,
                 manoeuvres=selection.manoeuvres,
                 table=tables[record],
@@ -237,7 +237,7 @@ def spans_of(
 
 
 def _manoeuvre_spans(
-    place: str,
+    position: str,
     record: str,
     manoeuvres: Iterable[str],
     table: pd.DataFrame,
@@ -251,14 +251,14 @@ def _manoeuvre_spans(
         rows = table[(labels == name) | (table["manoeuvre"] == name)]
         if rows.empty:
             problems.append(
-                f"{place}, record {record}: {UnknownName(name, set(labels), 'manoeuvre')}"
+                f"{position}, record {record}: {UnknownName(name, set(labels), 'manoeuvre')}"
             )
         for start, end in zip(rows["start"], rows["end"], strict=True):
             spans.append((float(start), float(end)))
     return spans
 
 
-def find_case_overlaps(place: str, spans: Spans, cases: Iterable[Any]) -> list[str]:
+def find_case_overlaps(position: str, spans: Spans, cases: Iterable[Any]) -> list[str]:
     """Return a line for every window that overlaps with the replayed time of a case."""
     problems = []
     for case in cases:
@@ -267,7 +267,7 @@ def find_case_overlaps(place: str, spans: Spans, cases: Iterable[Any]) -> list[s
         # Windows that share only an instant do not overlap.
         if any(span[0] < end and start < span[1] for span in spans.get(record, [])):
             problems.append(
-                f"{place}: record {record} proves case {case.name} from {start:g} to {end:g} s; "
+                f"{position}: record {record} proves case {case.name} from {start:g} to {end:g} s; "
                 f"it cannot identify too"
             )
     return problems

@@ -193,7 +193,7 @@ optional
     )
     sections = make_sections(submodels or {}, free_motion or {}, driven_motion)
     tuned = tuning_context(logs, results)
-    drawn = draw_chapters(
+    new_chapters = draw_chapters(
         databases or {},
         support or {},
         fits=fits,
@@ -202,7 +202,7 @@ optional
         diagnoses=diagnoses,
         on_paper=chapters or (),
     )
-    all_chapters = _merge_chapters(drawn, kept, chapters)
+    all_chapters = _merge_chapters(new_chapters, kept, chapters)
     archive = Archive(
         results,
         title,
@@ -227,14 +227,14 @@ optional
 
 
 def _merge_chapters(
-    drawn: Chapters, kept: bytes | Chapters, on_paper: Sequence[str] | None
+    new: Chapters, kept: bytes | Chapters, on_paper: Sequence[str] | None
 ) -> Chapters:
     """Return the chapters of this report, completed by those of an earlier one."""
     if isinstance(kept, Chapters):
         return kept
     if kept:
-        return with_kept(drawn, restore_chapters(kept), on_paper)
-    return drawn
+        return with_kept(new, restore_chapters(kept), on_paper)
+    return new
 
 
 def _write_files(
@@ -288,7 +288,7 @@ def _begin_cases(
         "names": report.names,
         "heading": heading,
         "diagnoses": archive.diagnoses,
-        "place": paths,
+        "paths": paths,
         "jobs": jobs,
     }
     if stages is None:
