@@ -29,7 +29,7 @@ SYMBOLS = {
     "not_tested": "–",
     "advisory": "○",
 }
-"""Verdicts as marks, for readers who cannot tell the colours."""
+"""Verdicts as marks, for readers who do not distinguish the colours."""
 
 _GREEK = {
     "alpha": "α",
