@@ -32,6 +32,7 @@ from flightmech.support.figures import to_display_quantity
 DATABASES, TUNED = "databases", "tuned"
 """Folders of the working folder: databases edited by hand, tuned models."""
 
+# Regressor that pitch-rate terms of flights may include.
 _ALPHA_RATE = "alphadothat"
 # Greatest number of nodes of a table over the breakpoints of all databases.
 _MOST_NODES = 200_000
@@ -100,6 +101,7 @@ def show_database(opened: OpenProject, query: Mapping[str, str], body: Any) -> d
             "size": leaves[name]["value"].size,
         }
         terms.append(row)
+    # The first line is the title, the others are facts.
     title, *lines = heading_lines(db.attrs)
     edits = aerodb.store.history(db)
     return {
@@ -114,6 +116,7 @@ def show_database(opened: OpenProject, query: Mapping[str, str], body: Any) -> d
 def _axis(name: str, points: Any) -> dict[str, Any]:
     """Return an axis in display units."""
     values, unit = to_display_quantity(name, np.asarray(points, float))
+    # Pure numbers are printed without a unit.
     if unit == "1":
         unit = ""
     return {"name": name, "unit": unit, "points": values, "meaning": lookup(name).long_name}
@@ -135,6 +138,7 @@ def show_term(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[
     """
     name = query.get("term", "")
     places = [location for location in query.get("files", "").split(",") if location]
+    # The term by database, and the terms of all databases for the message of an unknown name.
     leaves: dict[str, xr.Dataset] = {}
     available: set[str] = set()
     for location in places:
@@ -201,6 +205,7 @@ def _flight_points(
         return {"rows": [], "of": "", "kind": ""}
     flight: FlightData = opened.kept(("flown",), [file], lambda: read_flown(file))
     regressors, coefficient = _terms.list_regressors(leaf), name.split("/")[0]
+    # A table with one regressor is a derivative, which local models estimate directly.
     if len(regressors) != 1 or _terms.power_factor(leaf) is not None:
         database = _database_files(opened)[location]
 
@@ -257,6 +262,7 @@ def compare_databases(opened: OpenProject, query: Mapping[str, str], body: Any) 
         rows = []
         for name, row in frame.to_dict("index").items():
             rows.append({"term": str(name)} | {str(key): value for key, value in row.items()})
+        # Warnings of other packages do not concern the databases.
         warned = [item for item in caught if issubclass(item.category, AeromatchWarning)]
         return rows, [str(item.message) for item in warned]
 
