@@ -12,7 +12,7 @@ from flighttest.records.readers.columns import split_heading, units_at_the_end, 
 
 # Names of channels in recorders, in lower case without separators. The symbols of the field are
 # known to `flightmech.errors.find_symbol`.
-_WORDS = {
+HEADING_WORDS = {
     "p": "p ratep rollrate bodyrollrate gyrox gyrp wx",
     "q": "q rateq pitchrate bodypitchrate gyroy gyrq wy",
     "r": "r rater yawrate bodyyawrate gyroz gyrr wz",
@@ -76,7 +76,7 @@ _WORDS = {
 }
 # Quantity of each name of a channel.
 _NAME: dict[str, str] = {}
-for _quantity, _names in _WORDS.items():
+for _quantity, _names in HEADING_WORDS.items():
     _NAME |= dict.fromkeys(_names.split(), _quantity)
 # Recorded quantity of each canonical name that is a corrected quantity.
 _RECORDED = {
