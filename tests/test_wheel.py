@@ -39,7 +39,7 @@ print(len(stubs))
 import flightmech, flighttest, pom
 from flighttest.reconstruction.quality.page import read_style_sheet, template_of
 from pom.report.page import _SCRIPT, _STATIC, _static
-from pom.report.presentation.traces import page_templates
+from pom.report.presentation.page_templates import page_templates
 
 assert len(flighttest.readers.shipped_maps()) > 1
 assert pom.cases.case_schema()["properties"]

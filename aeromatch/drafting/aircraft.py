@@ -82,6 +82,7 @@ def _reference_lines(geometry: Geometry, remarks: list[str]) -> list[str]:
         ("b", "reference span", "m"),
     ):
         number = getattr(geometry, key)
+        # The listings may lack a card with this reference.
         if number is None:
             remarks.append(
                 f"{key} is not known: replace the {UNFILLED!r} in aircraft.toml, or give "
@@ -111,10 +112,12 @@ def _mass_lines(known: StatedFacts, remarks: list[str]) -> list[str]:
         if stated:
             lines.append(f"{key} = {_value(stated)}   # {lookup(key).long_name}")
             continue
+        # A placeholder makes the project incomplete until the author replaces it.
         lines.append(
             f"{key} = {_value(UNFILLED)}   # {lookup(key).long_name}, such as {json.dumps(example)}"
         )
         remarks.append(f"{key} is not known: replace the {UNFILLED!r} in aircraft.toml")
+    # Products of inertia are zero by default, so they need no placeholder.
     for key in ("Ixz", "Ixy", "Iyz"):
         if known.values.get(key):
             lines.append(f"{key} = {_value(known.values[key])}")
@@ -141,6 +144,7 @@ def _engine_lines(
     geometry: Geometry, records: Sequence[xr.DataTree], remarks: list[str]
 ) -> list[str]:
     channels = channel_names(records)
+    # The digit after "engine" in names such as engine1.n1.
     numbers = {int(name[6]) for name in channels if re.match(r"engine[1-9]\.", name)}
     # The cards or the records may show more engines.
     count = max(len(geometry.engines), max(numbers, default=0))
@@ -170,6 +174,7 @@ def _engine_lines(
 
 def _travel_lines(records: Sequence[xr.DataTree]) -> list[str]:
     """Return the recorded travel of the controls as comments; it is less than the stops."""
+    # Smallest and largest deflection over all records. [rad]
     travel: dict[str, tuple[float, float]] = {}
     for record in records:
         for node in record.children.values():

@@ -3,47 +3,40 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
-import xarray as xr
 
 import flightmech
-import flighttest
 from aeromatch.drafting.aircraft import StatedFacts, aircraft_text
 from aeromatch.drafting.flown import (
     CaseDraft,
     fits_of,
     held_for_proof,
-    without_unknown,
     written_cases,
 )
 from aeromatch.drafting.gaps import (
     channel_names,
-    listed_columns,
-    missing_channels,
-    unknown_columns,
 )
 from aeromatch.drafting.geometry import Geometry, geometry_of
-from aeromatch.drafting.name_repair import check_draft
-from aeromatch.drafting.name_text import names_text
-from aeromatch.drafting.names import NamesDraft, draft_names, own_names
+from aeromatch.drafting.name_map.name_text import names_text
+from aeromatch.drafting.name_map.names import NamesDraft
 from aeromatch.drafting.project_text import map_file, project_text
+from aeromatch.drafting.recordings import (
+    RecordedFlights,
+    add_manoeuvres,
+    has_engine_speed,
+    read_flights,
+)
 from aeromatch.drafting.sources import Sources, quote, source_folders, sources_of
 from aeromatch.project.project import read_project
-from flightmech.air import atmosphere
-from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import write_text
 from flightmech.support.toml_quantities import UNFILLED
-from flightmech.units import parse_quantity
-from flighttest.flight_programme.manoeuvre_finding.finding import find_manoeuvres, named_by_response
 from flighttest.records.manoeuvre_table import write_manoeuvres
-
-_FACTS = {"temperature": "K", "latitude": "rad", "runway_elevation": "m"}
 
 
 @dataclass(frozen=True)
@@ -80,37 +73,6 @@ class Drafted:
             "listings": [dict(zip(keys, row, strict=True)) for row in self.roles],
             "records": self.records,
         }
-
-
-@dataclass
-class _Flights:
-    """Recordings as read with their name map, and their manoeuvres.
-
-    Attributes
-    ----------
-    names : NamesDraft
-    records : dict of str to DataTree
-        By file name without extension.
-    marks : dict of str to DataFrame
-        Manoeuvres by record. [s]
-    marked : set of str
-        Records that mark their manoeuvres themselves.
-    """
-
-    names: NamesDraft
-    records: dict[str, xr.DataTree] = field(default_factory=dict)
-    marks: dict[str, pd.DataFrame] = field(default_factory=dict)
-    marked: set[str] = field(default_factory=set)
-
-    @property
-    def has_table(self) -> bool:
-        """Whether the manoeuvres of some record require a table."""
-        return len(self.marked) < len(self.marks)
-
-    @property
-    def has_drafted_map(self) -> bool:
-        """Whether the project requires a name map that is not the author's."""
-        return not self.names.identity and self.names.own is None
 
 
 def draft_project(
@@ -157,7 +119,7 @@ def draft_project(
     SchemaError
         No source was found, or the recordings cannot be mapped.
     """
-    folder, known = Path(folder), known or StatedFacts()
+    folder, facts = Path(folder), known or StatedFacts()
     if not datcom and not records and folder.is_dir():
         datcom = records = source_folders(folder)
     sources = sources_of([Path(path) for path in datcom], [Path(path) for path in records])
@@ -166,26 +128,23 @@ def draft_project(
     remarks: list[str] = []
     if sources.records:
         with step(f"read {len(sources.records)} recordings, find names, units and signs"):
-            flights = _read_flights(
-                sources, geometry.flap, known=known, own_map=own_map, remarks=remarks
+            flights = read_flights(
+                sources, geometry.flap, known=facts, own_map=own_map, remarks=remarks
             )
     else:
-        flights = _Flights(NamesDraft(identity=True))
+        flights = RecordedFlights(NamesDraft(identity=True))
         remarks.append(
             f"no recording was given: replace the {UNFILLED!r} of flights in aeromatch.toml"
         )
     with step("find manoeuvres"):
-        _find_manoeuvres(flights, remarks)
-    with_engine = [name for name, record in flights.records.items() if _has_engine_speed(record)]
+        add_manoeuvres(flights, remarks)
+    with_engine = [name for name, record in flights.records.items() if has_engine_speed(record)]
     cases = held_for_proof(flights.marks, prove, with_engine)
     targets = _target_files(folder, flights, cases)
-    existing = [str(file) for file in targets if file.exists()]
-    if existing and not force:
-        raise FileExistsError(
-            f"{', '.join(existing)}: there already; give another folder, or --force to overwrite"
-        )
+    # No file is written before it is certain that all may be written.
+    _check_targets(targets, force)
     with step("write and check the project"), _all_or_none(folder, targets):
-        text, gaps = aircraft_text(geometry, known, list(flights.records.values()))
+        text, gaps = aircraft_text(geometry, facts, list(flights.records.values()))
         remarks += gaps
         write_text(folder / "aircraft.toml", text)
         _write_project(
@@ -195,53 +154,33 @@ def draft_project(
             flights=flights,
             cases=cases,
             prove=prove,
-            name=known.name,
+            name=facts.name,
             remarks=remarks,
         )
         complete = _check_project(folder)
-    files = {file.stem: file for file in sources.records}
-    summaries: dict[str, dict[str, Any]] = {}
-    for name, record in flights.records.items():
-        summaries[name] = _summarise_record(files[name], record, flights.marks[name])
     return Drafted(
         files=tuple(file for file in targets if file.exists()),
         remarks=tuple(remarks),
         roles=tuple(_role_rows(geometry)),
-        records=summaries,
+        records=_summarise_records(sources, flights),
         complete=complete,
     )
 
 
-def _read_flights(
-    sources: Sources,
-    flap: float | None,
-    known: StatedFacts,
-    own_map: str | Path | None,
-    remarks: list[str],
-) -> _Flights:
-    """Return the recordings with the author's or a drafted name map."""
-    if own_map is not None:
-        draft = own_names(own_map)
-    else:
-        draft = draft_names(sources.records, flap)
-    names, records, findings = check_draft(_add_facts(draft, known), sources.records)
-    names, records = _add_temperature(names, records, sources.records, remarks)
-    remarks += [*names.remarks, *missing_channels(records), *findings]
-    if names.own is None:
-        remarks += unknown_columns(names.left_out, has_map=False)
-    else:
-        unmapped: dict[str, None] = {}
-        for record in records.values():
-            unmapped |= dict.fromkeys(listed_columns(record))
-        remarks += unknown_columns(list(unmapped), has_map=True)
-    return _Flights(names, records)
+def _check_targets(targets: Sequence[Path], force: bool) -> None:
+    """Raise if a file exists and may not be overwritten."""
+    existing = [str(file) for file in targets if file.exists()]
+    if existing and not force:
+        raise FileExistsError(
+            f"{', '.join(existing)}: there already; give another folder, or --force to overwrite"
+        )
 
 
 def _write_project(
     folder: Path,
     geometry: Geometry,
     sources: Sources,
-    flights: _Flights,
+    flights: RecordedFlights,
     cases: Sequence[CaseDraft],
     prove: Sequence[str],
     name: str,
@@ -293,94 +232,7 @@ def _write_project(
     write_text(folder / "aeromatch.toml", text)
 
 
-def _has_engine_speed(record: xr.DataTree) -> bool:
-    return any(name.endswith((".n1", ".n2")) for name in channel_names([record]))
-
-
-def _add_facts(names: NamesDraft, known: StatedFacts) -> NamesDraft:
-    """Return a map with the facts that the author states."""
-    facts: dict[str, float] = {}
-    for key, unit in _FACTS.items():
-        if known.values.get(key):
-            facts[key] = parse_quantity(_number_or_text(known.values[key]), unit)
-    if names.own is not None and facts:
-        problems = []
-        for key in facts:
-            problems.append(
-                f"{key} stands in [record] of the name map {names.file}; write it there"
-            )
-        raise SchemaError("init", problems)
-    return replace(names, facts={**names.facts, **facts})
-
-
-def _number_or_text(text: str) -> str | float:
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
-def _add_temperature(
-    names: NamesDraft,
-    records: dict[str, xr.DataTree],
-    files: Sequence[Path],
-    remarks: list[str],
-) -> tuple[NamesDraft, dict[str, xr.DataTree]]:
-    """Return map and records with the temperature of the standard atmosphere.
-
-    They are unchanged if a temperature is recorded or stated, and if no height is recorded.
-    """
-    channels = channel_names(records.values())
-    if names.identity or "temperature" in channels or "temperature" in names.facts:
-        return names, records
-    height = _median_height(records.values())
-    if height is None:
-        return names, records
-    kelvin = round(float(atmosphere(height).temperature), 1)
-    if names.own is not None:
-        remarks.append(
-            f'no temperature is recorded: add temperature = "{kelvin:g} K" to [record] of '
-            f"{names.file}, as in the standard atmosphere"
-        )
-        return names, records
-    remarks.append(
-        f"no temperature is recorded: that of the standard atmosphere at {height:.0f} m, "
-        f"{kelvin:g} K, stands in names.toml; "
-        "confirm it, 3 K change the air density by 1 %"
-    )
-    names = replace(names, facts={**names.facts, "temperature": kelvin})
-    return names, {file.stem: flighttest.read(file, names.mapping()) for file in files}
-
-
-def _median_height(records: Iterable[xr.DataTree]) -> float | None:
-    """Return the median of the recorded heights, or None without a height. [m]"""
-    heights: list[float] = []
-    for record in records:
-        for node in record.children.values():
-            for name in ("h_baro", "h_gps"):
-                if name in node.data_vars:
-                    heights.append(float(node[name].median()))
-    if not heights:
-        return None
-    return sorted(heights)[len(heights) // 2]
-
-
-def _find_manoeuvres(flights: _Flights, remarks: list[str]) -> None:
-    """Add the manoeuvres of every record, as marked or as found in the movements."""
-    for name, record in flights.records.items():
-        table = flighttest.manoeuvres(record)
-        if len(table):
-            flights.marked.add(name)
-            table = named_by_response(record, table)
-        else:
-            try:
-                table = without_unknown(find_manoeuvres(record))
-            except SchemaError as error:
-                remarks.append(f"{name}: no manoeuvre was looked for: {'; '.join(error.problems)}")
-        flights.marks[name] = table
-
-
-def _target_files(folder: Path, flights: _Flights, cases: Sequence[CaseDraft]) -> list[Path]:
+def _target_files(folder: Path, flights: RecordedFlights, cases: Sequence[CaseDraft]) -> list[Path]:
     """Return the files that the draft will write."""
     files = ["aircraft.toml"]
     if flights.has_drafted_map:
@@ -395,7 +247,9 @@ def _target_files(folder: Path, flights: _Flights, cases: Sequence[CaseDraft]) -
 @contextmanager
 def _all_or_none(folder: Path, targets: Sequence[Path]) -> Iterator[None]:
     """Make the folder, and restore its files and remove new folders after an error."""
-    new = [place for place in (folder / "cases", folder, *folder.parents) if not place.exists()]
+    # From the innermost folder outward, so that each is empty when it is removed.
+    chain = (folder / "cases", folder, *folder.parents)
+    new_folders = [item for item in chain if not item.exists()]
     before = {file: file.read_bytes() for file in targets if file.exists()}
     (folder / "cases").mkdir(parents=True, exist_ok=True)
     try:
@@ -406,8 +260,8 @@ def _all_or_none(folder: Path, targets: Sequence[Path]) -> Iterator[None]:
                 file.write_bytes(before[file])
             else:
                 file.unlink(missing_ok=True)
-        for place in new:
-            place.rmdir()
+        for new_folder in new_folders:
+            new_folder.rmdir()
         raise
 
 
@@ -423,6 +277,7 @@ def _check_project(folder: Path) -> bool:
     }
     for file, read in readers.items():
         text = (folder / file).read_text(encoding="utf-8")
+        # A file with placeholders must be correct TOML too.
         tomllib.loads(text)
         has_no_fit = file == "aeromatch.toml" and "[[fit]]" not in text
         if quote(UNFILLED) in text or has_no_fit:
@@ -432,12 +287,21 @@ def _check_project(folder: Path) -> bool:
     return complete
 
 
-def _summarise_record(file: Path, record: xr.DataTree, table: pd.DataFrame) -> dict[str, Any]:
-    manoeuvres = []
-    for row in table.to_dict("records"):
-        manoeuvres.append(f"{row['manoeuvre']} {row['control']}".strip())
-    channels = sum(len(node.data_vars) for node in record.children.values())
-    return {"file": str(file), "channels": channels, "manoeuvres": manoeuvres}
+def _summarise_records(sources: Sources, flights: RecordedFlights) -> dict[str, dict[str, Any]]:
+    """Return file, number of channels and manoeuvres of every record."""
+    files = {file.stem: file for file in sources.records}
+    summaries: dict[str, dict[str, Any]] = {}
+    for name, record in flights.records.items():
+        manoeuvres = []
+        for row in flights.marks[name].to_dict("records"):
+            manoeuvres.append(f"{row['manoeuvre']} {row['control']}".strip())
+        channels = sum(len(node.data_vars) for node in record.children.values())
+        summaries[name] = {
+            "file": str(files[name]),
+            "channels": channels,
+            "manoeuvres": manoeuvres,
+        }
+    return summaries
 
 
 def _role_rows(geometry: Geometry) -> Iterator[tuple[str, str, str, str, str]]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from aeromatch.drafting.flown import CaseDraft, FitDraft
 from aeromatch.drafting.geometry import Geometry
-from aeromatch.drafting.names import NamesDraft
+from aeromatch.drafting.name_map.names import NamesDraft
 from aeromatch.drafting.sources import Sources, quote
 from aeromatch.project.schemas import schema_lines
 from flightmech.support.toml_quantities import UNFILLED
@@ -75,7 +75,7 @@ def _listing_lines(folder: Path, geometry: Geometry) -> list[str]:
         if role == "power" and geometry.powered:
             continue
         reasons = {item.reason for item in geometry.roles if role in item.roles}
-        paths = [_relative(place, folder) for place in places]
+        paths = [_relative(location, folder) for location in places]
         value = quote(paths[0]) if len(paths) == 1 else _quote_list(paths)
         lines.append(f"{role} = {value}   # {'; '.join(sorted(reasons))}")
     if geometry.powered:
@@ -140,8 +140,8 @@ def _flight_pattern(folder: Path, records: Sequence[Path]) -> str:
     return _quote_list([_relative(str(file), folder) for file in records])
 
 
-def _relative(place: str, folder: Path) -> str:
-    return Path(os.path.relpath(Path(place).resolve(), folder.resolve())).as_posix()
+def _relative(path: str, folder: Path) -> str:
+    return Path(os.path.relpath(Path(path).resolve(), folder.resolve())).as_posix()
 
 
 def _quote_list(items: Sequence[str]) -> str:

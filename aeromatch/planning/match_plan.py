@@ -103,7 +103,7 @@ class MatchPlan:
     def _uses_of(self, look: RecordLook) -> list[str]:
         """Return the fits, submodels and cases that use a record."""
         uses = []
-        for label, (count, seconds) in look.taken.items():
+        for label, (count, seconds) in look.uses.items():
             # A record that cannot be read has no windows.
             if count:
                 uses.append(f"{label} ({count}: {seconds:.0f} s)")
@@ -118,10 +118,11 @@ class MatchPlan:
         """Return a row for every fit: its records, manoeuvres and windows, time [s] and models."""
         rows = []
         for fit in self.project.fit:
+            # Number of windows and their time over all records of the fit. [s]
             count, seconds = 0, 0.0
             for name, look in self.looks.items():
                 if name in fit.records:
-                    windows, duration = look.taken.get(f"fit {fit.name!r}", (0, 0.0))
+                    windows, duration = look.uses.get(f"fit {fit.name!r}", (0, 0.0))
                     count += windows
                     seconds += duration
             rows.append(
@@ -207,6 +208,7 @@ def make_plan(
     plan = MatchPlan(project)
     custody = pom.archive.Custody()
     problems = plan.problems
+    # Every check collects its problems, so that one run shows all of them.
     _check_folders(Path(folder), options, problems)
     for file in project.cases:
         case = run_collecting_problems(problems, "", pom.read_case, file)
@@ -222,12 +224,14 @@ def make_plan(
         problems += model_checks.submodel_structure_problems(project, apriori, aircraft)
         looks = RecordLooks(project, custody, stages, jobs=jobs, keep_records=keep_records)
         checks = _ModelChecks(plan, apriori, aircraft, custody=custody, stages=stages)
+        # The databases are built while other processes read the records.
         plan.looks = looks.take(_look_tasks(plan, aircraft, names), meanwhile=checks.databases)
         for look in plan.looks.values():
             problems += look.problems
         checks.run()
     if options.samples:
         model_checks.aircraft_of_cases((case.aircraft for case in plan.cases), problems)
+    # Two checks may report one problem.
     plan.problems = list(dict.fromkeys(problems))
     plan.steps = steps_of(project, names, len(plan.cases), options.compare)
     plan.products = products_of(project, plan.cases, options.compare)
@@ -287,7 +291,7 @@ def _look_tasks(plan: MatchPlan, aircraft: Aircraft, names: Mapping[str, bool]) 
             plan.problems.append(f"manoeuvres: {UnknownName(name, project.flights, 'record')}")
     tasks = []
     for name in names:
-        task = LookTask.of(name, project, aircraft, cases=plan.cases, given=tables.get(name))
+        task = LookTask.of(name, project, aircraft, cases=plan.cases, table=tables.get(name))
         tasks.append(task)
     return tasks
 
@@ -365,4 +369,4 @@ class _ModelChecks:
 
 def _forms_coefficients(look: RecordLook) -> bool:
     """Return whether the match forms the aerodynamic coefficients along a record."""
-    return any(label.startswith("fit ") or label == "ground_effect.flown" for label in look.taken)
+    return any(label.startswith("fit ") or label == "ground_effect.flown" for label in look.uses)

@@ -132,7 +132,7 @@ def coefficient_names(
 
     inputs = {record: {"states": starts[record], **settings} for record in first.values()}
     names = stages.batch("coefficient names", inputs, compute)
-    return {record: names[other].value for record, other in representative.items()}
+    return {record: names[source].value for record, source in representative.items()}
 
 
 def _variable_names(states: xr.Dataset, aircraft: Aircraft, project: Project) -> set[str]:

@@ -37,7 +37,7 @@ class LookTask:
     aircraft : Aircraft
     cases : list of PomCase
         Cases that replay the record.
-    given : DataFrame or None
+    table : DataFrame or None
         Its manoeuvres in the table of the project; None if the record itself marks them.
     fits : dict of str to FitSection
         Fits that use it, by ``fit 'name'``, with this record alone.
@@ -50,7 +50,7 @@ class LookTask:
     name: str
     aircraft: Aircraft
     cases: list[PomCase]
-    given: pd.DataFrame | None = None
+    table: pd.DataFrame | None = None
     fits: dict[str, FitSection] = field(default_factory=dict)
     submodels: dict[str, list[RecordSelection]] = field(default_factory=dict)
     sections: dict[str, Any] = field(default_factory=dict)
@@ -62,12 +62,12 @@ class LookTask:
         project: Project,
         aircraft: Aircraft,
         cases: Sequence[PomCase],
-        given: pd.DataFrame | None,
+        table: pd.DataFrame | None,
     ) -> LookTask:
         """Return the use of a record in a project."""
         alone = {"records": (name,)}
         replayed = [case for case in cases if Path(case.record).stem == name]
-        task = cls(name, aircraft, replayed, given=given)
+        task = cls(name, aircraft, replayed, table=table)
         for fit in project.fit:
             if name in fit.records:
                 task.fits[f"fit {fit.name!r}"] = fit.model_copy(update=alone)
@@ -84,7 +84,7 @@ class LookTask:
         return {
             "aircraft": aircraft,
             "cases": self.cases,
-            "manoeuvres": self.given,
+            "manoeuvres": self.table,
             "fits": self.fits,
             "submodels": self.submodels,
             "sections": self.sections,
@@ -111,7 +111,7 @@ class RecordLook:
         Span of the clock of the path; NaN for a record that cannot be read. [s]
     channels : int
         Recorded channels.
-    taken : dict of str to (int, float)
+    uses : dict of str to (int, float)
         By fit or position of a submodel: number of manoeuvres and windows, and their total time.
         [s]
     start : Dataset (time,) or None
@@ -125,7 +125,7 @@ class RecordLook:
     first: float = float("nan")
     last: float = float("nan")
     channels: int = 0
-    taken: dict[str, tuple[int, float]] = field(default_factory=dict)
+    uses: dict[str, tuple[int, float]] = field(default_factory=dict)
     start: xr.Dataset | None = None
     windows: dict[str, xr.Dataset] = field(default_factory=dict)
 
@@ -173,7 +173,7 @@ def _find_spans(
     users |= task.submodels
     if not users:
         return {}
-    table = task.given
+    table = task.table
     if table is None:
         table = flighttest.manoeuvres(record)
     # An empty table would change the types of the columns.
@@ -208,7 +208,7 @@ def _check_identification(
                     f"{where}: {start:g} ... {end:g} s is not inside the record, "
                     f"{look.first:g} ... {look.last:g} s"
                 )
-        look.taken[position] = len(windows), float(duration)
+        look.uses[position] = len(windows), float(duration)
         look.problems += outside
         if outside:
             continue
@@ -218,7 +218,7 @@ def _check_identification(
             look.problems += submodel_problems(
                 where,
                 position,
-                asked=task.sections[position],
+                section=task.sections[position],
                 aircraft=task.aircraft,
                 states=states,
                 spans=windows,

@@ -120,7 +120,7 @@ def _resting_terms(model: RegressionModel, states: xr.Dataset, samples: np.ndarr
 
 
 def submodel_problems(
-    where: str, place: str, asked: Any, aircraft: Aircraft, states: xr.Dataset, spans: Spans
+    where: str, position: str, section: Any, aircraft: Aircraft, states: xr.Dataset, spans: Spans
 ) -> list[str]:
     """Return the reasons why a record cannot identify a submodel.
 
@@ -128,9 +128,9 @@ def submodel_problems(
     ----------
     where : str
         Position and record, for the texts.
-    place : str
+    position : str
         Position in the project file: ``engine.flown``, ``controls.column.free`` ...
-    asked : EngineSection, ControlSection, GearSection or GroundEffectSection
+    section : EngineSection, ControlSection, GearSection or GroundEffectSection
         The section of the project file.
     aircraft : Aircraft
     states : Dataset (time,)
@@ -138,9 +138,9 @@ def submodel_problems(
     spans : sequence of (float, float)
         Windows. [s]
     """
-    section = place.split(".")[0]
+    kind = position.split(".")[0]
     # The variables of the ground effect are checked with the variables of the coefficients.
-    if section == "ground_effect":
+    if kind == "ground_effect":
         return []
     time = states["time"].values
     empty = 0
@@ -150,19 +150,19 @@ def submodel_problems(
     problems: list[str] = []
     if empty:
         problems.append(f"{where}: {empty} windows without a sample; choose others")
-    if section == "controls":
-        control = place.split(".")[1]
+    if kind == "controls":
+        control = position.split(".")[1]
         return problems + _control_problems(
-            where, control, section=asked, aircraft=aircraft, states=states
+            where, control, section=section, aircraft=aircraft, states=states
         )
     parts = [part for part in select_spans(states, spans) if part.sizes["time"] > 1]
-    if section == "engine":
-        return problems + _engine_problems(where, place, section=asked, parts=parts)
+    if kind == "engine":
+        return problems + _engine_problems(where, position, section=section, parts=parts)
     return problems + _gear_problems(where, aircraft, parts)
 
 
 def _engine_problems(
-    where: str, place: str, section: Any, parts: Sequence[xr.Dataset]
+    where: str, position: str, section: Any, parts: Sequence[xr.Dataset]
 ) -> list[str]:
     problems: list[str] = []
     for part in parts:
@@ -171,13 +171,13 @@ def _engine_problems(
         )
         if record is None:
             continue
-        if place != "engine.starts" and "throttle" not in record:
+        if position != "engine.starts" and "throttle" not in record:
             engine = f"engine{section.engines[0]}"
             problems.append(
                 f"{where}: no lever of engine {section.engines[0]} "
                 f"({engine}.throttle or .pla); map its channel"
             )
-        elif place == "engine.flown":
+        elif position == "engine.flown":
             try:
                 remove_lever_noise(thin_samples(record, section.rate))
             except AeromatchError as error:

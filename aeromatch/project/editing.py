@@ -1,5 +1,6 @@
-"""``aeromatch set``: one key of a project's TOML file, with the rest of the text and its comments
-as they are.
+"""Edits of single keys of a TOML file of a project, and the command ``aeromatch set``.
+
+All other lines of the file and its comments stay unchanged.
 """
 
 from __future__ import annotations
@@ -23,90 +24,75 @@ from flightmech.support.input_files import file_kind, read_toml
 from flighttest.records.readers.name_map_reading import read_names
 from pom.cases.case import read_case
 
-_KEY = re.compile(r'"([^"]+)"|([^."]+)')
+# A part of a key: text in quotes, or text without dots.
+_KEY_PART = re.compile(r'"([^"]+)"|([^."]+)')
+# Key of a case and of its control law that name a file.
+_CASE_FILES = ("record", "names", "aircraft")
+_LAW_FILES = ("fmu", "names")
 
-
-def _demand_project(path: Path) -> None:
-
-    read_project(path)
-
-
-def _demand_aircraft(path: Path) -> None:
-
-    read_aircraft(path)
-
-
-def _demand_case(path: Path) -> None:
-
-    read_case(path)
-
-
-def _demand_names(path: Path) -> None:
-
-    read_names(path)
-
-
-_READERS: dict[str, Callable[[Path], None]] = {
-    "a project file": _demand_project,
-    "an aircraft file": _demand_aircraft,
-    "a case file": _demand_case,
+# Functions that read a file of each kind and raise on its problems.
+_READERS: dict[str, Callable[[Path], object]] = {
+    "a project file": read_project,
+    "an aircraft file": read_aircraft,
+    "a case file": read_case,
 }
 
 
 def set_key(path: str | Path, key: str, value: str | None) -> Any:
-    """Change one key of a project, aircraft, case or name file; the file is written when it still
-    reads well as a whole.
+    """Change one key of a project, aircraft, case or name file.
+
+    The file is written only if it can be read with the change.
 
     Parameters
     ----------
     path : path
-        TOML.
+        TOML file.
     key : str
-        With dots; a number is the place in a list, from 0, and ``+`` the end of it:
-        ``fit.2.models``, ``fit.+``, ``terms."CL/gear".stderr``.  A name with dots needs no quotes,
-        ``controls.engine1.throttle``: it is found however the file writes it.
+        Names with dots.  A number is a position in a list, from 0, and ``+`` is its end:
+        ``fit.2.models``, ``fit.+``, ``terms."CL/gear".stderr``.  A name with dots needs no quotes:
+        ``controls.engine1.throttle`` matches all spellings of TOML.
     value : str or None
-        As written in TOML (``0.05``, ``["Cm/qhat"]``, ``"4 Hz"``); else taken as a text. None
-        removes the key.
+        Value as written in TOML (``0.05``, ``["Cm/qhat"]``, ``"4 Hz"``); any other text is a
+        string.  None removes the key.
 
     Returns
     -------
-    The new value, as plain data.
+    object
+        New value as plain data.
 
     Raises
     ------
     SchemaError
-        No such place, or the file with the change has problems; it stays as it was.
+        The file has no such key, or the file with the change has problems.  The file is unchanged.
     """
     path = Path(path)
-    content = _content(path)
-    new = _changed(content, path, key, value)
-    _write(content, path, path)
-    return getattr(new, "unwrap", lambda: new)()
+    document = _read_document(path)
+    item = _change_document(document, path, key, value)
+    _write_document(document, path, path)
+    return item.unwrap() if hasattr(item, "unwrap") else item
 
 
 TRIAL = "TRIAL, no part of the proof of match"
 
 
 def write_trial(path: str | Path, output: str | Path, changes: Sequence[tuple[str, str]]) -> None:
-    """Write a copy of a case file with other keys, marked as a trial in its title and notes; the
-    case file stays as it is.
+    """Write a changed copy of a case file, marked as a trial in its title and notes.
 
     Parameters
     ----------
     path : path
-        Case file.
+        Case file; it stays unchanged.
     output : path
-        The copy; the files that it names are named relative to it.
+        Path of the copy.  The files that it names are relative to it.
     changes : sequence of (str, str)
         Keys and values as in `set_key`.
 
     Raises
     ------
     SchemaError
-        No case file, no such place, or the copy has problems; it is not written.
+        The file is not a case file, it has no such key, or the copy has problems.  The copy is not
+        written.
     """
-
     path, output = Path(path), Path(output)
     if not file_kind(path).startswith("a case file"):
         raise SchemaError(
@@ -114,214 +100,251 @@ def write_trial(path: str | Path, output: str | Path, changes: Sequence[tuple[st
         )
     if output.resolve() == path.resolve():
         raise SchemaError(str(output), ["it is the case file itself; give the trial another name"])
-    content = _content(path)
+    document = _read_document(path)
     for key, value in changes:
-        _changed(content, path, key, value)
-    case = content["case"]
-    for table, keys in (
-        (case, ("record", "names", "aircraft")),
-        (content.get("control_law", {}), ("fmu", "names")),
-    ):
-        for name in keys:
-            _rebase(table, name, path, output)
-    for name in content.get("models", {}):
-        _rebase(content["models"], name, path, output)
-    stated = ", ".join(f"{key} = {value}" for key, value in changes)
+        _change_document(document, path, key, value)
+    case = document["case"]
+    _move_references(case, _CASE_FILES, path, output)
+    _move_references(document.get("control_law", {}), _LAW_FILES, path, output)
+    models = document.get("models", {})
+    _move_references(models, tuple(models), path, output)
+    listed = ", ".join([f"{key} = {value}" for key, value in changes])
+    notes = case.get("notes", "")
     case["title"] = f"{TRIAL}: {case['title']}"
-    case["notes"] = f"{TRIAL}: a copy of {path.name} with {stated}. {case.get('notes', '')}".strip()
-    _write(content, path, output)
+    case["notes"] = f"{TRIAL}: a copy of {path.name} with {listed}. {notes}".strip()
+    _write_document(document, path, output)
 
 
-def _rebase(table: Any, key: str, path: Path, output: Path) -> None:
-    if name := table.get(key, ""):
-        table[key] = Path(
-            os.path.relpath(path.resolve().parent / name, output.resolve().parent)
-        ).as_posix()
+def _move_references(table: Any, keys: Sequence[str], path: Path, output: Path) -> None:
+    """Make file names of a table, relative to `path`, relative to the folder of `output`."""
+    folder = output.resolve().parent
+    for key in keys:
+        name = table.get(key, "")
+        if name:
+            file = path.resolve().parent / name
+            table[key] = Path(os.path.relpath(file, folder)).as_posix()
 
 
-def _content(path: Path) -> Any:
+def _read_document(path: Path) -> Any:
     """Return the content of a file with its comments."""
-
-    read_toml(path)  # limits and errors of a user's text
+    # This reader limits the size of a file and explains errors of its text.
+    read_toml(path)
     return tomlkit.parse(path.read_text(encoding="utf-8-sig"))
 
 
-def _changed(content: Any, path: Path, key: str, value: str | None) -> Any:
-    """Put a value at its place, and return it."""
-
-    places = [quoted or plain for quoted, plain in _KEY.findall(key)]
-    if not places:
+def _change_document(document: Any, path: Path, key: str, value: str | None) -> Any:
+    """Set or remove the value of a key, and return the new value."""
+    parts = [quoted or plain for quoted, plain in _KEY_PART.findall(key)]
+    if not parts:
         raise SchemaError(str(path), [f"key {key!r}; write it with dots, such as fit.2.models"])
-    *outer, last = _as_written(content, places)
-    places = [*outer, last]
-    item: Any = content
-    above: list[tuple[Any, str]] = []
-    for number, place in enumerate(outer):
-        made = tomlkit.aot if places[number + 1] == "+" else tomlkit.table
-        above.append((item, place))
-        item = _inside(
-            item, place, path, ".".join(places[: number + 1]), made if value is not None else None
-        )
+    *outer, last = _match_spelling(document, parts)
+    parts = [*outer, last]
+    item: Any = document
+    # Containers of the value, from the outermost, each with the key of the next one.
+    containers: list[tuple[Any, str]] = []
+    for number, part in enumerate(outer):
+        create = None
+        if value is not None:
+            # A list of tables is created for ``+``, otherwise a table.
+            create = tomlkit.aot if parts[number + 1] == "+" else tomlkit.table
+        containers.append((item, part))
+        item = _enter_container(item, part, path, key=".".join(parts[: number + 1]), create=create)
     if value is None:
-        _remove(item, last, path, key)
-        while (
-            above and item == {} and isinstance(above[-1][0], dict) and not _has_heading(*above[-1])
-        ):  # engine1 of engine1.throttle
-            item, place = above.pop()
-            del item[place]
+        _remove_value(item, last, path, key)
+        _remove_empty_tables(item, containers)
         return None
-    new = _parsed(value)
-    _put(item, last, new, path, key)
+    new = _parse_value(value)
+    _set_value(item, last, new, path=path, key=key)
     return new
 
 
-def _as_written(content: Any, places: list[str]) -> list[str]:
-    """Return the places of a key as the file has them: a name with dots may be one key in quotes,
-    or a table in a table.
+def _remove_empty_tables(item: Any, containers: list[tuple[Any, str]]) -> None:
+    """Remove an empty table without a heading from its container, for example engine1 of
+    ``engine1.throttle``.
     """
-    item, found, rest = content, [], list(places)
-    while rest:
-        used = 1
+    while containers:
+        container, part = containers.pop()
+        is_empty = item == {} and isinstance(container, dict)
+        if not is_empty or _has_heading(container, part):
+            return
+        del container[part]
+        item = container
+
+
+def _match_spelling(document: Any, parts: list[str]) -> list[str]:
+    """Return the parts of a key in the spelling of the file.
+
+    A name with dots may be one key in quotes, or a key of a table in a table.
+    """
+    item: Any = document
+    matched, remaining = [], list(parts)
+    while remaining:
+        count = 1
         if isinstance(item, dict):
-            used = next(
-                (number for number in range(len(rest), 0, -1) if ".".join(rest[:number]) in item), 0
-            )
-            head, dot, tail = rest[0].partition(".")
-            if not used and dot and isinstance(item.get(head), dict):
-                rest[:1] = [head, tail]
-            used = used or 1
-        place = ".".join(rest[:used])
-        found.append(place)
-        rest = rest[used:]
-        if isinstance(item, list):
-            item = item[int(place)] if place.isdigit() and int(place) < len(item) else None
-        else:
-            item = item.get(place) if isinstance(item, dict) else None
-    return found
+            count = _longest_key(item, remaining)
+            head, dot, tail = remaining[0].partition(".")
+            if not count and dot and isinstance(item.get(head), dict):
+                remaining[:1] = [head, tail]
+            count = count or 1
+        part = ".".join(remaining[:count])
+        matched.append(part)
+        remaining = remaining[count:]
+        item = _item_or_none(item, part)
+    return matched
 
 
-def _write(content: Any, path: Path, output: Path) -> None:
-    """Write the content of a changed file of the kind of `path`, when it reads well."""
+def _longest_key(table: dict[str, Any], parts: Sequence[str]) -> int:
+    """Return the largest number of parts that together are a key of a table; 0 without a key."""
+    for count in range(len(parts), 0, -1):
+        if ".".join(parts[:count]) in table:
+            return count
+    return 0
 
-    kind = next((kind for kind in _READERS if file_kind(path).startswith(kind)), "")
-    demand, text = _READERS.get(kind, _demand_names), tomlkit.dumps(content)
-    if tomlkit.parse(text).unwrap() != content.unwrap():
-        raise SchemaError(
-            str(path),
-            [
-                "the change cannot be made between the other lines of the file; make it with "
-                "an editor"
-            ],
+
+def _item_or_none(item: Any, part: str) -> Any:
+    """Return the item of a list or table, or None."""
+    if isinstance(item, list):
+        return item[int(part)] if _is_index(part, item) else None
+    return item.get(part) if isinstance(item, dict) else None
+
+
+def _is_index(part: str, items: Sequence[Any]) -> bool:
+    return part.isdigit() and int(part) < len(items)
+
+
+def _write_document(document: Any, path: Path, output: Path) -> None:
+    """Write a changed document of the kind of `path`, if it can be read."""
+    text = tomlkit.dumps(document)
+    # Some changes cannot be expressed between dotted keys, and would be lost.
+    if tomlkit.parse(text).unwrap() != document.unwrap():
+        problem = (
+            "the change cannot be made between the other lines of the file; make it with an editor"
         )
+        raise SchemaError(str(path), [problem])
+    read = _reader_of(path)
     with written_atomically(output) as part:
         part.write_text(text, encoding="utf-8", newline="")
-        _demand_sound(demand, part, output)
+        _check_file(read, part, output)
 
 
-def _demand_sound(demand: Callable[[Path], None], part: Path, path: Path) -> None:
-    """Read the new file where it stands, next to the old one; its problems carry the name of the
-    file.
-    """
+def _reader_of(path: Path) -> Callable[[Path], object]:
+    """Return the function that reads files of the kind of a file."""
+    kind = file_kind(path)
+    for start, read in _READERS.items():
+        if kind.startswith(start):
+            return read
+    return read_names
 
+
+def _check_file(read: Callable[[Path], object], part: Path, path: Path) -> None:
+    """Read the new file next to the old one; raise its problems under the name of the file."""
     try:
-        demand(part)
+        read(part)
     except SchemaError as error:
-        raise SchemaError(
-            str(path), [text.replace(str(part), str(path)) for text in error.problems]
-        ) from None
+        problems = [text.replace(str(part), str(path)) for text in error.problems]
+        raise SchemaError(str(path), problems) from None
     except ParseError as error:
         raise SchemaError(str(path), [str(error).replace(str(part), str(path))]) from None
 
 
-def _inside(item: Any, place: str, path: Path, shown: str, create: Callable[[], Any] | None) -> Any:
+def _enter_container(
+    item: Any, part: str, path: Path, key: str, create: Callable[[], Any] | None
+) -> Any:
+    """Return the item of a list or table, which is created on request.
 
+    ``key`` is the whole key down to the item, for messages.
+    """
     if isinstance(item, list):
-        if place.isdigit() and int(place) < len(item):
-            return item[int(place)]
-        raise SchemaError(str(path), [f"{shown}: the list has {len(item)} entries, from 0"])
+        if _is_index(part, item):
+            return item[int(part)]
+        raise SchemaError(str(path), [f"{key}: the list has {len(item)} entries, from 0"])
     if not isinstance(item, dict):
-        raise SchemaError(str(path), [f"{shown}: {place!r} is inside a value"])
-    if place not in item:
+        raise SchemaError(str(path), [f"{key}: {part!r} is inside a value"])
+    if part not in item:
         if create is None:
-            raise SchemaError(str(path), [f"{shown}: {UnknownName(place, list(item), 'key')}"])
-        item[place] = create()
-    return item[place]
+            raise SchemaError(str(path), [f"{key}: {UnknownName(part, list(item), 'key')}"])
+        item[part] = create()
+    return item[part]
 
 
-def _put(item: Any, place: str, new: Any, path: Path, key: str) -> None:
-
+def _set_value(item: Any, part: str, new: Any, path: Path, key: str) -> None:
+    """Set an item of a list or table."""
     if isinstance(item, list):
-        if place == "+":
-            item.append(_in_lines(new))
-        elif place.isdigit() and int(place) < len(item):
-            item[int(place)] = _filled(item[int(place)], new)
+        if part == "+":
+            item.append(_expand_table(new))
+        elif _is_index(part, item):
+            item[int(part)] = _replace_content(item[int(part)], new)
         else:
             raise SchemaError(
                 str(path), [f"{key}: the list has {len(item)} entries, from 0; + appends one"]
             )
-    elif isinstance(item, dict):
-        item[place] = _filled(item[place], new) if _has_heading(item, place) else new
+    elif not isinstance(item, dict):
+        raise SchemaError(str(path), [f"{key}: {part!r} is inside a value"])
+    elif _has_heading(item, part):
+        item[part] = _replace_content(item[part], new)
     else:
-        raise SchemaError(str(path), [f"{key}: {place!r} is inside a value"])
+        item[part] = new
 
 
-def _remove(item: Any, place: str, path: Path, key: str) -> None:
-
-    if isinstance(item, list) and place.isdigit() and int(place) < len(item):
-        del item[int(place)]
-    elif isinstance(item, dict) and place in item:
-        del item[place]
+def _remove_value(item: Any, part: str, path: Path, key: str) -> None:
+    """Remove an item of a list or table."""
+    if isinstance(item, list) and _is_index(part, item):
+        del item[int(part)]
+        return
+    if isinstance(item, dict):
+        if part in item:
+            del item[part]
+            return
+        available = list(item)
     else:
-        known = (
-            list(item) if isinstance(item, dict) else [str(number) for number in range(len(item))]
-        )
-        raise SchemaError(str(path), [f"{key}: {UnknownName(place, known, 'key')}"])
+        available = [str(number) for number in range(len(item))]
+    raise SchemaError(str(path), [f"{key}: {UnknownName(part, available, 'key')}"])
 
 
-def _parsed(value: str) -> Any:
-    """Return a value as TOML has it, else the text itself."""
-
+def _parse_value(value: str) -> Any:
+    """Return a value of TOML; any other text is a string."""
     try:
-        found = tomlkit.value(value)
+        return tomlkit.value(value)
     except (TOMLKitError, ValueError):
         return tomlkit.string(value)
-    return found
 
 
-def _in_lines(new: Any) -> Any:
-    """Return a table line by line, as one of [[fit]] or [terms.X] is written; all else as it is."""
-
+def _expand_table(new: Any) -> Any:
+    """Return an inline table as a table with one line per key, as ``[[fit]]`` has it."""
     if not isinstance(new, tomlkit.items.InlineTable):
         return new
-    lines = tomlkit.table()
+    table = tomlkit.table()
     for name, entry in new.items():
-        lines.add(name, entry)
-    return lines
+        table.add(name, entry)
+    return table
 
 
-def _filled(old: Any, new: Any) -> Any:
-    """Return a table with a heading that holds what the new one does, with its comments; all else
-    than two tables: the new one.
+def _replace_content(old: Any, new: Any) -> Any:
+    """Return a table with a heading that has the content of a new table and its own comments.
+
+    Any other pair gives the new item.
     """
-
     if not (isinstance(old, tomlkit.items.Table) and isinstance(new, tomlkit.items.InlineTable)):
         return new
-    for name in [name for name in old if name not in new]:
-        del old[name]
+    for name in list(old):
+        if name not in new:
+            del old[name]
     for name, entry in new.items():
         old[name] = entry
     return old
 
 
-def _has_heading(item: Any, place: str) -> bool:
-    """Whether what stands at a place of a table is a table with a heading of its own, such as
-    [terms.X].
-    """
-
-    if not isinstance(item.get(place), tomlkit.items.Table):
+def _has_heading(container: Any, part: str) -> bool:
+    """Return whether an item is a table with a heading, such as ``[terms.X]``."""
+    if not isinstance(container.get(part), tomlkit.items.Table):
         return False
-    body = item.body if isinstance(item, tomlkit.TOMLDocument) else item.value.body
-    return not any(key is not None and key.key == place and key.is_dotted() for key, _ in body)
+    if isinstance(container, tomlkit.TOMLDocument):
+        body = container.body
+    else:
+        body = container.value.body
+    # A dotted key such as engine1.throttle makes a table without a heading.
+    keys = [key for key, _ in body if key is not None]
+    return not any(key.key == part and key.is_dotted() for key in keys)
 
 
 @click.command("set")
@@ -362,21 +385,20 @@ def set_verb(
         raise click.UsageError("give a VALUE, or --remove")
     if trial is None and also:
         raise click.UsageError("--also goes with --trial")
-    if trial is not None:
-        if value is None:
-            raise click.UsageError("a trial takes values; leave --remove out")
-        changes = [(key, value), *also]
-        write_trial(file, trial, changes)
+    if trial is None:
+        new = set_key(file, key, value)
         if as_json:
-            print_json({"file": trial, "trial of": str(file), "changes": dict(changes)})
-        else:
-            click.echo(
-                f"written: {trial}, a trial of {file} with "
-                + ", ".join(f"{one} = {other}" for one, other in changes)
-            )
+            print_json({"file": str(file), "key": key, "value": new})
+            return
+        change = "removed" if remove else f"= {new}"
+        click.echo(f"written: {file}, {key} {change}")
         return
-    new = set_key(file, key, value)
+    if value is None:
+        raise click.UsageError("a trial takes values; leave --remove out")
+    changes = [(key, value), *also]
+    write_trial(file, trial, changes)
     if as_json:
-        print_json({"file": str(file), "key": key, "value": new})
-    else:
-        click.echo(f"written: {file}, {key} " + ("removed" if remove else f"= {new}"))
+        print_json({"file": trial, "trial of": str(file), "changes": dict(changes)})
+        return
+    listed = ", ".join([f"{name} = {text}" for name, text in changes])
+    click.echo(f"written: {trial}, a trial of {file} with {listed}")

@@ -40,19 +40,20 @@ class ProjectFolder:
         """Folder that relative paths refer to."""
         return self.file.parent
 
-    def existing(self, name: str, place: str) -> Path:
-        """Return the path of a file; a missing file at `place` is a problem."""
+    def existing(self, name: str, key: str) -> Path:
+        """Return the path of a file; a missing file at `key` is a problem."""
         file = self.folder / name
+        # The path is returned in any case, so that all missing files are reported at once.
         if not file.is_file():
-            self.problems.append(f"{place}: no file {name!r} in {self.folder}")
+            self.problems.append(f"{key}: no file {name!r} in {self.folder}")
         return file
 
-    def matching(self, pattern: str, place: str) -> list[Path]:
+    def matching(self, pattern: str, key: str) -> list[Path]:
         """Return the files that match a pattern, sorted; a pattern without a file is a problem."""
         names = glob(str(self.folder / pattern), recursive=True)
         files = sorted(Path(name) for name in names if Path(name).is_file())
         if not files:
-            self.problems.append(f"{place}: {self._explain_no_match(pattern)}")
+            self.problems.append(f"{key}: {self._explain_no_match(pattern)}")
         return files
 
     def _explain_no_match(self, pattern: str) -> str:
@@ -69,11 +70,11 @@ class ProjectFolder:
             f"'folder/*.toml'"
         )
 
-    def listing(self, text: str, place: str) -> ListingCase:
+    def listing(self, text: str, key: str) -> ListingCase:
         """Return a listing, or one case of it; a missing file is a problem."""
         if text == UNFILLED:
             self.problems.append(
-                f"{place}: {UNFILLED!r} stands for a listing that is still to be given; "
+                f"{key}: {UNFILLED!r} stands for a listing that is still to be given; "
                 f"write FILE, or FILE:CASE"
             )
             return ListingCase(self.folder / text)
@@ -81,7 +82,7 @@ class ProjectFolder:
             return place_of(text, self.folder)
         except FileNotFoundError:
             self.problems.append(
-                f"{place}: no file {text!r} in {self.folder}; write FILE, or FILE:CASE for one "
+                f"{key}: no file {text!r} in {self.folder}; write FILE, or FILE:CASE for one "
                 f"case of it"
             )
             return ListingCase(self.folder / text)
@@ -149,6 +150,7 @@ def _match_flights(patterns: Paths, folder: ProjectFolder, key: str) -> dict[str
         folder.problems.append(
             f"{key}: an empty list; give a file or a pattern such as 'flight/*.csv'"
         )
+    # A record is named after its file.
     return {file.stem: file for file in _match_patterns(_as_sequence(patterns), folder, key)}
 
 
@@ -231,8 +233,9 @@ class Listings(Strict):
     @property
     def by_role(self) -> dict[str, tuple[ListingCase, ...]]:
         """The listings, or single cases of them, by their role in `aerodb.from_datcom`."""
-        others = ("altitude", *self.statements)
-        return {role: cases for role, cases in self if role not in others and cases}
+        # The other fields of the model are statements about the listings.
+        excluded = ("altitude", *self.statements)
+        return {role: cases for role, cases in self if role not in excluded and cases}
 
     def places(self) -> list[ListingCase]:
         """Return the listings of all roles."""

@@ -216,14 +216,14 @@ class ControlSection(Strict):
 
     def problems(self, item: str) -> Iterator[str]:
         """Yield what is wrong with model and constants."""
-        place = f"controls.{item}"
+        position = f"controls.{item}"
         if self.model:
             yield from find_faults(
-                f"{place}.model", _require_hinge_moment, self.model, COEFFICIENT[item]
+                f"{position}.model", _require_hinge_moment, self.model, COEFFICIENT[item]
             )
         for name in self.constants:
             if name not in FORCES:
-                yield f"{place}.constants: {UnknownName(name, FORCES, 'term of the force')}"
+                yield f"{position}.constants: {UnknownName(name, FORCES, 'term of the force')}"
 
 
 class Controls(Strict):
@@ -259,7 +259,7 @@ def section_selections(
     if ground_effect is not None:
         selections["ground_effect.flown"] = ground_effect.flown
     # A key without records identifies nothing.
-    return {place: records for place, records in selections.items() if records}
+    return {key: records for key, records in selections.items() if records}
 
 
 def _require_hinge_moment(text: str, coefficient: str) -> None:
@@ -269,12 +269,12 @@ def _require_hinge_moment(text: str, coefficient: str) -> None:
         raise UnknownName(model.coefficient, [coefficient], "hinge-moment coefficient")
 
 
-def find_faults(place: str, act: Callable[..., object], *items: object) -> Iterator[str]:
-    """Yield the problems that ``act(*items)`` raises, each with the place in the project file."""
+def find_faults(position: str, act: Callable[..., object], *items: object) -> Iterator[str]:
+    """Yield the problems that ``act(*items)`` raises, each with the position in the project file."""
     try:
         act(*items)
     except SchemaError as error:
         for text in error.problems:
-            yield f"{place}: {text}"
+            yield f"{position}: {text}"
     except AeromatchError as error:
-        yield f"{place}: {error}"
+        yield f"{position}: {error}"

@@ -1,9 +1,11 @@
-"""Coefficients along reconstructed records, formed once and kept in the working folder: any number
-of records can be fitted together.
+"""Coefficients along reconstructed records, stored in the working folder.
 
-Those of a record of five minutes are 100 MB with the changes by all sources of error; windows of it
-are read from the file. Those of long or many records a server forms in a child process, which runs
-this module and can be cancelled.
+They are formed once per record, so that any number of records can be fitted together.  Those of a
+record of five minutes are 100 MB with their changes by all sources of error, so that only windows
+are read from the file.
+
+A server forms the coefficients of long or many records in a child process that can be cancelled.
+The process runs this module.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ import json
 import os
 import sys
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import xarray as xr
@@ -21,6 +23,7 @@ import xarray as xr
 import flighttest
 from aeromatch.workbench.actions import ActionError
 from aeromatch.workbench.opened import OpenProject
+from aeromatch.workbench.processes import WorkbenchJob
 from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import AeromatchError
 from flightmech.support.atomic_write import remove_leftovers, written_atomically
@@ -28,21 +31,23 @@ from pom.replaying.caches import reconstruction_digest
 
 FOLDER = "coefficients"
 MOST_BYTES = 4_000_000_000
-"""Of the folder: what was used last stays."""
+"""Greatest size of the folder; the files that were used last stay."""
 MOST_HERE = 30_000
-"""Samples whose coefficients the server itself forms, 1.7 s: to start a process for them takes as long."""
-_KEPT_WINDOWS = 96  # in memory: one of 13 s is 4 MB
+"""Greatest number of samples whose coefficients the server forms without a child process."""
+# Windows in memory: one of 13 s is 4 MB.
+_MOST_WINDOWS = 96
 _forming = threading.Lock()
 
 
 def form_missing(opened: OpenProject, records: Iterable[str], cutoff: float | None) -> None:
-    """Form the coefficients that are not there along long or many records in one child process;
-    `window_of` forms those of few samples.
+    """Form missing coefficients of long or many records in one child process.
+
+    `window_of` forms the coefficients of few samples.
 
     Parameters
     ----------
-    opened : Opened
-        Without a server nothing is done here.
+    opened : OpenProject
+        Without a server, this function does nothing.
     records : iterable of str
     cutoff : float or None
         Low-pass of the states. [Hz]
@@ -52,162 +57,180 @@ def form_missing(opened: OpenProject, records: Iterable[str], cutoff: float | No
     FileNotFoundError
         A record has not been reconstructed.
     ActionError
-        The work was cancelled, or the process that did it has failed.
+        The work was cancelled, or its process has failed.
     """
-    if opened.run is None:
+    run = opened.run
+    if run is None:
         return
-    aircraft, errors = opened.project.aircraft, opened.project.errors
-    with _forming:  # the page asks again when something is changed meanwhile
-        missing = [record for record in records if not _target(opened, record, cutoff).exists()]
-        if sum(opened.path(record).states.sizes["time"] for record in missing) <= MOST_HERE:
+    # The page may repeat its request while the process runs.
+    with _forming:
+        missing = []
+        for record in records:
+            if not _coefficient_file(opened, record, cutoff).exists():
+                missing.append(record)
+        samples = sum(opened.path(record).states.sizes["time"] for record in missing)
+        if samples <= MOST_HERE:
             return
-        about = [
-            [
-                str(opened.path_file(record)),
-                str(aircraft),
-                dict(errors),
-                cutoff,
-                str(_target(opened, record, cutoff)),
-            ]
-            for record in missing
-        ]
-        title = (
-            f"coefficients along {missing[0] if len(missing) == 1 else f'{len(missing)} records'}"
-        )
-        job = opened.run(title, __spec__.name, [json.dumps(about)])
-        if job.state != "done":
-            for record in missing:  # what the process had begun to write
-                remove_leftovers(opened.work / FOLDER, f".{_target(opened, record, cutoff).name}")
-            raise ActionError(
-                f"{title}: {job.about()['error'] or job.state}; fit again to form them"
-            )
-        _trim(_target(opened, missing[-1], cutoff))
+        _form_in_process(opened, run, missing, cutoff)
+
+
+def _form_in_process(
+    opened: OpenProject,
+    run: Callable[[str, str, Sequence[str]], WorkbenchJob],
+    records: Sequence[str],
+    cutoff: float | None,
+) -> None:
+    """Form the coefficients of records in a child process that ``run`` starts."""
+    targets = [_coefficient_file(opened, record, cutoff) for record in records]
+    errors = dict(opened.project.errors)
+    calls = []
+    for record, target in zip(records, targets, strict=True):
+        file, aircraft = str(opened.path_file(record)), str(opened.project.aircraft)
+        calls.append([file, aircraft, errors, cutoff, str(target)])
+    subject = records[0] if len(records) == 1 else f"{len(records)} records"
+    title = f"coefficients along {subject}"
+    job = run(title, __spec__.name, [json.dumps(calls)])
+    if job.state != "done":
+        # A process that was ended may leave a part of a file.
+        for target in targets:
+            remove_leftovers(opened.work / FOLDER, f".{target.name}")
+        raise ActionError(f"{title}: {job.about()['error'] or job.state}; fit again to form them")
+    _remove_oldest(targets[-1])
 
 
 def window_of(
     opened: OpenProject, record: str, start: float, end: float, cutoff: float | None
 ) -> xr.Dataset:
-    """Return the coefficients of a record between two instants, as `flighttest.coefficients` forms
-    them along the whole record.
+    """Return the coefficients of a record between two instants.
+
+    They are those of `flighttest.coefficients` along the whole record.
 
     Parameters
     ----------
-    opened : Opened
+    opened : OpenProject
     record : str
     start, end : float
-        On the clock of the record. [s]
+        Instants on the clock of the record. [s]
     cutoff : float or None
         Low-pass of the states. [Hz]
 
     Raises
     ------
     FileNotFoundError
-        It has not been reconstructed.
+        The record has not been reconstructed.
     OutOfRange
         The window is not inside the record.
     """
+    file = _reconstructed_file(opened, record)
+    sources = [file, opened.project.aircraft]
+    key = (record, cutoff, tuple(opened.project.errors.items()))
+
+    def read_window() -> xr.Dataset:
+        stored = opened.kept(
+            ("coefficients", *key), sources, lambda: _stored_coefficients(opened, record, cutoff)
+        )
+        # The file may have been removed while the server ran.
+        if not stored.exists():
+            stored = _stored_coefficients(opened, record, cutoff)
+        # The time of the file is that of its last use.
+        os.utime(stored)
+        with xr.open_dataset(stored, engine="h5netcdf", decode_timedelta=False) as coefficients:
+            return flighttest.select_time(coefficients, start, end).load()
+
+    return opened.kept(("window", *key, start, end), sources, read_window, _MOST_WINDOWS)
+
+
+def _reconstructed_file(opened: OpenProject, record: str) -> Path:
+    """Return the file of a reconstructed record, and raise if it does not exist."""
     file = opened.path_file(record)
     if not file.exists():
         raise FileNotFoundError(2, "not reconstructed yet", str(file))
-    made_from = [file, opened.project.aircraft]
-    about = (record, cutoff, tuple(opened.project.errors.items()))
-
-    def make() -> xr.Dataset:
-        kept = opened.kept(
-            ("coefficients", *about), made_from, lambda: _formed(opened, record, cutoff)
-        )
-        if not kept.exists():  # taken away while the server ran
-            kept = _formed(opened, record, cutoff)
-        os.utime(kept)
-        with xr.open_dataset(kept, engine="h5netcdf", decode_timedelta=False) as whole:
-            return flighttest.select_time(whole, start, end).load()
-
-    return opened.kept(("window", *about, start, end), made_from, make, _KEPT_WINDOWS)
+    return file
 
 
-def _formed(opened: OpenProject, record: str, cutoff: float | None) -> Path:
-    """Return the file with the coefficients of a record, which is written unless it is there."""
-    file, aircraft, errors, target = (
-        opened.path_file(record),
-        opened.project.aircraft,
-        opened.project.errors,
-        _target(opened, record, cutoff),
-    )
+def _stored_coefficients(opened: OpenProject, record: str, cutoff: float | None) -> Path:
+    """Return the file with the coefficients of a record, and write it if it does not exist."""
+    target = _coefficient_file(opened, record, cutoff)
     if not target.exists():
-        write_coefficients(file, aircraft, errors, cutoff, target)
-        _trim(target)
+        file, project = opened.path_file(record), opened.project
+        write_coefficients(
+            file, project.aircraft, errors=project.errors, cutoff=cutoff, target=target
+        )
+        _remove_oldest(target)
     return target
 
 
-def _target(opened: OpenProject, record: str, cutoff: float | None) -> Path:
-    file = opened.path_file(record)
-    if not file.exists():
-        raise FileNotFoundError(2, "not reconstructed yet", str(file))
+def _coefficient_file(opened: OpenProject, record: str, cutoff: float | None) -> Path:
+    """Return the path of the coefficients of a record; the file need not exist."""
+    file = _reconstructed_file(opened, record)
     aircraft, errors = opened.project.aircraft, opened.project.errors
-    key = opened.kept(
+    digest = opened.kept(
         ("key", record, cutoff, tuple(errors.items())),
         [file, aircraft],
-        lambda: _key(file, aircraft, errors, cutoff),
-        _KEPT_WINDOWS,
+        lambda: _hash_inputs(file, aircraft, errors, cutoff),
+        _MOST_WINDOWS,
     )
-    return opened.work / FOLDER / f"{record}_{key}.nc"
+    return opened.work / FOLDER / f"{record}_{digest}.nc"
 
 
 def write_coefficients(
     file: Path, aircraft: Path, errors: Mapping[str, float], cutoff: float | None, target: Path
 ) -> None:
-    """Write the coefficients along a reconstructed record.
+    """Write the coefficients along a reconstructed record, completely or not at all.
 
     Parameters
     ----------
     file : Path
         Reconstructed record.
     aircraft : Path
-    errors : dict of str to float
+        Aircraft file.
+    errors : mapping of str to float
         Standard errors of the sources of error. [SI]
     cutoff : float or None
         Low-pass of the states. [Hz]
     target : Path
-        Gets the file, atomically: completely or not at all.
+        File that is written.
     """
-    found = flighttest.coefficients(
-        flighttest.dynamics.open_path(file), read_aircraft(aircraft), dict(errors), cutoff
-    )
+    path = flighttest.dynamics.open_path(file)
+    coefficients = flighttest.coefficients(path, read_aircraft(aircraft), dict(errors), cutoff)
     target.parent.mkdir(parents=True, exist_ok=True)
     with written_atomically(target) as part:
-        found.to_netcdf(part, engine="h5netcdf")
+        coefficients.to_netcdf(part, engine="h5netcdf")
 
 
-def _key(file: Path, aircraft: Path, errors: Mapping[str, float], cutoff: float | None) -> str:
-    """Return a name for what the coefficients were formed from: the program, files, standard
-    errors, low-pass.
-    """
-    hashes = [hashlib.sha256(one.read_bytes()).hexdigest() for one in (file, aircraft)]
-    return hashlib.sha256(
-        repr((reconstruction_digest(), hashes, sorted(errors.items()), cutoff)).encode()
-    ).hexdigest()[:16]
+def _hash_inputs(
+    file: Path, aircraft: Path, errors: Mapping[str, float], cutoff: float | None
+) -> str:
+    """Return a digest of all that determines coefficients: program, files, errors, low-pass."""
+    hashes = [hashlib.sha256(source.read_bytes()).hexdigest() for source in (file, aircraft)]
+    inputs = (reconstruction_digest(), hashes, sorted(errors.items()), cutoff)
+    return hashlib.sha256(repr(inputs).encode()).hexdigest()[:16]
 
 
-def _trim(newest: Path) -> None:
-    """Remove the files that were used longest ago until the folder is no larger than `MOST_BYTES`."""
+def _remove_oldest(newest: Path) -> None:
+    """Remove the files that were used longest ago, until the folder has at most `MOST_BYTES`."""
+
+    def last_use(file: Path) -> tuple[bool, int]:
+        # The new file comes first, whatever the resolution of the clock.
+        return file == newest, file.stat().st_mtime_ns
+
     total = 0
-    for file in sorted(
-        newest.parent.glob("*.nc"),
-        key=lambda one: (one == newest, one.stat().st_mtime_ns),
-        reverse=True,
-    ):
+    for file in sorted(newest.parent.glob("*.nc"), key=last_use, reverse=True):
         total += file.stat().st_size
         if total > MOST_BYTES and file != newest:
             file.unlink(missing_ok=True)
 
 
-def _main(about: str) -> int:
-    """Form what `form_missing` describes, as a process."""
-    items = json.loads(about)
+def _main(calls: str) -> int:
+    """Form the coefficients of the calls of `form_missing`, as a process."""
+    items = json.loads(calls)
     try:
         for number, (file, aircraft, errors, cutoff, target) in enumerate(items, start=1):
+            # The server shows the last line as the progress of the job.
             print(f"{Path(file).stem}, {number} of {len(items)}", file=sys.stderr, flush=True)
-            write_coefficients(Path(file), Path(aircraft), errors, cutoff, Path(target))
+            write_coefficients(
+                Path(file), Path(aircraft), errors=errors, cutoff=cutoff, target=Path(target)
+            )
     except (AeromatchError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

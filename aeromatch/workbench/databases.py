@@ -32,6 +32,7 @@ from flightmech.support.figures import to_display_quantity
 DATABASES, TUNED = "databases", "tuned"
 """Folders of the working folder: databases edited by hand, tuned models."""
 
+# Regressor that pitch-rate terms of flights may include.
 _ALPHA_RATE = "alphadothat"
 # Greatest number of nodes of a table over the breakpoints of all databases.
 _MOST_NODES = 200_000
@@ -40,14 +41,14 @@ _MOST_NODES = 200_000
 def list_databases(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the databases of the working folder, and their aircraft files."""
     files = []
-    for place, file in _database_files(opened).items():
+    for location, file in _database_files(opened).items():
         aircraft = _aircraft_place(opened, file)
-        files.append({"file": place, "label": file.stem, "aircraft": aircraft})
+        files.append({"file": location, "label": file.stem, "aircraft": aircraft})
     return {"files": files}
 
 
 def _database_files(opened: OpenProject) -> dict[str, Path]:
-    """Return the databases by their place: those of the match, edited ones, tuned ones."""
+    """Return the databases by their location: those of the match, edited ones, tuned ones."""
     files = []
     for name in OWN_MODELS:
         file = opened.work / MATCH / f"{name}.nc"
@@ -78,12 +79,12 @@ def _aircraft_place(opened: OpenProject, file: Path) -> str:
     return opened.places.named(opened.project.aircraft)
 
 
-def _open(opened: OpenProject, place: str) -> xr.DataTree:
-    """Return the database of a place."""
+def _open(opened: OpenProject, location: str) -> xr.DataTree:
+    """Return the database of a location."""
     files = _database_files(opened)
-    if place not in files:
-        raise UnknownName(place, files, "database")
-    return opened.kept(("database",), [files[place]], lambda: open_database(files[place]))
+    if location not in files:
+        raise UnknownName(location, files, "database")
+    return opened.kept(("database",), [files[location]], lambda: open_database(files[location]))
 
 
 def show_database(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
@@ -100,6 +101,7 @@ def show_database(opened: OpenProject, query: Mapping[str, str], body: Any) -> d
             "size": leaves[name]["value"].size,
         }
         terms.append(row)
+    # The first line is the title, the others are facts.
     title, *lines = heading_lines(db.attrs)
     edits = aerodb.store.history(db)
     return {
@@ -114,6 +116,7 @@ def show_database(opened: OpenProject, query: Mapping[str, str], body: Any) -> d
 def _axis(name: str, points: Any) -> dict[str, Any]:
     """Return an axis in display units."""
     values, unit = to_display_quantity(name, np.asarray(points, float))
+    # Pure numbers are printed without a unit.
     if unit == "1":
         unit = ""
     return {"name": name, "unit": unit, "points": values, "meaning": lookup(name).long_name}
@@ -134,14 +137,15 @@ def show_term(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[
         The table over the common axes is too large.
     """
     name = query.get("term", "")
-    places = [place for place in query.get("files", "").split(",") if place]
+    places = [location for location in query.get("files", "").split(",") if location]
+    # The term by database, and the terms of all databases for the message of an unknown name.
     leaves: dict[str, xr.Dataset] = {}
     available: set[str] = set()
-    for place in places:
-        terms = aerodb.terms(_open(opened, place))
+    for location in places:
+        terms = aerodb.terms(_open(opened, location))
         available.update(terms)
         if name in terms:
-            leaves[place] = terms[name]
+            leaves[location] = terms[name]
     if not leaves:
         raise UnknownName(name, available, "term")
     points = union_axes(*leaves.values())
@@ -154,8 +158,8 @@ def show_term(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[
         )
         raise SchemaError(name, [problem])
     curves = []
-    for place, leaf in leaves.items():
-        curve = {"file": place, **_table(regrid_leaf(leaf, points))}
+    for location, leaf in leaves.items():
+        curve = {"file": location, **_table(regrid_leaf(leaf, points))}
         curves.append({**curve, "multipliers": " ".join(_terms.list_multipliers(leaf))})
     first = next(iter(leaves))
     leaf = leaves[first]
@@ -173,8 +177,8 @@ def show_term(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[
         "nodes": {"axes": axes, **_table(leaf)},
         "axes": [_axis(axis, breakpoints) for axis, breakpoints in points.items()],
         "curves": curves,
-        "lacking": [place for place in places if place not in leaves],
-        "points": _flight_points(opened, name, place=first, leaf=leaf, axes=list(points)),
+        "lacking": [location for location in places if location not in leaves],
+        "points": _flight_points(opened, name, location=first, leaf=leaf, axes=list(points)),
     }
 
 
@@ -189,7 +193,7 @@ def _table(leaf: xr.Dataset) -> dict[str, Any]:
 
 
 def _flight_points(
-    opened: OpenProject, name: str, place: str, leaf: xr.Dataset, axes: list[str]
+    opened: OpenProject, name: str, location: str, leaf: xr.Dataset, axes: list[str]
 ) -> dict[str, Any]:
     """Return the points of a term from flight, one row each.
 
@@ -201,11 +205,12 @@ def _flight_points(
         return {"rows": [], "of": "", "kind": ""}
     flight: FlightData = opened.kept(("flown",), [file], lambda: read_flown(file))
     regressors, coefficient = _terms.list_regressors(leaf), name.split("/")[0]
+    # A table with one regressor is a derivative, which local models estimate directly.
     if len(regressors) != 1 or _terms.power_factor(leaf) is not None:
-        database = _database_files(opened)[place]
+        database = _database_files(opened)[location]
 
         def make() -> pd.DataFrame:
-            return aerodb.figures.partial_residuals(_open(opened, place), flight, name)
+            return aerodb.figures.partial_residuals(_open(opened, location), flight, name)
 
         table = opened.kept(("partial", name), [database, file], make)
         names: Iterable[Any] = ()
@@ -257,6 +262,7 @@ def compare_databases(opened: OpenProject, query: Mapping[str, str], body: Any) 
         rows = []
         for name, row in frame.to_dict("index").items():
             rows.append({"term": str(name)} | {str(key): value for key, value in row.items()})
+        # Warnings of other packages do not concern the databases.
         warned = [item for item in caught if issubclass(item.category, AeromatchWarning)]
         return rows, [str(item.message) for item in warned]
 

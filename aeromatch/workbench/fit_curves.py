@@ -27,7 +27,7 @@ _SAME_RATE = 1e-3
 
 
 def added_variable_residuals(
-    found: flighttest.Fit, term: str, band: tuple[float, float] | None = None
+    fit: flighttest.Fit, term: str, band: tuple[float, float] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the residuals of a regressor and of the coefficient on all other regressors.
 
@@ -35,7 +35,7 @@ def added_variable_residuals(
 
     Parameters
     ----------
-    found : Fit
+    fit : Fit
     term : str
     band : (low, high), optional
         Band of a fit in frequency. [Hz]
@@ -52,14 +52,14 @@ def added_variable_residuals(
         The fit does not have the term, or the term is the constant of a fit in frequency, which is
         estimated in time.
     """
-    terms = [str(name) for name in found.estimates["term"].values]
-    X, z = found.regressors.values, found.data[found.model.coefficient].values
+    terms = [str(name) for name in fit.estimates["term"].values]
+    X, z = fit.regressors.values, fit.data[fit.model.coefficient].values
     if band is not None:
         slopes = [j for j, name in enumerate(terms) if name != "1" and not name.startswith("1[")]
         terms = [terms[j] for j in slopes]
-        X, z = in_frequency(found, band, X[:, slopes], z)
+        X, z = in_frequency(fit, band, X[:, slopes], z)
     else:
-        root = weight_roots(found.estimates.attrs["weights"], X, z, found.data)
+        root = weight_roots(fit.estimates.attrs["weights"], X, z, fit.data)
         X, z = X * root[:, None], z * root
     if term not in terms:
         raise UnknownName(term, terms, "term")
@@ -70,23 +70,23 @@ def added_variable_residuals(
 
 
 def in_frequency(
-    found: flighttest.Fit, band: tuple[float, float], X: np.ndarray, z: np.ndarray
+    fit: flighttest.Fit, band: tuple[float, float], X: np.ndarray, z: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the equations of a fit in frequency, (equation, terms) and (equation,).
 
     They are the transforms of the regressors `X` and of the coefficient `z` in a band. [Hz]
     """
-    window, time = found.data["manoeuvre"].values, found.data["time"].values
+    window, time = fit.data["manoeuvre"].values, fit.data["time"].values
     steps = []
-    for k in range(found.estimates.attrs["manoeuvres"]):
+    for k in range(fit.estimates.attrs["manoeuvres"]):
         steps.append(float(np.median(np.diff(time[window == k]))))
-    stretches = select_stretches(RegressionSamples(found.data, steps), band)
+    stretches = select_stretches(RegressionSamples(fit.data, steps), band)
     regressors = stack_complex(transform_columns(X, stretches))
     coefficient = stack_complex(transform_columns(z[:, None], stretches))
     return regressors, coefficient[:, 0]
 
 
-def power_spectral_densities(found: flighttest.Fit) -> dict[str, Any]:
+def power_spectral_densities(fit: flighttest.Fit) -> dict[str, Any]:
     """Return the power spectral densities of coefficient and residual, by the method of Welch.
 
     The segments have a Hann window, overlap by half, and are as long as the lower median of the
@@ -104,7 +104,7 @@ def power_spectral_densities(found: flighttest.Fit) -> dict[str, Any]:
     .. [Welch1967] Welch, The use of fast Fourier transform for the estimation of power spectra,
        IEEE Trans. Audio AU-15, 1967.
     """
-    stretches = find_stretches(found)
+    stretches = find_stretches(fit)
     step = float(np.median([interval for _, interval in stretches]))
     alike = [piece for piece, interval in stretches if abs(interval - step) < _SAME_RATE * step]
     lengths = sorted(piece.stop - piece.start for piece in alike)
@@ -112,7 +112,7 @@ def power_spectral_densities(found: flighttest.Fit) -> dict[str, Any]:
     used = [piece for piece in alike if piece.stop - piece.start >= size]
     # Segments of each stretch: the first, and one for each further half segment.
     counts = [(piece.stop - piece.start - size) // (size - size // 2) + 1 for piece in used]
-    lines = {"measured": found.data[found.model.coefficient].values, "residual": found.residual}
+    lines = {"measured": fit.data[fit.model.coefficient].values, "residual": fit.residual}
     densities: dict[str, np.ndarray] = {}
     frequency = np.zeros(0)
     for name, line in lines.items():
@@ -140,9 +140,9 @@ def power_spectral_densities(found: flighttest.Fit) -> dict[str, Any]:
     }
 
 
-def find_stretches(found: flighttest.Fit) -> list[tuple[slice, float]]:
+def find_stretches(fit: flighttest.Fit) -> list[tuple[slice, float]]:
     """Return the stretches without a gap, each inside one window, and their intervals. [s]"""
-    time, window = found.data["time"].values, found.data["manoeuvre"].values
+    time, window = fit.data["time"].values, fit.data["manoeuvre"].values
     step = np.diff(time)
     usual: dict[int, float] = {}
     for k in np.unique(window):
@@ -156,7 +156,7 @@ def find_stretches(found: flighttest.Fit) -> list[tuple[slice, float]]:
 
 
 def lines_along_windows(
-    found: flighttest.Fit,
+    fit: flighttest.Fit,
 ) -> tuple[np.ndarray, list[tuple[float, float]], dict[str, np.ndarray]]:
     """Return measured, fitted and residual coefficient along the windows, one after the other.
 
@@ -169,13 +169,13 @@ def lines_along_windows(
     lines : dict of str to ndarray (n,)
         ``measured``, ``fitted``, ``residual``; NaN at the end of each stretch.
     """
-    measured, residual = found.data[found.model.coefficient].values, found.residual
-    time, window = found.data["time"].values, found.data["manoeuvre"].values
+    measured, residual = fit.data[fit.model.coefficient].values, fit.residual
+    time, window = fit.data["time"].values, fit.data["manoeuvre"].values
     times: list[Any] = []
     indices: list[Any] = []
     edges: dict[int, tuple[float, float]] = {}
     now = 0.0
-    for piece, step in find_stretches(found):
+    for piece, step in find_stretches(fit):
         stretch = now + time[piece] - time[piece.start]
         # A window may have several stretches; it begins with the first and ends with the last.
         k = int(window[piece.start])
@@ -189,5 +189,5 @@ def lines_along_windows(
     lines = {"measured": measured, "fitted": measured - residual, "residual": residual}
     broken = {name: np.where(index < 0, np.nan, line[index]) for name, line in lines.items()}
     # A window without a stretch is empty, at the end.
-    windows = range(found.estimates.attrs["manoeuvres"])
+    windows = range(fit.estimates.attrs["manoeuvres"])
     return np.concatenate(times), [edges.get(k, (now, now)) for k in windows], broken

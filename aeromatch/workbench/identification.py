@@ -5,12 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 import tomlkit
 import xarray as xr
-from pydantic import Field, model_validator
 
 import aerodb
 import flighttest
@@ -21,10 +20,16 @@ from aeromatch.workbench.fit_curves import (
     lines_along_windows,
     power_spectral_densities,
 )
+from aeromatch.workbench.fit_request import (
+    FitRequest,
+    RecordWindow,
+    order_windows,
+    records_of_request,
+    validate_request,
+)
 from aeromatch.workbench.opened import FITS, MATCH, Levels, OpenProject, decimate_channels
 from aeromatch.workbench.records import manoeuvres_of
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-from flightmech.support.toml_models import Strict, validate_content
 from flighttest.regression.combining.mixed_estimation import prior_of
 from flighttest.regression.equation_error.model import MEASURED
 from flighttest.remarks import remarks_to_json
@@ -34,42 +39,6 @@ DATABASES = "databases"
 _MOST_POINTS = 4000
 # Greatest number of points of a drawn partial regression.
 _SCATTER = 1500
-
-
-class RecordWindow(Strict):
-    """A window of a reconstructed record. [s]"""
-
-    record: str
-    start: Annotated[float, Field(allow_inf_nan=False)]
-    end: Annotated[float, Field(allow_inf_nan=False)]
-
-
-_Frequency = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-
-
-class FitRequest(Strict):
-    """Request of a fit: windows, model and method."""
-
-    windows: Annotated[tuple[RecordWindow, ...], Field(min_length=1)]
-    model: str
-    intercepts: Literal["common", "separate"] = "common"
-    weights: Literal["equal", "manoeuvre", "robust"] = "equal"
-    cutoff: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None
-    prior: str | None = None
-    ridge: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | Literal["auto"] = 0.0
-    band: tuple[_Frequency, _Frequency] | None = None
-
-    @model_validator(mode="after")
-    def _check_band(self) -> FitRequest:
-        if self.band is not None and not self.band[0] < self.band[1]:
-            raise ValueError(
-                f"band {self.band[0]:g} to {self.band[1]:g} Hz; the upper edge must be the larger"
-            )
-        if self.band is not None and self.weights != "equal":
-            raise ValueError(
-                "weights go with a fit in time; a fit in frequency weighs by its spectrum"
-            )
-        return self
 
 
 def list_fit_choices(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
@@ -111,7 +80,7 @@ def show_fit(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[s
 
     The result has estimates, tests, remarks, prior, correlation, and the spectrum of the residual.
     """
-    request = _validate_request(body)
+    request = validate_request(body)
     start = time.perf_counter()
     _form_windows(opened, request)
     prepared = time.perf_counter()
@@ -132,13 +101,6 @@ def show_fit(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[s
         "command": fit_command_words(opened, request),
         "seconds": {"coefficients": prepared - start, "fit": end - prepared},
     }
-
-
-def _validate_request(content: Any) -> FitRequest:
-    """Return the request of a fit; content of another type has all problems of an empty one."""
-    if not isinstance(content, dict):
-        content = {}
-    return validate_content(FitRequest, content, "fit")
 
 
 def _term_rows(
@@ -163,7 +125,7 @@ def show_fit_samples(opened: OpenProject, query: Mapping[str, str], body: Any) -
     ``points``.
     """
     body = body if isinstance(body, dict) else {}
-    request = _validate_request(body.get("fit"))
+    request = validate_request(body.get("fit"))
     along, edges, lines = lines_along_windows(_fit(opened, request))
     points = _number(body, "points", 2000.0)
     times, values = decimate_channels(
@@ -174,7 +136,7 @@ def show_fit_samples(opened: OpenProject, query: Mapping[str, str], body: Any) -
         points=int(min(max(points, 1.0), _MOST_POINTS)),
     )
     windows = []
-    for window, (first, last) in zip(_order_windows(request), edges, strict=True):
+    for window, (first, last) in zip(order_windows(request), edges, strict=True):
         label = _label(opened, window)
         windows.append({**window.model_dump(), "label": label, "from": first, "to": last})
     span = [float(along[0]), float(along[-1])]
@@ -194,7 +156,7 @@ def show_partial_regression(
     .. [Belsley1980] Belsley, Kuh, Welsch, Regression Diagnostics, Wiley 1980, section 2.1.
     """
     body = body if isinstance(body, dict) else {}
-    request = _validate_request(body.get("fit"))
+    request = validate_request(body.get("fit"))
     fit = _fit(opened, request)
     x, y = added_variable_residuals(fit, str(body.get("term", "")), request.band)
     # The quotient is rounded up, so that there are at most `_SCATTER` points.
@@ -211,9 +173,9 @@ def show_partial_regression(
 
 def leave_one_out(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
     """Return the estimates without each window, and then without each term but the constant."""
-    request = _validate_request(body)
+    request = validate_request(body)
     rows = []
-    windows = _order_windows(request)
+    windows = order_windows(request)
     if len(windows) > 1:
         for k, window in enumerate(windows):
             others = (*windows[:k], *windows[k + 1 :])
@@ -238,24 +200,24 @@ def show_fit_entries(opened: OpenProject, query: Mapping[str, str], body: Any) -
     The match fits each record alone. Records with the same manoeuvres share an entry.
     """
     body = body if isinstance(body, dict) else {}
-    request = _validate_request(body.get("fit"))
+    request = validate_request(body.get("fit"))
     name = str(body.get("name", "")).strip()
     if not name:
         raise SchemaError("fit", ["name: empty; give the fit a name"])
     return {"entries": make_fit_entries(opened, request, name)}
 
 
-def make_fit_entries(opened: OpenProject, wanted: FitRequest, name: str) -> list[str]:
+def make_fit_entries(opened: OpenProject, request: FitRequest, name: str) -> list[str]:
     """Return the entries of `show_fit_entries`.
 
     Windows are written in seconds, unless they are all manoeuvres of some kinds.
     """
     groups: dict[tuple[str, tuple[Any, ...]], list[str]] = {}
-    windows = _order_windows(wanted)
-    for record in _records_of(wanted):
+    windows = order_windows(request)
+    for record in records_of_request(request):
         spans = [(window.start, window.end) for window in windows if window.record == record]
         groups.setdefault(_selection(opened, record, spans), []).append(record)
-    model = str(flighttest.RegressionModel.parse(wanted.model))
+    model = str(flighttest.RegressionModel.parse(request.model))
     entries = []
     for number, ((key, values), records) in enumerate(groups.items(), start=1):
         entry = tomlkit.inline_table()
@@ -284,46 +246,37 @@ def _selection(
     return "window", tuple(spans)
 
 
-def fit_command_words(opened: OpenProject, wanted: FitRequest) -> list[str]:
+def fit_command_words(opened: OpenProject, request: FitRequest) -> list[str]:
     """Return the words of ``flight identify`` for the same fit, without ``-o`` and its file."""
-    paths = [opened.places.named(opened.path_file(record)) for record in _records_of(wanted)]
+    paths = [
+        opened.places.named(opened.path_file(record)) for record in records_of_request(request)
+    ]
     words = ["flight", "identify", *paths]
     words += ["--aircraft", opened.places.named(opened.project.aircraft)]
-    words += ["--model", str(flighttest.RegressionModel.parse(wanted.model))]
-    for window in _order_windows(wanted):
+    words += ["--model", str(flighttest.RegressionModel.parse(request.model))]
+    for window in order_windows(request):
         words += ["--window-of", window.record, repr(window.start), repr(window.end)]
-    if wanted.cutoff is not None:
-        words += ["--cutoff", repr(wanted.cutoff)]
+    if request.cutoff is not None:
+        words += ["--cutoff", repr(request.cutoff)]
     for source, size in opened.project.errors.items():
         words += ["--error", source, repr(size)]
     # Defaults of the command are left out.
-    if wanted.intercepts != "common":
-        words += ["--intercepts", wanted.intercepts]
-    if wanted.weights != "equal":
-        words += ["--weights", wanted.weights]
-    if wanted.ridge:
-        words += ["--ridge", str(wanted.ridge)]
-    if wanted.band is not None:
-        words += ["--band", *map(repr, wanted.band)]
+    if request.intercepts != "common":
+        words += ["--intercepts", request.intercepts]
+    if request.weights != "equal":
+        words += ["--weights", request.weights]
+    if request.ridge:
+        words += ["--ridge", str(request.ridge)]
+    if request.band is not None:
+        words += ["--band", *map(repr, request.band)]
     return words
-
-
-def _records_of(request: FitRequest) -> list[str]:
-    """Return the records of the windows, each once, in order."""
-    return list(dict.fromkeys(window.record for window in request.windows))
-
-
-def _order_windows(request: FitRequest) -> list[RecordWindow]:
-    """Return the windows record by record, in the order of ``flight identify``."""
-    records = _records_of(request)
-    return sorted(request.windows, key=lambda window: records.index(window.record))
 
 
 def _form_windows(opened: OpenProject, request: FitRequest) -> list[xr.Dataset]:
     """Return the coefficients in the windows."""
-    form_missing(opened, dict.fromkeys(_records_of(request)), request.cutoff)
+    form_missing(opened, dict.fromkeys(records_of_request(request)), request.cutoff)
     parts = []
-    for window in _order_windows(request):
+    for window in order_windows(request):
         part = window_of(
             opened, window.record, start=window.start, end=window.end, cutoff=request.cutoff
         )
@@ -333,7 +286,7 @@ def _form_windows(opened: OpenProject, request: FitRequest) -> list[xr.Dataset]:
 
 def _fit(opened: OpenProject, request: FitRequest) -> flighttest.Fit:
     """Return the fit of a request, computed once while its files are unchanged."""
-    files = [opened.path_file(record) for record in _records_of(request)]
+    files = [opened.path_file(record) for record in records_of_request(request)]
     # The prior does not change the fit.
     without_prior = request.model_copy(update={"prior": None})
     key = ("fit", without_prior, tuple(opened.project.errors.items()))

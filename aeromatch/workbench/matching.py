@@ -1,6 +1,4 @@
-"""Page of the match: verdicts of all cases and models, what explains a miss, trials by edited
-databases, tuning.
-"""
+"""Data of the page of the match: verdicts, causes of a mismatch, trials and tuning."""
 
 from __future__ import annotations
 
@@ -10,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 import aerodb
 import pom
@@ -24,6 +23,7 @@ from pom.result import results_name, status_text
 RUNS, TUNED = "runs", "tuned"
 """Folders of the working folder: reports of trials, and tuned models."""
 
+# Columns of the table of verdicts that the page shows.
 _ROWS = (
     "criterion",
     "channel",
@@ -35,178 +35,209 @@ _ROWS = (
     "at",
     "verdict",
 )
+# Stages of a diagnosis that the page shows, and the greatest number of rows of a stage.
 _STAGES = ("sequence", "joint", "single")
-_MOST = 12  # single swaps that are listed
+_MOST_ROWS = 12
 
 
-def _archive(opened: OpenProject, folder: Path) -> Any:
+def _open_archive(opened: OpenProject, folder: Path) -> Any:
     files = [folder / "results.nc", folder / "results.json"]
     return opened.kept(("archive", str(folder)), files, lambda: pom.read_archive(folder))
 
 
-def _report(opened: OpenProject, report: str) -> Path:
-    """Return the folder of a report: ``match``, or the name of a trial."""
-    folders = {
-        MATCH: opened.work / MATCH / "report",
-        **{f"{RUNS}/{name}": opened.work / RUNS / name for name in _trials(opened)},
-    }
+def _report_folder(opened: OpenProject, report: str) -> Path:
+    """Return the folder of a report: ``match``, or ``runs/NAME`` of a trial."""
+    folders = {MATCH: opened.work / MATCH / "report"}
+    for name in _trial_names(opened):
+        folders[f"{RUNS}/{name}"] = opened.work / RUNS / name
     if report not in folders:
         raise UnknownName(report, folders, "report")
     return folders[report]
 
 
-def _trials(opened: OpenProject) -> list[str]:
-    return sorted(file.parent.name for file in (opened.work / RUNS).glob("*/results.json"))
+def _trial_names(opened: OpenProject) -> list[str]:
+    files = (opened.work / RUNS).glob("*/results.json")
+    return sorted([file.parent.name for file in files])
 
 
 def show_match(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the verdicts of a report (``report``: ``match`` or ``runs/NAME``), the trials, and the
-    models that can be flown.
+    """Return the verdicts of a report, the trials, and the models for further flights.
+
+    The query may have ``report``: ``match`` or ``runs/NAME``.
     """
     report = query.get("report", MATCH)
-    there = (opened.work / MATCH / "report" / "results.json").exists()
-    found: dict[str, Any] = {
+    match_folder = _report_folder(opened, MATCH)
+    reports = [f"{RUNS}/{name}" for name in _trial_names(opened)]
+    results = ""
+    if (match_folder / "results.json").exists():
+        reports.insert(0, MATCH)
+        results = results_name(_open_archive(opened, match_folder).results)
+    signatures = plain_signatures(opened.project.signatures)
+    content: dict[str, Any] = {
         "project": opened.places.named(opened.file),
         "report": report,
-        "reports": [*([MATCH] if there else []), *(f"{RUNS}/{name}" for name in _trials(opened))],
-        "models": _models(opened),
-        "databases": _databases(opened),
-        "tuned": _tuned(opened),
-        "signatures": [],
+        "reports": reports,
+        "models": _model_files(opened),
+        "databases": _database_files(opened),
+        "tuned": _read_tuning(opened),
+        "results": results,
+        "signatures": signature_rows(signatures, "", results),
         "runs": [],
         "cases": [],
     }
-    signed = results_name(_archive(opened, _report(opened, MATCH)).results) if there else ""
-    found |= {
-        "results": signed,
-        "signatures": signature_rows(plain_signatures(opened.project.signatures), "", signed),
-    }
-    if report not in found["reports"]:
-        return found
-    archive = _archive(opened, _report(opened, report))
-    files = {name: opened.places.named(case.path) for name, case in _cases(opened).items()}
-    found["runs"] = list(dict.fromkeys(run for result in archive.results for run in result.runs))
-    found["place"] = _report(opened, report).relative_to(opened.work).as_posix() + "/report.html"
+    if report not in reports:
+        return content
+    folder = _report_folder(opened, report)
+    archive = _open_archive(opened, folder)
+    runs: dict[str, None] = {}
+    for result in archive.results:
+        runs |= dict.fromkeys(result.runs)
+    content["runs"] = list(runs)
+    content["place"] = folder.relative_to(opened.work).as_posix() + "/report.html"
+    # The page edits the case files of the project, not the cases of the report.
+    files = {name: opened.places.named(case.path) for name, case in _read_cases(opened).items()}
     for key, result in zip(case_keys(archive.results), archive.results, strict=True):
-        worst = {run: result.worst(run) for run in result.runs}
-        found["cases"].append(
-            {
-                "key": key,
-                "name": result.case.name,
-                "row": result.case.id,
-                "title": result.case.title,
-                "file": files.get(result.case.name),
-                "status": {run: status_text(result.status(run)) for run in result.runs},
-                "passed": {run: result.status(run) == "pass" for run in result.runs},
-                "worst": {
-                    run: None if one is None else one["worst_ratio"] for run, one in worst.items()
-                },
-                "criterion": {
-                    run: "" if one is None else one["criterion"].replace("_", " ")
-                    for run, one in worst.items()
-                },
-                "failure": result.failure,
-            }
-        )
-    return found
+        row = _case_verdicts(key, result)
+        row["file"] = files.get(result.case.name)
+        content["cases"].append(row)
+    return content
+
+
+def _case_verdicts(key: str, result: pom.PomResult) -> dict[str, Any]:
+    """Return status, worst ratio and its criterion of every model in a case."""
+    statuses, passed, ratios, criteria = {}, {}, {}, {}
+    for run in result.runs:
+        status, worst = result.status(run), result.worst(run)
+        statuses[run] = status_text(status)
+        passed[run] = status == "pass"
+        ratios[run] = None if worst is None else worst["worst_ratio"]
+        criteria[run] = "" if worst is None else worst["criterion"].replace("_", " ")
+    return {
+        "key": key,
+        "name": result.case.name,
+        "row": result.case.id,
+        "title": result.case.title,
+        "status": statuses,
+        "passed": passed,
+        "worst": ratios,
+        "criterion": criteria,
+        "failure": result.failure,
+    }
 
 
 def show_case(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the criteria of one case (``report``, ``name``) for every model, and what explains its
-    miss.
+    """Return the criteria of one case for every model, and the cause of its mismatch.
+
+    The query has the ``name`` of the case and may have ``report``.
     """
-    archive = _archive(opened, _report(opened, query.get("report", MATCH)))
+    report = query.get("report", MATCH)
+    archive = _open_archive(opened, _report_folder(opened, report))
     results = {result.case.name: result for result in archive.results}
     name = query.get("name", "")
     if name not in results:
         raise UnknownName(name, results, "case")
-    result, table = results[name], archive.diagnoses.get(name)
-    now = _cases(opened).get(name, result.case)  # what has been written since the report was made
-    rows = [
-        {"run": row["run"], **{key: row.get(key) for key in _ROWS}}
-        for row in result.verdict_records()
-    ]
-    causes = []
-    if table is not None:
-        for stage in _STAGES:
-            part = table[table["stage"] == stage].head(_MOST)
-            causes += [
-                {"stage": stage, **{key: row[key] for key in ("term", "explained", "verdict")}}
-                for row in part.to_dict("records")
-            ]
+    result, diagnosis = results[name], archive.diagnoses.get(name)
+    # The case file may have changed since the report was made.
+    case = _read_cases(opened).get(name, result.case)
+    rows = []
+    for row in result.verdict_records():
+        rows.append({"run": row["run"], **{key: row.get(key) for key in _ROWS}})
+    signed, date = results_name([result]), archive.provenance.get("date", "")
+    criteria = dict.fromkeys([criterion.name for criterion in result.case.criteria])
     return {
         "name": name,
         "rows": rows,
-        "causes": causes,
-        "story": "" if table is None else cause_sentences(table),
-        "rationale": dict(now.rationale),
-        "ticks": dict(now.ticks),
-        "results": (signed := results_name([result])),
-        "signatures": signature_rows(now.signatures, archive.provenance.get("date", ""), signed),
-        "subjects": [
-            *dict.fromkeys(criterion.name for criterion in result.case.criteria),
-            *(f"trim.{name}" for name in LIMIT_UNITS),
-        ],
-        "window": list(now.window),
+        "causes": _cause_rows(diagnosis),
+        "story": "" if diagnosis is None else cause_sentences(diagnosis),
+        "rationale": dict(case.rationale),
+        "ticks": dict(case.ticks),
+        "results": signed,
+        "signatures": signature_rows(case.signatures, date, signed),
+        "subjects": [*criteria, *[f"trim.{quantity}" for quantity in LIMIT_UNITS]],
+        "window": list(case.window),
         "notes": result.case.notes,
-        "trial": query.get("report", MATCH) != MATCH,
+        "trial": report != MATCH,
     }
 
 
-def list_scalable_terms(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-    """Return the terms that can be scaled within what flight found: the largest value of a node in
-    its standard errors.
+def _cause_rows(diagnosis: pd.DataFrame | None) -> list[dict[str, Any]]:
+    """Return the first rows of the stages of a diagnosis."""
+    rows: list[dict[str, Any]] = []
+    if diagnosis is None:
+        return rows
+    for stage in _STAGES:
+        stage_rows = diagnosis[diagnosis["stage"] == stage].head(_MOST_ROWS)
+        for row in stage_rows.to_dict("records"):
+            facts = {key: row[key] for key in ("term", "explained", "verdict")}
+            rows.append({"stage": stage, **facts})
+    return rows
 
-    A term scaled by 1 + k / `size` moves that node by k standard errors, and no other by more.
+
+def list_scalable_terms(opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+    """Return the terms that can be scaled within their standard errors from flight.
+
+    ``size`` is the largest value of a node in its standard errors.  A term scaled by 1 + k / size
+    moves that node by k standard errors, and no other node by more.
     """
     file = opened.work / MATCH / "final.nc"
     if not file.exists():
         return {"terms": []}
-    terms = aerodb.terms(opened.kept(("database",), [file], lambda: aerodb.open(file)))
+    database = opened.kept(("database",), [file], lambda: aerodb.open(file))
     rows = []
-    for name, leaf in terms.items():
-        if "stderr" not in leaf:
-            continue
-        value, stderr = np.abs(leaf["value"].values), leaf["stderr"].values
-        if (stderr > 0.0).any() and not (
-            value[stderr == 0.0] > 0.0
-        ).any():  # else a node without an error would move as well
-            size = float(
-                np.max(np.divide(value, stderr, out=np.zeros_like(value), where=stderr > 0.0))
-            )
+    for name, leaf in aerodb.terms(database).items():
+        if "stderr" in leaf:
+            size = _largest_in_stderr(leaf["value"].values, leaf["stderr"].values)
             if size > 0.0:
                 rows.append({"term": name, "size": size})
     return {"terms": rows}
 
 
-def _cases(opened: OpenProject) -> dict[str, pom.PomCase]:
-    """Return the cases of the project by name, as their files are now."""
+def _largest_in_stderr(value: np.ndarray, stderr: np.ndarray) -> float:
+    """Return the largest value in its standard errors; 0 if a term cannot be scaled.
 
-    def read(file: Path) -> pom.PomCase:
-        return opened.kept(("case",), [file], lambda: pom.read_case(file))
-
-    return {case.name: case for case in map(read, opened.project.cases)}
-
-
-def _models(opened: OpenProject) -> list[dict[str, str]]:
-    """Return the FMUs that can be flown: those of the match, edited and tuned ones."""
-    files = [
-        *sorted((opened.work / MATCH).glob("*.fmu")),
-        *sorted((opened.work / "databases").glob("*.fmu")),
-        *sorted((opened.work / TUNED).glob("*.fmu")),
-    ]
-    return [{"name": file.stem, "file": opened.places.named(file)} for file in files]
+    A scale would also move the nodes without a standard error, unless they are zero.
+    """
+    value, has_error = np.abs(value), stderr > 0.0
+    if not has_error.any() or (value[stderr == 0.0] > 0.0).any():
+        return 0.0
+    ratio = np.divide(value, stderr, out=np.zeros_like(value), where=has_error)
+    return float(np.max(ratio))
 
 
-def _databases(opened: OpenProject) -> list[dict[str, str]]:
+def _read_cases(opened: OpenProject) -> dict[str, pom.PomCase]:
+    """Return the cases of the project by name, from their files as they are now."""
+    cases = {}
+    for file in opened.project.cases:
+        case = _read_case(opened, file)
+        cases[case.name] = case
+    return cases
+
+
+def _read_case(opened: OpenProject, file: Path) -> pom.PomCase:
+    return opened.kept(("case",), [file], lambda: pom.read_case(file))
+
+
+def _model_files(opened: OpenProject) -> list[dict[str, str]]:
+    """Return the FMUs of the match, of edited databases, and of the tuning."""
+    rows = []
+    for folder in (MATCH, "databases", TUNED):
+        for file in sorted((opened.work / folder).glob("*.fmu")):
+            rows.append({"name": file.stem, "file": opened.places.named(file)})
+    return rows
+
+
+def _database_files(opened: OpenProject) -> list[dict[str, str]]:
+    """Return the database of the match and the edited databases."""
     files = [opened.work / MATCH / "final.nc", *sorted((opened.work / "databases").glob("*.nc"))]
-    return [
-        {"name": file.stem, "file": opened.places.named(file)} for file in files if file.exists()
-    ]
+    rows = []
+    for file in files:
+        if file.exists():
+            rows.append({"name": file.stem, "file": opened.places.named(file)})
+    return rows
 
 
-def _tuned(opened: OpenProject) -> dict[str, Any] | None:
-    """Return the log of the last tuning, as `pom tune` wrote it."""
+def _read_tuning(opened: OpenProject) -> dict[str, Any] | None:
+    """Return the log of the last tuning, as ``pom tune`` wrote it."""
     file = opened.work / "tuning.json"
     return json.loads(file.read_text(encoding="utf-8")) if file.exists() else None
 
@@ -216,4 +247,4 @@ ROUTES = {
     ("GET", "/api/case"): show_case,
     ("GET", "/api/moves"): list_scalable_terms,
 }
-"""What the page of the match requests; as `records.ROUTES`."""
+"""Requests of the page of the match, in the form of `records.ROUTES`."""

@@ -1,4 +1,4 @@
-"""A project that is open: its files as they are now, each read once until it changes."""
+"""Open project: content of its files, each read once until the file changes."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from flightmech.support.figures import to_display_quantity
 from flighttest.reconstruction.dynamics.saved_paths import open_path
 
 FACTOR = 8
-"""Samples of a level that one block of the next level joins."""
+"""Number of samples of a level that a block of the next level joins."""
 
 
 class Levels:
-    """One channel with its levels.
+    """One channel with its levels of detail.
 
     Parameters
     ----------
     values : ndarray (samples,)
-        NaN where there is no sample.
+        Samples; NaN for a missing sample.
     """
 
     def __init__(self, values: np.ndarray) -> None:
@@ -39,23 +39,27 @@ class Levels:
         self._levels: list[tuple[np.ndarray, np.ndarray]] = []
 
     def level(self, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return smallest and largest values of blocks of ``FACTOR ** number`` samples; the last
-        block may be shorter.
+        """Return smallest and largest values of blocks of ``FACTOR ** number`` samples.
+
+        The last block may be shorter.
         """
+        if number == 0:
+            return self.values, self.values
+        # Each level is made from the one before.
         while len(self._levels) < number:
-            low, high = self._levels[-1] if self._levels else (self.values, self.values)
-            self._levels.append((_blocks(low, np.fmin), _blocks(high, np.fmax)))
-        return self._levels[number - 1] if number else (self.values, self.values)
+            low, high = self.level(len(self._levels))
+            self._levels.append((_join_blocks(low, np.fmin), _join_blocks(high, np.fmax)))
+        return self._levels[number - 1]
 
 
-def _blocks(values: np.ndarray, join: np.ufunc) -> np.ndarray:
+def _join_blocks(values: np.ndarray, extreme: np.ufunc) -> np.ndarray:
     if not len(values):
         return values
-    return join.reduceat(values, np.arange(0, len(values), FACTOR))
+    return extreme.reduceat(values, np.arange(0, len(values), FACTOR))
 
 
 def coarsest_level(samples: int, points: int) -> int:
-    """Return the coarsest level that still has at least `points` blocks for so many samples.
+    """Return the coarsest level that has at least `points` blocks for a number of samples.
 
     Examples
     --------
@@ -71,42 +75,46 @@ def coarsest_level(samples: int, points: int) -> int:
 def decimate_channels(
     time: np.ndarray, channels: Mapping[str, Levels], start: float, stop: float, points: int
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Return channels of one clock inside a span of time, so that a line through the points looks
-    as through all samples.
+    """Return channels of one clock inside a span of time, for a line on a screen.
+
+    A line through the points looks like a line through all samples.
 
     Parameters
     ----------
     time : ndarray (samples,)
-        Ascending. [s]
+        Ascending clock. [s]
     channels : mapping of str to Levels
     start, stop : float
-        One sample more on either side is taken. [s]
+        Span of time.  One sample more on either side is returned. [s]
     points : int
-        Of the screen: at least so many blocks, where there are so many samples.
+        Points of the screen.  The result has at least as many blocks, if there are enough samples.
 
     Returns
     -------
     time : ndarray (n,)
     values : dict of str to ndarray (n,)
-        All samples, or of each block the smallest value at its start and the largest in its middle.
+        All samples; or of each block the smallest value at its start and the largest value in its
+        middle.
     """
     first = max(int(np.searchsorted(time, start)) - 1, 0)
     last = min(int(np.searchsorted(time, stop, side="right")) + 1, len(time))
     number = coarsest_level(max(last - first, 0), points)
+    values = {}
     if number == 0:
-        return time[first:last], {
-            name: channel.values[first:last] for name, channel in channels.items()
-        }
+        for name, channel in channels.items():
+            values[name] = channel.values[first:last]
+        return time[first:last], values
     size = FACTOR**number
+    # The stop is rounded up to a full block.
     blocks = slice(first // size, -(-last // size))
     starts = np.arange(blocks.start, blocks.stop) * size
-    middle = np.minimum(starts + size // 2, len(time) - 1)
-    places = np.column_stack([time[starts], time[middle]]).ravel()
-    found = {
-        name: np.column_stack([part[blocks] for part in channel.level(number)]).ravel()
-        for name, channel in channels.items()
-    }
-    return places, found
+    middles = np.minimum(starts + size // 2, len(time) - 1)
+    # Two points per block, in the order of time.
+    times = np.column_stack([time[starts], time[middles]]).ravel()
+    for name, channel in channels.items():
+        low, high = channel.level(number)
+        values[name] = np.column_stack([low[blocks], high[blocks]]).ravel()
+    return times, values
 
 
 def pack_traces(
@@ -116,50 +124,50 @@ def pack_traces(
 
     Parameters
     ----------
-    groups : sequence of (about, time, values)
-        One per clock.
+    groups : sequence of (dict, ndarray, mapping of str to ndarray)
+        Description, time and channels of every clock.
 
     Returns
     -------
     bytes
-        Little-endian: length of the head as uint32, the head (JSON, padded by spaces so that the
-        arrays begin at a multiple of 8), then of every group the time as float64 and each channel
-        as float64.
+        Little-endian: length of the head as uint32, and the head as JSON.  Then the time of every
+        group as float64, and each of its channels as float64.  Spaces after the head move the
+        arrays to a multiple of 8 bytes.
     """
-    head = [
-        {**about, "samples": len(time), "channels": list(values)} for about, time, values in groups
-    ]
-    text = json.dumps(head).encode()
+    heads, arrays = [], []
+    for description, time, values in groups:
+        heads.append({**description, "samples": len(time), "channels": list(values)})
+        for array in (time, *values.values()):
+            arrays.append(np.asarray(array, "<f8").tobytes())
+    text = json.dumps(heads).encode()
     text += b" " * (-(len(text) + 4) % 8)
-    arrays = [
-        np.asarray(part, "<f8").tobytes()
-        for _, time, values in groups
-        for part in (time, *values.values())
-    ]
     return b"".join([len(text).to_bytes(4, "little"), text, *arrays])
 
 
 T = TypeVar("T")
-_KEPT = 64  # of each kind: a project's records and what was made of them
+# Greatest number of stored items of a kind.
+_MOST_ITEMS = 64
 
 PATHS, FITS, MATCH = "paths", "fits", "match"
-"""Folders of the working folder: reconstructed records, fits, and the outcome of a match."""
+"""Folders of the working folder: reconstructed records, fits, and the results of a match."""
 
 
 class OpenProject:
-    """A project, its working folder and what was read of both; safe to use from several threads.
+    """A project with its working folder and the content of both.
+
+    Several threads may use an object at once.
 
     Parameters
     ----------
     project : Path
         Project file.
     work : Path
-        Working folder: paths, fits, match, the log of the actions.
+        Working folder with reconstructed records, fits, match, and log of the actions.
 
     Attributes
     ----------
     run : callable or None
-        `Jobs.run` of the server that it is open in; without one all is done in this process.
+        Method `Jobs.run` of the server.  Without a server, all work is done in this process.
     """
 
     def __init__(self, project: Path, work: Path) -> None:
@@ -167,47 +175,67 @@ class OpenProject:
         self.places = PlaceholderFolders(self.file.parent, self.work)
         self.log = self.work / "actions.jsonl"
         self.run: Callable[[str, str, Sequence[str]], WorkbenchJob] | None = None
-        self._kept: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
+        # Items by key and state of their files; the item that was used last is at the end.
+        self._items: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
         self._lock = threading.Lock()
-        self._making: dict[tuple[Any, ...], threading.Lock] = {}
+        # A lock for every item that a thread makes now.
+        self._item_locks: dict[tuple[Any, ...], threading.Lock] = {}
 
     def kept(
-        self, key: tuple[Any, ...], files: list[Path], make: Callable[[], T], most: int = _KEPT
+        self,
+        key: tuple[Any, ...],
+        files: list[Path],
+        make: Callable[[], T],
+        most: int = _MOST_ITEMS,
     ) -> T:
-        """Return what `make` gives, made once as long as none of the files changes.
+        """Return the result of a function, stored as long as none of its files changes.
 
-        Of the kind ``key[0]`` the `most` last used are kept.
+        Parameters
+        ----------
+        key : tuple
+            Kind of the item, and what distinguishes it from others of its kind.
+        files : list of Path
+            Files on which the result depends.
+        make : callable
+            Function without arguments.
+        most : int
+            Greatest number of stored items of the kind.  Those that were used last stay.
         """
-        state = (*key, *((str(file), *_state(file)) for file in files))
+        states = [(str(file), *_file_state(file)) for file in files]
+        full_key = (*key, *states)
         with self._lock:
-            if state in self._kept:
-                self._kept.move_to_end(state)
-                return self._kept[state]
-            making = self._making.setdefault(state, threading.Lock())
-        with making:
+            if full_key in self._items:
+                self._items.move_to_end(full_key)
+                return self._items[full_key]
+            item_lock = self._item_locks.setdefault(full_key, threading.Lock())
+        # Another thread that requests the same item waits for it, and then finds it stored.
+        with item_lock:
             with self._lock:
-                if state in self._kept:
-                    return self._kept[state]
-            found = make()
+                if full_key in self._items:
+                    return self._items[full_key]
+            item = make()
             with self._lock:
-                self._kept[state] = found
-                alike = [one for one in self._kept if one[0] == key[0]]
-                for one in alike[: max(len(alike) - most, 0)]:
-                    del self._kept[one]
-                self._making.pop(state, None)
-            return found
+                self._items[full_key] = item
+                self._remove_oldest(key[0], most)
+                self._item_locks.pop(full_key, None)
+            return item
+
+    def _remove_oldest(self, kind: Any, most: int) -> None:
+        """Remove items of a kind until there are at most ``most`` of them."""
+        same_kind = [key for key in self._items if key[0] == kind]
+        for key in same_kind[: max(len(same_kind) - most, 0)]:
+            del self._items[key]
 
     @property
     def project(self) -> Project:
-        """The project as its file is now."""
+        """Project, from its file as it is now."""
         return self.kept(("project",), [self.file], lambda: read_project(self.file))
 
     @property
     def aircraft(self) -> Aircraft:
-        """The aircraft of the project."""
-        return self.kept(
-            ("aircraft",), [self.project.aircraft], lambda: read_aircraft(self.project.aircraft)
-        )
+        """Aircraft of the project."""
+        file = self.project.aircraft
+        return self.kept(("aircraft",), [file], lambda: read_aircraft(file))
 
     def flight(self, name: str) -> Path:
         """Return the file of a flight record.
@@ -234,7 +262,7 @@ class OpenProject:
         return files
 
     def path_file(self, name: str) -> Path:
-        """Return the file of a reconstructed record, which need not be there."""
+        """Return the file of a reconstructed record; the file need not exist."""
         self.flight(name)
         return self.work / PATHS / f"{name}.nc"
 
@@ -244,7 +272,7 @@ class OpenProject:
         Raises
         ------
         FileNotFoundError
-            It has not been reconstructed.
+            The record has not been reconstructed.
         """
         file = self.path_file(name)
         if not file.exists():
@@ -254,50 +282,55 @@ class OpenProject:
     def levels(self, name: str, source: str) -> dict[str, DisplayedChannels]:
         """Return the channels of a record by clock; `source` is ``record`` or ``path``."""
         if source == "path":
-            file = self.path_file(name)
-            return self.kept(
-                ("levels", source),
-                [file],
-                lambda: {"path": DisplayedChannels(self.path(name).states)},
-            )
+            files = [self.path_file(name)]
+            return self.kept(("levels", source), files, lambda: self._path_channels(name))
+        files = self.record_files(name)
+        return self.kept(("levels", source), files, lambda: self._record_channels(name))
 
-        def by_leaf() -> dict[str, DisplayedChannels]:
-            leaves = self.record(name).children.items()
-            return {leaf: DisplayedChannels(node.to_dataset()) for leaf, node in leaves}
+    def _path_channels(self, name: str) -> dict[str, DisplayedChannels]:
+        return {"path": DisplayedChannels(self.path(name).states)}
 
-        return self.kept(("levels", source), self.record_files(name), by_leaf)
+    def _record_channels(self, name: str) -> dict[str, DisplayedChannels]:
+        """Return the channels of a record by the name of its time base."""
+        channels = {}
+        for leaf, node in self.record(name).children.items():
+            channels[leaf] = DisplayedChannels(node.to_dataset())
+        return channels
 
 
 class DisplayedChannels(Mapping[str, Levels]):
-    """The channels of one clock in display units, each converted when it is first drawn."""
+    """Channels of one clock in display units.
+
+    A channel is converted when it is drawn for the first time.
+    """
 
     def __init__(self, data: xr.Dataset) -> None:
         self.time = data["time"].values
-        self._items = {
-            str(name): item
-            for name, item in data.data_vars.items()
-            if item.dims == ("time",) and item.dtype.kind in "fiub"
-        }
-        self._made: dict[str, Levels] = {}
+        self._variables = {}
+        for name, variable in data.data_vars.items():
+            # Numbers and truth values: float, int, unsigned, bool.
+            if variable.dims == ("time",) and variable.dtype.kind in "fiub":
+                self._variables[str(name)] = variable
+        self._levels: dict[str, Levels] = {}
 
     def __getitem__(self, name: str) -> Levels:
-        if name not in self._made:
-            self._made[name] = Levels(
-                to_display_quantity(name, self._items[name].values.astype(float))[0]
-            )
-        return self._made[name]
+        if name not in self._levels:
+            values = self._variables[name].values.astype(float)
+            displayed, _ = to_display_quantity(name, values)
+            self._levels[name] = Levels(displayed)
+        return self._levels[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._items)
+        return iter(self._variables)
 
     def __len__(self) -> int:
-        return len(self._items)
+        return len(self._variables)
 
 
-def _state(file: Path) -> tuple[int, int]:
-    """Return what changes when a file does; it may be absent."""
+def _file_state(file: Path) -> tuple[int, int]:
+    """Return time and size of a file, which change with its content; zeros without a file."""
     try:
-        found = file.stat()
+        status = file.stat()
     except FileNotFoundError:
         return (0, 0)
-    return (found.st_mtime_ns, found.st_size)
+    return (status.st_mtime_ns, status.st_size)

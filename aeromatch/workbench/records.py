@@ -41,8 +41,8 @@ def show_project(opened: OpenProject, query: Mapping[str, str], body: Any) -> di
     records = []
     for name, file in project.flights.items():
         is_reconstructed = opened.path_file(name).exists()
-        place = opened.places.named(file)
-        records.append({"name": name, "file": place, "reconstructed": is_reconstructed})
+        location = opened.places.named(file)
+        records.append({"name": name, "file": location, "reconstructed": is_reconstructed})
     fits = []
     for fit in project.fit:
         entry = {

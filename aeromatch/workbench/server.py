@@ -1,4 +1,4 @@
-"""The server of the workbench: pages, data, actions, jobs; on 127.0.0.1 only."""
+"""Server of the workbench on 127.0.0.1: pages, data, actions and jobs."""
 
 from __future__ import annotations
 
@@ -29,35 +29,44 @@ from flightmech.errors import AeromatchError
 from flightmech.support.console import to_json_types
 
 TOKEN_HEADER = "x-aeromatch-token"
-_OWN = (
+_SOURCES = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; font-src "
     "'self'; connect-src 'self'; frame-src 'self'"
 )
-PAGE_POLICY = f"{_OWN}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-"""Of the page: nothing from another host, no script inside the page, no frame around it."""
+PAGE_POLICY = f"{_SOURCES}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+"""Content policy of the page: no other host, no script inside the page, no frame around it."""
 REPORT_POLICY = (
     "sandbox allow-scripts allow-downloads; default-src 'self' 'unsafe-inline' data: "
     "blob:; frame-ancestors 'self'"
 )
-"""Of a report shown inside the page: it draws itself, and has no access to the page around it or to the server's answers."""
+"""Content policy of a report inside the page.
+
+The report may run its scripts.  It has no access to the page around it or to the data of the
+server.
+"""
+_REPORTS = "/report/"
+# Characters of a token of 32 random bytes in base64.
+_TOKEN_LENGTH = 43
 
 
 def kept_token(file: Path) -> str:
-    """Return the token of a working folder, made at the first call: a page that is open survives a
-    restart of the server.
+    """Return the token of a working folder, made at the first call.
+
+    An open page has the token, so it works with a restarted server too.
 
     Parameters
     ----------
     file : path
-        Readable by its owner only.
+        File of the token, readable by its owner only.
     """
     try:
-        kept = file.read_text(encoding="ascii").strip()
+        token = file.read_text(encoding="ascii").strip()
     except (FileNotFoundError, UnicodeDecodeError):
-        kept = ""
-    if len(kept) >= 43:
-        return kept
+        token = ""
+    if len(token) >= _TOKEN_LENGTH:
+        return token
     token = secrets.token_urlsafe(32)
+    # The mode is set before the file has a content.
     file.unlink(missing_ok=True)
     file.touch(mode=0o600)
     file.write_text(token + "\n", encoding="ascii")
@@ -65,93 +74,98 @@ def kept_token(file: Path) -> str:
 
 
 class Guard:
-    """ASGI middleware: refuses whatever does not come from the page itself, and sets the headers
-    that keep it so.
+    """ASGI middleware that refuses requests of other pages and sets the security headers.
 
     Parameters
     ----------
     app : ASGI application
     token : str
-        Every request of data carries it in the header ``x-aeromatch-token``, which no other page
-        can send: there is no CORS. Pages and scripts hold nothing of the project and need none; a
-        report is under a path that only the token's owner was given.
+        Every request of data has it in the header ``x-aeromatch-token``.  No other page can send
+        this header, since the server does not allow CORS.  Pages and scripts have no data of the
+        project and need no token.  The path of a report has a ticket that only the page knows.
     hosts : set of str
-        Allowed ``Host`` headers, with port: a name of another host that resolves to this machine
-        (DNS rebinding) is refused.
+        Allowed ``Host`` headers, with port.  The name of another host that resolves to this
+        machine (DNS rebinding) is refused.
     """
 
     def __init__(self, app: ASGIApp, token: str, hosts: set[str]) -> None:
         self.app, self.token, self.hosts = app, token, hosts
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or refuse it with 403."""
+        """Pass a request to the application, or refuse it with 403."""
         if scope["type"] != "http":
             if scope["type"] == "lifespan":
                 await self.app(scope, receive, send)
             return
-        headers = {
-            name.decode("latin-1").lower(): value.decode("latin-1")
-            for name, value in scope["headers"]
-        }
-        refusal = self.refusal(scope["path"], headers)
+        headers = {}
+        for name, value in scope["headers"]:
+            headers[name.decode("latin-1").lower()] = value.decode("latin-1")
+        path = scope["path"]
+        refusal = self.refusal(path, headers)
         if refusal:
-            kept = {name.decode(): text.decode() for name, text in _headers(PAGE_POLICY, False)}
-            await PlainTextResponse(refusal, 403, kept)(scope, receive, send)
+            sent = {name.decode(): text.decode() for name, text in _security_headers("/")}
+            await PlainTextResponse(refusal, 403, sent)(scope, receive, send)
             return
-        policy = REPORT_POLICY if scope["path"].startswith("/report/") else PAGE_POLICY
 
-        async def guarded(message: Message) -> None:
+        async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
-                message["headers"] = [
-                    *message.get("headers", []),
-                    *_headers(policy, scope["path"].startswith("/report/")),
-                ]
+                message["headers"] = [*message.get("headers", []), *_security_headers(path)]
             await send(message)
 
-        await self.app(scope, receive, guarded)
+        await self.app(scope, receive, send_guarded)
 
     def refusal(self, path: str, headers: dict[str, str]) -> str:
-        """Return why a request is refused; empty when it is not."""
+        """Return why a request is refused; empty if it is allowed."""
         if headers.get("host", "") not in self.hosts:
             return "this server answers under 127.0.0.1 only"
-        origin = headers.get("origin")
-        if (
-            origin is not None
-            and origin not in {f"http://{host}" for host in self.hosts}
-            and not (origin == "null" and path.startswith("/report/"))
-        ):
+        if not self._is_same_site(path, headers):
             return "requests of other pages are refused"
-        if headers.get("sec-fetch-site", "none") not in (
-            "same-origin",
-            "none",
-        ) and not path.startswith("/report/"):
-            return "requests of other pages are refused"
-        if path.startswith("/api/") and not hmac.compare_digest(
-            headers.get(TOKEN_HEADER, ""), self.token
-        ):
+        token = headers.get(TOKEN_HEADER, "")
+        # The comparison takes the same time for every wrong token.
+        if path.startswith("/api/") and not hmac.compare_digest(token, self.token):
             return "wrong token; open the address that aeromatch view printed"
         return ""
 
+    def _is_same_site(self, path: str, headers: dict[str, str]) -> bool:
+        """Return whether a request comes from the page, from a report, or from no page."""
+        is_report = path.startswith(_REPORTS)
+        origins = {f"http://{host}" for host in self.hosts}
+        if is_report:
+            # The origin of a sandboxed report is "null".
+            origins.add("null")
+        origin = headers.get("origin")
+        if origin is not None and origin not in origins:
+            return False
+        site = headers.get("sec-fetch-site", "none")
+        return is_report or site in ("same-origin", "none")
 
-def _headers(policy: str, sandboxed: bool) -> list[tuple[bytes, bytes]]:
-    found: dict[str, Any] = {
+
+def _security_headers(path: str) -> list[tuple[bytes, bytes]]:
+    """Return the security headers of the response at a path."""
+    policy, resource_policy = PAGE_POLICY, "same-origin"
+    if path.startswith(_REPORTS):
+        # A sandboxed page does not have the origin of the server.
+        policy, resource_policy = REPORT_POLICY, "cross-origin"
+    headers = {
         "content-security-policy": policy,
         "x-content-type-options": "nosniff",
         "referrer-policy": "no-referrer",
-        "cross-origin-resource-policy": "cross-origin"
-        if sandboxed
-        else "same-origin",  # a sandboxed page has no origin to be the same as
+        "cross-origin-resource-policy": resource_policy,
         "cross-origin-opener-policy": "same-origin",
         "cache-control": "no-store",
     }
-    return [(name.encode(), value.encode()) for name, value in found.items()]
+    return [(name.encode(), value.encode()) for name, value in headers.items()]
 
 
-Call = Callable[[OpenProject, Mapping[str, str], Any], Any]
+# Function of a route: project, query and body to plain data or bytes.
+DataFunction = Callable[[OpenProject, Mapping[str, str], Any], Any]
 
 STATIC = Path(__file__).parent / "static"
 _UPLOT = Path(__file__).parents[2] / "pom" / "report" / "static" / "uplot"
-_MOST_BODY = 1_000_000  # bytes of a request
+# Greatest length of the body of a request. [byte]
+_MOST_BODY = 1_000_000
+# Greatest time that a request waits for the end of its job. [s]
+_MOST_WAIT = 60.0
 
 
 class Workbench:
@@ -159,9 +173,9 @@ class Workbench:
 
     Parameters
     ----------
-    opened : Opened
+    opened : OpenProject
     port : int
-        0 takes a free one.
+        Port of the server; 0 for a free port.
     """
 
     def __init__(self, opened: OpenProject, port: int = 0) -> None:
@@ -172,19 +186,22 @@ class Workbench:
         self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self.socket.bind(("127.0.0.1", port))
         self.port = self.socket.getsockname()[1]
-        self._before: dict[int, dict[str, str]] = {}
+        # Digests of the files of a running job, by its number.
+        self._digests: dict[int, dict[str, str]] = {}
         self._log_lock = threading.Lock()
         self.jobs = Jobs(
-            opened.work / "jobs", opened.places.project, opened.places.real, self._begin, self._end
+            opened.work / "jobs",
+            opened.places.project,
+            real=opened.places.real,
+            before=self._before_job,
+            after=self._after_job,
         )
         opened.run = self.jobs.run
         self.ticket = hmac.new(self.token.encode(), b"report", hashlib.sha256).hexdigest()
 
     @property
     def address(self) -> str:
-        """Address that opens the page; the token stands behind #, which no browser sends to a
-        server.
-        """
+        """Address of the page.  Browsers do not send the part after ``#`` to a server."""
         return f"http://127.0.0.1:{self.port}/#token={self.token}"
 
     def app(self) -> Any:
@@ -195,22 +212,23 @@ class Workbench:
             yield
             self.jobs.stop()
 
-        routes = [
-            Route(path, self._data(call), methods=[method])
-            for (method, path), call in {
-                **records.ROUTES,
-                **identification.ROUTES,
-                **databases.ROUTES,
-                **matching.ROUTES,
-            }.items()
-        ]
+        functions = {
+            **records.ROUTES,
+            **identification.ROUTES,
+            **databases.ROUTES,
+            **matching.ROUTES,
+            ("POST", "/api/act"): self._act,
+            ("GET", "/api/jobs"): self._jobs,
+            ("POST", "/api/cancel"): self._cancel,
+            ("GET", "/api/output"): self._output,
+            ("GET", "/api/actions"): self._actions,
+        }
+        routes = []
+        for (method, path), function in functions.items():
+            routes.append(Route(path, self._make_endpoint(function), methods=[method]))
+        # The last route has any name, so its order matters.
         routes += [
-            Route("/api/act", self._data(self._act), methods=["POST"]),
-            Route("/api/jobs", self._data(self._jobs), methods=["GET"]),
-            Route("/api/cancel", self._data(self._cancel), methods=["POST"]),
-            Route("/api/output", self._data(self._output), methods=["GET"]),
-            Route("/api/actions", self._data(self._actions), methods=["GET"]),
-            Route("/report/{ticket}/{name:path}", self._report, methods=["GET"]),
+            Route(_REPORTS + "{ticket}/{name:path}", self._report, methods=["GET"]),
             Route("/", self._static, methods=["GET"]),
             Route("/{name:path}", self._static, methods=["GET"]),
         ]
@@ -233,130 +251,143 @@ class Workbench:
         uvicorn.Server(config).run(sockets=[self.socket])
 
     def _warm(self) -> None:
-        """Read the first record while the browser starts: the page finds it, and the packages
-        behind it, there.
-        """
-        with contextlib.suppress(AeromatchError, OSError):  # the page reports it
+        """Read the first record while the browser starts, and import the packages for it."""
+        # The page reports the errors of a record.
+        with contextlib.suppress(AeromatchError, OSError):
             self.opened.record(next(iter(self.opened.project.flights), ""))
 
-    def _data(self, call: Call) -> Callable[[Request], Any]:
-        async def answer(request: Request) -> Response:
+    def _make_endpoint(self, function: DataFunction) -> Callable[[Request], Any]:
+        """Return the endpoint of a function, with its errors as responses."""
+
+        async def respond(request: Request) -> Response:
             body = None
             if request.method == "POST":
-                raw = b""
-                async for part in request.stream():
-                    raw += part
-                    if len(raw) > _MOST_BODY:
-                        return JSONResponse(
-                            {"error": "request", "text": f"more than {_MOST_BODY} bytes"}, 413
-                        )
+                text = await _read_body(request)
+                if text is None:
+                    return _refuse_request(f"more than {_MOST_BODY} bytes", 413)
                 try:
-                    body = json.loads(raw or b"null")
+                    body = json.loads(text or b"null")
                 except ValueError:
-                    return JSONResponse({"error": "request", "text": "the body is not a JSON"}, 400)
+                    return _refuse_request("the body is not a JSON", 400)
+            query = dict(request.query_params)
             try:
-                found = await run_in_threadpool(call, self.opened, dict(request.query_params), body)
+                content = await run_in_threadpool(function, self.opened, query, body)
             except (AeromatchError, OSError) as error:
-                problems = list(getattr(error, "problems", ()))
-                return JSONResponse(
-                    {"error": type(error).__name__, "text": str(error), "problems": problems}, 400
-                )
-            if isinstance(found, bytes):
-                return Response(found, media_type="application/octet-stream")
-            return JSONResponse(to_json_types(found))
+                return _describe_error(error)
+            if isinstance(content, bytes):
+                return Response(content, media_type="application/octet-stream")
+            return JSONResponse(to_json_types(content))
 
-        return answer
+        return respond
 
     def _act(self, opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-        words = (
-            body["words"] if isinstance(body, dict) and isinstance(body.get("words"), list) else []
-        )
+        """Queue a command of the page, and wait for its end on request."""
+        words = body.get("words") if isinstance(body, dict) else None
+        if not isinstance(words, list):
+            words = []
         actions.demand_allowed(words)
         job = self.jobs.add(words)
         wait = body.get("wait", 0.0)
         if wait:
-            job = self.jobs.wait(job.number, min(float(wait), 60.0))
-        return self._about(job)
+            job = self.jobs.wait(job.number, min(float(wait), _MOST_WAIT))
+        return self._describe_job(job)
 
-    def _about(self, job: WorkbenchJob) -> dict[str, Any]:
+    def _describe_job(self, job: WorkbenchJob) -> dict[str, Any]:
         return {**job.about(), "command": job.title or self.opened.places.command(job.words)}
 
     def _jobs(self, opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-        return {
-            "jobs": [self._about(job) for job in self.jobs.jobs.values()],
-            "report": self._report_address(),
-        }
+        """Return all jobs, and the address of the report."""
+        rows = [self._describe_job(job) for job in self.jobs.jobs.values()]
+        return {"jobs": rows, "report": self._report_address()}
 
     def _cancel(self, opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
-        job = self._job(body.get("number") if isinstance(body, dict) else None)
+        """Cancel a job."""
+        job = self._find_job(body.get("number") if isinstance(body, dict) else None)
         self.jobs.cancel(job.number)
-        return self._about(job)
+        return self._describe_job(job)
 
     def _output(self, opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+        """Return a job with its output."""
         number = query.get("number", "")
-        job = self._job(int(number) if number.isdigit() else None)
+        job = self._find_job(int(number) if number.isdigit() else None)
         return {
-            **self._about(job),
+            **self._describe_job(job),
             "out": actions.read_command_output(job.out),
             "err": actions.read_command_output(job.err),
         }
 
-    def _job(self, number: Any) -> WorkbenchJob:
+    def _find_job(self, number: Any) -> WorkbenchJob:
         if number not in self.jobs.jobs:
             raise actions.ActionError(f"no job {number}; there are {len(self.jobs.jobs)}")
         return self.jobs.jobs[number]
 
     def _actions(self, opened: OpenProject, query: Mapping[str, str], body: Any) -> dict[str, Any]:
+        """Return the log of the actions."""
         entries = actions.read_action_log(opened.log) if opened.log.exists() else []
-        return {
-            "log": opened.places.named(opened.log),
-            "actions": [
-                {
-                    "number": entry.number,
-                    "command": opened.places.command(entry.words),
-                    "files": list(entry.files),
-                }
-                for entry in entries
-            ],
-        }
+        rows = []
+        for entry in entries:
+            command = opened.places.command(entry.words)
+            rows.append({"number": entry.number, "command": command, "files": list(entry.files)})
+        return {"log": opened.places.named(opened.log), "actions": rows}
 
-    def _begin(self, job: WorkbenchJob) -> None:
+    def _before_job(self, job: WorkbenchJob) -> None:
         actions.make_folders(job.words, self.opened.places)
-        self._before[job.number] = actions.hash_named_files(job.words, self.opened.places)
+        self._digests[job.number] = actions.hash_named_files(job.words, self.opened.places)
 
-    def _end(self, job: WorkbenchJob) -> None:
-        before, after = (
-            self._before.pop(job.number),
-            actions.hash_named_files(job.words, self.opened.places),
-        )
-        if files := actions.changed_files(before, after):
+    def _after_job(self, job: WorkbenchJob) -> None:
+        """Log a command that has changed files."""
+        before = self._digests.pop(job.number)
+        after = actions.hash_named_files(job.words, self.opened.places)
+        files = actions.changed_files(before, after)
+        if files:
             with self._log_lock:
                 actions.append_action(self.opened.log, job.words, job.code or 0, files)
 
     def _report_address(self) -> str | None:
-        reports = [
-            self.opened.work / MATCH / "report",
-            *(self.opened.work / matching.RUNS).glob("*"),
-        ]
-        there = any((folder / "report.html").exists() for folder in reports)
-        return f"/report/{self.ticket}/{MATCH}/report/report.html" if there else None
+        """Return the address of the report of the match; None without any report."""
+        folders = [self.opened.work / MATCH / "report"]
+        folders += (self.opened.work / matching.RUNS).glob("*")
+        if not any((folder / "report.html").exists() for folder in folders):
+            return None
+        return f"{_REPORTS}{self.ticket}/{MATCH}/report/report.html"
 
     async def _report(self, request: Request) -> Response:
         if not hmac.compare_digest(request.path_params["ticket"], self.ticket):
             return Response("wrong ticket", 403)
-        return _file(self.opened.work, request.path_params["name"])
+        return _send_file(self.opened.work, request.path_params["name"])
 
     async def _static(self, request: Request) -> Response:
         name = request.path_params.get("name", "") or "index.html"
         if name.startswith("uplot/"):
-            return _file(_UPLOT, name.removeprefix("uplot/"))
-        return _file(STATIC, name)
+            return _send_file(_UPLOT, name.removeprefix("uplot/"))
+        return _send_file(STATIC, name)
 
 
-def _file(folder: Path, name: str) -> Response:
-    """Return a file of a folder, and nothing outside of it."""
+async def _read_body(request: Request) -> bytes | None:
+    """Return the body of a request; None if it is too long."""
+    body = b""
+    async for part in request.stream():
+        body += part
+        if len(body) > _MOST_BODY:
+            return None
+    return body
+
+
+def _refuse_request(text: str, status: int) -> Response:
+    return JSONResponse({"error": "request", "text": text}, status)
+
+
+def _describe_error(error: Exception) -> Response:
+    """Return an error with all its problems as a response."""
+    problems = list(getattr(error, "problems", ()))
+    content = {"error": type(error).__name__, "text": str(error), "problems": problems}
+    return JSONResponse(content, 400)
+
+
+def _send_file(folder: Path, name: str) -> Response:
+    """Return a file of a folder as a response; files outside of the folder are not found."""
     file = (folder / name).resolve()
     if not file.is_relative_to(folder.resolve()) or not file.is_file():
         return Response("not found", 404)
-    kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
-    return Response(file.read_bytes(), media_type=kind)
+    media_type = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
+    return Response(file.read_bytes(), media_type=media_type)

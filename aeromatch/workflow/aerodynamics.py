@@ -75,6 +75,7 @@ def reconstruct_records(
     Records that only prove the model do not contribute to the instrument constants of the others.
     A project without identification reconstructs its records as one programme.
     """
+    # Data that prove the model must not change its constants.
     identifying = identifying_records(project, records)
     proving = [name for name in records if name not in identifying]
     paths = flighttest.reconstruct_programme(
@@ -152,6 +153,7 @@ def fit_records(
             for record, spans in spans_by_record.items():
                 name = f"{record}: {fit.name}"
                 tasks.append(pool.submit(fit_local_models, data[record], spans, fit.models, name))
+        # The results are in the order of the project, not in the order of completion.
         for task in tasks:
             fits += task.result()
     for file in project.published:
@@ -241,6 +243,7 @@ The arguments are project, database, fits (`fit_records`) and samples (`samples_
 
 
 def _has_samples(fit: Any, samples: Sequence[xr.Dataset]) -> bool:
+    # Fit and samples have the same name for one coefficient.
     keys = {(sample.attrs["coefficient"], sample.attrs["name"]) for sample in samples}
     return (fit.estimates.attrs["coefficient"], fit.name) in keys
 
@@ -279,10 +282,10 @@ def compare_tables(
     `known` has the tabulations that are available already, by method.
     """
     tabulations = dict(known or {})
-    by_way: dict[str, Any] = {}
-    for way, make in WAYS.items():
-        by_way[way] = tabulations.get(way) or make(project, start, fits, samples)
-    return aerodb.update.compare_ways(by_way, start)
+    by_method: dict[str, Any] = {}
+    for method, make in WAYS.items():
+        by_method[method] = tabulations.get(method) or make(project, start, fits, samples)
+    return aerodb.update.compare_ways(by_method, start)
 
 
 def with_submodels(database: xr.DataTree, found: Submodels, tables: bool = False) -> xr.DataTree:

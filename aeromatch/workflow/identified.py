@@ -192,6 +192,7 @@ def read_marks(
     def make() -> tuple[dict[str, pd.DataFrame], list[str]]:
         problems: list[str] = []
         marks = marks_of(project, Values(records), problems)
+        # The table is read from its file, which must not have changed since it was hashed.
         result.custody.check(table)
         return marks, problems
 
@@ -242,6 +243,7 @@ def fit_coefficients(result: Identified, jobs: int, stages: Stages) -> list[Kept
     """Return the local models of every fit and record in order, then the published models."""
     fits = zip(result.project.fit, result.windows.fits, strict=True)
     # Record, and the other arguments of `fit_local_models`, by the name of the item.
+    # The number makes the items of two fits of one name different.
     calls: dict[str, tuple[str, tuple[Any, ...]]] = {}
     for number, (fit, spans_by_record) in enumerate(fits, 1):
         for record, spans in spans_by_record.items():

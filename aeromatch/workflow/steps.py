@@ -36,8 +36,10 @@ from pom.checking.case_check import checks_text, with_record_checks
 from pom.diagnosis.corrected_model import joint_terms
 from pom.diagnosis.term_swaps import by_submodel, differing_terms
 
+# Folder of the report, and file of the comparison of the tables.
 REPORT = "report"
 COMPARED = "tables_compared.csv"
+# Names of all files that a match writes into its folder.
 _OUTPUT_NAMES = re.compile(
     r"(datcom|corrected|final)(\.nc|\.toml|\.fmu|_engine\d+\.nc|_fuel\.nc)"
     rf"|{re.escape(FLOWN)}|{re.escape(COMPARED)}"
@@ -126,9 +128,11 @@ def perform_match(
         with folder_written_atomically(folder, _is_output) as new:
             with step("write three databases, aircraft and FMUs"):
                 fmus = _write_models(result, new, stages)
+            # The report states the hashes of the FMUs that the replay reads.
             result.custody.take(fmus.values())
             with step(f"replay {len(result.cases)} cases by {len(fmus)} FMUs"):
                 replays = _replay(result, fmus, new, replay=replay, stages=stages)
+            # No file may have changed between its identification and its replay.
             result.custody.check()
             replays = with_record_checks(replays, Values(result.checks))
             with step("write the report"):
@@ -161,6 +165,7 @@ def _replay(
         evidence=final,
         content=result.content,
     )
+    # Without cases the final database need not be in memory.
     options: dict[str, Any] = {}
     if result.cases:
         options = {"names": project.tables, "evidence": final.value}
@@ -223,6 +228,7 @@ def _make_evidence(result: Identified, stages: Stages) -> Kept[tuple[bytes, Any]
             fits=result.all_fits(),
             submodels=result.submodels(),
         )
+        # The lines are drawn at the flight conditions of the manoeuvres.
         conditions = tree["manoeuvres"].to_dataset().to_dataframe()
         with TemporaryDirectory() as folder:
             file = Path(folder) / FLOWN
@@ -287,6 +293,7 @@ def _make_chapters(result: Identified, stages: Stages) -> Kept[Any]:
 
 def _summarise(result: Identified, replays: list[Any], report: Path) -> MatchOutcome:
     """Return the outcome of a match whose folder is complete."""
+    # The first database is the a-priori one, the last one is final.
     databases = [stored.value for stored in result.databases.values()]
     terms = differing_terms(databases[0], databases[-1])
     parts = different_parts(result.aircraft["datcom"].value, result.aircraft["final"].value)

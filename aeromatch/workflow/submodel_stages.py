@@ -45,6 +45,7 @@ def make_engine(result: Identified, apriori: Kept[Aircraft], stages: Stages) -> 
         result.custody.check(points)
         return engine
 
+    # The hashes are taken before the files are read, and checked afterwards.
     result.custody.take(points)
     inputs = {
         "settings": project.engine,
@@ -83,6 +84,7 @@ def make_flying_aircraft(
 ) -> Kept[Aircraft]:
     """Return the aircraft with its identified engines and control circuits."""
     project = result.project
+    # Without these submodels a stage would only copy the aircraft.
     if project.engine is None and not project.controls.sections:
         return aircraft
     inputs = {

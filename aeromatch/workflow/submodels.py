@@ -91,6 +91,7 @@ def identified_engine(
     structure = EngineStructure()
     if "structure" in project.points:
         structure = read_structure(project.points["structure"])
+    # All engines are of one type, so the first deck is the prior of all.
     tables = None
     if apriori.engines and apriori.engines[0].deck:
         tables = apriori.engines[0].deck.tables
@@ -125,6 +126,7 @@ def _engine_records(
 
 def thin_samples(data: xr.Dataset, rate: float) -> xr.Dataset:
     """Return every n-th sample, with about `rate` samples per second. [1/s]"""
+    # The median is the sample time also of a record with gaps.
     step = float(np.median(np.diff(data["time"].values)))
     return data.isel(time=slice(None, None, max(1, round(1.0 / (rate * step)))))
 
@@ -133,6 +135,7 @@ def with_engine(aircraft: Aircraft, project: Project, found: Any) -> Aircraft:
     """Return an aircraft whose engines all have the identified deck."""
     if project.engine is None:
         return aircraft
+    # Without lever angles, the lever is a fraction from idle to full power.
     deck = found.deck(project.engine.pla or (0.0, 1.0))
     if not deck:
         return aircraft
@@ -173,6 +176,7 @@ def identified_controls(
     driven_motion: dict[str, list[xr.Dataset]] = {}
     for item, section in project.controls.sections.items():
         free = spans.get(f"controls.{item}.free", {})
+        # A whole record contains the free manoeuvres too, so they are cut out.
         driven: Spans = {}
         for record, record_spans in spans[f"controls.{item}.driven"].items():
             driven[record] = _subtract_spans(record_spans, free.get(record, []))

@@ -88,6 +88,7 @@ def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
     """Return every file that the results depend on, with the named flight records."""
     files = [project.file, project.aircraft]
     files += [file for file in (project.apriori, project.names) if file]
+    # Several roles may use cases of one listing.
     files += dict.fromkeys(listing.file for listing in project.listings.places())
     files += [project.flights[name] for name in names]
     files += [*project.cases, *project.tables.values()]
@@ -183,6 +184,7 @@ def rests_on(
     """
     identifying = records_of(project)
     proving = [Path(case.record).stem for case in cases]
+    # Without identification, the records of the cases give the instrument constants.
     sources = {"constants of the instruments": ", ".join(identifying or dict.fromkeys(proving))}
     for fit, spans in zip(project.fit, windows.fits, strict=True):
         sources[f"fit {fit.name}"] = ", ".join(spans)
@@ -197,8 +199,8 @@ def rests_on(
 
 
 def spans_of(
-    place: str,
-    flown: Iterable[RecordSelection],
+    position: str,
+    selections: Iterable[RecordSelection],
     tables: Mapping[str, pd.DataFrame],
     problems: list[str],
 ) -> Spans:
@@ -208,25 +210,26 @@ def spans_of(
 
     Parameters
     ----------
-    place : str
+    position : str
         Position in the project file.
-    flown : iterable of RecordSelection
+    selections : iterable of RecordSelection
     tables : mapping of str to DataFrame
         `flighttest.manoeuvres` by record.
     problems : list of str
         Gets a line for every manoeuvre that a record does not have.
     """
     spans: Spans = {}
-    for selection in flown:
+    for selection in selections:
         for record in selection.records:
             parts = _manoeuvre_spans(
-                place,
+                position,
                 record,
                 manoeuvres=selection.manoeuvres,
                 table=tables[record],
                 problems=problems,
             )
             parts += selection.window
+            # A selection of neither selects the whole record.
             if not selection.manoeuvres and not selection.window:
                 parts = [(-np.inf, np.inf)]
             spans.setdefault(record, []).extend(parts)
@@ -234,35 +237,37 @@ def spans_of(
 
 
 def _manoeuvre_spans(
-    place: str,
+    position: str,
     record: str,
     manoeuvres: Iterable[str],
     table: pd.DataFrame,
     problems: list[str],
 ) -> list[tuple[float, float]]:
     """Return the windows of manoeuvres in one record: ``"3211 elevator"``, or a kind: ``"trim"``."""
+    # A manoeuvre without a control, such as a trim, is named by its kind alone.
     labels = (table["manoeuvre"] + " " + table["control"].fillna("")).str.strip()
     spans: list[tuple[float, float]] = []
     for name in manoeuvres:
         rows = table[(labels == name) | (table["manoeuvre"] == name)]
         if rows.empty:
             problems.append(
-                f"{place}, record {record}: {UnknownName(name, set(labels), 'manoeuvre')}"
+                f"{position}, record {record}: {UnknownName(name, set(labels), 'manoeuvre')}"
             )
         for start, end in zip(rows["start"], rows["end"], strict=True):
             spans.append((float(start), float(end)))
     return spans
 
 
-def find_case_overlaps(place: str, spans: Spans, cases: Iterable[Any]) -> list[str]:
+def find_case_overlaps(position: str, spans: Spans, cases: Iterable[Any]) -> list[str]:
     """Return a line for every window that overlaps with the replayed time of a case."""
     problems = []
     for case in cases:
         record = Path(case.record).stem
         start, end = case.window
+        # Windows that share only an instant do not overlap.
         if any(span[0] < end and start < span[1] for span in spans.get(record, [])):
             problems.append(
-                f"{place}: record {record} proves case {case.name} from {start:g} to {end:g} s; "
+                f"{position}: record {record} proves case {case.name} from {start:g} to {end:g} s; "
                 f"it cannot identify too"
             )
     return problems

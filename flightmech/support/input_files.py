@@ -379,19 +379,13 @@ def _text_kind(text: str) -> str:
         content = {}
     if not content:
         # also for a text of comments alone, which is TOML
-        return f"a text that begins with {_first_line(text)[:40]!r}"
+        # Without the blank lines at the beginning.
+        lines = text.strip().splitlines() or [""]
+        return f"a text that begins with {lines[0].strip()[:40]!r}"
     for kind, (keys, use) in TOML.items():
         if keys <= set(content):
             return f"{kind} (TOML, which {use})"
     return "a TOML file"
-
-
-def _first_line(text: str) -> str:
-    """Return the first line that is not blank."""
-    for line in text.splitlines():
-        if line.strip():
-            return line.strip()
-    return ""
 
 
 _TOML = "a TOML text (key = value, texts in quotes)"

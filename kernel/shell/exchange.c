@@ -50,7 +50,7 @@ int fmu_begin_continuous(fmu *f) {
     return FMU_OK;
 }
 
-/* Turbulence, gusts, delays and control systems with friction are no states.  They are constant
+/* Turbulence, gusts, delays and control systems with friction are not states.  They are constant
  * between events and move at them, so that they do not depend on the solver's steps; a model in
  * which none is active needs one event only. */
 static int move_discrete(fmu *f) {

@@ -22,7 +22,7 @@ void image_save(const am_sim *sim, void *image) {
     memcpy(image, (const char *)sim + MOVING, image_size(sim->model));
 }
 
-/* A byte that is neither 0 nor 1 is no bool. */
+/* A byte that is neither 0 nor 1 is not a bool. */
 static bool truth(const bool *stored) {
     unsigned char byte;
     memcpy(&byte, stored, 1);

@@ -129,14 +129,14 @@ static int check_references(const fmu *f, const uint32_t unknowns[], size_t nu,
     for (size_t k = 0; k < nu; k++) {
         if (!find_unknown(f, unknowns[k], &at)) {
             return fmu_refuse(
-                f, "%lu is no output and no state derivative; only they have partial derivatives",
+                f, "%lu is not an output or a state derivative; only they have partial derivatives",
                 (unsigned long)unknowns[k]);
         }
     }
     for (size_t k = 0; k < nk; k++) {
         if (!find_known(f, knowns[k], &known)) {
             return fmu_refuse(
-                f, "%lu is no input and no state; partial derivatives are taken over them only",
+                f, "%lu is not an input or a state; partial derivatives are taken over them only",
                 (unsigned long)knowns[k]);
         }
     }

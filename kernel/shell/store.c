@@ -128,14 +128,14 @@ int fmu_save_state(const fmu *f, const fmu_state *state, void *image, size_t n) 
 static int check_image(const fmu *f, const void *image, size_t n, state_head *head) {
     char digest[65];
     if (n < sizeof *head) {
-        return fmu_refuse(f, "these bytes are no state of this model: wrong length");
+        return fmu_refuse(f, "these bytes are not a state of this model: wrong length");
     }
     memcpy(head, image, sizeof *head);
     if (memcmp(head->token, f->token, sizeof head->token) != 0) {
         return fmu_refuse(f, "these bytes are a state of another model");
     }
     if (head->samples < 1 || head->samples > n || n != bytes_of(f, head->samples)) {
-        return fmu_refuse(f, "these bytes are no state of this model: wrong length");
+        return fmu_refuse(f, "these bytes are not a state of this model: wrong length");
     }
     digest_of(image, n, digest);
     if (memcmp(head->digest, digest, sizeof head->digest) != 0) {
@@ -147,10 +147,10 @@ static int check_image(const fmu *f, const void *image, size_t n, state_head *he
     }
     if (head->phase < FMU_CREATED || head->phase > FMU_FAILED
         || (head->kind != FMU_MODEL_EXCHANGE && head->kind != FMU_CO_SIMULATION)) {
-        return fmu_refuse(f, "these bytes are no state of this model: unknown mode");
+        return fmu_refuse(f, "these bytes are not a state of this model: unknown mode");
     }
     if (!isfinite(head->start) || !isfinite(head->time)) {
-        return fmu_refuse(f, "these bytes are no state of this model: time is not finite");
+        return fmu_refuse(f, "these bytes are not a state of this model: time is not finite");
     }
     return FMU_OK;
 }
@@ -174,7 +174,7 @@ int fmu_load_state(fmu *f, const void *image, size_t n, fmu_state **state) {
     free(arrays);
     if (status || image_restore(made->sim, from + slopes + doubles * sizeof(double))) {
         fmu_free_state(&made);
-        return fmu_refuse(f, "these bytes are no state of this model: values without meaning");
+        return fmu_refuse(f, "these bytes are not a state of this model: values without meaning");
     }
     made->kind = (fmu_kind)head.kind;
     made->phase = (fmu_phase)head.phase;

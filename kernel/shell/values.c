@@ -167,7 +167,7 @@ int fmu_check_integers(const fmu *f, const uint32_t vr[], size_t n) {
         place at;
         if (find_value(f, vr[k], &at)) return FMU_ERROR;
         if (!(entry_of(f, at).flags & AM_INTEGER)) {
-            return fmu_refuse(f, "%s is no integer or enumeration; read and set it as a real",
+            return fmu_refuse(f, "%s is not an integer or enumeration; read and set it as a real",
                               entry_of(f, at).name);
         }
     }

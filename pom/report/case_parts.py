@@ -84,11 +84,11 @@ class PartFiles:
     csv: bytes
     drawings: dict[str, bytes]
 
-    def write(self, key: str, place: CasePaths) -> CaseParts:
+    def write(self, key: str, paths: CasePaths) -> CaseParts:
         """Write the files where `case_parts` writes them, and return the parts."""
-        _csv_path(place, key).write_bytes(self.csv)
+        _csv_path(paths, key).write_bytes(self.csv)
         for name, content in self.drawings.items():
-            (place.drawings / name).write_bytes(content)
+            (paths.drawings / name).write_bytes(content)
         return self.parts
 
 
@@ -98,7 +98,7 @@ def case_parts(
     result: PomResult,
     heading: CommonHeading,
     diagnosis: pd.DataFrame | None,
-    place: CasePaths,
+    paths: CasePaths,
     report: Path | None = None,
 ) -> CaseParts:
     """Return the parts of one case, and write its CSV file and its drawings.
@@ -113,31 +113,32 @@ def case_parts(
     heading : CommonHeading
     diagnosis : DataFrame or None
         Table of `pom.diagnose` of the case.
-    place : CasePaths
+    paths : CasePaths
         Folders of the files.
     report : Path, optional
-        Files are named relative to this folder.  The default is ``place.folder``.
+        Files are named relative to this folder.  The default is ``paths.folder``.
     """
+    # Page, PDF and JSON print the same fitted modes, so the fit is made once.
     modes = mode_table(result)
-    with _csv_path(place, key).open("w", encoding="utf-8", newline="\n") as file:
+    with _csv_path(paths, key).open("w", encoding="utf-8", newline="\n") as file:
         file.writelines(case_csv(result))
 
     page = packed_page(
         position, key, result=result, heading=heading, diagnosis=diagnosis, modes=modes
     )
     on_paper = {}
-    if place.paper is not None:
+    if paths.paper is not None:
         on_paper = case_on_paper(
-            place.drawings,
+            paths.drawings,
             position,
             key=key,
             result=result,
             provenance=heading.provenance,
             diagnosis=diagnosis,
             modes=modes,
-            paper=place.paper,
+            paper=paths.paper,
         )
-    return CaseParts(page, case_results_text(result, modes, report or place.folder), on_paper)
+    return CaseParts(page, case_results_text(result, modes, report or paths.folder), on_paper)
 
 
 def part_files(
@@ -150,21 +151,22 @@ def part_files(
     report: Path,
 ) -> PartFiles:
     """Return the parts of a case with the contents of its files; arguments as in `case_parts`."""
+    # Another process may run on another machine, so the result has the contents of the files.
     with TemporaryDirectory() as name:
-        place = CasePaths(Path(name) / "report", paper, Path(name) / "drawings")
-        _csv_path(place, key).parent.mkdir(parents=True)
-        place.drawings.mkdir()
+        paths = CasePaths(Path(name) / "report", paper, Path(name) / "drawings")
+        _csv_path(paths, key).parent.mkdir(parents=True)
+        paths.drawings.mkdir()
         parts = case_parts(
             position,
             key,
             result=result,
             heading=heading,
             diagnosis=diagnosis,
-            place=place,
+            paths=paths,
             report=report,
         )
-        csv_content = _csv_path(place, key).read_bytes()
-        return PartFiles(parts, csv_content, read_contents(place.drawings))
+        csv_content = _csv_path(paths, key).read_bytes()
+        return PartFiles(parts, csv_content, read_contents(paths.drawings))
 
 
 def kept_parts(
@@ -172,7 +174,7 @@ def kept_parts(
     names: Sequence[str],
     heading: CommonHeading,
     diagnoses: Mapping[str, pd.DataFrame],
-    place: CasePaths,
+    paths: CasePaths,
     jobs: int,
     stages: Stages,
 ) -> list[CaseParts]:
@@ -193,21 +195,21 @@ def kept_parts(
             with_full_places(result),
             case_heading,
             diagnosis,
-            place.paper,
-            place.folder,
+            paths.paper,
+            paths.folder,
         )
         inputs[name] = {
             "position": position,
             "result": result,
             "heading": case_heading,
             "diagnosis": diagnosis,
-            "paper": place.paper,
-            "place": case_seen_from(result.case, place.folder),
+            "paper": paths.paper,
+            "place": case_seen_from(result.case, paths.folder),
         }
 
     processes = _process_count(jobs, len(results))
     stored = stages.each("report page", inputs, part_files, calls.__getitem__, processes)
-    return [stored[name].value.write(name, place) for name in names]
+    return [stored[name].value.write(name, paths) for name in names]
 
 
 def parts_of_cases(
@@ -215,7 +217,7 @@ def parts_of_cases(
     names: Sequence[str],
     heading: CommonHeading,
     diagnoses: Mapping[str, pd.DataFrame],
-    place: CasePaths,
+    paths: CasePaths,
     jobs: int,
 ) -> Iterable[CaseParts]:
     """Return the parts of every case in order.
@@ -230,11 +232,12 @@ def parts_of_cases(
     heading : CommonHeading
     diagnoses : mapping of str to DataFrame
         Table of `pom.diagnose` by case name.
-    place : CasePaths
+    paths : CasePaths
     jobs : int
         Number of simultaneous processes; -1 for one per core.  Each process has at least
         `LEAST_SHARE` cases.
     """
+    # A generator: a result is prepared when a process is free for it.
     calls = (
         delayed(case_parts)(
             position,
@@ -242,7 +245,7 @@ def parts_of_cases(
             result=with_full_places(result),
             heading=heading,
             diagnosis=diagnoses.get(result.case.name),
-            place=place,
+            paths=paths,
         )
         for position, (name, result) in enumerate(zip(names, results, strict=True), 1)
     )
@@ -254,8 +257,8 @@ def read_contents(folder: Path) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in sorted(folder.iterdir())}
 
 
-def _csv_path(place: CasePaths, key: str) -> Path:
-    return place.folder / CSV / f"{key}.csv"
+def _csv_path(paths: CasePaths, key: str) -> Path:
+    return paths.folder / CSV / f"{key}.csv"
 
 
 def _process_count(jobs: int, cases: int) -> int:

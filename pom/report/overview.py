@@ -15,6 +15,10 @@ from pom.report.presentation.quantities import quantity_label
 from pom.report.presentation.verdict_text import Verdict, criterion_words, reason_text
 from pom.result import STATUSES, PomResult, results_name
 
+# Statuses by which the reader may filter the table of verdicts.
+_FAILED = {"fail", "limits_exceeded", "record_error"}
+_NOT_JUDGED = {"invalid", "not_tested"}
+
 
 def verdict_matrix(
     keys: Sequence[str],
@@ -33,26 +37,30 @@ def verdict_matrix(
     """
     runs, rows = list_runs(results), []
     for key, result, outcome in zip(keys, results, outcomes, strict=True):
-        cells = {cell["run"]: cell for cell in outcome}
-        status = {cell["status"] for cell in outcome}
+        cells, case_statuses = {}, set()
+        for cell in outcome:
+            cells[cell["run"]] = cell
+            case_statuses.add(cell["status"])
         rows.append(
             {
                 "key": key,
                 "case": result.case,
                 "chapter": chapter_of_test(result.case.id),
+                # A model that a case does not have leaves its cell empty.
                 "cells": [cells.get(run) for run in runs],
-                "fail": bool(status & {"fail", "limits_exceeded", "record_error"}),
-                "not_run": bool(result.failure) or bool(status & {"invalid", "not_tested"}),
+                "fail": bool(case_statuses & _FAILED),
+                "not_run": bool(result.failure) or bool(case_statuses & _NOT_JUDGED),
             }
         )
     statuses = shown_statuses(results)
-    numbers = {run: Counter[str]() for run in runs}
+    # Number of cases by run and status.
+    numbers: Counter[tuple[str, str]] = Counter()
     for outcome in outcomes:
         for cell in outcome:
-            numbers[cell["run"]][cell["status"]] += 1
+            numbers[cell["run"], cell["status"]] += 1
     counts = []
     for run in runs:
-        counts.append({"run": run, "counts": [numbers[run][status] for status in statuses]})
+        counts.append({"run": run, "counts": [numbers[run, status] for status in statuses]})
     return {
         "runs": runs,
         "styles": run_line_classes(runs),
@@ -79,6 +87,7 @@ def shown_statuses(results: Sequence[PomResult]) -> list[str]:
     statuses: set[str] = set()
     for result in results:
         statuses.update(result.status(run) for run in result.runs)
+    # A report without faulty records does not need a column for them.
     rare = "record_error"
     return [status for status in STATUSES if status != rare or rare in statuses]
 
@@ -117,15 +126,15 @@ def table_coverage(
     for result in results:
         by_standard.setdefault((result.case.standard, result.case.edition), []).append(result)
     coverage = []
-    for (standard, edition), own_results in by_standard.items():
+    for (standard, edition), standard_results in by_standard.items():
         titles = {}
         for row in table:
             if (row["standard"], row["edition"]) == (standard, edition):
                 titles[row["test_id"]] = row["title"]
         entries = []
         for test, title in titles.items():
-            of_test = [result for result in own_results if result.case.id == test]
-            entries.append(_coverage_entry(test, title, of_test))
+            test_results = [result for result in standard_results if result.case.id == test]
+            entries.append(_coverage_entry(test, title, test_results))
         run = [entry for entry in entries if entry["cases"]]
         coverage.append(
             {

@@ -21,7 +21,8 @@ from pom.report.models.database_comparison import models_page
 from pom.report.models.identification import identification_page
 from pom.report.models.tuning import NOTE
 from pom.report.overview import list_runs, provenance_page, table_coverage, verdict_matrix
-from pom.report.presentation.traces import pack_page, page_templates
+from pom.report.presentation.page_templates import page_templates
+from pom.report.presentation.traces import pack_page
 from pom.report.submodels.sections import submodels_context
 from pom.result import PomResult
 from pom.tolerances.rows import tolerance_rows
@@ -33,7 +34,8 @@ _STATIC = {
     "uplot_js": "uplot/uPlot.iife.min.js",
 }
 _SCRIPT = ("basics", "parcels", "scales", "marks", "plots", "fraction", "paper", "fits", "pages")
-MOST_HELD = 2_500_000  # characters of packed pages and of lists that ``report.html`` holds itself
+# Characters of packed pages and of lists that ``report.html`` holds itself.
+MOST_HELD = 2_500_000
 PAGE, PAGES = "report.html", "pages"
 INDEX = f"{PAGES}/index.js"
 # A page from a disk may load scripts only, so the lists are a script.  It runs before that of the
@@ -90,12 +92,11 @@ def html_files(
 
     # If the page is too long, the parcels become files.  If the lists alone are too long, they
     # become a file too.
-    files = {}
+    files: dict[str, str] = {}
     is_apart = _is_too_long(lists)
     if is_apart:
         names = {name: f"{PAGES}/{name}.js" for name in packed}
-        for name, file in names.items():
-            files[file] = f'(window.parcels ??= {{}})["{file}"] = "{packed[name]}";\n'
+        files = _parcel_files(packed, names)
         lists["articles"] = _render_articles(templates, cases, packed=packed, names=names)
     has_index = _is_too_long(lists)
     if has_index:
@@ -113,6 +114,14 @@ def html_files(
         **_static_texts(),
     )
     return {PAGE: text, **files}
+
+
+def _parcel_files(packed: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:
+    """Return the scripts that hand parcels over to the page, by the name of the file."""
+    files = {}
+    for name, file in names.items():
+        files[file] = f'(window.parcels ??= {{}})["{file}"] = "{packed[name]}";\n'
+    return files
 
 
 def _static_texts() -> dict[str, Markup]:

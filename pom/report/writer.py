@@ -180,6 +180,7 @@ optional
         The folder is read-only, a mount point, or the working directory of this process.
     """
     results, diagnoses = list(results), dict(diagnoses or {})
+    # The provenance with the paths of this machine is for the manifest only.
     located: dict[str, Any] = {**(provenance or {})}
     logs = {run: dict(log) for run, log in (tunings or {}).items()}
     _check_request(
@@ -192,7 +193,7 @@ optional
     )
     sections = make_sections(submodels or {}, free_motion or {}, driven_motion)
     tuned = tuning_context(logs, results)
-    drawn = draw_chapters(
+    new_chapters = draw_chapters(
         databases or {},
         support or {},
         fits=fits,
@@ -201,7 +202,7 @@ optional
         diagnoses=diagnoses,
         on_paper=chapters or (),
     )
-    all_chapters = _merge_chapters(drawn, kept, chapters)
+    all_chapters = _merge_chapters(new_chapters, kept, chapters)
     archive = Archive(
         results,
         title,
@@ -216,6 +217,7 @@ optional
 
     folder = Path(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
+    # A reader sees the earlier report until all files of the new one are complete.
     with (
         folder_written_atomically(folder, PARTS.__contains__) as new,
         TemporaryDirectory() as drawings,
@@ -225,14 +227,14 @@ optional
 
 
 def _merge_chapters(
-    drawn: Chapters, kept: bytes | Chapters, on_paper: Sequence[str] | None
+    new: Chapters, kept: bytes | Chapters, on_paper: Sequence[str] | None
 ) -> Chapters:
     """Return the chapters of this report, completed by those of an earlier one."""
     if isinstance(kept, Chapters):
         return kept
     if kept:
-        return with_kept(drawn, restore_chapters(kept), on_paper)
-    return drawn
+        return with_kept(new, restore_chapters(kept), on_paper)
+    return new
 
 
 def _write_files(
@@ -240,6 +242,7 @@ def _write_files(
 ) -> None:
     """Write all files of a report into a new folder."""
     archive = report.archive
+    # The parts of the cases have their CSV files written into this folder.
     (folder / CSV).mkdir()
     begun = _begin_cases(
         report, CasePaths(folder.resolve(), report.paper, drawings), jobs=jobs, stages=stages
@@ -262,6 +265,8 @@ def _write_files(
         (folder / name).parent.mkdir(exist_ok=True)
         _write_text(folder / name, text)
     _write_text(folder / JSON, results_json(archive, [part.text for part in parts]))
+    # The PDF has the numbers and the manifest of the other files attached, so it comes after them.
+    # The manifest of the folder also lists the PDF, so it comes last.
     if report.paper is not None:
         (folder / PDF).write_bytes(_make_pdf(report, parts, folder, drawings, stages=stages))
     _write_text(folder / NAME, _manifest_text(report, folder))
@@ -283,7 +288,7 @@ def _begin_cases(
         "names": report.names,
         "heading": heading,
         "diagnoses": archive.diagnoses,
-        "place": paths,
+        "paths": paths,
         "jobs": jobs,
     }
     if stages is None:

@@ -15,11 +15,12 @@ import flightmech
 import flighttest
 import pom
 from aeromatch.cli.actions.verbs import copy_example
-from aeromatch.drafting.columns import guess_quantity, unit_from_size
 from aeromatch.drafting.flown import held_for_proof
 from aeromatch.drafting.folder import StatedFacts, draft_project
 from aeromatch.drafting.geometry import geometry_of
-from aeromatch.drafting.names import draft_names
+from aeromatch.drafting.name_map.column_units import unit_from_size
+from aeromatch.drafting.name_map.columns import guess_quantity
+from aeromatch.drafting.name_map.names import draft_names
 from aeromatch.project.project import read_project
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND_FORCE

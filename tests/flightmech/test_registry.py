@@ -19,7 +19,7 @@ OWN_LISTS = {
     "aerodb/store/evaluation.py": "range of each variable that is not suspect",
     "flighttest/reconstruction/dynamics/force_coefficients.py": "variables with errors of the path",
     "flighttest/special_tests/spin/rotation_rates.py": "variables along a spin",
-    "pom/report/presentation/quantities.py": "symbol of each variable on a page",
+    "pom/report/presentation/term_words.py": "words of the cause of each increment",
 }
 
 

@@ -16,7 +16,7 @@ from aeromatch.workbench.opened import OpenProject
 from flightmech.errors import AeromatchError
 from flightmech.support.console import print_json, print_table, timed_step
 from flightmech.units import DEGREE, FOOT, KNOT
-from pom.report.presentation.quantities import term_words
+from pom.report.presentation.term_words import term_words
 
 
 def make_package(

@@ -77,7 +77,8 @@ static bool check_header(reader *r, const unsigned char *bytes, size_t n) {
     memcpy(&head, bytes, sizeof head);
     if (memcmp(head.magic, "AMKERNEL", 8) != 0) {
         return refuse_block(
-            r, "model block: does not begin with AMKERNEL; this is no model of flightmech.compile");
+            r,
+            "model block: does not begin with AMKERNEL; it is not a model of flightmech.compile");
     }
     if (head.endian != ENDIAN_MARK) {
         return refuse_block(r,

@@ -222,8 +222,8 @@ static void find_switches(am_model *m) {
     }
 }
 
-/* No value of the table is infinite, which times zero is no number: it never goes on beyond its
- * ends. */
+/* Whether the table never continues beyond its ends, so that all its values are finite.  An
+ * infinite value times zero would not be a number. */
 static bool holds(const am_model *m, uint32_t slot) {
     if (!slot) return true;
     const bundle_t *bundle = &m->bundle[bundle_of(m, slot)];

@@ -107,7 +107,7 @@ static inline real with_sign(real x, real sign) {
 
 #endif
 
-/* The larger and the smaller; b where a is no number. */
+/* The larger and the smaller; b where a is not a number. */
 static inline real larger(real a, real b) { return PICK(a > b, a, b); }
 static inline real smaller(real a, real b) { return PICK(a < b, a, b); }
 

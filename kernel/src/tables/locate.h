@@ -36,7 +36,7 @@ __attribute__((noinline)) static uint64_t move_on(am_sim *sim, int stage, bool a
     const am_model *m = sim->model;
     uint64_t left = 0;
     uint64_t moved = 0;
-    uint32_t lost = 0; /* axes whose variable is no number, which makes one of no zero */
+    uint32_t lost = 0; /* axes whose variable is not a number */
     uint32_t shift = 0;
     for (uint32_t i = m->first_bench[stage]; i < m->first_bench[stage + 1]; i++) {
         four x = variables_of(sim, &m->bench[i]);

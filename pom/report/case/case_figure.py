@@ -6,7 +6,6 @@ The panels are those that the script of the page draws.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -14,24 +13,24 @@ from flightmech.support.figures import (
     WIDTH,
     Frame,
     clip_to_frame,
-    draw_area,
     draw_axes,
-    draw_curve,
     draw_line,
     draw_rectangle,
     draw_text,
     make_svg_figure,
     text_pieces,
 )
+from pom.report.case.panel_drawing import (
+    RESIDUAL,
+    StripStyle,
+    draw_exit_bars,
+    draw_residual_strip,
+    draw_tolerance,
+    draw_window_and_traces,
+    mark_models_beyond_scale,
+)
 from pom.report.case.panels import CasePanel, panel_description
 from pom.report.presentation.quantities import SYMBOLS, fixed_decimals
-from pom.report.presentation.traces import (
-    LANE,
-    beyond_scale_mark,
-    exceedance_area,
-    exit_ticks,
-    quantile_areas,
-)
 
 LEFT, RIGHT, HEAD, FOOT = 54.0, 12.0, 17.0, 30.0
 # Height of the panels of a page: A4 without margins and caption, `WIDTH` units across 180 mm.
@@ -39,7 +38,7 @@ PAGE = 960.0
 # Heights of a judged panel, of its strip of differences, and of any other panel.
 MAIN, STRIP, SMALL, GAP = 170.0, 38.0, 66.0, 5.0
 TOP = 24.0  # height of the legend
-RESIDUAL = 1.6  # end of the scale of the strip, in half widths of the band
+_STRIP_STYLE = StripStyle(y_ticks=(-1.0, 0.0, 1.0), x_most=8, label_x=6, marks_beyond=True)
 
 
 def draw_case_figures(
@@ -182,31 +181,28 @@ def _draw_panel(
     height = (MAIN if panel.kind == "judged" else SMALL) * scale
     x_limits = (float(time[0]), float(time[-1]))
     frame = Frame(LEFT, top + HEAD, WIDTH - LEFT - RIGHT, height, x_limits, panel.scale)
+    content = draw_tolerance(frame, time, panel, styles)
+    content += draw_window_and_traces(frame, time, panel, styles)
     parts = [
         _draw_heading(panel, top + 12),
         draw_axes(frame, x_labels=last and panel.half is None),
-        clip_to_frame(frame, name, _draw_content(frame, time, panel, styles)),
+        clip_to_frame(frame, name, content),
+        mark_models_beyond_scale(frame, time, panel, styles),
     ]
-    # Marks of values beyond the scale stay clear of the lanes of the exits at the bottom.
-    lanes = LANE * sum(map(bool, panel.exits.values()))
-    clear = replace(frame, height=frame.height - lanes)
-    for run, values in panel.traces.items():
-        if run != "flight":
-            parts.append(beyond_scale_mark(clear, time, values, styles[run]))
     bottom = frame.bottom
     if panel.half is not None:
         limits = (-RESIDUAL, RESIDUAL)
         strip = Frame(LEFT, bottom + GAP, frame.width, STRIP * scale, x_limits, limits)
         parts += [
-            exit_ticks(frame, panel.exits, styles),
-            _draw_residual(
+            draw_exit_bars(frame, panel.exits, styles),
+            draw_residual_strip(
                 strip,
                 f"{name}-e",
                 time=time,
                 panel=panel,
-                half=panel.half,
                 styles=styles,
-                last=last,
+                strip_style=_STRIP_STYLE,
+                with_time=last,
             ),
         ]
         bottom = strip.bottom
@@ -232,51 +228,3 @@ def _draw_heading(panel: CasePanel, y: float) -> str:
     if not verdicts:
         return heading
     return heading + draw_text(WIDTH - RIGHT, y, "\N{EM SPACE}".join(verdicts), "caption", "end")
-
-
-def _draw_content(
-    frame: Frame, time: np.ndarray, panel: CasePanel, styles: Mapping[str, str]
-) -> str:
-    """Return band, exits, quantiles, window and traces of a panel."""
-    parts, flight = [], panel.traces.get("flight")
-    if panel.half is not None and flight is not None:
-        low, high = flight - panel.half, flight + panel.half
-        parts.append(draw_area(frame, time, low, high, "band"))
-        for run, values in panel.traces.items():
-            if panel.exits.get(run):
-                parts.append(exceedance_area(frame, time, values=values, low=low, high=high))
-    for run, quantiles in panel.fans.items():
-        parts.append(quantile_areas(frame, time, quantiles, styles[run]))
-    for instant in panel.window or ():
-        x = float(frame.px(instant))
-        parts.append(draw_line(x, frame.top, x, frame.bottom, "window"))
-    for run, values in panel.traces.items():
-        parts.append(draw_curve(frame, time, values, f"trace {styles[run]}"))
-    return "".join(parts)
-
-
-def _draw_residual(
-    frame: Frame,
-    name: str,
-    time: np.ndarray,
-    panel: CasePanel,
-    half: np.ndarray,
-    styles: Mapping[str, str],
-    last: bool,
-) -> str:
-    """Return the strip of differences to the flight, in half widths of the band."""
-    flight = panel.traces["flight"]
-    parts = [
-        draw_axes(frame, x_labels=last, y_ticks=(-1.0, 0.0, 1.0)),
-        draw_text(6, frame.top + frame.height / 2 + 3.5, "e/t", "caption"),
-    ]
-    band = np.where(np.isfinite(half), 1.0, np.nan)
-    body = draw_area(frame, time, -band, band, "band")
-    for run, values in panel.traces.items():
-        if run == "flight":
-            continue
-        with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = np.where(half > 0, (values - flight) / half, np.nan)
-        body += draw_curve(frame, time, ratio, f"trace {styles[run]}")
-        parts.append(beyond_scale_mark(frame, time, ratio, styles[run], with_value=False))
-    return "".join(parts) + clip_to_frame(frame, name, body)

@@ -14,21 +14,18 @@ import pandas as pd
 from pom.cases.case_file import signature_rows
 from pom.report.case import remarks
 from pom.report.case.case_figure import draw_case_figures
+from pom.report.case.driving import describe_driving
 from pom.report.case.panels import (
+    CasePanel,
     make_case_panels,
     make_cross_plots,
 )
 from pom.report.case.plot_data import plot_data
-from pom.report.case.start_and_inputs import (
-    calibration_rows,
-    condition_rows,
-    describe_driving,
-    drift_rows,
-    trim_tables,
-)
+from pom.report.case.start import calibration_rows, condition_rows, drift_rows, trim_tables
 from pom.report.models.diagnosis import cause_section
+from pom.report.presentation.page_templates import page_templates
 from pom.report.presentation.quantities import fixed_decimals
-from pom.report.presentation.traces import pack_page, page_templates
+from pom.report.presentation.traces import pack_page
 from pom.report.presentation.verdict_text import (
     MODAL,
     Verdict,
@@ -71,6 +68,7 @@ def case_keys(results: Sequence[PomResult]) -> list[str]:
     for result in results:
         stem = re.sub(r"[^A-Za-z0-9._-]+", "-", result.case.name).strip("-") or "case"
         key, n = stem, 1
+        # Keys of equal names get a number.
         while key.lower() in keys or key.lower() in _OF_ALL:
             n += 1
             key = f"{stem}-{n}"
@@ -107,16 +105,7 @@ def case_page(
     styles = run_line_classes(result.runs)
     panels = make_case_panels(result)
     head, body = plot_data(result, panels, make_cross_plots(result), styles)
-    figures = []
-    if with_figures:
-        judged = [panel for panel in panels if panel.kind == "judged"]
-        figures = draw_case_figures(
-            f"{key}-plain",
-            result.signals["time"].values,
-            panels=judged,
-            styles={**styles, "applied": "run-0"},
-            events=result.case.events,
-        )
+    figures = _plain_figures(key, result, panels, styles) if with_figures else []
     name = results_name([result])
     return {
         "key": key,
@@ -146,6 +135,21 @@ def case_page(
         "head": head,
         "body": body,
     }
+
+
+def _plain_figures(
+    key: str, result: PomResult, panels: Sequence[CasePanel], styles: Mapping[str, str]
+) -> list[str]:
+    """Return the figures of the judged channels, for readers without a script."""
+    judged = [panel for panel in panels if panel.kind == "judged"]
+    return draw_case_figures(
+        f"{key}-plain",
+        result.signals["time"].values,
+        panels=judged,
+        # The inputs as applied have the line of the flight.
+        styles={**styles, "applied": "run-0"},
+        events=result.case.events,
+    )
 
 
 def outcome_rows(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any]]:

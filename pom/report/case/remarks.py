@@ -1,7 +1,8 @@
-"""Texts next to the verdicts: what the case sets, remarks of rows, rationales, engineers' ticks."""
+"""Texts next to the verdicts: modes, probability, notes, rationales, ticks, lines of a run."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,6 +16,7 @@ from pom.replaying.run_remarks import drift, pilot_activity
 from pom.replaying.trim import FOUND, LEFT, SHOWN_UNITS, result_trim_limits
 from pom.report.presentation.quantities import (
     MISSING,
+    QuantityLabel,
     fixed_decimals,
     format_number,
     has_ends,
@@ -31,70 +33,85 @@ from pom.tolerances.rows import tolerance_rows
 def mode_blocks(
     result: PomResult, modes: pd.DataFrame, styles: dict[str, str]
 ) -> list[dict[str, Any]]:
-    """Return one block per fitted channel and window, flight first."""
-    fitted: dict[tuple[str, float, float], list[dict[Any, Any]]] = {}
+    """Return one block per fitted channel and window, with the flight first.
+
+    Parameters
+    ----------
+    result : PomResult
+    modes : DataFrame
+        Table of `pom.judging.measures.modal.mode_table`.
+    styles : dict of str to str
+        Run to the class of its line.
+    """
+    fits_by_window: dict[tuple[str, float, float], list[dict[Any, Any]]] = {}
     for row in to_records(modes):
-        fitted.setdefault(
-            (str(row["channel"]), row["window_start"], row["window_stop"]), []
-        ).append(row)
+        key = (str(row["channel"]), row["window_start"], row["window_stop"])
+        fits_by_window.setdefault(key, []).append(row)
     blocks = []
-    for (channel, start, stop), fits in fitted.items():
-        shown = quantity_label(channel)
+    for (channel, start, stop), fits in fits_by_window.items():
+        label = quantity_label(channel)
         blocks.append(
             {
-                "label": shown,
+                "label": label,
                 "window": f"{fixed_decimals(start, 2)} … {fixed_decimals(stop, 2)}",
-                "lags": any(row["lag"] == row["lag"] for row in fits),
-                "rows": [_row(row, shown, styles) for row in fits],
+                "lags": any(not math.isnan(row["lag"]) for row in fits),
+                "rows": [_mode_row(row, label, styles) for row in fits],
             }
         )
     return blocks
 
 
-def _row(row: dict[Any, Any], shown, styles: dict[str, str]) -> dict[str, Any]:
-    half = row["t_half"]
+def _mode_row(row: dict[Any, Any], label: QuantityLabel, styles: dict[str, str]) -> dict[str, Any]:
+    """Return a fitted mode as printed."""
     return {
         "run": row["run"],
         "style": styles[row["run"]],
         "period": fixed_decimals(row["period"], 2),
-        "t_half": MISSING
-        if half != half
-        else f"{fixed_decimals(abs(half), 2)}{' to double' if half < 0 else ''}",
+        "t_half": _half_time_text(row["t_half"]),
         "damping": fixed_decimals(row["damping_ratio"], 4),
         "cycles": fixed_decimals(row["cycles"], 1),
-        "amplitude": format_number(float(shown.width(row["amplitude"])), 3),
-        "residual": format_number(float(shown.width(row["residual_rms"])), 2),
+        "amplitude": format_number(float(label.width(row["amplitude"])), 3),
+        "residual": format_number(float(label.width(row["residual_rms"])), 2),
         "lag": fixed_decimals(row["lag"], 2),
         "note": row["note"],
     }
 
 
+def _half_time_text(half_time: float) -> str:
+    """Return the time to half amplitude; a negative time is that to double amplitude."""
+    if math.isnan(half_time):
+        return MISSING
+    text = fixed_decimals(abs(half_time), 2)
+    return f"{text} to double" if half_time < 0 else text
+
+
 SOURCES = 4
-"""Printed of one criterion."""
+"""Number of sources of spread that are printed of one criterion."""
 
 
 def probability_table(result: PomResult) -> list[dict[str, Any]]:
-    """Return one block per sampled model: its line, and one row per criterion that is judged."""
-    return [_block(run, samples) for run, samples in result.samples.items()]
+    """Return one block per sampled model: its line, and one row per judged criterion."""
+    blocks = []
+    for run, samples in result.samples.items():
+        block = {
+            "run": run,
+            "draws": samples.count,
+            "seed": samples.seed,
+            "database": samples.database,
+            "probability": probability_text(samples),
+            "ratio": spread_text(samples),
+            "rows": [_probability_row(samples, str(name)) for name in samples.ratio.columns],
+        }
+        blocks.append(block)
+    return blocks
 
 
-def _block(run: str, samples: SampledReplay) -> dict[str, Any]:
+def _probability_row(samples: SampledReplay, criterion: str) -> dict[str, str]:
     return {
-        "run": run,
-        "draws": samples.count,
-        "seed": samples.seed,
-        "database": samples.database,
-        "probability": probability_text(samples),
-        "ratio": spread_text(samples),
-        "rows": [
-            {
-                "criterion": criterion_words(name),
-                "probability": fixed_decimals(samples.passing(name), 3),
-                "ratio": spread_text(samples, name),
-                "sources": dominant_sources_text(samples, name),
-            }
-            for name in map(str, samples.ratio.columns)
-        ],
+        "criterion": criterion_words(criterion),
+        "probability": fixed_decimals(samples.passing(criterion), 3),
+        "ratio": spread_text(samples, criterion),
+        "sources": dominant_sources_text(samples, criterion),
     }
 
 
@@ -111,13 +128,17 @@ def spread_text(samples: SampledReplay, criterion: str = "") -> str:
 
 def dominant_sources_text(samples: SampledReplay, criterion: str, most: int = SOURCES) -> str:
     """Return the terms and instruments whose errors make most of the spread, with their shares."""
-    return ", ".join(
-        f"{source} {100.0 * share:.0f} %" for source, share in samples.dominant(criterion, most)
-    )
+    texts = []
+    for source, share in samples.dominant(criterion, most):
+        texts.append(f"{source} {100.0 * share:.0f} %")
+    return ", ".join(texts)
 
+
+# Channels of the line of the drift.
+_RATES = ("V_cas", "h", "psi")
 
 IN_MODE_TABLE = ("values", "cycles", "no_mode")
-"""Kinds of remarks that only repeat what stands in the table of modes."""
+"""Kinds of remarks that only repeat the table of modes."""
 
 _REFERENCES = {
     "engineering": "The reference is an engineering simulator, not a flight; {share} of the "
@@ -142,44 +163,49 @@ def reader_notes(result: PomResult) -> list[str]:
     if case.conditions:
         conditions = []
         for name, value in case.conditions.items():
-            conditions.append(f"{quantity_label(name).words or name} {_given(value, name)}")
+            conditions.append(
+                f"{quantity_label(name).words or name} {_set_value_text(value, name)}"
+            )
         notes.append(f"From the case file, not from the record: {', '.join(conditions)}.")
     for row in result.rows:
         notes += [remark.text for remark in row["remarks"] if remark.kind == "record"]
-    notes += _of_rows(result)
-    marks = sorted({MARKS[p] for p in result.verdict["provenance"] if p in ("memory", "partial")})
+    notes += _row_remarks(result)
+    sources = set(result.verdict["provenance"])
+    marks = sorted([MARKS[source] for source in ("memory", "partial") if source in sources])
     if marks:
+        quoted = "” or “".join(marks)
         notes.append(
-            f"Rows marked “{'” or “'.join(marks)}” were not read word for word in the "
-            f"regulation; check them there first."
+            f"Rows marked “{quoted}” were not read word for word in the regulation; check them "
+            f"there first."
         )
     # A dictionary keeps the order and drops repeated notes.
     return list(dict.fromkeys(notes))
 
 
 def case_objective(case: PomCase) -> str:
-    """Return the objective of a case: that of the case file, else what its entry of the tolerance
-    table compares.
+    """Return the objective of a case.
+
+    It is that of the case file, otherwise the comparison of its row in the tolerance table.
     """
     if case.objective:
         return case.objective
-    judged = ", ".join(
-        dict.fromkeys(
-            criterion_words(criterion.name) for criterion in case.criteria if criterion.applies
-        )
-    )
-    title = next(
-        (
-            row["title"]
-            for row in tolerance_rows()
-            if (row["standard"], row["test_id"]) == (case.standard, case.id)
-        ),
-        case.title,
-    )
+    names = [criterion.name for criterion in case.criteria if criterion.applies]
+    judged = ", ".join(dict.fromkeys(map(criterion_words, names)))
+    title = _row_title(case)
     if case.reference == "footprint":
         return f"{title}: {judged} of the device, kept for later comparison."
-    other = "an engineering simulator" if case.reference == "engineering" else "flight"
-    return f"{title}: {judged} of the models against {other}, within the tolerances of {case.id}."
+    reference = "an engineering simulator" if case.reference == "engineering" else "flight"
+    return (
+        f"{title}: {judged} of the models against {reference}, within the tolerances of {case.id}."
+    )
+
+
+def _row_title(case: PomCase) -> str:
+    """Return the title of a case in the tolerance table, or in its file if the table has none."""
+    for row in tolerance_rows():
+        if (row["standard"], row["test_id"]) == (case.standard, case.id):
+            return row["title"]
+    return case.title
 
 
 def fraction_text(fraction: float) -> str:
@@ -193,132 +219,143 @@ def fraction_text(fraction: float) -> str:
     return f"{short_number(100.0 * fraction)} %"
 
 
-def _of_rows(result: PomResult) -> list[str]:
-    """Return the remarks of the verdict rows, each once, behind the criteria and models it is
-    about.
+def _row_remarks(result: PomResult) -> list[str]:
+    """Return the remarks of the verdict rows, each once, after the criteria and models it concerns.
+
+    The first notes have the longest time outside of the band, by model.
     """
-    places: dict[str, list[tuple[str, str]]] = {}
-    longest: dict[str, list[str]] = {}
+    # Criteria and models of every remark; longest times outside by model.
+    subjects: dict[str, list[tuple[str, str]]] = {}
+    outside: dict[str, list[str]] = {}
     for row in result.rows:
-        fitted = row["measure"] in MODAL and row["verdict"] in ("pass", "fail")
+        criterion, run = criterion_words(row["criterion"]), row["run"]
+        has_mode = row["measure"] in MODAL and row["verdict"] in ("pass", "fail")
         for remark in row["remarks"]:
             if remark.kind == "outside":
-                longest.setdefault(row["run"], []).append(
-                    f"{criterion_words(row['criterion'])} {remark.values['longest']:.2f} s"
-                )
-            elif remark.kind != "record" and not (fitted and remark.kind in IN_MODE_TABLE):
-                places.setdefault(remark_text(remark), []).append(
-                    (criterion_words(row["criterion"]), row["run"])
-                )
-    found: dict[str, list[str]] = {}
-    for text, where in places.items():
-        found.setdefault(_where(where, result), []).append(text)
-    spans = [f"{run}, longest run outside: {', '.join(texts)}" for run, texts in longest.items()]
-    return [*spans, *(f"{where}: {'; '.join(texts)}" for where, texts in found.items())]
+                text = f"{criterion} {remark.values['longest']:.2f} s"
+                outside.setdefault(run, []).append(text)
+            elif remark.kind != "record" and not (has_mode and remark.kind in IN_MODE_TABLE):
+                subjects.setdefault(remark_text(remark), []).append((criterion, run))
+    notes = []
+    for run, texts in outside.items():
+        notes.append(f"{run}, longest run outside: {', '.join(texts)}")
+    # Remarks on the same criteria and models share a note.
+    texts_by_subject: dict[str, list[str]] = {}
+    for text, pairs in subjects.items():
+        texts_by_subject.setdefault(_subject_text(pairs, result), []).append(text)
+    for subject, texts in texts_by_subject.items():
+        notes.append(f"{subject}: {'; '.join(texts)}")
+    return notes
 
 
-def _given(value: float, name: str) -> str:
-    """Return a value as somebody set it, without trailing zeros."""
-    shown = quantity_label(name)
+def _set_value_text(value: float, name: str) -> str:
+    """Return a value that a person has set, with its display unit, without trailing zeros."""
     if has_ends(name):
         return measured_text(value, name)
-    return f"{short_number(float(shown.shown(value)))}\N{NO-BREAK SPACE}{shown.unit}".rstrip(
-        "\N{NO-BREAK SPACE}"
-    )
+    label = quantity_label(name)
+    number = short_number(float(label.shown(value)))
+    return f"{number}\N{NO-BREAK SPACE}{label.unit}".rstrip("\N{NO-BREAK SPACE}")
 
 
-def _where(found: Sequence[tuple[str, str]], result: PomResult) -> str:
-    """Return what a remark is about: criteria and models, each left out when it is all of them."""
-    criteria, runs = (
-        list(dict.fromkeys(c for c, _ in found)),
-        list(dict.fromkeys(r for _, r in found)),
-    )
-    every = len(criteria) == result.verdict["criterion"].nunique() and len(runs) < len(result.runs)
-    parts = ([] if every else criteria) + ([] if len(runs) == len(result.runs) else runs)
-    return ", ".join(parts or criteria)
+def _subject_text(pairs: Sequence[tuple[str, str]], result: PomResult) -> str:
+    """Return the criteria and the models of a remark.
+
+    All models are left out.  All criteria are left out if the remark is on some of the models.
+    """
+    criteria = list(dict.fromkeys([criterion for criterion, _ in pairs]))
+    runs = list(dict.fromkeys([run for _, run in pairs]))
+    has_all_criteria = len(criteria) == result.verdict["criterion"].nunique()
+    has_all_runs = len(runs) == len(result.runs)
+    if has_all_runs:
+        return ", ".join(criteria)
+    if has_all_criteria:
+        return ", ".join(runs)
+    return ", ".join([*criteria, *runs])
 
 
 def rationale_rows(result: PomResult) -> list[tuple[str, str]]:
-    """Return how the case file explains criteria or channels: (what, why)."""
-    return [
-        (quantity_label(name).words or criterion_words(name), why)
-        for name, why in result.case.rationale.items()
-    ]
+    """Return the explanations of the case file: (criterion or channel, text)."""
+    rows = []
+    for name, text in result.case.rationale.items():
+        rows.append((quantity_label(name).words or criterion_words(name), text))
+    return rows
 
 
 def tick_rows(result: PomResult) -> list[dict[str, Any]]:
-    """Return the criteria that an engineer judges, with the tick of the case file where there is
-    one.
-    """
-    wanted = result.verdict.loc[result.verdict["verdict"] == "advisory", "criterion"]
-    names = dict.fromkeys([*wanted, *result.case.ticks])
-    return [
-        {"criterion": criterion_words(name), "tick": result.case.ticks.get(name, "")}
-        for name in names
-    ]
+    """Return the criteria that an engineer judges, with the ticks of the case file."""
+    is_advisory = result.verdict["verdict"] == "advisory"
+    advisory = result.verdict.loc[is_advisory, "criterion"]
+    rows = []
+    for name in dict.fromkeys([*advisory, *result.case.ticks]):
+        rows.append({"criterion": criterion_words(name), "tick": result.case.ticks.get(name, "")})
+    return rows
 
 
 def data_source(result: PomResult) -> list[tuple[str, str]]:
-    """Return where the flight data come from, and how fast they were sampled: (what, words)."""
+    """Return the source of the flight data and their sampling rate: (subject, words)."""
+    rows = [(criterion_words(key), text) for key, text in result.case.source.items()]
     time = result.signals["time"].values
     rate = (len(time) - 1) / (time[-1] - time[0])
-    return [
-        *((criterion_words(key), text) for key, text in result.case.source.items()),
-        ("samples", f"{len(time)} at {short_number(rate, 3)} per second"),
-    ]
-
-
-_RATES = ("V_cas", "h", "psi")
+    rows.append(("samples", f"{len(time)} at {short_number(rate, 3)} per second"))
+    return rows
 
 
 def sampled_line(result: PomResult, run: str) -> str:
-    """Return what the draws of a model show of a case, in one line: probability, spread, and what
-    makes that of the deciding criterion.
+    """Return the result of the draws of a model in one line.
+
+    It has the probability of a pass, the spread of the ratio, and the sources of the spread of
+    the criterion that decides.
     """
     samples, worst = result.samples[run], result.worst(run)
-    decides = str(worst["criterion"]) if worst is not None else ""
-    made = dominant_sources_text(samples, decides, 3) if decides in samples.ratio else ""
     text = (
         f"probability of a pass {probability_text(samples)} ({samples.count} draws), ratio "
         f"{spread_text(samples)}"
     )
-    return f"{text}; {decides}: {made}" if made else text
+    criterion = "" if worst is None else str(worst["criterion"])
+    if criterion not in samples.ratio:
+        return text
+    sources = dominant_sources_text(samples, criterion, 3)
+    return f"{text}; {criterion}: {sources}" if sources else text
 
 
 def run_notes(result: PomResult, run: str) -> list[str]:
-    """Return the lines of a run: ``trim ...``, ``pilot ...`` for every control that a math pilot
-    moved, ``drift ...``.
+    """Return the lines of a run: ``trim ...``, ``pilot ...``, ``drift ...``.
+
+    There is a line of the pilot for every control that a math pilot moved.
     """
-    return [
-        line for line in (_trim(result, run), *_pilot(result, run), _drift(result, run)) if line
-    ]
+    lines = [_trim_line(result, run), *_pilot_lines(result, run), _drift_line(result, run)]
+    return [line for line in lines if line]
 
 
-def _trim(result: PomResult, run: str) -> str:
+def _trim_line(result: PomResult, run: str) -> str:
+    """Return the biases of the trim, and the quantities beyond their limits."""
     limits = result_trim_limits(result)
-    words = []
-    trim = result.trim[run].dropna().to_dict()
-    for quantity in (name for name in (*FOUND, *LEFT) if name in trim):
-        value = trim[quantity]
-        name = quantity.removeprefix("trim.")
+    texts = []
+    values = result.trim[run].dropna().to_dict()
+    for quantity in (*FOUND, *LEFT):
+        if quantity not in values:
+            continue
+        value, name = values[quantity], quantity.removeprefix("trim.")
         unit = SHOWN_UNITS.get(LIMIT_UNITS[name], LIMIT_UNITS[name])
-        text = f"{name} {from_si(value, unit):+.3g}{'' if unit == '1' else f' {unit}'}"
-        if name in limits and abs(value) > limits[name].size:
-            words.append(
-                f"{text} (limit "
-                f"{from_si(limits[name].size, unit):.3g}{', of the case file' if limits[name].demanded else ''})"
-            )
+        text = f"{name} {from_si(value, unit):+.3g}"
+        if unit != "1":
+            text += f" {unit}"
+        limit = limits.get(name)
+        if limit is not None and abs(value) > limit.size:
+            source = ", of the case file" if limit.demanded else ""
+            texts.append(f"{text} (limit {from_si(limit.size, unit):.3g}{source})")
         elif quantity in FOUND and value != 0.0:
-            words.append(text)
-    return f"trim   {', '.join(words)}" if words else ""
+            texts.append(text)
+    return f"trim   {', '.join(texts)}" if texts else ""
 
 
-def _pilot(result: PomResult, run: str) -> list[str]:
-    rows = pilot_activity(result)
+def _pilot_lines(result: PomResult, run: str) -> list[str]:
+    table = pilot_activity(result)
     lines = []
-    for row in rows[rows["run"] == run].to_dict("records"):
+    for row in table[table["run"] == run].to_dict("records"):
         unit = lookup(row["control"]).display_units
-        mean, rms, largest = (from_si(row[key], unit) for key in ("mean", "rms", "largest"))
+        mean, rms = from_si(row["mean"], unit), from_si(row["rms"], unit)
+        largest = from_si(row["largest"], unit)
         lines.append(
             f"pilot  {row['control']}: mean {mean:+.3g}, rms {rms:.3g}, largest "
             f"{largest:+.3g} {unit} at {row['at']:.1f} s, "
@@ -328,10 +365,12 @@ def _pilot(result: PomResult, run: str) -> list[str]:
     return lines
 
 
-def _drift(result: PomResult, run: str) -> str:
-    rows = drift(result)
-    words = []
-    for row in rows[(rows["run"] == run) & rows["channel"].isin(_RATES)].to_dict("records"):
+def _drift_line(result: PomResult, run: str) -> str:
+    table = drift(result)
+    is_printed = (table["run"] == run) & table["channel"].isin(_RATES)
+    texts = []
+    for row in table[is_printed].to_dict("records"):
         unit = lookup(row["channel"]).display_units
-        words.append(f"{row['channel']} {from_si(60.0 * row['rate'], unit):+.3g} {unit}/min")
-    return f"drift  {', '.join(words)}" if words else ""
+        # The rate is in SI per second.
+        texts.append(f"{row['channel']} {from_si(60.0 * row['rate'], unit):+.3g} {unit}/min")
+    return f"drift  {', '.join(texts)}" if texts else ""

@@ -22,8 +22,8 @@ from pom.report.presentation.quantities import (
     fixed_decimals,
     format_number,
     symbol_parts,
-    term_words,
 )
+from pom.report.presentation.term_words import term_words
 
 # These terms are always drawn, since the others cannot be assessed without them.
 _ALWAYS = ("CL/basic", "CD/basic", "Cm/basic")

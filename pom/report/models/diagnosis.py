@@ -15,12 +15,15 @@ from markupsafe import Markup
 from pom.diagnosis.swap_judgement import MATCHED
 from pom.diagnosis.waterfall_steps import OTHERS, criteria_of
 from pom.report.models.waterfall_figure import cause_figure
-from pom.report.presentation.quantities import MISSING, fixed_decimals, term_words
+from pom.report.presentation.quantities import MISSING, fixed_decimals
+from pom.report.presentation.term_words import term_words
 from pom.report.presentation.verdict_text import Verdict, criterion_words
 from pom.result import PomResult
 
-LEAST_SHOWN = 0.01  # a single term that explains less is counted only, a group is left out
-LEAST_INTERACTION = 0.1  # of the gap: a pair with less interaction is not mentioned in the text
+# Share of the gap below which a single term is only counted, and a group is left out.
+LEAST_SHOWN = 0.01
+# Share of the gap below which the interaction of a pair is not mentioned in the text.
+LEAST_INTERACTION = 0.1
 _TITLES = {
     "prior": "a-priori model",
     "single": "a-priori model with one term taken from the final model",
@@ -34,7 +37,8 @@ _TITLES = {
     "them",
     "final": "final model",
 }
-_MOST = {"single": 8, "group": 4, "pair": 3, "without": 5}  # rows shown
+# Greatest number of printed rows of a stage.
+_MOST = {"single": 8, "group": 4, "pair": 3, "without": 5}
 # The column of bars covers -20 to 120 % of the gap.
 _LOW, _HIGH = -0.2, 1.2
 
@@ -102,7 +106,9 @@ def _describe_idle_terms(table: pd.DataFrame) -> str:
     # The first row is that of all idle terms together.
     together, *alone = rows
     terms = ", ".join([f"{row['term']} {_format_bound(row['bound'])}" for row in alone])
-    count = "1 term was" if len(alone) == 1 else f"{len(alone)} terms were"
+    count = f"{len(alone)} terms were"
+    if len(alone) == 1:
+        count = "1 term was"
     return (
         f"{count} not flown alone, since no judged output moves by more than this share of "
         f"its mismatch, by the measured sensitivity of the "
@@ -140,7 +146,7 @@ def cause_sentences(table: pd.DataFrame) -> str:
     verdict = stages["prior"][0]["verdict"]
     if verdict == "not_tested":
         return "No criterion of this case carries a verdict, so there is no mismatch to explain."
-    joint = _describe_joint(stages["joint"]) if stages["joint"] else ""
+    joint = _describe_joint(stages["joint"])
     if verdict in MATCHED:
         sentence = (
             "The a-priori model is within tolerance; no term has to be taken from the final model."
@@ -190,7 +196,13 @@ def _describe_sequence(rows: Sequence[_Row]) -> str:
 
 
 def _describe_joint(rows: Sequence[_Row]) -> str:
-    """Return the sentence on the terms that the corrected model of all cases takes for this one."""
+    """Return the sentence on the terms that the corrected model of all cases takes for this one.
+
+    Without such terms the text is empty.
+    """
+    if not rows:
+        return ""
+    # The first row is the model without the terms that were added for this case.
     before = {
         "pass": "within tolerance",
         "limits_exceeded": "within tolerance with a trim beyond its limits",
@@ -199,7 +211,9 @@ def _describe_joint(rows: Sequence[_Row]) -> str:
     state = before.get(rows[0]["verdict"], "out of tolerance")
     added = [str(row["term"]) for row in rows if row["term"]]
     verb = "make" if len(added) > 1 else "makes"
-    after = "pass" if rows[-1]["verdict"] == "pass" else "as good as the final model"
+    after = "as good as the final model"
+    if rows[-1]["verdict"] == "pass":
+        after = "pass"
     return (
         f"With the sequences of all cases together the corrected model is {state} here; "
         f"{_list_names(added)}, added for this case, {verb} it {after}."
@@ -224,6 +238,7 @@ def _describe_interaction(pair: _Row, alone: Mapping[str, float]) -> str:
 
 def _name_term(term: str) -> str:
     meaning = term_words(term)
+    # An unknown name has no words.
     return f"{meaning} ({term})" if meaning else f"term {term}"
 
 
@@ -231,8 +246,10 @@ def _format_share(share: float, stderr: float = 0.0) -> str:
     """Return a share of the gap in percent; a dash if it is not finite."""
     if not math.isfinite(share):
         return MISSING
-    error = f" ± {fixed_decimals(100.0 * stderr, 0)}" if stderr > 0.0 else ""
-    return f"{fixed_decimals(100.0 * share, 0)}{error} %"
+    text = fixed_decimals(100.0 * share, 0)
+    if stderr > 0.0:
+        text += f" ± {fixed_decimals(100.0 * stderr, 0)}"
+    return f"{text} %"
 
 
 def _row_content(row: _Row, start: float, criteria: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -261,10 +278,10 @@ def _bar_extent(start: float, stop: float) -> tuple[float, float] | None:
     """Return left end and width of a bar, in percent of the column."""
     if not (math.isfinite(start) and math.isfinite(stop)):
         return None
-    first, second = sorted((start, stop))
-    left, right = _column_percent(first), _column_percent(second)
+    low, high = sorted((start, stop))
+    left_end, right_end = _column_percent(low), _column_percent(high)
     # A bar has a width that is visible.
-    return round(left, 1), round(max(right - left, 0.6), 1)
+    return round(left_end, 1), round(max(right_end - left_end, 0.6), 1)
 
 
 def _column_percent(share: float) -> float:

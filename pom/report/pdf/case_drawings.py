@@ -109,9 +109,9 @@ def draw_case(
         crosses.append(save_drawing(folder, f"{name}.svg", drawing))
     waterfall = None
     if diagnosis is not None and len(diagnosis):
-        drawn = draw_waterfall(diagnosis)
-        if drawn:
-            waterfall = save_drawing(folder, f"c{position}-cause.svg", drawn)
+        chart = draw_waterfall(diagnosis)
+        if chart:
+            waterfall = save_drawing(folder, f"c{position}-cause.svg", chart)
     legend = draw_legend({run: style for run, style in styles.items() if run != "applied"})
     return {
         "pages": pages,

@@ -5,6 +5,7 @@ Words and numbers are those of the HTML page.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,14 +16,9 @@ import xarray as xr
 from pom.cases.case import PomCase
 from pom.cases.case_file import signature_rows
 from pom.report.case import remarks
+from pom.report.case.driving import describe_driving
 from pom.report.case.page import digest_rows, outcome_rows, run_line_classes
-from pom.report.case.start_and_inputs import (
-    calibration_rows,
-    condition_rows,
-    describe_driving,
-    drift_rows,
-    trim_tables,
-)
+from pom.report.case.start import calibration_rows, condition_rows, drift_rows, trim_tables
 from pom.report.models.diagnosis import cause_sentences
 from pom.report.overview import (
     list_runs,
@@ -82,6 +78,7 @@ def front_content(
         Roots of the databases by name.
     """
     outcomes = [outcome_rows(result, run_line_classes(result.runs)) for result in results]
+    # The pages of HTML and PDF print the same origin of the numbers.
     origin = provenance_page(provenance, results, databases)
     date = provenance.get("date", "")
     # Dictionaries keep the first of equal texts, in the order of the cases.
@@ -119,6 +116,7 @@ def _references_content(
     databases: Mapping[str, xr.DataTree],
 ) -> dict[str, Any]:
     """Return the files and documents that the results rest on."""
+    # Models of other origin may have neither a file nor a digest.
     models = []
     for run, model in origin["models"]:
         models.append((run, model.get("file", ""), model.get("sha256", "")))
@@ -248,14 +246,14 @@ def _condition_content(result: PomResult) -> dict[str, Any]:
     return {"conditions": conditions, "glance": ";  ".join(glance)}
 
 
-def quantity_content(shown: QuantityLabel) -> dict[str, Any]:
+def quantity_content(label: QuantityLabel) -> dict[str, Any]:
     """Return a quantity as the templates write it: symbol with subscript, words, unit."""
     return {
-        "base": shown.base,
-        "sub": shown.sub,
-        "word": shown.is_word,
-        "words": shown.words,
-        "unit": shown.unit,
+        "base": label.base,
+        "sub": label.sub,
+        "word": label.is_word,
+        "words": label.words,
+        "unit": label.unit,
     }
 
 
@@ -268,9 +266,10 @@ def _outcome_content(item: Mapping[str, Any]) -> dict[str, Any]:
     """Return the outcome of one model: verdict, ratio and the criterion that decides."""
     decides = []
     if item["criterion"]:
-        # NaN: the criterion has no instant.
-        is_timed = item["at"] == item["at"]
-        decides.append(item["criterion"] + (f" at {item['at_text']} s" if is_timed else ""))
+        text = item["criterion"]
+        if not math.isnan(item["at"]):
+            text += f" at {item['at_text']} s"
+        decides.append(text)
     count = len(item["notices"])
     if count:
         decides.append(f"{count} notice{'s' if count > 1 else ''}")
@@ -301,17 +300,20 @@ def submodel_content(section: Section) -> dict[str, Any]:
     }
 
 
-def tuning_content(one: Mapping[str, Any]) -> dict[str, Any]:
+def tuning_content(tuning: Mapping[str, Any]) -> dict[str, Any]:
     """Return the data of one model in the chapter on tuning."""
     grids = []
-    for grid in one["grids"]:
-        align = ["right" if head in one["numbers"] else "left" for head in grid.head]
+    for grid in tuning["grids"]:
+        # Columns of numbers are aligned to the right.
+        align = []
+        for head in grid.head:
+            align.append("right" if head in tuning["numbers"] else "left")
         grids.append({**(table_of(grid) or {}), "align": align})
     return {
-        "run": one["run"],
-        "headline": one["headline"],
+        "run": tuning["run"],
+        "headline": tuning["headline"],
         "grids": grids,
-        "remarks": one["remarks"],
+        "remarks": tuning["remarks"],
     }
 
 
@@ -365,6 +367,7 @@ def _drift_content(result: PomResult) -> list[dict[str, Any]]:
     """Return the drift of every channel, a cell per model."""
     rows: dict[str, dict[str, Any]] = {}
     for label, run, rate, spread in drift_rows(result):
+        # A model without this channel has an empty cell.
         empty = {"label": quantity_content(label), "cells": dict.fromkeys(result.runs, "")}
         rows.setdefault(label.name, empty)["cells"][run] = f"{rate} ± {spread}"
     return [{"label": row["label"], "cells": list(row["cells"].values())} for row in rows.values()]
@@ -396,6 +399,7 @@ def _block_content(block: Mapping[str, Any]) -> dict[str, Any]:
     """Return the verdicts on one criterion."""
     rows = []
     for row in block["rows"]:
+        # The templates print texts; these three are numbers or objects.
         cells = {key: item for key, item in row.items() if key not in ("at", "exit", "verdict")}
         rows.append(cells | _verdict_content(row["verdict"]))
     label = block["label"]

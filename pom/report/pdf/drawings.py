@@ -15,7 +15,6 @@ from flightmech.support.figures import (
     WIDTH,
     Frame,
     clip_to_frame,
-    draw_area,
     draw_axes,
     draw_curve,
     draw_line,
@@ -23,21 +22,23 @@ from flightmech.support.figures import (
     draw_text,
     text_pieces,
 )
+from pom.report.case.panel_drawing import (
+    RESIDUAL,
+    StripStyle,
+    draw_exit_bars,
+    draw_residual_strip,
+    draw_tolerance,
+    draw_window_and_traces,
+    mark_models_beyond_scale,
+)
 from pom.report.case.panels import CasePanel, panel_description, scale_limits
 from pom.report.pdf.style import HEAD, LEFT, RIGHT, SPACE, Drawing, svg_drawing, title_pieces
 from pom.report.presentation.quantities import fixed_decimals, pretty_unit
-from pom.report.presentation.traces import (
-    LANE,
-    beyond_scale_mark,
-    exceedance_area,
-    exit_ticks,
-    quantile_areas,
-)
 from pom.report.presentation.verdict_text import WORDS
 
 # Gap between panels, strip of differences, time axis at the foot of a page.
 GAP, STRIP, FOOT = 3.0, 24.0, 27.0
-RESIDUAL = 1.6  # end of the scale of the strip, in half widths of the band
+_STRIP_STYLE = StripStyle(y_ticks=(-1.0, 1.0), x_most=10, label_x=4, marks_beyond=False)
 SQUEEZED = 2.0  # scale of the whole record over that of the window
 LEAST, MOST = 30.0, 160.0  # height of an input panel
 MOST_PANELS = 7  # on a page
@@ -107,21 +108,21 @@ def draw_case_panel(
         draw_axes(frame, x_labels=last and scaled.half is None, x_most=10),
         clip_to_frame(frame, name, content),
         _draw_events(frame, time, events, named=first),
+        mark_models_beyond_scale(frame, time, panel, styles),
     ]
-    parts += _mark_beyond_scale(frame, time, panel, styles)
     bottom = frame.bottom
     if scaled.half is not None:
         strip = Frame(LEFT, bottom + GAP, width, STRIP, x_limits, (-RESIDUAL, RESIDUAL))
         parts += [
-            exit_ticks(frame, scaled.exits, styles),
-            _draw_residual(
+            draw_exit_bars(frame, scaled.exits, styles),
+            draw_residual_strip(
                 strip,
                 f"{name}-e",
                 time=time,
                 panel=scaled,
-                half=scaled.half,
                 styles=styles,
-                last=last,
+                strip_style=_STRIP_STYLE,
+                with_time=last,
             ),
         ]
         bottom = strip.bottom
@@ -135,20 +136,6 @@ def draw_case_panel(
 def _draw_time_label(bottom: float) -> str:
     middle = LEFT + (WIDTH - LEFT - RIGHT) / 2
     return draw_text(middle, bottom + 23.5, "time, s (clock of the record)", "caption", "middle")
-
-
-def _mark_beyond_scale(
-    frame: Frame, time: np.ndarray, panel: CasePanel, styles: Mapping[str, str]
-) -> list[str]:
-    """Return the marks of models whose values leave the scale of the frame."""
-    # The marks stay clear of the lanes of the exits at the bottom.
-    lanes = LANE * sum(map(bool, panel.exits.values()))
-    clear = replace(frame, height=frame.height - lanes)
-    marks = []
-    for run, values in panel.traces.items():
-        if run != "flight":
-            marks.append(beyond_scale_mark(clear, time, values, styles[run]))
-    return marks
 
 
 def _scale_to_window(panel: CasePanel) -> CasePanel:
@@ -196,23 +183,14 @@ def _draw_heading(panel: CasePanel) -> str:
 def _draw_content(
     frame: Frame, time: np.ndarray, panel: CasePanel, styles: Mapping[str, str]
 ) -> str:
-    """Return band, exits, quantiles, window and traces of a panel."""
-    parts, flight = [], panel.traces.get("flight")
-    if panel.half is not None and flight is not None:
-        low, high = flight - panel.half, flight + panel.half
-        parts.append(draw_area(frame, time, low, high, "band"))
-        for run, values in panel.traces.items():
-            if panel.exits.get(run):
-                parts.append(exceedance_area(frame, time, values=values, low=low, high=high))
-    for run, quantiles in panel.fans.items():
-        parts.append(quantile_areas(frame, time, quantiles, styles[run]))
-    parts.append(_draw_instants(frame, time, panel))
-    for instant in panel.window or ():
-        x = float(frame.px(instant))
-        parts.append(draw_line(x, frame.top, x, frame.bottom, "window"))
-    for run, values in panel.traces.items():
-        parts.append(draw_curve(frame, time, values, f"trace {styles[run]}"))
-    if len(panel.traces) > 1 and flight is not None:
+    """Return band, exits, quantiles, judged instants, window and traces of a panel."""
+    parts = [
+        draw_tolerance(frame, time, panel, styles),
+        _draw_instants(frame, time, panel),
+        draw_window_and_traces(frame, time, panel, styles),
+    ]
+    flight = panel.traces.get("flight")
+    if flight is not None and len(panel.traces) > 1:
         parts.append(draw_curve(frame, time, flight, "hair"))
     return "".join(parts)
 
@@ -253,30 +231,6 @@ def _draw_instants(frame: Frame, time: np.ndarray, panel: CasePanel) -> str:
             high = float(frame.py(value + half_width))
             bars.append(draw_rectangle(x - 3.0, high, 6.0, low - high, "band"))
     return "".join(sorted(bars))
-
-
-def _draw_residual(
-    frame: Frame,
-    name: str,
-    time: np.ndarray,
-    panel: CasePanel,
-    half: np.ndarray,
-    styles: Mapping[str, str],
-    last: bool,
-) -> str:
-    """Return the strip of differences to the flight, in half widths of the band."""
-    flight = panel.traces["flight"]
-    band = np.where(np.isfinite(half), 1.0, np.nan)
-    body = draw_area(frame, time, -band, band, "band")
-    for run, values in panel.traces.items():
-        if run == "flight":
-            continue
-        with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = np.where(half > 0, (values - flight) / half, np.nan)
-        body += draw_curve(frame, time, ratio, f"trace {styles[run]}")
-    axes = draw_axes(frame, x_labels=last, x_most=10, y_ticks=(-1.0, 1.0))
-    label = draw_text(4, frame.top + frame.height / 2 + 3.5, "e/t", "caption")
-    return axes + label + clip_to_frame(frame, name, body)
 
 
 def draw_legend(styles: Mapping[str, str]) -> Drawing:

@@ -100,10 +100,10 @@ def svg_drawing(height: float, body: str) -> str:
     )
 
 
-def save_drawing(folder: Path, name: str, drawn: Drawing) -> dict[str, Any]:
+def save_drawing(folder: Path, name: str, drawing: Drawing) -> dict[str, Any]:
     """Write a drawing, and return its entry in the data of the document."""
-    (folder / name).write_text(drawn.svg, encoding="utf-8")
-    return {"file": name, "height": drawn.height, "alt": drawn.words}
+    (folder / name).write_text(drawing.svg, encoding="utf-8")
+    return {"file": name, "height": drawing.height, "alt": drawing.words}
 
 
 def label_text(label: QuantityLabel) -> str:

@@ -18,7 +18,8 @@ from flightmech.support.figures import (
 )
 from pom.diagnosis.waterfall_steps import OTHERS, waterfall
 from pom.report.pdf.style import Drawing, svg_drawing
-from pom.report.presentation.quantities import fixed_decimals, term_words
+from pom.report.presentation.quantities import fixed_decimals
+from pom.report.presentation.term_words import term_words
 
 # Width of the names and of the shares next to the bars, height of a row and of the scale.
 WATERFALL_LEFT, WATERFALL_RIGHT, ROW, WATERFALL_HEAD = 350.0, 96.0, 16.0, 16.0

@@ -1,4 +1,4 @@
-"""How a quantity is written for people: symbol, words, display unit, number of digits.
+"""Display of quantities: symbol, words, display unit, number of digits.
 
 The vocabulary's SI value becomes the display value here and nowhere else in the report.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -28,7 +29,7 @@ SYMBOLS = {
     "not_tested": "–",
     "advisory": "○",
 }
-"""Verdicts as marks: never colour alone."""
+"""Verdicts as marks, for readers who do not distinguish the colours."""
 
 _GREEK = {
     "alpha": "α",
@@ -40,12 +41,10 @@ _GREEK = {
     "psi": "ψ",
     "rho": "ρ",
 }
-_HAT, _BAR, _DOT = (
-    "\N{COMBINING CIRCUMFLEX ACCENT}",
-    "\N{COMBINING MACRON}",
-    "\N{COMBINING DOT ABOVE}",
-)
-# symbols that the rules of `symbol_parts` would not find: base, subscript
+_HAT = "\N{COMBINING CIRCUMFLEX ACCENT}"
+_BAR = "\N{COMBINING MACRON}"
+_DOT = "\N{COMBINING DOT ABOVE}"
+# Symbols that do not follow the rules of `symbol_parts`: base and subscript.
 _SYMBOLS = {
     "qbar": ("q" + _BAR, ""),
     "cbar": ("c" + _BAR, ""),
@@ -61,43 +60,34 @@ _SYMBOLS = {
     "delta_T": ("ΔT", ""),
     "mass": ("m", ""),
     "thrust_drive": ("F", ""),
-    **{f"wind_{x}": ("W", x) for x in "ned"},
-    **{f"{axis}_cg_b": (axis, "cg") for axis in "xyz"},
+    "wind_n": ("W", "n"),
+    "wind_e": ("W", "e"),
+    "wind_d": ("W", "d"),
+    "x_cg_b": ("x", "cg"),
+    "y_cg_b": ("y", "cg"),
+    "z_cg_b": ("z", "cg"),
     "V_cas": ("V", "CAS"),
     "V_eas": ("V", "EAS"),
-    **{
-        name: (name[0], name[1:])
-        for name in (
-            "ax",
-            "ay",
-            "az",
-            "nz",
-            "vn",
-            "ve",
-            "vd",
-            "n1",
-            "n2",
-            "CL",
-            "CD",
-            "CY",
-            "CX",
-            "CZ",
-        )
-    },
-    **{name: ("C", name[1]) for name in ("Cl", "Cm", "Cn")},
-    **{name: ("I", name[1:]) for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")},
+    "Cl": ("C", "l"),
+    "Cm": ("C", "m"),
+    "Cn": ("C", "n"),
 }
-# derivatives the vocabulary leaves out; trim residuals carry them
+# Symbols of which the first letter is the base and the rest is the subscript.
+_FIRST_LETTER = (
+    *("ax", "ay", "az", "nz", "vn", "ve", "vd", "n1", "n2"),
+    *("CL", "CD", "CY", "CX", "CZ"),
+    *("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"),
+)
+# Quantities that the vocabulary does not have: words, SI unit and display unit.
 _EXTRA = {
-    **{
-        f"{x}_dot": (f"body acceleration along {axis}", "m s-2", "m s-2")
-        for x, axis in (("u", "x"), ("v", "y"), ("w", "z"))
-    },
+    "u_dot": ("body acceleration along x", "m s-2", "m s-2"),
+    "v_dot": ("body acceleration along y", "m s-2", "m s-2"),
+    "w_dot": ("body acceleration along z", "m s-2", "m s-2"),
     "thrust_drive": ("net thrust that drives the model", "N", "lbf"),
     "qnh": ("pressure setting of the altimeter", "Pa", "hPa"),
     "V_dot": ("rate of true airspeed", "m s-2", "m s-2"),
 }
-# names for a page, where the vocabulary's long name is a definition
+# Short names, where the long name of the vocabulary is a definition.
 _SHORT = {
     "nz": "normal load factor",
     "delta_a": "aileron deflection",
@@ -110,14 +100,15 @@ _SHORT = {
     "x_cg_b": "c.g. forward of moment reference",
     "y_cg_b": "c.g. right of moment reference",
     "z_cg_b": "c.g. below moment reference",
-    **{
-        f"wind_{axis}": f"wind, velocity {way}"
-        for axis, way in (("n", "north"), ("e", "east"), ("d", "down"))
-    },
+    "wind_n": "wind, velocity north",
+    "wind_e": "wind, velocity east",
+    "wind_d": "wind, velocity down",
 }
-# what has two ends: the words for 0 and 1
+# Quantities with two end positions, and the words of 0 and 1.
 _ENDS = {"gear": ("up", "down"), "speedbrake": ("in", "out")}
-# decimals of a value that was measured, by display unit; elsewhere three significant digits
+# A value this near to an end position is printed as the word of that end.
+AT_END = 0.01
+# Decimals of a measured value by display unit.  Other units have three significant digits.
 _DECIMALS = {
     "deg": 2,
     "deg/s": 2,
@@ -136,20 +127,31 @@ _DECIMALS = {
     "hPa": 1,
     "m": 3,
 }
-# load factors are judged and drawn in g, as the tolerance table prints them; the number is the same
+# Load factors are drawn in g, as the tolerance table prints them.  The number is the same.
 _IN_G = {"nz", "dnz"}
-_WORDS = {
+# Words of the prefixes of the simulation's names.
+_PREFIXES = {
     "trim": "bias found by the trim",
     "left": "left after the trim",
     "bias": "bias applied",
     "applied": "as applied",
     "term": "scale of the term",
 }
-AT_END = 0.01
+# Prefixes that the name on a page leaves out.
 _SILENT = {"init", "mass", "env"}
-_SUPER = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+_SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _POWER = re.compile(r"([A-Za-z%])(\d)")
-# a panel never zooms in further than this on a quantity without tolerance
+# Units whose printed form is not their own text.
+_PRINTED_UNITS = {
+    "1": "",
+    "-": "",
+    "m s-1": "m/s",
+    "m s-2": "m/s2",
+    "kg m-3": "kg/m3",
+    "degC": "°C",
+    "rad s-1": "rad/s",
+}
+# Smallest height of a panel of a quantity without tolerance, by display unit.
 _LEAST_SPAN = {
     "deg": 1.0,
     "deg/s": 1.0,
@@ -166,11 +168,24 @@ _LEAST_SPAN = {
 
 @dataclass(frozen=True)
 class QuantityLabel:
-    """A quantity as shown.
+    """A quantity as a page shows it.
 
-    ``base`` and ``sub`` make the symbol, ``words`` the name on a page, ``meaning`` the definition,
-    ``unit`` the display unit as printed (empty for a pure number), ``sign`` the positive sense in
-    words; ``factor`` and ``offset`` give display = SI * factor + offset.
+    Attributes
+    ----------
+    name : str
+        Canonical name, with prefixes.
+    base, sub : str
+        Symbol and its subscript.
+    words : str
+        Name on a page; empty outside the vocabulary.
+    unit : str
+        Display unit as printed; empty for a pure number.
+    sign : str
+        Positive sense in words.
+    factor, offset : float
+        Conversion: display = SI * factor + offset.
+    meaning : str
+        Definition.
     """
 
     name: str
@@ -193,9 +208,8 @@ class QuantityLabel:
         """The symbol with its subscript; a plain name stays upright."""
         if self.is_word:
             return Markup("{}").format(self.words or self.name)
-        return Markup("<i>{}</i>{}").format(
-            self.base, Markup("<sub>{}</sub>").format(self.sub) if self.sub else ""
-        )
+        subscript = Markup("<sub>{}</sub>").format(self.sub) if self.sub else ""
+        return Markup("<i>{}</i>{}").format(self.base, subscript)
 
     @property
     def least_span(self) -> float:
@@ -207,97 +221,108 @@ class QuantityLabel:
         return np.asarray(si, float) * self.factor + self.offset
 
     def width(self, si):
-        """Return an SI difference or half width in display units: the offset of a temperature stays
-        out.
-        """
+        """Return an SI difference or half width in display units, without an offset."""
         return np.asarray(si, float) * self.factor
 
 
 def pretty_unit(unit: str) -> str:
-    """Return a unit as printed: ``m s-1`` becomes ``m/s``, ``kg m2`` becomes ``kg m²``, ``1``
-    becomes nothing.
+    """Return a unit as printed.
+
+    Examples
+    --------
+    >>> pretty_unit("m s-1"), pretty_unit("kg m2"), pretty_unit("1")
+    ('m/s', 'kg m²', '')
     """
-    text = {
-        "1": "",
-        "-": "",
-        "m s-1": "m/s",
-        "m s-2": "m/s2",
-        "kg m-3": "kg/m3",
-        "degC": "°C",
-        "rad s-1": "rad/s",
-    }.get(unit, unit)
-    return _POWER.sub(lambda m: m.group(1) + m.group(2).translate(_SUPER), text)
+    text = _PRINTED_UNITS.get(unit, unit)
+    return _POWER.sub(_raise_power, text)
+
+
+def _raise_power(match: re.Match[str]) -> str:
+    return match.group(1) + match.group(2).translate(_SUPERSCRIPTS)
 
 
 def symbol_parts(name: str) -> tuple[str, str]:
     """Return base and subscript of the symbol of a canonical name."""
     if name in _SYMBOLS:
         return _SYMBOLS[name]
-    head, _, tail = name.partition("_")
+    if name in _FIRST_LETTER:
+        return name[0], name[1:]
+    stem, _, tail = name.partition("_")
     if tail == "dot":
-        return _GREEK.get(head, head) + _DOT, ""
-    if head.endswith("hat"):
-        return head[0] + _HAT, tail
-    return _GREEK.get(head, head), tail
+        return _GREEK.get(stem, stem) + _DOT, ""
+    if stem.endswith("hat"):
+        return stem[0] + _HAT, tail
+    return _GREEK.get(stem, stem), tail
 
 
 @cache
 def quantity_label(name: str) -> QuantityLabel:
-    """Return how the quantity `name` is shown; a name outside the vocabulary keeps its own text and
-    SI value.
+    """Return the display of a quantity.
 
-    Prefixes of the simulation's names (``engine1.``, ``trim.``, ``residual.`` ...) become words.
+    A name outside the vocabulary keeps its text and its SI value.  Prefixes of the simulation's
+    names (``engine1.``, ``trim.``, ``residual.`` ...) become words.
     """
     *prefixes, stem = name.split(".")
     if prefixes and prefixes[0] == "term":
         return QuantityLabel(name, name, "", "scale of the term", "", "", 1.0, 0.0)
+    # The trim reports residual accelerations with the prefix of its biases.
     if prefixes[:1] == ["trim"] and stem.endswith("_dot"):
         prefixes = ["left"]
-    notes = [
-        f"engine {p.removeprefix('engine')}" if p.startswith("engine") else _WORDS.get(p, p)
-        for p in prefixes
-        if p not in _SILENT
-    ]
     try:
         row = lookup(stem)
     except UnknownName:
         if stem not in _EXTRA:
             return QuantityLabel(name, name, "", "", "", "", 1.0, 0.0)
-        words, si_unit, display = _EXTRA[stem]
+        words, si_unit, display_unit = _EXTRA[stem]
         sign = ""
     else:
-        words, si_unit, display, sign = row.long_name, row.units, row.display_units, row.sign
+        words, si_unit, display_unit = row.long_name, row.units, row.display_units
+        sign = row.sign
     base, sub = symbol_parts(stem)
-    sub = " ".join(
-        [sub, *(p.removeprefix("engine") for p in prefixes if p.startswith("engine"))]
-    ).strip()
-    factor, offset = _conversion(display)
-    unit = "g" if stem in _IN_G else pretty_unit(display if display != "1" else si_unit)
+    notes, engines = _prefix_notes(prefixes)
+    factor, offset = _display_conversion(display_unit)
+    unit = pretty_unit(display_unit if display_unit != "1" else si_unit)
     return QuantityLabel(
-        name,
-        base,
-        sub,
-        ", ".join([_SHORT.get(stem, words), *notes]),
-        unit,
-        _spelt(sign),
-        factor,
-        offset,
-        ", ".join([words, *notes]),
+        name=name,
+        base=base,
+        sub=" ".join([sub, *engines]).strip(),
+        words=", ".join([_SHORT.get(stem, words), *notes]),
+        unit="g" if stem in _IN_G else unit,
+        sign=_spell_sign(sign),
+        factor=factor,
+        offset=offset,
+        meaning=", ".join([words, *notes]),
     )
 
 
-def _spelt(sign: str) -> str:
-    return re.sub("|".join(SIGNS), lambda m: SIGNS[m.group()], sign)
+def _prefix_notes(prefixes: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the words of prefixes, and the numbers of engines for the subscript."""
+    notes, engines = [], []
+    for prefix in prefixes:
+        if prefix.startswith("engine"):
+            number = prefix.removeprefix("engine")
+            engines.append(number)
+            notes.append(f"engine {number}")
+        elif prefix not in _SILENT:
+            notes.append(_PREFIXES.get(prefix, prefix))
+    return notes, engines
 
 
-def _conversion(display: str) -> tuple[float, float]:
-    _, factor, offset = units.parse_unit(display)
+def _spell_sign(sign: str) -> str:
+    """Return a sign convention with its abbreviations spelt out."""
+    return re.sub("|".join(SIGNS), lambda match: SIGNS[match.group()], sign)
+
+
+def _display_conversion(display_unit: str) -> tuple[float, float]:
+    """Return factor and offset from SI to a display unit, the inverse of those of the unit."""
+    _, factor, offset = units.parse_unit(display_unit)
     return 1.0 / factor, -offset / factor
 
 
 def format_number(value, digits: int = 3) -> str:
-    """Return a number with `digits` significant digits, never in powers of ten between 1e-4 and
-    1e6; NaN becomes a dash.
+    """Return a number with `digits` significant digits.
+
+    Numbers from 1e-4 to 1e6 are written without a power of ten.  NaN and None become a dash.
 
     Examples
     --------
@@ -310,20 +335,34 @@ def format_number(value, digits: int = 3) -> str:
         return value
     value = float(value)
     if not math.isfinite(value):
-        return MISSING if math.isnan(value) else ("∞" if value > 0 else f"{MINUS}∞")
+        return _non_finite_text(value)
     if value == 0.0:
         return "0"
-    size = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
-    text = f"{value:.{max(digits - 1 - size, 0)}f}" if -5 < size < 6 else f"{value:.{digits - 1}e}"
+    # The exponent is that of the rounded number: 9.996 has two digits before the point.
+    text = f"{value:.{digits - 1}e}"
+    exponent = math.floor(math.log10(abs(float(text))))
+    if -5 < exponent < 6:
+        text = f"{value:.{max(digits - 1 - exponent, 0)}f}"
     return text.replace("-", MINUS)
 
 
+def _non_finite_text(value: float) -> str:
+    if math.isnan(value):
+        return MISSING
+    return "∞" if value > 0 else f"{MINUS}∞"
+
+
 def fixed_decimals(value, decimals: int) -> str:
-    """Return a number with `decimals` decimals; NaN becomes a dash, minus zero loses its sign."""
+    """Return a number with `decimals` decimals.
+
+    NaN and None become a dash.  A number that is rounded to zero has no sign.
+    """
     if value is None or not math.isfinite(float(value)):
         return MISSING
     text = f"{float(value):.{decimals}f}"
-    return (text.lstrip("-") if float(text) == 0.0 else text).replace("-", MINUS)
+    if float(text) == 0.0:
+        text = text.lstrip("-")
+    return text.replace("-", MINUS)
 
 
 def percent_text(share) -> str:
@@ -338,11 +377,12 @@ def percent_text(share) -> str:
         return MISSING
     if share >= 1.0:
         return "100 %"
+    # Rounded down to a tenth of a percent.
     return f"{math.floor(float(share) * 1000.0) / 10.0:.1f} %"
 
 
 def short_number(value: float, digits: int = 4) -> str:
-    """Return a number without trailing zeros, for values that are set rather than measured.
+    """Return a number without trailing zeros, for values that a person has set.
 
     Examples
     --------
@@ -354,121 +394,27 @@ def short_number(value: float, digits: int = 4) -> str:
 
 
 def measured_text(si: float, name: str) -> str:
-    """Return a value with its display unit, e.g. for a table of conditions; an undercarriage is up,
-    down or on its way.
+    """Return a value with its display unit, for example for a table of conditions.
+
+    A quantity with two end positions, such as an undercarriage, has the word of its end there.
     """
-    shown = quantity_label(name)
+    label = quantity_label(name)
     stem = name.rpartition(".")[2]
-    if stem in _ENDS and (end := round(si)) in (0, 1) and abs(si - end) < AT_END:
-        return _ENDS[stem][end]
-    return f"{plain_measured_text(float(shown.shown(si)), shown.unit)}\N{NO-BREAK SPACE}{shown.unit}".rstrip(
-        "\N{NO-BREAK SPACE}"
-    )
+    if stem in _ENDS:
+        end = round(si)
+        if end in (0, 1) and abs(si - end) < AT_END:
+            return _ENDS[stem][end]
+    value = plain_measured_text(float(label.shown(si)), label.unit)
+    return f"{value}\N{NO-BREAK SPACE}{label.unit}".rstrip("\N{NO-BREAK SPACE}")
 
 
 def has_ends(name: str) -> bool:
-    """Whether a quantity is printed by the words of its ends, such as an undercarriage that is up
-    or down.
-    """
+    """Return whether a quantity is printed by the words of its end positions."""
     return name.rpartition(".")[2] in _ENDS
 
 
 def plain_measured_text(value: float, unit: str) -> str:
-    """Return a measured value with the decimals that its display unit deserves, trailing zeros
-    kept.
-    """
-    return fixed_decimals(value, _DECIMALS[unit]) if unit in _DECIMALS else format_number(value)
-
-
-_COEFFICIENTS = {
-    "CL": "lift",
-    "CD": "drag",
-    "CY": "side-force",
-    "Cl": "rolling-moment",
-    "Cm": "pitching-moment",
-    "Cn": "yawing-moment",
-    "CX": "longitudinal-force",
-    "CZ": "normal-force",
-}
-_CAUSES = {
-    "altitude": "altitude",
-    "flap": "flap extension",
-    "elevator": "elevator deflection",
-    "tab": "tab deflection",
-    "aileron": "aileron deflection",
-    "rudder": "rudder deflection",
-    "qhat": "pitch rate",
-    "phat": "roll rate",
-    "rhat": "yaw rate",
-    "alphadothat": "rate of change of angle of attack",
-    "betadothat": "rate of change of sideslip",
-    "beta": "sideslip",
-    "sideslip": "sideslip",
-    "load_factor": "load factor",
-    "speedbrake": "speed-brake extension",
-    "gear": "gear extension",
-    "ground": "ground effect",
-}
-_WITH = {
-    "flap": "with flaps",
-    "gear": "with gear down",
-    "ground": "in ground effect",
-    "speedbrake": "with speed-brakes",
-    "beta": "in sideslip",
-}
-_VARIABLES = {
-    "delta_f": "flap extension",
-    "gear": "gear extension",
-    "speedbrake": "speed-brake extension",
-    "h_agl": "ground effect",
-    "delta_e": "elevator deflection",
-    "delta_a": "aileron deflection",
-    "delta_r": "rudder deflection",
-}
-_WHOLE = {
-    "C*/*": "whole aerodynamic model",
-    "engine/*": "whole engine model",
-    "gear/*": "whole landing gear",
-    "circuit/*": "all control circuits",
-    "engine/static": "thrust and air flow of the engines over their speed",
-    "engine/schedule": "commanded engine speed over the lever",
-    "engine/dynamics": "how the engines follow the lever",
-    "engine/rest": "the rest of the engine deck, such as fuel flow",
-    "engine/thrust": "thrust and lag of the engines",
-    "gear/steering": "nose-wheel steering",
-    "gear/runway": "runway friction",
-    "fuel/load": "fuel",
-}
-
-
-def term_words(term: str) -> str:
-    """Return a term, a group of terms or a part of the aircraft in words; an unknown name gives an
-    empty text.
-
-    Examples
-    --------
-    >>> term_words("Cl/phat")
-    'rolling-moment increment due to roll rate'
-    >>> term_words("Cn/rhat_gear")
-    'yawing-moment increment due to yaw rate, with gear down'
-    >>> term_words("Cm/*"), term_words("*(gear)"), term_words("engine/static")
-    ('all pitching-moment terms', 'all terms of gear extension', 'thrust and air flow of the engines over their speed')
-    """
-    if term in _WHOLE:
-        return _WHOLE[term]
-    if term.startswith("*(") and term[2:-1] in _VARIABLES:
-        return f"all terms of {_VARIABLES[term[2:-1]]}"
-    coefficient, _, name = term.partition("/")
-    force = _COEFFICIENTS.get(coefficient, "")
-    if force and name == "*":
-        return f"all {force} terms"
-    if coefficient == "gear":
-        return f"{name} leg of the landing gear" if name in ("nose", "left", "right") else ""
-    if not force or name == "basic":
-        return f"basic {force.replace('-', ' ')}" if force else ""
-    if name == "flap_slope":
-        return f"change of {force} slope due to flap extension"
-    cause, _, where = (name, "", "") if name in _CAUSES else name.partition("_")
-    if cause not in _CAUSES or (where and where not in _WITH):
-        return ""
-    return f"{force} increment due to {_CAUSES[cause]}" + (f", {_WITH[where]}" if where else "")
+    """Return a measured value with the decimals of its display unit, with trailing zeros."""
+    if unit in _DECIMALS:
+        return fixed_decimals(value, _DECIMALS[unit])
+    return format_number(value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -50,7 +51,7 @@ _MEASURES = {
 
 @dataclass(frozen=True)
 class Verdict:
-    """A verdict as written: word, symbol, class of its colour."""
+    """Printed form of a verdict: word, symbol, class of its colour."""
 
     word: str
     symbol: str
@@ -58,7 +59,7 @@ class Verdict:
 
     @classmethod
     def of(cls, verdict: str) -> Verdict:
-        """Return how `verdict` is written."""
+        """Return the printed form of a verdict."""
         return cls(WORDS[verdict], SYMBOLS[verdict], f"is-{verdict}")
 
 
@@ -68,27 +69,27 @@ def criterion_words(name: str) -> str:
 
 
 def remark_text(remark: RowRemark) -> str:
-    """Return a remark as printed; one on the trim is named as in the table of the trim.
+    """Return a remark as printed; a remark on the trim has the words of the table of the trim.
 
     Examples
     --------
-    >>> remark_text(RowRemark("trim", "trim.delta_e -3.44 deg is beyond 2 deg", "delta_e", {"found": -3.44, "limit": 2.0}, "deg"))
+    >>> values = {"found": -3.44, "limit": 2.0}
+    >>> text = "trim.delta_e -3.44 deg is beyond 2 deg"
+    >>> remark_text(RowRemark("trim", text, "delta_e", values, "deg"))
     'elevator deflection biased by the trim: −3.44 deg, beyond 2 deg'
     """
     if remark.kind not in ("trim", "trim_allowed"):
         return remark.text
     name, unit = remark.quantity, "" if remark.unit == "1" else f" {remark.unit}"
-    what = (
-        quantity_label(f"trim.{name}").words
-        if name.endswith("_dot")
-        else f"{quantity_label(name).words or name} biased by the trim"
-    )
-    found, limit = remark.values["found"], remark.values["limit"]
+    if name.endswith("_dot"):
+        quantity = quantity_label(f"trim.{name}").words
+    else:
+        quantity = f"{quantity_label(name).words or name} biased by the trim"
+    value, limit = remark.values["found"], _three_digits(remark.values["limit"])
+    sign = MINUS if value < 0.0 else "+"
+    # The text of the remark ends with the words of a limit that the case file allows.
     allowed = "".join(remark.text.partition(ALLOWED)[1:])
-    return (
-        f"{what}: {MINUS if found < 0.0 else '+'}{_three_digits(abs(found))}{unit}, beyond "
-        f"{_three_digits(limit)}{unit}{allowed}"
-    )
+    return f"{quantity}: {sign}{_three_digits(abs(value))}{unit}, beyond {limit}{unit}{allowed}"
 
 
 def _three_digits(value: float) -> str:
@@ -98,59 +99,94 @@ def _three_digits(value: float) -> str:
 
 
 def reason_text(remarks: Sequence[RowRemark]) -> str:
-    """Return why a row is not judged, or fails without a number: its first remark that is not of
-    the values alone.
+    """Return why a row is not judged, or why it fails without a number.
+
+    It is the first remark that is not on values alone; empty without such a remark.
 
     Examples
     --------
-    >>> reason_text([RowRemark("values", "flight 2.84 s"), RowRemark("no_mode", "the model: no oscillation stands out")])
+    >>> values = RowRemark("values", "flight 2.84 s")
+    >>> reason_text([values, RowRemark("no_mode", "the model: no oscillation stands out")])
     'the model: no oscillation stands out'
     """
-    return next(
-        (criterion_words(remark_text(remark)) for remark in remarks if remark.kind != "values"), ""
-    )
+    for remark in remarks:
+        if remark.kind != "values":
+            return criterion_words(remark_text(remark))
+    return ""
 
 
 def verdict_blocks(result: PomResult) -> dict[str, Any]:
-    """Return one block per criterion with one row per model; alternatives of one group follow each
-    other.
+    """Return one block per criterion with one row per model.
+
+    Alternatives of one group follow each other.
+
+    Returns
+    -------
+    dict
+        ``blocks`` of judged criteria, criteria that are ``left_out``, and whether a row has
+        ``values``.
     """
-    records: list[dict[Hashable, Any]] = [{**row, "index": i} for i, row in enumerate(result.rows)]
-    applying = {c.name: c.group for c in result.case.criteria if c.applies}
-    groups = list(dict.fromkeys(row["group"] for row in records))
-    names = sorted(
-        dict.fromkeys((row["group"], row["criterion"]) for row in records),
-        key=lambda pair: groups.index(pair[0]),
-    )
-    blocks: list[dict[str, Any]] = []
-    for group, name in names:
-        rows = [row for row in records if row["criterion"] == name]
-        first = next((row for row in rows if math.isfinite(row["width"])), rows[0])
-        joint = list(applying.values()).count(group) > 1 and name in applying
-        again = joint and any(block["group"] == group and block["joint"] for block in blocks)
-        blocks.append(
-            {
-                "criterion": criterion_words(name),
-                "group": group,
-                "joint": "" if not joint else "or" if again else "either",
-                "label": quantity_label(first["channel"]) if first["channel"] else None,
-                "measure": _MEASURES.get(first["measure"], criterion_words(first["measure"])),
-                "printed": first["tolerance_text"],
-                "applied": first["applied_text"] or _applied(result, first),
-                "window": f"{fixed_decimals(first['window_start'], 2)} … "
-                f"{fixed_decimals(first['window_stop'], 2)}",
-                "mark": MARKS.get(first["provenance"], ""),
-                "rows": [_verdict_row(row) for row in rows],
-                "left_out": "" if name in applying else reason_text(rows[0]["remarks"]),
-            }
-        )
-    judged = [block for block in blocks if not block["left_out"]]
-    left_out = [block for block in blocks if block["left_out"]]
-    # The columns of the values are shown if one row has a value.
+    group_by_name = {c.name: c.group for c in result.case.criteria if c.applies}
+    # Number of criteria of every group that apply; several of them are alternatives.
+    group_sizes = Counter(group_by_name.values())
+    rows_by_criterion = _group_rows(result)
+    judged: list[dict[str, Any]] = []
+    left_out: list[dict[str, Any]] = []
     has_values = False
-    for block in judged:
+    begun_groups = set()
+    for (group, name), rows in rows_by_criterion.items():
+        block = _verdict_block(result, name, rows)
+        block["group"] = group
+        if name not in group_by_name:
+            block["left_out"] = reason_text(rows[0]["remarks"])
+        elif group_sizes[group] > 1:
+            block["joint"] = "or" if group in begun_groups else "either"
+            begun_groups.add(group)
+        if block["left_out"]:
+            left_out.append(block)
+            continue
+        judged.append(block)
+        # The columns of the values are printed if one row has a value.
         has_values = has_values or any(row["has_value"] for row in block["rows"])
     return {"blocks": judged, "left_out": left_out, "values": has_values}
+
+
+def _group_rows(
+    result: PomResult,
+) -> dict[tuple[str, str], list[dict[Hashable, Any]]]:
+    """Return the verdict rows by group and criterion, with the groups in order of appearance."""
+    rows_by_criterion: dict[tuple[str, str], list[dict[Hashable, Any]]] = {}
+    for i, row in enumerate(result.rows):
+        key = (row["group"], row["criterion"])
+        rows_by_criterion.setdefault(key, []).append({**row, "index": i})
+    # Criteria of a group may be apart in the table of verdicts.
+    groups = list(dict.fromkeys([group for group, _ in rows_by_criterion]))
+    keys = sorted(rows_by_criterion, key=lambda key: groups.index(key[0]))
+    return {key: rows_by_criterion[key] for key in keys}
+
+
+def _verdict_block(
+    result: PomResult, name: str, rows: Sequence[Mapping[Hashable, Any]]
+) -> dict[str, Any]:
+    """Return the block of one criterion; its tolerance is that of the first row with a width."""
+    first = rows[0]
+    for row in rows:
+        if math.isfinite(row["width"]):
+            first = row
+            break
+    start, stop = first["window_start"], first["window_stop"]
+    return {
+        "criterion": criterion_words(name),
+        "joint": "",
+        "label": quantity_label(first["channel"]) if first["channel"] else None,
+        "measure": _MEASURES.get(first["measure"], criterion_words(first["measure"])),
+        "printed": first["tolerance_text"],
+        "applied": first["applied_text"] or _applied_text(result, first),
+        "window": f"{fixed_decimals(start, 2)} … {fixed_decimals(stop, 2)}",
+        "mark": MARKS.get(first["provenance"], ""),
+        "rows": [_verdict_row(row) for row in rows],
+        "left_out": "",
+    }
 
 
 def _verdict_row(row: Mapping[Hashable, Any]) -> dict[str, Any]:
@@ -160,9 +196,9 @@ def _verdict_row(row: Mapping[Hashable, Any]) -> dict[str, Any]:
         "index": row["index"],
         "run": row["run"],
         "has_value": math.isfinite(row["flight_value"]),
-        "flight": _sized(row["flight_value"], row),
-        "model": _sized(row["model_value"], row),
-        "worst": _sized(row["worst"], row, with_unit=True),
+        "flight": _value_text(row["flight_value"], row),
+        "model": _value_text(row["model_value"], row),
+        "worst": _value_text(row["worst"], row, with_unit=True),
         "at": instant,
         "at_text": fixed_decimals(instant, 2),
         "ratio": fixed_decimals(row["worst_ratio"], 2),
@@ -173,28 +209,27 @@ def _verdict_row(row: Mapping[Hashable, Any]) -> dict[str, Any]:
     }
 
 
-def _sized(value: float, row: Mapping[Hashable, Any], with_unit: bool = False) -> str:
+def _value_text(value: float, row: Mapping[Hashable, Any], with_unit: bool = False) -> str:
     """Return a number in the unit of the table, with decimals to a hundredth of the tolerance."""
     if not math.isfinite(value):
         return MISSING
-    resolved = math.isfinite(row["width"]) and row["width"] > 0.0
-    text = (
-        fixed_decimals(value, max(0, math.ceil(2.0 - math.log10(row["width"]))))
-        if resolved
-        else format_number(value)
-    )
+    width = row["width"]
+    if math.isfinite(width) and width > 0.0:
+        text = fixed_decimals(value, max(0, math.ceil(2.0 - math.log10(width))))
+    else:
+        text = format_number(value)
     return f"{text} {pretty_unit(row['unit'])}".strip() if with_unit else text
 
 
-def _applied(result: PomResult, row: Mapping[Hashable, Any]) -> str:
-    """Return the half width as applied; a width that follows the flight value shows its range."""
+def _applied_text(result: PomResult, row: Mapping[Hashable, Any]) -> str:
+    """Return the half width as applied; a width that depends on the flight value as a range."""
     if not math.isfinite(row["width"]):
         return MISSING
-    unit = pretty_unit(row["unit"])
     text = format_number(row["width"])
     if row["channel"] in result.tolerance and row["measure"] == "trace":
         half = result.tolerance[row["channel"]].values
         half = half[np.isfinite(half) & (half > 0)]
+        # The width of the row is the smallest one.  Rounding errors are not a range.
         if len(half) and half.max() > 1.005 * half.min():
             text += f" … {format_number(row['width'] * half.max() / half.min())}"
-    return f"± {text} {unit}".strip()
+    return f"± {text} {pretty_unit(row['unit'])}".strip()

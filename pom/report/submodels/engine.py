@@ -23,10 +23,15 @@ from pom.report.submodels.section import (
     make_picture,
 )
 
+# Classes of the lines of a panel with several nodes.
 CODES = ("run-0", "run-2", "run-3", "run-4", "run-5")
-CHANGES = 4  # power changes that are drawn, those of the largest change of speed
-MACHS = 3  # Mach numbers of the deck that are drawn
+# Number of drawn power changes, those of the largest change of speed.
+CHANGES = 4
+# Number of drawn Mach numbers of the deck.
+MACHS = 3
+# Units of the tables of steady flight.
 UNITS = {"corrected_thrust": "N", "thrust": "N", "fuel_flow": "kg/s", "corrected_fuel_flow": "kg/s"}
+# Titles of the tables of the spools.
 ENGINE_SHOWN = {
     "n2_command": "n2 at rest, 1",
     "n1_command": "n1 at rest, 1",
@@ -147,6 +152,7 @@ def _draw_responses(name: str, responses: Sequence[xr.Dataset]) -> list[Picture]
     chosen = sorted(responses, key=lambda response: -float(np.ptp(response["n2"].values)))
     panels = []
     for response in chosen[:CHANGES]:
+        # The clock begins at zero in every panel.
         time = response["time"].values - response["time"].values[0]
         speeds = [speed for speed in ("n2", "n1") if speed in response]
         curves = [SectionLine(time, response["throttle"].values, "run-1")]
@@ -177,6 +183,7 @@ def _draw_deck(name: str, prior: xr.Dataset, leaf: xr.Dataset) -> list[Picture]:
     for title, deck in (("a priori", prior), ("from flight", leaf)):
         curves = []
         for mach, css in coded:
+            # From N to kN.
             thrust = _thrust_at(deck["value"], axis, mach) / 1e3
             curves.append(SectionLine(deck[axis].values, thrust, css))
         label = f"Corrected net thrust {title}, kN"

@@ -80,8 +80,8 @@ def _draw_loads(name: str, gear: IdentifiedGear) -> tuple[Picture, ...]:
         compression, load = np.concatenate(compressions), np.concatenate(forces)
         # Every n-th of the finite samples, about `SAMPLES` of them.
         finite = np.flatnonzero(np.isfinite(compression) & np.isfinite(load))
-        drawn = finite[:: max(1, len(finite) // SAMPLES)]
-        line = SectionLine(100.0 * compression[drawn], load[drawn] / 1e3, "run-3", marks=True)
+        samples = finite[:: max(1, len(finite) // SAMPLES)]
+        line = SectionLine(100.0 * compression[samples], load[samples] / 1e3, "run-3", marks=True)
         panels.append(PanelOf(f"{wheel}, load in kN", "compression, cm", (line,)))
     if not panels:
         return ()

@@ -65,6 +65,7 @@ def make_sections(
             )
         else:
             sections.append(section)
+    # All problems are raised together.
     if problems:
         raise SchemaError("report", problems)
     return sections

@@ -313,9 +313,13 @@ def test_coefficients_stay_for_a_later_server_and_make_room_for_what_is_used(ope
     monkeypatch.setattr(
         coefficients, "reconstruction_digest", lambda: "another one of the same version"
     )
-    assert not coefficients._target(OpenProject(opened.file, opened.work), FIRST, 4.0).exists()
+    assert not coefficients._coefficient_file(
+        OpenProject(opened.file, opened.work), FIRST, 4.0
+    ).exists()
     monkeypatch.undo()
-    assert coefficients._target(OpenProject(opened.file, opened.work), FIRST, 4.0).exists()
+    assert coefficients._coefficient_file(
+        OpenProject(opened.file, opened.work), FIRST, 4.0
+    ).exists()
     whole = flighttest.coefficients(
         opened.path(FIRST), opened.aircraft, dict(opened.project.errors), 4.0
     )

@@ -80,7 +80,7 @@ def test_a_damaged_state_is_refused(slave):
         slave.fmu.deserializeFMUState(bytes(kept[:-8]))
     assert slave.messages == [
         "these bytes are a damaged state: its SHA-256 does not agree",
-        "these bytes are no state of this model: wrong length",
+        "these bytes are not a state of this model: wrong length",
     ]
 
 

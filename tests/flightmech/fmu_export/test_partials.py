@@ -120,8 +120,8 @@ def test_what_has_no_partial_derivatives_is_refused(instance, version):
             "delta_e",
             "reading partial derivatives is not allowed while the instance is instantiated",
         ),
-        ("delta_e", "delta_e", "is no output and no state derivative"),
-        ("V", "mass.mass", "is no input and no state"),
+        ("delta_e", "delta_e", "is not an output or a state derivative"),
+        ("V", "mass.mass", "is not an input or a state"),
     ):
         with pytest.raises(FMICallException):
             slave.fmu.getDirectionalDerivative(

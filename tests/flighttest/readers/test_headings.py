@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flighttest
-from aeromatch.drafting.columns import guess_quantity
+from aeromatch.drafting.name_map.columns import guess_quantity
 from flightmech.errors import UnitError, UnknownName
 from flightmech.units import known_unit
 from flighttest.records.readers.columns import (

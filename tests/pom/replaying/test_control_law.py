@@ -15,7 +15,7 @@ from pom.cases.case import PomCase, driven_quantities, read_case
 from pom.cases.job import job_of
 from pom.replaying.kernel_replay import replay_choices
 from pom.replaying.replay_case import plan_of, replay
-from pom.report.case.start_and_inputs import describe_driving
+from pom.report.case.driving import describe_driving
 
 STEP, TAU = 0.02, 0.5
 LAW = '[control_law]\nfmu = "law.fmu"\nmoves = ["delta_e"]\n'

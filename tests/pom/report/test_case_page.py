@@ -10,10 +10,9 @@ from report_pages import page, set_rows, texts, write
 from pom.judging.measures.modal import mode_table
 from pom.report.case import page as case
 from pom.report.case import page as case_data
-from pom.report.case import panels, remarks
+from pom.report.case import panels, remarks, start
 from pom.report.case import panels as cross_plots
 from pom.report.case import remarks as modal
-from pom.report.case import start_and_inputs as initial_conditions
 from pom.report.presentation import quantities, traces
 from pom.tolerances.bands import RowRemark
 
@@ -193,16 +192,12 @@ def test_an_aeroplane_at_rest_has_no_flow_angles():
 
     result = fixture.roll_result()
     table = result.trim.copy()
-    names = {
-        row["label"].name
-        for _, rows in initial_conditions.trim_tables(result)["parts"]
-        for row in rows
-    }
+    names = {row["label"].name for _, rows in start.trim_tables(result)["parts"] for row in rows}
     assert "alpha" in names
     table.loc["V"] = 0.5
     still = {
         row["label"].name
-        for _, rows in initial_conditions.trim_tables(replace(result, trim=table))["parts"]
+        for _, rows in start.trim_tables(replace(result, trim=table))["parts"]
         for row in rows
     }
     assert names - still == {"alpha"}
@@ -316,9 +311,7 @@ def test_biases_of_the_trim_are_marked_beyond_their_limit():
     table = fixture.trim(("datcom",))
     table.loc["trim.delta_e", "datcom"] = np.radians(-1.2)
     table.loc["trim.throttle"] = [np.nan, 0.0]
-    parts = dict(
-        initial_conditions.trim_tables(replace(fixture.short_period_result(), trim=table))["parts"]
-    )
+    parts = dict(start.trim_tables(replace(fixture.short_period_result(), trim=table))["parts"])
     found = [
         (row["label"].name, row["cells"], row["limit"]) for row in parts["Biases found by the trim"]
     ]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from pom.report.exports import csv_lines
+from pom.report.csv_lines import csv_lines
 
 EDGES = [
     0.0,

@@ -16,8 +16,7 @@ import xarray as xr
 import pom
 from flightmech.errors import SchemaError
 from pom.archive import archive
-from pom.report import exports
-from pom.report import exports as csv_lines
+from pom.report import csv_lines, exports
 from pom.report.case.page import case_keys
 from pom.tolerances.bands import RowRemark
 

@@ -8,10 +8,8 @@ import report_fixture as fixture
 
 from pom.report.case import page as case
 from pom.report.case import page as case_data
-from pom.report.case import panels
-from pom.report.case import start_and_inputs as initial_conditions
-from pom.report.presentation import quantities, traces
-from pom.report.presentation import quantities as term_names
+from pom.report.case import panels, start
+from pom.report.presentation import quantities, term_words, traces
 
 
 @pytest.mark.parametrize("index", [0, 1, 2])
@@ -135,14 +133,14 @@ def test_symbols():
     ],
 )
 def test_terms_in_words(term, stated):
-    assert term_names.term_words(term) == stated
+    assert term_words.term_words(term) == stated
 
 
 def test_winds_are_named_from_where_they_blow():
-    assert initial_conditions.wind_text(0.0, -5.0) == "from 090° true at 9.7 kt"
-    assert initial_conditions.wind_text(-5.0, 0.0) == "from 360° true at 9.7 kt"
-    assert initial_conditions.wind_text(0.0, 0.0) == "calm"
-    assert initial_conditions.wind_text(5.0, 0.0, -1.0).endswith(
+    assert start.wind_text(0.0, -5.0) == "from 090° true at 9.7 kt"
+    assert start.wind_text(-5.0, 0.0) == "from 360° true at 9.7 kt"
+    assert start.wind_text(0.0, 0.0) == "calm"
+    assert start.wind_text(5.0, 0.0, -1.0).endswith(
         "from 180° true at 9.7 kt, up 1.0\N{NO-BREAK SPACE}m/s"
     )
 

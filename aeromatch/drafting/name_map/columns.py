@@ -1,23 +1,18 @@
-"""Quantity and unit of a column of a recorder, by its name and by the size of its values."""
+"""Quantity and unit of a column of a recorder, by its name."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from flightmech.errors import UnitError, UnknownName, find_symbol
 from flightmech.names import COEFFICIENTS, lookup
 from flightmech.units import fitted_unit, parse_unit
-from flighttest.reconstruction.quality.checks.mistake_search import plausible_range
-from flighttest.records.readers.channel_correction import recorder_units
 from flighttest.records.readers.columns import split_heading, units_at_the_end, words_of
 
 # Names of channels in recorders, in lower case without separators. The symbols of the field are
 # known to `flightmech.errors.find_symbol`.
-_WORDS = {
+HEADING_WORDS = {
     "p": "p ratep rollrate bodyrollrate gyrox gyrp wx",
     "q": "q rateq pitchrate bodypitchrate gyroy gyrq wy",
     "r": "r rater yawrate bodyyawrate gyroz gyrr wz",
@@ -79,7 +74,11 @@ _WORDS = {
     "engine.itt": "itt",
     "engine.torque": "torque trq",
 }
-_NAME = {word: name for name, words in _WORDS.items() for word in words.split()}
+# Quantity of each name of a channel.
+_NAME: dict[str, str] = {}
+for _quantity, _names in HEADING_WORDS.items():
+    _NAME |= dict.fromkeys(_names.split(), _quantity)
+# Recorded quantity of each canonical name that is a corrected quantity.
 _RECORDED = {
     "x_cg": "x_cg_b",
     "alpha": "alpha_vane",
@@ -89,63 +88,43 @@ _RECORDED = {
     "ay": "ay_imu",
     "az": "az_imu",
 }
-"""Recorded quantity of each canonical name that is a corrected quantity."""
-_DECORATION = frozenset(
-    (
-        *(
-            "pos",
-            "position",
-            "defl",
-            "deflection",
-            "angle",
-            "meas",
-            "measured",
-            "sensor",
-            "raw",
-            "value",
-            "act",
-            "actual",
-            "ang",
-        ),
-        *("filtered", "filt", "corr", "corrected", "body", "rec", "surf", "surface", "lever"),
-        *(
-            "adc",
-            "ins",
-            "ahrs",
-            "imu",
-            "ads",
-            "fms",
-            "efis",
-            "irs",
-            "dau",
-            "daq",
-            "fdr",
-            "egi",
-            "nav",
-            "air",
-            "adhrs",
-        ),
-    )
+# Words of a heading that do not name a quantity.
+_DECORATION_TEXT = (
+    "pos position defl deflection angle ang meas measured sensor raw value act actual filtered "
+    "filt corr corrected body rec surf surface lever adc ins ahrs imu ads fms efis irs dau daq "
+    "fdr egi nav air adhrs"
 )
+_DECORATION = frozenset(_DECORATION_TEXT.split())
 # Sign of a heading with a word for a direction: +1 if it is the positive direction of the quantity,
 # -1 if it is the opposite one. Positive are trailing edge down, trailing edge left, and an aileron
 # deflection that rolls to the left.
+_TRAILING_EDGE = {"teu": -1, "ted": 1}
+_NOSE_UP = {"anu": 1, "nu": 1, "and": -1, "nd": -1}
+_RIGHT_WING_DOWN = {"rwd": 1, "lwd": -1}
+_NOSE_RIGHT = {"anr": 1, "nr": 1, "anl": -1, "nl": -1}
 _SENSES = {
     "delta_e": {"teu": -1, "ted": 1, "anu": -1, "nu": -1, "and": 1, "nd": 1, "up": -1, "dn": 1},
-    **{
-        name: {"teu": -1, "ted": 1}
-        for name in ("delta_a_left", "delta_a_right", "delta_f", "delta_t")
-    },
     "delta_a": {"lwd": 1, "rwd": -1, "teu": -1, "ted": 1},
+    "delta_a_left": _TRAILING_EDGE,
+    "delta_a_right": _TRAILING_EDGE,
+    "delta_f": _TRAILING_EDGE,
+    "delta_t": _TRAILING_EDGE,
     "delta_r": {"tel": 1, "ter": -1, "anl": 1, "nl": 1, "anr": -1, "nr": -1},
-    **{name: {"anu": 1, "nu": 1, "and": -1, "nd": -1} for name in ("theta", "q", "alpha_vane")},
-    **{name: {"rwd": 1, "lwd": -1} for name in ("phi", "p")},
-    **{name: {"anr": 1, "nr": 1, "anl": -1, "nl": -1} for name in ("psi", "r")},
+    "theta": _NOSE_UP,
+    "q": _NOSE_UP,
+    "alpha_vane": _NOSE_UP,
+    "phi": _RIGHT_WING_DOWN,
+    "p": _RIGHT_WING_DOWN,
+    "psi": _NOSE_RIGHT,
+    "r": _NOSE_RIGHT,
 }
+# Number of an engine or of a surface by the word for its side.
 _SIDES = {"l": 1, "lh": 1, "left": 1, "port": 1, "r": 2, "rh": 2, "right": 2, "stbd": 2}
-_SENSE_WORDS = {word for senses in _SENSES.values() for word in senses}
+_SENSE_WORDS = frozenset().union(*_SENSES.values())
 _OF_ENGINES = ("throttle", "pla", "n1", "n2", "fuel_flow", "thrust", "itt", "torque")
 _NO_CHANNELS = ("time", "t", "S", "cbar", "b", *COEFFICIENTS)
+_ENGINE_NUMBER = re.compile(r"(?:eng|engine|e)?([1-9])")
+_NUMBERED_QUANTITY = re.compile(r"(throttle|thrust|pla|tla|thr|torque|itt)([1-9])")
 # Letters of a name that is too short to be recognised in a part of a heading.
 _SHORT = 2
 
@@ -195,8 +174,8 @@ def guess_quantity(column: str) -> Guess | None:
     'engine1.thrust'
     >>> guess_quantity("Roll Rate (deg/s)").name, guess_quantity("Roll Rate (deg/s)").unit
     ('p', 'deg/s')
-    >>> guess_quantity("ELEV_DEG_TEU").name, guess_quantity("ELEV_DEG_TEU").unit, guess_quantity("ELEV_DEG_TEU").sign
-    ('delta_e', 'deg', -1)
+    >>> guess_quantity("ELEV_DEG_TEU").name, guess_quantity("ELEV_DEG_TEU").sign
+    ('delta_e', -1)
     >>> guess_quantity("spare_7") is None
     True
     """
@@ -223,8 +202,8 @@ def _guess_name(name: str, column: str) -> Guess | None:
     words = words_of(re.sub(r"\[\d+\]$", "", name.rpartition(".")[2] or name))
     for position in range(len(words) - 1, 0, -1):
         if words[position] in _SENSE_WORDS:
-            others = words[:position] + words[position + 1 :]
-            guess = _guess_with_sense(others, words[position], name=name, column=column)
+            remaining = words[:position] + words[position + 1 :]
+            guess = _guess_with_sense(remaining, words[position], name=name, column=column)
             if guess is not None:
                 return guess
     return _guess_words(words, name, column)
@@ -280,62 +259,75 @@ def _canonical_channel(name: str) -> str:
 
 def _quantity_of_words(words: list[str], column: str) -> tuple[str, int] | None:
     """Return the quantity of words, and the rank by the number of words that are ignored."""
-    plain, engine = _numbered(words)
+    plain, engine = _split_number(words)
     bare = [word for word in plain if word not in _DECORATION]
-    tries = [
-        (words, 1),
-        (plain, 1),
-        (bare, 2),
-        *((bare[start:], 2 + start) for start in range(1, len(bare))),
-    ]
+    # From all words to the last word, which names the quantity best.
+    tries = [(words, 1), (plain, 1), (bare, 2)]
+    for start in range(1, len(bare)):
+        tries.append((bare[start:], 2 + start))
     for part, rank in tries:
         text = "".join(part)
-        name = _NAME.get(text) or _RECORDED.get(find_symbol(text) or "", find_symbol(text))
+        name = _quantity_of_text(text)
         if not name:
             continue
         if rank > 2 and len(text) <= _SHORT and text not in ("n1", "n2"):
             continue
         if name == "h_baro" and ("gps" in column or "gnss" in column):
             name = "h_gps"
-        return _for_engine(name, engine), rank
+        return _number_quantity(name, engine), rank
     return None
 
 
-def _numbered(words: list[str]) -> tuple[list[str], int]:
-    """Return the words without the number or side of an engine or surface, and that number; 0
-    without one.
+def _quantity_of_text(text: str) -> str | None:
+    """Return the recorded quantity of a name of a channel or of a symbol, or None."""
+    if text in _NAME:
+        return _NAME[text]
+    symbol = find_symbol(text)
+    return _RECORDED.get(symbol or "", symbol)
+
+
+def _split_number(words: list[str]) -> tuple[list[str], int]:
+    """Return the words without the number or side of an engine or surface, and the number.
+
+    The number is 0 if there is none.
     """
     plain: list[str] = []
     number = 0
     for position, word in enumerate(words):
-        match = re.fullmatch(r"(?:eng|engine|e)?([1-9])", word) if len(words) > 1 else None
-        if (
-            word in _SIDES
-            and len(words) > 1
-            and not (
-                word in "lr" and position == 0 and len(words) == 2 and words[1] in ("dot", "rate")
-            )
-        ):
+        match = _ENGINE_NUMBER.fullmatch(word)
+        numbered = _NUMBERED_QUANTITY.fullmatch(word)
+        if _is_side(words, position):
             number = _SIDES[word]
-        elif match:
+        elif match and len(words) > 1:
             number = int(match[1])
-        elif re.fullmatch(r"(throttle|thrust|pla|tla|thr|torque|itt)[1-9]", word):
-            plain, number = [*plain, word[:-1]], int(word[-1])
+        elif numbered:
+            plain.append(numbered[1])
+            number = int(numbered[2])
         elif word not in ("eng", "engine"):
             plain.append(word)
     return plain, number
 
 
-def _for_engine(name: str, number: int) -> str:
+def _is_side(words: list[str], position: int) -> bool:
+    """Return whether a word is the side of an engine or surface."""
+    word = words[position]
+    if word not in _SIDES or len(words) == 1:
+        return False
+    # r_dot and r_rate are a yaw rate, not a right side.
+    is_rate = len(words) == 2 and position == 0 and words[1] in ("dot", "rate")
+    return not (word in ("l", "r") and is_rate)
+
+
+def _number_quantity(name: str, number: int) -> str:
+    """Return a quantity with the number of its engine or the side of its surface."""
     if name in _OF_ENGINES:
         name = f"engine.{name}"
     if name.startswith("engine."):
         return name.replace("engine.", f"engine{number or 1}.")
-    return (
-        f"{name}_{'left' if number == 1 else 'right'}"
-        if name in ("delta_a", "delta_f") and number in (1, 2)
-        else name
-    )
+    if name in ("delta_a", "delta_f") and number in (1, 2):
+        side = "left" if number == 1 else "right"
+        return f"{name}_{side}"
+    return name
 
 
 def _implied_unit(name: str, quantity: str) -> str | None:
@@ -356,119 +348,3 @@ def _is_same_kind(unit: str, name: str) -> bool:
         return parse_unit(unit)[0] == dimension
     except (UnknownName, UnitError):
         return False
-
-
-# Median size of a channel in flight by its unit: lowest and highest value.
-_LEVELS = {
-    "az_imu": {"m/s2": (5.0, 20.0), "g": (0.5, 2.0), "ft/s2": (22.0, 50.0)},
-    "p_static": {
-        "Pa": (20e3, 110e3),
-        "hPa": (200.0, 1100.0),
-        "kPa": (20.0, 110.0),
-        "psf": (400.0, 2300.0),
-        "psi": (2.9, 16.0),
-    },
-    "temperature": {"K": (200.0, 330.0), "degC": (-70.0, 50.0)},
-}
-_TURNED = "psi"
-_FRACTIONS = ("throttle", "n1", "n2", "gear", "speedbrake", "brake")
-# A channel with a larger angle [rad] or rate [rad/s] is in degrees.
-_LARGEST_ANGLE, _LARGEST_RATE = 1.6, 3.0
-
-
-def stated_unit(unit: str | None, name: str) -> str | None:
-    """Return a unit as the package spells it when it is one of the quantity, else None."""
-    if not unit:
-        return None
-    unit = fitted_unit(unit, lookup(name).units)
-    try:
-        same = parse_unit(unit)[0] == parse_unit(lookup(name).units)[0]
-    except UnitError:
-        return None
-    plain = parse_unit(unit)[0] == (0, 0, 0, 0)  # an angle and a fraction are both pure numbers
-    return unit if same and (not plain or unit in recorder_units(name)) else None
-
-
-def unit_from_size(columns: Mapping[str, np.ndarray]) -> dict[str, tuple[str, str]]:
-    """Return the unit of every channel by the size of its values, and why.
-
-    Parameters
-    ----------
-    columns : mapping of str to array
-        Canonical name to values as recorded, of channels without a stated unit.
-
-    Notes
-    -----
-    Angles without a unit share one, rates of angles too: what is small in all of a record may be in degrees.  Where no unit is
-    certain the SI unit is returned with a reason that states it.
-    """
-    largest = {name: _largest(values) for name, values in columns.items()}
-    turning = any(
-        size > (2.0 * np.pi + 0.1 if name == _TURNED else _LARGEST_ANGLE)
-        for name, size in largest.items()
-        if lookup(name).units == "rad"
-    )
-    rotating = any(
-        size > _LARGEST_RATE for name, size in largest.items() if lookup(name).units == "rad s-1"
-    )
-    found = {}
-    for name, values in columns.items():
-        units = lookup(name).units
-        if units == "rad":
-            found[name] = (
-                ("deg", "angles exceed 1.6 rad") if turning else ("rad", "no angle exceeds 1.6 rad")
-            )
-        elif units == "rad s-1":
-            in_degrees = rotating or (turning and largest[name] > 0.5)
-            found[name] = (
-                ("deg/s", "as the angles" if not rotating else "rates exceed 3 rad/s")
-                if in_degrees
-                else ("rad/s", "by size")
-            )
-        elif name.rpartition(".")[2] in _FRACTIONS and units == "1":
-            found[name] = (
-                ("%", f"reaches {largest[name]:.3g}") if largest[name] > 2.0 else ("1", "by size")
-            )
-        else:
-            found[name] = _level(name, values)
-    if "az_imu" in found:  # accelerations of one unit stand in one unit
-        found.update(
-            {
-                name: (found["az_imu"][0], "as az_imu")
-                for name in ("ax_imu", "ay_imu")
-                if name in found
-            }
-        )
-    return found
-
-
-def _level(name: str, values: np.ndarray) -> tuple[str, str]:
-    finite = np.asarray(values, float)
-    finite = finite[np.isfinite(finite)]
-    middle = float(np.median(finite)) if len(finite) else 0.0
-    size = middle if name == "temperature" else abs(middle)
-    for unit, (low, high) in _LEVELS.get(name, {}).items():
-        if low <= size <= high:
-            return unit, f"median {middle:.4g}"
-    candidates = recorder_units(name) or (lookup(name).units,)
-    limits = plausible_range(name)
-    if limits is not None and len(finite):
-        fitting = [
-            unit
-            for unit in candidates
-            if limits[0] <= _si(finite.min(), unit) and _si(finite.max(), unit) <= limits[1]
-        ]
-        if len(fitting) == 1:
-            return fitting[0], "the only unit in which it is possible"
-    return candidates[0], "CONFIRM: taken as SI" if len(candidates) > 1 else "SI"
-
-
-def _si(value: float, unit: str) -> float:
-    _, factor, zero = parse_unit(unit)
-    return float(value) * factor + zero
-
-
-def _largest(values: np.ndarray) -> float:
-    finite = np.abs(np.asarray(values, float))
-    finite = finite[np.isfinite(finite)]
-    return float(np.percentile(finite, 99.5)) if len(finite) else 0.0

@@ -11,8 +11,8 @@ from typing import Any
 import xarray as xr
 
 import flighttest
-from aeromatch.drafting.name_rows import NameMapRow
-from aeromatch.drafting.names import NamesDraft
+from aeromatch.drafting.name_map.name_rows import NameMapRow
+from aeromatch.drafting.name_map.names import NamesDraft
 from flightmech.errors import SchemaError
 from flighttest.records.readers.name_map import Channel
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from aeromatch.drafting.names import NamesDraft
+from aeromatch.drafting.name_map.names import NamesDraft
 from aeromatch.drafting.sources import quote
 from aeromatch.project.schemas import schema_lines
 from flightmech.names import lookup

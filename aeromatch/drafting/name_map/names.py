@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from aeromatch.drafting.name_rows import (
+from aeromatch.drafting.name_map.name_rows import (
     AssignedColumns,
     NameMapRow,
     assign_columns,

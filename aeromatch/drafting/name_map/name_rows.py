@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from aeromatch.drafting.columns import Guess, guess_quantity, stated_unit, unit_from_size
+from aeromatch.drafting.name_map.column_units import stated_unit, unit_from_size
+from aeromatch.drafting.name_map.columns import Guess, guess_quantity
 from flightmech.errors import UnitError
 from flightmech.names import lookup
 from flightmech.units import G0, fitted_unit, known_unit, parse_unit

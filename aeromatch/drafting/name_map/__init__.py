@@ -1,0 +1,1 @@
+"""Name map of recordings: quantity, unit and sign of every channel."""
