@@ -18,6 +18,7 @@ from flightmech.errors import AeromatchError, ParseError
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.hdf5_seal import write_seal
 from flightmech.support.input_files import json_content
+from flighttest.records.channel_groups import RecordGroup
 from flighttest.records.readers.clocks import Clocks, TableClock
 from flighttest.records.readers.columns import clear_unit
 from flighttest.records.readers.formats.chapter10.packets import index_packets
@@ -26,7 +27,7 @@ from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.name_map_reading import read_names
 from flighttest.records.readers.opening import FORMATS, open_recording, recognise_recording
 from flighttest.records.readers.recording import Recording
-from flighttest.records.reading import Arrays, RecordGroup, unnamed_arrays
+from flighttest.records.reading import Arrays, unnamed_arrays
 from flighttest.records.signals.blank_cells import clocks_of_rows
 from flighttest.records.signals.sample_flags import flag_sentences, read_stored_flags
 from flighttest.records.stored_overview import OVERVIEW
