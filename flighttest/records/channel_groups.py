@@ -74,6 +74,31 @@ def make_groups(
     SchemaError
         The columns of the leaf are in tables with different clocks.
     """
+    clock, raw = _raw_samples(leaf, places, clocks)
+    channels = mapping.leaves[leaf]
+    parts = clocks_of_rows(clock.time, raw)
+    if len(parts) == 1 and parts[0][0] is None:
+        group = _convert_group(channels, places, clocks.tables, clock=clock, raw=raw)
+        return {leaf: group}
+
+    # The channels of all rows, or else the largest part, have the name of the leaf.
+    parts.sort(key=lambda part: (part[0] is not None, -len(part[1])))
+    groups: dict[str, RecordGroup] = {}
+    for is_filled, names in parts:
+        part_clock, part_raw = clock, {name: raw[name] for name in names}
+        if is_filled is not None:
+            samples = np.flatnonzero(is_filled)
+            part_clock = _select_rows(clock, samples)
+            part_raw = {name: raw[name][samples] for name in names}
+        group = _convert_group(channels, places, clocks.tables, clock=part_clock, raw=part_raw)
+        groups[_group_name(leaf, groups, part_clock)] = group
+    return groups
+
+
+def _raw_samples(
+    leaf: str, places: dict[str, ColumnPlace], clocks: Clocks
+) -> tuple[TableClock, dict[str, np.ndarray]]:
+    """Return the clock of a leaf, and the recorded samples of its channels on this clock."""
     what = f"{clocks.file}, leaf {leaf}"
     tables = sorted({table for table, _ in places.values()})
     for table in tables[1:]:
@@ -93,24 +118,7 @@ def make_groups(
         if len(clock.samples) != len(values):
             values = values[clock.samples]
         raw[name] = values
-    channels = mapping.leaves[leaf]
-    parts = clocks_of_rows(clock.time, raw)
-    if len(parts) == 1 and parts[0][0] is None:
-        group = _convert_group(channels, places, clocks.tables, clock=clock, raw=raw)
-        return {leaf: group}
-
-    # The channels of all rows, or else the largest part, have the name of the leaf.
-    parts.sort(key=lambda part: (part[0] is not None, -len(part[1])))
-    groups: dict[str, RecordGroup] = {}
-    for is_filled, names in parts:
-        part_clock, part_raw = clock, {name: raw[name] for name in names}
-        if is_filled is not None:
-            samples = np.flatnonzero(is_filled)
-            part_clock = _select_rows(clock, samples)
-            part_raw = {name: raw[name][samples] for name in names}
-        group = _convert_group(channels, places, clocks.tables, clock=part_clock, raw=part_raw)
-        groups[_group_name(leaf, groups, part_clock)] = group
-    return groups
+    return clock, raw
 
 
 def _group_name(leaf: str, groups: Mapping[str, RecordGroup], clock: TableClock) -> str:
