@@ -141,7 +141,7 @@ def _listing(file: str, names: str | None) -> dict[str, Any]:
     stored = None if names else stored_overview(file, "listing")
     if stored is not None:
         return stored
-    from flighttest.records.files import record_listing
+    from flighttest.records.listing import record_listing
     from flighttest.records.reading import read_arrays
 
     return record_listing(read_arrays(file, names))

@@ -23,7 +23,7 @@ import xarray as xr
 from flightmech.errors import AeromatchError, ParseError, SchemaError
 from flightmech.names import quantity_attributes
 from flighttest.records.channel_groups import ChannelSamples, RecordGroup
-from flighttest.records.files import MANOEUVRE, channel_rows, fault_texts, read_listed_rows
+from flighttest.records.listing import MANOEUVRE, channel_rows, fault_texts, read_listed_rows
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.reading import Arrays, read_arrays
 from flighttest.records.signals.sample_flags import as_text, read_stored_flags

@@ -21,7 +21,7 @@ whenever `flight show` or `flight info` would print something else of the same f
 def stored_overview(
     path: str | Path, part: Literal["listing", "contents"]
 ) -> dict[str, Any] | None:
-    """Return what a sealed file states about itself: `flighttest.records.files.record_listing` or
+    """Return what a sealed file states about itself: `flighttest.records.listing.record_listing` or
     `flighttest.records.contents`.
 
     Returns
