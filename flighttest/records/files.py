@@ -6,7 +6,6 @@ The contents are tables, clocks, columns and units, from which a user writes a n
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ import xarray as xr
 from flightmech.errors import AeromatchError
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.hdf5_seal import write_seal
-from flighttest.records.listing import record_listing
 from flighttest.records.readers.clocks import Clocks, TableClock
 from flighttest.records.readers.columns import clear_unit
 from flighttest.records.readers.formats.chapter10.packets import index_packets
@@ -25,9 +23,7 @@ from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.name_map_reading import read_names
 from flighttest.records.readers.opening import FORMATS, open_recording, recognise_recording
 from flighttest.records.readers.recording import RecordedTable, Recording
-from flighttest.records.reading import unnamed_arrays
 from flighttest.records.signals.blank_cells import clocks_of_rows
-from flighttest.records.stored_overview import OVERVIEW
 
 
 def contents(path: str | Path, names: str | Path | NameMap | None = None) -> dict[str, Any]:
@@ -184,26 +180,7 @@ def save_record(record: xr.DataTree, path: str | Path) -> None:
 def _save_sealed(groups: Mapping[str, xr.Dataset], target: Path) -> None:
     with written_atomically(target) as part:
         _write_netcdf(groups, part)
-        write_seal(part, OVERVIEW, _make_overview(part))
-
-
-def _make_overview(part: Path) -> dict[str, Any] | None:
-    """Return the results of `flight show` and `flight info` of a file, None without a result."""
-    overview: dict[str, Any] = {}
-    # A file that one of the verbs refuses has no overview of this verb.
-    with suppress(AeromatchError):
-        names = NameMap({})
-        recording = open_recording(part, names)
-        report = {
-            "file": None,
-            "format": FORMATS[recording.kind][1],
-            **_describe_recording(recording, names, part),
-        }
-        # The text of a fault has the temporary name of the file.
-        if not any(table["clock_fault"] for table in report["tables"]):
-            overview["contents"] = report
-        overview["listing"] = record_listing(unnamed_arrays(recording, None, part))
-    return overview or None
+        write_seal(part)
 
 
 def write_groups(groups: Mapping[str, xr.Dataset], target: Path) -> None:

@@ -24,7 +24,6 @@ from flighttest.records.readers.name_map_reading import read_names, shipped_maps
 from flighttest.records.readers.opening import FORMATS, open_recording
 from flighttest.records.readers.recording import Recording, clock_name, flight_mode_rows
 from flighttest.records.readers.utc_time import utc_facts
-from flighttest.records.stored_overview import add_file_name_facts, encodable_text
 
 
 class Arrays(NamedTuple):
@@ -47,15 +46,6 @@ def read_arrays(path: str | Path, names: str | Path | NameMap | None = None) -> 
     if mapping is not None and not isinstance(mapping, NameMap):
         mapping = read_names(mapping)
     recording = open_recording(path, mapping or NameMap({}))
-    record = unnamed_arrays(recording, mapping, path)
-    return record._replace(attrs=add_file_name_facts(record.attrs, path.name))
-
-
-def unnamed_arrays(recording: Recording, mapping: NameMap | None, path: Path) -> Arrays:
-    """Return a flight record in plain arrays, with None for facts from the name of its file.
-
-    Errors are the same as in `read_arrays`.
-    """
     if mapping is None:
         mapping = _canonical_map(recording, path)
     clocks = Clocks(recording.tables, mapping, path.name, recording.left_out)
@@ -71,7 +61,7 @@ def unnamed_arrays(recording: Recording, mapping: NameMap | None, path: Path) ->
     _add_constants(leaves, mapping)
     unmapped = _unmapped_columns(mapped.places, clocks)
 
-    attrs = _record_facts(recording, mapping, clocks)
+    attrs = _record_facts(recording, mapping, clocks, path)
     attrs["unmapped"] = ", ".join(unmapped)
     attrs["absent"] = " ".join(mapped.absent)
     if recording.modes:
@@ -83,7 +73,7 @@ def unnamed_arrays(recording: Recording, mapping: NameMap | None, path: Path) ->
         attrs["left_out"] = json.dumps(left_out)
     for key, value in attrs.items():
         if isinstance(value, str):
-            attrs[key] = encodable_text(value)
+            attrs[key] = _to_encodable(value)
     return Arrays(attrs, leaves)
 
 
@@ -116,7 +106,9 @@ def _unmapped_columns(places: Mapping[str, Mapping[str, ColumnPlace]], clocks: C
     return unmapped
 
 
-def _record_facts(recording: Recording, mapping: NameMap, clocks: Clocks) -> dict[str, Any]:
+def _record_facts(
+    recording: Recording, mapping: NameMap, clocks: Clocks, path: Path
+) -> dict[str, Any]:
     """Return the facts of the file, of the time of the world and of the name map."""
     facts: dict[str, Any] = {}
     for key, value in recording.facts.items():
@@ -130,9 +122,14 @@ def _record_facts(recording: Recording, mapping: NameMap, clocks: Clocks) -> dic
         for name, instrument in mapping.instruments.items():
             instruments[name] = instrument.model_dump(exclude_defaults=True)
         facts["instruments"] = json.dumps(instruments)
-    facts.setdefault("title", facts.get("record") or None)
-    facts.update(source_file=None, format=FORMATS[recording.kind][1])
+    facts.setdefault("title", facts.get("record") or path.name.split(".")[0])
+    facts.update(source_file=path.name, format=FORMATS[recording.kind][1])
     return facts
+
+
+def _to_encodable(text: str) -> str:
+    """Replace undecodable bytes of a file name by question marks, so that files can store it."""
+    return text.encode("utf-8", "replace").decode()
 
 
 def _flight_modes(
