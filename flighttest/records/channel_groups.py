@@ -22,8 +22,8 @@ from flighttest.records.readers.columns import unit_of_column
 from flighttest.records.readers.name_map import Channel, NameMap
 from flighttest.records.readers.recording import RecordedTable
 from flighttest.records.signals.blank_cells import clocks_of_rows
-from flighttest.records.signals.conditioning import GAP, remove_delay
 from flighttest.records.signals.delays import follow_command, remove_lag
+from flighttest.records.signals.resampling import GAP, remove_delay
 from flighttest.records.signals.sample_flags import (
     MOST,
     Flag,

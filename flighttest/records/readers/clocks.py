@@ -21,7 +21,7 @@ from flighttest.records.readers.columns import column_called, unit_of_column
 from flighttest.records.readers.name_map import Clock, NameMap
 from flighttest.records.readers.recording import LeftOut, RecordedTable, clock_name
 from flighttest.records.readers.times_of_day import seconds_of_digits
-from flighttest.records.signals.conditioning import GAP
+from flighttest.records.signals.resampling import GAP
 from flighttest.records.signals.sample_flags import MOST, Flag
 
 _COUNTERS = tuple(float(2**bits) for bits in (16, 24, 31, 32))  # in counts of the clock

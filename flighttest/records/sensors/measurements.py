@@ -19,7 +19,8 @@ from flightmech.air import (
 from flightmech.errors import OutOfRange, SchemaError
 from flightmech.names import quantity_attributes
 from flighttest.records.sensors.instruments import IMU, MEASURED, SPEEDS, Instruments
-from flighttest.records.signals.conditioning import demand_numbers, lowpass
+from flighttest.records.signals.conditioning import demand_numbers
+from flighttest.records.signals.resampling import lowpass
 from flighttest.records.signals.sample_flags import find_spikes
 
 # Radius of the Earth in the geopotential height of the standard atmosphere. [m]

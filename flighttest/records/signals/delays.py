@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flightmech.errors import IdentificationError
-from flighttest.records.signals.conditioning import GAP
 from flighttest.records.signals.differentiation import WINDOW, derivative
+from flighttest.records.signals.resampling import GAP
 from flighttest.records.signals.sample_flags import ENDLESS
 
 COHERENT = 0.8
