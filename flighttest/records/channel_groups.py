@@ -252,12 +252,12 @@ def _add_aileron(channels: dict[str, ChannelSamples]) -> None:
     """Add the aileron deflection, half the difference of the right and the left surface."""
     if "delta_a" in channels or not {"delta_a_left", "delta_a_right"} <= set(channels):
         return
-    left, right = channels["delta_a_left"].values, channels["delta_a_right"].values
+    difference = channels["delta_a_right"].values - channels["delta_a_left"].values
     attrs = {
         **quantity_attributes("delta_a"),
         "calibration": "(delta_a_right - delta_a_left) / 2",
     }
-    channels["delta_a"] = ChannelSamples((right - left) / 2.0, attrs)
+    channels["delta_a"] = ChannelSamples(difference / 2.0, attrs)
 
 
 def _describe_missing(flags: Iterable[Flag]) -> str:

@@ -150,12 +150,12 @@ def chosen_panels(
             raise UnknownName(name, available, "channel", f"there are {', '.join(available)}")
     if channels:
         return [[name] for name in channels]
-    left, right = _available_panels(MOTION, available), _available_panels(CONTROLS, available)
-    if not left or not right:
-        return left or right or [[name] for name in sorted(available)]
+    motion, controls = _available_panels(MOTION, available), _available_panels(CONTROLS, available)
+    if not motion or not controls:
+        return motion or controls or [[name] for name in sorted(available)]
     # The panels are in the order of the rows of the page.
     panels: list[list[str]] = []
-    rows: Iterator[tuple[list[str], list[str]]] = zip_longest(left, right, fillvalue=[])
+    rows: Iterator[tuple[list[str], list[str]]] = zip_longest(motion, controls, fillvalue=[])
     for row in rows:
         panels += row
     return panels

@@ -297,9 +297,9 @@ def follow_command(
     lag : float
         Time constant. [s]
     rate_limit : float
-        Highest rate of the position, in units of the command per second.
+        Highest rate of the position. [unit of the command per second]
     stops : (low, high)
-        Lowest and highest position.
+        Limits of the position.
 
     Returns
     -------
@@ -319,7 +319,6 @@ def follow_command(
     time, x = np.asarray(time, float), np.array(command, float)
     if len(x) < 2:
         return np.clip(x, *stops)
-    low, high = stops
     steps = np.diff(time)
     usual_step = float(np.median(steps))
     weights = {float(step): lag_weights(lag, float(step))[0] for step in np.unique(steps)}
@@ -331,12 +330,12 @@ def follow_command(
             y = math.nan
         elif math.isnan(y) or step > GAP * usual_step:
             # The actuator starts at rest at the command.
-            y = _clip(u, low, high)
+            y = _clip(u, *stops)
         else:
             E, c0, c1 = weights[step]
             reach = rate_limit * step
             y = _clip(E * y + c0 * previous + c1 * u, y - reach, y + reach)
-            y = _clip(y, low, high)
+            y = _clip(y, *stops)
         previous, position[k] = u, y
     return position
 
