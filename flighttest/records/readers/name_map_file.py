@@ -8,13 +8,19 @@ from __future__ import annotations
 from typing import Any
 
 from flightmech.names import ITEM, VOCABULARY
-from flightmech.support.toml_models import DIALECT, part_schema
+from flightmech.support.toml_models import DIALECT, Strict, part_schema
 from flighttest.records.readers.bus_words import KINDS
 from flighttest.records.readers.name_map import TOP, Channel, Clock, Facts, Utc
 from flighttest.records.sensors.instruments import Instrument
 
 _ENGINE = r"^engine[1-9]\d*$"
-_MODELS = {"Channel": Channel, "Clock": Clock, "Facts": Facts, "Utc": Utc, "Instrument": Instrument}
+_MODELS: dict[str, type[Strict]] = {
+    "Channel": Channel,
+    "Clock": Clock,
+    "Facts": Facts,
+    "Utc": Utc,
+    "Instrument": Instrument,
+}
 
 
 def name_map_schema() -> dict[str, Any]:
