@@ -62,6 +62,7 @@ def channel_rows(leaves: Mapping[str, RecordGroup]) -> list[dict[str, Any]]:
 
 def _limits(x: np.ndarray) -> tuple[float, float]:
     """Return smallest and largest value without NaN; NaN if no sample is finite."""
+    # An infinite sample is a limit only of a channel that also has finite samples.
     valid = x[~np.isnan(x)]
     if not np.isfinite(valid).any():
         return math.nan, math.nan
@@ -132,6 +133,7 @@ def fault_texts(
     leaves : iterable of (str, mapping)
         Name and attributes of each leaf, with its flags.
     """
+    # The notes of the file precede the flags that the reading added.
     texts = [str(note) for note in json.loads(attrs.get("notes", "[]"))]
     for leaf, leaf_attrs in leaves:
         flags = read_stored_flags(leaf_attrs.get("flags", "[]"))

@@ -45,6 +45,7 @@ def read_arrays(path: str | Path, names: str | Path | NameMap | None = None) -> 
     mapping = names
     if mapping is not None and not isinstance(mapping, NameMap):
         mapping = read_names(mapping)
+    # With the map a reader can load the requested columns only.
     recording = open_recording(path, mapping or NameMap({}))
     if mapping is None:
         mapping = _canonical_map(recording, path)
@@ -183,6 +184,7 @@ def _canonical_map(recording: Recording, path: Path) -> NameMap:
     UnknownName
         A column has another name.
     """
+    # A damaged column is not in the tables, so that its name alone tells that it was required.
     for omission in recording.left_out:
         column = omission.place.rpartition("/")[2]
         if omission.fault and is_canonical(column):

@@ -63,6 +63,7 @@ def merge(records: Sequence[xr.DataTree], offsets: Sequence[float] | None = None
                 f"after the first"
             ],
         )
+    # Leaves of different recorders may share a name, channels may not.
     leaves: dict[str, xr.Dataset] = {}
     file_of_channel: dict[str, str] = {}
     problems, notes, merged = [], [], []
@@ -266,6 +267,7 @@ def needs_names(path: str | Path) -> bool:
     ParseError
         The file is damaged, or of no known format.
     """
+    # A damaged file is an error with any name map.
     try:
         read_arrays(path)
     except ParseError:

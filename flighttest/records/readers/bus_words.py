@@ -151,6 +151,7 @@ class Arinc429Label(Strict):
         for key, value in values.items():
             if key not in required and value is not None:
                 problems.append(f"{key}: has no meaning for code {self.code!r}")
+        # Bits of a word are counted from 1 by ARINC 429; the data field ends at bit 29.
         for key, (low, high) in _ARINC429_LIMITS.items():
             value = values[key]
             if value is not None and not low <= value <= high:
@@ -317,6 +318,7 @@ class Pcm(Strict):
             problems.append(f"frame_words: found {self.frame_words}; allowed 1 to 16384")
         for name, word in self.parameters.items():
             problems += _unit_problems(name, word.unit)
+            # The default serves an empty list of words, which is a problem of the word.
             if max(word.words, default=1) > self.frame_words:
                 problems.append(f"parameters.{name}.word: a frame has {self.frame_words} words")
             problems += self._subframe_problems(name, word)
@@ -326,6 +328,7 @@ class Pcm(Strict):
         """Return what is wrong with the subframe of a parameter."""
         problems = []
         frame, frames = word.frame, word.frames
+        # A word of one subframe needs number and count of the subframes, and their counter.
         is_incomplete = (frame is None) != (frames is None)
         if is_incomplete or (frame is not None and self.counter is None):
             problems.append(

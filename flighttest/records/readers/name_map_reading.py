@@ -88,6 +88,7 @@ def _read_extended_content(path: Path, extending: tuple[Path, ...]) -> dict[str,
         raise SchemaError(f"name map {path}", duplicates)
     if content.get("optional") is True:
         content = _with_optional_channels(content)
+    # The entries of a map have priority over the map that it extends.
     base = content.pop("extends", None)
     if base is None:
         return content
@@ -158,6 +159,7 @@ def _parse_map(content: dict[str, Any], source: str, folder: Path, problems: lis
             continue
         leaves[leaf] = _parse_channels(leaf, table, folder, problems)
     problems += _repeated_quantities(leaves)
+    # A constant may replace an optional channel only.
     required: set[str] = set()
     for channels in leaves.values():
         required.update(name for name, channel in channels.items() if not channel.optional)
@@ -265,6 +267,7 @@ def _parse_channels(
         except UnknownName as error:
             problems.append(f"{position}: {error}")
             continue
+        # A text or a list is the column alone.
         if isinstance(entry, str | list):
             entry = {"column": entry}
         if isinstance(entry, dict) and isinstance(entry.get("table"), str):

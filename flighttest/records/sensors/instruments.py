@@ -80,6 +80,7 @@ def _mean_and_sigma(units: str) -> Any:
     """Return the field type of [mean, sigma] of a quantity."""
 
     def convert(item: Any) -> tuple[float, float]:
+        # Each of the two may have its unit as text.
         if not isinstance(item, list | tuple) or len(item) != 2:
             raise ValueError(f"expected [mean, sigma] in {units}")
         mean, sigma = (parse_quantity(part, units) for part in item)
@@ -107,6 +108,7 @@ def _parse_channels(table: Any) -> dict[str, float]:
     return values
 
 
+# The annotations are made by a function, which a type checker does not evaluate.
 if TYPE_CHECKING:
     _Time: TypeAlias = tuple[float, float]
     _Number: TypeAlias = tuple[float, float]
@@ -290,6 +292,7 @@ def pick_up_errors(
     """
     biases, scales = _pick_up_tables(content, what)
     errors = surface_errors(content, what)
+    # Channels without an expected error are exact.
     for name in COCKPIT:
         bias, scale = _first_value(biases, name, 0.0), _first_value(scales, name, 0.0)
         if bias or scale:
@@ -352,6 +355,7 @@ def parse_instruments(content: Mapping[str, Any], what: str = "instruments") -> 
         is required.
     """
     instruments = validate_content(Instruments, {"table": _to_tables(content)}, what)
+    # The reconstruction integrates the inertial unit, and estimates its constant errors.
     problems = []
     for name in IMU:
         if not instruments.name_of(name):
@@ -378,6 +382,7 @@ def _instrument_problems(instrument: Instrument) -> list[str]:
             problems.append(
                 f"noise of {name}, which nothing uses; used are {', '.join(used)}; delete it"
             )
+    # Accelerometers, vanes and a radio altimeter measure the motion of their position.
     if instrument.position is None and {"ax_imu", *VANES, "h_radio"} & set(instrument.noise):
         problems.append("missing position (m, body axes, from the moment reference point)")
     for name in sorted(instrument.factor.keys() - instrument.noise.keys()):

@@ -103,6 +103,7 @@ class MeasuredChannels:
     def __init__(self, record: xr.DataTree, windows: Sequence[tuple[float, float]]):
         leaves = {name: node.to_dataset() for name, node in record.children.items()}
         self.recorded = _channel_names(leaves)
+        # The impact pressure from V requires the temperature, so that it is added first.
         leaves.update(_add_temperature(leaves, record.attrs.get("temperature")))
         leaves.update(derive_air_data(leaves))
         self.windows = windows
@@ -132,6 +133,7 @@ class MeasuredChannels:
         data = self.leaves[leaf]
         demand_numbers({leaf: self._select_windows(data[[name]])}, self.title)
         x, clock = data[name].values.astype(float), data["time"].values
+        # A heading that passes its full turn has a step, which interpolation would smear.
         if name == "psi":
             x = np.unwrap(x)
         is_spike = self.spikes(name)
