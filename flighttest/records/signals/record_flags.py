@@ -28,7 +28,7 @@ def flags(record: xr.DataTree) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["leaf", *Flag._fields])
 
 
-def add_flags(record: xr.DataTree, leaf: str, found: Iterable[Flag]) -> xr.DataTree:
+def add_flags(record: xr.DataTree, leaf: str, added: Iterable[Flag]) -> xr.DataTree:
     """Return the record with more flags on a leaf. Equal flags are stored once.
 
     Raises
@@ -38,7 +38,7 @@ def add_flags(record: xr.DataTree, leaf: str, found: Iterable[Flag]) -> xr.DataT
     """
     if leaf not in record.children:
         raise UnknownName(leaf, record.children, "leaf")
-    added = list(found)
+    added = list(added)
     channels = [str(name) for name in record.children[leaf].data_vars]
     for flag in added:
         if flag.kind not in KINDS:
