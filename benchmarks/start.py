@@ -47,8 +47,9 @@ def commands(out: Path, folder: Path) -> dict[str, list[str]]:
     names, record = ["--names", str(ROOT / "data/c182/names.toml")], folder / "record.nc"
     run(["flight", "convert", str(flight), *names, "-o", str(record)])
     changed = Path(shutil.copy(record, folder / "changed.nc"))
+    # opening a file to change it removes its seal
     with h5py.File(changed, "a"):
-        pass  # which cuts off what stands behind the content
+        pass
     given = {
         "datcom show": ["datcom", "show", listing],
         "datcom check": ["datcom", "check", listing.with_suffix(".inp")],
@@ -64,10 +65,10 @@ def commands(out: Path, folder: Path) -> dict[str, list[str]]:
         "db compare": ["db", "compare", out / "datcom.nc", out / "final.nc"],
         "db scheme": ["db", "scheme"],
         "flight show (netCDF)": ["flight", "show", record],
-        "flight show (netCDF without an overview)": ["flight", "show", changed],
+        "flight show (netCDF without a seal)": ["flight", "show", changed],
         "flight show (CSV)": ["flight", "show", flight, *names],
         "flight info (netCDF)": ["flight", "info", record],
-        "flight info (netCDF without an overview)": ["flight", "info", changed],
+        "flight info (netCDF without a seal)": ["flight", "info", changed],
         "flight info (CSV)": ["flight", "info", flight],
         "flight check (netCDF)": ["flight", "check", record],
         "flight manoeuvres (netCDF)": ["flight", "manoeuvres", record],

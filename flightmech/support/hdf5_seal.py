@@ -74,26 +74,25 @@ def add_seal(content: bytes, rules: str, overview: Any) -> bytes:
     overview : object
         Types of JSON. None writes no overview.
     """
-    return content + _make_tail(sha256(content), rules, overview)
+    if overview is not None:
+        text = json.dumps(overview, separators=(",", ":"))
+        # the seal covers the overview
+        content += _OVERVIEW % rules.encode() + text.encode()
+    return content + _make_seal(sha256(content))
 
 
-def write_seal(path: Path, rules: str, overview: Any) -> None:
-    """Write overview and seal behind the content of a file, see `add_seal`."""
+def write_seal(path: Path) -> None:
+    """Write a seal behind the content of a file."""
     digest = sha256()
     with path.open("r+b") as file:
         for chunk in _read_chunks(file, path.stat().st_size):
             digest.update(chunk)
-        file.write(_make_tail(digest, rules, overview))
+        file.write(_make_seal(digest))
 
 
-def _make_tail(digest: _Hash, rules: str, overview: Any) -> bytes:
-    """Return overview and seal of a content with this digest."""
-    text = b""
-    if overview is not None:
-        text = _OVERVIEW % rules.encode() + json.dumps(overview, separators=(",", ":")).encode()
-    # the seal covers the overview
-    digest.update(text)
-    return text + _SEAL % digest.hexdigest().encode()
+def _make_seal(digest: _Hash) -> bytes:
+    """Return the seal of a content with this digest."""
+    return _SEAL % digest.hexdigest().encode()
 
 
 def read_if_sealed(path: Path, expected: str) -> Unbroken | None:
@@ -110,9 +109,14 @@ def read_if_sealed(path: Path, expected: str) -> Unbroken | None:
         head = file.read(_HEAD)
         if not head.startswith(SIGNATURE):
             return None
-        # Either the end of the content or the last bytes: a damaged byte can hide one of them.
-        starts = (min(_content_end(head), size), size - _LENGTH)
-        if not any(_read_at(file, start, _LENGTH).startswith(_BEGIN) for start in starts):
+        end = min(_content_end(head), size)
+        # A seal is known by its length and by its beginning, at the end of the content or of the
+        # file: a damaged byte can hide one of them.
+        has_length = size - end == _LENGTH
+        starts = (end, size - _LENGTH)
+        if not has_length and not any(
+            _read_at(file, start, _LENGTH).startswith(_BEGIN) for start in starts
+        ):
             return None
     return read_sealed_tail(path, expected)
 

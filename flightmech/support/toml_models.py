@@ -7,11 +7,9 @@ editors, come from the same models, so that both allow the same keys.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from functools import cache
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from flightmech.errors import SchemaError, near_names
 from flightmech.support.input_files import foreign_kind
@@ -34,26 +32,6 @@ class Strict(BaseModel):
 def fixed_array(items: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the JSON schema of an array of fixed length, with one schema per item."""
     return {"type": "array", "prefixItems": items, "minItems": len(items), "maxItems": len(items)}
-
-
-def _make_model(kind: Any) -> type[Strict]:
-    """Return a model with the fields and the check of a class of `plain_tables`."""
-    hints = get_type_hints(kind, include_extras=True)
-    definitions: dict[str, Any] = {}
-    for name, (default, description) in kind.values.items():
-        definitions[name] = hints[name], Field(default, **description)
-
-    def check(model: Any) -> Any:
-        kind.check(model)
-        return model
-
-    rules: Any = {"check": model_validator(mode="after")(check)}
-    return create_model(
-        kind.__name__, __base__=Strict, __doc__=kind.__doc__, __validators__=rules, **definitions
-    )
-
-
-model_of: Callable[[Any], type[Strict]] = cache(_make_model)
 
 
 def validate_content(model: type[T], content: dict[str, Any], what: str, context: Any = None) -> T:
@@ -167,13 +145,8 @@ def file_schema(model: type[BaseModel], text: str) -> dict[str, Any]:
     return {"$schema": DIALECT, **part_schema(model), "description": text}
 
 
-def part_schema(model: type[Any]) -> dict[str, Any]:
-    """Return the schema of one table in the form of `file_schema`, with inner models in ``$defs``.
-
-    `model` is a model of pydantic or a class of `plain_tables`.
-    """
-    if not _is_model(model):
-        model = model_of(model)
+def part_schema(model: type[BaseModel]) -> dict[str, Any]:
+    """Return the schema of one table in the form of `file_schema`, with inner models in ``$defs``."""
     return _simplify(model.model_json_schema())
 
 

@@ -1,4 +1,4 @@
-"""Annotations of quantities in TOML files, for the fields of `Plain` and of pydantic.
+"""Annotations of quantities in TOML files, for the fields of pydantic models.
 
 A bare number is SI, and a text has its unit.
 """
@@ -6,6 +6,12 @@ A bare number is SI, and a text has its unit.
 from __future__ import annotations
 
 from typing import Any
+
+from pydantic_core import PydanticKnownError
+from pydantic_core.core_schema import (
+    no_info_after_validator_function,
+    no_info_before_validator_function,
+)
 
 from flightmech.errors import UnitError
 from flightmech.units import parse_quantity
@@ -55,9 +61,6 @@ class InUnits:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Return the schema of pydantic: `convert`, then the schema of a number."""
-        # deferred: tables of `Plain` are read without pydantic
-        from pydantic_core.core_schema import no_info_before_validator_function
-
         return no_info_before_validator_function(self.convert, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
@@ -73,8 +76,6 @@ class Above:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Return the schema of pydantic."""
-        from pydantic_core import PydanticKnownError
-        from pydantic_core.core_schema import no_info_after_validator_function
 
         def check(item: float) -> float:
             if not item > self.low:

@@ -135,13 +135,8 @@ def show_record_command(record_file: str, names: str | None, as_json: bool) -> N
 
 
 def _listing(file: str, names: str | None) -> dict[str, Any]:
-    """Return what a record holds, from the overview that a sealed file carries where it has one."""
-    from flighttest.records.stored_overview import stored_overview
-
-    stored = None if names else stored_overview(file, "listing")
-    if stored is not None:
-        return stored
-    from flighttest.records.files import record_listing
+    """Return facts, channels, manoeuvres, faults and unmapped columns of a record."""
+    from flighttest.records.listing import record_listing
     from flighttest.records.reading import read_arrays
 
     return record_listing(read_arrays(file, names))

@@ -35,7 +35,8 @@ from flighttest.reconstruction.problem.trajectory import (
 )
 from flighttest.records.sensors.instruments import IMU
 from flighttest.records.sensors.measurements import MEASURED
-from flighttest.records.signals.conditioning import SLOW, demand_numbers, resample_to_grid
+from flighttest.records.signals.conditioning import SLOW, demand_numbers
+from flighttest.records.signals.resampling import resample_to_grid
 from flighttest.records.time_histories import break_at_gaps
 
 if TYPE_CHECKING:

@@ -1,8 +1,8 @@
-"""Manoeuvres as a table in CSV or TOML, for records that carry no marks.
+"""Tables of manoeuvres in CSV or TOML, for records without a list of manoeuvres.
 
-A row is ``record, kind, control, start, end`` and, where wanted, ``note`` and ``confidence``; a
-TOML file holds the same keys in tables ``[[manoeuvre]]``.  Times are seconds of the record, or a
-number with its unit (``"1.5 min"``).
+A row has ``record, kind, control, start, end`` and optionally ``note`` and ``confidence``.  A TOML
+file has the same keys in tables ``[[manoeuvre]]``.  Times are seconds of the record, or a number
+with its unit (``"1.5 min"``).
 """
 
 from __future__ import annotations
@@ -25,20 +25,26 @@ from flightmech.support.toml_models import Strict, validate_content
 from flightmech.units import parse_quantity
 
 COLUMNS = ("record", "kind", "control", "start", "end", "confidence", "note")
-"""Columns of a table as it is written; ``confidence`` and ``note`` may be absent when it is read."""
+"""Columns of a table; ``confidence`` and ``note`` are optional."""
 
+_REQUIRED, _OPTIONAL = COLUMNS[:5], COLUMNS[5:]
 _TIMES = ("start", "end")
+# Columns of the table of a record.
+_RECORD_COLUMNS = ["manoeuvre", "control", "start", "end", "note"]
 
 
-def _text(item: object) -> object:
-    return (
-        str(item) if isinstance(item, int) and not isinstance(item, bool) else item
-    )  # a 3-2-1-1 is a number in TOML
+def _to_text(item: object) -> object:
+    """Return an integer as text: a 3-2-1-1 without quotes is a number in TOML."""
+    if isinstance(item, int) and not isinstance(item, bool):
+        return str(item)
+    return item
 
 
-def _seconds(item: Any) -> float:
+def _to_seconds(item: Any) -> float:
+    """Return a time in seconds."""
     try:
-        return float(item)  # a cell of a CSV file is a text
+        # A cell of a CSV file is a text.
+        return float(item)
     except (ValueError, TypeError):
         pass
     try:
@@ -47,8 +53,8 @@ def _seconds(item: Any) -> float:
         raise ValueError(str(error)) from error
 
 
-_Text = Annotated[str, BeforeValidator(_text)]
-_Time = Annotated[float, BeforeValidator(_seconds)]
+_Text = Annotated[str, BeforeValidator(_to_text)]
+_Time = Annotated[float, BeforeValidator(_to_seconds)]
 
 
 class Marked(Strict):
@@ -63,8 +69,9 @@ class Marked(Strict):
     note: str = ""
 
     @model_validator(mode="after")
-    def _forward(self) -> Marked:
-        if not (np.isfinite(self.start) and np.isfinite(self.end) and self.start < self.end):
+    def _check_order(self) -> Marked:
+        is_finite = np.isfinite(self.start) and np.isfinite(self.end)
+        if not (is_finite and self.start < self.end):
             raise ValueError(
                 f"start {self.start:g} s and end {self.end:g} s; the end lies after the "
                 f"start, both in seconds of the record"
@@ -72,16 +79,17 @@ class Marked(Strict):
         return self
 
     def as_row(self) -> dict[str, object]:
-        """Return the manoeuvre as a record lists it."""
-        about = {"confidence": self.confidence} if self.confidence != "" else {}
-        return {
+        """Return the manoeuvre as a row of the list of a record."""
+        row: dict[str, object] = {
             "manoeuvre": self.kind,
             "control": self.control,
             "start": self.start,
             "end": self.end,
             "note": self.note,
-            **about,
         }
+        if self.confidence != "":
+            row["confidence"] = self.confidence
+        return row
 
 
 class _ManoeuvreRows(Strict):
@@ -94,14 +102,15 @@ def read_manoeuvres(path: str | Path) -> dict[str, pd.DataFrame]:
     Parameters
     ----------
     path : path
-        A CSV file (separated by commas, or by semicolons, then with decimal points or commas; a
-        line of names first), or a file ``.toml`` with tables ``[[manoeuvre]]``.
+        A CSV file, or a file ``.toml`` with tables ``[[manoeuvre]]``.  The first line of a CSV file
+        has the names of the columns.  The separator is the comma, or the semicolon with decimal
+        points or commas.
 
     Returns
     -------
     dict of str to DataFrame
-        ``manoeuvre control start end note`` by record, as `flighttest.manoeuvres` gives them, in
-        order of time. [s]
+        ``manoeuvre control start end note`` by record, as in `flighttest.manoeuvres`, in order of
+        time. [s]
 
     Raises
     ------
@@ -110,57 +119,63 @@ def read_manoeuvres(path: str | Path) -> dict[str, pd.DataFrame]:
     SchemaError
         Unknown or missing columns, cells that are not a time, ends before their start; all of them.
     """
-    return {record: pd.DataFrame(rows)[_SHOWN] for record, rows in _rows(Path(path)).items()}
+    tables = {}
+    for record, rows in _read_rows(Path(path)).items():
+        tables[record] = pd.DataFrame(rows)[_RECORD_COLUMNS]
+    return tables
 
 
-_SHOWN = ["manoeuvre", "control", "start", "end", "note"]
+def _read_rows(path: Path) -> dict[str, list[dict[str, Any]]]:
+    """Return the rows of each record in order of time.
 
-
-def _rows(path: Path) -> dict[str, list[dict[str, Any]]]:
-    """Return the manoeuvres of a table in order of time, with their ``confidence``; empty where
-    there is none.
+    A row without a confidence has an empty text.
     """
-    rows = validate_content(
-        _ManoeuvreRows, read_toml(path) if path.suffix.lower() == ".toml" else _csv(path), str(path)
-    ).manoeuvre
-    found: dict[str, list[dict[str, Any]]] = {}
-    for row in sorted(rows, key=lambda row: row.start):
-        found.setdefault(row.record, []).append({"confidence": "", **row.as_row()})
-    return found
+    content = read_toml(path) if path.suffix.lower() == ".toml" else _read_csv(path)
+    manoeuvres = validate_content(_ManoeuvreRows, content, str(path)).manoeuvre
+    rows: dict[str, list[dict[str, Any]]] = {}
+    for manoeuvre in sorted(manoeuvres, key=lambda manoeuvre: manoeuvre.start):
+        row = {"confidence": "", **manoeuvre.as_row()}
+        rows.setdefault(manoeuvre.record, []).append(row)
+    return rows
 
 
-def _csv(path: Path) -> dict[str, object]:
-    """Return a CSV file as the tables of a TOML file; a row is called by its line."""
-    text = read_text(path, "a CSV text with the columns " + ", ".join(COLUMNS[:5]), WESTERN)
-    first = text.split("\n", 1)[0]
-    separator = ";" if first.count(";") > first.count(",") else ","
+def _read_csv(path: Path) -> dict[str, object]:
+    """Return a CSV file as the content of a TOML file."""
+    text = read_text(path, "a CSV text with the columns " + ", ".join(_REQUIRED), WESTERN)
+    first_line = text.split("\n", 1)[0]
+    separator = ";" if first_line.count(";") > first_line.count(",") else ","
     lines = csv_rows(text, path, separator)
     names = [name.strip() for name in lines[0]] if lines else []
-    missing = [name for name in COLUMNS[:5] if name not in names]
-    unknown = [name for name in names if name not in COLUMNS]
-    if missing or unknown:
-        problems = [f"no column {name!r}" for name in missing] + [
-            f"unknown column {name!r}" for name in unknown
-        ]
-        allowed = (
-            f"its line of names is {', '.join(COLUMNS[:5])}, and where wanted "
-            f"{', '.join(COLUMNS[5:])}"
-        )
-        raise SchemaError(str(path), [f"{problem}; {allowed}" for problem in problems])
+    _check_columns(names, path)
     rows: list[dict[str, str]] = []
-    for number, line in enumerate(lines[1:], start=2):
-        if line and len(line) != len(names):
+    for number, cells in enumerate(lines[1:], start=2):
+        if cells and len(cells) != len(names):
             raise ParseError(
                 str(path),
                 number,
-                f"{len(line)} cells",
-                f"{len(names)}, as the line of names has; quote texts with commas",
+                found=f"{len(cells)} cells",
+                expected=f"{len(names)}, as the line of names has; quote texts with commas",
             )
-        if any(line):
-            row = dict(zip(names, (cell.strip() for cell in line), strict=True))
-            decimal = {name: row[name].replace(",", ".") for name in _TIMES if separator == ";"}
-            rows.append({**row, **decimal})
+        if not any(cells):
+            continue
+        row = {name: cell.strip() for name, cell in zip(names, cells, strict=True)}
+        # A table with semicolons may have decimal commas.
+        if separator == ";":
+            for name in _TIMES:
+                row[name] = row[name].replace(",", ".")
+        rows.append(row)
     return {"manoeuvre": rows}
+
+
+def _check_columns(names: list[str], path: Path) -> None:
+    """Raise for missing and unknown columns of a CSV file."""
+    problems = [f"no column {name!r}" for name in _REQUIRED if name not in names]
+    problems += [f"unknown column {name!r}" for name in names if name not in COLUMNS]
+    if problems:
+        allowed = (
+            f"its line of names is {', '.join(_REQUIRED)}, and where wanted {', '.join(_OPTIONAL)}"
+        )
+        raise SchemaError(str(path), [f"{problem}; {allowed}" for problem in problems])
 
 
 def write_manoeuvres(tables: dict[str, pd.DataFrame], path: str | Path) -> None:
@@ -180,15 +195,15 @@ def write_manoeuvres(tables: dict[str, pd.DataFrame], path: str | Path) -> None:
         for row in table.to_dict("records"):
             times = [f"{row['start']:.10g}", f"{row['end']:.10g}"]
             confidence = row.get("confidence", "")
-            shown = confidence if isinstance(confidence, str) else f"{confidence:.2f}"
-            writer.writerow(
-                [record, row["manoeuvre"], row["control"], *times, shown, row.get("note", "")]
-            )
+            if not isinstance(confidence, str):
+                confidence = f"{confidence:.2f}"
+            note = row.get("note", "")
+            writer.writerow([record, row["manoeuvre"], row["control"], *times, confidence, note])
     write_text(path, target.getvalue())
 
 
 def with_manoeuvres(record: xr.DataTree, table: pd.DataFrame) -> xr.DataTree:
-    """Return a record with a list of manoeuvres in place of its own.
+    """Return a record with another list of manoeuvres.
 
     Parameters
     ----------
@@ -214,54 +229,66 @@ def edit_manoeuvres(
     change: dict[str, Any] | None,
     start: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
-    """Add, change or remove one row of a table in CSV, and return the rows of its record as they
-    are then.
+    """Add, change or remove one row of a CSV table, and return the rows of its record.
 
     Parameters
     ----------
     path : path
-        The table; written atomically, and made when it is not there.
+        The table.  It is written atomically, and created if it does not exist.
     record : str
+        Name of the record.
     row : int or None
-        Row of the record in order of time, from 1; None adds one.
+        Row of the record in order of time, from 1.  None adds a row.
     change : dict or None
-        ``kind control start end note`` as far as they change; None removes the row.
+        New values of ``kind control start end note``.  None removes the row.
     start : DataFrame, optional
-        The marks that the record carries: its first rows where the table has none of it.
+        Manoeuvres of the record.  They are its first rows if the table has no row of it.
 
     Raises
     ------
     SchemaError
-        The table is TOML; no such row; a manoeuvre without a kind or a time, or that ends before it
+        The table is TOML, or has no such row.  A manoeuvre has no kind or time, or ends before it
         starts.
     """
     path = Path(path)
     if path.suffix.lower() == ".toml":
         raise SchemaError(str(path), ["a table in TOML is edited by hand; name a CSV file"])
-    tables = _rows(path) if path.exists() else {}
-    own = [] if start is None else start.to_dict("records")
-    rows: list[dict[str, Any]] = tables.get(
-        record,
-        [{"confidence": "", **{str(name): item for name, item in one.items()}} for one in own],
-    )
+    tables = _read_rows(path) if path.exists() else {}
+    rows = tables.get(record)
+    if rows is None:
+        rows = [] if start is None else _rows_of_record(start)
     if row is not None and not 1 <= row <= len(rows):
         raise SchemaError(str(path), [f"row {row} of record {record}; it has {len(rows)}"])
     if row is None and change is None:
         raise SchemaError(str(path), ["nothing to remove; give the row"])
     old = {} if row is None else rows.pop(row - 1)
     if change is not None:
-        if old:
-            old["kind"] = old.pop("manoeuvre")
-        moved = (
-            {} if {"start", "end"}.isdisjoint(change) else {"confidence": ""}
-        )  # that of the search was of the old times
-        about = validate_content(
-            _ManoeuvreRows, {"manoeuvre": [{**old, **moved, **change, "record": record}]}, str(path)
-        ).manoeuvre[0]
-        rows.append({"confidence": "", **about.as_row()})
-    rows.sort(key=lambda one: one["start"])
-    write_manoeuvres(
-        {name: pd.DataFrame(items) for name, items in {**tables, record: rows}.items() if items},
-        path,
-    )
-    return pd.DataFrame(rows, columns=_SHOWN)
+        rows.append(_change_row(old, change, record, path))
+    rows.sort(key=lambda item: item["start"])
+    tables[record] = rows
+    write_manoeuvres({name: pd.DataFrame(items) for name, items in tables.items() if items}, path)
+    return pd.DataFrame(rows, columns=_RECORD_COLUMNS)
+
+
+def _rows_of_record(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the manoeuvres that a record lists, as rows of a table."""
+    rows = []
+    for row in table.to_dict("records"):
+        cells = {str(name): cell for name, cell in row.items()}
+        rows.append({"confidence": "", **cells})
+    return rows
+
+
+def _change_row(
+    old: dict[str, Any], change: dict[str, Any], record: str, path: Path
+) -> dict[str, Any]:
+    """Return a row with other values; `old` is empty for a new row."""
+    cells = dict(old)
+    if cells:
+        cells["kind"] = cells.pop("manoeuvre")
+    # The confidence of the search applies to the times that it found.
+    if "start" in change or "end" in change:
+        cells["confidence"] = ""
+    content = {"manoeuvre": [{**cells, **change, "record": record}]}
+    manoeuvre = validate_content(_ManoeuvreRows, content, str(path)).manoeuvre[0]
+    return {"confidence": "", **manoeuvre.as_row()}

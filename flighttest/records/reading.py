@@ -1,69 +1,35 @@
-"""Recordings as flight records in plain arrays: every channel found, converted, and what is wrong
-with it flagged.
+"""Flight records in plain arrays: channels in canonical names and SI, with flags of their faults.
 
-`flighttest.records.show_record` makes a tree of xarray of them, for whatever works on a record.  A look
-at one needs neither xarray nor pandas, whose import takes longer than the reading.
+`flighttest.records.record` converts them to trees of xarray.  Plain arrays need neither xarray nor
+pandas, whose import takes longer than the reading of a short record.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from flightmech.errors import AeromatchError, ParseError, SchemaError, UnitError, UnknownName
-from flightmech.names import VOCABULARY, lookup, quantity_attributes
-from flightmech.support.arrays import median
-from flighttest.records.readers.channel_correction import entry_of
-from flighttest.records.readers.clocks import Clocks, TableClock
-from flighttest.records.readers.columns import column_called, unit_of_column
+from flightmech.errors import SchemaError, UnknownName
+from flightmech.names import VOCABULARY, quantity_attributes
+from flighttest.records.channel_groups import ChannelSamples, RecordGroup, make_groups
+from flighttest.records.column_places import ColumnPlace, damaged_column, locate_columns
+from flighttest.records.readers.clocks import Clocks
+from flighttest.records.readers.columns import is_canonical
 from flighttest.records.readers.name_map import Channel, NameMap
 from flighttest.records.readers.name_map_reading import read_names, shipped_maps
 from flighttest.records.readers.opening import FORMATS, open_recording
-from flighttest.records.readers.recording import (
-    LeftOut,
-    RecordedTable,
-    Recording,
-    clock_name,
-    flight_mode_rows,
-    left_out_as,
-)
+from flighttest.records.readers.recording import Recording, clock_name, flight_mode_rows
 from flighttest.records.readers.utc_time import utc_facts
-from flighttest.records.signals.blank_cells import clocks_of_rows
-from flighttest.records.signals.conditioning import GAP, remove_delay
-from flighttest.records.signals.delays import follow_command, remove_lag
-from flighttest.records.signals.sample_flags import (
-    MOST,
-    Flag,
-    as_text,
-    flag_runs,
-    read_stored_flags,
-    sample_faults,
-)
-from flighttest.records.stored_overview import add_file_name_facts, encodable_text
-
-
-class ChannelSamples(NamedTuple):
-    """One channel: its samples (time,) and its attributes."""
-
-    values: np.ndarray
-    attrs: dict[str, Any]
-
-
-class RecordGroup(NamedTuple):
-    """Channels by name over one clock (time,) [s], and the attributes of the clock."""
-
-    time: np.ndarray
-    channels: dict[str, ChannelSamples]
-    attrs: dict[str, Any]
 
 
 class Arrays(NamedTuple):
-    """A flight record: root attributes, and leaves by name; attributes as
-    `flighttest.records.show_record` describes them.
+    """A flight record: attributes of the root, and groups of channels by name.
+
+    `flighttest.records.record` describes the attributes.
     """
 
     attrs: dict[str, Any]
@@ -71,416 +37,183 @@ class Arrays(NamedTuple):
 
 
 def read_arrays(path: str | Path, names: str | Path | NameMap | None = None) -> Arrays:
-    """Return a flight record in plain arrays; parameters and errors as in
-    `flighttest.records.show_record.read`.
+    """Return a flight record in plain arrays.
+
+    Parameters and errors are the same as in `flighttest.records.record.read`.
     """
     path = Path(path)
-    mapping = names if isinstance(names, NameMap) or names is None else read_names(names)
+    mapping = names
+    if mapping is not None and not isinstance(mapping, NameMap):
+        mapping = read_names(mapping)
+    # With the map a reader can load the requested columns only.
     recording = open_recording(path, mapping or NameMap({}))
-    record = unnamed_arrays(recording, mapping, path)
-    return record._replace(attrs=add_file_name_facts(record.attrs, path.name))
-
-
-def unnamed_arrays(recording: Recording, mapping: NameMap | None, path: Path) -> Arrays:
-    """Return a flight record in plain arrays, with None for the facts that the name of its file
-    gives; errors as `read_arrays`.
-    """
-    return _record(recording, mapping or _own_names(recording, path), path)
-
-
-def _record(recording: Recording, mapping: NameMap, path: Path) -> Arrays:
+    if mapping is None:
+        mapping = _canonical_map(recording, path)
     clocks = Clocks(recording.tables, mapping, path.name, recording.left_out)
     tables = clocks.with_decoded_words()
-    places, absent, lost = _places(mapping, tables, path, recording.left_out)
-    leaves: dict[str, RecordGroup] = {}
-    for leaf, part in places.items():
-        for name, channels in _leaves(leaf, part, mapping, tables, clocks).items() if part else ():
-            leaves[
-                name if name not in {*leaves, *(set(places) - {leaf})} else f"{leaf}_{len(leaves)}"
-            ] = channels
+    mapped = locate_columns(mapping, tables, path, recording.left_out)
+    leaves = _make_leaves(mapped.places, mapping, clocks)
     if not leaves:
-        wanted = ", ".join(absent[:8]) if absent else "no channel"
+        requested = ", ".join(mapped.absent[:8]) or "no channel"
         raise SchemaError(
             f"name map {mapping.source}",
-            [f"nothing that it names is in {path.name} ({wanted}); see 'aeromatch flight info'"],
+            [f"nothing that it names is in {path.name} ({requested}); see 'aeromatch flight info'"],
         )
-    _with_constants(leaves, mapping)
-    used = {place for part in places.values() for place in part.values()} | clocks.columns_used
-    root: dict[str, Any] = {
-        key: value for key, value in recording.facts.items() if isinstance(value, str | int | float)
-    }
-    root.update({key: value for key, value in utc_facts(mapping.utc, tables, clocks).items()})
-    root.update({key: value for key, value in mapping.facts.stated().items()})
-    if mapping.instruments:
-        root["instruments"] = json.dumps(
-            {
-                name: item.model_dump(exclude_defaults=True)
-                for name, item in mapping.instruments.items()
-            }
-        )
-    root.setdefault("title", root.get("record") or None)
-    root.update(source_file=None, format=FORMATS[recording.kind][1])
-    root["unmapped"] = ", ".join(
-        f"{t}/{c}" for t, table in tables.items() for c in table.columns if (t, c) not in used
-    )
-    root["absent"] = " ".join(absent)
+    _add_constants(leaves, mapping)
+    unmapped = _unmapped_columns(mapped.places, clocks)
+
+    attrs = _record_facts(recording, mapping, clocks, path)
+    attrs["unmapped"] = ", ".join(unmapped)
+    attrs["absent"] = " ".join(mapped.absent)
     if recording.modes:
-        root["modes"] = json.dumps(_modes(recording, mapping, leaves))
-    root["notes"] = json.dumps([*_notes(recording.facts), *recording.notes, *clocks.notes, *lost])
+        attrs["modes"] = json.dumps(_flight_modes(recording, mapping, leaves))
+    notes = [*_stored_notes(recording.facts), *recording.notes, *clocks.notes, *mapped.notes]
+    attrs["notes"] = json.dumps(notes)
     if recording.left_out:
-        root["left_out"] = json.dumps([[one.place, one.reason] for one in recording.left_out])
-    root = {
-        key: encodable_text(value) if isinstance(value, str) else value
-        for key, value in root.items()
-    }
-    return Arrays(root, leaves)
+        left_out = [[omission.place, omission.reason] for omission in recording.left_out]
+        attrs["left_out"] = json.dumps(left_out)
+    for key, value in attrs.items():
+        if isinstance(value, str):
+            attrs[key] = _to_encodable(value)
+    return Arrays(attrs, leaves)
 
 
-def _modes(
+def _make_leaves(
+    places: Mapping[str, dict[str, ColumnPlace]], mapping: NameMap, clocks: Clocks
+) -> dict[str, RecordGroup]:
+    """Return the groups of channels of all leaves of the name map that have channels."""
+    leaves: dict[str, RecordGroup] = {}
+    for leaf, leaf_places in places.items():
+        if not leaf_places:
+            continue
+        for name, group in make_groups(leaf, leaf_places, mapping, clocks).items():
+            # The name of a slower group may be the name of another leaf.
+            is_used = name in leaves or (name != leaf and name in places)
+            label = f"{leaf}_{len(leaves)}" if is_used else name
+            leaves[label] = group
+    return leaves
+
+
+def _unmapped_columns(places: Mapping[str, Mapping[str, ColumnPlace]], clocks: Clocks) -> list[str]:
+    """Return the columns that neither a channel nor a clock reads, as TABLE/COLUMN."""
+    used = set(clocks.columns_used)
+    for leaf_places in places.values():
+        used.update(leaf_places.values())
+    unmapped = []
+    for name, table in clocks.tables.items():
+        for column in table.columns:
+            if (name, column) not in used:
+                unmapped.append(f"{name}/{column}")
+    return unmapped
+
+
+def _record_facts(
+    recording: Recording, mapping: NameMap, clocks: Clocks, path: Path
+) -> dict[str, Any]:
+    """Return the facts of the file, of the time of the world and of the name map."""
+    facts: dict[str, Any] = {}
+    for key, value in recording.facts.items():
+        if isinstance(value, str | int | float):
+            facts[key] = value
+    # The name map has priority over the file.
+    facts.update(utc_facts(mapping.utc, clocks.tables, clocks))
+    facts.update(mapping.facts.stated())
+    if mapping.instruments:
+        instruments = {}
+        for name, instrument in mapping.instruments.items():
+            instruments[name] = instrument.model_dump(exclude_defaults=True)
+        facts["instruments"] = json.dumps(instruments)
+    facts.setdefault("title", facts.get("record") or path.name.split(".")[0])
+    facts.update(source_file=path.name, format=FORMATS[recording.kind][1])
+    return facts
+
+
+def _to_encodable(text: str) -> str:
+    """Replace undecodable bytes of a file name by question marks, so that files can store it."""
+    return text.encode("utf-8", "replace").decode()
+
+
+def _flight_modes(
     recording: Recording, mapping: NameMap, leaves: Mapping[str, RecordGroup]
 ) -> list[dict[str, object]]:
     """Return the flight modes on the clock of the record."""
-    clock = mapping.clock
     first = min(
         float(table.time[0]) for table in recording.tables.values() if table.time is not None
     )
-    settled = [
-        (first + (time - first) / (1.0 + clock.drift) + clock.offset, name)
-        for time, name in recording.modes
-    ]
-    times = [leaf.time for leaf in leaves.values()]
-    return flight_mode_rows(
-        settled, min(float(time[0]) for time in times), max(float(time[-1]) for time in times)
-    )
+    # Drift and offset of the common clock apply to the modes as to the channels.
+    clock = mapping.clock
+    modes = []
+    for time, name in recording.modes:
+        modes.append((first + (time - first) / (1.0 + clock.drift) + clock.offset, name))
+    start = min(float(group.time[0]) for group in leaves.values())
+    end = max(float(group.time[-1]) for group in leaves.values())
+    return flight_mode_rows(modes, start, end)
 
 
-def _with_constants(leaves: Mapping[str, RecordGroup], mapping: NameMap) -> None:
-    """Add the channels that the map states as constant, where no leaf shows them, to the leaf of
-    the rates or the first one.
+def _add_constants(leaves: Mapping[str, RecordGroup], mapping: NameMap) -> None:
+    """Add the constant channels of the name map that no leaf has.
+
+    They join the leaf of the roll rate, else the first leaf.
     """
-    shown = {name for leaf in leaves.values() for name in leaf.channels}
-    home = next(
-        (leaf for leaf in leaves.values() if "p" in leaf.channels), next(iter(leaves.values()))
-    )
+    groups = list(leaves.values())
+    target = next((group for group in groups if "p" in group.channels), groups[0])
+    recorded: set[str] = set()
+    for group in groups:
+        recorded.update(group.channels)
     for name, value in mapping.constants.items():
-        if name not in shown:
-            about = {**quantity_attributes(name), "calibration": "constant, stated in the name map"}
-            home.channels[name] = ChannelSamples(np.full(len(home.time), value), about)
+        if name not in recorded:
+            attrs = {**quantity_attributes(name), "calibration": "constant, stated in the name map"}
+            target.channels[name] = ChannelSamples(np.full(len(target.time), value), attrs)
 
 
-def _notes(facts: Mapping[str, Any]) -> list[str]:
-    """Return the notes that a record written by this package carries."""
+def _stored_notes(facts: Mapping[str, Any]) -> list[str]:
+    """Return the notes of a record that this package wrote."""
     try:
         return [str(note) for note in json.loads(facts.get("notes", "[]"))]
     except (ValueError, TypeError):
         return []
 
 
-def _own_names(recording: Recording, path: Path) -> NameMap:
-    """Return the map of a file that already speaks canonical names."""
-    damaged = [
-        one for one in recording.left_out if one.fault and _known(one.place.rpartition("/")[2])
-    ]
-    if damaged:
-        raise _needed(damaged[0].place.rpartition("/")[2], damaged[0], path)
-    clocks = (
-        "time",
-        "t",
-        *(clock for table in recording.tables.values() if (clock := clock_name(table.columns))),
-    )
-    unknown = sorted(
-        {
-            c
-            for table in recording.tables.values()
-            for c in table.columns
-            if not _known(c) and c not in clocks
-        }
-    )
+def _canonical_map(recording: Recording, path: Path) -> NameMap:
+    """Return the name map of a file whose columns have canonical names.
+
+    Raises
+    ------
+    ParseError
+        A column with a canonical name is damaged.
+    UnknownName
+        A column has another name.
+    """
+    # A damaged column is not in the tables, so that its name alone tells that it was required.
+    for omission in recording.left_out:
+        column = omission.place.rpartition("/")[2]
+        if omission.fault and is_canonical(column):
+            raise damaged_column(column, omission, path)
+    clocks = {"time", "t"}
+    for table in recording.tables.values():
+        clock = clock_name(table.columns)
+        if clock is not None:
+            clocks.add(clock)
+    leaves: dict[str, dict[str, Channel]] = {}
+    unknown: set[str] = set()
+    for name, table in recording.tables.items():
+        columns = [column for column in table.columns if column not in clocks]
+        unknown.update(column for column in columns if not is_canonical(column))
+        leaves[name] = {column: Channel(column=column) for column in columns}
     if unknown:
-        hint = (
-            f"{path.name} has {len(unknown)} columns without a canonical name "
-            f"({', '.join(unknown[:12])})"
-        )
-        maps = ", ".join(shipped_maps())
-        raise UnknownName(
-            unknown[0],
-            VOCABULARY,
-            "column",
-            f"{hint}; pass names=... (--names), a name map in TOML or a shipped one ({maps})",
-        )
-    return NameMap(
-        {
-            name: {c: Channel(column=c) for c in table.columns if c not in clocks}
-            for name, table in recording.tables.items()
-        },
-        source="of the file",
+        raise _unknown_columns(sorted(unknown), path)
+    return NameMap(leaves, source="of the file")
+
+
+def _unknown_columns(columns: list[str], path: Path) -> UnknownName:
+    """Return the error of columns that need a name map."""
+    return UnknownName(
+        columns[0],
+        VOCABULARY,
+        what="column",
+        hint=(
+            f"{path.name} has {len(columns)} columns without a canonical name "
+            f"({', '.join(columns[:12])}); pass names=... (--names), a name map in TOML or a "
+            f"shipped one ({', '.join(shipped_maps())})"
+        ),
     )
-
-
-def _known(name: str) -> bool:
-    try:
-        return bool(lookup(name))
-    except UnknownName:
-        return False
-
-
-_Place = tuple[str, str]  # table and column
-
-
-def _places(
-    mapping: NameMap, tables: Mapping[str, RecordedTable], path: Path, left_out: Sequence[LeftOut]
-) -> tuple[dict[str, dict[str, _Place]], list[str], list[str]]:
-    """Return where every channel is, leaf by leaf, what optional channels lack, and channels left
-    out; all problems in one error.
-    """
-    places: dict[str, dict[str, _Place]] = {}
-    problems: list[AeromatchError] = []
-    absent: list[str] = []
-    lost: dict[str, list[str]] = {}
-    for leaf, channels in mapping.leaves.items():
-        places[leaf] = {}
-        for name, channel in channels.items():
-            try:
-                places[leaf][name] = _locate(leaf, channel, tables, path)
-            except UnknownName as error:
-                reason = next(
-                    filter(
-                        None, (left_out_as(column, leaf, left_out) for column in channel.columns)
-                    ),
-                    None,
-                )
-                if reason is not None and not reason.remedy:
-                    lost.setdefault(f"{reason.place} ({reason.reason})", []).append(name)
-                if reason is not None and reason.fault:
-                    problems.append(_needed(name, reason, path))
-                elif channel.optional or (reason is not None and not reason.remedy):
-                    absent.append(channel.columns[0])
-                else:
-                    problems.append(error if reason is None else _needed(name, reason, path))
-                continue
-            problems += _unit_problem(channel, name, places[leaf][name], tables)
-    if len(problems) == 1:
-        raise problems[0]
-    if problems:
-        raise SchemaError(
-            f"name map {mapping.source} for {path.name}", [str(problem) for problem in problems]
-        )
-    return (
-        places,
-        absent,
-        [f"{text}: left out, and with it {', '.join(names)}" for text, names in lost.items()],
-    )
-
-
-def _needed(name: str, left_out: LeftOut, path: Path) -> ParseError:
-    """Return the error of a name map that reads a channel from what no record can hold."""
-    found = left_out.reason if left_out.fault else f"{left_out.reason} in {left_out.place}"
-    return ParseError(
-        str(path), left_out.line, f"{found}, which the name map reads as {name}", left_out.remedy
-    )
-
-
-def _unit_problem(
-    channel: Channel, name: str, place: _Place, tables: Mapping[str, RecordedTable]
-) -> list[AeromatchError]:
-    try:
-        channel.convert(np.zeros(0), unit_of_column(tables[place[0]], place[1], name), name)
-    except UnitError as error:
-        return [error]
-    return []
-
-
-def _locate(leaf: str, channel: Channel, tables: Mapping[str, RecordedTable], path: Path) -> _Place:
-    """Return table and column of a channel, from the first of its columns that is there."""
-    missing: UnknownName | None = None
-    for column in channel.columns:
-        try:
-            return _one_place(leaf, column, tables, path)
-        except UnknownName as error:
-            missing = missing or error
-    assert missing is not None
-    raise missing
-
-
-def _one_place(leaf: str, wanted: str, tables: Mapping[str, RecordedTable], path: Path) -> _Place:
-    """Return the place of ``table/column``, of a column of the leaf's own table or of the only
-    table, or of a table with one column.
-    """
-    if wanted in tables and len(tables[wanted].columns) == 1:
-        return wanted, next(iter(tables[wanted].columns))
-    for table in sorted(
-        tables, key=len, reverse=True
-    ):  # names of tables may hold slashes, names of columns too
-        if wanted.startswith(table + "/") and (
-            column := column_called(wanted[len(table) + 1 :], tables[table])
-        ):
-            return table, column
-    own = (
-        leaf if leaf in tables else next(iter(tables)) if len(tables) == 1 else "data"
-    )  # a unit may hold a slash
-    if own in tables and (column := column_called(wanted, tables[own])):
-        return own, column
-    group, _, column = wanted.rpartition("/")
-    group = group or (leaf if leaf in tables else next(iter(tables)) if len(tables) == 1 else "")
-    if group not in tables:
-        raise UnknownName(
-            group or leaf,
-            tables,
-            "table",
-            f"{path.name} holds no such group for column {wanted!r}; write group/column",
-        )
-    if column not in tables[group].columns:
-        raise UnknownName(
-            column,
-            tables[group].columns,
-            "column",
-            f"the name map requires it in {path.name}, table {group}",
-        )
-    return group, column
-
-
-def _stated_error(
-    channel: Channel, error: float | None, raw: np.ndarray, unit: str | None, name: str
-) -> dict[str, float]:
-    """The standard error that the file states for a column, through the calibration at the middle
-    of what was read.
-    """
-    if error is None:
-        return {}
-    known = raw[~np.isnan(raw)]
-    middle = median(known) if len(known) else 0.0
-    low, high = np.asarray(
-        channel.convert(np.array([middle - 0.5 * error, middle + 0.5 * error]), unit, name), float
-    )
-    return {"stderr": float(abs(high - low))} if np.isfinite(high - low) else {}
-
-
-def _leaves(
-    leaf: str,
-    places: dict[str, _Place],
-    mapping: NameMap,
-    tables: Mapping[str, RecordedTable],
-    clocks: Clocks,
-) -> dict[str, RecordGroup]:
-    """Return the channels of a leaf of the name map; those whose samples form a slower clock than
-    the rows have a leaf of their own.
-    """
-    what = f"{clocks.file}, leaf {leaf}"
-    groups = sorted({group for group, _ in places.values()})
-    if any(not clocks.have_same_stamps(groups[0], group, what) for group in groups[1:]):
-        raise SchemaError(
-            f"name map, leaf {leaf}",
-            [
-                f"its columns come from tables with different clocks ({', '.join(groups)}); "
-                f"make a leaf of each"
-            ],
-        )
-    clock = clocks.table_clock(groups[0], what)
-    raw: dict[str, np.ndarray] = {}
-    for name, (group, column) in places.items():
-        values = np.asarray(tables[group].columns[column], float)
-        raw[name] = values if len(clock.samples) == len(values) else values[clock.samples]
-    parts = clocks_of_rows(clock.time, raw)
-    if len(parts) == 1 and parts[0][0] is None:
-        return {leaf: _leaf(leaf, places, mapping, tables, clock, raw)}
-    # the name of the map remains with the channels of all rows, or with the largest group
-    parts.sort(key=lambda part: (part[0] is not None, -len(part[1])))
-    found: dict[str, RecordGroup] = {}
-    for filled, names in parts:
-        samples = np.arange(len(clock.time)) if filled is None else np.flatnonzero(filled)
-        slow = clock if filled is None else _slower(clock, samples)
-        rate = float(slow.attributes["rate"])
-        label = leaf if not found else f"{leaf}_{rate:.3g}Hz"
-        label = label if label not in found else f"{label}_{len(found)}"
-        own = {name: places[name] for name in names}
-        found[label] = _leaf(
-            leaf, own, mapping, tables, slow, {name: raw[name][samples] for name in names}
-        )
-    return found
-
-
-def _slower(clock: TableClock, samples: np.ndarray) -> TableClock:
-    """Return the clock of some rows of a table."""
-    time = clock.time[samples]
-    step = np.diff(time)
-    usual = median(step)
-    gaps = np.flatnonzero(step > GAP * usual)[:MOST]
-    flags = [flag for flag in clock.flags if flag.kind != "gap"]
-    flags += [
-        Flag("", "gap", float(time[i]), float(time[i + 1]), 0, f"{step[i]:.3g} s") for i in gaps
-    ]
-    words = ", ".join(f"{time[i]:g} s ({step[i]:.3g} s)" for i in gaps)
-    return TableClock(
-        time,
-        clock.samples[samples],
-        flags,
-        {**clock.attributes, "rate": 1.0 / usual, "gaps": words},
-    )
-
-
-def _leaf(
-    leaf: str,
-    places: dict[str, _Place],
-    mapping: NameMap,
-    tables: Mapping[str, RecordedTable],
-    clock: TableClock,
-    samples: dict[str, np.ndarray],
-) -> RecordGroup:
-    """Return channels on one clock, converted, with their flags."""
-    columns: dict[str, ChannelSamples] = {}
-    found = [*read_stored_flags(tables[next(iter(places.values()))[0]].flags), *clock.flags]
-    for name, (group, column) in places.items():
-        channel, unit = mapping.leaves[leaf][name], unit_of_column(tables[group], column, name)
-        raw = samples[name]
-        found += flag_runs(clock.time, np.isinf(raw), name, "outside")
-        raw = np.where(np.isinf(raw), np.nan, raw)
-        x = np.asarray(channel.convert(raw, unit, name), float)
-        found += (
-            flag_runs(clock.time, np.isnan(x) & ~np.isnan(raw), name, "outside")
-            if channel.table is not None
-            else []
-        )
-        error = _stated_error(channel, tables[group].errors.get(column), raw, unit, name)
-        x, limits = remove_delay(clock.time, x, channel.delay, name), channel.limits(name)
-        x = (
-            follow_command(clock.time, x, -channel.lag, *limits)
-            if limits
-            else remove_lag(clock.time, x, channel.lag, name)
-        )
-        found += sample_faults(clock.time, x, name, clock.attributes["rate"])
-        about = {
-            **quantity_attributes(name),
-            "column": f"{group}/{column}",
-            "calibration": channel.calibration(unit, column),
-        }
-        about["map_entry"] = json.dumps(
-            {
-                **entry_of(channel),
-                "column": column if "/" not in channel.columns[0] else f"{group}/{column}",
-            }
-        )
-        about["file_unit"] = unit or ""
-        removed = {
-            f"{key}_removed": value
-            for key, value in (("delay", channel.delay), ("lag", channel.lag))
-            if value
-        }
-        columns[name] = ChannelSamples(x, {**about, **removed, **error})
-    if {"delta_a_left", "delta_a_right"} <= set(columns) and "delta_a" not in columns:
-        about = {
-            **quantity_attributes("delta_a"),
-            "calibration": "(delta_a_right - delta_a_left) / 2",
-        }
-        columns["delta_a"] = ChannelSamples(
-            (columns["delta_a_right"].values - columns["delta_a_left"].values) / 2.0, about
-        )
-    missing: dict[str, list[Flag]] = {}
-    for flag in found:
-        if flag.kind == "missing":
-            missing.setdefault(flag.channel, []).append(flag)
-    words = ", ".join(
-        f"{name} {sum(m.samples for m in group)} from {group[0].start:g} s"
-        for name, group in missing.items()
-    )
-    about = {**clock.attributes, "missing": words, "flags": as_text(dict.fromkeys(found))}
-    return RecordGroup(clock.time, columns, about)

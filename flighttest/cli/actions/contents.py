@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,7 +11,6 @@ from flightmech.support.console import (
     print_table,
 )
 from flighttest.records.files import contents
-from flighttest.records.stored_overview import stored_overview
 
 if TYPE_CHECKING:
     pass
@@ -22,7 +21,7 @@ _NAMED = 12  # names of one reason on the terminal; --json has all
 
 def record_info(file: str, names: str | None, as_json: bool) -> None:
     """Perform the command ``info``."""
-    found = _contents(file, names)
+    found = contents(file, names)
     if as_json:
         print_json(found)
         return
@@ -78,16 +77,6 @@ def _by_reason(left_out: list[dict[str, str]]) -> list[str]:
         f"{reason}"
         for reason, places in names.items()
     ]
-
-
-def _contents(file: str, names: str | None) -> dict[str, Any]:
-    """Return what a file holds, from the overview that a sealed one carries where it has one."""
-
-    stored = None if names else stored_overview(file, "contents")
-    if stored is not None:
-        return stored
-
-    return contents(file, names)
 
 
 def _number(value: float | None) -> str:

@@ -26,7 +26,7 @@ from flighttest.flight_programme.manoeuvre_finding.excursions import (
 from flighttest.flight_programme.manoeuvre_finding.responses import find_phugoids, find_responses
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels, resample_channels
 from flighttest.records.record import find_channel_leaf
-from flighttest.records.signals.sample_flags import flags
+from flighttest.records.signals.record_flags import flags
 
 _CONTROLS = {
     "elevator": ("delta_e",),

@@ -25,13 +25,13 @@ from flighttest.reconstruction.dynamics.kinematics import (
     body_to_ned_rotation,
     gravity,
 )
-from flighttest.records.signals.conditioning import resample
 from flighttest.records.signals.differentiation import (
     derivative,
     derivative_gain,
     derivative_noise,
     fourier_smooth,
 )
+from flighttest.records.signals.resampling import resample
 
 _WIND_ERROR = 1.0  # m/s, of a wind that nobody gave
 

@@ -31,8 +31,8 @@ from flightmech.errors import IdentificationError, OutOfRange, UnknownName
 from flightmech.names import quantity_attributes
 from flightmech.units import G0
 from flighttest.records.sensors.instruments import SURFACES, surface_errors
-from flighttest.records.signals.conditioning import lowpass
 from flighttest.records.signals.differentiation import derivative
+from flighttest.records.signals.resampling import lowpass
 
 ERRORS = {"qbar": 0.01, "mass": 0.005, "inertia": 0.02, "thrust": 0.02, "timing": 0.002}
 # what regressors and tables are functions of: their errors go with them

@@ -31,8 +31,8 @@ from flighttest.reconstruction.problem.problem import (
 from flighttest.reconstruction.problem.trajectory import Solution
 from flighttest.records.sensors.instruments import IMU, SPEEDS, VANES, Instruments
 from flighttest.records.sensors.measurements import MEASURED, MeasuredChannels, air_readings
-from flighttest.records.signals.conditioning import resample_to_grid
 from flighttest.records.signals.differentiation import derivative
+from flighttest.records.signals.resampling import resample_to_grid
 
 WIND_SIGMA = 25.0  # m/s, of each horizontal component
 WIND_DOWN_SIGMA = (

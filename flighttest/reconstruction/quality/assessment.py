@@ -70,7 +70,7 @@ from flighttest.reconstruction.quality.result import Quality
 from flighttest.records.record import manoeuvres
 from flighttest.records.sensors.instruments import SPEEDS, Instruments, instruments_of
 from flighttest.records.sensors.measurements import MeasuredChannels, demand_air_data, order_windows
-from flighttest.records.signals.conditioning import GAP
+from flighttest.records.signals.resampling import GAP
 
 RATE = 50.0  # Hz, of the path that is set up to see whether the reconstruction takes a record
 

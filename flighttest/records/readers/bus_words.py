@@ -1,19 +1,24 @@
-"""What to take out of the words of a bus or a frame: the ``[decode.NAME]`` tables of a name map.
+"""Parameters in the words of a bus or a frame: the ``[decode.NAME]`` tables of a name map.
 
-Recordings of buses and telemetry hold words; which bits are which quantity is in the interface document of the aeroplane, so it is the
-user's table.  Four kinds::
+Recordings of buses and telemetry contain words.  The interface document of the aeroplane defines
+the bits of each quantity, so that the user writes the table.  There are four kinds::
 
-    [decode.adc]                    # ARINC 429 words of a Chapter 10 channel, or of a column of any other file
+    # ARINC 429 words of a Chapter 10 channel, or of a column of any other file
+    [decode.adc]
     kind = "arinc429"
-    channel = 12                    # Chapter 10 channel identifier; with column = "table/word" words of another format
-    bus = 0                         # of the channel; left out: all
-    labels = "octal"                # label byte as octal number in bits 8-1; "transmitted" when bit 1 is the first sent, so reversed
+    # Chapter 10 channel identifier; column = "table/word" for words of another format
+    channel = 12
+    # bus of the channel; without it all buses
+    bus = 0
+    # label byte as octal number in bits 8-1; "transmitted" if bit 1 is the first sent (reversed)
+    labels = "octal"
     [decode.adc.parameters]
     tas = { label = "210", code = "bnr", bits = 15, range = 2048, unit = "kt" }
     alt_baro = { label = "235", code = "bcd", digits = 4, resolution = 1, unit = "hPa" }
     air = { label = "350", code = "discrete", bit = 11 }
 
-    [decode.ins]                    # MIL-STD-1553 messages
+    # MIL-STD-1553 messages
+    [decode.ins]
     kind = "mil1553"
     channel = 3
     rt = 5
@@ -23,31 +28,36 @@ user's table.  Four kinds::
     theta = { word = 3, code = "twos", lsb = 0.0054931640625, unit = "deg" }
     lat = { word = [7, 8], code = "twos", lsb = 8.381903171539307e-08, unit = "deg" }
 
-    [decode.fti]                    # PCM minor frames, packed or unpacked; words counted from 1 at the first word of the sync pattern
+    # PCM minor frames, packed or unpacked; word 1 is the first word of the sync pattern
+    [decode.fti]
     kind = "pcm"
     channel = 7
     word_bits = 16
     frame_words = 64
-    counter = { word = 3, first = 0 }        # subframe counter, for words that are not in every frame
+    # subframe counter, for words that are not in every frame
+    counter = { word = 3, first = 0 }
     [decode.fti.parameters]
     pot_3 = { word = 9, code = "unsigned", bits = [0, 11], unit = "1" }
-    nz = { word = [5, 37], repeated = true, code = "twos", lsb = 0.0005, unit = "g" }   # twice in each frame
+    # twice in each frame
+    nz = { word = [5, 37], repeated = true, code = "twos", lsb = 0.0005, unit = "g" }
     oil = { word = 12, frame = 2, frames = 4, code = "unsigned", unit = "1" }
 
-    [decode.strain]                 # analogue samples
+    # analogue samples
+    [decode.strain]
     kind = "analog"
     channel = 9
     [decode.strain.parameters]
     F_column = { subchannel = 1, code = "twos", lsb = 0.1, unit = "N" }
 
-A parameter becomes a column of the table NAME (mil1553, analog, pcm words of every frame) or a
-table of its own, ``NAME.parameter``, where it has stamps of its own (arinc429, repeated and
-subframe words).  Bits of a word are counted from 0, the least significant.
+A parameter of mil1553, analog or PCM words of every frame becomes a column of the table NAME.  A
+parameter with stamps of its own (arinc429, repeated and subframe words) becomes a table
+``NAME.parameter``.  Bits of a word are counted from 0, the least significant.
 """
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import Literal, Protocol
 
 from pydantic import Field
 
@@ -58,7 +68,31 @@ from flightmech.units import parse_unit
 WordCode = Literal["unsigned", "twos", "offset", "magnitude", "float"]
 
 
-def _unit_fault(name: str, unit: str) -> list[str]:
+# Limits of the keys of an ARINC 429 parameter.
+_ARINC429_LIMITS = {"bits": (1, 20), "digits": (1, 5), "bit": (9, 29)}
+_ARINC429_KEYS = {
+    "bnr": ("bits", "range"),
+    "bcd": ("digits", "resolution"),
+    "discrete": ("bit",),
+}
+# Data words of a MIL-STD-1553 message, and largest address and subaddress.
+_MIL1553_WORDS = 32
+_MIL1553_ADDRESS = 31
+
+
+class _Parameter(Protocol):
+    def problems(self) -> list[str]: ...
+
+
+def _parameter_problems(parameters: Mapping[str, _Parameter]) -> list[str]:
+    """Return the problems of all parameters of a table."""
+    problems = []
+    for name, parameter in parameters.items():
+        problems += [f"parameters.{name}.{text}" for text in parameter.problems()]
+    return problems
+
+
+def _unit_problems(name: str, unit: str) -> list[str]:
     try:
         parse_unit(unit)
     except UnitError as error:
@@ -100,30 +134,29 @@ class Arinc429Label(Strict):
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table of this parameter."""
-        found = []
-        if not (self.label and set(self.label) <= set("01234567") and int(self.label, 8) <= 0o377):
-            found.append(
+        problems = []
+        is_octal = bool(self.label) and set(self.label) <= set("01234567")
+        if not (is_octal and self.number <= 0o377):
+            problems.append(
                 f'label: found {self.label!r}; expected an octal number in quotes, "001" to "377"'
             )
-        needed = {"bnr": ("bits", "range"), "bcd": ("digits", "resolution"), "discrete": ("bit",)}[
-            self.code
-        ]
-        every = ("bits", "range", "digits", "resolution", "bit")
-        found += [
-            f"{key}: missing; code {self.code!r} needs it"
-            for key in needed
-            if getattr(self, key) is None
-        ]
-        found += [
-            f"{key}: has no meaning for code {self.code!r}"
-            for key in every
-            if key not in needed and getattr(self, key) is not None
-        ]
-        limits = {"bits": (1, 20), "digits": (1, 5), "bit": (9, 29)}
-        for key, (low, high) in limits.items():
-            if getattr(self, key) is not None and not low <= getattr(self, key) <= high:
-                found.append(f"{key}: found {getattr(self, key)}; allowed {low} to {high}")
-        return found
+        # Each code has keys of its own.
+        values = {}
+        for keys in _ARINC429_KEYS.values():
+            values.update({key: getattr(self, key) for key in keys})
+        required = _ARINC429_KEYS[self.code]
+        for key in required:
+            if values[key] is None:
+                problems.append(f"{key}: missing; code {self.code!r} needs it")
+        for key, value in values.items():
+            if key not in required and value is not None:
+                problems.append(f"{key}: has no meaning for code {self.code!r}")
+        # Bits of a word are counted from 1 by ARINC 429; the data field ends at bit 29.
+        for key, (low, high) in _ARINC429_LIMITS.items():
+            value = values[key]
+            if value is not None and not low <= value <= high:
+                problems.append(f"{key}: found {value}; allowed {low} to {high}")
+        return problems
 
 
 class Arinc429(Strict):
@@ -154,18 +187,14 @@ class Arinc429(Strict):
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table."""
-        found = [
-            f"parameters.{name}.{text}"
-            for name, label in self.parameters.items()
-            for text in label.problems()
-        ]
+        problems = _parameter_problems(self.parameters)
         for name, label in self.parameters.items():
-            found += _unit_fault(name, label.unit)
+            problems += _unit_problems(name, label.unit)
         if (self.channel is None) == (self.column is None):
-            found.append(
+            problems.append(
                 "channel: give either a Chapter 10 channel or the column that holds the words"
             )
-        return found
+        return problems
 
 
 class Word(Strict):
@@ -191,16 +220,20 @@ class Word(Strict):
     @property
     def words(self) -> tuple[int, ...]:
         """The words, most significant first."""
-        return (self.word,) if isinstance(self.word, int) else self.word
+        if isinstance(self.word, int):
+            return (self.word,)
+        return self.word
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table of this parameter."""
-        found = [] if self.words and min(self.words) >= 1 else ["word: counted from 1"]
+        problems = []
+        if not self.words or min(self.words) < 1:
+            problems.append("word: counted from 1")
         if self.bits is not None and not 0 <= self.bits[0] <= self.bits[1]:
-            found.append(
+            problems.append(
                 f"bits: found {list(self.bits)}; expected [lowest, highest], counted from 0"
             )
-        return found
+        return problems
 
 
 class Mil1553(Strict):
@@ -221,24 +254,24 @@ class Mil1553(Strict):
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table."""
-        found = [
-            f"parameters.{name}.{text}"
-            for name, word in self.parameters.items()
-            for text in word.problems()
-        ]
+        problems = _parameter_problems(self.parameters)
         for name, word in self.parameters.items():
-            found += _unit_fault(name, word.unit)
-            if max(word.words, default=1) > 32:
-                found.append(f"parameters.{name}.word: a message has 32 data words")
+            problems += _unit_problems(name, word.unit)
+            if max(word.words, default=1) > _MIL1553_WORDS:
+                problems.append(
+                    f"parameters.{name}.word: a message has {_MIL1553_WORDS} data words"
+                )
         for key in ("rt", "subaddress"):
-            if not 0 <= getattr(self, key) <= 31:
-                found.append(f"{key}: found {getattr(self, key)}; allowed 0 to 31")
-        return found
+            number = getattr(self, key)
+            if not 0 <= number <= _MIL1553_ADDRESS:
+                problems.append(f"{key}: found {number}; allowed 0 to {_MIL1553_ADDRESS}")
+        return problems
 
 
 class PcmWord(Word):
-    """One parameter of PCM frames; `repeated` words stand several times in a frame, `frame` words
-    once in `frames` frames.
+    """One parameter of PCM frames.
+
+    A `repeated` word occurs several times in a frame, a word with `frame` once in `frames` frames.
     """
 
     repeated: bool = Field(
@@ -253,7 +286,7 @@ class PcmWord(Word):
 
 
 class Counter(Strict):
-    """The word that counts minor frames, and the value of it in the frame called 0."""
+    """Word that counts minor frames, and its value in frame 0."""
 
     word: int = Field(description="Word that counts the frames.", examples=[3])
     first: int = Field(default=0, description="Its value in frame 0.", examples=[0])
@@ -278,36 +311,34 @@ class Pcm(Strict):
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table."""
-        found = [
-            f"parameters.{name}.{text}"
-            for name, word in self.parameters.items()
-            for text in word.problems()
-        ]
+        problems = _parameter_problems(self.parameters)
         if not 1 <= self.word_bits <= 64:
-            found.append(f"word_bits: found {self.word_bits}; allowed 1 to 64")
+            problems.append(f"word_bits: found {self.word_bits}; allowed 1 to 64")
         if not 1 <= self.frame_words <= 16384:
-            found.append(f"frame_words: found {self.frame_words}; allowed 1 to 16384")
+            problems.append(f"frame_words: found {self.frame_words}; allowed 1 to 16384")
         for name, word in self.parameters.items():
-            found += _unit_fault(name, word.unit)
+            problems += _unit_problems(name, word.unit)
+            # The default serves an empty list of words, which is a problem of the word.
             if max(word.words, default=1) > self.frame_words:
-                found.append(f"parameters.{name}.word: a frame has {self.frame_words} words")
-            if (word.frame is None) != (word.frames is None) or (
-                word.frame is not None and self.counter is None
-            ):
-                found.append(
-                    f"parameters.{name}.frame: needs `frames` next to it and the table's `counter`"
-                )
-            elif (
-                word.frames is not None
-                and word.frame is not None
-                and not 0 <= word.frame < word.frames
-            ):
-                found.append(
-                    f"parameters.{name}.frame: found {word.frame}; allowed 0 to {word.frames - 1}"
-                )
-            if word.repeated and word.frame is not None:
-                found.append(f"parameters.{name}.repeated: not together with frame")
-        return found
+                problems.append(f"parameters.{name}.word: a frame has {self.frame_words} words")
+            problems += self._subframe_problems(name, word)
+        return problems
+
+    def _subframe_problems(self, name: str, word: PcmWord) -> list[str]:
+        """Return what is wrong with the subframe of a parameter."""
+        problems = []
+        frame, frames = word.frame, word.frames
+        # A word of one subframe needs number and count of the subframes, and their counter.
+        is_incomplete = (frame is None) != (frames is None)
+        if is_incomplete or (frame is not None and self.counter is None):
+            problems.append(
+                f"parameters.{name}.frame: needs `frames` next to it and the table's `counter`"
+            )
+        elif frames is not None and frame is not None and not 0 <= frame < frames:
+            problems.append(f"parameters.{name}.frame: found {frame}; allowed 0 to {frames - 1}")
+        if word.repeated and frame is not None:
+            problems.append(f"parameters.{name}.repeated: not together with frame")
+        return problems
 
 
 class Subchannel(Strict):
@@ -323,11 +354,9 @@ class Subchannel(Strict):
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table of this parameter."""
-        return (
-            []
-            if 0 <= self.subchannel <= 255
-            else [f"subchannel: found {self.subchannel}; allowed 0 to 255"]
-        )
+        if 0 <= self.subchannel <= 255:
+            return []
+        return [f"subchannel: found {self.subchannel}; allowed 0 to 255"]
 
 
 class Analog(Strict):
@@ -341,14 +370,10 @@ class Analog(Strict):
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table."""
-        found = [
-            f"parameters.{name}.{text}"
-            for name, part in self.parameters.items()
-            for text in part.problems()
-        ]
-        for name, part in self.parameters.items():
-            found += _unit_fault(name, part.unit)
-        return found
+        problems = _parameter_problems(self.parameters)
+        for name, subchannel in self.parameters.items():
+            problems += _unit_problems(name, subchannel.unit)
+        return problems
 
 
 Decode = Arinc429 | Mil1553 | Pcm | Analog

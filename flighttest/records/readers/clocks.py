@@ -21,7 +21,7 @@ from flighttest.records.readers.columns import column_called, unit_of_column
 from flighttest.records.readers.name_map import Clock, NameMap
 from flighttest.records.readers.recording import LeftOut, RecordedTable, clock_name
 from flighttest.records.readers.times_of_day import seconds_of_digits
-from flighttest.records.signals.conditioning import GAP
+from flighttest.records.signals.resampling import GAP
 from flighttest.records.signals.sample_flags import MOST, Flag
 
 _COUNTERS = tuple(float(2**bits) for bits in (16, 24, 31, 32))  # in counts of the clock
@@ -175,10 +175,10 @@ def _is_near_neighbours(time: np.ndarray) -> np.ndarray:
 def _join_resets(time: np.ndarray, reset: bool, what: str) -> tuple[np.ndarray, list[Flag]]:
     """Return the clock with the samples after each backward step moved behind those before it."""
     step = np.diff(time)
-    back = np.flatnonzero(step < 0.0)
-    if not len(back):
+    backward = np.flatnonzero(step < 0.0)
+    if not len(backward):
         return time, []
-    first = int(back[0])
+    first = int(backward[0])
     if not reset:
         text = (
             f"time does not rise: {time[first]:g} s is followed by {time[first + 1]:g} s (sample "
@@ -195,10 +195,10 @@ def _join_resets(time: np.ndarray, reset: bool, what: str) -> tuple[np.ndarray, 
         )
     # The samples continue one median step after the sample before the backward step.
     jump = np.zeros(len(time))
-    jump[back + 1] = float(np.median(rising)) - step[back]
+    jump[backward + 1] = float(np.median(rising)) - step[backward]
     joined = time + np.cumsum(jump)
     flags = []
-    for i in back[:MOST]:
+    for i in backward[:MOST]:
         start, stop = float(joined[i]), float(joined[i + 1])
         flags.append(Flag("", "reset", start, stop=stop, samples=1, note=f"by {-step[i]:.6g} s"))
     return joined, flags

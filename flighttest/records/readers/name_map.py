@@ -45,13 +45,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
+from pydantic import Field, model_validator
 
 from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup
-from flightmech.support.plain_tables import Plain, define_field
+from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import Above, InUnits
 from flightmech.units import fitted_unit, parse_quantity, parse_unit, to_si
 from flighttest.records.readers.bus_words import Arinc429, Decode
@@ -60,61 +61,73 @@ from flighttest.records.sensors.instruments import Instrument
 TOP = ("extends", "optional", "time", "record", "constants", "instruments", "utc", "decode")
 
 
-class Channel(Plain):
+class _Table(Strict):
+    """A table of a name map."""
+
+    def changed(self, **values: Any) -> Self:
+        """Return a copy with other values, which are validated."""
+        return type(self)(**{**dict(self), **values})
+
+    def stated(self) -> dict[str, Any]:
+        """Return the values that differ from their defaults, by name."""
+        return self.model_dump(exclude_defaults=True)
+
+
+class Channel(_Table):
     """Where a channel comes from and how it becomes SI."""
 
-    column: str | tuple[str, ...] = define_field(
+    column: str | tuple[str, ...] = Field(
         description="Column of the file, TABLE/COLUMN where there are several tables; of a list "
         "the first that the file holds."
     )
-    unit: str | None = define_field(
+    unit: str | None = Field(
         default=None,
         description="Unit of the column, where the file does not state it or states another.",
     )
-    sign: Literal[1, -1] = define_field(
+    sign: Literal[1, -1] = Field(
         default=1, description="-1 where the recorder's positive sense is the opposite one."
     )
-    scale: float | str = define_field(
+    scale: float | str = Field(
         default=1.0,
         description='Factor of the column; with a unit ("40 deg") it replaces the change of unit.',
     )
-    offset: float | str = define_field(default=0.0, description="Added last: SI, or with its unit.")
-    polynomial: tuple[float, ...] | None = define_field(
+    offset: float | str = Field(default=0.0, description="Added last: SI, or with its unit.")
+    polynomial: tuple[float, ...] | None = Field(
         default=None,
         examples=[[-12.1, 0.0321, 1.2e-06]],
         description="Calibration: coefficients of the raw column by ascending power, giving the "
         "value in unit.",
     )
-    table: tuple[tuple[float, float], ...] | None = define_field(
+    table: tuple[tuple[float, float], ...] | None = Field(
         default=None,
         examples=[[[112, -25], [530, 0], [980, 25]]],
         description="Calibration: rows [raw, value] in unit, or a CSV file of two columns; linear "
         "between, NaN and flagged beyond.",
     )
-    delay: Annotated[float, InUnits("s")] = define_field(
+    delay: Annotated[float, InUnits("s")] = Field(
         default=0.0,
         examples=["60 ms"],
         description="Known latency: the channel shows at t what was true at t - delay.",
     )
-    lag: Annotated[float, InUnits("s")] = define_field(
+    lag: Annotated[float, InUnits("s")] = Field(
         default=0.0,
         examples=["-0.05 s"],
         description="Known time constant of a first-order lag behind the truth; negative: of a "
         "command, that of the actuator.",
     )
-    rate_limit: float | str | None = define_field(
+    rate_limit: float | str | None = Field(
         default=None,
         examples=["300 deg/s"],
         description="Of a command: the highest rate of the actuator that follows it, in SI or "
         "with its unit.",
     )
-    stops: tuple[float | str, float | str] | None = define_field(
+    stops: tuple[float | str, float | str] | None = Field(
         default=None,
         examples=[["-25 deg", "20 deg"]],
         description="Of a command: lowest and highest position of the actuator, in SI or with "
         "their unit.",
     )
-    optional: bool = define_field(
+    optional: bool = Field(
         default=False,
         description="Whether the channel is left out where the file has no such column.",
     )
@@ -126,13 +139,15 @@ class Channel(Plain):
             return (self.column,)
         return self.column
 
-    def check(self) -> None:
+    @model_validator(mode="after")
+    def _check_limits(self) -> Self:
         """Raise ValueError if limits of an actuator do not belong to a command."""
         if (self.rate_limit is not None or self.stops is not None) and self.lag > 0.0:
             raise ValueError(
                 f"rate_limit and stops belong to an actuator behind a recorded command: its "
                 f"lag is negative or zero; lag is {self.lag:g} s"
             )
+        return self
 
     def limits(self, name: str) -> tuple[float, tuple[float, float]] | None:
         """Return rate limit and stops of the actuator behind a command, None if it has none.
@@ -231,41 +246,41 @@ def _scale_and_shift(values, factor: float, offset: float):
     return values
 
 
-class Facts(Plain):
+class Facts(_Table):
     """Facts about a record that its file may not state."""
 
-    title: str | None = define_field(
+    title: str | None = Field(
         default=None, examples=["Flight 12, clean, 5000 ft"], description="Title of the record."
     )
-    start: str | None = define_field(
+    start: str | None = Field(
         default=None,
         examples=["2024-05-17T09:30:00Z"],
         description="Start of the record in the time of the world.",
     )
-    purpose: str | None = define_field(
+    purpose: str | None = Field(
         default=None,
         examples=["stability and control"],
         description="What the record was flown for.",
     )
-    latitude: Annotated[float, InUnits("rad")] | None = define_field(
+    latitude: Annotated[float, InUnits("rad")] | None = Field(
         default=None, description="Latitude of the flight; gives gravity and the rate of the Earth."
     )
-    runway_elevation: Annotated[float, InUnits("m")] | None = define_field(
+    runway_elevation: Annotated[float, InUnits("m")] | None = Field(
         default=None, examples=["120 m"], description="Elevation of the runway over mean sea level."
     )
-    temperature: Annotated[float, InUnits("K"), Above(100.0)] | None = define_field(
+    temperature: Annotated[float, InUnits("K"), Above(100.0)] | None = Field(
         default=None,
         examples=["12 degC"],
         description="Constant temperature of the outside air, where none is recorded.",
     )
-    wind_down_sigma: Annotated[float, InUnits("m s-1"), Above(0.0)] | None = define_field(
+    wind_down_sigma: Annotated[float, InUnits("m s-1"), Above(0.0)] | None = Field(
         default=None,
         examples=[0.2],
         description="Standard error of the mean vertical wind before the reconstruction.",
     )
 
 
-class Clock(Plain):
+class Clock(_Table):
     """The clock of a file or of one of its tables.
 
     `column` holds the stamps in `unit`.  The default is the unit that the file states, else
@@ -279,33 +294,33 @@ class Clock(Plain):
     after a backward step are moved behind the samples before it.
     """
 
-    column: str | None = define_field(
+    column: str | None = Field(
         default=None, examples=["adc/time"], description="Column of the stamps."
     )
-    unit: str | None = define_field(
+    unit: str | None = Field(
         default=None,
         examples=["us"],
         description="Unit of the stamps, us and ns as well; the file's own without it, else s.",
     )
-    wrap: Annotated[float, InUnits("s")] | None = define_field(
+    wrap: Annotated[float, InUnits("s")] | None = Field(
         default=None,
         examples=["65.536 s"],
         description="Where a counter starts again; it is unrolled.",
     )
-    rate: Annotated[float, InUnits("Hz")] | None = define_field(
+    rate: Annotated[float, InUnits("Hz")] | None = Field(
         default=None,
         examples=["50 Hz"],
         description="Sampling rate: even stamps from the first one on.",
     )
-    offset: Annotated[float, InUnits("s")] = define_field(
+    offset: Annotated[float, InUnits("s")] = Field(
         default=0.0,
         examples=["0.12 s"],
         description="Added last; brings the clock onto that of the record.",
     )
-    drift: float = define_field(
+    drift: float = Field(
         default=0.0, examples=[2e-05], description="Seconds that the clock runs fast per second."
     )
-    reset: bool = define_field(
+    reset: bool = Field(
         default=False,
         examples=[True],
         description="Whether what follows a backward step is moved behind what went before.",
@@ -316,26 +331,26 @@ class Clock(Plain):
         return float(to_si(1.0, self.unit or file_unit or "s", "s"))
 
 
-class Utc(Plain):
+class Utc(_Table):
     """A column of coordinated universal time.
 
     It gives the start of the record and the drift of its clock.  `epoch` is the origin of the
     column: ``unix`` (1970-01-01, UTC) or ``gps`` (1980-01-06, ahead of UTC by `leap_seconds`).
     """
 
-    column: str = define_field(
+    column: str = Field(
         examples=["gps/utc"], description="Column with the time of day of the world."
     )
-    unit: str = define_field(default="s", description="Its unit.")
-    epoch: Literal["unix", "gps"] = define_field(
+    unit: str = Field(default="s", description="Its unit.")
+    epoch: Literal["unix", "gps"] = Field(
         default="unix",
         description="What it counts from: 1970-01-01 (unix), or 1980-01-06 without leap seconds "
         "(gps).",
     )
-    leap_seconds: int = define_field(
+    leap_seconds: int = Field(
         default=18, examples=[18], description="By which gps is ahead of UTC."
     )
-    optional: bool = define_field(
+    optional: bool = Field(
         default=False, description="Whether it is left out where the file has no such column."
     )
 

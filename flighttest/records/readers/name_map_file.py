@@ -1,5 +1,6 @@
-"""JSON schema of name maps, for editors: the tables that the reader knows, and the vocabulary in
-every other one.
+"""JSON schema of name maps, for editors.
+
+The schema has the tables of the reader, and the vocabulary in every other table.
 """
 
 from __future__ import annotations
@@ -7,52 +8,60 @@ from __future__ import annotations
 from typing import Any
 
 from flightmech.names import ITEM, VOCABULARY
-from flightmech.support.toml_models import DIALECT, part_schema
+from flightmech.support.toml_models import DIALECT, Strict, part_schema
 from flighttest.records.readers.bus_words import KINDS
 from flighttest.records.readers.name_map import TOP, Channel, Clock, Facts, Utc
 from flighttest.records.sensors.instruments import Instrument
 
 _ENGINE = r"^engine[1-9]\d*$"
-_MODELS = {"Channel": Channel, "Clock": Clock, "Facts": Facts, "Utc": Utc, "Instrument": Instrument}
+_MODELS: dict[str, type[Strict]] = {
+    "Channel": Channel,
+    "Clock": Clock,
+    "Facts": Facts,
+    "Utc": Utc,
+    "Instrument": Instrument,
+}
 
 
 def name_map_schema() -> dict[str, Any]:
     """Return the schema (JSON Schema 2020-12) of name maps.
 
-    It knows every key with its description and unit and every canonical name; units that do not
-    fit, columns shown twice and calibrations without a unit the reader alone finds.
+    It has every key with its description and unit, and every canonical name.  Units that do not
+    fit, repeated columns and calibrations without a unit are errors of the reader only.
     """
-    models: dict[str, Any] = {
-        **_MODELS,
-        **{f"decode_{kind}": model for kind, model in KINDS.items()},
-    }
-    definitions = {name: part_schema(model) for name, model in models.items()}
-    inner = {
-        name: part
-        for schema in definitions.values()
-        for name, part in schema.pop("$defs", {}).items()
-    }
-    _also(definitions["Channel"]["properties"]["table"], {"type": "string"})
-    column = definitions["Channel"]["properties"]["column"]["anyOf"]
-    definitions["channel"] = {"anyOf": [*column, {"$ref": "#/$defs/Channel"}]}
-    definitions["leaf"] = _by_name(
-        {"$ref": "#/$defs/channel"}, "channels of one time base: canonical name = column"
+    definitions = {name: part_schema(model) for name, model in _MODELS.items()}
+    for kind, model in KINDS.items():
+        definitions[f"decode_{kind}"] = part_schema(model)
+    # One schema has one table of definitions.
+    inner: dict[str, Any] = {}
+    for schema in definitions.values():
+        inner.update(schema.pop("$defs", {}))
+    # The table of a channel may be the name of a CSV file, and a channel may be a column alone.
+    channel = definitions["Channel"]["properties"]
+    channel["table"] = _allow_text(channel["table"])
+    definitions["channel"] = {"anyOf": [*channel["column"]["anyOf"], _reference("Channel")]}
+    definitions["leaf"] = _table_of_names(
+        _reference("channel"), "channels of one time base: canonical name = column"
     )
-    parts = _parts()
+    special = _special_tables()
     return {
         "$schema": DIALECT,
         "description": "A name map: which column of a recording is which quantity, in which unit "
         "and sign, over which clock.",
         "type": "object",
-        "properties": {key: parts[key] for key in TOP},
-        "additionalProperties": {"$ref": "#/$defs/leaf"},
+        "properties": {key: special[key] for key in TOP},
+        "additionalProperties": _reference("leaf"),
         "$defs": {**inner, **definitions},
     }
 
 
-def _parts() -> dict[str, Any]:
+def _reference(name: str) -> dict[str, Any]:
+    return {"$ref": f"#/$defs/{name}"}
+
+
+def _special_tables() -> dict[str, Any]:
     """Return the schemas of the keys that are not tables of channels."""
-    kinds = [{"$ref": f"#/$defs/decode_{kind}"} for kind in KINDS]
+    kinds = [_reference(f"decode_{kind}") for kind in KINDS]
     clock = part_schema(Clock)
     return {
         "extends": {
@@ -67,23 +76,23 @@ def _parts() -> dict[str, Any]:
         },
         "time": {
             **clock,
-            "additionalProperties": {"$ref": "#/$defs/Clock"},
+            "additionalProperties": _reference("Clock"),
             "description": "The clock of the file; [time.NAME] for one table of it.",
         },
-        "record": {"$ref": "#/$defs/Facts", "description": "Facts that the file does not state."},
-        "constants": _by_name(
+        "record": {**_reference("Facts"), "description": "Facts that the file does not state."},
+        "constants": _table_of_names(
             {"type": ["number", "string"]},
             "Channels that no column shows; SI, or with units.",
             {"delta_f": "0 deg"},
         ),
         "instruments": {
             "type": "object",
-            "additionalProperties": {"$ref": "#/$defs/Instrument"},
+            "additionalProperties": _reference("Instrument"),
             "description": "Instruments of this recorder, in place of the tables of those names "
             "in the aircraft file.",
         },
         "utc": {
-            "$ref": "#/$defs/Utc",
+            **_reference("Utc"),
             "description": "A column with the time of day of the world.",
         },
         "decode": {
@@ -94,27 +103,26 @@ def _parts() -> dict[str, Any]:
     }
 
 
-def _by_name(part: dict[str, Any], text: str, *examples: dict[str, Any]) -> dict[str, Any]:
+def _table_of_names(part: dict[str, Any], text: str, *examples: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a table whose keys are canonical names."""
-    own = {
-        name: {**part, "description": f"{row.long_name} [{row.units}]"}
-        for name, row in VOCABULARY.items()
-    }
+    properties = {}
+    for name, row in VOCABULARY.items():
+        properties[name] = {**part, "description": f"{row.long_name} [{row.units}]"}
     names = "|".join(VOCABULARY)
+    # TOML splits engine1.thrust into a table of an engine, unless the key has quotes.
+    engine = {"type": "object", "properties": properties, "additionalProperties": False}
     return {
         "type": "object",
         "description": text,
         "examples": list(examples),
-        "properties": own,
-        "patternProperties": {
-            _ENGINE: {"type": "object", "properties": own, "additionalProperties": False},
-            f"{ITEM.pattern}({names})$": part,
-        },
+        "properties": properties,
+        "patternProperties": {_ENGINE: engine, f"{ITEM.pattern}({names})$": part},
         "additionalProperties": False,
     }
 
 
-def _also(place: dict[str, Any], other: dict[str, Any]) -> None:
-    """Let a key be of another kind too."""
-    kinds = {key: place.pop(key) for key in ("type", "items") if key in place}
-    place["anyOf"] = [kinds, other]
+def _allow_text(schema: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of an array that may also be a text."""
+    array = {key: schema[key] for key in ("type", "items") if key in schema}
+    remainder = {key: item for key, item in schema.items() if key not in array}
+    return {**remainder, "anyOf": [array, {"type": "string"}]}

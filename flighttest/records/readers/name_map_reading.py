@@ -5,23 +5,20 @@ The content of a map is first joined with the map that it extends, then each tab
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.input_files import WESTERN, foreign_kind, read_text, read_toml
-from flightmech.support.plain_tables import Plain, read_plain_table
-from flightmech.support.toml_models import validate_content
+from flightmech.support.toml_models import Strict, validate_content
 from flightmech.units import fitted_unit, parse_quantity, parse_unit
 from flighttest.records.readers.bus_words import KINDS, Decode
 from flighttest.records.readers.name_map import TOP, Channel, Clock, Facts, NameMap, Utc
 from flighttest.records.sensors.instruments import Instrument
 
-T = TypeVar("T")
-P = TypeVar("P", bound=Plain)
+T = TypeVar("T", bound=Strict)
 
 MAPS = Path(__file__).parent / "maps"
 
@@ -91,6 +88,7 @@ def _read_extended_content(path: Path, extending: tuple[Path, ...]) -> dict[str,
         raise SchemaError(f"name map {path}", duplicates)
     if content.get("optional") is True:
         content = _with_optional_channels(content)
+    # The entries of a map have priority over the map that it extends.
     base = content.pop("extends", None)
     if base is None:
         return content
@@ -145,10 +143,10 @@ def _join_maps(content: dict[str, Any], base: dict[str, Any]) -> dict[str, Any]:
 def _parse_map(content: dict[str, Any], source: str, folder: Path, problems: list[str]) -> NameMap:
     """Return the map of a joined content and add its problems to the list."""
     clock, clocks = _parse_clocks(content.pop("time", {}), problems)
-    facts = _parse_table(_reader(Facts), content.pop("record", {}), "record", problems)
+    facts = _parse_table(Facts, content.pop("record", {}), "record", problems)
     utc = None
     if "utc" in content:
-        utc = _parse_table(_reader(Utc), content.pop("utc"), "utc", problems)
+        utc = _parse_table(Utc, content.pop("utc"), "utc", problems)
     decode = _parse_decode_tables(content.pop("decode", {}), problems)
     instruments = _parse_instruments(content.pop("instruments", {}), problems)
     constants = _parse_constants(content.pop("constants", {}), problems)
@@ -161,6 +159,7 @@ def _parse_map(content: dict[str, Any], source: str, folder: Path, problems: lis
             continue
         leaves[leaf] = _parse_channels(leaf, table, folder, problems)
     problems += _repeated_quantities(leaves)
+    # A constant may replace an optional channel only.
     required: set[str] = set()
     for channels in leaves.values():
         required.update(name for name, channel in channels.items() if not channel.optional)
@@ -183,7 +182,7 @@ def _parse_map(content: dict[str, Any], source: str, folder: Path, problems: lis
 def _parse_clocks(time: Any, problems: list[str]) -> tuple[Clock, dict[str, Clock]]:
     """Return the common clock and the clocks of single tables."""
     if not isinstance(time, dict):
-        _parse_table(_reader(Clock), time, "time", problems)  # adds the problem
+        _parse_table(Clock, time, "time", problems)  # adds the problem
         time = {}
     common = {key: item for key, item in time.items() if not isinstance(item, dict)}
     clock = _parse_clock(common, "time", problems)
@@ -197,7 +196,7 @@ def _parse_clocks(time: Any, problems: list[str]) -> tuple[Clock, dict[str, Cloc
 
 def _parse_clock(content: dict[str, Any], position: str, problems: list[str]) -> Clock:
     """Return a clock and add its problems to the list."""
-    clock = _parse_table(_reader(Clock), content, position, problems) or Clock()
+    clock = _parse_table(Clock, content, position, problems) or Clock()
     if clock.unit is not None:
         try:
             clock.seconds(None)
@@ -215,10 +214,9 @@ def _parse_instruments(tables: Any, problems: list[str]) -> dict[str, Instrument
     if not isinstance(tables, dict):
         problems.append(f"instruments: expected tables [instruments.NAME]; found {tables!r}")
         return {}
-    read = partial(validate_content, Instrument)
     instruments = {}
     for name, table in tables.items():
-        instrument = _parse_table(read, table, f"instruments.{name}", problems)
+        instrument = _parse_table(Instrument, table, f"instruments.{name}", problems)
         if instrument is not None:
             instruments[name] = instrument
     return instruments
@@ -250,8 +248,7 @@ def _parse_decode_tables(content: Any, problems: list[str]) -> dict[str, Decode]
         if kind not in KINDS:
             problems.append(f"decode.{name}.kind: found {kind!r}; allowed: {', '.join(KINDS)}")
             continue
-        read = partial(validate_content, KINDS[kind])
-        spec: Decode | None = _parse_table(read, table, f"decode.{name}", problems)
+        spec: Decode | None = _parse_table(KINDS[kind], table, f"decode.{name}", problems)
         if spec is not None:
             problems += [f"decode.{name}.{text}" for text in spec.problems()]
             specs[name] = spec
@@ -270,12 +267,13 @@ def _parse_channels(
         except UnknownName as error:
             problems.append(f"{position}: {error}")
             continue
+        # A text or a list is the column alone.
         if isinstance(entry, str | list):
             entry = {"column": entry}
         if isinstance(entry, dict) and isinstance(entry.get("table"), str):
             rows = _read_calibration_table(folder / entry["table"], position, problems)
             entry = {**entry, "table": rows}
-        channel = _parse_table(_reader(Channel), entry, position, problems)
+        channel = _parse_table(Channel, entry, position, problems)
         if channel is not None:
             problems += [f"{position}.{text}" for text in _channel_faults(channel, quantity.units)]
             channels[name] = channel
@@ -376,14 +374,7 @@ def _duplicate_names(table: Mapping[str, Any]) -> list[str]:
     return names
 
 
-def _reader(kind: type[P]) -> Callable[[dict[str, Any], str], P]:
-    """Return the function that reads a table as an object of a class."""
-    return partial(read_plain_table, kind)
-
-
-def _parse_table(
-    read: Callable[[dict[str, Any], str], T], content: Any, position: str, problems: list[str]
-) -> T | None:
+def _parse_table(model: type[T], content: Any, position: str, problems: list[str]) -> T | None:
     """Return the object of a table, or None and its problems in the list."""
     if not isinstance(content, dict):
         problems.append(
@@ -392,7 +383,7 @@ def _parse_table(
         )
         return None
     try:
-        return read(content, position)
+        return validate_content(model, content, position)
     except SchemaError as error:
         problems += [f"{position}.{problem}" for problem in error.problems]
         return None

@@ -1,4 +1,4 @@
-"""Which format a file has, by its first bytes, and the reader that belongs to it."""
+"""Recognition of the format of a recording by its first bytes, and the call of its reader."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flighttest.records.readers.columns import with_units_of_headings
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.recording import Recording, decoding_errors, without_short_tables
 
-# format: (module, what people call it); the modules import their packages when they read
+# Format: module of the reader, and usual name.  A module is imported when a file needs it.
 FORMATS = {
     "csv": ("csv_text", "CSV"),
     "netcdf3": ("netcdf3", "netCDF classic"),
@@ -26,7 +26,8 @@ FORMATS = {
     "mdf": ("mdf", "MDF"),
     "chapter10": ("chapter10", "IRIG 106 Chapter 10"),
 }
-_START = {
+# First bytes of the formats.
+_SIGNATURES = {
     b"\x89HDF\r\n\x1a\n": "hdf5",
     b"MATLAB 5.0 MAT-file": "matlab5",
     b"MATLAB 7.3 MAT-file": "matlab73",
@@ -40,88 +41,111 @@ _START = {
 }
 
 
+# Bytes at the start of a file that decide on its format.
+_HEAD_SIZE = 4096
+_GZIP = b"\x1f\x8b"
+# MATLAB v5: the bytes from 124 to 128 are the version and the byte order.
+_MATLAB_VERSIONS = (0x0100, 0x0001)
+_MATLAB_ORDERS = (b"IM", b"MI")
+# Kinds of files of this package and of DATCOM that are text or HDF5, but not a recording.
+_OTHER_FILES = (
+    *("an aero database", "a Digital DATCOM", "an input deck", "a TOML"),
+    *("an aircraft", "a project", "a case"),
+)
+
+
 def recognise_recording(path: str | Path) -> str:
-    """Return the format of a file, a key of `FORMATS`, from its content and not from its name.
+    """Return the format of a file, a key of `FORMATS`.
+
+    The content of the file decides, not its name.
 
     Raises
     ------
     ParseError
-        An empty file, bytes of no known format, or a record of this package whose bytes are not
-        those that were sealed.
+        The file is empty or of no known format, or a sealed record is damaged.
     """
     demand_regular(path, "a recording")
     read_if_sealed(Path(path), "a recording; write or copy it again")
     with open(path, "rb") as file:
-        head = file.read(4096)
-    packed = head[:2] == b"\x1f\x8b"
-    if packed:
-        head = _unpacked(path)
-    known = f"one of the formats {', '.join(dict.fromkeys(name for _, name in FORMATS.values()))}"
-    if other := packed_kind(path, head):
-        kind, _, remedy = other.partition("; ")
-        if packed:
-            kind, remedy = (
-                f"a gzip archive that holds {kind}",
-                "unpack it and give one of the files inside",
-            )
-        raise ParseError(str(path), 0, kind, f"{known}; {remedy}" if remedy else known)
-    for start, form in _START.items():
-        if head.startswith(start):
-            if packed:
-                remedy = "a recording as it is, or CSV in gzip; unpack it with gunzip"
+        head = file.read(_HEAD_SIZE)
+    is_gzip = head.startswith(_GZIP)
+    if is_gzip:
+        head = _unpack_head(path)
+    _demand_not_packed(path, head, is_gzip)
+    for signature, form in _SIGNATURES.items():
+        if head.startswith(signature):
+            if is_gzip:
                 raise ParseError(
-                    str(path), 0, f"a gzip archive that holds {FORMATS[form][1]}", remedy
+                    str(path),
+                    line=0,
+                    found=f"a gzip archive that holds {FORMATS[form][1]}",
+                    expected="a recording as it is, or CSV in gzip; unpack it with gunzip",
                 )
             _demand_record(path, form)
             return form
     if not head:
-        raise ParseError(str(path), 0, "an empty file", "a recording")
+        raise ParseError(str(path), 0, found="an empty file", expected="a recording")
     if _is_text(head):
         _demand_record(path, "csv")
         return "csv"
-    if (
-        len(head) >= 128
-        and struct.unpack_from("<H", head, 124)[0] in (0x0100, 0x0001)
-        and head[126:128] in (b"IM", b"MI")
-    ):
-        return "matlab5"  # written by other programs, whose text may begin differently
-    raise ParseError(str(path), 0, f"bytes that begin with {head[:8]!r}", known)
+    # Other programs may write another text at the beginning of a MATLAB file.
+    if _has_matlab_version(head):
+        return "matlab5"
+    raise ParseError(str(path), 0, f"bytes that begin with {head[:8]!r}", _known_formats())
+
+
+def _has_matlab_version(head: bytes) -> bool:
+    """Return whether a head has version and byte order of MATLAB v5 at its end."""
+    if len(head) < 128 or head[126:128] not in _MATLAB_ORDERS:
+        return False
+    return struct.unpack_from("<H", head, 124)[0] in _MATLAB_VERSIONS
+
+
+def _known_formats() -> str:
+    """Return the formats as the text of an error."""
+    names = dict.fromkeys(name for _, name in FORMATS.values())
+    return f"one of the formats {', '.join(names)}"
+
+
+def _demand_not_packed(path: str | Path, head: bytes, is_gzip: bool) -> None:
+    """Raise for an archive or another packed file."""
+    packed = packed_kind(path, head)
+    if not packed:
+        return
+    kind, _, remedy = packed.partition("; ")
+    if is_gzip:
+        kind = f"a gzip archive that holds {kind}"
+        remedy = "unpack it and give one of the files inside"
+    expected = _known_formats()
+    if remedy:
+        expected += f"; {remedy}"
+    raise ParseError(str(path), 0, kind, expected)
 
 
 def _demand_record(path: str | Path, form: str) -> None:
-    """Raise for a file of this package or of DATCOM that is plainly no recording, which the readers
-    of CSV and HDF5 would take for one.
-    """
-    kind = file_kind(path) if form in ("csv", "hdf5") else ""
-    if kind.startswith(
-        (
-            "an aero database",
-            "a Digital DATCOM",
-            "an input deck",
-            "a TOML",
-            "an aircraft",
-            "a project",
-            "a case",
-        )
-    ):
+    """Raise for a file of this package or of DATCOM that is text or HDF5 and not a recording."""
+    if form not in ("csv", "hdf5"):
+        return
+    kind = file_kind(path)
+    if kind.startswith(_OTHER_FILES):
         raise ParseError(
             str(path),
-            0,
-            kind,
-            "a recording, such as CSV with a line of names, ULog, MATLAB or netCDF",
+            line=0,
+            found=kind,
+            expected="a recording, such as CSV with a line of names, ULog, MATLAB or netCDF",
         )
 
 
-def _unpacked(path: str | Path) -> bytes:
-
+def _unpack_head(path: str | Path) -> bytes:
     with decoding_errors(path, "a whole .gz file"), gzip.open(path) as file:
-        return file.read(4096)
+        return file.read(_HEAD_SIZE)
 
 
 def _is_text(head: bytes) -> bool:
     encoding = marked_encoding(head)[0]
     if encoding.startswith(("utf-16", "utf-32")):
         return True
+    # Text has no control characters except tab, line feeds, form feed and carriage return.
     return not any(byte < 9 or 13 < byte < 32 for byte in head)
 
 
@@ -133,7 +157,7 @@ def open_recording(path: str | Path, names: NameMap, form: str | None = None) ->
     path : str or Path
     names : NameMap
     form : str, optional
-        What `recognise_recording` found, where it has been called already.
+        Result of `recognise_recording`, if known.
 
     Raises
     ------

@@ -1,6 +1,4 @@
-"""Raw recordings: columns over the clocks of a file, as they stand in it, not yet in canonical
-names.
-"""
+"""Raw recordings: columns over the clocks of a file, in the names and units of the file."""
 
 from __future__ import annotations
 
@@ -16,173 +14,107 @@ import numpy as np
 
 from flightmech.errors import AeromatchError, ParseError
 
+_PX4_FIRST = ("manual", "altitude", "position", "auto_mission", "auto_loiter", "auto_rtl")
+_PX4_FROM_17 = (
+    *("auto_takeoff", "auto_land", "auto_follow_target", "auto_precland", "orbit"),
+    "auto_vtol_takeoff",
+)
 PX4 = {
-    **dict(
-        enumerate(("manual", "altitude", "position", "auto_mission", "auto_loiter", "auto_rtl"))
-    ),
+    **dict(enumerate(_PX4_FIRST)),
     **{10: "acro", 12: "descend", 13: "termination", 14: "offboard", 15: "stabilized"},
-    **dict(
-        enumerate(
-            (
-                "auto_takeoff",
-                "auto_land",
-                "auto_follow_target",
-                "auto_precland",
-                "orbit",
-                "auto_vtol_takeoff",
-            ),
-            start=17,
-        )
-    ),
+    **dict(enumerate(_PX4_FROM_17, start=17)),
 }
-"""[PX4] Numbers that changed their meaning between releases are left out."""
+"""Flight modes [PX4]. Numbers that changed their meaning between releases are omitted."""
+_ARDUPLANE_FIRST = (
+    *("manual", "circle", "stabilize", "training", "acro", "fbwa", "fbwb", "cruise", "autotune"),
+)
+_ARDUPLANE_FROM_10 = (
+    *("auto", "rtl", "loiter", "takeoff", "avoid_adsb", "guided", "initialising"),
+    *("qstabilize", "qhover", "qloiter", "qland", "qrtl", "qautotune", "qacro"),
+    *("thermal", "loiter_alt_qland"),
+)
 ARDUPLANE = {
-    **dict(
-        enumerate(
-            (
-                "manual",
-                "circle",
-                "stabilize",
-                "training",
-                "acro",
-                "fbwa",
-                "fbwb",
-                "cruise",
-                "autotune",
-            )
-        )
-    ),
-    **dict(
-        enumerate(
-            ("auto", "rtl", "loiter", "takeoff", "avoid_adsb", "guided", "initialising"), start=10
-        )
-    ),
-    **dict(
-        enumerate(
-            (
-                "qstabilize",
-                "qhover",
-                "qloiter",
-                "qland",
-                "qrtl",
-                "qautotune",
-                "qacro",
-                "thermal",
-                "loiter_alt_qland",
-            ),
-            start=17,
-        )
-    ),
+    **dict(enumerate(_ARDUPLANE_FIRST)),
+    **dict(enumerate(_ARDUPLANE_FROM_10, start=10)),
 }
+"""Flight modes of ArduPlane."""
 
 
 def flight_mode_changes(
     times: np.ndarray, numbers: np.ndarray, names: Mapping[int, str]
 ) -> tuple[tuple[float, str], ...]:
-    """Return when each flight mode begins and its name, ``mode_7`` for a number without one; a mode
-    that is logged again goes on.
+    """Return start [s] and name of each flight mode.
+
+    A number without a name gives ``mode_7``.  A mode that is logged again continues.
     """
     if not len(times):
         return ()
     order = np.argsort(times, kind="stable")
     times, numbers = np.asarray(times, float)[order], np.asarray(numbers, int)[order]
-    begin = np.flatnonzero(np.concatenate([[True], np.diff(numbers) != 0]))
-    return tuple((float(times[k]), names.get(int(numbers[k]), f"mode_{numbers[k]}")) for k in begin)
+    changes = []
+    for k in np.flatnonzero(np.concatenate([[True], np.diff(numbers) != 0])):
+        number = int(numbers[k])
+        changes.append((float(times[k]), names.get(number, f"mode_{number}")))
+    return tuple(changes)
 
 
 def flight_mode_rows(
     modes: Sequence[tuple[float, str]], start: float, end: float
 ) -> list[dict[str, object]]:
-    """Return the modes as manoeuvres between start and end of a record: ``manoeuvre control start
-    end note``. [s]
+    """Return the modes as manoeuvres between start and end of a record.
+
+    A row is ``manoeuvre control start end note``. [s]
     """
+    rows: list[dict[str, object]] = []
     ends = [time for time, _ in modes[1:]] + [np.inf]
-    spans = [
-        (name, max(begin, start), min(until, end))
-        for (begin, name), until in zip(modes, ends, strict=True)
-    ]
-    about = "flight mode of the log"
-    return [
-        {"manoeuvre": name, "control": "", "start": a, "end": b, "note": about}
-        for name, a, b in spans
-        if b > a
-    ]
+    for (mode_start, name), mode_end in zip(modes, ends, strict=True):
+        first, last = max(mode_start, start), min(mode_end, end)
+        if last > first:
+            rows.append(
+                {
+                    "manoeuvre": name,
+                    "control": "",
+                    "start": first,
+                    "end": last,
+                    "note": "flight mode of the log",
+                }
+            )
+    return rows
 
 
 CLOCK_NAMES = ("time", "t", "Time", "TIME", "T", "timestamp", "Timestamp")
-# other names of a clock, without separators in lower case, those of a running time before those of
-# a time of day
+# Other names of a clock, in lower case without separators.  Names of a running time precede names
+# of a time of day.
 _CLOCK_WORDS = (
-    *(
-        "time",
-        "elapsedtime",
-        "timeelapsed",
-        "elapsed",
-        "relativetime",
-        "reltime",
-        "flighttime",
-        "missiontime",
-        "recordtime",
-        "rectime",
-    ),
-    *(
-        "recordertime",
-        "systemtime",
-        "systime",
-        "seconds",
-        "sec",
-        "secs",
-        "clock",
-        "timestamp",
-        "datetime",
-        "dateandtime",
-        "dateutc",
-    ),
-    *(
-        "utc",
-        "gmt",
-        "timeutc",
-        "utctime",
-        "timegmt",
-        "gmttime",
-        "utctimestamp",
-        "zulu",
-        "zulutime",
-        "irig",
-        "irigb",
-        "irigtime",
-    ),
-    *(
-        "irigbtime",
-        "timeofday",
-        "tod",
-        "localtime",
-        "gpstime",
-        "timegps",
-        "stamp",
-        "tsec",
-        "times",
-        "times1",
-        "zeit",
-        "uhrzeit",
-    ),
+    *("time", "elapsedtime", "timeelapsed", "elapsed", "relativetime", "reltime"),
+    *("flighttime", "missiontime", "recordtime", "rectime"),
+    *("recordertime", "systemtime", "systime", "seconds", "sec", "secs", "clock"),
+    *("timestamp", "datetime", "dateandtime", "dateutc"),
+    *("utc", "gmt", "timeutc", "utctime", "timegmt", "gmttime", "utctimestamp", "zulu"),
+    *("zulutime", "irig", "irigb", "irigtime"),
+    *("irigbtime", "timeofday", "tod", "localtime", "gpstime", "timegps", "stamp", "tsec"),
+    *("times", "times1", "zeit", "uhrzeit"),
 )
 _UNIT_OF_A_CLOCK = re.compile(
     r"[\s_]*[(\[]?(s|sec|secs|seconds|ms|us|hh:mm:ss\S*|hhmmss)[)\]]?$", re.IGNORECASE
 )
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
-WIDEST = 4096  # columns that one two-dimensional array may give; an image has more
-_NOT_OF_THE_CONTENT = (
-    AeromatchError,
-    FileNotFoundError,
-    PermissionError,
-    IsADirectoryError,
-    ImportError,
+WIDEST = 4096
+"""Largest number of columns of a two-dimensional array. An image has more."""
+# Samples from which a table is known to have a clock.
+_FEWEST_STAMPS = 2
+# Stamps that are looked at for it.
+_FIRST_STAMPS = 1000
+# Smallest share of the steps of a clock that rise.
+_RISING = 0.95
+# Errors that are not due to damaged bytes.
+_OTHER_CAUSES = (
+    *(AeromatchError, FileNotFoundError, PermissionError, IsADirectoryError, ImportError),
 )
 
 
 class Columns(Mapping[str, np.ndarray]):
-    """Columns by name, each read from the file when it is requested the first time."""
+    """Columns by name. Each is read from the file at its first request."""
 
     def __init__(self, loaders: Mapping[str, Callable[[], Any]]):
         self._loaders = dict(loaders)
@@ -215,7 +147,7 @@ class RecordedTable(NamedTuple):
     time : array (time,) or None
         Stamps of the format's own clock [s]; None where one of the columns is the clock.
     flags : str
-        Flags that a record written by this package carries (JSON), else empty.
+        Flags of a record that this package wrote (JSON), else empty.
     errors : mapping of str to float
         Standard errors of columns as the file states them, in the unit of the column.
     """
@@ -228,21 +160,21 @@ class RecordedTable(NamedTuple):
 
 
 class LeftOut(NamedTuple):
-    """What a reader leaves out of a file, and why.
+    """A part of a file that a reader omits, and the reason.
 
     Attributes
     ----------
     place : str
         Table, or table/column, as a name map would name it.
     reason : str
-        What it holds that a record cannot hold.
+        Content that a record cannot hold.
     remedy : str
-        What to do when a name map needs it; empty where a record does without it.
+        Action if a name map needs it; empty if a record does without it.
     fault : str
         The first cell that is neither number nor word in a column of numbers, which is then
         damaged; else empty.
     line : int
-        Its line in a file of text.
+        Line of this cell in a file of text.
     """
 
     place: str
@@ -253,13 +185,21 @@ class LeftOut(NamedTuple):
 
 
 class Recording(NamedTuple):
-    """What a reader found: the format, tables by name, facts for the root of the record, and faults
-    reported by the file itself.
+    """Content of a file in the format of all readers.
 
-    `left_out` names what is in the file and not in the tables.
-
-    `modes` of the log of an autopilot are the flight modes: when each begins on the clock of the
-    format [s], and its name.
+    Attributes
+    ----------
+    kind : str
+        Format, a key of `flighttest.records.readers.opening.FORMATS`.
+    tables : dict of str to RecordedTable
+    facts : mapping
+        Attributes for the root of the record.
+    notes : tuple of str
+        Faults that the file itself reports.
+    modes : tuple of (float, str)
+        Flight modes in the log of an autopilot: start on the clock of the format [s], and name.
+    left_out : tuple of LeftOut
+        Parts of the file that are not in the tables.
     """
 
     kind: str
@@ -272,10 +212,10 @@ class Recording(NamedTuple):
 
 @contextmanager
 def decoding_errors(path: str | Path, expected: str) -> Iterator[None]:
-    """Turn whatever a decoder raises on damaged bytes into a ParseError that names the file."""
+    """Replace any error of a decoder by a ParseError with the name of the file."""
     try:
         yield
-    except _NOT_OF_THE_CONTENT:
+    except _OTHER_CAUSES:
         raise
     except Exception as error:
         text = " ".join(str(error).split())
@@ -288,24 +228,30 @@ def decoding_errors(path: str | Path, expected: str) -> Iterator[None]:
 
 
 def clock_name(columns: Mapping[str, Any]) -> str | None:
-    """Return the column of a table that is its clock by its name: one of `CLOCK_NAMES`, or ``UTC``,
-    ``Elapsed Time`` and the like.
+    """Return the column of a table that is its clock by its name.
 
-    Of those other names only a column counts that rises in 19 of 20 steps: a time of day at one
-    sample per second is not a clock.
+    The name is one of `CLOCK_NAMES`, or another name such as ``UTC`` or ``Elapsed Time``.  A column
+    with another name must rise in 19 of 20 steps: a time of day at one sample per second is not a
+    clock.
     """
-    if plain := first_present(CLOCK_NAMES, columns):
-        return plain
-    words = {_clock_word(name): name for name in reversed(list(columns))}
-    candidates = [words[word] for word in _CLOCK_WORDS if word in words]
-    return next((name for name in candidates if rises(columns[name])), None)
+    name = first_present(CLOCK_NAMES, columns)
+    if name is not None:
+        return name
+    # The first column of several with the same word counts.
+    column_of_word: dict[str, str] = {}
+    for column in columns:
+        column_of_word.setdefault(_clock_word(column), column)
+    for word in _CLOCK_WORDS:
+        if word in column_of_word and rises(columns[column_of_word[word]]):
+            return column_of_word[word]
+    return None
 
 
 def _clock_word(name: str) -> str:
     """Return a name in lower case without its group, unit and separators."""
     bare = re.sub(r"\s*[(\[]hhmmss\S*[)\]]$", "", name, flags=re.IGNORECASE)
-    own = re.split(r"[./]", bare)[-1].strip()
-    plain = _UNIT_OF_A_CLOCK.sub("", own) or own
+    heading = re.split(r"[./]", bare)[-1].strip()
+    plain = _UNIT_OF_A_CLOCK.sub("", heading) or heading
     return re.sub(r"[^a-z0-9]", "", plain.lower())
 
 
@@ -316,80 +262,88 @@ def rises(values: Any) -> bool:
     except (ValueError, TypeError):
         return False
     steps = np.diff(stamps[np.isfinite(stamps)])
-    return len(steps) > 0 and float(np.mean(steps > 0.0)) > 0.95
+    return len(steps) > 0 and float(np.mean(steps > 0.0)) > _RISING
 
 
-def left_out_as(wanted: str, leaf: str, left_out: Iterable[LeftOut]) -> LeftOut | None:
-    """Return what was left out under the name that a map gives to a column: ``table/column``, or a
-    column of the leaf's own table.
+def left_out_as(requested: str, leaf: str, left_out: Iterable[LeftOut]) -> LeftOut | None:
+    """Return the omitted part that a name map means by a column.
+
+    The name map gives ``table/column``, or a column of the table of the leaf.
     """
-    plain = re.sub(r"\[\d+\]$", "", wanted)
+    # An element of an array has the name of the array.
+    plain = re.sub(r"\[\d+\]$", "", requested)
     table, _, column = plain.rpartition("/")
-    names = {wanted, plain, table or leaf, f"{leaf}/{plain}"}
-    for one in left_out:
-        heading = one.place.rpartition("/")[2]
-        if (
-            one.place in names
-            or (not table and column == heading)
-            or one.place.endswith(f"/{plain}")
-        ):
-            return one
+    names = {requested, plain, table or leaf, f"{leaf}/{plain}"}
+    for omission in left_out:
+        heading = omission.place.rpartition("/")[2]
+        is_heading = not table and column == heading
+        if omission.place in names or is_heading or omission.place.endswith(f"/{plain}"):
+            return omission
     return None
 
 
 def without_short_tables(recording: Recording) -> Recording:
-    """Return a recording without the tables of fewer than two samples over a clock of their own,
-    which are named as left out.
+    """Return a recording without the tables whose own clock has fewer than two samples.
 
-    A file of such tables only keeps them: reading them is an error that names their clock.
+    The recording lists them as omitted.  A file that has only such tables keeps them, so that
+    reading them is an error that names their clock.
     """
-    counts = {name: _stamps(table) for name, table in recording.tables.items()}
-    short = {name: count for name, count in counts.items() if count is not None and count < 2}
-    if len(short) == len(counts):
+    short: dict[str, int] = {}
+    for name, table in recording.tables.items():
+        if table.time is not None:
+            count = _count_stamps(table.time)
+            if count < _FEWEST_STAMPS:
+                short[name] = count
+    if len(short) == len(recording.tables):
         return recording
-    words = {0: "no sample with a time stamp", 1: "1 sample"}
-    left_out = [
-        LeftOut(name, f"{words[count]}; a clock needs two samples") for name, count in short.items()
-    ]
+    texts = {0: "no sample with a time stamp", 1: "1 sample"}
+    left_out = []
+    for omission in recording.left_out:
+        # A table that is omitted includes its omitted columns.
+        if omission.place.rpartition("/")[0] not in short:
+            left_out.append(omission)
+    for name, count in short.items():
+        left_out.append(LeftOut(name, f"{texts[count]}; a clock needs two samples"))
     tables = {name: table for name, table in recording.tables.items() if name not in short}
-    others = [one for one in recording.left_out if one.place.rpartition("/")[0] not in short]
-    return recording._replace(tables=tables, left_out=(*others, *left_out))
+    return recording._replace(tables=tables, left_out=tuple(left_out))
 
 
-def _stamps(table: RecordedTable) -> int | None:
-    """Return the number of stamps of a table with a clock of its own, 2 for any larger number."""
-    if table.time is None:
-        return None
-    stamps = np.asarray(table.time, float)[:1000]
-    return (
-        min(int(np.count_nonzero(np.isfinite(stamps))), 2) if len(table.time) <= len(stamps) else 2
-    )
+def _count_stamps(time: np.ndarray) -> int:
+    """Return the number of finite stamps, `_FEWEST_STAMPS` for any larger number."""
+    if len(time) > _FIRST_STAMPS:
+        return _FEWEST_STAMPS
+    count = int(np.count_nonzero(np.isfinite(np.asarray(time, float))))
+    return min(count, _FEWEST_STAMPS)
 
 
 def columns_of_array(
     name: str, shape: tuple[int, ...], length: int
 ) -> dict[str, Callable[[Any], np.ndarray]]:
-    """Return the columns that an array of a file gives over a clock of `length` samples: column
-    name -> how to take it.
+    """Return the columns of an array of a file over a clock of `length` samples.
 
-    A vector is one column; a matrix with one row per sample, or one column per sample, gives
-    ``name[0]``, ``name[1]``, ...; a single number holds all along; anything else gives none, see
-    `not_spread`.
+    A vector is one column.  A matrix with one row or one column per sample has the columns
+    ``name[0]``, ``name[1]``, ...  A single number is a constant column.  Any other array has no
+    column, see `not_spread`.
+
+    Returns
+    -------
+    dict of str to callable
+        Name of the column -> function that takes it from the array.
     """
     size = int(np.prod(shape, dtype=np.int64))
     if size == 1:
-        return {name: partial(_constant, length)}
+        return {name: partial(_repeat_number, length)}
     if size == length and max(shape) == length:
         return {name: np.ravel}
     if len(shape) == 2 and shape[0] == length and shape[1] <= WIDEST:
-        return {f"{name}[{i}]": partial(_slice, i, 1) for i in range(shape[1])}
+        return {f"{name}[{i}]": partial(_take_slice, i, 1) for i in range(shape[1])}
     if len(shape) == 2 and shape[1] == length and shape[0] <= WIDEST:
-        return {f"{name}[{i}]": partial(_slice, i, 0) for i in range(shape[0])}
+        return {f"{name}[{i}]": partial(_take_slice, i, 0) for i in range(shape[0])}
     return {}
 
 
 def not_spread(shape: tuple[int, ...], length: int) -> str:
-    """Return why `columns_of_array` gives no column of an array."""
+    """Return the reason why `columns_of_array` has no column of an array."""
     sizes = " x ".join(map(str, shape))
     if 0 in shape:
         return "an empty array"
@@ -400,11 +354,11 @@ def not_spread(shape: tuple[int, ...], length: int) -> str:
     return f"an array of {sizes}; the clock of its table has {length} samples"
 
 
-def _constant(length: int, x: Any) -> np.ndarray:
+def _repeat_number(length: int, x: Any) -> np.ndarray:
     return np.broadcast_to(np.asarray(x, float).ravel(), length)
 
 
-def _slice(i: int, axis: int, x: Any) -> np.ndarray:
+def _take_slice(i: int, axis: int, x: Any) -> np.ndarray:
     return np.take(x, i, axis)
 
 
@@ -417,5 +371,5 @@ def missing_package(package: str, extra: str, path: str | Path) -> AeromatchErro
 
 
 def first_present(names: Iterable[str], among: Mapping[str, Any]) -> str | None:
-    """Return the first of `names` that is there."""
+    """Return the first of `names` in `among`, or None."""
     return next((name for name in names if name in among), None)

@@ -87,16 +87,23 @@ def utc_facts(
         "start": start.isoformat(timespec="microseconds").replace("+00:00", "Z"),
         "clock_scatter": line.sigma,
     }
-    used_time = time[line.is_used]
-    if np.ptp(used_time) > _LEAST_SPAN:
-        # Standard error of the slope of a line: sigma over the root of the sum of squares of time.
-        spread = float(np.sqrt(np.sum((used_time - used_time.mean()) ** 2)))
-        facts["clock_drift"] = float(1.0 / line.slope - 1.0)
-        facts["clock_drift_stderr"] = line.sigma / spread
+    facts.update(_drift_facts(line, time[line.is_used]))
     outliers = int((~line.is_used).sum())
     if outliers:
         clocks.notes.append(f"{utc.column}: {outliers} stamps off the line were not used")
     return facts
+
+
+def _drift_facts(line: _StampLine, time: np.ndarray) -> dict[str, float]:
+    """Return drift and its standard error; `time` are the stamps near the line. [s]"""
+    if np.ptp(time) <= _LEAST_SPAN:
+        return {}
+    # Standard error of the slope of a line: sigma over the root of the sum of squares of time.
+    spread = float(np.sqrt(np.sum((time - time.mean()) ** 2)))
+    return {
+        "clock_drift": float(1.0 / line.slope - 1.0),
+        "clock_drift_stderr": line.sigma / spread,
+    }
 
 
 def _unknown_column(utc: Utc, tables: Mapping[str, RecordedTable]) -> UnknownName:

@@ -1,40 +1,51 @@
-"""Specification of the instruments: where they sit, how noisy they are, and how large their
-constant errors may be.
+"""Specification of the instruments: positions, noise and expected constant errors.
 
-It stands in the aircraft file, and where a recorder differs in its name map, one table per instrument; the names of the tables are free,
-channels carry canonical names::
+The aircraft file has one table per instrument.  The name map of a recorder may replace a table.
+The names of the tables are free, channels have canonical names::
 
     [instruments.imu]
-    position = [0.90, 0.25, 0.32]                       # from the moment reference point, body axes
-    noise = { q = "0.03 deg/s", az_imu = 0.04 }         # one sigma of white noise, per sample as recorded
-    bias_sigma = { q = "0.03 deg/s", az_imu = 0.06 }    # one sigma of the constant error
-    scale_sigma = { az_imu = 0.002 }                    # one sigma of the scale error; none without it
+    # from the moment reference point, body axes
+    position = [0.90, 0.25, 0.32]
+    # standard deviation of the white noise per recorded sample
+    noise = { q = "0.03 deg/s", az_imu = 0.04 }
+    # standard deviations of the constant error and of the scale error; default: no scale error
+    bias_sigma = { q = "0.03 deg/s", az_imu = 0.06 }
+    scale_sigma = { az_imu = 0.002 }
     [instruments.vanes]
-    factor = { alpha_vane = [1.08, 0.04] }              # upwash: mean and one sigma
-    lag = [0.05, 0.02]                                  # first-order time constant
+    # upwash: mean and standard deviation
+    factor = { alpha_vane = [1.08, 0.04] }
+    # first-order time constant
+    lag = [0.05, 0.02]
     [instruments.air_data]
-    position = [4.1, 0.0, 0.1]                          # of the pitot tube; at the c.g. without it
-    static_error = [0.0, 0.02]                          # static-pressure error over impact pressure
-    delay = [0.10, 0.05]                                # latency of the whole instrument
-    minimum_speed = 25.0                                # below it the readings mean nothing
-    [instruments.airspeed]                              # where no impact pressure was recorded: V, V_cas or mach
+    # of the pitot tube; default: the c.g.
+    position = [4.1, 0.0, 0.1]
+    # error of the static pressure over impact pressure
+    static_error = [0.0, 0.02]
+    # latency of the whole instrument
+    delay = [0.10, 0.05]
+    # the readings are not valid below this airspeed
+    minimum_speed = 25.0
+    # V, V_cas or mach of a record without impact pressure
+    [instruments.airspeed]
     noise = { V = 0.3 }
-    factor = { V = [1.0, 0.03] }                        # scale factor: mean and one sigma
+    factor = { V = [1.0, 0.03] }
+    # rigging of the pick-ups; enters the errors of the derivatives
     [instruments.surfaces]
-    bias_sigma = { delta_e = "0.1 deg" }                # rigging of the pick-ups; goes into the errors of the derivatives
+    bias_sigma = { delta_e = "0.1 deg" }
     scale_sigma = { delta_e = 0.01 }
+    # enters the errors of the control loading
     [instruments.cockpit]
-    bias_sigma = { F_column = "0.3 lbf", column = 5e-4 }  # goes into the errors of the control loading
+    bias_sigma = { F_column = "0.3 lbf", column = 5e-4 }
     scale_sigma = { F_column = 0.01 }
 
-A channel is used as a measurement when an instrument gives its noise.  `earth_rate = true` in the
-table of the gyros states that they show the rate of the Earth too, as those of an inertial
-reference do; the record then needs its latitude.
+A channel is used as a measurement if an instrument gives its noise.  `earth_rate = true` in the
+table of the gyros states that they measure the rate of the Earth too, as an inertial reference
+does.  The record then needs its latitude.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, field_validator
@@ -47,40 +58,29 @@ from flightmech.support.toml_quantities import InUnits, quantity_schema
 from flightmech.units import DEGREE, parse_quantity
 
 IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
-SPEEDS = (
-    "V",
-    "V_cas",
-    "mach",
-)  # airspeeds that are measured channels themselves where no impact pressure was recorded
+# Without a recorded impact pressure an airspeed is a measured channel itself.
+SPEEDS = ("V", "V_cas", "mach")
 VANES = ("alpha_vane", "beta_vane")
 MEASURED = (
-    "phi",
-    "theta",
-    "psi",
-    "vn",
-    "ve",
-    "vd",
-    "h_gps",
-    "q_c",
+    *("phi", "theta", "psi", "vn", "ve", "vd", "h_gps", "q_c"),
     *SPEEDS,
-    "p_static",
-    "temperature",
+    *("p_static", "temperature"),
     *VANES,
     "h_radio",
 )
 """Channels that the reconstruction can use as measurements."""
 SURFACES = ("delta_e", "delta_a", "delta_r")
 COCKPIT = ("column", "wheel", "pedal", "F_column", "F_wheel", "F_pedal", "delta_t")
-SURFACE_BIAS = (
-    0.1 * DEGREE
-)  # what a pick-up is rigged and calibrated to, unless the instruments specify otherwise [rad]
+# Default accuracy of rigging and calibration of a surface pick-up. [rad], [1]
+SURFACE_BIAS = 0.1 * DEGREE
 SURFACE_SCALE = 0.01
 
 
-def _pair(units: str) -> Any:
+def _mean_and_sigma(units: str) -> Any:
     """Return the field type of [mean, sigma] of a quantity."""
 
     def convert(item: Any) -> tuple[float, float]:
+        # Each of the two may have its unit as text.
         if not isinstance(item, list | tuple) or len(item) != 2:
             raise ValueError(f"expected [mean, sigma] in {units}")
         mean, sigma = (parse_quantity(part, units) for part in item)
@@ -95,7 +95,8 @@ def _pair(units: str) -> Any:
     ]
 
 
-def _per_channel(table: Any) -> dict[str, float]:
+def _parse_channels(table: Any) -> dict[str, float]:
+    """Return the values of a table by channel. [SI]"""
     if not isinstance(table, dict):
         raise ValueError("expected a table channel = value")
     try:
@@ -107,15 +108,16 @@ def _per_channel(table: Any) -> dict[str, float]:
     return values
 
 
+# The annotations are made by a function, which a type checker does not evaluate.
 if TYPE_CHECKING:
     _Time: TypeAlias = tuple[float, float]
     _Number: TypeAlias = tuple[float, float]
 else:
-    _Time, _Number = _pair("s"), _pair("1")
+    _Time, _Number = _mean_and_sigma("s"), _mean_and_sigma("1")
 _Length = Annotated[float, InUnits("m")]
 _Channels = Annotated[
     dict[str, float],
-    BeforeValidator(_per_channel),
+    BeforeValidator(_parse_channels),
     WithJsonSchema({"type": "object", "additionalProperties": quantity_schema("of the channel")}),
 ]
 
@@ -183,18 +185,18 @@ class Instrument(Strict):
 
     @field_validator("scale_sigma")
     @classmethod
-    def _scaled_only(cls, scale_sigma: dict[str, float]) -> dict[str, float]:
-        wrong = sorted(set(scale_sigma) - {*IMU, *SURFACES, *COCKPIT})
+    def _check_scales(cls, scale_sigma: dict[str, float]) -> dict[str, float]:
+        allowed = (*IMU, *SURFACES, *COCKPIT)
+        wrong = sorted(set(scale_sigma) - set(allowed))
         if wrong:
             raise ValueError(
-                f"scale errors are known for {', '.join((*IMU, *SURFACES, *COCKPIT))} only, "
-                f"not for {', '.join(wrong)}"
+                f"scale errors are known for {', '.join(allowed)} only, not for {', '.join(wrong)}"
             )
         return scale_sigma
 
     @field_validator("factor")
     @classmethod
-    def _angles_and_speeds_only(cls, factor: dict[str, Any]) -> dict[str, Any]:
+    def _check_factors(cls, factor: dict[str, Any]) -> dict[str, Any]:
         wrong = sorted(set(factor) - {*VANES, *SPEEDS})
         if wrong:
             hint = "; give q_c a static_error" if "q_c" in wrong else ""
@@ -215,53 +217,62 @@ class Instruments(Strict):
         return next((name for name, item in self.table.items() if channel in item.noise), None)
 
     def of(self, channel: str) -> Instrument:
-        """Return the specification behind `channel`; an empty one when no instrument gives its
-        noise.
-        """
+        """Return the instrument that gives the noise of `channel`, else an empty one."""
         name = self.name_of(channel)
         return self.table[name] if name else Instrument()
 
     def noise(self, channel: str) -> float:
-        """Return one sigma of the noise of a channel that an instrument knows."""
+        """Return the standard deviation of the noise of a channel, which an instrument must give."""
         return self.of(channel).noise[channel]
 
     def delay_of(self, channel: str) -> str:
-        """Return the name of the constant that holds the latency of `channel`, or ""."""
-        return f"delay.{self.name_of(channel)}" if self.of(channel).delay else ""
+        """Return the name of the constant for the latency of `channel`, or ""."""
+        if self.of(channel).delay is None:
+            return ""
+        return f"delay.{self.name_of(channel)}"
+
+
+def _first_value(tables: Sequence[Mapping[str, float]], name: str, default: float) -> float:
+    """Return the value of a channel in the first table that has it."""
+    return next((table[name] for table in tables if name in table), default)
+
+
+def _pick_up_tables(
+    content: Mapping[str, Any], what: str
+) -> tuple[list[dict[str, float]], list[dict[str, float]]]:
+    """Return the tables of bias and of scale of all instruments."""
+    instruments = validate_content(Instruments, {"table": _to_tables(content)}, what).table.values()
+    biases = [instrument.bias_sigma for instrument in instruments]
+    scales = [instrument.scale_sigma for instrument in instruments]
+    return biases, scales
 
 
 def surface_errors(
     content: Mapping[str, Any], what: str = "instruments"
 ) -> dict[str, tuple[float, float]]:
-    """Return standard errors of bias [rad] and scale of the surface pick-ups, those of an aircraft
-    file or the defaults.
+    """Return standard errors of bias [rad] and scale of the surface pick-ups.
+
+    Surfaces without an entry in the aircraft file have the defaults.
 
     Raises
     ------
     SchemaError
         With all problems of the tables.
     """
-    tables = validate_content(Instruments, {"table": _tables(content)}, what).table.values()
-    found = {}
+    biases, scales = _pick_up_tables(content, what)
+    errors = {}
     for name in SURFACES:
-        bias = next(
-            (item.bias_sigma[name] for item in tables if name in item.bias_sigma), SURFACE_BIAS
-        )
-        found[name] = (
-            bias,
-            next(
-                (item.scale_sigma[name] for item in tables if name in item.scale_sigma),
-                SURFACE_SCALE,
-            ),
-        )
-    return found
+        bias = _first_value(biases, name, SURFACE_BIAS)
+        errors[name] = bias, _first_value(scales, name, SURFACE_SCALE)
+    return errors
 
 
 def pick_up_errors(
     content: Mapping[str, Any], what: str = "instruments"
 ) -> dict[str, tuple[float, float]]:
-    """Return standard errors of bias and scale of surfaces, cockpit controls, forces and tab, for
-    `identify_control_loading`.
+    """Return standard errors of bias and scale of surfaces, cockpit controls, forces and tab.
+
+    `identify_control_loading` uses them.
 
     Parameters
     ----------
@@ -271,49 +282,49 @@ def pick_up_errors(
     Returns
     -------
     dict of str to (float, float)
-        Surfaces that no instrument names have the defaults of `surface_errors`; the cockpit has
-        what is given. [unit of the channel, 1]
+        Surfaces without an entry have the defaults of `surface_errors`.  Cockpit channels without
+        an entry are not in the result. [unit of the channel, 1]
 
     Raises
     ------
     SchemaError
         With all problems of the tables.
     """
-    tables = validate_content(Instruments, {"table": _tables(content)}, what).table.values()
-    found = surface_errors(content, what)
+    biases, scales = _pick_up_tables(content, what)
+    errors = surface_errors(content, what)
+    # Channels without an expected error are exact.
     for name in COCKPIT:
-        bias = next((item.bias_sigma[name] for item in tables if name in item.bias_sigma), 0.0)
-        scale = next((item.scale_sigma[name] for item in tables if name in item.scale_sigma), 0.0)
+        bias, scale = _first_value(biases, name, 0.0), _first_value(scales, name, 0.0)
         if bias or scale:
-            found[name] = bias, scale
-    return found
+            errors[name] = bias, scale
+    return errors
 
 
 def instruments_of(aircraft: Any, facts: Mapping[Any, Any]) -> Instruments:
-    """Return the specification for a record: the tables of the aircraft file, and over them those
-    of its name map.
+    """Return the specification for a record.
+
+    A table of the name map replaces the table of this name in the aircraft file.
 
     Parameters
     ----------
     aircraft : Aircraft
     facts : mapping
-        Attributes of the record; ``instruments`` holds the tables of the name map (JSON).  A table
-        replaces the one of that name.
+        Attributes of the record; ``instruments`` has the tables of the name map (JSON).
 
     Raises
     ------
     SchemaError
-        As `instruments`.
+        As `parse_instruments`.
     """
-    stated = stated_in(facts)
-    return parse_instruments(
-        {**aircraft.instruments, **stated},
-        f"instruments of {aircraft.name}{' and the name map' if stated else ''}",
-    )
+    tables = stated_in(facts)
+    what = f"instruments of {aircraft.name}"
+    if tables:
+        what += " and the name map"
+    return parse_instruments({**aircraft.instruments, **tables}, what)
 
 
 def stated_in(facts: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return the tables of instruments that the name map of a record states; empty for none."""
+    """Return the tables of instruments in the name map of a record; empty without tables."""
     return json_content(
         facts.get("instruments", "{}"),
         str(facts.get("source_file", "the record")),
@@ -321,11 +332,12 @@ def stated_in(facts: Mapping[Any, Any]) -> dict[str, Any]:
     )
 
 
-def _tables(content: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        name: item if isinstance(item, dict) else item.model_dump()
-        for name, item in content.items()
-    }
+def _to_tables(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return instruments as tables; each may be an object or a table already."""
+    tables = {}
+    for name, item in content.items():
+        tables[name] = item if isinstance(item, dict) else item.model_dump()
+    return tables
 
 
 def parse_instruments(content: Mapping[str, Any], what: str = "instruments") -> Instruments:
@@ -339,40 +351,46 @@ def parse_instruments(content: Mapping[str, Any], what: str = "instruments") -> 
     Raises
     ------
     SchemaError
-        With all problems; an inertial unit (noise of p q r ax_imu ay_imu az_imu and its position)
-        must be there.
+        With all problems.  An inertial unit (noise of p q r ax_imu ay_imu az_imu and its position)
+        is required.
     """
-    found = validate_content(Instruments, {"table": _tables(content)}, what)
-    problems = [
-        f"no instrument gives the noise of {name}; the reconstruction integrates it"
-        for name in IMU
-        if not found.name_of(name)
-    ]
+    instruments = validate_content(Instruments, {"table": _to_tables(content)}, what)
+    # The reconstruction integrates the inertial unit, and estimates its constant errors.
+    problems = []
     for name in IMU:
-        if found.name_of(name) and name not in found.of(name).bias_sigma:
-            problems.append(f"{found.name_of(name)}: missing bias_sigma of {name}")
-    used = (*IMU, *MEASURED, *SURFACES, *COCKPIT)
-    for name, item in found.table.items():
-        problems += [
-            f"{name}: noise of {key}, which nothing uses; used are {', '.join(used)}; delete it"
-            for key in item.noise
-            if key not in used
-        ]
-        if item.position is None and {"ax_imu", *VANES, "h_radio"} & set(item.noise):
+        if not instruments.name_of(name):
             problems.append(
-                f"{name}: missing position (m, body axes, from the moment reference point)"
+                f"no instrument gives the noise of {name}; the reconstruction integrates it"
             )
-        alone = sorted(item.factor.keys() - item.noise.keys())
-        problems += [
-            f"{name}: factor of {key} without its noise; give noise = {{ {key} = ... }} in "
-            f"the same table"
-            for key in alone
-        ]
-        if item.earth_rate and not {"p", "q", "r"} <= set(item.noise):
-            problems.append(
-                f"{name}: earth_rate belongs to the instrument that gives the noise of p, q "
-                f"and r; move it there"
-            )
+    for name in IMU:
+        label = instruments.name_of(name)
+        if label and name not in instruments.of(name).bias_sigma:
+            problems.append(f"{label}: missing bias_sigma of {name}")
+    for label, instrument in instruments.table.items():
+        problems += [f"{label}: {text}" for text in _instrument_problems(instrument)]
     if problems:
         raise SchemaError(what, problems)
-    return found
+    return instruments
+
+
+def _instrument_problems(instrument: Instrument) -> list[str]:
+    """Return what is wrong with one instrument, apart from its values."""
+    used = (*IMU, *MEASURED, *SURFACES, *COCKPIT)
+    problems = []
+    for name in instrument.noise:
+        if name not in used:
+            problems.append(
+                f"noise of {name}, which nothing uses; used are {', '.join(used)}; delete it"
+            )
+    # Accelerometers, vanes and a radio altimeter measure the motion of their position.
+    if instrument.position is None and {"ax_imu", *VANES, "h_radio"} & set(instrument.noise):
+        problems.append("missing position (m, body axes, from the moment reference point)")
+    for name in sorted(instrument.factor.keys() - instrument.noise.keys()):
+        problems.append(
+            f"factor of {name} without its noise; give noise = {{ {name} = ... }} in the same table"
+        )
+    if instrument.earth_rate and not {"p", "q", "r"} <= set(instrument.noise):
+        problems.append(
+            "earth_rate belongs to the instrument that gives the noise of p, q and r; move it there"
+        )
+    return problems

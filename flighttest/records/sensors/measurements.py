@@ -1,8 +1,8 @@
-"""The channels of a record that a reconstruction reads, inside its windows, with derived air data."""
+"""Channels of a record for the reconstruction inside its windows, with derived air data."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,14 +19,24 @@ from flightmech.air import (
 from flightmech.errors import OutOfRange, SchemaError
 from flightmech.names import quantity_attributes
 from flighttest.records.sensors.instruments import IMU, MEASURED, SPEEDS, Instruments
-from flighttest.records.signals.conditioning import demand_numbers, lowpass
+from flighttest.records.signals.conditioning import demand_numbers
+from flighttest.records.signals.resampling import lowpass
 from flighttest.records.signals.sample_flags import find_spikes
 
-_EARTH_RADIUS = 6356766.0  # m, of the standard atmosphere's geopotential height
+# Radius of the Earth in the geopotential height of the standard atmosphere. [m]
+_EARTH_RADIUS = 6356766.0
+# A window may end this much outside the record, for rounding of its times. [s]
+_TIME_TOLERANCE = 1e-9
+# Rough air data: channels with a rate above _SMOOTHED_RATE and more samples than _SMOOTHED_SAMPLES
+# are low-passed. [Hz]
+_SMOOTHED_RATE = 2.5
+_SMOOTHED_SAMPLES = 30
+_TEMPERATURE_CUTOFF = 0.5
+_SPEED_CUTOFF = 1.0
 
 
 def pressure(h_baro) -> np.ndarray:
-    """Return the static pressure behind a pressure altitude, which counts geopotential metres. [Pa]
+    """Return the static pressure of a pressure altitude, which is a geopotential height. [Pa]
 
     Examples
     --------
@@ -34,47 +44,54 @@ def pressure(h_baro) -> np.ndarray:
     22632
     """
     h = np.asarray(h_baro, float)
+    # The atmosphere is a function of the geometric height r h / (r - h).
     return atmosphere(_EARTH_RADIUS * h / (_EARTH_RADIUS - h)).p_static
 
 
 def derive_air_data(leaves: dict[str, xr.Dataset]) -> dict[str, xr.Dataset]:
-    """Return the leaves that gain static or impact pressure computed back from what the air-data
-    computer shows.
+    """Return the leaves with static or impact pressure derived from other air data.
 
     Parameters
     ----------
     leaves : dict of Dataset
-        Leaves of a record; nothing is derived where the pressures are recorded.
+        Leaves of a record.  Recorded pressures are not derived.
 
     Returns
     -------
     dict of Dataset
-        The changed leaves: ``p_static`` from ``h_baro``; ``q_c`` from ``mach``, from ``V`` with
-        ``temperature``, or from ``V_cas``, whichever stands in the same leaf first.
+        The changed leaves only: ``p_static`` from ``h_baro``; ``q_c`` from the first of ``mach``,
+        ``V`` with ``temperature``, and ``V_cas`` in the same leaf.
     """
     changed = {}
-    recorded = {str(name) for data in leaves.values() for name in data.data_vars}
+    recorded = _channel_names(leaves)
     for leaf, data in leaves.items():
-        new = data
+        derived = data
         if "p_static" not in recorded and "h_baro" in data:
-            new = new.assign(
-                p_static=("time", pressure(data["h_baro"].values), quantity_attributes("p_static"))
-            )
-        if "q_c" not in recorded and (q := _impact(new)) is not None:
-            new = new.assign(q_c=("time", q, quantity_attributes("q_c")))
-        if new is not data:
-            changed[leaf] = new
+            p_static = pressure(data["h_baro"].values)
+            derived = derived.assign(p_static=("time", p_static, quantity_attributes("p_static")))
+        if "q_c" not in recorded:
+            q_c = _derive_impact_pressure(derived)
+            if q_c is not None:
+                derived = derived.assign(q_c=("time", q_c, quantity_attributes("q_c")))
+        if derived is not data:
+            changed[leaf] = derived
     return changed
 
 
-def _impact(data: xr.Dataset) -> np.ndarray | None:
+def _channel_names(leaves: Mapping[str, xr.Dataset]) -> set[str]:
+    names: set[str] = set()
+    for data in leaves.values():
+        names.update(map(str, data.data_vars))
+    return names
+
+
+def _derive_impact_pressure(data: xr.Dataset) -> np.ndarray | None:
+    """Return the impact pressure from the other air data of a leaf. [Pa]"""
     if "p_static" in data and "mach" in data:
         return impact_pressure(data["mach"].values, data["p_static"].values)
     if {"p_static", "V", "temperature"} <= set(data.data_vars):
-        return impact_pressure(
-            data["V"].values / np.sqrt(GAMMA * R_AIR * data["temperature"].values),
-            data["p_static"].values,
-        )
+        speed_of_sound = np.sqrt(GAMMA * R_AIR * data["temperature"].values)
+        return impact_pressure(data["V"].values / speed_of_sound, data["p_static"].values)
     if "V_cas" in data:
         return impact_pressure_at(data["V_cas"].values)
     return None
@@ -85,14 +102,15 @@ class MeasuredChannels:
 
     def __init__(self, record: xr.DataTree, windows: Sequence[tuple[float, float]]):
         leaves = {name: node.to_dataset() for name, node in record.children.items()}
-        self.recorded = {str(name) for data in leaves.values() for name in data.data_vars}
-        leaves.update(_with_temperature(leaves, record.attrs.get("temperature")))
+        self.recorded = _channel_names(leaves)
+        # The impact pressure from V requires the temperature, so that it is added first.
+        leaves.update(_add_temperature(leaves, record.attrs.get("temperature")))
         leaves.update(derive_air_data(leaves))
         self.windows = windows
         self.title = str(record.attrs.get("title", "flight record"))
-        self.leaf: dict[str, str] = {
-            str(n): leaf for leaf, data in leaves.items() for n in data.data_vars
-        }
+        self.leaf: dict[str, str] = {}
+        for leaf, data in leaves.items():
+            self.leaf.update({str(name): leaf for name in data.data_vars})
         self.leaves = leaves
         self._spikes: dict[str, np.ndarray] = {}
         self._clean: dict[str, tuple[np.ndarray, np.ndarray]] = {}
@@ -101,64 +119,67 @@ class MeasuredChannels:
         return name in self.leaf
 
     def get(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return clock and values of a channel; heading unwrapped, readings that are spikes
-        replaced by the line over them.
+        """Return clock and values of a channel, with unwrapped heading.
 
-        The arrays are kept for the next call: they are not to be written to.
+        Spikes of a reading are replaced by linear interpolation.  The arrays are stored for the
+        next call; a caller must not change them.
         """
         if name not in self._clean:
-            self._clean[name] = self._cleaned(name)
+            self._clean[name] = self._clean_channel(name)
         return self._clean[name]
 
-    def _cleaned(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        data = self.leaves[self.leaf[name]]
-        demand_numbers({self.leaf[name]: self._near(data[[name]])}, self.title)
+    def _clean_channel(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        leaf = self.leaf[name]
+        data = self.leaves[leaf]
+        demand_numbers({leaf: self._select_windows(data[[name]])}, self.title)
         x, clock = data[name].values.astype(float), data["time"].values
-        x = np.unwrap(x) if name == "psi" else x
-        wild = self.spikes(name)
-        return clock, x if name in IMU or not wild.any() else np.interp(
-            clock, clock[~wild], x[~wild]
-        )
+        # A heading that passes its full turn has a step, which interpolation would smear.
+        if name == "psi":
+            x = np.unwrap(x)
+        is_spike = self.spikes(name)
+        # The reconstruction integrates the inertial unit, so that its samples are not changed.
+        if name in IMU or not is_spike.any():
+            return clock, x
+        return clock, np.interp(clock, clock[~is_spike], x[~is_spike])
 
     def spikes(self, name: str) -> np.ndarray:
         """Return which samples of a channel are spikes."""
         if name not in self._spikes:
-            self._spikes[name] = find_spikes(
-                self.leaves[self.leaf[name]][name].values.astype(float), name
-            )
+            x = self.leaves[self.leaf[name]][name].values.astype(float)
+            self._spikes[name] = find_spikes(x, name)
         return self._spikes[name]
 
     def spikes_in_words(self) -> list[str]:
-        """Return what was done about spikes inside the windows."""
-        words = []
-        for name in (name for name in (*IMU, *MEASURED) if name in self.recorded):
+        """Return a sentence for each channel with spikes inside the windows."""
+        texts = []
+        for name in (*IMU, *MEASURED):
+            if name not in self.recorded:
+                continue
             clock = self.leaves[self.leaf[name]]["time"].values
-            near = self.spikes(name) & np.any(
-                [(clock >= a) & (clock <= b) for a, b in self.windows], axis=0
-            )
-            if near.any():
-                remedy = (
-                    "the path goes through them; choose windows without them"
-                    if name in IMU
-                    else "left out"
+            is_spike = self.spikes(name) & self._is_in_windows(clock)
+            if is_spike.any():
+                remedy = "left out"
+                if name in IMU:
+                    remedy = "the path goes through them; choose windows without them"
+                texts.append(
+                    f"{name}: {is_spike.sum()} samples are spikes, first at "
+                    f"{clock[is_spike][0]:g} s; {remedy}"
                 )
-                words.append(
-                    f"{name}: {near.sum()} samples are spikes, first at {clock[near][0]:g} "
-                    f"s; {remedy}"
-                )
-        return words
+        return texts
 
     def rate(self, name: str) -> float:
         """Return the samples per second of a channel."""
         return float(self.leaves[self.leaf[name]].attrs["rate"])
 
-    def _near(self, data: xr.Dataset) -> xr.Dataset:
-        time = data["time"].values
-        near = np.any([(time >= a) & (time <= b) for a, b in self.windows], axis=0)
-        return data if near.all() else data.isel(time=near)
+    def _is_in_windows(self, time: np.ndarray) -> np.ndarray:
+        return np.any([(time >= start) & (time <= end) for start, end in self.windows], axis=0)
+
+    def _select_windows(self, data: xr.Dataset) -> xr.Dataset:
+        inside = self._is_in_windows(data["time"].values)
+        return data if inside.all() else data.isel(time=inside)
 
     def by_leaf(self, names: Sequence[str]) -> list[list[str]]:
-        """Return `names` that the record has, grouped by leaf."""
+        """Return those of `names` that the record has, grouped by leaf."""
         groups: dict[str, list[str]] = {}
         for name in names:
             if name in self:
@@ -166,52 +187,54 @@ class MeasuredChannels:
         return list(groups.values())
 
 
-def _with_temperature(
+def _add_temperature(
     leaves: dict[str, xr.Dataset], temperature: float | None
 ) -> dict[str, xr.Dataset]:
-    """Return the leaf of the airspeed with the constant outside temperature that the record states,
-    where no channel shows one.
+    """Return the leaf of the airspeed with the constant outside temperature of the record [K].
+
+    A record with a channel of the temperature does not need it.
     """
     if temperature is None or any("temperature" in data for data in leaves.values()):
         return {}
-    leaf = next(
-        (leaf for name in ("q_c", *SPEEDS) for leaf, data in leaves.items() if name in data), None
-    )
+    leaf = _leaf_of_airspeed(leaves)
     if leaf is None:
         return {}
     data = leaves[leaf]
-    return {
-        leaf: data.assign(
-            temperature=(
-                "time",
-                np.full(data.sizes["time"], float(temperature)),
-                quantity_attributes("temperature"),
-            )
-        )
-    }
+    values = np.full(data.sizes["time"], float(temperature))
+    variable = ("time", values, quantity_attributes("temperature"))
+    return {leaf: data.assign(temperature=variable)}
+
+
+def _leaf_of_airspeed(leaves: Mapping[str, xr.Dataset]) -> str | None:
+    for name in ("q_c", *SPEEDS):
+        for leaf, data in leaves.items():
+            if name in data:
+                return leaf
+    return None
 
 
 def airspeed_channel(channels: MeasuredChannels, specification: Instruments) -> str:
-    """Return the channel that shows the airspeed: impact pressure when recorded, else V, V_cas or
-    mach with noise of its own.
+    """Return the channel that shows the airspeed.
+
+    A recorded impact pressure has priority over V, V_cas and mach with noise of their own.
 
     Raises
     ------
     SchemaError
-        Several airspeeds that would count as independent readings.
+        Several airspeeds have a noise and would count as independent readings.
     """
     if "q_c" in channels.recorded and specification.name_of("q_c"):
         return "q_c"
-    shown = [name for name in SPEEDS if name in channels.recorded and specification.name_of(name)]
-    if len(shown) > 1:
+    speeds = [name for name in SPEEDS if name in channels.recorded and specification.name_of(name)]
+    if len(speeds) > 1:
         raise SchemaError(
             "instruments",
             [
-                f"noise of {' and '.join(shown)}: one pitot tube shows all of them, one at "
+                f"noise of {' and '.join(speeds)}: one pitot tube shows all of them, one at "
                 f"most can be a reading; keep the noise of one"
             ],
         )
-    return shown[0] if shown else "q_c"
+    return speeds[0] if speeds else "q_c"
 
 
 def order_windows(
@@ -222,51 +245,63 @@ def order_windows(
     Raises
     ------
     OutOfRange
-        A window outside the record, or two that overlap.
+        A window is outside the record, or two windows overlap.
     SchemaError
         Channels of the inertial unit are missing.
     """
-    missing = [
-        name
-        for name in (*IMU, "phi", "theta")
-        if not any(name in node.data_vars for node in record.children.values())
-    ]
-    if missing:
-        raise SchemaError(
-            "flight record",
-            [
-                f"no channel {name}; the reconstruction needs it, name its column in the name map"
-                for name in missing
-            ],
-        )
-    clock = next(
-        node.to_dataset()["time"].values
-        for node in record.children.values()
-        if "p" in node.data_vars
-    )
+    clock = _inertial_clock(record)
     first, last = float(clock[0]), float(clock[-1])
-    chosen = (
-        sorted((float(a), float(b)) for a, b in windows) if windows is not None else [(first, last)]
-    )
+    if windows is None:
+        ordered = [(first, last)]
+    else:
+        ordered = sorted((float(start), float(stop)) for start, stop in windows)
     end = -np.inf
-    for a, b in chosen:
-        if a < first - 1e-9 or b > last + 1e-9 or not b > a:
+    for start, stop in ordered:
+        is_inside = start >= first - _TIME_TOLERANCE and stop <= last + _TIME_TOLERANCE
+        if not is_inside or not stop > start:
             raise OutOfRange(
-                f"window {a:g} ... {b:g} s; the record holds {first:g} ... {last:g} s; "
+                f"window {start:g} ... {stop:g} s; the record holds {first:g} ... {last:g} s; "
                 f"choose a window inside it"
             )
-        if a <= end:
-            raise OutOfRange(f"windows overlap at {a:g} s; join them")
-        end = b
-    return chosen
+        if start <= end:
+            raise OutOfRange(f"windows overlap at {start:g} s; join them")
+        end = stop
+    return ordered
+
+
+def _inertial_clock(record: xr.DataTree) -> np.ndarray:
+    """Return the clock of the roll rate [s]; all channels of the inertial unit must exist."""
+    leaves = list(record.children.values())
+    problems = []
+    for name in (*IMU, "phi", "theta"):
+        if not any(name in node.data_vars for node in leaves):
+            problems.append(
+                f"no channel {name}; the reconstruction needs it, name its column in the name map"
+            )
+    if problems:
+        raise SchemaError("flight record", problems)
+    node = next(node for node in leaves if "p" in node.data_vars)
+    return node.to_dataset()["time"].values
 
 
 @dataclass(frozen=True)
 class AirData:
-    """Air data as recorded: clock, smoothed temperature, rough true airspeed; `delay` is the
-    expected latency.
+    """Air data of a record.
 
-    `channel` shows the airspeed, see `airspeed_channel`.
+    Attributes
+    ----------
+    channel : str
+        Channel of the airspeed, see `airspeed_channel`.
+    time : array (time,)
+        Clock of this channel. [s]
+    temperature : array (time,)
+        Smoothed temperature. [K]
+    speed : array (time,)
+        Rough true airspeed. [m s-1]
+    p_static : array (time,)
+        Static pressure. [Pa]
+    delay : float
+        Expected latency. [s]
     """
 
     channel: str
@@ -292,48 +327,50 @@ class AirData:
 def air_readings(channels: MeasuredChannels, specification: Instruments) -> AirData:
     """Return the air data of a record.
 
-    Without static pressure that of the standard atmosphere at ``h_gps`` is taken, for first values
-    only.
+    Without static pressure the result has the pressure of the standard atmosphere at ``h_gps``,
+    which is a first value only.
 
     Raises
     ------
     SchemaError
-        Airspeed, static pressure (or height) or temperature are neither recorded nor to be derived.
+        Airspeed, static pressure (or height) or temperature are neither recorded nor derived.
     """
     name = airspeed_channel(channels, specification)
     demand_air_data(channels, name)
-    clock, shown = channels.get(name)
+    clock, reading = channels.get(name)
     T = np.interp(clock, *channels.get("temperature"))
-    p = np.interp(
-        clock,
-        *(channels.get("p_static") if "p_static" in channels else _standard_pressure(channels)),
-    )
+    if "p_static" in channels:
+        pressure_clock, p_static = channels.get("p_static")
+    else:
+        pressure_clock, h = channels.get("h_gps")
+        p_static = atmosphere(h).p_static
+    p = np.interp(clock, pressure_clock, p_static)
     rate = channels.rate(name)
-    if rate > 2.5 and len(clock) > 30:
-        T, shown = lowpass(T, rate, 0.5), lowpass(shown, rate, 1.0)
-    item = specification.of(name)
-    speed = _true_airspeed(name, shown / item.factor.get(name, (1.0, 0.0))[0], p, T)
-    return AirData(name, clock, T, speed, p, (item.delay or (0.0, 0.0))[0])
+    if rate > _SMOOTHED_RATE and len(clock) > _SMOOTHED_SAMPLES:
+        T = lowpass(T, rate, _TEMPERATURE_CUTOFF)
+        reading = lowpass(reading, rate, _SPEED_CUTOFF)
+    instrument = specification.of(name)
+    factor, _ = instrument.factor.get(name, (1.0, 0.0))
+    delay, _ = instrument.delay or (0.0, 0.0)
+    return AirData(name, clock, T, _true_airspeed(name, reading / factor, p, T), p, delay)
 
 
 def demand_air_data(channels: MeasuredChannels, name: str) -> None:
-    """Check that airspeed (channel `name`), static pressure or height, and temperature are there.
+    """Raise if airspeed (channel `name`), static pressure or height, or temperature is missing.
 
     Raises
     ------
     SchemaError
-        All that is missing.
+        With all missing channels.
     """
     problems = []
     if name not in channels:
-        shown = [speed for speed in SPEEDS if speed in channels]
-        found = (
-            f"{', '.join(shown)} recorded, but no instrument gives its noise"
-            if shown
-            else "no airspeed recorded"
-        )
+        speeds = [speed for speed in SPEEDS if speed in channels]
+        fault = "no airspeed recorded"
+        if speeds:
+            fault = f"{', '.join(speeds)} recorded, but no instrument gives its noise"
         problems.append(
-            f"no channel q_c: {found}; record q_c, or h_baro with mach, V or V_cas, or give "
+            f"no channel q_c: {fault}; record q_c, or h_baro with mach, V or V_cas, or give "
             f"an instrument the noise of V, V_cas or mach"
         )
     if "p_static" not in channels and "h_gps" not in channels:
@@ -347,16 +384,13 @@ def demand_air_data(channels: MeasuredChannels, name: str) -> None:
         raise SchemaError("flight record", problems)
 
 
-def _standard_pressure(channels: MeasuredChannels) -> tuple[np.ndarray, np.ndarray]:
-    clock, h = channels.get("h_gps")
-    return clock, atmosphere(h).p_static
-
-
-def _true_airspeed(name: str, shown: np.ndarray, p: np.ndarray, T: np.ndarray) -> np.ndarray:
-    a = np.sqrt(GAMMA * R_AIR * T)
+def _true_airspeed(name: str, reading: np.ndarray, p: np.ndarray, T: np.ndarray) -> np.ndarray:
+    """Return the true airspeed of a reading of the channel `name`. [m s-1]"""
+    reading = np.maximum(reading, 0.0)
     if name == "V":
-        return np.maximum(shown, 0.0)
+        return reading
+    speed_of_sound = np.sqrt(GAMMA * R_AIR * T)
     if name == "mach":
-        return np.maximum(shown, 0.0) * a
-    q_c = impact_pressure_at(np.maximum(shown, 0.0)) if name == "V_cas" else np.maximum(shown, 0.0)
-    return mach_number(q_c, p) * a
+        return reading * speed_of_sound
+    q_c = impact_pressure_at(reading) if name == "V_cas" else reading
+    return mach_number(q_c, p) * speed_of_sound

@@ -1,10 +1,8 @@
-"""Corrections of position, upwash and static pressure: from what a sensor shows to what is true at
-the centre of gravity.
+"""Corrections for position, upwash and static pressure, from sensor readings to the c.g.
 
-All positions `arm` are from the c.g. to the sensor in body axes; with `position` and c.g. given
-from the moment reference point, arm = position - c.g.  In the reconstruction the vane corrections
-are part of the output equations, so that a reading is corrected once and with the reconstructed
-rates.
+All positions `arm` are from the c.g. to the sensor in body axes.  With `position` and c.g. from the
+moment reference point, arm = position - c.g.  In the reconstruction the vane corrections are part of
+the output equations, so that a reading is corrected once and with the reconstructed rates.
 """
 
 from __future__ import annotations
@@ -13,7 +11,7 @@ import numpy as np
 
 
 def force_at_cg(force, omega, omega_dot, arm) -> np.ndarray:
-    """Return the specific force at the c.g. from the one at an accelerometer.
+    """Return the specific force at the c.g. from the specific force at an accelerometer.
 
     Parameters
     ----------
@@ -38,9 +36,9 @@ def force_at_cg(force, omega, omega_dot, arm) -> np.ndarray:
     array([ 0. ,  0. , -8.8])
     """
     omega = np.asarray(omega, float)
-    return (
-        np.asarray(force, float) - np.cross(omega_dot, arm) - np.cross(omega, np.cross(omega, arm))
-    )
+    tangential = np.cross(omega_dot, arm)
+    centripetal = np.cross(omega, np.cross(omega, arm))
+    return np.asarray(force, float) - tangential - centripetal
 
 
 def velocity_at(velocity, omega, arm) -> np.ndarray:
@@ -63,14 +61,14 @@ def velocity_at(velocity, omega, arm) -> np.ndarray:
 
 
 def vane_angles(velocity, omega, arm) -> tuple[np.ndarray, np.ndarray]:
-    """Return what perfect vanes at `arm` would show: atan(w/u), and the flank angle atan(v/u).
+    """Return the readings of ideal vanes at `arm`: atan(w/u), and the flank angle atan(v/u).
 
-    Parameters as in `velocity_at`.
+    Parameters are the same as in `velocity_at`.
 
     Returns
     -------
     alpha, flank : array (time,)
-        tan(flank) = tan(beta)/cos(alpha): a vane that turns in the x-y plane does not show beta.
+        tan(flank) = tan(beta)/cos(alpha): a vane that turns in the x-y plane does not measure beta.
         [rad]
     """
     u, v, w = velocity_at(velocity, omega, arm).T
@@ -78,8 +76,7 @@ def vane_angles(velocity, omega, arm) -> tuple[np.ndarray, np.ndarray]:
 
 
 def vane_at_cg(alpha_vane, flank, V, omega, arm) -> tuple[np.ndarray, np.ndarray]:
-    """Return alpha and the flank angle at the c.g. from vane angles free of factor, offset and lag,
-    for small angles.
+    """Return alpha and the flank angle at the c.g. from vane angles, for small angles.
 
     Parameters
     ----------
@@ -95,8 +92,8 @@ def vane_at_cg(alpha_vane, flank, V, omega, arm) -> tuple[np.ndarray, np.ndarray
     Returns
     -------
     alpha, flank : array (time,)
-        Error of second order in the angles and in omega arm/V; the reconstruction uses the exact
-        output instead. [rad]
+        The error is of second order in the angles and in omega arm/V.  The reconstruction uses the
+        exact output instead. [rad]
     """
     p, q, r = np.asarray(omega, float).T
     x, y, z = np.moveaxis(np.asarray(arm, float), -1, 0)
@@ -104,8 +101,9 @@ def vane_at_cg(alpha_vane, flank, V, omega, arm) -> tuple[np.ndarray, np.ndarray
 
 
 def vane_true(alpha_vane, factor: float = 1.0, offset: float = 0.0) -> np.ndarray:
-    """Return the angle of the flow at a vane without upwash and offset; the vane shows factor times
-    the angle plus the offset. [rad]
+    """Return the angle of the flow at a vane without upwash and offset. [rad]
+
+    The reading of the vane is factor times the angle plus the offset.
 
     Examples
     --------
@@ -132,28 +130,33 @@ def incidence_at_cg(alpha_vane, flank, V, omega, arm) -> tuple[np.ndarray, np.nd
     Returns
     -------
     alpha, beta : array (time,)
-        beta = asin(v/V): not a flank angle any more. [rad]
+        beta = asin(v/V), which is not a flank angle. [rad]
 
     Notes
     -----
-    The flow at the vanes is s (1, tan flank, tan alpha); the c.g. moves with U = s d - omega x arm, and |U| = V gives s.
+    The flow at the vanes is s d with d = (1, tan flank, tan alpha).  The velocity of the c.g. is
+    U = s d - omega x arm, and |U| = V gives s.
     """
     d = np.stack(np.broadcast_arrays(1.0, np.tan(flank), np.tan(alpha_vane)), axis=-1)
-    turn = np.cross(omega, arm)
-    dd, dt, tt = ((a * b).sum(axis=-1) for a, b in ((d, d), (d, turn), (turn, turn)))
-    s = (dt + np.sqrt(np.maximum(dt**2 - dd * (tt - np.asarray(V, float) ** 2), 0.0))) / dd
-    u, v, w = np.moveaxis(s[..., None] * d - turn, -1, 0)
+    rotation = np.cross(omega, arm)
+    # |s d - r|^2 = V^2 is quadratic in s: dd s^2 - 2 dr s + rr - V^2 = 0; its larger root.
+    dd = (d * d).sum(axis=-1)
+    dr = (d * rotation).sum(axis=-1)
+    rr = (rotation * rotation).sum(axis=-1)
+    s = (dr + np.sqrt(np.maximum(dr**2 - dd * (rr - np.asarray(V, float) ** 2), 0.0))) / dd
+    u, v, w = np.moveaxis(s[..., None] * d - rotation, -1, 0)
     return np.arctan2(w, u), np.arcsin(np.clip(v / V, -1.0, 1.0))
 
 
 def true_pressures(p_static, q_c, static_error: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return static and impact pressure free of an error of the static port; the total pressure is
-    taken as exact.
+    """Return static and impact pressure without the error of the static port.
+
+    The total pressure is assumed to be exact.
 
     Parameters
     ----------
     p_static, q_c : array (time,)
-        As shown. [Pa]
+        Readings. [Pa]
     static_error : float
         Error of the static pressure over true impact pressure, as `reconstruct` estimates it. [1]
 
@@ -167,5 +170,6 @@ def true_pressures(p_static, q_c, static_error: float) -> tuple[np.ndarray, np.n
     >>> [round(float(x), 1) for x in true_pressures(90100.0, 4900.0, 0.02)]
     [90000.0, 5000.0]
     """
+    # p + q_c is the total pressure of the readings and of the truth.
     q_true = np.asarray(q_c, float) / (1.0 - static_error)
     return np.asarray(p_static, float) - static_error * q_true, q_true

@@ -2,9 +2,6 @@
 
 from .conditioning import channel as channel
 from .conditioning import cut as cut
-from .conditioning import lowpass as lowpass
-from .conditioning import remove_delay as remove_delay
-from .conditioning import resample as resample
 from .conditioning import smooth as smooth
 from .delays import Delay as Delay
 from .delays import follow_command as follow_command
@@ -16,5 +13,8 @@ from .differentiation import derivative_window as derivative_window
 from .differentiation import fourier_smooth as fourier_smooth
 from .fourier import finite_fourier as finite_fourier
 from .fourier import harmonics as harmonics
-from .sample_flags import add_flags as add_flags
-from .sample_flags import flags as flags
+from .record_flags import add_flags as add_flags
+from .record_flags import flags as flags
+from .resampling import lowpass as lowpass
+from .resampling import remove_delay as remove_delay
+from .resampling import resample as resample

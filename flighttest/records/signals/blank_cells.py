@@ -1,8 +1,8 @@
-"""Channels that are slower than the rows of their table: blanks between samples are not missing
-samples.
+"""Channels that are slower than the rows of their table.
 
-A recorder that writes channels of several clocks into one table leaves the cells of a slower one
-blank between its samples, in a regular pattern.  Blanks without a pattern are dropouts.
+A recorder may write channels of several clocks into one table.  The cells of a slower channel are
+blank between its samples, in a regular pattern.  These blanks are not missing samples.  Blanks
+without a pattern are dropouts.
 """
 
 from __future__ import annotations
@@ -11,14 +11,22 @@ from collections.abc import Mapping
 
 import numpy as np
 
-_FEWEST = 3  # samples that show a pattern
-_EVEN = 0.35  # of the median step: what a step of an even clock may deviate
-_MANY = 10  # steps that an even clock with jitter needs; of fewer ones each must fit the rows
-_SHORT = 3  # rows of a step that chance hits often
-_REGULAR = 0.9  # share of the steps that are even
-_BETWEEN = 0.5  # share of the blanks that lie between samples of an even clock, and not in its gaps
-_BLANKS = 10  # of a channel that lacks every fifth row or fewer
-_ALIKE = 0.9  # share of samples that channels of one clock have in common
+# Samples that show a pattern.
+_FEWEST = 3
+# Deviation of a step of an even clock, in median steps.
+_EVEN = 0.35
+# Steps of an even clock with jitter. With fewer steps each must fit the rows.
+_MANY = 10
+# Rows of a step that is often hit by chance.
+_SHORT = 3
+# Share of the steps that are even.
+_REGULAR = 0.9
+# Share of the blanks that lie between samples of an even clock, and not in its gaps.
+_BETWEEN = 0.5
+# Blanks of a channel that lacks every fifth row or fewer.
+_BLANKS = 10
+# Share of samples that channels of one clock have in common.
+_ALIKE = 0.9
 
 
 def clocks_of_rows(
@@ -36,33 +44,54 @@ def clocks_of_rows(
     Returns
     -------
     list of (rows, names)
-        Channels of one clock, in the order of their first one: the rows that have a sample of one
-        of them, None for all rows.
+        Channels of one clock, in the order of the first channel.  The rows (time,) have a sample of
+        one of them; they are None for all rows.
     """
-    groups: list[tuple[np.ndarray | None, list[str]]] = []
     filled = {name: ~np.isnan(values) for name, values in columns.items()}
-    slower = {
-        name: rows for name, rows in filled.items() if not rows.all() and is_slower(time, rows)
-    }
-    for name, own in filled.items():
+    slower: dict[str, np.ndarray] = {}
+    for name, is_filled in filled.items():
+        if not is_filled.all() and is_slower(time, is_filled):
+            slower[name] = is_filled
+    groups: list[tuple[np.ndarray | None, list[str]]] = []
+    for name, is_filled in filled.items():
         rows = slower.get(name)
-        if (
-            rows is None and own.any()
-        ):  # a slower channel with dropouts has samples in rows of its clock only
-            rows = next((others for others in slower.values() if not (own & ~others).any()), None)
-        home = next((i for i, (others, _) in enumerate(groups) if _alike(rows, others)), None)
-        if home is None:
+        if rows is None and is_filled.any():
+            # A slower channel with dropouts has samples only in rows of its clock.
+            rows = _clock_with(is_filled, slower)
+        i = _alike_group(rows, groups)
+        if i is None:
             groups.append((rows, [name]))
             continue
-        others, names = groups[home]
-        joined = None if rows is None or others is None else rows | others
-        groups[home] = joined, [*names, name]
+        group_rows, names = groups[i]
+        joined = None
+        if rows is not None and group_rows is not None:
+            joined = rows | group_rows
+        groups[i] = joined, [*names, name]
     return groups
 
 
+def _clock_with(is_filled: np.ndarray, slower: Mapping[str, np.ndarray]) -> np.ndarray | None:
+    """Return the rows of the first slower channel that has all samples of this one."""
+    for rows in slower.values():
+        if not (is_filled & ~rows).any():
+            return rows
+    return None
+
+
+def _alike_group(
+    rows: np.ndarray | None, groups: list[tuple[np.ndarray | None, list[str]]]
+) -> int | None:
+    """Return the index of the first group with nearly the same rows."""
+    for i, (group_rows, _) in enumerate(groups):
+        if _are_alike(rows, group_rows):
+            return i
+    return None
+
+
 def is_slower(time: np.ndarray, filled: np.ndarray) -> bool:
-    """Return whether the samples of a channel form a clock of their own: even steps, with most
-    blanks between neighbouring samples.
+    """Return whether the samples of a channel form a clock of their own.
+
+    Such a clock has even steps, with most blanks between neighbouring samples.
 
     Parameters
     ----------
@@ -71,42 +100,46 @@ def is_slower(time: np.ndarray, filled: np.ndarray) -> bool:
     filled : array (time,)
         Whether a row has a sample of the channel.
     """
-    at = np.flatnonzero(filled)
-    blanks = int(at[-1] - at[0] + 1 - len(at)) if len(at) else 0
-    if len(at) < _FEWEST or not blanks:
+    samples = np.flatnonzero(filled)
+    if len(samples) < _FEWEST:
         return False
-    step, rows = np.diff(time[at]), np.diff(at)
-    usual = float(np.median(step))
-    even = (
-        np.abs(step - usual) <= _EVEN * usual if len(step) >= _MANY else np.zeros(len(step), bool)
-    )
-    # a sample stands in the nearest row, so that steps are of two neighbouring numbers of rows
+    blanks = int(samples[-1] - samples[0] + 1 - len(samples))
+    if not blanks:
+        return False
+    step, rows = np.diff(time[samples]), np.diff(samples)
+    usual_step = float(np.median(step))
+    is_even = np.zeros(len(step), bool)
+    if len(step) >= _MANY:
+        is_even = np.abs(step - usual_step) <= _EVEN * usual_step
+    # A sample is in the nearest row, so that steps have two neighbouring numbers of rows.
     low, high = _usual_rows(rows)
-    even |= (rows >= low) & (rows <= high)
-    between = int((rows[even] - 1).sum())
-    if float(np.mean(even)) >= _REGULAR and between >= _BETWEEN * blanks:
+    is_even |= (rows >= low) & (rows <= high)
+    between = int((rows[is_even] - 1).sum())
+    if float(np.mean(is_even)) >= _REGULAR and between >= _BETWEEN * blanks:
         return True
     return _lacks_every_nth(rows)
 
 
 def _usual_rows(rows: np.ndarray) -> tuple[int, int]:
-    """Return the fewest and most rows of a usual step; single rows stand for no slower clock."""
+    """Return the fewest and most rows of a usual step. Single rows are not a slower clock."""
     middle = int(np.median(rows))
     if middle <= 1:
         return 1, 1
-    return (middle, middle + 1) if middle <= _SHORT else (middle - 1, middle + 1)
+    if middle <= _SHORT:
+        return middle, middle + 1
+    return middle - 1, middle + 1
 
 
 def _lacks_every_nth(rows: np.ndarray) -> bool:
-    """Return whether single blanks stand at even distances: a clock of 40 Hz in rows of 50 Hz."""
-    at = np.flatnonzero(rows == 2)
-    if len(at) < _BLANKS or (rows > 2).sum() > (1.0 - _REGULAR) * len(at):
+    """Return whether single blanks have even distances: a clock of 40 Hz in rows of 50 Hz."""
+    blanks = np.flatnonzero(rows == 2)
+    if len(blanks) < _BLANKS or (rows > 2).sum() > (1.0 - _REGULAR) * len(blanks):
         return False
-    distance = np.diff(at)
+    distance = np.diff(blanks)
     return bool(np.mean(np.abs(distance - np.median(distance)) <= 1.0) >= _REGULAR)
 
 
-def _alike(rows: np.ndarray | None, others: np.ndarray | None) -> bool:
+def _are_alike(rows: np.ndarray | None, others: np.ndarray | None) -> bool:
     """Return whether two channels have nearly all samples in the same rows."""
     if rows is None or others is None:
         return rows is others

@@ -1,9 +1,9 @@
-"""Smoothed time derivatives by local polynomials.
+"""Smoothed time derivatives by local polynomials, and smoothing by sine series.
 
-A polynomial is fitted to a moving window of samples and its slope is taken at the middle; at both
-ends the fit is one sided.  The default, nine points and order four, has the noise of the classic
-five-point quadratic and a tenth of its bias: the five-point formula loses 3.5 % at 2 Hz and 50
-samples per second, which makes roll damping 2 to 3 % too small.
+A polynomial is fitted to a moving window of samples, and its slope is evaluated at the middle.  At
+both ends the fit is one sided.  The default, nine points and order four, has the noise of the
+classic five-point quadratic and a tenth of its bias.  The five-point formula loses 3.5 % at 2 Hz
+and 50 samples per second, which makes roll damping 2 to 3 % too small.
 """
 
 from __future__ import annotations
@@ -116,19 +116,19 @@ def derivative_window(frequency: float, step: float, order: int = ORDER, gain: f
     """
     frequencies = np.linspace(0.02, 1.0, 50) * frequency
     shortest = order + 1 + order % 2
-    found = 0
+    longest = 0
     for window in range(shortest, shortest + 400, 2):
         if derivative_gain(frequencies, step, window, order).min() < gain:
             break
-        found = window
-    if not found:
+        longest = window
+    if not longest:
         most = float(derivative_gain(frequency, step, shortest, order))
         raise IdentificationError(
             f"{frequency:g} Hz at {1.0 / step:g} samples per second: the shortest window of "
             f"order {order} has a gain of {most:.3f}, "
             f"wanted {gain:g}; record faster, raise the order or accept a smaller gain"
         )
-    return found
+    return longest
 
 
 def derivative_noise(step: float, window: int = WINDOW, order: int = ORDER) -> float:
@@ -149,15 +149,22 @@ def _weights(step: float, window: int, order: int) -> tuple[np.ndarray, np.ndarr
     from scipy.signal import savgol_coeffs
 
     half = window // 2
-    return savgol_coeffs(window, order, deriv=1, delta=step, use="dot"), step * np.arange(
-        -half, half + 1
-    )
+    weights = savgol_coeffs(window, order, deriv=1, delta=step, use="dot")
+    return weights, step * np.arange(-half, half + 1)
 
 
-SHORTEST = 64  # samples; the floor is judged by the upper two fifths of the coefficients
-_END = 9  # samples of the parabola that gives each end point
-_RUN = 5  # running means in a row above the threshold that make a signal
-_MEDIAN_OF_SQUARE = 0.455  # median of the square of a standard normal variable
+SHORTEST = 64
+"""Fewest samples of `fourier_smooth`, which finds the noise in the upper two fifths."""
+# Samples of the parabola that gives each end point.
+_END = 9
+# Running means in a row above the threshold that make a signal. Fewer occur by chance.
+_RUN = 5
+# Samples of a running mean of the squared coefficients.
+_MEAN_WIDTH = 11
+# Median of the square of a standard normal variable.
+_MEDIAN_OF_SQUARE = 0.455
+# Share of the coefficients below those that have only noise.
+_NOISE_START = 0.6
 
 
 @dataclass(frozen=True)
@@ -171,7 +178,7 @@ class Smoothed:
     derivative : array (time,)
         Its time derivative, analytic. [unit per second]
     noise : float
-        Standard deviation of what was taken out. [unit of the channel]
+        Standard deviation of the removed noise. [unit of the channel]
     cutoff : float
         Frequency at which signal and noise are equally strong. [Hz]
     """
@@ -183,14 +190,13 @@ class Smoothed:
 
 
 def fourier_smooth(x, step: float) -> Smoothed:
-    """Return a uniformly sampled channel without its white noise, its derivative, and the size of
-    the noise.
+    """Return a uniformly sampled channel without its white noise, and its derivative.
 
     Parameters
     ----------
     x : array (time,)
-        Signal with white noise, smooth at the rate it was sampled; for measured motions, not for
-        surfaces moved in steps. [any]
+        Signal with white noise, smooth at its sampling rate: a measured motion, not a surface that
+        moves in steps. [any]
     step : float
         Sampling interval. [s]
 
@@ -205,14 +211,17 @@ def fourier_smooth(x, step: float) -> Smoothed:
 
     Notes
     -----
-    g = x minus the chord between its smoothed ends; b_k its sine coefficients at f_k = k/(2 (N - 1) step).  Floor n^2 = median of
-    b_k^2 over k > 0.6 N divided by 0.455; k_c = the last k that ends five b^2, means over k - 5 ... k + 5, above 4 n^2; Wiener weights
-    1/(1 + (k/k_c)^6).  The variance of the residual times N/(N - k_c) is that of the noise.  One cut-off for the whole
-    channel: short bursts in a long quiet record are smoothed too much.
+    g = x minus the chord between its smoothed ends; b_k its sine coefficients at the frequency
+    f_k = k/(2 (N - 1) step).  The noise floor is n^2 = median of b_k^2 over k > 0.6 N divided by
+    0.455.  k_c is the last k that ends five values in a row above 4 n^2, of the running means of
+    b^2 over k - 5 ... k + 5.  The Wiener weights are 1/(1 + (k/k_c)^6).  The variance of the
+    residual times N/(N - k_c) is the variance of the noise.  One cut-off applies to the whole
+    channel, so that short bursts in a long quiet record are smoothed too much.
 
     References
     ----------
-    .. [Morelli1995] Morelli, Estimating noise characteristics from flight test data using optimal Fourier smoothing, J. Aircraft 32, 1995.
+    .. [Morelli1995] Morelli, Estimating noise characteristics from flight test data using optimal
+       Fourier smoothing, J. Aircraft 32, 1995.
     """
     # SciPy takes half a second to import; reading a record does not differentiate
     from scipy.fft import dct, dst
@@ -225,32 +234,35 @@ def fourier_smooth(x, step: float) -> Smoothed:
             f"needs {SHORTEST} finite ones or more"
         )
     last, i = count - 1, np.arange(count)
-    first, end = _ends(x)
+    # The sine series of a signal that is zero at both ends converges fast.
+    first, end = _end_points(x)
     chord = first + (end - first) * i / last
     b = dst((x - chord)[1:-1], type=1) / last
     k = np.arange(1, last)
-    edge = _cutoff(b, count)
-    kept = b / (1.0 + (k / edge) ** 6)
+    k_c = _cutoff(b, count)
+    filtered = b / (1.0 + (k / k_c) ** 6)
     value = chord.copy()
-    value[1:-1] += dst(kept, type=1) / 2.0
-    turn = np.concatenate([[0.0], kept * np.pi * k / (last * step), [0.0]])
-    derivative = (end - first) / (last * step) + dct(turn, type=1) / 2.0
-    noise = np.sqrt(np.mean((x - value) ** 2) * count / max(count - edge, 1.0))
-    return Smoothed(value, derivative, float(noise), float(edge / (2.0 * last * step)))
+    value[1:-1] += dst(filtered, type=1) / 2.0
+    # The derivative of a sine series is a cosine series.
+    cosines = np.concatenate([[0.0], filtered * np.pi * k / (last * step), [0.0]])
+    derivative = (end - first) / (last * step) + dct(cosines, type=1) / 2.0
+    noise = np.sqrt(np.mean((x - value) ** 2) * count / max(count - k_c, 1.0))
+    return Smoothed(value, derivative, float(noise), cutoff=float(k_c / (2.0 * last * step)))
 
 
-def _ends(x: np.ndarray) -> tuple[float, float]:
+def _end_points(x: np.ndarray) -> tuple[float, float]:
     """Return both end points of a parabola through the samples next to them."""
     i = np.arange(_END)
-    ends = [np.polyval(np.polyfit(i, part, 2), 0.0) for part in (x[:_END], x[: -_END - 1 : -1])]
-    return float(ends[0]), float(ends[1])
+    first = np.polyval(np.polyfit(i, x[:_END], 2), 0.0)
+    end = np.polyval(np.polyfit(i, x[: -_END - 1 : -1], 2), 0.0)
+    return float(first), float(end)
 
 
 def _cutoff(b: np.ndarray, count: int) -> float:
-    """Return the number of the coefficient where the signal sinks into the floor."""
-    floor = np.median(b[int(0.6 * count) :] ** 2) / _MEDIAN_OF_SQUARE
-    power = np.convolve(b**2, np.ones(11) / 11.0, mode="same")
-    above = (
-        np.convolve(power > 4.0 * floor, np.ones(_RUN), mode="valid") == _RUN
-    )  # fewer in a row happen by chance
-    return float(np.flatnonzero(above)[-1] + _RUN) if above.any() else 1.0
+    """Return the number of the coefficient where the signal is as strong as the noise."""
+    floor = np.median(b[int(_NOISE_START * count) :] ** 2) / _MEDIAN_OF_SQUARE
+    power = np.convolve(b**2, np.ones(_MEAN_WIDTH) / _MEAN_WIDTH, mode="same")
+    is_signal = np.convolve(power > 4.0 * floor, np.ones(_RUN), mode="valid") == _RUN
+    if not is_signal.any():
+        return 1.0
+    return float(np.flatnonzero(is_signal)[-1] + _RUN)

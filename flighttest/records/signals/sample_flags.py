@@ -1,19 +1,21 @@
-"""Flags: what is wrong with samples and clocks of a record, kept with it and never removed by
-reading.
+"""Flags of faulty samples and clocks of a record.
 
-Each leaf carries its flags in the attribute ``flags`` (JSON, so that files keep them).  Kinds:
+Reading a record never removes flags.  Each leaf has its flags in the attribute ``flags`` (JSON, so
+that files store them).  Kinds:
 
-========== ==================================================================================================
+========== =========================================================================================
 gap        the clock steps by more than three median steps
-wrap       the clock's counter started again and was unrolled
-stray      stamps far off the clock, or no numbers; their samples are dropped
+wrap       the counter of the clock started again and was unrolled
+stray      stamps far off the clock, or not finite; their samples are dropped
 duplicate  repeated stamps; their samples are dropped
-reset      the clock was set back and its samples were moved behind those before, as the name map requested
+reset      the clock was set back; its samples were moved behind the earlier ones, as the name map
+           requests
 missing    NaN samples
 outside    raw values beyond the calibration table, or infinite, now NaN
-held       a value that repeats for long in a channel that otherwise changes from sample to sample, and then jumps
+held       a value that repeats for long in a channel that otherwise changes from sample to sample,
+           and then jumps
 spike      one to three samples far off both neighbours
-========== ==================================================================================================
+========== =========================================================================================
 """
 
 from __future__ import annotations
@@ -24,26 +26,35 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
-import xarray as xr
 
-from flightmech.errors import UnknownName
 from flightmech.support.arrays import median
 
-ENDLESS = ("psi", "phi", "lon")  # angles that go on at zero behind a full turn
+ENDLESS = ("psi", "phi", "lon")
+"""Angles that continue at zero after a full turn."""
 KINDS = ("gap", "wrap", "stray", "duplicate", "reset", "missing", "outside", "held", "spike")
-MOST = 20  # spans kept for one kind on one channel; the last one then covers all the rest
-HELD_TIME = 0.5  # s
+MOST = 20
+"""Largest number of spans of one kind on one channel. The last span then covers all the rest."""
+# Shortest time and number of samples of a held value. [s], [1]
+HELD_TIME = 0.5
 HELD_SAMPLES = 10
-RETURN = 8.0  # typical steps of the channel
-DEAD = 10.0  # times the longest run before
-SPIKE = 20.0  # typical steps of the channel
-BURST = 4.0  # a spike is so many times larger than every other step near it
+# Smallest step after a held value, in typical steps of the channel.
+RETURN = 8.0
+# Length of a held value at the end of the record, in longest runs before it.
+DEAD = 10.0
+# Smallest step of a spike, in typical steps of the channel, and in steps near the spike.
+SPIKE = 20.0
+BURST = 4.0
+# Samples of a spike, and steps on each side that are near it.
+_WIDEST_SPIKE = 3
+_NEAR_STEPS = 5
+# Steps that are enough for the median size of all steps.
+_MEDIAN_STEPS = 20_000
 
 
 class Flag(NamedTuple):
-    """One span of samples: `channel` is empty when the clock of the leaf is meant; times in seconds
-    of the record.
+    """One span of samples.
+
+    `channel` is empty for a flag of the clock.  Times are seconds of the record.
     """
 
     channel: str
@@ -54,85 +65,50 @@ class Flag(NamedTuple):
     note: str = ""
 
 
-def flags(record: xr.DataTree) -> pd.DataFrame:
-    """Return every flag of a record.
-
-    Returns
-    -------
-    DataFrame
-        Columns ``leaf channel kind start stop samples note``; times in seconds.  ``channel`` is
-        empty for flags of the clock.
-    """
-
-    rows = [
-        {"leaf": leaf, **Flag(*row)._asdict()}
-        for leaf, node in record.children.items()
-        for row in json.loads(node.attrs.get("flags", "[]"))
-    ]
-    return pd.DataFrame(rows, columns=["leaf", *Flag._fields])
-
-
-def add_flags(record: xr.DataTree, leaf: str, found: Iterable[Flag]) -> xr.DataTree:
-    """Return the record with more flags on a leaf; equal ones are kept once.
-
-    Raises
-    ------
-    UnknownName
-        No such leaf, channel or kind.
-    """
-    if leaf not in record.children:
-        raise UnknownName(leaf, record.children, "leaf")
-    found = list(found)
-    for flag in found:
-        if flag.kind not in KINDS:
-            raise UnknownName(flag.kind, KINDS, "kind of flag")
-        if flag.channel and flag.channel not in record.children[leaf].data_vars:
-            raise UnknownName(flag.channel, map(str, record.children[leaf].data_vars), "channel")
-    flagged = record.copy()
-    flagged[leaf].attrs["flags"] = as_text(
-        dict.fromkeys([*read_stored_flags(flagged[leaf].attrs.get("flags", "[]")), *found])
-    )
-    return flagged
-
-
 def read_stored_flags(text: str) -> list[Flag]:
-    """Return the flags in an attribute; none when it is not ours."""
+    """Return the flags in an attribute; none if another program wrote it."""
     try:
         return [Flag(*row) for row in json.loads(text)]
     except (ValueError, TypeError):
         return []
 
 
-def as_text(found: Iterable[Flag]) -> str:
+def as_text(flags: Iterable[Flag]) -> str:
     """Return flags as the text of the attribute."""
-    return json.dumps([list(flag) for flag in found])
+    return json.dumps([list(flag) for flag in flags])
 
 
-def flag_sentences(found: Iterable[Flag]) -> list[str]:
+def flag_sentences(flags: Iterable[Flag]) -> list[str]:
     """Return one sentence per channel and kind."""
     groups: dict[tuple[str, str], list[Flag]] = {}
-    for flag in found:
+    for flag in flags:
         groups.setdefault((flag.channel, flag.kind), []).append(flag)
     return [_sentence(channel, kind, group) for (channel, kind), group in groups.items()]
 
 
 def _sentence(channel: str, kind: str, group: list[Flag]) -> str:
     total = sum(flag.samples for flag in group)
-    places = ", ".join(f"{m.start:g} s" + (f" ({m.note})" if m.note else "") for m in group[:5])
-    more = f" and {len(group) - 5} more" if len(group) > 5 else ""
-    text = {
-        "gap": f"gaps in the clock at {places}{more}",
-        "wrap": f"clock wrapped round and unrolled at {places}{more}",
-        "stray": f"samples with stamps off the clock dropped: {total} from {places}{more}",
-        "duplicate": f"repeated time stamps dropped: {total} from {places}{more}",
-        "reset": f"clock set back at {places}{more}",
-        "missing": f"NaN samples: {channel} {total} from {group[0].start:g} s",
+    times = []
+    for flag in group[:5]:
+        note = f" ({flag.note})" if flag.note else ""
+        times.append(f"{flag.start:g} s{note}")
+    spans = ", ".join(times)
+    if len(group) > 5:
+        spans += f" and {len(group) - 5} more"
+    first = f"{group[0].start:g} s"
+    sentences = {
+        "gap": f"gaps in the clock at {spans}",
+        "wrap": f"clock wrapped round and unrolled at {spans}",
+        "stray": f"samples with stamps off the clock dropped: {total} from {spans}",
+        "duplicate": f"repeated time stamps dropped: {total} from {spans}",
+        "reset": f"clock set back at {spans}",
+        "missing": f"NaN samples: {channel} {total} from {first}",
         "outside": f"raw values beyond the calibration table, or infinite, now NaN: {channel} "
-        f"{total} from {group[0].start:g} s",
-        "held": f"value held: {channel} at {places}{more}",
-        "spike": f"spikes: {channel} {len(group)} at {places}{more}",
+        f"{total} from {first}",
+        "held": f"value held: {channel} at {spans}",
+        "spike": f"spikes: {channel} {len(group)} at {spans}",
     }
-    return text[kind]
+    return sentences[kind]
 
 
 def flag_runs(
@@ -143,21 +119,22 @@ def flag_runs(
         return []
     edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(np.int8)))
     starts, stops = edges[::2], edges[1::2]
-    found = [
-        Flag(channel, kind, float(time[a]), float(time[b - 1]), int(b - a), note)
-        for a, b in zip(starts[:MOST], stops[:MOST], strict=True)
-    ]
+    flags = []
+    for first, end in zip(starts[:MOST], stops[:MOST], strict=True):
+        start, stop = float(time[first]), float(time[end - 1])
+        flags.append(Flag(channel, kind, start, stop=stop, samples=int(end - first), note=note))
     if len(starts) > MOST:
-        rest = int(bad[starts[MOST - 1] :].sum())
-        found[-1] = Flag(
+        # The last flag covers all the rest.
+        first = starts[MOST - 1]
+        flags[-1] = Flag(
             channel,
             kind,
-            float(time[starts[MOST - 1]]),
-            float(time[stops[-1] - 1]),
-            rest,
-            f"{len(starts) - MOST + 1} spans",
+            float(time[first]),
+            stop=float(time[stops[-1] - 1]),
+            samples=int(bad[first:].sum()),
+            note=f"{len(starts) - MOST + 1} spans",
         )
-    return found
+    return flags
 
 
 def sample_faults(time: np.ndarray, x: np.ndarray, channel: str, rate: float) -> list[Flag]:
@@ -174,84 +151,94 @@ def sample_faults(time: np.ndarray, x: np.ndarray, channel: str, rate: float) ->
 
     Notes
     -----
-    Typical is the median size of the steps that are not zero.  Held values are looked for in channels of which more than half of all steps
-    differ from zero: a run of `HELD_SAMPLES` equal samples over `HELD_TIME` that ends with a step `RETURN` times the typical one and twice
-    those after it (a parked aeroplane and a trimmed simulation hold their values too, but go on smoothly), or one to the end of the record,
+    The typical step is the median size of the steps that are not zero.
+
+    Held values are searched in channels of which more than half of all steps differ from zero.  A
+    held value is a run of `HELD_SAMPLES` equal samples over `HELD_TIME`.  It ends with a step of
+    `RETURN` typical steps and twice the steps after it.  (A parked aeroplane and a trimmed
+    simulation hold their values too, but continue smoothly.)  Or it lasts to the end of the record,
     `DEAD` times longer than every run before.
-    A spike leaves and returns by more than `SPIKE` typical steps and `BURST` times every other step within five samples.
+
+    A spike leaves and returns by more than `SPIKE` typical steps and `BURST` times every other step
+    within five samples.
     """
-    found = flag_runs(time, np.isnan(x), channel, "missing")
+    faults = flag_runs(time, np.isnan(x), channel, "missing")
     step = _steps(x, channel)
-    typical = _typical(step)
+    typical = _typical_step(step)
     if typical is None:
-        return found
+        return faults
     size = np.abs(step)
     if np.count_nonzero(size) > 0.5 * len(size):
-        found += _held(time, size, typical, channel, rate)
-    return found + flag_runs(time, _spikes(step, typical), channel, "spike")
+        is_held = _is_held(size, typical, rate)
+        faults += flag_runs(time, is_held, channel, "held")
+    return faults + flag_runs(time, _is_spike(step, typical), channel, "spike")
 
 
 def find_spikes(x: np.ndarray, channel: str) -> np.ndarray:
     """Return which samples of a channel are spikes, see `sample_faults` (time,)."""
     step = _steps(x, channel)
-    typical = _typical(step)
-    return np.zeros(len(x), bool) if typical is None else _spikes(step, typical)
+    typical = _typical_step(step)
+    if typical is None:
+        return np.zeros(len(x), bool)
+    return _is_spike(step, typical)
 
 
 def _steps(x: np.ndarray, channel: str) -> np.ndarray:
-    """Return the steps from sample to sample; an angle that passes its full turn makes none."""
+    """Return the steps from sample to sample; a full turn of an angle is not a step."""
     step = np.diff(x)
-    return (
-        np.where(np.abs(step) > np.pi, (step + np.pi) % (2.0 * np.pi) - np.pi, step)
-        if channel in ENDLESS
-        else step
-    )
+    if channel not in ENDLESS:
+        return step
+    return np.where(np.abs(step) > np.pi, (step + np.pi) % (2.0 * np.pi) - np.pi, step)
 
 
-def _typical(step: np.ndarray) -> float | None:
-    """Return the median size of the steps that are not zero; None for a channel too short or at
-    rest.
+def _typical_step(step: np.ndarray) -> float | None:
+    """Return the median size of the steps that are not zero.
+
+    The result is None for a channel that is too short or constant.
     """
     size = np.abs(step)
-    sample = size[:: max(1, len(size) // 20_000)]  # enough for a median
+    sample = size[:: max(1, len(size) // _MEDIAN_STEPS)]
     sample = sample[np.isfinite(sample) & (sample > 0.0)]
-    return median(sample) if len(step) >= HELD_SAMPLES and len(sample) else None
+    if len(step) < HELD_SAMPLES or not len(sample):
+        return None
+    return median(sample)
 
 
-def _held(
-    time: np.ndarray, size: np.ndarray, typical: float, channel: str, rate: float
-) -> list[Flag]:
-    needed = max(HELD_SAMPLES - 1, round(HELD_TIME * rate))
+def _is_held(size: np.ndarray, typical: float, rate: float) -> np.ndarray:
+    """Return which samples repeat a held value, from the sizes of the steps."""
+    required = max(HELD_SAMPLES - 1, round(HELD_TIME * rate))
+    # A run lies between two steps that are not zero.
     bounds = np.concatenate([[-1], np.flatnonzero(size != 0.0), [len(size)]])
     runs = np.diff(bounds) - 1
-    long = np.flatnonzero(runs >= needed)
-    bad = np.zeros(len(time), bool)
-    for i in long:
-        to_the_end = bounds[i + 1] == len(size)
-        if to_the_end:
-            stuck = runs[i] > DEAD * max(int(np.max(runs[:-1], initial=0)), HELD_SAMPLES)
+    is_held = np.zeros(len(size) + 1, bool)
+    for i in np.flatnonzero(runs >= required):
+        end = bounds[i + 1]
+        if end == len(size):
+            longest = max(int(np.max(runs[:-1], initial=0)), HELD_SAMPLES)
+            is_stuck = runs[i] > DEAD * longest
         else:
-            jump, after = size[bounds[i + 1]], size[bounds[i + 1] + 1 : bounds[i + 1] + 6]
-            stuck = bool(jump > RETURN * typical and jump > 2.0 * np.max(after, initial=0.0))
-        bad[bounds[i] + 1 : bounds[i + 1] + 1] = stuck
-    return flag_runs(time, bad, channel, "held")
+            jump, after = size[end], size[end + 1 : end + 1 + _NEAR_STEPS]
+            is_stuck = bool(jump > RETURN * typical and jump > 2.0 * np.max(after, initial=0.0))
+        is_held[bounds[i] + 1 : end + 1] = is_stuck
+    return is_held
 
 
-def _spikes(step: np.ndarray, typical: float) -> np.ndarray:
-    size, bad = np.abs(step), np.zeros(len(step) + 1, bool)
+def _is_spike(step: np.ndarray, typical: float) -> np.ndarray:
+    """Return which samples are spikes, from the steps of the channel."""
+    size, is_spike = np.abs(step), np.zeros(len(step) + 1, bool)
     large = np.flatnonzero(size > SPIKE * typical)
+    # Many large steps are the motion of the channel.
     if not len(large) or len(large) > max(10.0, 0.1 * len(size)):
-        return bad
-    for out, back in pairwise(large):
-        width = back - out
-        if width > 3 or step[out] * step[back] > 0.0:
+        return is_spike
+    for leaving, returning in pairwise(large):
+        is_wide = returning - leaving > _WIDEST_SPIKE
+        if is_wide or step[leaving] * step[returning] > 0.0:
             continue
-        small, great = sorted((size[out], size[back]))
-        near = np.concatenate(
-            [size[max(0, out - 5) : out], size[out + 1 : back], size[back + 1 : back + 6]]
-        )
-        if small > 0.5 * great and small > BURST * np.max(
-            near, initial=0.0, where=np.isfinite(near)
-        ):
-            bad[out + 1 : back + 1] = True
-    return bad
+        before = size[max(0, leaving - _NEAR_STEPS) : leaving]
+        after = size[returning + 1 : returning + 1 + _NEAR_STEPS]
+        near = np.concatenate([before, size[leaving + 1 : returning], after])
+        largest = np.max(near, initial=0.0, where=np.isfinite(near))
+        smaller, larger = sorted((size[leaving], size[returning]))
+        if smaller > 0.5 * larger and smaller > BURST * largest:
+            is_spike[leaving + 1 : returning + 1] = True
+    return is_spike

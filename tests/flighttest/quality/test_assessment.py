@@ -12,7 +12,7 @@ from sampling import sampled
 import flightmech
 import flighttest
 from flightmech.units import DEGREE, FOOT, G0, KNOT
-from flighttest.records.signals.conditioning import resample
+from flighttest.records.signals.resampling import resample
 
 T37 = Path(__file__).parents[3] / "data" / "t37"
 ROLL, CARD = "t37_22_val_roll_response_clean", "t37_01_clean_low_speed_5kft"

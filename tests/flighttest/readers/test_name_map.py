@@ -1,4 +1,8 @@
+import copy
+import pickle
+
 import pytest
+from pydantic import ValidationError
 
 from flightmech.errors import ParseError, SchemaError, UnitError
 from flighttest.records.readers.name_map import Channel
@@ -9,6 +13,43 @@ def written(tmp_path, text):
     file = tmp_path / "names.toml"
     file.write_text(text)
     return file
+
+
+def test_a_channel_is_validated_changed_and_copied_and_is_immutable():
+    channel = Channel(column=["a", "b"], delay="60 ms", scale=2)
+    assert (channel.column, channel.delay, channel.scale) == (("a", "b"), 0.06, 2.0)
+    assert channel == Channel(column=("a", "b"), delay=0.06, scale=2.0)
+    assert channel.stated() == {"column": ("a", "b"), "delay": 0.06, "scale": 2.0}
+    changed = channel.changed(lag="-50 ms")
+    assert changed.stated() == {**channel.stated(), "lag": -0.05}
+    assert changed.changed(lag=0.0) == channel
+    assert hash(changed.changed(lag=0.0)) == hash(channel)
+    assert pickle.loads(pickle.dumps(channel)) == copy.deepcopy(channel) == channel
+    with pytest.raises(ValidationError, match="frozen"):
+        channel.delay = 0.1
+    with pytest.raises(ValidationError, match="unit 'm' cannot be converted to 's'"):
+        channel.changed(delay="5 m")
+    with pytest.raises(ValidationError, match="cuont"):
+        Channel(column="a", cuont=5)
+
+
+def test_errors_of_a_table_name_the_place_and_what_is_allowed(tmp_path):
+    text = """
+    [record]
+    temperature = 50
+    [imu]
+    q = { colum = "x", sign = 2, delay = "5 m" }
+    """
+    with pytest.raises(SchemaError) as raised:
+        read_names(written(tmp_path, text))
+    assert raised.value.problems == [
+        "record.temperature: input should be greater than 100; found 50",
+        "imu.q.column: missing; give it",
+        "imu.q.sign: input should be 1 or -1; found 2",
+        "imu.q.delay: unit 'm' cannot be converted to 's'; give a unit of the same quantity; "
+        "found '5 m'",
+        "imu.q.colum: unknown key; near it: column",
+    ]
 
 
 def test_reads_leaves_facts_and_clock(tmp_path):

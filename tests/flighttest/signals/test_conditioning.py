@@ -4,7 +4,7 @@ import xarray as xr
 
 import flighttest
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
-from flighttest.records.signals.conditioning import is_control, lowpass, resample, resample_to_grid
+from flighttest.records.signals.resampling import is_control, lowpass, resample, resample_to_grid
 
 
 def record(rate=50.0, stop=10.0, gap=None):

@@ -3,8 +3,8 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from flightmech.errors import IdentificationError
-from flighttest.records.signals.conditioning import remove_delay
 from flighttest.records.signals.delays import time_delay
+from flighttest.records.signals.resampling import remove_delay
 
 STEP, FINE = 0.02, 10  # s; samples of the underlying signal per step
 

@@ -11,13 +11,13 @@ import xarray as xr
 from flightmech.names import lookup
 from flighttest.reconstruction.quality.finding import Finding, iterate_rows
 from flighttest.records.sensors.instruments import Instruments
-from flighttest.records.signals.conditioning import GAP, is_control
+from flighttest.records.signals.record_flags import flags
+from flighttest.records.signals.resampling import GAP, is_control
 from flighttest.records.signals.sample_flags import (
     HELD_SAMPLES,
     HELD_TIME,
     Flag,
     flag_sentences,
-    flags,
     sample_faults,
 )
 

@@ -18,8 +18,8 @@ import xarray as xr
 from flightmech.errors import SchemaError
 from flighttest.reconstruction.quality.checks.formed_channels import form_channel, source_channels
 from flighttest.records.sensors.position_corrections import force_at_cg
-from flighttest.records.signals.conditioning import is_control, lowpass
 from flighttest.records.signals.differentiation import derivative
+from flighttest.records.signals.resampling import is_control, lowpass
 
 RATE = 20.0  # Hz
 BAND = 2.0  # Hz

@@ -1,14 +1,12 @@
 """Columns of numbers from the lines of a CSV file below its heading.
 
-NumPy parses small plain tables.  pandas parses all other files, large files in several threads.
-Both round a number correctly and give the same columns.
+pandas parses the lines, of large files in several threads.
 """
 
 from __future__ import annotations
 
 import io
 import os
-import re
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -16,15 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-# bytes: NumPy parses a smaller file in less time than the import of pandas takes.  pandas parses
-# three times as fast.
-_SMALL = 4_000_000
-_CHUNK = 8_000_000  # bytes: a smaller part does not repay a thread
+# Bytes of a part that repays a thread.
+_CHUNK = 8_000_000
 _MOST_THREADS = 8
-_NUMBERS = b"0123456789+-.eE,\n "  # bytes of a plain table
-_WORD = re.compile(rb"[-+]?[A-Za-z]+")
-_PLAIN_WORDS = {b"e", b"E", b"nan", b"NaN"}
-_BLANK_LOOK = 4096  # bytes that decide first whether a part may be blank
+# Bytes that decide first whether a part may be blank.
+_BLANK_LOOK = 4096
 
 
 class Layout(NamedTuple):
@@ -61,11 +55,6 @@ def parse_columns(
         Columns of text.
     """
     size = len(raw) - begin
-    if size <= _SMALL and not as_text:
-        columns = parse_plain_table(raw[begin:], layout)
-        if columns is not None:
-            return columns
-
     parts = max(1, min(os.cpu_count() or 1, _MOST_THREADS, size // _CHUNK))
     spans = _split_at_lines(raw, begin, parts)
     heads = layout.heads
@@ -103,51 +92,6 @@ def _split_at_lines(raw: bytes, begin: int, parts: int) -> list[tuple[int, int]]
         if a < b and not is_blank:
             spans.append((a, b))
     return spans
-
-
-def parse_plain_table(piece: bytes, layout: Layout) -> dict[str, Any] | None:
-    """Return the columns of lines that hold only numbers, ``nan`` and empty cells.
-
-    The result is None for any other text, and if a line or a cell does not fit.
-    """
-    separator = layout.separator
-    text = piece
-    if layout.decimal == ",":
-        if b"." in piece:
-            return None
-        text = piece.replace(b",", b".")
-    if separator != "," and b"," in text:
-        return None  # the comma would become a separator below
-    if separator == " ":
-        text = re.sub(rb"^[ \t]+|[ \t]+$", b"", text, flags=re.MULTILINE)
-        text = re.sub(rb"[ \t]+", b",", text)
-    elif separator != ",":
-        text = text.replace(separator.encode(), b",")
-
-    # What remains without the bytes of numbers may only be exponents and NaN.
-    remainder = text.translate(None, _NUMBERS)
-    if remainder and not (remainder.isalpha() and set(_WORD.findall(text)) <= _PLAIN_WORDS):
-        return None
-    if not text.strip():
-        return None
-    stream = io.StringIO(_fill_empty_cells(text).decode("ascii"))
-    try:
-        numbers = np.loadtxt(stream, delimiter=",", comments=None, ndmin=2)
-    except ValueError:
-        return None
-    if numbers.shape[1] != len(layout.heads):
-        return None
-    return dict(zip(layout.heads, np.ascontiguousarray(numbers.T), strict=True))
-
-
-def _fill_empty_cells(text: bytes) -> bytes:
-    """Return comma-separated lines with ``nan`` in the empty cells."""
-    text = b"\n" + text + b"\n"
-    # Two passes for adjacent commas: neighbouring empty cells share a comma, so that one pass fills
-    # every other cell.  A search for two bytes is faster than a regular expression.
-    for before, behind in ((b",", b","), (b",", b","), (b"\n", b","), (b",", b"\n")):
-        text = text.replace(before + behind, before + b"nan" + behind)
-    return text
 
 
 def parse_frame(

@@ -58,8 +58,10 @@ from flighttest.records.readers.recording import (
 
 _DIGIT = re.compile(r"^[-+]?\.?\d")
 _DECIMAL_COMMA = re.compile(r"^[-+]?\d*,\d+([eE][-+]?\d+)?$")
-_THOUSANDS = re.compile(r"^[-+]?[1-9]\d{0,2},\d{3}$")  # not a proof of a decimal comma
-_FIRST_LINES = 10  # lines that decide on stamps and on the decimal mark
+# A cell that may have a separator of thousands does not prove a decimal comma.
+_THOUSANDS = re.compile(r"^[-+]?[1-9]\d{0,2},\d{3}$")
+# Lines that decide on stamps and on the decimal mark.
+_FIRST_LINES = 10
 _GZIP = b"\x1f\x8b"
 _EXPECTED = "comma-separated columns under one line of names"
 TABLE = "data"

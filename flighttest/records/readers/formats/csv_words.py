@@ -24,7 +24,8 @@ _DAY_TIME = re.compile(
 )
 # Hours, minutes, seconds and a fraction; also day of the year, hours, minutes and seconds.
 _FOUR_NUMBERS = re.compile(r"^(\d{1,2}):(\d{2}):(\d{2}):(\d+)$")
-_SHORT_TIME = re.compile(r"^(\d{1,3}):(\d{2}[.,]\d+)$")  # minutes and seconds, without hours
+# Minutes and seconds, without hours.
+_SHORT_TIME = re.compile(r"^(\d{1,3}):(\d{2}[.,]\d+)$")
 # A date of any order before a time of day, AM or PM behind it.
 _DATED = re.compile(
     r"^(?:(\d{1,4}[/.-]\d{1,2}[/.-]\d{1,4}),?[ "
@@ -34,8 +35,10 @@ _ISO = re.compile(r"^\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}(:\d{2}([.,:]\d*)?)?)?(Z|[
 _LIKE_A_NUMBER = re.compile(r"^[-+]?[\d.,' ]*\d[\d.,' eE+-]*$")
 _MISSING = ("", "nan", "na", "n/a", "null", "none", "<na>", "-nan", "#n/a", "#na")
 _TRUTH = {"true": 1.0, "false": 0.0}
-_MOST_WORDS = 0.5  # share of the filled cells; a column with more words is text
-_NAMED = 3  # words of a column that a message names
+# Share of the filled cells. A column with more words is text.
+_MOST_WORDS = 0.5
+# Words of a column that a message names.
+_NAMED = 3
 _DAY = 86400.0  # s
 _HOUR = 3600.0  # s
 REMEDY = (
@@ -92,7 +95,10 @@ def numbers_of(
     """
     cell_counts = Counter(cells)
     filled = {cell: count for cell, count in cell_counts.items() if not is_missing(cell)}
-    word_counts = {c: count for c, count in filled.items() if not is_csv_number(c, decimal)}
+    word_counts = {}
+    for cell, count in filled.items():
+        if not is_csv_number(cell, decimal):
+            word_counts[cell] = count
     if word_counts and all(cell.lower() in _TRUTH for cell in filled):
         note = f"column {name}: TRUE and FALSE are read as 1 and 0"
         return np.array([_TRUTH.get(cell.lower(), np.nan) for cell in cells]), note, None
@@ -141,6 +147,7 @@ def _most_common_words(word_counts: Mapping[str, int]) -> str:
 def _damaged_cell(word_counts: Mapping[str, int], total: int) -> str | None:
     """Return the most frequent damaged number of a column, None if it has none."""
     common = _by_frequency(word_counts)
+    # Cells such as 1.2.3 precede words with a digit.
     count = sum(word_counts.values())
     is_numeric = count <= _MOST_WORDS * total
     like_numbers = [word for word in common if _LIKE_A_NUMBER.match(word)]
@@ -233,7 +240,8 @@ def _seconds_of_dated_times(texts: list[str], name: str, path: Path) -> np.ndarr
             expected = "a date and hours:minutes:seconds in every line"
             raise _unreadable_stamp(text, name, i, path=path, expected=expected)
         date, hours, half_of_day = match[1] or "", int(match[2]), (match[5] or "").lower()
-        if half_of_day:  # 12 AM is hour 0, 12 PM is hour 12
+        # 12 AM is hour 0, 12 PM is hour 12.
+        if half_of_day:
             hours = hours % 12 + 12 * half_of_day.startswith("p")
         if previous_date and date != previous_date:
             day += 1

@@ -24,7 +24,8 @@ from flighttest.records.readers.recording import Recording, decoding_errors
 # Unit of a clock by the CF conventions.
 _SINCE = re.compile(r"^(seconds|second|sec|secs|s|milliseconds|ms|minutes|min|hours|h) since (.+)$")
 _EXPECTED = "a whole HDF5, netCDF-4 or MATLAB v7.3 file"
-_DEPTH = 20  # groups inside each other
+# Largest depth of groups inside each other.
+_DEPTH = 20
 # MATLAB_class of datasets that are not numbers -> description.
 _MATLAB_CLASSES = {
     "char": "text",
@@ -85,8 +86,9 @@ def _read_group(group: h5g.GroupID, path: str, facts: dict[str, Any], depth: int
     content = Group(flags=flags if isinstance(flags, str) else "")
     for key in group:
         name = key.decode("utf-8", "surrogateescape")
+        # MATLAB stores the targets of its references in such groups.
         if name.startswith("#"):
-            continue  # MATLAB stores the targets of its references there
+            continue
         item = h5o.open(group, key)
         if isinstance(item, h5g.GroupID):
             inner = _read_group(item, path, facts, depth + 1)
@@ -201,7 +203,8 @@ def _read_values(item: h5d.DatasetID, path: str) -> np.ndarray:
             values = values * scale + offset
         for key in ("_FillValue", "missing_value"):
             empty = np.ravel(_read_attribute(item, key, np.nan))[0]
-            if empty == empty:  # not NaN
+            # NaN, which differs from itself, is a missing value already.
+            if empty == empty:
                 values = np.where(stored == empty, np.nan, values)
         return values
 

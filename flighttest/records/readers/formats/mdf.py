@@ -79,7 +79,7 @@ def read(path: Path, names: NameMap) -> Recording:
             expected="a measurement over time",
         )
     facts = {"title": path.name.split(".")[0], **head["facts"]}
-    left_out = [LeftOut(place, reason, _REMEDY) for place, reason in head["left_out"]]
+    left_out = [LeftOut(channel, reason, _REMEDY) for channel, reason in head["left_out"]]
     return Recording("mdf", tables, facts, left_out=tuple(left_out))
 
 
@@ -87,7 +87,9 @@ def _requested_channels(names: NameMap) -> list[str]:
     """Return the channels that the map may read, without their group; empty for all channels."""
     columns = names.requested_columns()
     if columns:
-        columns += [clock.column for clock in (names.clock, *names.clocks.values()) if clock.column]
+        # The clocks of the map are channels too.
+        clocks = (names.clock, *names.clocks.values())
+        columns += [clock.column for clock in clocks if clock.column]
     return sorted({column.rpartition("/")[2] for column in columns})
 
 

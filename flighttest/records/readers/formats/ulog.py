@@ -31,7 +31,8 @@ from flighttest.records.readers.recording import (
 
 _MICRO = 1e-6
 _STATUS = "vehicle_status"
-_MOST_DROPOUTS = 20  # dropouts that have a note each
+# Dropouts that have a note each.
+_MOST_DROPOUTS = 20
 
 
 def read(path: Path, names: NameMap) -> Recording:
@@ -45,10 +46,11 @@ def read(path: Path, names: NameMap) -> Recording:
     from pyulog import ULog
 
     topics = _requested_topics(names)
+    # pyulog prints its warnings on standard output.
     with (
         decoding_errors(path, "a whole ULog file"),
         contextlib.redirect_stdout(io.StringIO()),
-    ):  # pyulog prints its warnings
+    ):
         log = ULog(str(path), None if topics is None else [*topics, _STATUS])
         tables: dict[str, RecordedTable] = {}
         for topic in sorted(log.data_list, key=lambda topic: (topic.name, topic.multi_id)):
@@ -57,9 +59,11 @@ def read(path: Path, names: NameMap) -> Recording:
                 tables[f"{topic.name}{instance}"] = _topic_table(topic.data)
 
     modes = _flight_modes(tables.get(_STATUS))
+    # The topic of the flight modes is a table only if the map reads it.
     if topics is not None and _STATUS not in topics:
-        for name in [name for name in tables if name.partition(".")[0] == _STATUS]:
-            del tables[name]
+        for name in list(tables):
+            if name.partition(".")[0] == _STATUS:
+                del tables[name]
     if not tables and not topics:
         raise ParseError(
             str(path),
@@ -97,6 +101,7 @@ def _damage_notes(log: Any) -> list[str]:
 
 def _requested_topics(names: NameMap) -> list[str] | None:
     """Return the topics that the map reads, without their instance; None for all topics."""
+    # A column is topic/field or topic.instance/field.
     topics = {column.rpartition("/")[0].partition(".")[0] for column in names.requested_columns()}
     # A column without a topic belongs to the topic that has the name of its leaf.
     for leaf, channels in names.leaves.items():
@@ -114,8 +119,9 @@ def _topic_table(data: Mapping[str, np.ndarray]) -> RecordedTable:
         if name != "timestamp" and values.dtype.kind in "fiub":
             columns[name] = values
     if {"q[0]", "q[1]", "q[2]", "q[3]"} <= set(columns) and "roll" not in columns:
-        quaternion = [columns[f"q[{i}]"] for i in range(4)]
-        angles = quaternion_to_euler(*quaternion)
+        angles = quaternion_to_euler(
+            columns["q[0]"], columns["q[1]"], columns["q[2]"], columns["q[3]"]
+        )
         for name, values in zip(("roll", "pitch", "yaw"), angles, strict=True):
             columns[name] = values
             units[name] = "rad"

@@ -14,7 +14,7 @@ from flighttest.reconstruction.quality.declarations.columns import (
 )
 from flighttest.reconstruction.quality.declarations.headings import heading_findings
 from flighttest.records.sensors.measurements import pressure
-from flighttest.records.signals.sample_flags import flags
+from flighttest.records.signals.record_flags import flags
 
 TIME = np.arange(0.0, 30.0, 0.05)
 MOTION = {

@@ -163,20 +163,20 @@ def _read_frames(
 
 def _demand_relative_stamps(packet: Packet, throughput: int, stamped: int, path: str) -> None:
     """Raise if the frames of a PCM packet have no stamps of the relative time counter."""
-    place = f"(packet at byte {packet.start})"
+    origin = f"(packet at byte {packet.start})"
     if throughput or not stamped:
         content = "PCM in throughput mode" if throughput else "PCM frames without stamps"
         raise ParseError(
             path,
             0,
-            found=f"{content} {place}",
+            found=f"{content} {origin}",
             expected="packed or unpacked PCM with intra-packet headers",
         )
     if packet.absolute_stamps:
         raise ParseError(
             path,
             0,
-            found=f"PCM stamps in the format of the secondary header {place}",
+            found=f"PCM stamps in the format of the secondary header {origin}",
             expected="relative stamps",
         )
 

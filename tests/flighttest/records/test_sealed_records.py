@@ -1,9 +1,7 @@
-"""Records as this package writes them: an overview and a seal stand behind their content."""
+"""Records as this package writes them: a seal follows their content."""
 
 import hashlib
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import h5netcdf
@@ -12,19 +10,17 @@ import numpy as np
 import pytest
 import xarray as xr
 from click.testing import CliRunner
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import flighttest
 from aerodb.cli.group import db
 from flightmech.errors import ParseError, SchemaError
 from flighttest.cli.group import flight
-from flighttest.records.files import save_dataset, save_record
+from flighttest.records.files import contents, save_dataset, save_record
+from flighttest.records.listing import record_listing
+from flighttest.records.reading import read_arrays
 from flighttest.records.record import as_tree
-from flighttest.records.stored_overview import OVERVIEW, stored_overview
 
 ROOT = Path(__file__).parents[3]
-CITATION = ROOT / ".." / "shared" / "data" / "flight" / "citation_phlab"
 REAL = {
     "cruise": ("data/c182/flight/cruise.csv", "data/c182/names.toml"),
     "multisine": ("data/t37/flight/t37_10_multisine_clean_5kft.nc", "data/t37/names.toml"),
@@ -46,9 +42,9 @@ def resealed(content):
 
 
 def unsealed(path):
-    """Cut off what stands behind the HDF5 content, as another program does that changes the file."""
+    """Remove the seal, as another program does that changes the file."""
     content = path.read_bytes()
-    path.write_bytes(content[: content.rindex(b"\noverview record")])
+    path.write_bytes(content[: content.rindex(b"\nsha256 of the bytes above")])
 
 
 def faulty():
@@ -96,67 +92,27 @@ def file(tmp_path):
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_an_overview_is_what_the_whole_reading_prints(file, verb):
+def test_a_file_without_a_seal_prints_the_same(file, verb):
     shown = run(*verb, file)
     unsealed(file)
-    assert stored_overview(file, "listing") is None
     assert run(*verb, file) == shown
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", REAL)
-def test_real_records_print_the_same_with_and_without_an_overview(tmp_path, name):
+def test_real_records_are_read_again_as_they_were_written(tmp_path, name):
     recording, names = (ROOT / part for part in REAL[name])
-    save_record(flighttest.read(recording, names), tmp_path / "run.nc")
-    assert stored_overview(tmp_path / "run.nc", "listing")["facts"]["source_file"] == "run.nc"
-    shown = [run(*verb, tmp_path / "run.nc") for verb in VERBS]
-    whole = flighttest.read(tmp_path / "run.nc")
+    record = flighttest.read(recording, names)
+    save_record(record, tmp_path / "run.nc")
+    again = flighttest.read(tmp_path / "run.nc")
+    for leaf, node in record.children.items():
+        for channel in node.data_vars:
+            assert (again[leaf][channel].values.tobytes()) == node[channel].values.tobytes()
     unsealed(tmp_path / "run.nc")
-    assert [run(*verb, tmp_path / "run.nc") for verb in VERBS] == shown
-    xr.testing.assert_identical(flighttest.read(tmp_path / "run.nc"), whole)
+    xr.testing.assert_identical(flighttest.read(tmp_path / "run.nc"), again)
 
 
-@pytest.mark.slow
-def test_a_real_flight_prints_the_same_too(tmp_path):
-    recording = CITATION / "flight_20190305_2_partial.csv.gz"
-    if not recording.is_file():
-        pytest.skip("needs ../shared/data/flight/citation_phlab")
-    save_record(
-        flighttest.read(recording, ROOT / "tests" / "real" / "maps" / "citation_2019.toml"),
-        tmp_path / "run.nc",
-    )
-    shown = [run(*verb, tmp_path / "run.nc") for verb in VERBS]
-    assert stored_overview(tmp_path / "run.nc", "listing")
-    unsealed(tmp_path / "run.nc")
-    assert [run(*verb, tmp_path / "run.nc") for verb in VERBS] == shown
-
-
-@pytest.mark.slow
-@settings(max_examples=15, deadline=None)
-@given(
-    values=st.lists(st.floats(-1e3, 1e3) | st.just(np.nan), min_size=2, max_size=12),
-    facts=st.dictionaries(
-        st.sampled_from(["title", "record", "start", "purpose", "unmapped", "notes", "number"]),
-        st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=8)
-        | st.integers(-(2**31), 2**31)
-        | st.floats(-9.0, 9.0),
-    ),
-)
-def test_whatever_a_record_holds_its_overview_is_what_is_read(tmp_path_factory, values, facts):
-    path = tmp_path_factory.mktemp("any") / "any.nc"
-    leaf = xr.Dataset(
-        {"q": ("time", values, {"units": "rad/s"})}, {"time": np.arange(len(values)) * 0.1}
-    )
-    save_record(xr.DataTree.from_dict({"/": xr.Dataset(attrs=facts), "/imu": leaf}), path)
-    shown = [run(*verb, path) for verb in VERBS]
-    unsealed(path)
-    assert [run(*verb, path) for verb in VERBS] == shown
-
-
-def test_what_the_overview_record_2_holds(tmp_path):
-    """A change of what `show` and `info` print of a file requires a new number: files carry what
-    older rules gave.
-    """
+def test_what_is_listed_of_a_record(tmp_path):
     rates = xr.Dataset(
         {"q": ("time", [0.0, 0.5, np.nan, -1.0], {"units": "deg/s"})},
         {"time": [0.0, 0.1, 0.2, 0.9]},
@@ -181,8 +137,7 @@ def test_what_the_overview_record_2_holds(tmp_path):
         "format": "netCDF-4 or HDF5",
         "absent": "",
     }
-    assert OVERVIEW == "record 2"
-    assert stored_overview(tmp_path / "a.nc", "listing") == {
+    assert record_listing(read_arrays(tmp_path / "a.nc")) == {
         "facts": facts,
         "channels": [channel | {"units": "rad s-1", "calibration": "q [deg/s]", "missing": 1}],
         "manoeuvres": [],
@@ -211,28 +166,7 @@ def test_what_the_overview_record_2_holds(tmp_path):
         "tables": [table],
         "left_out": [],
     }
-    assert stored_overview(tmp_path / "a.nc", "contents") == about
-
-
-def test_neither_numpy_nor_hdf5_is_imported_to_show_it(file):
-    code = """
-import sys
-from aeromatch.cli import main
-sys.argv = ["aeromatch", "flight", *sys.argv[1:]]
-try:
-    main()
-finally:
-    print(*sorted({"numpy", "h5py", "xarray", "pandas"} & set(sys.modules)), file=sys.stderr)
-"""
-    for verb in (verb for verb in VERBS if verb[0] == "show"):
-        done = subprocess.run(
-            [sys.executable, "-c", code, verb[0], str(file), *verb[1:]],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        assert done.stderr == "\n"
-        assert done.stdout == run(*verb, file)
+    assert contents(tmp_path / "a.nc") == about
 
 
 @pytest.mark.parametrize(("stated", "title"), [("a record", "a record"), (None, "other")])
@@ -246,51 +180,33 @@ def test_a_file_under_another_name(file, stated, title):
     )
     save_record(record, file)
     other = file.rename(file.with_name("other.by hand.nc"))
-    facts = stored_overview(other, "listing")["facts"]
+    facts = record_listing(read_arrays(other))["facts"]
     assert (facts["source_file"], facts["title"]) == ("other.by hand.nc", title)
-    assert stored_overview(other, "contents")["file"] == "other.by hand.nc"
-    shown = [run(*verb, other) for verb in VERBS]
-    unsealed(other)
-    assert [run(*verb, other) for verb in VERBS] == shown
+    assert contents(other)["file"] == "other.by hand.nc"
 
 
-def test_a_name_map_goes_before_the_overview(file, tmp_path):
+def test_a_sealed_record_is_read_with_a_name_map(file, tmp_path):
     (tmp_path / "names.toml").write_text('[imu]\np = "imu/q"\n')
     assert "imu/p" in run("show", file, "--names", tmp_path / "names.toml")
 
 
-@pytest.mark.parametrize(
-    "kept",
-    [
-        b"",
-        b"\noverview record 0: {}",
-        b"\noverview record 2: {}",
-        b"\noverview record 2: no JSON",
-        b"\noverview 1: [{}, []]",
-    ],
-)
-def test_without_an_overview_that_it_knows_show_reads_the_record(file, kept):
-    """Files of older versions have none, those of later ones may have one of other rules; that of a
-    database is another one.
-    """
+def test_a_record_of_an_older_version_with_an_overview_is_read(file):
+    """Its overview, which is sealed too, is ignored."""
     shown = [run(*verb, file) for verb in VERBS]
-    content = file.read_bytes()
-    file.write_bytes(resealed(content[: content.rindex(b"\noverview record")] + kept))
+    unsealed(file)
+    overview = b'\noverview record 2: {"listing":{"facts":{}}}'
+    file.write_bytes(resealed(file.read_bytes() + overview))
     assert [run(*verb, file) for verb in VERBS] == shown
-
-
-def test_the_overview_is_what_is_shown(file):
-    """Sealed by hand, with a name that no channel of the content has."""
-    content = file.read_bytes()
-    content = content[: content.rindex(b"\nsha256 of the bytes above")]
-    file.write_bytes(resealed(content.replace(b'"channel":"q"', b'"channel":"k"')))
-    assert "imu/k" in run("show", file)
+    damaged = file.read_bytes().replace(b'"listing"', b'"lasting"')
+    file.write_bytes(damaged)
+    with pytest.raises(ParseError, match="damaged file"):
+        run("show", file)
 
 
 def places(path):
-    """Yield places of the content, the overview and the seal, all over the file."""
+    """Yield places of the content and the seal, all over the file."""
     size = path.stat().st_size
-    tail = path.read_bytes().rindex(b"\noverview record")
+    tail = path.read_bytes().rindex(b"\nsha256 of the bytes above")
     yield from (
         8,
         40,
@@ -301,7 +217,6 @@ def places(path):
         tail,
         tail + 3,
         tail + 40,
-        (tail + size) // 2,
         size - 90,
         size - 70,
         size - 1,
@@ -355,9 +270,9 @@ def in_h5netcdf(file):
 
 
 @pytest.mark.parametrize("change", [in_h5py, in_h5netcdf])
-def test_a_program_that_changes_the_file_in_place_cuts_the_overview_off(file, change):
+def test_a_program_that_changes_the_file_in_place_cuts_the_seal_off(file, change):
     change(file)
-    assert b"overview record" not in file.read_bytes()
+    assert b"sha256 of the bytes above" not in file.read_bytes()
     assert "77 " in next(
         line for line in run("show", file).splitlines() if line.startswith("imu/q ")
     )
@@ -388,23 +303,17 @@ def test_a_file_with_bytes_of_another_program_behind_its_content_is_read(file):
 
 
 @pytest.mark.slow
-def test_a_manoeuvre_that_was_cut_carries_one(tmp_path):
+def test_a_manoeuvre_that_was_cut_is_shown(tmp_path):
     record = flighttest.read(*(ROOT / part for part in REAL["multisine"]))
     save_dataset(flighttest.cut(record, 10.0, 12.0, 50.0), tmp_path / "cut.nc")
-    channels = [
-        row["channel"] for row in stored_overview(tmp_path / "cut.nc", "listing")["channels"]
-    ]
-    assert len(channels) == 50
-    shown = [run(*verb, tmp_path / "cut.nc") for verb in VERBS]
-    unsealed(tmp_path / "cut.nc")
-    assert [run(*verb, tmp_path / "cut.nc") for verb in VERBS] == shown
+    shown = json.loads(run("show", "--json", tmp_path / "cut.nc"))
+    assert len(shown["channels"]) == 50
 
 
-def test_a_record_that_show_refuses_is_sealed_with_its_contents(tmp_path):
+def test_a_record_that_show_refuses_has_contents(tmp_path):
     """Without canonical names it requires a name map."""
     leaf = xr.Dataset({"my rate": ("time", [1.0, 2.0], {"units": "deg/s"})}, {"time": [0.0, 1.0]})
     save_record(xr.DataTree.from_dict({"/": xr.Dataset(), "/imu": leaf}), tmp_path / "a.nc")
-    assert stored_overview(tmp_path / "a.nc", "listing") is None
     assert "my rate" in run("info", tmp_path / "a.nc")
     with pytest.raises(Exception, match="without a canonical name"):
         run("show", tmp_path / "a.nc")
@@ -435,6 +344,6 @@ def test_an_unfinished_record_never_takes_the_name(file, monkeypatch):
 
     monkeypatch.setattr("flighttest.records.files.write_seal", broken)
     with pytest.raises(OSError, match="no space left"):
-        save_record(as_tree(flighttest.records.reading.read_arrays(file)), file)
+        save_record(as_tree(read_arrays(file)), file)
     assert file.read_bytes() == before
     assert [item.name for item in file.parent.iterdir()] == [file.name]
