@@ -18,8 +18,8 @@ import xarray as xr
 
 from flightmech.errors import ParseError, SchemaError
 from flightmech.support.atomic_write import folder_written_atomically, write_text
-from flighttest.flight_programme.input_design.design import save_csv, save_timetable
 from flighttest.flight_programme.input_design.input_signals import axes_of
+from flighttest.flight_programme.input_design.timetable import save_csv, save_timetable
 from flighttest.flight_programme.planning.catalogue import PlannedCondition, PlannedManoeuvre
 from flighttest.flight_programme.planning.pilot import BEHIND
 from flighttest.flight_programme.planning.plan import ProgrammePlan, clock_text, format_quantity
