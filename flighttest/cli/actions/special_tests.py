@@ -26,9 +26,9 @@ from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.candidates import monomials
 from flighttest.regression.model_structure.search import select_stepwise
+from flighttest.special_tests.marker_poses import poses
 from flighttest.special_tests.motion_capture import (
     motion_record,
-    poses,
     read_marker_setup,
     read_markers,
     smooth_motion,

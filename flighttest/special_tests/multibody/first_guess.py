@@ -18,9 +18,10 @@ import numpy as np
 import xarray as xr
 
 from flightmech.axes import matrix_from_quaternion
-from flighttest.special_tests.motion_capture import poses
+from flighttest.special_tests.marker_poses import poses
+from flighttest.special_tests.multibody.joints import Position
 from flighttest.special_tests.multibody.mechanics import Posture, tree_posture
-from flighttest.special_tests.multibody.vehicle import Position, Vehicle
+from flighttest.special_tests.multibody.vehicle import Vehicle
 
 # Number of angles of a grid, and largest angle of a joint that is not a crank [rad].
 _GRID, _REACH = 72, np.radians(80.0)
