@@ -37,11 +37,8 @@ from flighttest.special_tests.multibody.extraction import air_loads, draw_wing_m
 from flighttest.special_tests.multibody.motion_fit import fit_tree_motion
 from flighttest.special_tests.multibody.vehicle import read_flight, read_vehicle
 from flighttest.special_tests.wind_tunnel.balance import read_setup
-from flighttest.special_tests.wind_tunnel.reduction import (
-    balance_coefficients,
-    draw_surfaces,
-    without_nuisance,
-)
+from flighttest.special_tests.wind_tunnel.reduction import balance_coefficients, without_nuisance
+from flighttest.special_tests.wind_tunnel.surfaces import draw_surfaces
 
 
 def coefficient_fits(
