@@ -1,6 +1,6 @@
 """Specification of a test input as a TOML file.
 
-The file says what moves, in which flight, inside which limits, and for which model.
+It has the axes that move, the flight, the limits of the response, and the models.
 
     title = "Three axes, clean, 175 kt"
     kind = "multisine"                  # or "multistep", "sweep"

@@ -183,7 +183,7 @@ def _choose_greedily(goal: Goal, done: Callable[[int, float], None] | None) -> l
             break
         chosen.append(best)
         del bound[best]
-        # The first fit of a term tells the whole table that its level may be wrong. So all gains
+        # The first fit of a term shows that the level of the whole table may be wrong. So all gains
         # may rise after the first choice, and those at the same condition after each choice.
         is_first = len(chosen) == 1
         for item in bound:

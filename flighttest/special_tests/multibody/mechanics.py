@@ -111,7 +111,7 @@ def _solve_four_bar(
 ) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]:
     """Return angle, slope and bend of the joints of coupler and rocker by the crank angle phi.
 
-    The bars are complex numbers in the plane of the linkage. The loop closes if
+    The bars are complex numbers in the plane of the linkage. The bars of the closed loop satisfy
     crank A + coupler B = distance D of the pivots + rocker C.
     """
     crank, coupler = vehicle.body[linkage.crank], vehicle.body[linkage.coupler]
