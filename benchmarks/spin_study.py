@@ -29,7 +29,7 @@ from spin_campaign import (
 from spin_recording import draw_errors
 
 import flightmech
-from flighttest.flight_programme.input_design.input_shapes import InputAxis, multisine
+from flighttest.flight_programme.input_design.multisines import InputAxis, multisine
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.uncertainty.prediction_errors import validation_report, validation_table
 from flighttest.special_tests.spin.polynomial_models import (

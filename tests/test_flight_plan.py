@@ -17,7 +17,8 @@ from aeromatch.workflow.aerodynamics import a_priori, add_missing_terms
 from flighttest.cli.group import flight
 from flighttest.flight_programme.input_design.predicted_response import trimmed_start
 from flighttest.flight_programme.planning.catalogue import read_catalogue
-from flighttest.flight_programme.planning.pilot import fly_manoeuvres, predicted_record
+from flighttest.flight_programme.planning.pilot import fly_manoeuvres
+from flighttest.flight_programme.planning.predicted_record import predicted_record
 from flighttest.flight_programme.planning.prediction import with_assumed
 from flighttest.records.files import save_record
 

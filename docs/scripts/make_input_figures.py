@@ -16,8 +16,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import flightmech
-from flighttest.flight_programme.input_design.input_shapes import InputAxis, multisine
 from flighttest.flight_programme.input_design.input_signals import CHANNEL_SETS, axes_of, measures
+from flighttest.flight_programme.input_design.multisines import InputAxis, multisine
 
 ROOT = Path(__file__).parents[2]
 IMAGES = Path(__file__).parents[1] / "images"

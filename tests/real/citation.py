@@ -18,7 +18,7 @@ import flightmech
 import flighttest
 from flightmech import terms
 from flightmech.names import quantity_attributes
-from flighttest.flight_programme.evaluation.flight_evaluation import add_computed_mass
+from flighttest.flight_programme.evaluation.mass_and_thrust import add_computed_mass
 from flighttest.flight_programme.evaluation.plan import read_plan
 
 HERE = Path(__file__).parent

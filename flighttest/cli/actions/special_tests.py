@@ -26,9 +26,9 @@ from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.candidates import monomials
 from flighttest.regression.model_structure.search import select_stepwise
+from flighttest.special_tests.marker_poses import poses
 from flighttest.special_tests.motion_capture import (
     motion_record,
-    poses,
     read_marker_setup,
     read_markers,
     smooth_motion,
@@ -37,11 +37,8 @@ from flighttest.special_tests.multibody.extraction import air_loads, draw_wing_m
 from flighttest.special_tests.multibody.motion_fit import fit_tree_motion
 from flighttest.special_tests.multibody.vehicle import read_flight, read_vehicle
 from flighttest.special_tests.wind_tunnel.balance import read_setup
-from flighttest.special_tests.wind_tunnel.reduction import (
-    balance_coefficients,
-    draw_surfaces,
-    without_nuisance,
-)
+from flighttest.special_tests.wind_tunnel.reduction import balance_coefficients, without_nuisance
+from flighttest.special_tests.wind_tunnel.surfaces import draw_surfaces
 
 
 def coefficient_fits(

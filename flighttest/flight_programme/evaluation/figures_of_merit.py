@@ -1,4 +1,4 @@
-"""Figures of an evaluation by name, and the bounds they are held against."""
+"""Figures of an evaluation by name, and their comparison with bounds."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from flightmech.units import G0, from_si, parse_quantity
 from flighttest.flight_programme.evaluation.plan import (
     Bound,
     EvaluationPlan,
+    PointSheet,
     StationaryTimes,
     StraightLine,
-    TestPointSheet,
 )
 from flighttest.reconstruction.quality.checks.control_response import EQUATIONS
 from flighttest.reconstruction.quality.checks.relations import RELATIONS
@@ -37,10 +37,24 @@ from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.aircraft_properties.eigenmotion import Motion
 
-LEAST = (
-    4  # points of a line: two are drawn from any error, three give no information on their scatter
-)
-_MOVES = 1e-6  # relative spread of x below which the points do not determine a slope
+# Fewest points of a line. Two points are drawn by any error; three say little about their scatter.
+LEAST = 4
+# Relative range of x below which the points do not determine a slope.
+_LEAST_RANGE = 1e-6
+# Ratio of specific heats over two: dynamic pressure is 0.7 p Ma^2.
+_HALF_GAMMA = 0.7
+
+# Units in which figures are displayed.
+DISPLAY = {"rad": "deg", "rad s-1": "rad/s", "m s-1": "m/s", "s-2": "1/s2 per rad"}
+INSIDE, OUTSIDE, OPEN = "inside", "outside", "not determined"
+COLUMNS = ("of", "value", "stderr", "unit", "low", "high", "verdict", "source", "reason")
+# Figures of an eigenmotion with their units, by kind.
+_MODES = {
+    "oscillation": {"period": "s", "damping_ratio": "1", "omega_n": "rad s-1", "t_half": "s"},
+    "aperiodic": {"time_constant": "s", "t_half": "s"},
+}
+# Figures of a kinematic relation.
+_KINEMATIC = ("slope", "offset", "correlation", "disagreement")
 
 
 @dataclass(frozen=True)
@@ -49,13 +63,13 @@ class FittedLine:
 
     Attributes
     ----------
-    line : Line
+    line : StraightLine
     x, y : array (point,)
         [SI]
     slope, offset, root : (float, float)
         Value and standard error; root is the x at which y is zero. [SI]
     rms : float
-        Of the residuals. [SI]
+        Root mean square of the residuals. [SI]
     """
 
     line: StraightLine
@@ -68,38 +82,37 @@ class FittedLine:
 
 
 def times_of(points: StationaryTimes) -> pd.DataFrame:
-    """Return the noted times and series of a sheet of stationary points: ``time series``, sorted;
-    one row per time and series.
+    """Return the noted times and series of a sheet of stationary points.
+
+    The table has columns ``time series`` and one row per time and series, sorted.
     """
-    sheet = TestPointSheet(points.file)
-    series = (
-        [sheet.text(row, points.series) for row in range(len(sheet.rows))]
-        if points.series
-        else [""] * len(sheet.rows)
-    )
-    found = pd.DataFrame({"time": points.time.of(sheet, "s"), "series": series})
-    return found.dropna().drop_duplicates().sort_values("time", ignore_index=True)
+    sheet = PointSheet(points.file)
+    series = [""] * len(sheet.rows)
+    if points.series:
+        series = [sheet.text(row, points.series) for row in range(len(sheet.rows))]
+    table = pd.DataFrame({"time": points.time.of(sheet, "s"), "series": series})
+    return table.dropna().drop_duplicates().sort_values("time", ignore_index=True)
 
 
 def series_windows(
     points: StationaryTimes, series: Sequence[str] = ()
 ) -> list[tuple[float, float]]:
-    """Return the windows of some series, each time once.
+    """Return the windows of several series, each time once; of all points without a series.
 
     Raises
     ------
     UnknownName
-        A series that no point has.
+        No point has one of the series.
     """
     table = times_of(points)
+    names = set(table["series"])
     for name in series:
-        if name not in set(table["series"]):
-            raise UnknownName(name, set(table["series"]), "series", f"sheet {points.file}")
-    kept = table[table["series"].isin(series)] if series else table
-    return [
-        (float(t) + points.window[0], float(t) + points.window[1])
-        for t in sorted(set(kept["time"]))
-    ]
+        if name not in names:
+            raise UnknownName(name, names, "series", f"sheet {points.file}")
+    if series:
+        table = table[table["series"].isin(series)]
+    before, after = points.window
+    return [(float(time) + before, float(time) + after) for time in sorted(set(table["time"]))]
 
 
 def window_means(
@@ -113,31 +126,33 @@ def window_means(
     Parameters
     ----------
     record : DataTree
-        Channels as recorded, with ``computed`` ones.
+        Recorded channels, with the leaf ``computed``.
     aircraft : Aircraft
     windows : sequence of (start, stop)
         [s]
     data : Dataset (time,), optional
-        Coefficients of reconstructed windows; their means take the place of recorded ones.
+        Coefficients of reconstructed windows; their means replace the recorded ones.
 
     Returns
     -------
     DataFrame
-        One row per window, ``start stop`` and channels. [SI]  Computed: ``CL_weight``, weight over
-        dynamic pressure and wing area, which is the lift of level flight without a part of thrust;
-        ``attitude_less_climb``, pitch attitude less the angle of climb.
+        One row per window, ``start stop`` and channels. [SI]  Two means are computed.
+        ``CL_weight`` is weight over dynamic pressure and wing area, the lift coefficient of level
+        flight without a part of the thrust.  ``attitude_less_climb`` is pitch attitude less angle
+        of climb.
 
     Raises
     ------
     OutOfRange
         A window is not inside the record.
     """
-    return pd.DataFrame([_row(record, aircraft, window, data) for window in windows])
+    return pd.DataFrame([_average_window(record, aircraft, window, data) for window in windows])
 
 
-def _row(
+def _average_window(
     record: xr.DataTree, aircraft: Aircraft, window: tuple[float, float], data: xr.Dataset | None
 ) -> dict[str, float]:
+    """Return the means of all channels over one window."""
     start, stop = window
     row = {"start": start, "stop": stop}
     climb = np.nan
@@ -150,101 +165,97 @@ def _row(
                 f"stationary point {start:g} ... {stop:g} s is not inside the record, "
                 f"{time[0]:g} ... {time[-1]:g} s"
             )
-        row |= {
-            str(name): float(np.nanmean(x.values[inside])) for name, x in leaf.data_vars.items()
-        }
+        for name, x in leaf.data_vars.items():
+            row[str(name)] = float(np.nanmean(x.values[inside]))
         if "h_baro" in leaf:
+            # rate of climb [m s-1] by a straight line
             climb = float(np.polyfit(time[inside] - start, leaf["h_baro"].values[inside], 1)[0])
     if {"h_baro", "mach", "mass"} <= set(row):
-        row["CL_weight"] = (
-            row["mass"]
-            * G0
-            / (0.7 * float(pressure(np.array(row["h_baro"]))) * row["mach"] ** 2 * aircraft.S)
-        )
+        p_static = float(pressure(np.array(row["h_baro"])))
+        force = _HALF_GAMMA * p_static * row["mach"] ** 2 * aircraft.S
+        row["CL_weight"] = row["mass"] * G0 / force
     if {"theta", "V", "h_baro"} <= set(row):
         row["attitude_less_climb"] = row["theta"] - float(np.arcsin(climb / row["V"]))
     if data is not None:
-        part = data.sel(time=slice(start, stop))
-        row |= {
-            str(name): float(x.mean())
-            for name, x in part.data_vars.items()
-            if x.dims == ("time",) and x.dtype.kind == "f"
-        }
+        for name, x in data.sel(time=slice(start, stop)).data_vars.items():
+            if x.dims == ("time",) and x.dtype.kind == "f":
+                row[str(name)] = float(x.mean())
     return row
 
 
 def line_through(line: StraightLine, points: pd.DataFrame) -> FittedLine:
-    """Return a straight line through points by least squares; standard errors from the scatter of
-    the points.
+    """Return a straight line through points by least squares.
+
+    The standard errors follow from the scatter of the points.
 
     Raises
     ------
     UnknownName
-        A column that the points do not have.
+        The points do not have a column of the line.
     IdentificationError
-        Fewer than four points, or points that stand at one x.
+        There are fewer than four points, or all points have the same x.
     """
     for name in (line.x, line.y):
         if name not in points:
             raise UnknownName(name, map(str, points.columns), "mean", f"line {line.name}")
-    x, y = (points[name].to_numpy(float) for name in (line.x, line.y))
+    x, y = points[line.x].to_numpy(float), points[line.y].to_numpy(float)
     if line.kind == "polar":
         x = x**2
     if len(x) < LEAST:
         raise IdentificationError(
             f"line {line.name}: {len(x)} points; {LEAST} or more are needed to see their scatter"
         )
-    if np.ptp(x) <= _MOVES * np.abs(x).max():
+    if np.ptp(x) <= _LEAST_RANGE * np.abs(x).max():
         raise IdentificationError(
-            f"line {line.name}: no excitation, {line.x} is {x[0]:.4g} at all points; fly "
-            f"points at several of it"
+            f"line {line.name}: no excitation, {line.x} is {x[0]:.4g} at all points; fly points "
+            f"at several values of {line.x}"
         )
     X = np.stack([np.ones_like(x), x], axis=1)
     (b, m), *_ = np.linalg.lstsq(X, y)
-    rest = y - b - m * x
-    C = np.linalg.inv(X.T @ X) * float(rest @ rest) / (len(x) - 2)
-    slope_of_root = np.array([-1.0 / m, b / m**2])
-    errors = np.sqrt([C[1, 1], C[0, 0], slope_of_root @ C @ slope_of_root])
-    return FittedLine(line, x, y, (m, errors[0]), (b, errors[1]), (-b / m, errors[2]), rms(rest))
-
-
-DISPLAY = {"rad": "deg", "rad s-1": "rad/s", "m s-1": "m/s", "s-2": "1/s2 per rad"}
+    residual = y - b - m * x
+    # covariance of offset and slope, with the variance of the residuals
+    C = np.linalg.inv(X.T @ X) * float(residual @ residual) / (len(x) - 2)
+    # gradient of the root -b/m with respect to offset and slope
+    gradient = np.array([-1.0 / m, b / m**2])
+    errors = np.sqrt([C[1, 1], C[0, 0], gradient @ C @ gradient])
+    return FittedLine(
+        line,
+        x,
+        y,
+        slope=(m, errors[0]),
+        offset=(b, errors[1]),
+        root=(-b / m, errors[2]),
+        rms=rms(residual),
+    )
 
 
 def format_si_value(value: float, unit: str, digits: int = 4) -> str:
-    """Return an SI value for people, angles in degrees; a dash for what is not there."""
+    """Return an SI value as text, angles in degrees; a dash for a value that is not finite."""
     if not math.isfinite(value):
         return "-"
-    return f"{from_si(value, 'deg') if unit == 'rad' else value:.{digits}g}"
+    if unit == "rad":
+        value = from_si(value, "deg")
+    return f"{value:.{digits}g}"
 
 
 def unit_shown(unit: str) -> str:
-    """Return the unit that `number` shows."""
-    return "" if unit == "1" else DISPLAY.get(unit, unit)
+    """Return the unit of a value of `format_si_value`."""
+    if unit == "1":
+        return ""
+    return DISPLAY.get(unit, unit)
 
 
 def limits_shown(low: float, high: float, unit: str) -> str:
     """Return the bounds as text."""
     if math.isinf(high):
         return f"at least {format_si_value(low, unit)}"
-    return (
-        f"at most {format_si_value(high, unit)}"
-        if math.isinf(low)
-        else f"{format_si_value(low, unit)} ... {format_si_value(high, unit)}"
-    )
-
-
-INSIDE, OUTSIDE, OPEN = "inside", "outside", "not determined"
-COLUMNS = ("of", "value", "stderr", "unit", "low", "high", "verdict", "source", "reason")
-_MODES = {
-    "oscillation": {"period": "s", "damping_ratio": "1", "omega_n": "rad s-1", "t_half": "s"},
-    "aperiodic": {"time_constant": "s", "t_half": "s"},
-}
-_KINEMATIC = ("slope", "offset", "correlation", "disagreement")
+    if math.isinf(low):
+        return f"at most {format_si_value(high, unit)}"
+    return f"{format_si_value(low, unit)} ... {format_si_value(high, unit)}"
 
 
 class FigureOfMerit(NamedTuple):
-    """One number: value, standard error (NaN where there is none), SI unit."""
+    """One number: value, standard error (NaN if there is none), SI unit."""
 
     value: float
     stderr: float
@@ -252,37 +263,52 @@ class FigureOfMerit(NamedTuple):
 
 
 def figure_units(plan: EvaluationPlan) -> dict[str, str]:
-    """Return name and SI unit of every figure that an evaluation can give.
+    """Return name and SI unit of every figure that an evaluation can have.
 
-    ``kinematics.theta_rate.slope``, ``delay.theta``, ``answer.delta_e``; of a line ``trim.slope
-    trim.offset trim.root``; of a polar ``polar.CD0 polar.oswald``; of a fit ``pitching.alpha`` and
-    its other terms; of a mode ``phugoid.period`` ...
+    Names are ``kinematics.theta_rate.slope``, ``delay.theta`` and ``answer.delta_e``; of a line
+    ``trim.slope trim.offset trim.root``; of a polar ``polar.CD0 polar.oswald``; of a fit
+    ``pitching.alpha`` and its other terms; of a mode ``phugoid.period`` and so on.
     """
-    found = {
-        f"kinematics.{r.name}.{what}": r.units if what == "offset" else "1"
-        for r in RELATIONS
-        for what in _KINEMATIC
-    }
-    found |= {f"delay.{channel}": "s" for r in RELATIONS for channel in r.needs}
-    found |= {f"answer.{equation.surface}": "s-2" for equation in EQUATIONS}
+    units = {}
+    for relation in RELATIONS:
+        for figure in _KINEMATIC:
+            units[f"kinematics.{relation.name}.{figure}"] = _kinematic_unit(figure, relation.units)
+    for relation in RELATIONS:
+        for channel in relation.needs:
+            units[f"delay.{channel}"] = "s"
+    for equation in EQUATIONS:
+        units[f"answer.{equation.surface}"] = "s-2"
     for line in plan.line:
-        if line.kind == "polar":
-            found |= {f"{line.name}.CD0": "1", f"{line.name}.oswald": "1"}
-        else:
-            found |= {
-                f"{line.name}.slope": "1",
-                f"{line.name}.offset": _unit(line.y),
-                f"{line.name}.root": _unit(line.x),
-            }
+        units |= _line_units(line)
     for fit in plan.fit:
-        found |= {f"{fit.name}.{term}": "1" for term in RegressionModel.parse(fit.model).terms}
+        for term in RegressionModel.parse(fit.model).terms:
+            units[f"{fit.name}.{term}"] = "1"
     for mode in plan.mode:
-        found |= {f"{mode.name}.{what}": unit for what, unit in _MODES[mode.kind].items()}
-    return found
+        for figure, unit in _MODES[mode.kind].items():
+            units[f"{mode.name}.{figure}"] = unit
+    return units
 
 
-def _unit(name: str) -> str:
-    """Return the unit of a mean; those that only an evaluation knows are ratios or angles."""
+def _kinematic_unit(figure: str, units: str) -> str:
+    """Return the unit of a figure of a relation; only the offset has a unit."""
+    if figure == "offset":
+        return units
+    return "1"
+
+
+def _line_units(line: StraightLine) -> dict[str, str]:
+    """Return name and unit of the figures of a line."""
+    if line.kind == "polar":
+        return {f"{line.name}.CD0": "1", f"{line.name}.oswald": "1"}
+    return {
+        f"{line.name}.slope": "1",
+        f"{line.name}.offset": _mean_unit(line.y),
+        f"{line.name}.root": _mean_unit(line.x),
+    }
+
+
+def _mean_unit(name: str) -> str:
+    """Return the unit of a mean; means that are not quantities are ratios or angles."""
     if name == "attitude_less_climb":
         return "rad"
     try:
@@ -297,30 +323,35 @@ def bounds_in_si(plan: EvaluationPlan) -> list[tuple[float, float]]:
     Raises
     ------
     SchemaError
-        Figures that do not exist, with near names, and wrong units; all at once.
+        Unknown figures, with near names, and wrong units, all at once.
     """
-    units, problems, found = figure_units(plan), [], []
+    units, problems, bounds = figure_units(plan), [], []
     for number, bound in enumerate(plan.bound, start=1):
         try:
             if bound.of not in units:
                 raise UnknownName(bound.of, units, "figure")
-            found.append(_limits(bound, units[bound.of]))
+            bounds.append(_parse_bound(bound, units[bound.of]))
         except AeromatchError as error:
             problems.append(f"bound {number}: {error}")
     if problems:
         raise SchemaError("bounds", problems)
-    return found
+    return bounds
 
 
-def _limits(bound: Bound, unit: str) -> tuple[float, float]:
+def _parse_bound(bound: Bound, unit: str) -> tuple[float, float]:
+    """Return lowest and highest value of a bound."""
     if bound.value is None:
-        low, high = (
-            None if edge is None else parse_quantity(edge, unit) for edge in (bound.low, bound.high)
-        )
-        return (-math.inf if low is None else low), (math.inf if high is None else high)
+        low, high = -math.inf, math.inf
+        if bound.low is not None:
+            low = parse_quantity(bound.low, unit)
+        if bound.high is not None:
+            high = parse_quantity(bound.high, unit)
+        return low, high
     value, within = parse_quantity(bound.value, unit), bound.within or 0.0
-    relative = isinstance(within, str) and within.strip().endswith("%")
-    width = abs(value) * parse_quantity(within, "1") if relative else parse_quantity(within, unit)
+    if isinstance(within, str) and within.strip().endswith("%"):
+        width = abs(value) * parse_quantity(within, "1")
+    else:
+        width = parse_quantity(within, unit)
     return value - width, value + width
 
 
@@ -332,72 +363,64 @@ def collect_figures(
     aircraft: Aircraft,
 ) -> dict[str, FigureOfMerit]:
     """Return the figures of an evaluation by name."""
-    nan = math.nan
-    found: dict[str, FigureOfMerit] = {}
+    figures = _quality_figures(quality)
+    for fitted in lines:
+        figures |= _line_figures(fitted, aircraft)
+    for fit in fits:
+        estimates, errors = fit.estimates["estimate"].values, fit.estimates["stderr"].values
+        for k, term in enumerate(fit.estimates["term"].values):
+            name = f"{fit.name}.{term}"
+            figures[name] = FigureOfMerit(float(estimates[k]), float(errors[k]), "1")
+    for name, motion in motions.items():
+        for figure, values in motion.values.items():
+            figures[f"{name}.{figure}"] = FigureOfMerit(*values)
+    return figures
+
+
+def _quality_figures(quality: Quality) -> dict[str, FigureOfMerit]:
+    """Return the figures of kinematic relations, delays and control responses."""
+    figures: dict[str, FigureOfMerit] = {}
     for row in quality.kinematics.to_dict("records"):
         head = f"kinematics.{row['relation']}"
-        found[f"{head}.slope"] = FigureOfMerit(row["slope"], row["slope_stderr"], "1")
-        found |= {
-            f"{head}.{what}": FigureOfMerit(
-                row[what], nan, row["units"] if what == "offset" else "1"
-            )
-            for what in _KINEMATIC[1:]
-        }
+        figures[f"{head}.slope"] = FigureOfMerit(row["slope"], row["slope_stderr"], "1")
+        for figure in _KINEMATIC[1:]:
+            unit = _kinematic_unit(figure, row["units"])
+            figures[f"{head}.{figure}"] = FigureOfMerit(row[figure], math.nan, unit)
     for row in quality.delays.to_dict("records"):
-        found[f"delay.{row['channel']}"] = FigureOfMerit(row["delay"], row["stderr"], "s")
+        figures[f"delay.{row['channel']}"] = FigureOfMerit(row["delay"], row["stderr"], "s")
     for row in quality.answers.to_dict("records"):
-        found[f"answer.{row['surface']}"] = FigureOfMerit(row["effect"], row["stderr"], "s-2")
-    for fitted in lines:
-        found |= _of_line(fitted, aircraft)
-    for fit in fits:
-        e = fit.estimates
-        for k, term in enumerate(e["term"].values):
-            found[f"{fit.name}.{term}"] = FigureOfMerit(
-                float(e["estimate"].values[k]), float(e["stderr"].values[k]), "1"
-            )
-    for name, motion in motions.items():
-        found |= {
-            f"{name}.{what}": FigureOfMerit(*values) for what, values in motion.values.items()
-        }
-    return found
+        figures[f"answer.{row['surface']}"] = FigureOfMerit(row["effect"], row["stderr"], "s-2")
+    return figures
 
 
-def _of_line(fitted: FittedLine, aircraft: Aircraft) -> dict[str, FigureOfMerit]:
+def _line_figures(fitted: FittedLine, aircraft: Aircraft) -> dict[str, FigureOfMerit]:
     line = fitted.line
+    units = _line_units(line)
     if line.kind == "polar":
+        # CD = CD0 + CL^2 / (pi A e), with the aspect ratio A = b^2 / S
         slope, error = fitted.slope
-        e = aircraft.S / (math.pi * aircraft.b**2 * slope)  # CD = CD0 + CL^2 / (pi A e)
-        return {
-            f"{line.name}.CD0": FigureOfMerit(*fitted.offset, "1"),
-            f"{line.name}.oswald": FigureOfMerit(e, abs(e * error / slope), "1"),
-        }
-    return {
-        f"{line.name}.slope": FigureOfMerit(*fitted.slope, "1"),
-        f"{line.name}.offset": FigureOfMerit(*fitted.offset, _unit(line.y)),
-        f"{line.name}.root": FigureOfMerit(*fitted.root, _unit(line.x)),
-    }
+        oswald = aircraft.S / (math.pi * aircraft.b**2 * slope)
+        values = [fitted.offset, (oswald, abs(oswald * error / slope))]
+    else:
+        values = [fitted.slope, fitted.offset, fitted.root]
+    figures = {}
+    for (name, unit), value in zip(units.items(), values, strict=True):
+        figures[name] = FigureOfMerit(*value, unit)
+    return figures
 
 
 def judge_bounds(plan: EvaluationPlan, figures: Mapping[str, FigureOfMerit]) -> pd.DataFrame:
     """Return every bound with its figure and verdict; columns `COLUMNS`, SI."""
+    units = figure_units(plan)
     rows = []
-    for bound, (low, high) in zip(plan.bound, bounds_in_si(plan)):
+    for bound, (low, high) in zip(plan.bound, bounds_in_si(plan), strict=True):
         figure = figures.get(bound.of)
         if figure is None:
-            rows.append(
-                (
-                    bound.of,
-                    math.nan,
-                    math.nan,
-                    figure_units(plan)[bound.of],
-                    low,
-                    high,
-                    OPEN,
-                    bound.source,
-                    bound.reason,
-                )
-            )
-            continue
-        verdict = INSIDE if low <= figure.value <= high else OUTSIDE
+            figure = FigureOfMerit(math.nan, math.nan, units[bound.of])
+            verdict = OPEN
+        elif low <= figure.value <= high:
+            verdict = INSIDE
+        else:
+            verdict = OUTSIDE
         rows.append((bound.of, *figure, low, high, verdict, bound.source, bound.reason))
     return pd.DataFrame(rows, columns=list(COLUMNS))

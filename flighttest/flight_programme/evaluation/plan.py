@@ -1,11 +1,12 @@
-"""What a flight is evaluated for, as a TOML file.
+"""Plan of the evaluation of a flight, as a TOML file.
 
 title = "Citation II PH-LAB, 2018-03-12"
 record = "flight.csv.gz"            # files are relative to this one
 names = "citation_2018.toml"
 aircraft = "citation.toml"
 
-[loading]                           # when the record holds no mass: dry items, and the fuel burnt by engineN.fuel_flow
+[loading]                           # if the record has no mass: dry items, and fuel by
+                                    # engineN.fuel_flow
 file = "loading.csv"
 item = "item"
 mass = { column = "mass_kg", unit = "kg" }
@@ -15,7 +16,7 @@ leading_edge = "261.45 in"          # station of the leading edge of the mean ch
 fuel_table = { file = "fuel.csv", mass = { column = "fuel_lb", unit = "lb" },
                moment = { column = "moment", unit = "in lb", scale = 100 } }
 
-[thrust]                            # when it holds no thrust: points of the engine deck, over corrected fuel flow and Mach
+[thrust]                            # if the record has no thrust: points of the engine deck
 file = "deck.csv"
 h = { column = "hp_m", unit = "m" }
 ...                                 # mach, delta_T, fuel_flow, thrust
@@ -49,7 +50,7 @@ on = "phugoid"
 window = [20.0, 150.0]
 channels = ["V"]
 
-[[bound]]                           # what a figure of the evaluation must lie within
+[[bound]]                           # allowed range of a figure of the evaluation
 of = "phugoid.period"
 value = 42.2
 within = "2.5 %"
@@ -72,29 +73,29 @@ from flightmech.units import to_si
 
 
 class SheetColumn(Strict):
-    """One column: its name, its unit, and a factor for what the unit cannot express (``scale =
-    100`` with ``unit = "in lb"``).
-    """
+    """One column: its name, its unit and a factor, such as 100 for hundreds of ``in lb``."""
 
     column: str
     unit: str = ""
     scale: float = 1.0
 
-    def of(self, sheet: TestPointSheet, expected: str) -> np.ndarray:
+    def of(self, sheet: PointSheet, expected: str) -> np.ndarray:
         """Return the column in SI.
 
         Parameters
         ----------
-        sheet : Sheet
+        sheet : PointSheet
         expected : str
             SI unit of the quantity.
 
         Raises
         ------
         SchemaError
-            The unit is another quantity, or a cell is not a number; cells left empty are NaN.
+            The unit belongs to another quantity.
+        ParseError
+            A cell is not a number; an empty cell is NaN.
         UnknownName
-            No such column.
+            The sheet does not have the column.
         """
         x = np.array([sheet.number(row, self.column) for row in range(len(sheet.rows))], float)
         try:
@@ -103,8 +104,8 @@ class SheetColumn(Strict):
             raise SchemaError(f"sheet {sheet.path}", [f"column {self.column}: {error}"]) from None
 
 
-class TestPointSheet:
-    """A CSV file as text cells.
+class PointSheet:
+    """A CSV sheet of test points as text cells.
 
     Parameters
     ----------
@@ -113,18 +114,13 @@ class TestPointSheet:
     Raises
     ------
     ParseError
-        No line of names, or a row of another length.
+        The sheet has no line of names, or a row has another length.
     """
 
     def __init__(self, path: Path):
         self.path = path
-        lines = [
-            line
-            for line in csv_rows(
-                read_text(path, "a sheet in CSV with a line of names", WESTERN), path
-            )
-            if line
-        ]
+        text = read_text(path, "a sheet in CSV with a line of names", WESTERN)
+        lines = [line for line in csv_rows(text, path) if line]
         if len(lines) < 2:
             raise ParseError(
                 str(path),
@@ -149,10 +145,12 @@ class TestPointSheet:
         return self.rows[row][self.names.index(column)].strip()
 
     def number(self, row: int, column: str) -> float:
-        """Return one cell as a number, NaN where it is empty."""
+        """Return one cell as a number, NaN if it is empty."""
         text = self.text(row, column)
+        if not text:
+            return float("nan")
         try:
-            return float(text) if text else float("nan")
+            return float(text)
         except ValueError:
             raise ParseError(
                 str(self.path), row + 2, f"{text!r} in column {column}", "a number"
@@ -161,7 +159,10 @@ class TestPointSheet:
 
 _Length = Annotated[float, InUnits("m")]
 _Window = tuple[float, float]
-_Name = Annotated[str, Field(pattern=r"^\w+$")]  # of a figure, and of a file
+# Name of a figure and of a file.
+_Name = Annotated[str, Field(pattern=r"^\w+$")]
+# Keys of the plan whose values are names of files.
+_FILE_KEYS = ("record", "names", "aircraft", "file")
 
 
 class FuelMomentTable(Strict):
@@ -224,7 +225,7 @@ class StraightLine(Strict):
 
 
 class FitTable(Strict):
-    """A regression."""
+    """A regression over manoeuvres or stationary points."""
 
     name: _Name
     model: str
@@ -234,7 +235,7 @@ class FitTable(Strict):
 
 
 class PlannedMode(Strict):
-    """An eigenmotion."""
+    """An eigenmotion in a window about the start of a manoeuvre."""
 
     name: _Name
     on: str
@@ -246,8 +247,9 @@ class PlannedMode(Strict):
 
 
 class Bound(Strict):
-    """What one figure must lie within: ``value`` and ``within``, or ``low`` and ``high``; numbers
-    are SI, texts carry their unit.
+    """Allowed range of one figure: ``value`` and ``within``, or ``low`` and ``high``.
+
+    Numbers are in SI; texts have a unit.
     """
 
     of: str
@@ -259,16 +261,16 @@ class Bound(Strict):
     reason: str = ""
 
     @model_validator(mode="after")
-    def _one_form(self) -> Bound:
-        if (self.value is None) != (self.within is None) or (self.value is None) == (
-            self.low is None and self.high is None
-        ):
+    def _check_form(self) -> Bound:
+        has_value = self.value is not None
+        has_limits = self.low is not None or self.high is not None
+        if has_value != (self.within is not None) or has_value == has_limits:
             raise ValueError("give value and within, or low and high")
         return self
 
 
 class EvaluationPlan(Strict):
-    """An evaluation."""
+    """Record, aircraft, sheets, figures and bounds of an evaluation."""
 
     title: str
     record: Path
@@ -285,83 +287,77 @@ class EvaluationPlan(Strict):
     bound: tuple[Bound, ...] = ()
 
     @model_validator(mode="after")
-    def _whole(self) -> EvaluationPlan:
-        given = [
-            *(x.name for x in self.line),
-            *(x.name for x in self.fit),
-            *(x.name for x in self.mode),
-        ]
-        names = [name.lower() for name in given]  # they become names of files
-        twice = sorted({name for name in names if names.count(name) > 1})
-        problems = [
-            f"the name {name} is given twice (capitals do not count); lines, fits and modes "
-            f"share one list"
-            for name in twice
-        ]
-        if self.points is None and (self.line or any("points" in item.on for item in self.fit)):
+    def _check_parts(self) -> EvaluationPlan:
+        problems = self._find_repeated()
+        on_points = any("points" in fit.on for fit in self.fit)
+        on_manoeuvres = [fit for fit in self.fit if set(fit.on) - {"points"}]
+        if self.points is None and (self.line or on_points):
             problems.append("lines, and fits on points, need [points]")
-        if self.manoeuvres is None and (
-            self.mode or any(set(item.on) - {"points"} for item in self.fit)
-        ):
+        if self.manoeuvres is None and (self.mode or on_manoeuvres):
             problems.append("modes, and fits on manoeuvres, need [manoeuvres]")
-        problems += [
-            f"fit {item.name} needs a window"
-            for item in self.fit
-            if item.window is None and set(item.on) - {"points"}
-        ]
+        for fit in on_manoeuvres:
+            if fit.window is None:
+                problems.append(f"fit {fit.name} needs a window")
         if problems:
             raise ValueError("; ".join(problems))
         return self
 
+    def _find_repeated(self) -> list[str]:
+        """Return a fault for each name that two lines, fits or modes have."""
+        # names become names of files, and some file systems ignore capitals
+        parts: list[StraightLine | FitTable | PlannedMode] = [*self.line, *self.fit, *self.mode]
+        names = [part.name.lower() for part in parts]
+        problems = []
+        for name in sorted(set(names)):
+            if names.count(name) > 1:
+                problems.append(
+                    f"the name {name} is given twice (capitals do not count); lines, fits and "
+                    "modes share one list"
+                )
+        return problems
+
 
 def read_plan(path: str | Path) -> EvaluationPlan:
-    """Read the plan of an evaluation; names of files become relative to it.
+    """Read the plan of an evaluation; names of files are relative to it.
 
     Raises
     ------
     ParseError
-        Not TOML.
+        The file is not TOML.
     SchemaError
         Every unknown key, missing value, wrong unit and absent file at once.
     """
     path = Path(path)
-    plan = validate_content(
-        EvaluationPlan, _placed(read_toml(path), path.parent), f"evaluation {path}"
-    )
-    absent = [str(file) for file in files_of(plan) if not file.is_file()]
+    content = _resolve_files(read_toml(path), path.parent)
+    plan = validate_content(EvaluationPlan, content, f"evaluation {path}")
+    absent = [file for file in files_of(plan) if not file.is_file()]
     if absent:
-        raise SchemaError(
-            f"evaluation {path}",
-            [f"no file {file}; names are relative to the plan" for file in absent],
-        )
+        problems = [f"no file {file}; names are relative to the plan" for file in absent]
+        raise SchemaError(f"evaluation {path}", problems)
     return plan
 
 
-_FILE_KEYS = ("record", "names", "aircraft", "file")
-
-
-def _placed(item: Any, folder: Path) -> Any:
-    """Return the content with the names of its files put behind the folder."""
+def _resolve_files(item: Any, folder: Path) -> Any:
+    """Return the content with the names of its files relative to a folder."""
     if isinstance(item, list):
-        return [_placed(part, folder) for part in item]
+        return [_resolve_files(part, folder) for part in item]
     if not isinstance(item, dict):
         return item
-    return {
-        key: folder / part if key in _FILE_KEYS and isinstance(part, str) else _placed(part, folder)
-        for key, part in item.items()
-    }
+    resolved = {}
+    for key, part in item.items():
+        if key in _FILE_KEYS and isinstance(part, str):
+            resolved[key] = folder / part
+        else:
+            resolved[key] = _resolve_files(part, folder)
+    return resolved
 
 
 def files_of(plan: EvaluationPlan) -> list[Path]:
     """Return the files that a plan names."""
-    found = [plan.record, plan.names, plan.aircraft]
-    found += [
-        part.file
-        for part in (plan.loading, plan.thrust, plan.points, plan.manoeuvres)
-        if part is not None
-    ]
-    return [
-        file
-        for file in (*found, plan.loading.fuel_table.file if plan.loading else None)
-        if file is not None
-    ]
+    files = [plan.record, plan.names, plan.aircraft]
+    for part in (plan.loading, plan.thrust, plan.points, plan.manoeuvres):
+        if part is not None:
+            files.append(part.file)
+    if plan.loading is not None:
+        files.append(plan.loading.fuel_table.file)
+    return [file for file in files if file is not None]

@@ -1,10 +1,11 @@
-"""An evaluation as one HTML page that needs nothing else."""
+"""Result of an evaluation, as text, netCDF files and one self-contained HTML page."""
 
 from __future__ import annotations
 
 import hashlib
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -43,32 +44,39 @@ from flighttest.regression.equation_error.fit import Fit, save_fit
 from flighttest.remarks import Remark, is_forbidden, remarks_to_json
 from flighttest.submodels.aircraft_properties.eigenmotion import Motion
 
-_ODD = re.compile(r"[^\w.-]+")  # what no name of a file should hold
+# Characters that a name of a file should not have.
+_ODD = re.compile(r"[^\w.-]+")
+# Columns of the table of stationary points.
+_POINT_COLUMNS = (
+    *("V", "h_baro", "mach", "alpha_vane", "alpha", "theta"),
+    *("delta_e", "mass", "x_cg_b", "engine1.thrust", "CL", "CD"),
+)
+_FIT_COLUMNS = ("estimate", "stderr", "stderr_systematic", "vif")
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What `evaluate` found.
+    """Result of `evaluate_flight`.
 
     Attributes
     ----------
-    plan : Plan
+    plan : EvaluationPlan
     aircraft : Aircraft
     record : DataTree
         With mass, c.g. and thrust.
     quality : Quality
-    paths : dict of str to Path
+    paths : dict of str to FlightPath
         ``points``, and one path per manoeuvre and window.
     points : DataFrame
         Means over the stationary points.
-    lines : list of Fitted
+    lines : list of FittedLine
     fits : list of Fit
     motions : dict of str to Motion
-    figures : dict of str to Figure
+    figures : dict of str to FigureOfMerit
     judged : DataFrame
         Bounds and verdicts.
     refused : dict of str to str
-        What could not be determined, and why.
+        Reason for each part of the plan that is not determined.
     """
 
     plan: EvaluationPlan
@@ -86,22 +94,18 @@ class Evaluation:
 
     @property
     def passed(self) -> bool:
-        """Whether the record is sound, everything was determined, no remark bars a figure, and
-        every bound holds.
-        """
-        return (
-            self.quality.usable
-            and not self.refused
-            and not self.barred
-            and bool((self.judged["verdict"] == INSIDE).all())
-        )
+        """Whether all parts are determined and usable, and every figure is inside its bounds."""
+        if not self.quality.usable or self.refused or self.barred:
+            return False
+        return bool((self.judged["verdict"] == INSIDE).all())
 
     @property
     def remarks(self) -> dict[str, list[Remark]]:
         """Remarks on each fit and motion by name."""
-        return {fit.name: fit.remarks for fit in self.fits} | {
-            name: motion.remarks for name, motion in self.motions.items()
-        }
+        remarks = {fit.name: fit.remarks for fit in self.fits}
+        for name, motion in self.motions.items():
+            remarks[name] = motion.remarks
+        return remarks
 
     @property
     def barred(self) -> dict[str, list[Remark]]:
@@ -110,35 +114,37 @@ class Evaluation:
 
     @property
     def verdict(self) -> str:
-        """The whole in one line."""
+        """Result in one line."""
         if not self.quality.usable:
             return f"not evaluated: the record is not fit for it ({self.quality.verdict})"
         count = int((self.judged["verdict"] == INSIDE).sum())
-        refused = f"; not determined: {', '.join(self.refused)}" if self.refused else ""
-        unusable = f"; not to be used: {', '.join(self.barred)}" if self.barred else ""
-        return f"{count} of {len(self.judged)} figures inside their bounds{refused}{unusable}"
+        text = f"{count} of {len(self.judged)} figures inside their bounds"
+        if self.refused:
+            text += f"; not determined: {', '.join(self.refused)}"
+        if self.barred:
+            text += f"; not to be used: {', '.join(self.barred)}"
+        return text
 
     def report(self) -> str:
         """Return quality, fits, motions and bounds as text."""
         return format_evaluation(self)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything but the time histories, made of types that JSON knows."""
-        figures = {name: figure._asdict() for name, figure in self.figures.items()}
+        """Return all results except the time histories, as types of JSON."""
         parts = {
             "title": self.plan.title,
             "verdict": self.verdict,
-            "figures": figures,
+            "figures": {name: figure._asdict() for name, figure in self.figures.items()},
             "bounds": self.judged,
             "refused": self.refused,
+            "remarks": {name: remarks_to_json(items) for name, items in self.remarks.items()},
+            "points": self.points,
+            "quality": self.quality.as_dict(),
         }
-        remarks = {name: remarks_to_json(found) for name, found in self.remarks.items()}
-        return to_json_types(
-            {**parts, "remarks": remarks, "points": self.points, "quality": self.quality.as_dict()}
-        )
+        return to_json_types(parts)
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write record, paths and fits as netCDF files, for the other verbs; return their names."""
+        """Write record, paths and fits as netCDF files for other commands; return their names."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         files = [folder / "record.nc"]
@@ -158,7 +164,7 @@ def format_evaluation(evaluation: Evaluation) -> str:
     lines = [e.plan.title, e.verdict, "", quality_report(e.quality), ""]
     for fitted in e.lines:
         head = f"{fitted.line.name}: {fitted.line.y} over {fitted.line.x}, {len(fitted.x)} points"
-        lines += [head, *_figures(e, fitted.line.name), ""]
+        lines += [head, *_format_figures(e, fitted.line.name), ""]
     for fit in e.fits:
         lines += [fit.report(), ""]
     for name, motion in e.motions.items():
@@ -167,12 +173,8 @@ def format_evaluation(evaluation: Evaluation) -> str:
         lines += [f"! {name} not determined: {text}"]
     lines += ["", "bounds:"]
     for row in e.judged.to_dict("records"):
-        symbol = " " if row["verdict"] == "inside" else "!"
-        value = (
-            f"{format_si_value(row['value'], row['unit'])} "
-            f"({format_si_value(row['stderr'], row['unit'], 2)}) "
-            f"{unit_shown(row['unit'])}".rstrip()
-        )
+        symbol = " " if row["verdict"] == INSIDE else "!"
+        value = _format_figure(row["value"], row["stderr"], row["unit"])
         limits = limits_shown(row["low"], row["high"], row["unit"])
         lines.append(
             f"{symbol} {row['of']:34s} {value:28s} {limits:24s} {row['verdict']:15s} "
@@ -181,33 +183,32 @@ def format_evaluation(evaluation: Evaluation) -> str:
     return "\n".join(lines)
 
 
-def _figures(e: Evaluation, name: str) -> list[str]:
-    return [
-        f"  {key.rpartition('.')[2]:10s}{format_si_value(f.value, f.unit):>10s} "
-        f"({format_si_value(f.stderr, f.unit, 2)}) {unit_shown(f.unit)}".rstrip()
-        for key, f in e.figures.items()
-        if key.rpartition(".")[0] == name
-    ]
+def _format_figure(value: float, stderr: float, unit: str, *, width: int = 0) -> str:
+    """Return value, standard error in brackets, and unit."""
+    number, error = format_si_value(value, unit), format_si_value(stderr, unit, 2)
+    return f"{number:>{width}s} ({error}) {unit_shown(unit)}".rstrip()
 
 
-_SHOWN = (
-    "V",
-    "h_baro",
-    "mach",
-    "alpha_vane",
-    "alpha",
-    "theta",
-    "delta_e",
-    "mass",
-    "x_cg_b",
-    "engine1.thrust",
-    "CL",
-    "CD",
-)
+def _figures_of_part(e: Evaluation, name: str) -> dict[str, FigureOfMerit]:
+    """Return the figures of a line by their own names, without the name of the line."""
+    figures = {}
+    for key, figure in e.figures.items():
+        part, _, short = key.rpartition(".")
+        if part == name:
+            figures[short] = figure
+    return figures
+
+
+def _format_figures(e: Evaluation, name: str) -> list[str]:
+    lines = []
+    for short, figure in _figures_of_part(e, name).items():
+        text = _format_figure(figure.value, figure.stderr, figure.unit, width=10)
+        lines.append(f"  {short:10s}{text}")
+    return lines
 
 
 def render_evaluation_page(evaluation: Evaluation) -> str:
-    """Return the page as text."""
+    """Return the HTML page of an evaluation as text."""
     e = evaluation
     return template_of("flighttest.flight_programme.evaluation").render(
         style=read_style_sheet(),
@@ -215,156 +216,160 @@ def render_evaluation_page(evaluation: Evaluation) -> str:
         verdict=e.verdict,
         grade="good" if e.passed else "error",
         quality=e.quality,
-        kinematics=[_kinematic(row) for row in e.quality.kinematics.to_dict("records")],
+        kinematics=[_relation_row(row) for row in e.quality.kinematics.to_dict("records")],
         delays=e.quality.delays.to_dict("records"),
         answers=e.quality.answers.to_dict("records"),
         refused=e.refused,
-        bounds=[_bound(row) for row in e.judged.to_dict("records")],
-        columns=[(name, _units(name)) for name in _SHOWN if name in e.points],
-        points=[_point(e, row) for row in e.points.to_dict("records")],
-        lines=[_line(e, fitted) for fitted in e.lines],
-        fits=[_fit(fit) for fit in e.fits],
-        motions=[_motion(name, motion) for name, motion in e.motions.items()],
-        files=[_file(path) for path in files_of(e.plan)],
+        bounds=[_bound_row(row) for row in e.judged.to_dict("records")],
+        columns=[(name, _display_units(name)) for name in _POINT_COLUMNS if name in e.points],
+        points=[_point_row(e, row) for row in e.points.to_dict("records")],
+        lines=[_line_section(e, fitted) for fitted in e.lines],
+        fits=[_fit_section(fit) for fit in e.fits],
+        motions=[_motion_section(name, motion) for name, motion in e.motions.items()],
+        files=[_file_row(path) for path in files_of(e.plan)],
         command=command_line(),
         version=version("aeromatch"),
     )
 
 
-def _units(name: str) -> str:
-    """Return the unit in which people read a quantity."""
+def _display_units(name: str) -> str:
+    """Return the unit in which a quantity is displayed."""
     try:
         return lookup(name).display_units
     except UnknownName:
-        return "deg" if name == "attitude_less_climb" else "1"
+        pass
+    if name == "attitude_less_climb":
+        return "deg"
+    return "1"
 
 
-def _name(name: str) -> str:
-    units = _units(name)
-    return name if units == "1" else f"{name} [{units}]"
+def _label_quantity(name: str) -> str:
+    """Return a name with its unit."""
+    units = _display_units(name)
+    if units == "1":
+        return name
+    return f"{name} [{units}]"
 
 
-def _kinematic(row) -> dict[str, Any]:
-    texts = {
-        f"{name}_text": format_display_value(row[name], row["units"]) for name in ("offset", "rms")
-    }
+def _relation_row(row: Mapping[Any, Any]) -> dict[str, Any]:
+    texts = {}
+    for name in ("offset", "rms"):
+        texts[f"{name}_text"] = format_display_value(row[name], row["units"])
     return {**row, **texts, "meaningful": is_meaningful(row["moving"], row["correlation"])}
 
 
-def _bound(row) -> dict[str, Any]:
+def _bound_row(row: Mapping[Any, Any]) -> dict[str, Any]:
     unit = row["unit"]
-    texts = {
+    return {
+        **row,
         "value_text": format_si_value(row["value"], unit),
         "stderr_text": format_si_value(row["stderr"], unit, 2),
         "unit_text": unit_shown(unit),
-    }
-    return {
-        **row,
-        **texts,
         "limits": limits_shown(row["low"], row["high"], unit),
         "inside": row["verdict"] == INSIDE,
     }
 
 
-def _point(e: Evaluation, row) -> dict[str, Any]:
-    cells = [
-        f"{from_si(row[name], _units(name)):.4g}" if math.isfinite(row[name]) else ""
-        for name in _SHOWN
-        if name in e.points
-    ]
+def _point_row(e: Evaluation, row: Mapping[Any, Any]) -> dict[str, Any]:
+    """Return the means of a stationary point as text; empty if a mean is missing."""
+    cells = []
+    for name in _POINT_COLUMNS:
+        if name not in e.points:
+            continue
+        cell = ""
+        if math.isfinite(row[name]):
+            cell = f"{from_si(row[name], _display_units(name)):.4g}"
+        cells.append(cell)
     return {"start": row["start"], "stop": row["stop"], "cells": cells}
 
 
-def _line(e: Evaluation, fitted: FittedLine) -> dict[str, Any]:
+def _line_section(e: Evaluation, fitted: FittedLine) -> dict[str, Any]:
+    """Return title, chart and figures of a line."""
     line = fitted.line
-    names = (f"{line.x} squared" if line.kind == "polar" else _name(line.x)), _name(line.y)
-    x_units, y_units = ("1" if line.kind == "polar" else _units(line.x)), _units(line.y)
+    x_name, x_units = _label_quantity(line.x), _display_units(line.x)
+    if line.kind == "polar":
+        x_name, x_units = f"{line.x} squared", "1"
+    y_units = _display_units(line.y)
     x, y = from_si(fitted.x, x_units), from_si(fitted.y, y_units)
+    # the line in display units follows from its two ends
     ends = np.array([fitted.x.min(), fitted.x.max()])
     a, b = from_si(ends, x_units), from_si(fitted.offset[0] + fitted.slope[0] * ends, y_units)
     slope = float((b[1] - b[0]) / (a[1] - a[0]))
-    figures = _draw_figures(
-        {
-            key.rpartition(".")[2]: f
-            for key, f in e.figures.items()
-            if key.rpartition(".")[0] == line.name
-        }
-    )
-    svg = draw_scatter_chart(
-        x, y, (float(b[0] - slope * a[0]), slope), names, f"{line.y} over {line.x}"
-    )
+    offset = float(b[0] - slope * a[0])
+    names = x_name, _label_quantity(line.y)
     return {
         "name": line.name,
-        "title": f"{line.y} over {names[0]}, {len(x)} points",
-        "svg": svg,
-        "figures": figures,
+        "title": f"{line.y} over {x_name}, {len(x)} points",
+        "svg": draw_scatter_chart(x, y, (offset, slope), names, f"{line.y} over {line.x}"),
+        "figures": _figure_rows(_figures_of_part(e, line.name)),
     }
 
 
-def _draw_figures(figures: dict[str, Any]) -> list[dict[str, str]]:
-    return [
-        {
-            "name": name,
-            "value": format_si_value(value, unit),
-            "stderr": format_si_value(stderr, unit, 2),
-            "unit": unit_shown(unit),
-        }
-        for name, (value, stderr, unit) in figures.items()
-    ]
+def _figure_rows(figures: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Return figures (value, standard error, unit) as text."""
+    rows = []
+    for name, (value, stderr, unit) in figures.items():
+        rows.append(
+            {
+                "name": name,
+                "value": format_si_value(value, unit),
+                "stderr": format_si_value(stderr, unit, 2),
+                "unit": unit_shown(unit),
+            }
+        )
+    return rows
 
 
-def _fit(fit: Fit) -> dict[str, Any]:
-    e, a = fit.estimates, fit.estimates.attrs
-    columns = ("estimate", "stderr", "stderr_systematic", "vif")
-    rows = [
-        {"term": str(term), **{name: float(e[name].sel(term=term)) for name in columns}}
-        for term in e["term"].values
-    ]
-    measured, picture = fit.data[fit.model.coefficient].values, None
-    if a["manoeuvres"] == 1:
-        picture = draw_time_chart(
+def _fit_section(fit: Fit) -> dict[str, Any]:
+    """Return terms, remarks and chart of a fit; only a fit of one window has a chart."""
+    attributes = fit.estimates.attrs
+    rows = []
+    for term in fit.estimates["term"].values:
+        estimate = fit.estimates.sel(term=term)
+        row: dict[str, Any] = {"term": str(term)}
+        for name in _FIT_COLUMNS:
+            row[name] = float(estimate[name])
+        rows.append(row)
+    chart = None
+    if attributes["manoeuvres"] == 1:
+        measured = fit.data[fit.model.coefficient].values
+        chart = draw_time_chart(
             fit.data["time"].values,
             [measured, measured - fit.residual],
             "measured and fitted",
             label=str(fit.model),
         )
-    about = (
-        f"{a['samples']} samples, {a['manoeuvres']} windows, R² {a['R2']:.4f}, residual rms "
-        f"{a['residual_rms']:.3g}"
-    )
     return {
         "name": fit.name,
         "model": str(fit.model),
-        "about": about,
+        "about": f"{attributes['samples']} samples, {attributes['manoeuvres']} windows, "
+        f"R² {attributes['R2']:.4f}, residual rms {attributes['residual_rms']:.3g}",
         "rows": rows,
         "remarks": [str(remark) for remark in fit.remarks],
-        "svg": picture,
+        "svg": chart,
     }
 
 
-def _motion(name: str, motion: Motion) -> dict[str, Any]:
+def _motion_section(name: str, motion: Motion) -> dict[str, Any]:
+    """Return figures, remarks and one chart per channel of an eigenmotion."""
     charts = []
     for channel in motion.channels:
-        units = _units(channel)
-        lines = [from_si(part[channel], units) for part in (motion.measured, motion.fitted)]
-        charts.append(
-            {
-                "title": _name(channel),
-                "svg": draw_time_chart(
-                    motion.time, lines, units, label=f"{channel}, measured and fitted"
-                ),
-            }
-        )
+        units = _display_units(channel)
+        measured = from_si(motion.measured[channel], units)
+        fitted = from_si(motion.fitted[channel], units)
+        label = f"{channel}, measured and fitted"
+        svg = draw_time_chart(motion.time, [measured, fitted], units, label=label)
+        charts.append({"title": _label_quantity(channel), "svg": svg})
     return {
         "name": name,
         "kind": motion.kind,
         "share": motion.share,
         "remarks": [str(remark) for remark in motion.remarks],
-        "figures": _draw_figures(motion.values),
+        "figures": _figure_rows(motion.values),
         "charts": charts,
     }
 
 
-def _file(path: Path) -> dict[str, str]:
+def _file_row(path: Path) -> dict[str, str]:
     with path.open("rb") as file:
         return {"name": path.name, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}

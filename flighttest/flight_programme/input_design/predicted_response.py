@@ -1,8 +1,7 @@
-"""The response to a test input that an a-priori model predicts, and the amplitude that keeps it
-inside limits.
+"""Predicted response to a test input, and the amplitude that keeps the response inside limits.
 
-The nonlinear model flies, on the compiled kernel: the limits that matter (stall, load factor, bank)
-are where a linear model ends.
+The nonlinear a-priori model is simulated, because the limits that matter (stall, load factor, bank)
+are beyond the range of a linear model.
 """
 
 from __future__ import annotations
@@ -22,13 +21,20 @@ from flightmech.simulation.compiler import SimModel
 from flightmech.units import from_si
 from flighttest.flight_programme.input_design.input_signals import axes_of
 
-STEP = 0.01  # of the simulation [s]
-_BISECTIONS = 10  # the amplitude is then known to a thousandth of the largest one
-# what the model takes for a pair of surfaces: difference for ailerons, mean for flaps
+# Step of the simulation [s].
+STEP = 0.01
+# Number of bisections; the error of the amplitude is then a thousandth of the largest amplitude.
+_BISECTIONS = 10
+# Input of the model that one surface of a pair moves, with its share: half the difference of the
+# ailerons, the mean of the flaps.
 _LEFT_RIGHT = {
-    "delta_a": (("delta_a_right", 0.5), ("delta_a_left", -0.5)),
-    "delta_f": (("delta_f_right", 0.5), ("delta_f_left", 0.5)),
+    "delta_a_right": ("delta_a", 0.5),
+    "delta_a_left": ("delta_a", -0.5),
+    "delta_f_right": ("delta_f", 0.5),
+    "delta_f_left": ("delta_f", 0.5),
 }
+# Columns of the extremes of a response.
+_EXTREMES = ["trim", "lowest", "highest", "low", "high"]
 
 
 def trimmed_start(
@@ -44,14 +50,13 @@ def trimmed_start(
     ----------
     sim : SimModel
     parameters, kind, fixed, unknowns
-        As in `flightmech.trim`; a glider has ``gamma`` among its unknowns in place of power.
+        As in `flightmech.trim`; for a glider ``gamma`` replaces power among the unknowns.
 
     Raises
     ------
     IdentificationError
-        There is no such flight inside the limits; the text is the verdict of the trim.
+        There is no such flight inside the limits; the text contains the verdict of the trim.
     """
-
     steady = flightmech.trim(
         sim,
         {"mode.earth": 0.0, **parameters},
@@ -84,23 +89,24 @@ def model_inputs(
     Returns
     -------
     Dataset (time,)
-        ``throttle`` moves the levers of all engines, ``delta_a_left`` and ``delta_a_right`` make
-        ``delta_a`` (half their difference), ``delta_f_left`` and ``delta_f_right`` make ``delta_f``
-        (their mean).
+        ``throttle`` moves the levers of all engines.  ``delta_a`` is half the difference of
+        ``delta_a_right`` and ``delta_a_left``, ``delta_f`` the mean of ``delta_f_left`` and
+        ``delta_f_right``.
 
     Raises
     ------
     UnknownName
-        An axis that the model has no input for.
+        The model has no input for an axis.
     """
-    moved: dict[str, np.ndarray] = {}
+    deflections: dict[str, np.ndarray] = {}
     for axis in axes_of(signal):
         for name, share in _model_axes(sim, axis):
-            moved[name] = moved.get(name, 0.0) + share * scale * signal[axis].values
-    return xr.Dataset(
-        {name: ("time", start.get(name, 0.0) + u) for name, u in moved.items()},
-        {"time": signal["time"].values},
-    )
+            deflection = share * scale * signal[axis].values
+            deflections[name] = deflections.get(name, 0.0) + deflection
+    inputs = {}
+    for name, deflection in deflections.items():
+        inputs[name] = ("time", start.get(name, 0.0) + deflection)
+    return xr.Dataset(inputs, {"time": signal["time"].values})
 
 
 def predict_response(
@@ -117,7 +123,7 @@ def predict_response(
     sim, signal, start, scale
         As in `model_inputs`.
     outputs : sequence of str, optional
-        Of the model; all without it.
+        Outputs of the model; all if omitted.
 
     Returns
     -------
@@ -129,10 +135,9 @@ def predict_response(
     SimulationError
         The motion diverges.
     """
-
     return flightmech.simulate(
         sim,
-        model_inputs(sim, signal, start, scale),
+        model_inputs(sim, signal, start, scale=scale),
         {**start, "mode.trim": 0.0},
         step=STEP,
         outputs=outputs,
@@ -141,19 +146,20 @@ def predict_response(
 
 @dataclass(frozen=True)
 class Amplitude:
-    """The largest test input that the limits allow.
+    """Largest test input inside the limits.
 
     Attributes
     ----------
     scale : float
-        Factor on the test input, at most the one requested.
+        Factor on the test input, at most the requested one.
     binding : str
-        The limit that a larger input would break, in words; empty when none is near.
+        Description of the limit that a larger input exceeds; empty if the requested input exceeds
+        none.
     extremes : DataFrame
         Index ``quantity``: ``trim``, ``lowest``, ``highest`` of the response at this scale,
-        ``low``, ``high`` as allowed. [SI]
+        ``low`` and ``high`` of the limits. [SI]
     response : Dataset (time,)
-        At this scale.
+        Response at this scale.
     """
 
     scale: float
@@ -180,10 +186,10 @@ def amplitude_within(
         Output of the model to its lowest and highest value: ``alpha``, ``nz``, ``phi``, ``V``,
         ``applied.delta_e`` ... [SI]
     largest : float
-        The input is not made larger than this.
+        Largest factor.
     margin : float
-        Part of the way from trim to each limit that the prediction may use: an a-priori model whose
-        damping may be wrong by a third deserves 0.7.
+        Part of the distance from trim to each limit that the prediction may use.  For an a-priori
+        model whose damping may be wrong by a third, 0.7 is appropriate.
 
     Returns
     -------
@@ -192,49 +198,79 @@ def amplitude_within(
     Raises
     ------
     OutOfRange
-        The trimmed flight itself is outside, or a thousandth of the largest input is too much.
+        The trimmed flight is outside the limits, or a thousandth of the largest input exceeds them.
     UnknownName
-        A limit on something that is not an output.
+        A limit is not on an output.
 
     Notes
     -----
-    Bisection: what a larger input does is taken to break the limits as well.
+    Bisection: a larger input is assumed to exceed the limits too.
     """
+    trim = _trim_inside_limits(sim, signal, start, limits=limits)
+    narrow = {}
+    for name, bounds in limits.items():
+        narrow[name] = tuple(trim[name] + margin * (bound - trim[name]) for bound in bounds)
+    scale, binding = _bisect_scale(sim, signal, start, limits=narrow, largest=largest)
+    response = predict_response(sim, signal, start, scale=scale)
+    return Amplitude(
+        scale, binding, extremes=_tabulate_extremes(response, trim, limits), response=response
+    )
+
+
+def _trim_inside_limits(
+    sim: SimModel,
+    signal: xr.Dataset,
+    start: Mapping[str, float],
+    *,
+    limits: Mapping[str, tuple[float, float]],
+) -> dict[str, float]:
+    """Return the limited outputs in trim; raise if one of them is outside its limits."""
     for name in limits:
         if name not in sim.outputs:
             raise UnknownName(name, sim.outputs, "limit", "limits are set on outputs of the model")
-    rest = predict_response(sim, signal.isel(time=slice(0, 2)), start, 0.0)
-    trim = {name: float(rest[name][0]) for name in limits}
-    outside = [
-        _words(name, trim[name], *limits[name])
-        for name in limits
-        if not limits[name][0] <= trim[name] <= limits[name][1]
-    ]
+    # two samples of the input at zero scale are the shortest record of the trim
+    steady = predict_response(sim, signal.isel(time=slice(0, 2)), start, scale=0.0)
+    trim = {name: float(steady[name][0]) for name in limits}
+    outside = []
+    for name, (low, high) in limits.items():
+        if not low <= trim[name] <= high:
+            outside.append(_describe_excess(name, trim[name], low=low, high=high))
     if outside:
         raise OutOfRange(f"the steady flight is outside its limits already: {'; '.join(outside)}")
-    narrow = {
-        name: tuple(trim[name] + margin * (bound - trim[name]) for bound in limits[name])
-        for name in limits
-    }
+    return trim
 
-    def broken(scale: float) -> str:
+
+def _bisect_scale(
+    sim: SimModel,
+    signal: xr.Dataset,
+    start: Mapping[str, float],
+    *,
+    limits: Mapping[str, tuple[float, ...]],
+    largest: float,
+) -> tuple[float, str]:
+    """Return the largest scale inside the limits, and the limit that a larger one exceeds."""
+
+    def excess(scale: float) -> str:
         try:
-            response = predict_response(sim, signal, start, scale, list(limits))
+            response = predict_response(sim, signal, start, scale=scale, outputs=list(limits))
         except SimulationError as error:
             return f"the motion diverges ({error})"
-        return first_exceeded_limit(response, narrow)
+        return first_exceeded_limit(response, limits)
 
-    low, high, binding = 0.0, largest, broken(largest)
+    binding = excess(largest)
     if not binding:
-        low = largest
-    for _ in range(_BISECTIONS if binding else 0):
+        return largest, ""
+    low, high = 0.0, largest
+    for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        reason = broken(middle)
-        low, high, binding = (low, middle, reason) if reason else (middle, high, binding)
+        reason = excess(middle)
+        if reason:
+            high, binding = middle, reason
+        else:
+            low = middle
     if low == 0.0:
         raise OutOfRange(f"even a thousandth of the test input is too much: {binding}")
-    response = predict_response(sim, signal, start, low)
-    return Amplitude(low, binding, _extremes(response, trim, limits), response)
+    return low, binding
 
 
 def each_within(
@@ -244,87 +280,78 @@ def each_within(
     limits: Mapping[str, tuple[float, float]],
     margin: float = 1.0,
 ) -> dict[str, float]:
-    """Return a factor per axis that keeps the response to that axis alone inside limits, so that a
-    strong one does not starve the others.
+    """Return a factor per axis that keeps the response to that axis alone inside limits.
 
-    Parameters, errors
-        As in `amplitude_within`.
+    A strong axis then does not make the others small. Parameters and errors are those of
+    `amplitude_within`.
     """
-    return {
-        name: amplitude_within(
-            sim, signal[[name]].assign_attrs(signal.attrs), start, limits, margin=margin
-        ).scale
-        for name in axes_of(signal)
-    }
+    factors = {}
+    for name in axes_of(signal):
+        alone = signal[[name]].assign_attrs(signal.attrs)
+        amplitude = amplitude_within(sim, alone, start, limits=limits, margin=margin)
+        factors[name] = amplitude.scale
+    return factors
 
 
 def scale_signal(signal: xr.Dataset, factors: Mapping[str, float]) -> xr.Dataset:
     """Return a test input with its axes, and the powers of their lines, scaled."""
-    found = signal.assign({name: signal[name] * factor for name, factor in factors.items()})
+    scaled = signal.assign({name: signal[name] * factor for name, factor in factors.items()})
     if "power" in signal:
-        square = xr.DataArray(
-            [factors.get(str(name), 1.0) ** 2 for name in signal["axis"].values],
-            {"axis": signal["axis"].values},
-            ("axis",),
-        )
-        found["power"] = signal["power"] * square
-    return found
+        axes = signal["axis"].values
+        squares = [factors.get(str(name), 1.0) ** 2 for name in axes]
+        scaled["power"] = signal["power"] * xr.DataArray(squares, {"axis": axes}, ("axis",))
+    return scaled
 
 
 def _model_axes(sim: SimModel, axis: str) -> list[tuple[str, float]]:
-    """The inputs of the model that an axis moves, each with its share."""
+    """Return the inputs of the model that an axis moves, each with its share."""
     if axis in sim.inputs:
         return [(axis, 1.0)]
-    shares = [
-        (name, share)
-        for name, parts in _LEFT_RIGHT.items()
-        for part, share in parts
-        if part == axis
-    ]
-    shares = shares or [
-        (name, 1.0)
-        for name in sim.inputs
-        if name.startswith("engine") and name.endswith(f".{axis}")
-    ]
-    if not shares:
+    if axis in _LEFT_RIGHT:
+        return [_LEFT_RIGHT[axis]]
+    # a lever moves the same input of every engine
+    levers = []
+    for name in sim.inputs:
+        if name.startswith("engine") and name.endswith(f".{axis}"):
+            levers.append((name, 1.0))
+    if not levers:
         raise UnknownName(axis, sim.inputs, "axis", "the model has no input for it")
-    return shares
+    return levers
 
 
 def first_exceeded_limit(response: xr.Dataset, limits: Mapping[str, tuple[float, ...]]) -> str:
-    """Return the limit that a response breaks first, in words; empty for none."""
-    found: list[tuple[float, str]] = []
+    """Return a description of the limit that a response exceeds first; empty for none."""
+    exceeded: list[tuple[float, str]] = []
     for name, (low, high) in limits.items():
         x = response[name].values
-        bad = np.flatnonzero((x < low) | (x > high))
-        if len(bad):
-            time = float(response["time"].values[bad[0]])
-            found.append((time, f"{_words(name, x[bad[0]], low, high)} at {time:g} s"))
-    return min(found)[1] if found else ""
+        outside = np.flatnonzero((x < low) | (x > high))
+        if len(outside):
+            first = outside[0]
+            time = float(response["time"].values[first])
+            text = _describe_excess(name, x[first], low=low, high=high)
+            exceeded.append((time, f"{text} at {time:g} s"))
+    if not exceeded:
+        return ""
+    return min(exceeded)[1]
 
 
-def _words(name: str, value: float, low: float, high: float) -> str:
-    row = lookup(name.removeprefix("applied."))
-    value, low, high = (float(from_si(x, row.display_units)) for x in (value, low, high))
-    return (
-        f"{name} {value:.4g} outside {low:.4g} ... "
-        f"{high:.4g}{'' if row.display_units == '1' else ' ' + row.display_units}"
-    )
+def _describe_excess(name: str, value: float, *, low: float, high: float) -> str:
+    """Return a value and its limits in the display unit of its quantity."""
+    unit = lookup(name.removeprefix("applied.")).display_units
+    value, low, high = (float(from_si(x, unit)) for x in (value, low, high))
+    text = f"{name} {value:.4g} outside {low:.4g} ... {high:.4g}"
+    if unit == "1":
+        return text
+    return f"{text} {unit}"
 
 
-def _extremes(
+def _tabulate_extremes(
     response: xr.Dataset, trim: Mapping[str, float], limits: Mapping[str, tuple[float, float]]
-):
-
-    rows = {
-        name: {
-            "trim": trim[name],
-            "lowest": float(response[name].min()),
-            "highest": float(response[name].max()),
-            "low": limits[name][0],
-            "high": limits[name][1],
-        }
-        for name in limits
-    }
-    columns = ["trim", "lowest", "highest", "low", "high"]
-    return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("quantity")
+) -> pd.DataFrame:
+    """Return trim, extremes and limits of the limited outputs. [SI]"""
+    rows = {}
+    for name, (low, high) in limits.items():
+        x = response[name]
+        rows[name] = [trim[name], float(x.min()), float(x.max()), low, high]
+    table = pd.DataFrame.from_dict(rows, orient="index", columns=_EXTREMES)
+    return table.rename_axis("quantity")

@@ -1,16 +1,17 @@
-"""The design of a test input as a TOML file: what moves, in which flight, inside which limits, for
-which model.
+"""Specification of a test input as a TOML file.
+
+It has the axes that move, the flight, the limits of the response, and the models.
 
     title = "Three axes, clean, 175 kt"
     kind = "multisine"                  # or "multistep", "sweep"
     period = "30 s"                     # multisine
-    band = ["0.1 Hz", "2 Hz"]           # for all axes that do not specify otherwise
+    band = ["0.1 Hz", "2 Hz"]           # for all axes without a band of their own
     exclude = [["1.0 Hz", "1.1 Hz"]]
     lead_in = "1 s"
 
     [axis.delta_e]
     amplitude = "3 deg"
-    rate_limit = "40 deg/s"             # of the actuator: a multisine or sweep is made smaller to stay below it
+    rate_limit = "40 deg/s"             # of the actuator; a multisine or sweep is scaled down to it
     [axis.delta_a]
     amplitude = "4 deg"
     spectrum = [["0.1 Hz", 4.0], ["2 Hz", 1.0]]
@@ -27,15 +28,15 @@ which model.
     models = ["CL = 1 + alpha + qhat + delta_e"]
     memory = "0.3 s"
 
-A multistep names per axis ``pattern`` (or ``widths``) and ``step`` (or ``omega``, the natural
-frequency of the mode), ``rise``, ``free``; a sweep ``band``, ``duration``, ``law``.  Multisteps and
-sweeps of several axes follow each other, ``pause`` apart.
+A multistep has per axis ``pattern`` (or ``widths``) and ``step`` (or ``omega``, the natural
+frequency of the mode), ``rise`` and ``free``.  A sweep has ``band``, ``duration`` and ``law``.
+Multisteps and sweeps of several axes follow each other with a ``pause`` between them.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 import xarray as xr
@@ -49,23 +50,24 @@ from flightmech.support.toml_quantities import InUnits
 from flightmech.units import parse_quantity
 from flighttest.flight_programme.input_design.input_shapes import (
     PATTERNS,
-    InputAxis,
     in_sequence,
-    multisine,
     multistep,
     sweep,
     unit_step,
 )
 from flighttest.flight_programme.input_design.input_signals import LEAD_IN, RATE, measures
+from flighttest.flight_programme.input_design.multisines import InputAxis, multisine
 from flighttest.flight_programme.input_design.predicted_response import scale_signal
 
 _Time = Annotated[float, InUnits("s")]
 _Frequency = Annotated[float, InUnits("Hz")]
 _Band = tuple[_Frequency, _Frequency]
+# Keys of an axis with a unit of the axis, and what follows this unit.
+_AXIS_UNITS = {"amplitude": "", "rate_limit": " s-1"}
 
 
 class AxisTable(Strict):
-    """One axis; which keys it takes depends on the kind."""
+    """One axis; the kind of the input determines which keys it has."""
 
     amplitude: float
     rate_limit: float | None = None
@@ -84,7 +86,7 @@ class AxisTable(Strict):
 
 
 class ConditionTable(Strict):
-    """The flight in which the input is played, and its limits."""
+    """The flight in which the input is played, and the limits of the response."""
 
     kind: str = "level"
     fixed: dict[str, float] = Field(default_factory=dict)
@@ -95,25 +97,25 @@ class ConditionTable(Strict):
     @field_validator("fixed", mode="before")
     @classmethod
     def _fixed_in_si(cls, table: Any) -> Any:
-        return (
-            {name: _si(name, item) for name, item in table.items()}
-            if isinstance(table, dict)
-            else table
-        )
+        return _table_in_si(table)
 
     @field_validator("limits", mode="before")
     @classmethod
     def _limits_in_si(cls, table: Any) -> Any:
+        # a value of another type is reported by the validation of the field
         if not isinstance(table, dict):
             return table
+        limits = {}
         for name, pair in table.items():
             if not isinstance(pair, list) or len(pair) != 2:
                 raise ValueError(f"{name}: expected [lowest, highest]")
-        return {name: tuple(_si(name, item) for item in pair) for name, pair in table.items()}
+        for name, (low, high) in table.items():
+            limits[name] = (_si(name, low), _si(name, high))
+        return limits
 
 
 class AccuracyTable(Strict):
-    """Whose terms are to be determined, and against what noise."""
+    """Models whose terms the input has to determine, and the noise of the record."""
 
     models: tuple[str, ...] = ()
     noise: dict[str, float] = Field(default_factory=dict)
@@ -125,24 +127,20 @@ class AccuracyTable(Strict):
     @field_validator("outputs", mode="before")
     @classmethod
     def _outputs_in_si(cls, table: Any) -> Any:
-        return (
-            {name: _si(name, item) for name, item in table.items()}
-            if isinstance(table, dict)
-            else table
-        )
+        return _table_in_si(table)
 
     @model_validator(mode="after")
-    def _whole(self) -> AccuracyTable:
+    def _check_pairs(self) -> AccuracyTable:
         if bool(self.parameters) != bool(self.outputs):
             raise ValueError(
-                "parameters and outputs belong together: what is estimated, and the noise of "
-                "what is compared"
+                "parameters and outputs belong together: give the estimated parameters, and the "
+                "noise of the compared outputs"
             )
         return self
 
 
 class Design(Strict):
-    """A test input, its condition and its purpose."""
+    """A test input, its condition and its required accuracy."""
 
     title: str = ""
     kind: Literal["multisine", "multistep", "sweep"]
@@ -163,16 +161,7 @@ class Design(Strict):
     def _amplitudes_in_si(cls, axes: Any) -> Any:
         if not isinstance(axes, dict):
             return axes
-        changed = {}
-        for name, table in axes.items():
-            units = {"amplitude": "", "rate_limit": " s-1"}
-            known = units.keys() & table.keys() if isinstance(table, dict) else set()
-            changed[name] = (
-                {**table, **{key: _si(name, table[key], units[key]) for key in known}}
-                if known
-                else table
-            )
-        return changed
+        return {name: _amplitudes_in_si(name, table) for name, table in axes.items()}
 
     def signal(self) -> xr.Dataset:
         """Return the test input.
@@ -180,99 +169,121 @@ class Design(Strict):
         Raises
         ------
         SchemaError
-            Keys that the kind needs and that are missing, or a fault that `multisine`, `multistep`
-            or `sweep` finds.
+            A key that the kind needs is missing, or `multisine`, `multistep` or `sweep` raises.
         """
-        if problems := self._missing():
+        problems = self._missing()
+        if problems:
             raise SchemaError(f"design of a {self.kind}", problems)
-        if self.kind == "multisine":
-            axes = {name: self._multisine_axis(table) for name, table in self.axis.items()}
-            return self._slow_enough(
-                multisine(
-                    axes,
-                    float(self.period or 0.0),
-                    self.rate,
-                    self.lead_in,
-                    self.repeats,
-                    self.seed,
-                )
-            )
-        make = self._multistep if self.kind == "multistep" else self._sweep
-        return self._slow_enough(
-            in_sequence(
-                [make(name, table) for name, table in self.axis.items()] * self.repeats, self.pause
-            )
-        )
+        return self._limit_rates(self._make_signal())
 
-    def _slow_enough(self, signal: xr.Dataset) -> xr.Dataset:
-        """The input with axes made smaller where they would outrun their actuator; edges of steps
-        are made longer by hand.
+    def _make_signal(self) -> xr.Dataset:
+        if self.kind == "multisine":
+            return multisine(
+                {name: self._multisine_axis(table) for name, table in self.axis.items()},
+                period=float(self.period or 0.0),
+                rate=self.rate,
+                lead_in=self.lead_in,
+                repeats=self.repeats,
+                seed=self.seed,
+            )
+        signals = []
+        for name, table in self.axis.items():
+            if self.kind == "multistep":
+                signals.append(self._multistep(name, table))
+            else:
+                signals.append(self._sweep(name, table))
+        return in_sequence(signals * self.repeats, self.pause)
+
+    def _limit_rates(self, signal: xr.Dataset) -> xr.Dataset:
+        """Return the input with the axes that are faster than their actuator made smaller.
+
+        The edges of a multistep have to be made longer by its author.
         """
         rates = measures(signal)["rate"]
-        limits = {
-            name: table.rate_limit
-            for name, table in self.axis.items()
-            if table.rate_limit is not None
-        }
-        factors = {
-            name: limit / rates[name] for name, limit in limits.items() if rates[name] > limit
-        }
-        if factors and self.kind == "multistep":
-            lines = [
-                f"axis.{name}: edges of {rates[name]:.3g} per second, rate_limit "
-                f"{limits[name]:.3g}; lengthen rise"
-                for name in factors
-            ]
-            raise SchemaError("design of a multistep", lines)
+        factors, problems = {}, []
+        for name, table in self.axis.items():
+            limit = table.rate_limit
+            if limit is None or not rates[name] > limit:
+                continue
+            factors[name] = limit / rates[name]
+            problems.append(
+                f"axis.{name}: edges of {rates[name]:.3g} per second, rate_limit {limit:.3g}; "
+                "lengthen rise"
+            )
+        if problems and self.kind == "multistep":
+            raise SchemaError("design of a multistep", problems)
         return scale_signal(signal, factors)
 
     def _missing(self) -> list[str]:
+        """Return the faults of keys that the kind of the input needs."""
         problems = []
         if self.kind == "multisine" and self.period is None:
             problems.append("period: missing; give it")
         for name, table in self.axis.items():
             if self.kind == "multistep":
-                if bool(table.pattern) == bool(table.widths):
-                    problems.append(f"axis.{name}: give pattern or widths, one of them")
-                if (table.step is None) == (table.omega is None):
-                    problems.append(f"axis.{name}: give step or omega, one of them")
-                if table.omega is not None and not table.pattern:
-                    problems.append(
-                        f"axis.{name}: omega goes with a pattern; give step with widths"
-                    )
+                problems += _multistep_faults(name, table)
             elif not table.harmonics and table.band is None and self.band is None:
                 problems.append(f"axis.{name}.band: missing; give it here or for all axes")
             if self.kind == "sweep" and table.duration is None:
                 problems.append(f"axis.{name}.duration: missing; give it")
         return problems
 
+    def _band(self, table: AxisTable) -> tuple[float, float]:
+        return table.band or self.band or (0.0, 0.0)
+
     def _multisine_axis(self, table: AxisTable) -> InputAxis:
-        band = table.band or self.band or (0.0, 0.0)
-        exclude = self.exclude if table.exclude is None else table.exclude
-        return InputAxis(table.amplitude, band, exclude, dict(table.spectrum), table.harmonics)
+        # an empty list of an axis removes the excluded bands of all axes
+        exclude = table.exclude
+        if exclude is None:
+            exclude = self.exclude
+        return InputAxis(
+            table.amplitude,
+            self._band(table),
+            exclude=exclude,
+            spectrum=dict(table.spectrum),
+            harmonics=table.harmonics,
+        )
 
     def _multistep(self, name: str, table: AxisTable) -> xr.Dataset:
-        step = (
-            float(table.step)
-            if table.step is not None
-            else unit_step(str(table.pattern), float(table.omega or 0.0))
-        )
-        widths = PATTERNS[table.pattern] if table.pattern else table.widths
+        if table.step is not None:
+            step = float(table.step)
+        else:
+            step = unit_step(str(table.pattern), float(table.omega or 0.0))
+        widths: Sequence[float] = table.widths
+        if table.pattern:
+            widths = PATTERNS[table.pattern]
         return multistep(
-            name, table.amplitude, step, widths, self.rate, self.lead_in, table.rise, table.free
+            name,
+            table.amplitude,
+            step=step,
+            widths=widths,
+            rate=self.rate,
+            lead_in=self.lead_in,
+            rise=table.rise,
+            free=table.free,
         )
 
     def _sweep(self, name: str, table: AxisTable) -> xr.Dataset:
-        band = table.band or self.band or (0.0, 0.0)
         return sweep(
             name,
             table.amplitude,
-            band,
-            float(table.duration or 0.0),
-            self.rate,
-            self.lead_in,
-            table.law,
+            band=self._band(table),
+            duration=float(table.duration or 0.0),
+            rate=self.rate,
+            lead_in=self.lead_in,
+            law=table.law,
         )
+
+
+def _multistep_faults(name: str, table: AxisTable) -> list[str]:
+    problems = []
+    if bool(table.pattern) == bool(table.widths):
+        problems.append(f"axis.{name}: give pattern or widths, one of them")
+    if (table.step is None) == (table.omega is None):
+        problems.append(f"axis.{name}: give step or omega, one of them")
+    if table.omega is not None and not table.pattern:
+        problems.append(f"axis.{name}: omega needs a pattern; give step with widths")
+    return problems
 
 
 def read_design(path: str | os.PathLike) -> Design:
@@ -281,7 +292,7 @@ def read_design(path: str | os.PathLike) -> Design:
     Raises
     ------
     ParseError
-        Not TOML.
+        The file is not TOML.
     SchemaError
         Every unknown key, missing value and wrong unit.
     """
@@ -289,15 +300,36 @@ def read_design(path: str | os.PathLike) -> Design:
 
 
 def design_of(content: Mapping[str, Any], what: str = "design") -> Design:
-    """Return the design of a test input from the content of such a file; errors as in
-    `read_design`.
+    """Return the design of a test input from the content of its file.
+
+    The errors are those of `read_design`.
     """
     return validate_content(Design, dict(content), what)
 
 
+def _table_in_si(table: Any) -> Any:
+    """Return a table of quantities in SI; a value of another type is reported by its field."""
+    if not isinstance(table, dict):
+        return table
+    return {name: _si(name, item) for name, item in table.items()}
+
+
+def _amplitudes_in_si(name: str, table: Any) -> Any:
+    """Return the table of one axis with amplitude and rate limit in SI."""
+    if not isinstance(table, dict):
+        return table
+    converted = dict(table)
+    for key, per in _AXIS_UNITS.items():
+        if key in table:
+            converted[key] = _si(name, table[key], per)
+    return converted
+
+
 def _si(name: str, item: Any, per: str = "") -> float:
-    """Return a quantity by name in SI, or its rate; ``applied.delta_e`` and ``engine1.failed`` are
-    known as well.
+    """Return a quantity by name in SI, or its rate.
+
+    Names of outputs such as ``applied.delta_e`` have the unit of their quantity. Names that are not
+    quantities, such as ``engine1.failed``, have no unit.
     """
     try:
         units = lookup(name.removeprefix("applied.")).units

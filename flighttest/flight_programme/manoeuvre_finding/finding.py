@@ -1,12 +1,11 @@
-"""`find_manoeuvres`: the table of what was flown, from the movements of the controls and the
-motion.
-"""
+"""Table of the manoeuvres in a record, from the movements of the controls and the motion."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -28,6 +27,7 @@ from flighttest.reconstruction.quality.checks.signals import ResampledChannels, 
 from flighttest.records.record import find_channel_leaf
 from flighttest.records.signals.record_flags import flags
 
+# Channels that a figure shows for each control; the first that the record has.
 _CONTROLS = {
     "elevator": ("delta_e",),
     "aileron": ("delta_a",),
@@ -37,10 +37,36 @@ _CONTROLS = {
 _MOTION = ("V", "V_cas", "phi", "beta_vane", "az_imu")
 _COLOURS = ("#2a6f97", "#bc6c25")
 
+SURFACES = {"delta_e": "elevator", "delta_a": "aileron", "delta_r": "rudder"}
+# Smallest movement of a surface that counts: this angle, or this multiple of its noise.
+_LEAST = 0.6 * DEGREE
+_NOISE = 8.0
+# Clear movements are this multiple of the smallest. They are reported without a recognised input.
+_CLEAR = 3.0
+# Longest time between clear movements that form one unknown manoeuvre [s].
+_UNKNOWN_PAUSE = 4.0
+# An input with less confidence is unknown.
+_DOUBTFUL = 0.25
+_PULSES = ("pulse", "block")
+# Longest time from a pulse of the elevator to the phugoid that it excites [s].
+_BEFORE = 5.0
+# Time before the first movement that belongs to an input [s].
+_LEAD = 0.5
+# Longest response after the last movement [s].
+_RESPONSE = 8.0
+COLUMNS = ["manoeuvre", "control", "start", "end", "note", "confidence"]
+
+
+@dataclass(frozen=True)
+class _SurfaceMovements:
+    """Excursions of a surface in flight, and the smallest size that counts [rad]."""
+
+    excursions: list[Excursion]
+    least: float
+
 
 def draw_manoeuvres(record: xr.DataTree, table: pd.DataFrame, target: str | Path) -> None:
-    """Draw controls and motion over time with the manoeuvres shaded and numbered as the rows of the
-    table.
+    """Draw controls and motion over time, with the rows of the table shaded and numbered.
 
     Parameters
     ----------
@@ -54,78 +80,74 @@ def draw_manoeuvres(record: xr.DataTree, table: pd.DataFrame, target: str | Path
     Raises
     ------
     SchemaError
-        A format that is not drawn; a record without any control or channel of motion.
+        The format is not supported, or the record has neither a control nor a channel of motion.
     AeromatchError
         matplotlib is not installed.
     """
     demand_drawable(target)
-    shown = [
-        (label, found) for label, names in _CONTROLS.items() if (found := _first(record, names))
-    ]
-    shown += [
-        ("", name)
-        for name in _MOTION
-        if find_channel_leaf(record, name)
-        and not (name == "V_cas" and find_channel_leaf(record, "V"))
-    ]
-    if not shown:
+    panels = _select_panels(record)
+    if not panels:
         raise SchemaError(
             "figure", ["the record has no control and no channel of motion; extend the name map"]
         )
-    figure = new_figure(16.0, 1.5 * len(shown) + 1.2)
-    axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
-    for ax, (label, name) in zip(axes, shown, strict=True):
-        _draw(ax, record, name)
+    figure = new_figure(16.0, 1.5 * len(panels) + 1.2)
+    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for ax, (control, name) in zip(axes, panels, strict=True):
+        _draw_channel(ax, record, name)
         for number, row in enumerate(table.itertuples(), start=1):
-            if not label or label in str(row.control).split() or not row.control:
-                ax.axvspan(
-                    row.start,
-                    row.end,
-                    color=_COLOURS[number % 2],
-                    alpha=0.3 if label else 0.1,
-                    linewidth=0,
-                )
-            if label and label in str(row.control).split():
-                place = (
-                    row.start,
-                    0.98 if number % 2 else 0.5,
-                )  # in turn, since rows may share their start
-                ax.annotate(
-                    f"{number} {row.manoeuvre}",
-                    place,
-                    xycoords=("data", "axes fraction"),
-                    va="top",
-                    fontsize=6,
-                )
+            _shade_manoeuvre(ax, row, control=control, number=number)
     axes[-1].set_xlabel("time [s]")
     figure.suptitle(str(record.attrs.get("title", "")), fontsize="medium")
     write_figure(figure, target, dpi=120)
 
 
-def _first(record: xr.DataTree, names: tuple[str, ...]) -> str | None:
-    return next((name for name in names if find_channel_leaf(record, name)), None)
+def _select_panels(record: xr.DataTree) -> list[tuple[str, str]]:
+    """Return control and channel of each panel; the control is empty for a channel of motion."""
+    panels = []
+    for control, names in _CONTROLS.items():
+        recorded = [name for name in names if find_channel_leaf(record, name)]
+        if recorded:
+            panels.append((control, recorded[0]))
+    for name in _MOTION:
+        # the calibrated airspeed is drawn only if the true airspeed is missing
+        if name == "V_cas" and find_channel_leaf(record, "V"):
+            continue
+        if find_channel_leaf(record, name):
+            panels.append(("", name))
+    return panels
 
 
-def _draw(ax, record: xr.DataTree, name: str) -> None:
+def _draw_channel(ax: Any, record: xr.DataTree, name: str) -> None:
     signal = record[str(find_channel_leaf(record, name))].to_dataset()[name]
-    units = signal.attrs.get("units", "")
-    shown, factor = ("deg", np.degrees(1.0)) if units == "rad" else (units, 1.0)
+    unit, factor = signal.attrs.get("units", ""), 1.0
+    if unit == "rad":
+        unit, factor = "deg", np.degrees(1.0)
     ax.plot(signal["time"].values, factor * signal.values, color="black", linewidth=0.6)
-    ax.set_ylabel(f"{name}\n[{shown}]", fontsize="small")
+    ax.set_ylabel(f"{name}\n[{unit}]", fontsize="small")
     ax.grid(linewidth=0.3)
     ax.margins(x=0.01)
 
 
-SURFACES = {"delta_e": "elevator", "delta_a": "aileron", "delta_r": "rudder"}
-_LEAST = 0.6 * DEGREE  # smallest movement of a surface that counts
-_NOISE = 8.0  # and standard deviations of its noise
-_CLEAR = 3.0  # times the smallest: movements that are reported even when no input is recognised
-_DOUBTFUL = 0.25  # an input with less confidence is unknown
-_PULSES = ("pulse", "block")
-_BEFORE = 5.0  # s from a pulse to the rest of the elevator after it
-_LEAD = 0.5  # s before the first movement
-_RESPONSE = 8.0  # s after the last movement, unless a control moves earlier
-COLUMNS = ["manoeuvre", "control", "start", "end", "note", "confidence"]
+def _shade_manoeuvre(ax: Any, row: Any, *, control: str, number: int) -> None:
+    """Shade one row of the table in a panel, and name it in the panels of its controls."""
+    colour = _COLOURS[number % 2]
+    if not control:
+        ax.axvspan(row.start, row.end, color=colour, alpha=0.1, linewidth=0)
+        return
+    has_control = control in str(row.control).split()
+    # a row without a control is shaded in every panel
+    if has_control or not row.control:
+        ax.axvspan(row.start, row.end, color=colour, alpha=0.3, linewidth=0)
+    if has_control:
+        # names alternate between two heights, because rows may have the same start
+        height = 0.98 if number % 2 else 0.5
+        ax.annotate(
+            f"{number} {row.manoeuvre}",
+            (row.start, height),
+            xycoords=("data", "axes fraction"),
+            va="top",
+            fontsize=6,
+        )
 
 
 def find_manoeuvres(record: xr.DataTree) -> pd.DataFrame:
@@ -141,85 +163,95 @@ def find_manoeuvres(record: xr.DataTree) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``manoeuvre control start end note confidence`` in order of time, as `flighttest.manoeuvres`
-        has them; ``confidence`` is 1 where sizes and durations agree with the definition of the
-        manoeuvre exactly, and goes to 0 at the largest deviation that is still accepted.
+        Columns ``manoeuvre control start end note confidence``, as in `flighttest.manoeuvres`, in
+        order of time.
+
+        ``confidence`` is 1 if sizes and durations agree exactly with the definition of the
+        manoeuvre.  It is 0 at the largest deviation that is accepted.
+
         ``manoeuvre`` is one of ``3211 doublet pulse phugoid spiral sweep multisine
         pull_up_push_down steady_sideslip throttle_chop throttle_slam throttle_chop_and_slam
         power_change flaps_out flaps_in gear_out gear_in speedbrake_out speedbrake_in
-        level_acceleration level_deceleration unknown``; unknown are clear fast movements of a
-        surface that are none of these, with confidence 0.  An input lasts from 0.5 s before its
-        first movement to the end of the free response: the next movement of a surface, 8 s after
-        the last at most. [s]  A period of the phugoid with elevator and levers at rest, in which
-        the speed oscillates, is a ``phugoid``, with the pulse of the elevator that began it; a chop
-        or slam with constant power for 10 s after it, to which the aeroplane responds, a
-        ``power_change``; 20 s in a bank with all controls at rest a ``spiral``.
+        level_acceleration level_deceleration unknown``.  A clear fast movement of a surface that
+        is none of the others is ``unknown``, with confidence 0.
+
+        An input lasts from 0.5 s before its first movement to the end of the free response.  The
+        response ends at the next movement of a surface, 8 s after the last movement at most. [s]
+
+        A ``phugoid`` is a period of the phugoid with elevator and levers at rest, in which the
+        speed oscillates.  It includes the pulse of the elevator that excites it.  A
+        ``power_change`` is a chop or slam with constant power for 10 s after it, to which the
+        aeroplane responds.  A ``spiral`` is 20 s in a bank with all controls at rest.
 
     Raises
     ------
     SchemaError
-        No channel of motion, or no control.
+        The record has no channel of motion, or no control.
 
     References
     ----------
-    .. [Jategaonkar2015] R. V. Jategaonkar, Flight Vehicle System Identification, 2nd ed., 2015, chapter 2.
+    .. [Jategaonkar2015] R. V. Jategaonkar, Flight Vehicle System Identification, 2nd ed., 2015,
+       chapter 2.
     """
     signals = resample_channels(record, flags(record))
+    _require_control(signals)
+    surfaces = {
+        control: _surface_movements(signals, name)
+        for name, control in SURFACES.items()
+        if name in signals
+    }
+    return _tabulate(_recognise(surfaces, signals), signals)
+
+
+def _recognise(
+    surfaces: Mapping[str, _SurfaceMovements], signals: ResampledChannels
+) -> list[FoundManoeuvre]:
+    """Return the manoeuvres of all kinds, with those that explain each other merged."""
+    inputs = _find_inputs(surfaces)
+    waves = _without_overlap(_find_waves(surfaces), inputs)
+
+    # ailerons and rudder excite a phugoid too, so an input of these is not free motion
+    lateral = [entry for entry in inputs if entry.control != "elevator"]
+    phugoids = []
+    for phugoid in _without_overlap(find_phugoids(signals), lateral):
+        phugoids.append(_include_pulse(phugoid, inputs))
+    # the pulse that excites a phugoid is a part of the phugoid
+    pulses = [entry for entry in inputs if entry.kind == "pulse"]
+    phugoid_pulses = [pulse for pulse in pulses if _overlaps_any(pulse, phugoids)]
+    inputs = [entry for entry in inputs if entry not in phugoid_pulses]
+
+    excursions = []
+    for movements in surfaces.values():
+        excursions += movements.excursions
+    recognised = [*phugoids, *(_include_response(entry, excursions, signals) for entry in inputs)]
+    recognised += [entry for entry in [*waves, *find_responses(signals)] if entry.kind != "unknown"]
+    recognised = _drop_pull_ups(recognised, inputs)
+
+    unknown = []
+    for control, movements in surfaces.items():
+        for entry in _find_unknown(control, movements):
+            if not _is_explained(entry, recognised):
+                unknown.append(entry)
+    return [*recognised, *unknown]
+
+
+def _require_control(signals: ResampledChannels) -> None:
     levers = [name for name in signals.values if name.endswith((".throttle", ".n1"))]
     if not levers and not set(SURFACES) & set(signals.values):
         raise SchemaError(
             "manoeuvres",
-            [f"no control; map one of {', '.join(SURFACES)}, or a lever such as engine1.throttle"],
+            [
+                f"the record has no control channel; map at least one of {', '.join(SURFACES)}, "
+                "or a lever such as engine1.throttle, in the name map"
+            ],
         )
-    moved = {SURFACES[name]: _excursions(signals, name) for name in SURFACES if name in signals}
-    inputs = [
-        _alone(one, moved)
-        for control, (parts, _) in moved.items()
-        for one in step_inputs(control, parts)
-    ]
-    inputs = [one for one in inputs if one.confidence > _DOUBTFUL]
-    waves = named_oscillations(
-        [
-            one
-            for control, (parts, least) in moved.items()
-            for one in find_oscillations(control, parts, 2.0 * least)
-        ]
-    )
-    waves = [one for one in waves if not any(_overlap(one, other) for other in inputs)]
-    parts = [part for parts, _ in moved.values() for part in parts]
-    lateral = [one for one in inputs if one.control != "elevator"]
-    slow = [
-        _with_pulse(one, inputs)
-        for one in find_phugoids(signals)
-        if not any(_overlap(one, other) for other in lateral)
-    ]
-    inputs = [
-        one
-        for one in inputs
-        if one.kind != "pulse" or not any(_overlap(one, other) for other in slow)
-    ]
-    known = [*slow, *(_with_response(one, parts, signals) for one in inputs)]
-    known += [one for one in [*waves, *find_responses(signals)] if one.kind != "unknown"]
-    stepped = [
-        one for one in inputs if one.kind != "pulse"
-    ]  # their load factor is that of a pull-up too
-    known = [
-        one
-        for one in known
-        if one.kind != "pull_up_push_down" or not any(_overlap(one, other) for other in stepped)
-    ]
-    unknown = [
-        one
-        for control, (parts, least) in moved.items()
-        for one in _unknown(control, parts, least)
-        if _new(one, known)
-    ]
-    return _table([*known, *unknown], signals)
 
 
 def named_by_response(record: xr.DataTree, marks: pd.DataFrame) -> pd.DataFrame:
-    """Return marks with pulses of the elevator, called ``pulse`` or ``block``, named ``phugoid``
-    where the motion after them is one.
+    """Return marks with the pulses that excite a phugoid named ``phugoid``.
+
+    A pulse of the elevator is a mark called ``pulse`` or ``block``.  It is renamed if a phugoid
+    follows in the motion.
 
     Parameters
     ----------
@@ -232,111 +264,161 @@ def named_by_response(record: xr.DataTree, marks: pd.DataFrame) -> pd.DataFrame:
     if not pulses.any():
         return marks
     signals = resample_channels(record, flags(record))
-    slow = find_phugoids(signals)
+    phugoids = find_phugoids(signals)
     named = marks.copy()
     for number, row in enumerate(marks.to_dict("records")):
+        if not pulses.iloc[number]:
+            continue
         start, end = float(row["start"]), float(row["end"])
-        if pulses.iloc[number] and any(
-            min(end, one.end) - max(start, one.start) > 0.5 * (end - start) for one in slow
-        ):
-            named.loc[named.index[number], "manoeuvre"] = "phugoid"
+        for phugoid in phugoids:
+            # the phugoid has to cover more than half of the mark
+            common = min(end, phugoid.end) - max(start, phugoid.start)
+            if common > 0.5 * (end - start):
+                named.loc[named.index[number], "manoeuvre"] = "phugoid"
+                break
     return named
 
 
-def _with_pulse(one: FoundManoeuvre, inputs: Sequence[FoundManoeuvre]) -> FoundManoeuvre:
-    """Return a phugoid with the pulse of the elevator that began it."""
-    before = [
-        other
-        for other in inputs
-        if (other.kind, other.control) == ("pulse", "elevator")
-        and abs(one.start - other.end) < _BEFORE
-    ]
-    if not before:
-        return one
-    return replace(one, start=before[-1].start - _LEAD, confidence=before[-1].confidence)
-
-
-def _excursions(signals: ResampledChannels, name: str) -> tuple[list[Excursion], float]:
+def _surface_movements(signals: ResampledChannels, name: str) -> _SurfaceMovements:
     """Return the excursions of a surface in flight, and the smallest that counts."""
     x = signals[name]
-    noise = (
-        float(np.median(np.abs(np.diff(x, 2)))) / 1.65
-    )  # of white noise: the median is 0.674 standard deviations, times sqrt(6)
+    # Standard deviation of white noise. The median of its magnitude is 0.674 standard deviations,
+    # and a second difference has sqrt(6) times the standard deviation: 0.674 * 2.449 = 1.65.
+    noise = float(np.median(np.abs(np.diff(x, 2)))) / 1.65
     least = max(_LEAST, _NOISE * noise)
-    found = [
-        one
-        for one in find_movements(signals.time, x, least)
-        if signals.flying[np.searchsorted(signals.time, one.middle)]
-    ]
-    return found, least
+    excursions = []
+    for movement in find_movements(signals.time, x, least):
+        if signals.flying[np.searchsorted(signals.time, movement.middle)]:
+            excursions.append(movement)
+    return _SurfaceMovements(excursions, least)
 
 
-def _alone(
-    one: FoundManoeuvre, moved: Mapping[str, tuple[list[Excursion], float]]
+def _find_inputs(surfaces: Mapping[str, _SurfaceMovements]) -> list[FoundManoeuvre]:
+    """Return the step inputs of all surfaces that are not doubtful."""
+    inputs = []
+    for control, movements in surfaces.items():
+        for entry in step_inputs(control, movements.excursions):
+            reduced = _reduce_confidence(entry, surfaces)
+            if reduced.confidence > _DOUBTFUL:
+                inputs.append(reduced)
+    return inputs
+
+
+def _find_waves(surfaces: Mapping[str, _SurfaceMovements]) -> list[FoundManoeuvre]:
+    """Return the oscillations of all surfaces as multisine, sweep or unknown."""
+    oscillations = []
+    for control, movements in surfaces.items():
+        oscillations += find_oscillations(control, movements.excursions, 2.0 * movements.least)
+    return named_oscillations(oscillations)
+
+
+def _reduce_confidence(
+    entry: FoundManoeuvre, surfaces: Mapping[str, _SurfaceMovements]
 ) -> FoundManoeuvre:
-    """Return an input with its confidence reduced by what the other surfaces do meanwhile, in units
-    of the smallest movement.
-    """
-    largest = {
-        control: max(
-            (abs(part.size) for part in parts if part.start < one.end and one.start < part.end),
-            default=0.0,
-        )
-        / least
-        for control, (parts, least) in moved.items()
-    }
-    others = max((size for control, size in largest.items() if control != one.control), default=0.0)
+    """Return an input with less confidence if other surfaces move at the same time."""
+    # largest movement of each surface during the input, in units of its smallest that counts
+    largest = {}
+    for control, movements in surfaces.items():
+        sizes = [
+            abs(part.size)
+            for part in movements.excursions
+            if part.start < entry.end and entry.start < part.end
+        ]
+        largest[control] = max(sizes, default=0.0) / movements.least
+    others = [size for control, size in largest.items() if control != entry.control]
+    ratio = max(others, default=0.0) / largest[entry.control]
+    return replace(entry, confidence=entry.confidence * max(0.0, 1.0 - ratio**2))
+
+
+def _include_pulse(phugoid: FoundManoeuvre, inputs: Sequence[FoundManoeuvre]) -> FoundManoeuvre:
+    """Return a phugoid from the pulse of the elevator that excites it."""
+    pulses = []
+    for entry in inputs:
+        is_pulse = (entry.kind, entry.control) == ("pulse", "elevator")
+        if is_pulse and abs(phugoid.start - entry.end) < _BEFORE:
+            pulses.append(entry)
+    if not pulses:
+        return phugoid
+    return replace(phugoid, start=pulses[-1].start - _LEAD, confidence=pulses[-1].confidence)
+
+
+def _include_response(
+    entry: FoundManoeuvre, excursions: Sequence[Excursion], signals: ResampledChannels
+) -> FoundManoeuvre:
+    """Return an input with the quiet time before it and the free response after it."""
+    later = [part.start for part in excursions if part.start > entry.end + signals.step]
     return replace(
-        one, confidence=one.confidence * max(0.0, 1.0 - (others / largest[one.control]) ** 2)
+        entry,
+        start=max(entry.start - _LEAD, float(signals.time[0])),
+        end=min([entry.end + _RESPONSE, float(signals.time[-1]), *later]),
     )
 
 
-def _with_response(
-    one: FoundManoeuvre, moved: Sequence[Excursion], signals: ResampledChannels
-) -> FoundManoeuvre:
-    """Return an input with its quiet start and the free response after it."""
-    later = [part.start for part in moved if part.start > one.end + signals.step]
-    end = min([one.end + _RESPONSE, float(signals.time[-1]), *later])
-    return FoundManoeuvre(
-        one.kind, one.control, max(one.start - _LEAD, float(signals.time[0])), end, one.confidence
-    )
+def _drop_pull_ups(
+    recognised: Sequence[FoundManoeuvre], inputs: Sequence[FoundManoeuvre]
+) -> list[FoundManoeuvre]:
+    """Drop the pull-ups that are the response to a step input.
 
-
-def _unknown(control: str, parts: Sequence[Excursion], least: float) -> list[FoundManoeuvre]:
-    """Return clear fast movements, those close to each other as one."""
-    found: list[FoundManoeuvre] = []
-    for one in parts:
-        if not one.fast or abs(one.size) < _CLEAR * least:
-            continue
-        if found and one.start - found[-1].end < 4.0:
-            found[-1] = FoundManoeuvre("unknown", control, found[-1].start, one.end, 0.0)
-        else:
-            found.append(FoundManoeuvre("unknown", control, one.start, one.end, 0.0))
-    return found
-
-
-def _overlap(one: FoundManoeuvre, other: FoundManoeuvre) -> bool:
-    return one.start < other.end and other.start < one.end
-
-
-def _new(one: FoundManoeuvre, known: Sequence[FoundManoeuvre]) -> bool:
-    """Return whether no known manoeuvre accounts for a movement: one of the same control, or any
-    that is moved for its own sake.
+    The load factor of a 3-2-1-1 or of a doublet looks like the load factor of a pull-up.
     """
-    return not any(_overlap(one, other) and one.control in other.control.split() for other in known)
+    stepped = [entry for entry in inputs if entry.kind != "pulse"]
+    remaining = []
+    for entry in recognised:
+        if entry.kind != "pull_up_push_down" or not _overlaps_any(entry, stepped):
+            remaining.append(entry)
+    return remaining
 
 
-def _table(found: Sequence[FoundManoeuvre], signals: ResampledChannels) -> pd.DataFrame:
+def _find_unknown(control: str, movements: _SurfaceMovements) -> list[FoundManoeuvre]:
+    """Return the clear fast movements of a surface; those close to each other are one row."""
+    rows: list[FoundManoeuvre] = []
+    for movement in movements.excursions:
+        if not movement.fast or abs(movement.size) < _CLEAR * movements.least:
+            continue
+        if rows and movement.start - rows[-1].end < _UNKNOWN_PAUSE:
+            rows[-1] = replace(rows[-1], end=movement.end)
+        else:
+            rows.append(
+                FoundManoeuvre(
+                    kind="unknown",
+                    control=control,
+                    start=movement.start,
+                    end=movement.end,
+                    confidence=0.0,
+                )
+            )
+    return rows
+
+
+def _overlap(first: FoundManoeuvre, second: FoundManoeuvre) -> bool:
+    return first.start < second.end and second.start < first.end
+
+
+def _overlaps_any(entry: FoundManoeuvre, entries: Sequence[FoundManoeuvre]) -> bool:
+    return any(_overlap(entry, candidate) for candidate in entries)
+
+
+def _without_overlap(
+    entries: Sequence[FoundManoeuvre], excluded: Sequence[FoundManoeuvre]
+) -> list[FoundManoeuvre]:
+    """Return the entries that have no time in common with an excluded entry."""
+    return [entry for entry in entries if not _overlaps_any(entry, excluded)]
+
+
+def _is_explained(entry: FoundManoeuvre, recognised: Sequence[FoundManoeuvre]) -> bool:
+    """Return whether a recognised manoeuvre of the same control overlaps a movement."""
+    same_control = [peer for peer in recognised if entry.control in peer.control.split()]
+    return _overlaps_any(entry, same_control)
+
+
+def _tabulate(entries: Sequence[FoundManoeuvre], signals: ResampledChannels) -> pd.DataFrame:
+    """Return the table of the manoeuvres, in order of time and within the record."""
     first, last = float(signals.time[0]), float(signals.time[-1])
-    rows = [
-        (
-            one.kind,
-            one.control,
-            round(max(one.start, first), 2),
-            round(min(one.end, last), 2),
-            "found",
-            round(float(one.confidence), 2),
+    rows = []
+    for entry in sorted(entries, key=lambda entry: entry.start):
+        start, end = max(entry.start, first), min(entry.end, last)
+        confidence = round(float(entry.confidence), 2)
+        rows.append(
+            (entry.kind, entry.control, round(start, 2), round(end, 2), "found", confidence)
         )
-        for one in sorted(found, key=lambda one: one.start)
-    ]
     return pd.DataFrame(rows, columns=COLUMNS)

@@ -1,13 +1,15 @@
-"""The catalogue of a flight-test programme as TOML: conditions, manoeuvres with their limits and
-time, fits, and what is wanted.
+"""Catalogue of a flight-test programme as TOML.
+
+The catalogue has the conditions, the manoeuvres with their limits and time, the fits, and the
+wanted accuracy.
 
     title = "T-37, free air"
-    margin = 0.8                        # part of the way from trim to each limit that a prediction may use
-    cutoff = "4 Hz"                     # as in the project that will identify
+    margin = 0.8                        # usable part of the distance from trim to each limit
+    cutoff = "4 Hz"                     # as in the project of the identification
     errors = { mass = 0.005, thrust = 0.015 }
     held = ["CL/altitude"]
-    assumed = { "Cn/rudder" = -0.06 }   # for the prediction alone: terms that start from zero in the database
-    rates = { gps = "5 Hz" }            # of the recorder, by instrument of the aircraft file; 50 Hz for the others
+    assumed = { "Cn/rudder" = -0.06 }   # for the prediction: terms that are zero in the database
+    rates = { gps = "5 Hz" }            # samples per second by instrument; 50 Hz for the others
 
     [limits]                            # of every manoeuvre, on outputs of the model
     alpha = ["-3 deg", "12 deg"]
@@ -23,20 +25,20 @@ time, fits, and what is wanted.
     kind = "multisine"                  # all keys of a test input (`aeromatch flight design`)
     period = "30 s"
     band = ["0.1 Hz", "1.9 Hz"]
-    setup = "15 s"                      # to trim again behind it
+    setup = "15 s"                      # to trim again after it
     [manoeuvre.axis.delta_e]
     amplitude = "2 deg"
 
     [[manoeuvre]]
     name = "sideslips"
-    kind = "sideslip"                   # rudder to +amplitude and to -amplitude, heading held with bank
+    kind = "sideslip"                   # rudder to +amplitude and -amplitude, bank holds heading
     amplitude = "8 deg"
     duration = "9 s"                    # each
-    conditions = ["clean, 170 kt, 5000 ft"]     # all without it
-    marks = ["steady_sideslip"]         # what flight records call it, next to its name
+    conditions = ["clean, 170 kt, 5000 ft"]     # all if omitted
+    marks = ["steady_sideslip"]         # further names in flight records
     abort = ["beta above 12 deg"]
 
-    [[fit]]                             # formed at every condition from those of its manoeuvres that are flown there
+    [[fit]]                             # at every condition, from its manoeuvres at that condition
     name = "pitch"
     manoeuvres = ["three axes"]
     models = ["CL = 1 + alpha + qhat + delta_e"]
@@ -46,14 +48,16 @@ time, fits, and what is wanted.
     within = { alpha = ["0 deg", "8 deg"], mach = [0.2, 0.4] }
     stderr = 0.02                       # or ratio = 0.5, of the standard error before the flight
 
-Kinds besides ``multisine``, ``multistep`` and ``sweep``: ``sideslip``, ``pull_up_push_down`` (a
-sine of pitch attitude), ``level_speed`` (idle until the airspeed is `amplitude` lower, full power
-until it is as much higher), ``device`` (`device` goes to `amplitude`, in `duration`, and back).
+Further kinds are ``sideslip``, ``pull_up_push_down``, ``level_speed`` and ``device``.  The pitch
+attitude of a ``pull_up_push_down`` is a sine.  A ``level_speed`` has idle power until the airspeed
+is `amplitude` lower, then full power until it is `amplitude` higher.  In a ``device`` the input
+`device` goes to `amplitude`, in `duration`, and back.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Collection, Iterable
 from typing import Annotated, Any, Literal
 
 import pandas as pd
@@ -71,20 +75,20 @@ from flighttest.regression.equation_error.model import RegressionModel
 
 INPUTS = ("multisine", "multistep", "sweep")
 STEADY = ("sideslip", "pull_up_push_down", "level_speed", "device")
-RATE = 50.0  # of an instrument whose rate is not given [Hz]
+# Samples per second of an instrument without a rate [Hz].
+RATE = 50.0
 _Time = Annotated[float, InUnits("s")]
 _Frequency = Annotated[float, InUnits("Hz")]
-_OF_KIND = {
-    "sideslip": "delta_r",
-    "pull_up_push_down": "theta",
-    "level_speed": "V",
-}  # what the amplitude is of
+# Quantity of the amplitude, by kind; the amplitude of a device is that of its input.
+_OF_KIND = {"sideslip": "delta_r", "pull_up_push_down": "theta", "level_speed": "V"}
+# Keys of a test input that belong to the manoeuvre; all others belong to its design.
+_MANOEUVRE_KEYS = {"name", "kind", "setup", "conditions", "marks", "abort", "hold"}
+# Share of the attitude gains during a multisine, which is too long for fixed controls.
+_MULTISINE_HOLD = 0.1
 
 
 class PlannedCondition(ConditionTable):
-    """A steady flight in which manoeuvres are flown; `fixed`, `kind`, `unknowns` as in
-    `flightmech.trim`.
-    """
+    """A steady flight for manoeuvres; `fixed`, `kind`, `unknowns` as in `flightmech.trim`."""
 
     name: str
     setup: _Time = Field(ge=0.0)
@@ -92,7 +96,7 @@ class PlannedCondition(ConditionTable):
 
 
 class PlannedManoeuvre(Strict):
-    """A manoeuvre that may be flown at the conditions named, at all of them without a name."""
+    """A manoeuvre at the named conditions, or at all conditions if none is named."""
 
     name: str
     kind: Literal[
@@ -109,7 +113,7 @@ class PlannedManoeuvre(Strict):
     design: Design | None = None
 
     @model_validator(mode="after")
-    def _complete(self) -> PlannedManoeuvre:
+    def _check_keys(self) -> PlannedManoeuvre:
         if self.kind in STEADY and not (self.amplitude and self.duration > 0.0):
             raise ValueError(f"a {self.kind} needs amplitude and duration; give both")
         if (self.kind == "device") != bool(self.device):
@@ -119,25 +123,26 @@ class PlannedManoeuvre(Strict):
         return self
 
     def marked(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Return the rows of a table of manoeuvres that are this one: by its name, or by one of its
-        marks.
+        """Return the rows of a table of manoeuvres that have the name or a mark of this one.
 
         A mark is the kind of a manoeuvre, or kind and control, as in the fits of a project.
         """
         labels = (table["manoeuvre"] + " " + table["control"].fillna("")).str.strip()
-        wanted = (self.name, *self.marks)
-        return table[labels.isin(wanted) | table["manoeuvre"].isin(wanted)]
+        names = (self.name, *self.marks)
+        return table[labels.isin(names) | table["manoeuvre"].isin(names)]
 
     @property
     def feedback(self) -> float:
-        """Return the share of the pilot's attitude gains that stays during the manoeuvre."""
-        return (0.1 if self.kind == "multisine" else 0.0) if self.hold is None else self.hold
+        """Share of the pilot's attitude gains that stays during the manoeuvre."""
+        if self.hold is not None:
+            return self.hold
+        if self.kind == "multisine":
+            return _MULTISINE_HOLD
+        return 0.0
 
 
 class PlannedFit(Strict):
-    """Local models that are fitted at every condition to the manoeuvres named, as far as they are
-    flown there.
-    """
+    """Local models that are fitted at every condition to the named manoeuvres there."""
 
     name: str
     manoeuvres: tuple[str, ...] = Field(min_length=1)
@@ -146,7 +151,7 @@ class PlannedFit(Strict):
 
 
 class WantedAccuracy(Strict):
-    """Nodes of a term and the standard error that they must have after the flight."""
+    """Nodes of a term, and their largest standard error after the flights."""
 
     term: str
     within: dict[str, tuple[float, float]] = Field(default_factory=dict)
@@ -158,20 +163,22 @@ class WantedAccuracy(Strict):
     def _in_si(cls, table: Any) -> Any:
         if not isinstance(table, dict):
             return table
+        ranges = {}
         for name, pair in table.items():
             if not isinstance(pair, list) or len(pair) != 2:
                 raise ValueError(f"{name}: expected [lowest, highest]")
-        return {name: tuple(_si(name, item) for item in pair) for name, pair in table.items()}
+            ranges[name] = (_si(name, pair[0]), _si(name, pair[1]))
+        return ranges
 
     @model_validator(mode="after")
-    def _one_bound(self) -> WantedAccuracy:
+    def _check_bound(self) -> WantedAccuracy:
         if (self.stderr is None) == (self.ratio is None):
             raise ValueError("give stderr or ratio, one of them")
         return self
 
 
 class Catalogue(Strict):
-    """Everything that a programme may consist of, and what it must achieve."""
+    """Conditions, manoeuvres and fits of a programme, and the wanted accuracy."""
 
     title: str = ""
     margin: float = Field(default=1.0, gt=0.0, le=1.0)
@@ -196,58 +203,52 @@ class Catalogue(Strict):
     @field_validator("manoeuvre", mode="before")
     @classmethod
     def _with_designs(cls, items: Any) -> Any:
-        return (
-            [_with_design(item) if isinstance(item, dict) else item for item in items]
-            if isinstance(items, list)
-            else items
-        )
+        if not isinstance(items, list):
+            return items
+        return [_with_design(item) for item in items]
 
     @model_validator(mode="after")
-    def _names_that_exist(self) -> Catalogue:
+    def _check_names(self) -> Catalogue:
         problems = [
-            *_twice("condition", self.condition),
-            *_twice("manoeuvre", self.manoeuvre),
-            *_twice("fit", self.fit),
+            *_find_repeated("condition", self.condition),
+            *_find_repeated("manoeuvre", self.manoeuvre),
+            *_find_repeated("fit", self.fit),
         ]
-        conditions, manoeuvres = [c.name for c in self.condition], [m.name for m in self.manoeuvre]
-        users: list[tuple[str, PlannedManoeuvre | PlannedFit]] = [
-            *(("manoeuvre", m) for m in self.manoeuvre),
-            *(("fit", f) for f in self.fit),
-        ]
-        for what, item in users:
-            problems += [
-                f"{what} {item.name!r}: {UnknownName(c, conditions, 'condition')}"
-                for c in item.conditions
-                if c not in conditions
-            ]
+        conditions = [condition.name for condition in self.condition]
+        for manoeuvre in self.manoeuvre:
+            where = f"manoeuvre {manoeuvre.name!r}"
+            problems += _find_unknown(where, manoeuvre.conditions, conditions, what="condition")
         for fit in self.fit:
-            problems += [
-                f"fit {fit.name!r}: {UnknownName(m, manoeuvres, 'manoeuvre')}"
-                for m in fit.manoeuvres
-                if m not in manoeuvres
-            ]
-            for text in fit.models:
-                try:
-                    RegressionModel.parse(text)
-                except AeromatchError as error:
-                    problems.append(f"fit {fit.name!r}: {error}")
-        problems += [
-            f"errors: {UnknownName(name, ERRORS, 'source of error')}"
-            for name in self.errors
-            if name not in ERRORS
-        ]
+            where = f"fit {fit.name!r}"
+            problems += _find_unknown(where, fit.conditions, conditions, what="condition")
+        problems += self._check_fits()
+        problems += _find_unknown("errors", self.errors, ERRORS, what="source of error")
         if problems:
             raise ValueError("; ".join(problems))
         return self
 
+    def _check_fits(self) -> list[str]:
+        """Return the faults of manoeuvres and models of the fits."""
+        problems = []
+        manoeuvres = [manoeuvre.name for manoeuvre in self.manoeuvre]
+        for fit in self.fit:
+            where = f"fit {fit.name!r}"
+            problems += _find_unknown(where, fit.manoeuvres, manoeuvres, what="manoeuvre")
+            for text in fit.models:
+                try:
+                    RegressionModel.parse(text)
+                except AeromatchError as error:
+                    problems.append(f"{where}: {error}")
+        return problems
+
     def flyable(self) -> list[tuple[PlannedCondition, PlannedManoeuvre]]:
         """Return every condition with every manoeuvre that is allowed there."""
-        return [
-            (c, m)
-            for c in self.condition
-            for m in self.manoeuvre
-            if not m.conditions or c.name in m.conditions
-        ]
+        pairs = []
+        for condition in self.condition:
+            for manoeuvre in self.manoeuvre:
+                if not manoeuvre.conditions or condition.name in manoeuvre.conditions:
+                    pairs.append((condition, manoeuvre))
+        return pairs
 
 
 def read_catalogue(path: str | os.PathLike) -> Catalogue:
@@ -256,48 +257,64 @@ def read_catalogue(path: str | os.PathLike) -> Catalogue:
     Raises
     ------
     ParseError
-        Not TOML.
+        The file is not TOML.
     SchemaError
-        Every unknown key, missing value, wrong unit, and name of a condition or manoeuvre that the
-        file does not have.
+        Every unknown key, missing value and wrong unit, and every name of a condition or manoeuvre
+        that the file does not have.
     """
     return validate_content(Catalogue, dict(read_toml(os.fspath(path))), os.fspath(path))
 
 
-def _with_design(item: dict[str, Any]) -> dict[str, Any]:
-    """Move the keys of a test input into a `Design`, and bring the amplitude of the other kinds to
-    SI.
-    """
-    own = {"name", "kind", "setup", "conditions", "marks", "abort", "hold"}
-    if item.get("kind") in INPUTS:
-        try:
-            design = design_of(
-                {
-                    "kind": item["kind"],
-                    **{key: value for key, value in item.items() if key not in own},
-                },
-                "test input",
-            )
-            design.signal()
-        except SchemaError as error:
-            raise ValueError("; ".join(error.problems)) from error
-        return {**{key: value for key, value in item.items() if key in own}, "design": design}
-    name = _OF_KIND.get(str(item.get("kind")), str(item.get("device", "")))
-    return {**item, "amplitude": _si(name, item["amplitude"])} if "amplitude" in item else item
+def _with_design(item: Any) -> Any:
+    """Return a manoeuvre with the keys of a test input as a `Design`, and amplitudes in SI."""
+    # a value of another type is reported by the validation of the field
+    if not isinstance(item, dict):
+        return item
+    if item.get("kind") not in INPUTS:
+        if "amplitude" not in item:
+            return item
+        name = _OF_KIND.get(str(item.get("kind")), str(item.get("device", "")))
+        return {**item, "amplitude": _si(name, item["amplitude"])}
+    manoeuvre, content = {}, {"kind": item["kind"]}
+    for key, value in item.items():
+        if key in _MANOEUVRE_KEYS:
+            manoeuvre[key] = value
+        else:
+            content[key] = value
+    try:
+        design = design_of(content, "test input")
+        # faults of the signal are reported with those of the file
+        design.signal()
+    except SchemaError as error:
+        raise ValueError("; ".join(error.problems)) from error
+    return {**manoeuvre, "design": design}
 
 
-def _twice(what: str, items: Any) -> list[str]:
+def _find_repeated(what: str, items: Any) -> list[str]:
+    """Return a fault for each name that several items have."""
     names = [item.name for item in items]
-    return [
-        f"{what} {name!r} is there twice; give every {what} a name of its own"
-        for name in dict.fromkeys(names)
-        if names.count(name) > 1
-    ]
+    problems = []
+    for name in dict.fromkeys(names):
+        if names.count(name) > 1:
+            problems.append(f"{what} {name!r} is there twice; give every {what} a name of its own")
+    return problems
+
+
+def _find_unknown(
+    where: str, names: Iterable[str], allowed: Collection[str], *, what: str
+) -> list[str]:
+    """Return a fault for each name that is not allowed."""
+    problems = []
+    for name in names:
+        if name not in allowed:
+            problems.append(f"{where}: {UnknownName(name, allowed, what)}")
+    return problems
 
 
 def _si(name: str, item: Any) -> float:
-    """Return a quantity by name in SI; a name without unit is a plain number."""
+    """Return a quantity by name in SI; without a name it is a plain number."""
     try:
-        return parse_quantity(item, lookup(name).units if name else "1")
+        units = lookup(name).units if name else "1"
+        return parse_quantity(item, units)
     except (UnknownName, UnitError) as error:
         raise ValueError(f"{name}: {error}") from error

@@ -1,11 +1,12 @@
-"""A flight-test programme while it is flown: what the records so far determine, and what of the
-plan is still needed.
+"""Coverage of a flight-test programme by its records, and the cards that are still needed.
 
-The records go through the same reconstruction and fits as the prediction.  A record belongs to the
-condition of the catalogue that is nearest to its median flight; manoeuvres are found by the marks
-of the record.  What is still to be flown is predicted with the database as these flights have
-identified it, and with the weights of its prior covariance that they have taught `aerodb.tabulate`:
-how much of a standard error a flight removes depends on both.
+The records have the same reconstruction and fits as the prediction.  A record belongs to the
+condition of the catalogue that is nearest to its median flight.  Its manoeuvres are found by the
+marks of the record.
+
+The remaining cards are predicted with the database that these flights have identified, and with the
+weights of its prior covariance that `aerodb.tabulate` has estimated from them.  The reduction of a
+standard error by a further flight depends on both.
 """
 
 from __future__ import annotations
@@ -25,27 +26,25 @@ from aerodb.update.tabulation_report import Tabulation
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE
-from flighttest.flight_programme.planning.catalogue import Catalogue, PlannedCondition
+from flighttest.flight_programme.planning.catalogue import Catalogue, PlannedCondition, PlannedFit
 from flighttest.flight_programme.planning.plan import (
-    Goal,
     clock_text,
     nodes_of,
     order_of,
-    select_manoeuvres,
-    time_of,
 )
 from flighttest.flight_programme.planning.prediction import (
     Item,
     Prediction,
-    fit_model,
+    fit_models,
     predict,
     with_assumed,
 )
+from flighttest.flight_programme.planning.selection import Goal, select_manoeuvres, time_of
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
 from flighttest.records.record import manoeuvres
 
-# how far the mean of a record may be from a condition: a part of the value, and an absolute
-# distance [SI]
+# Largest distance of a record from a condition: a share of the value, and an absolute distance
+# [SI].
 _NEAR = {
     "V": (0.08, 0.0),
     "h": (0.0, 400.0),
@@ -54,18 +53,19 @@ _NEAR = {
     "speedbrake": (0.0, 0.4),
     "mach": (0.08, 0.0),
 }
+_STATES = ("achieved", "open", "unreachable")
 
 
 @dataclass(frozen=True)
 class Flights:
-    """What has been flown of a catalogue.
+    """Fits and manoeuvres of a catalogue in flight records.
 
     Attributes
     ----------
     fits : list of Fit
-        One per record, fit of the catalogue and model that its manoeuvres determine.
+        One per record, fit of the catalogue and determined model.
     conditions : dict of str to str
-        Record to condition; empty text for none near it.
+        Record to condition; empty text if no condition is near.
     done : list of (str, str)
         Condition and manoeuvre.
     """
@@ -77,21 +77,21 @@ class Flights:
 
 @dataclass(frozen=True)
 class Coverage:
-    """What is achieved and what is still needed.
+    """Achieved standard errors and the cards that are still needed.
 
     Attributes
     ----------
     flights : Flights
     nodes : DataFrame
         Wanted nodes: ``term``, axes, ``before`` the flights, ``achieved`` by the records,
-        ``expected`` with what is still needed, ``bound``, ``state``: achieved, open, or unreachable
+        ``expected`` with the needed cards, ``bound``, ``state``: achieved, open, or unreachable
         with all manoeuvres of the plan.
     needed : DataFrame
         Cards of the plan that are still needed, as `Plan.order`.
     superfluous : list of (str, str)
-        Cards of the plan that the flights have made so.
+        Cards of the plan that are not needed after the flights.
     time : float
-        Of what is needed, setups included. [s]
+        Time of the needed cards with setups. [s]
     """
 
     flights: Flights
@@ -112,8 +112,8 @@ class Coverage:
         }
 
     def report(self) -> str:
-        """Return what is achieved, open and still to be flown as text."""
-        return _report(self)
+        """Return achieved and open nodes, and the remaining cards, as text."""
+        return _format_coverage(self)
 
 
 def flights_of(
@@ -122,76 +122,86 @@ def flights_of(
     paths: Mapping[str, Any],
     aircraft: Aircraft,
 ) -> Flights:
-    """Return the fits of the catalogue that some flight records allow.
+    """Return the fits of the catalogue that flight records determine.
 
     Parameters
     ----------
     catalogue : Catalogue
     records : mapping of str to DataTree
-        For their marks.
+        Records with their marks.
     paths : mapping of str to Path
-        Their reconstructions.
+        Reconstructions of the records.
     aircraft : Aircraft
 
     Raises
     ------
     SchemaError
-        No record holds a manoeuvre of the catalogue.
+        No record has a manoeuvre of the catalogue.
     """
-
     fits: list[Any] = []
     done: list[Item] = []
     conditions = {}
     for name, record in records.items():
         data = coefficients(paths[name], aircraft, catalogue.errors or None, catalogue.cutoff)
-        conditions[name] = nearest_condition(catalogue.condition, data)
-        table = manoeuvres(record)
-        flown = {m.name: m.marked(table) for m in catalogue.manoeuvre} if len(table) else {}
-        flown = {manoeuvre: rows for manoeuvre, rows in flown.items() if len(rows)}
-        done += [(conditions[name], manoeuvre) for manoeuvre in flown if conditions[name]]
+        condition = nearest_condition(catalogue.condition, data)
+        conditions[name] = condition
+        marks = _find_marks(catalogue, manoeuvres(record))
+        if condition:
+            done += [(condition, manoeuvre) for manoeuvre in marks]
         for fit in catalogue.fit:
-            rows = [flown[manoeuvre] for manoeuvre in fit.manoeuvres if manoeuvre in flown]
-            if not rows or (fit.conditions and conditions[name] not in fit.conditions):
-                continue
-            spans = pd.concat(rows).sort_values("start")
-            parts = [
-                select_time(data, *span)
-                for span in zip(
-                    spans["start"].astype(float), spans["end"].astype(float), strict=True
-                )
-            ]
-            fits += [
-                one
-                for text in fit.models
-                if (one := fit_model(text, parts, f"{name}: {fit.name}")) is not None
-            ]
+            if not fit.conditions or condition in fit.conditions:
+                fits += _fit_record(fit, data, marks, name=name)
     if not fits:
-        names = ", ".join(m.name for m in catalogue.manoeuvre)
-        raise SchemaError(
-            "flight coverage",
-            [
-                f"no record holds a manoeuvre that a fit of the catalogue uses: {names}; "
-                f"give `marks` where records call them otherwise"
-            ],
+        names = ", ".join(manoeuvre.name for manoeuvre in catalogue.manoeuvre)
+        problem = (
+            f"no record has a manoeuvre that a fit of the catalogue uses: {names}; give `marks` "
+            "if the records use other names"
         )
+        raise SchemaError("flight coverage", [problem])
     return Flights(fits, conditions, list(dict.fromkeys(done)))
 
 
+def _find_marks(catalogue: Catalogue, table: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Return the marks of a record by manoeuvre of the catalogue."""
+    marks: dict[str, pd.DataFrame] = {}
+    if not len(table):
+        return marks
+    for manoeuvre in catalogue.manoeuvre:
+        rows = manoeuvre.marked(table)
+        if len(rows):
+            marks[manoeuvre.name] = rows
+    return marks
+
+
+def _fit_record(
+    fit: PlannedFit, data: xr.Dataset, marks: Mapping[str, pd.DataFrame], *, name: str
+) -> list[Any]:
+    """Return the models of a fit that the manoeuvres of one record determine."""
+    rows = [marks[manoeuvre] for manoeuvre in fit.manoeuvres if manoeuvre in marks]
+    if not rows:
+        return []
+    spans = pd.concat(rows).sort_values("start")
+    starts, ends = spans["start"].astype(float), spans["end"].astype(float)
+    parts = [select_time(data, *span) for span in zip(starts, ends, strict=True)]
+    return fit_models(fit, parts, name=f"{name}: {fit.name}")
+
+
 def nearest_condition(conditions: Sequence[PlannedCondition], data: xr.Dataset) -> str:
-    """Return the name of the condition next to the median of a flight; empty when none is near in
-    speed, height and configuration.
+    """Return the name of the condition nearest to the median of a flight.
+
+    The name is empty if no condition is near in speed, height and configuration.
     """
     best, distance = "", 1.0
     for condition in conditions:
-        apart = []
-        for name, wanted in condition.fixed.items():
+        # distances in units of the largest allowed distance
+        distances = []
+        for name, value in condition.fixed.items():
             if name in _NEAR and name in data:
                 relative, absolute = _NEAR[name]
-                apart.append(
-                    abs(float(data[name].median()) - wanted) / (relative * abs(wanted) + absolute)
-                )
-        if apart and max(apart) <= distance:
-            best, distance = condition.name, max(apart)
+                allowed = relative * abs(value) + absolute
+                distances.append(abs(float(data[name].median()) - value) / allowed)
+        if distances and max(distances) <= distance:
+            best, distance = condition.name, max(distances)
     return best
 
 
@@ -203,7 +213,7 @@ def coverage_of(
     database: xr.DataTree,
     jobs: int = 1,
 ) -> Coverage:
-    """Return what the flights have achieved, and what of a plan is still needed.
+    """Return the nodes that flights have achieved, and the cards that are still needed.
 
     Parameters
     ----------
@@ -211,102 +221,119 @@ def coverage_of(
     planned : sequence of (str, str)
         Condition and manoeuvre of the cards of the plan.
     flights : Flights
-        From `flights_of`.
+        As from `flights_of`.
     aircraft, database, jobs
         As in `plan_programme`.
 
     Raises
     ------
     SchemaError
-        A card that the catalogue does not have, or no manoeuvre that can be flown.
+        The catalogue does not have a card of the plan, or no manoeuvre can be flown.
     """
-    flyable = [(c.name, m.name) for c, m in catalogue.flyable()]
-    if unknown := [item for item in planned if item not in flyable]:
-        raise SchemaError("plan", [f"{c}, {m}: no manoeuvre of the catalogue" for c, m in unknown])
-    rest = [item for item in planned if item not in flights.done]
+    flyable = [(condition.name, manoeuvre.name) for condition, manoeuvre in catalogue.flyable()]
+    unknown = [item for item in planned if item not in flyable]
+    if unknown:
+        raise SchemaError(
+            "plan", [f"{c}, {m}: not a manoeuvre of the catalogue" for c, m in unknown]
+        )
+    remaining = [item for item in planned if item not in flights.done]
     learnt = tabulate(flights.fits, database, catalogue.held)
-    prediction = _rest(
-        catalogue, rest, aircraft, identify_database(learnt, database, catalogue), jobs
-    )
-    goal = Goal(prediction, database, flights.fits, learnt)
-    needed = select_manoeuvres(goal) if rest else []
+    identified = identify_database(learnt, database, catalogue)
+    prediction = _predict_remaining(catalogue, remaining, aircraft, database=identified, jobs=jobs)
+    goal = Goal(prediction, database, flown=flights.fits, learnt=learnt)
+    needed = select_manoeuvres(goal) if remaining else []
     items = [item for item in prediction.candidates if item in needed]
-    now, then = nodes_of(goal, [], database), nodes_of(goal, items, database)
+    superfluous = []
+    for item in remaining:
+        if item not in items and item in prediction.candidates:
+            superfluous.append(item)
+    return Coverage(
+        flights,
+        _compare_nodes(nodes_of(goal, [], database), nodes_of(goal, items, database)),
+        needed=order_of(prediction, items),
+        superfluous=superfluous,
+        time=time_of(prediction, items),
+    )
+
+
+def _compare_nodes(now: pd.DataFrame, then: pd.DataFrame) -> pd.DataFrame:
+    """Return the wanted nodes after the flights, and after the needed cards."""
     nodes = now.rename(columns={"expected": "achieved"}).drop(columns=["bound", "state"])
     nodes["expected"], nodes["bound"] = then["expected"], now["bound"]
-    nodes["state"] = np.where(
-        now["expected"] <= now["bound"],
-        "achieved",
-        np.where(then["state"] == "unreachable", "unreachable", "open"),
-    )
-    superfluous = [item for item in rest if item not in items and item in prediction.candidates]
-    return Coverage(
-        flights, nodes, order_of(prediction, items), superfluous, time_of(prediction, items)
-    )
+    still_open = np.where(then["state"] == "unreachable", "unreachable", "open")
+    nodes["state"] = np.where(now["expected"] <= now["bound"], "achieved", still_open)
+    return nodes
 
 
 def identify_database(
     learnt: Tabulation, database: xr.DataTree, catalogue: Catalogue
 ) -> xr.DataTree:
-    """Return the database as some flights have identified it; a term that they do not inform keeps
-    the value that the catalogue assumes.
+    """Return the database that flights have identified.
+
+    A term without information from the flights has the value that the catalogue assumes.
 
     Parameters
     ----------
     learnt : Tabulation
-        Of the flights.
+        Tabulation of the flights.
     database : DataTree
         The prior.
     catalogue : Catalogue
     """
-
     informed = learnt.report.index[learnt.report["corrected"] > 0]
-    found = {
-        name: leaf
-        for name, leaf in learnt.items()
-        if name not in catalogue.assumed or name in informed
-    }
-    return replace_terms(with_assumed(database, catalogue), found)
+    identified = {}
+    for name, leaf in learnt.items():
+        if name not in catalogue.assumed or name in informed:
+            identified[name] = leaf
+    return replace_terms(with_assumed(database, catalogue), identified)
 
 
-def _rest(
-    catalogue: Catalogue, rest: Sequence[Item], aircraft: Aircraft, database: xr.DataTree, jobs: int
+def _predict_remaining(
+    catalogue: Catalogue,
+    remaining: Sequence[Item],
+    aircraft: Aircraft,
+    *,
+    database: xr.DataTree,
+    jobs: int,
 ) -> Prediction:
-    """Return the predicted flights of the cards that are still to be flown, of no other."""
+    """Return the predicted flights of the cards that are still to be flown."""
+    if not remaining:
+        return Prediction(catalogue, {}, {}, data={}, marks={}, trims={})
+    sim = flightmech.compile(aircraft, database)
+    return predict(catalogue, sim, aircraft, jobs=jobs, only=remaining)
 
-    if not rest:
-        return Prediction(catalogue, {}, {}, {}, {}, {})
-    return predict(catalogue, flightmech.compile(aircraft, database), aircraft, jobs, rest)
 
-
-def _report(found: Coverage) -> str:
-    flights = found.flights
-    lines = [
-        f"{name}: {condition or 'no condition of the catalogue near it'}"
-        for name, condition in flights.conditions.items()
-    ]
+def _format_coverage(coverage: Coverage) -> str:
+    flights = coverage.flights
+    lines = []
+    for name, condition in flights.conditions.items():
+        lines.append(f"{name}: {condition or 'no condition of the catalogue near it'}")
     lines.append(
-        f"{len(flights.done)} manoeuvres done, {len(found.needed)} still needed, "
-        f"{len(found.superfluous)} superfluous"
+        f"{len(flights.done)} manoeuvres done, {len(coverage.needed)} still needed, "
+        f"{len(coverage.superfluous)} superfluous"
     )
-    lines.append("")
-    lines.append(
-        f"{'term':<18}{'wanted':>8}{'achieved':>10}{'open':>7}{'unreachable':>13}{'largest achieved/bound':>24}{'then':>7}"
-    )
-    for name, part in found.nodes.groupby("term", sort=False):
-        counts = part["state"].value_counts()
-        numbers = [int(counts.get(state, 0)) for state in ("achieved", "open", "unreachable")]
-        ratio = [float((part[key] / part["bound"]).max()) for key in ("achieved", "expected")]
-        lines.append(
-            f"{name!s:<18}{len(part):>8}{numbers[0]:>10}{numbers[1]:>7}{numbers[2]:>13}{ratio[0]:>24.2f}{ratio[1]:>7.2f}"
-        )
-    lines.append("")
-    lines += [
-        f"to fly: {row['condition']}, {row['manoeuvre']} ({clock_text(row['time'])})"
-        for _, row in found.needed.iterrows()
-    ]
-    lines += [
-        f"superfluous: {condition}, {manoeuvre}" for condition, manoeuvre in found.superfluous
-    ]
-    lines.append(f"time {clock_text(found.time)} with setups")
+    lines += ["", *_format_nodes(coverage.nodes), ""]
+    for _, row in coverage.needed.iterrows():
+        time = clock_text(row["time"])
+        lines.append(f"to fly: {row['condition']}, {row['manoeuvre']} ({time})")
+    lines += [f"superfluous: {', '.join(item)}" for item in coverage.superfluous]
+    lines.append(f"time {clock_text(coverage.time)} with setups")
     return "\n".join(lines)
+
+
+def _format_nodes(nodes: pd.DataFrame) -> list[str]:
+    """Return one line per term, with the number of nodes in each state."""
+    lines = [
+        f"{'term':<18}{'wanted':>8}{'achieved':>10}{'open':>7}{'unreachable':>13}"
+        f"{'largest achieved/bound':>24}{'then':>7}"
+    ]
+    for name, part in nodes.groupby("term", sort=False):
+        counts = part["state"].value_counts()
+        achieved, still_open, unreachable = (int(counts.get(state, 0)) for state in _STATES)
+        now = float((part["achieved"] / part["bound"]).max())
+        then = float((part["expected"] / part["bound"]).max())
+        lines.append(
+            f"{name!s:<18}{len(part):>8}{achieved:>10}{still_open:>7}{unreachable:>13}"
+            f"{now:>24.2f}{then:>7.2f}"
+        )
+    return lines

@@ -1,14 +1,13 @@
-"""A pilot for predictions: trims, flies a manoeuvre, recovers; on the a-priori model.
+"""Pilot model for predicted flights: trim, manoeuvre and recovery on the a-priori model.
 
-Attitudes follow second-order laws whose gains are divided by the control powers of the model in the
-trimmed flight, so that one set of frequencies serves every aircraft.  Between manoeuvres height,
-speed and heading are held.  During a test input the other controls stay where they are, but for a
-share of the attitude gains where the manoeuvre keeps one (`PlannedManoeuvre.feedback`).
+Attitudes follow second-order laws. Their gains are divided by the control powers of the model in
+the trimmed flight, so that one set of frequencies applies to every aircraft.  Between manoeuvres
+the pilot holds height, speed and heading.  During a test input the other controls are fixed, except
+for a share of the attitude gains that a manoeuvre may request (`PlannedManoeuvre.feedback`).
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,34 +16,38 @@ import numpy as np
 import xarray as xr
 
 import flightmech
-from flightmech.air import impact_pressure
-from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError
-from flightmech.names import quantity_attributes
 from flightmech.simulation.compiler import SimModel
 from flightmech.units import DEGREE
 from flighttest.flight_programme.input_design.input_signals import axes_of
 from flighttest.flight_programme.input_design.predicted_response import STEP, model_inputs
-from flighttest.flight_programme.planning.catalogue import RATE, PlannedManoeuvre
-from flighttest.records.sensors.instruments import IMU, Instrument, Instruments, parse_instruments
-from flighttest.records.signals.delays import remove_lag
+from flighttest.flight_programme.planning.catalogue import PlannedManoeuvre
 
-PERIOD = 0.02  # of the law, and of the prediction [s]
-BEFORE, BEHIND = 3.0, 12.0  # steady flight before the first manoeuvre, recovery behind each [s]
-_PITCH, _ROLL, _DAMPING = (
-    2.0,
-    1.5,
-    0.8,
-)  # natural frequencies of the attitude loops [rad/s] and their damping ratio
+# Period of the control law and of the prediction [s].
+PERIOD = 0.02
+# Steady flight before the first manoeuvre, and recovery after each manoeuvre [s].
+BEFORE, BEHIND = 3.0, 12.0
+# Natural frequencies of the attitude loops [rad/s], and their damping ratio.
+_PITCH, _ROLL, _DAMPING = 2.0, 1.5, 0.8
+# Angular acceleration that each control has to produce.
 _POWERS = {"delta_e": "q_dot", "delta_a": "p_dot"}
+# Deflection for the control power [rad], and the least power [s-2].
 _NUDGE = 0.5 * DEGREE
-_IDLE, _FULL = 0.12, 0.90  # levers of a level deceleration and acceleration
-_RAMP = 2.5  # of the rudder into and out of a sideslip [s]
+_LEAST_POWER = 1e-3
+# Levers of a level deceleration and of a level acceleration.
+_IDLE, _FULL = 0.12, 0.90
+# Duration of the rudder ramp into a sideslip [s]; the ramp out of it takes half of this.
+_RAMP = 2.5
+# Duration of a manoeuvre over its `duration`; 1 for the kinds that are not listed.
+_REPEATS = {"sideslip": 2.0, "device": 2.0, "level_speed": 2.5}
+
+_Phase = tuple[float, PlannedManoeuvre | None, xr.Dataset | None]
+"""Length of a part of the flight [s], its manoeuvre and its test input."""
 
 
 @dataclass(frozen=True)
 class PredictedFlight:
-    """A condition as predicted: the motion, and where its manoeuvres are.
+    """Predicted flight of a condition: the motion, and the times of its manoeuvres.
 
     Attributes
     ----------
@@ -63,7 +66,7 @@ def fly_manoeuvres(
     start: Mapping[str, float],
     manoeuvres: Sequence[tuple[PlannedManoeuvre, xr.Dataset | None]],
 ) -> PredictedFlight:
-    """Return the predicted flight of some manoeuvres, one after the other, from a trimmed start.
+    """Return the predicted flight of several manoeuvres, one after the other, from a trim.
 
     Parameters
     ----------
@@ -71,102 +74,109 @@ def fly_manoeuvres(
         The a-priori model.
     start : mapping of str to float
         From `input_design.trimmed_start`.
-    manoeuvres : sequence of (Manoeuvre, Dataset or None)
-        A test input comes with its signal, scaled to what the limits allow.
+    manoeuvres : sequence of (PlannedManoeuvre, Dataset or None)
+        A test input has its signal, scaled to the limits.
 
     Raises
     ------
     IdentificationError
-        A control that a pilot needs moves nothing.
+        A control that the pilot needs has no effect.
     SimulationError
         The motion diverges.
     """
-
-    phases: list[tuple[float, PlannedManoeuvre | None, xr.Dataset | None]] = [(BEFORE, None, None)]
+    phases: list[_Phase] = [(BEFORE, None, None)]
     marks: list[dict[str, Any]] = []
     clock = BEFORE
     for manoeuvre, signal in manoeuvres:
         length = manoeuvre_duration(manoeuvre, signal)
-        control = " ".join(axes_of(signal)) if signal is not None else manoeuvre.device
+        control = manoeuvre.device
+        if signal is not None:
+            control = " ".join(axes_of(signal))
         marks.append(
             {"manoeuvre": manoeuvre.name, "control": control, "start": clock, "end": clock + length}
         )
         phases += [(length, manoeuvre, signal), (BEHIND, None, None)]
         clock += length + BEHIND
     time = np.arange(round(clock / PERIOD) + 1) * PERIOD
-    held = {name: ("time", np.full(len(time), start.get(name, 0.0))) for name in sim.inputs}
-    law = _Law(sim, start, phases, _control_powers(sim, start))
+    trim = {name: ("time", np.full(len(time), start.get(name, 0.0))) for name in sim.inputs}
+    law = _Law(sim, start, phases=phases, power=_control_powers(sim, start))
     motion = flightmech.simulate_closed_loop(
-        sim, xr.Dataset(held, {"time": time}), law, PERIOD, {**start, "mode.trim": 0.0}, step=STEP
+        sim,
+        xr.Dataset(trim, {"time": time}),
+        law,
+        period=PERIOD,
+        parameters={**start, "mode.trim": 0.0},
+        step=STEP,
     )
-    inputs = {
-        name: item for name, item in held.items() if name not in motion and name not in sim.outputs
-    }
-    return PredictedFlight(motion.assign(inputs), marks)
+    # inputs that the law does not move are a part of the record too
+    constant = {}
+    for name, item in trim.items():
+        if name not in motion and name not in sim.outputs:
+            constant[name] = item
+    return PredictedFlight(motion.assign(constant), marks)
 
 
 def manoeuvre_duration(manoeuvre: PlannedManoeuvre, signal: xr.Dataset | None = None) -> float:
     """Return the length of a manoeuvre without recovery. [s]"""
     if signal is not None:
         return float(signal["time"][-1])
-    return {"sideslip": 2.0, "device": 2.0, "level_speed": 2.5}.get(
-        manoeuvre.kind, 1.0
-    ) * manoeuvre.duration
+    return _REPEATS.get(manoeuvre.kind, 1.0) * manoeuvre.duration
 
 
 def _control_powers(sim: SimModel, start: Mapping[str, float]) -> dict[str, float]:
     """Return angular accelerations per deflection at the start. [s-2]"""
-
-    found = {}
+    powers = {}
     for name, output in _POWERS.items():
-        ends = []
-        for sign in (1.0, -1.0):
-            u = xr.Dataset(
-                {name: ("time", np.full(2, start.get(name, 0.0) + sign * _NUDGE))},
-                {"time": [0.0, STEP]},
-            )
-            ends.append(
-                float(
-                    flightmech.simulate(
-                        sim, u, {**start, "mode.trim": 0.0}, step=STEP, outputs=[output]
-                    )[output][0]
-                )
-            )
-        found[name] = (ends[0] - ends[1]) / (2.0 * _NUDGE)
-        if abs(found[name]) < 1e-3:
+        # central difference of the acceleration at the first sample
+        trim = start.get(name, 0.0)
+        up = _first_output(sim, start, name, value=trim + _NUDGE, output=output)
+        down = _first_output(sim, start, name, value=trim - _NUDGE, output=output)
+        powers[name] = (up - down) / (2.0 * _NUDGE)
+        if abs(powers[name]) < _LEAST_POWER:
             raise IdentificationError(
-                f"{name} moves nothing in the a-priori model ({output} by {found[name]:.2g} "
+                f"{name} moves nothing in the a-priori model ({output} by {powers[name]:.2g} "
                 f"per rad); no manoeuvre can be predicted"
             )
-    return found
+    return powers
+
+
+def _first_output(
+    sim: SimModel, start: Mapping[str, float], name: str, *, value: float, output: str
+) -> float:
+    """Return an output at the start with one input changed."""
+    u = xr.Dataset({name: ("time", np.full(2, value))}, {"time": [0.0, STEP]})
+    motion = flightmech.simulate(sim, u, {**start, "mode.trim": 0.0}, step=STEP, outputs=[output])
+    return float(motion[output][0])
 
 
 @dataclass
 class _Law:
-    """The control law of all phases of a flight; a phase without manoeuvre holds height, speed and
-    heading.
+    """Control law of all phases of a flight.
+
+    A phase without a manoeuvre holds height, speed and heading.
     """
 
     sim: SimModel
     start: Mapping[str, float]
-    phases: Sequence[tuple[float, PlannedManoeuvre | None, xr.Dataset | None]]
+    phases: Sequence[_Phase]
     power: Mapping[str, float]
     state: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.trim = {name: float(self.start.get(name, 0.0)) for name in self.sim.inputs}
-        self.levers = [
-            name
-            for name in self.sim.inputs
-            if name.startswith("engine") and name.endswith(".throttle")
-        ]
+        self.levers = []
+        for name in self.sim.inputs:
+            if name.startswith("engine") and name.endswith(".throttle"):
+                self.levers.append(name)
         self.ends = np.cumsum([length for length, *_ in self.phases])
-        self.moving = [
-            model_inputs(self.sim, signal, dict.fromkeys(self.sim.inputs, 0.0))
-            if signal is not None
-            else None
-            for *_, signal in self.phases
-        ]
+        # deflections of each test input on the inputs of the model
+        zero = dict.fromkeys(self.sim.inputs, 0.0)
+        self.deflections: list[xr.Dataset | None] = []
+        for *_, signal in self.phases:
+            if signal is None:
+                self.deflections.append(None)
+            else:
+                self.deflections.append(model_inputs(self.sim, signal, zero))
         self.phase, self.reached = -1, set[str]()
 
     def __call__(
@@ -177,19 +187,23 @@ class _Law:
             self.first = dict(y)
             self.state = {"delta_e": self.trim["delta_e"], "lever": 0.0, "alpha": y["alpha"]}
         if number != self.phase:
+            # motion and controls at the start of the phase
             self.phase, self.base, self.reached = number, dict(y), set()
-            self.kept = {"delta_e": self.state["delta_e"], "lever": self.state["lever"]}
+            self.fixed = {"delta_e": self.state["delta_e"], "lever": self.state["lever"]}
         length, manoeuvre, _signal = self.phases[number]
         since = t - (self.ends[number] - length)
+        # slow mean of the angle of attack, for the path
         self.state["alpha"] += 0.3 * PERIOD * (y["alpha"] - self.state["alpha"])
         if manoeuvre is None:
             return self._steady(t, y)
-        moved = self.moving[number]
-        if moved is not None:
-            return self._test_input(since, y, moved, manoeuvre.feedback)
+        deflections = self.deflections[number]
+        if deflections is not None:
+            return self._test_input(since, y, deflections, share=manoeuvre.feedback)
+        # one method per kind of manoeuvre
         return getattr(self, f"_{manoeuvre.kind}")(t, since, y, manoeuvre)
 
     def _steady(self, t: float, y: Mapping[str, float]) -> dict[str, float]:
+        """Return the controls that hold height, speed and heading."""
         return {
             **self._pitch(y, self._level(t, y)),
             **self._roll(y, self._heading(y)),
@@ -198,271 +212,107 @@ class _Law:
         }
 
     def _test_input(
-        self, since: float, y: Mapping[str, float], moved: xr.Dataset, share: float
+        self, since: float, y: Mapping[str, float], deflections: xr.Dataset, *, share: float
     ) -> dict[str, float]:
-        base = {
-            "delta_e": self.kept["delta_e"],
-            "delta_a": self.trim["delta_a"],
+        """Return fixed controls with a share of the attitude gains, plus the test input."""
+        pitch = self._angular(y["theta"] - self.base["theta"], y["q"], _PITCH)
+        roll = self._angular(y["phi"] - self.first["phi"], y["p"], _ROLL)
+        controls = {
+            "delta_e": self.fixed["delta_e"] + share * pitch / self.power["delta_e"],
+            "delta_a": self.trim["delta_a"] + share * roll / self.power["delta_a"],
             "delta_r": self.trim["delta_r"],
         }
-        base["delta_e"] += (
-            share
-            * self._angular(y["theta"] - self.base["theta"], y["q"], _PITCH)
-            / self.power["delta_e"]
-        )
-        base["delta_a"] += (
-            share
-            * self._angular(y["phi"] - self.first["phi"], y["p"], _ROLL)
-            / self.power["delta_a"]
-        )
-        base |= {name: self.trim[name] + self.kept["lever"] for name in self.levers}
-        time = moved["time"].values
-        return base | {
-            str(name): base.get(str(name), self.trim[str(name)])
-            + float(np.interp(since, time, item.values))
-            for name, item in moved.data_vars.items()
-        }
+        for name in self.levers:
+            controls[name] = self.trim[name] + self.fixed["lever"]
+        time = deflections["time"].values
+        for key, item in deflections.data_vars.items():
+            name = str(key)
+            base = controls.get(name, self.trim[name])
+            controls[name] = base + float(np.interp(since, time, item.values))
+        return controls
 
     def _sideslip(
         self, t: float, since: float, y: Mapping[str, float], m: PlannedManoeuvre
     ) -> dict[str, float]:
+        # two halves of opposite sign; each has a ramp at both ends
         half = since % m.duration
         sign = 1.0 if since < m.duration else -1.0
-        rudder = (
-            sign
-            * m.amplitude
-            * min(1.0, half / _RAMP, max(0.0, (m.duration - half) / (0.5 * _RAMP)))
-        )
+        leaving = max(0.0, (m.duration - half) / (0.5 * _RAMP))
+        rudder = sign * m.amplitude * min(1.0, half / _RAMP, leaving)
         return {**self._steady(t, y), "delta_r": self.trim["delta_r"] + rudder}
 
     def _pull_up_push_down(
         self, t: float, since: float, y: Mapping[str, float], m: PlannedManoeuvre
     ) -> dict[str, float]:
         theta = self.base["theta"] + m.amplitude * np.sin(2.0 * np.pi * since / m.duration)
-        return {**self._steady(t, y), **self._pitch(y, theta), **self._levers(self.kept["lever"])}
+        return {**self._steady(t, y), **self._pitch(y, theta), **self._levers(self.fixed["lever"])}
 
     def _level_speed(
         self, t: float, since: float, y: Mapping[str, float], m: PlannedManoeuvre
     ) -> dict[str, float]:
-        slowly, fast = self.first["V"] - m.amplitude, self.first["V"] + m.amplitude
-        slow_part = since < m.duration
-        if (y["V"] <= slowly) if slow_part else (y["V"] >= fast):
-            self.reached.add("slow" if slow_part else "fast")
-        if slow_part:
-            power = self._speed(y, slowly) if "slow" in self.reached else self._all(_IDLE)
-        elif "fast" in self.reached:
-            power = self._speed(y, fast)
+        """Return idle until the airspeed is low, then full power until it is high."""
+        if since < m.duration:
+            stage, lever, speed = "slow", _IDLE, self.first["V"] - m.amplitude
+            arrived = y["V"] <= speed
         else:
-            power = self._all(_FULL)
+            stage, lever, speed = "fast", _FULL, self.first["V"] + m.amplitude
+            arrived = y["V"] >= speed
+        if arrived:
+            self.reached.add(stage)
+        if stage in self.reached:
+            power = self._speed(y, speed)
+        else:
+            power = dict.fromkeys(self.levers, lever)
         return {**self._steady(t, y), **power}
 
     def _device(
         self, t: float, since: float, y: Mapping[str, float], m: PlannedManoeuvre
     ) -> dict[str, float]:
+        # 0.5 s at rest, travel out, pause, travel back
         travel = 0.5 * m.duration
-        part = np.interp(
-            since, [0.5, 0.5 + travel, m.duration, m.duration + travel], [0.0, 1.0, 1.0, 0.0]
-        )
-        return {
-            **self._steady(t, y),
-            m.device: self.trim[m.device] + part * (m.amplitude - self.trim[m.device]),
-        }
+        corners = [0.5, 0.5 + travel, m.duration, m.duration + travel]
+        part = np.interp(since, corners, [0.0, 1.0, 1.0, 0.0])
+        trim = self.trim[m.device]
+        return {**self._steady(t, y), m.device: trim + part * (m.amplitude - trim)}
 
     @staticmethod
     def _angular(error: float, rate: float, w: float) -> float:
+        """Return the angular acceleration of a second-order law."""
         return -(w**2) * error - 2.0 * _DAMPING * w * rate
 
     def _level(self, t: float, y: Mapping[str, float]) -> float:
         """Return the pitch attitude that brings the aircraft back to its path."""
         speed = max(y["V"], 1.0)
-        climb = self.first["hdot"] + float(
-            np.clip(0.15 * (self.first["h"] + self.first["hdot"] * t - y["h"]), -3.0, 3.0)
-        )
+        # climb of the trim, with a correction of the height of at most 3 m/s
+        error = self.first["h"] + self.first["hdot"] * t - y["h"]
+        climb = self.first["hdot"] + float(np.clip(0.15 * error, -3.0, 3.0))
         gamma = climb / speed + 0.5 * (climb - y["hdot"]) / speed
         return self.state["alpha"] * np.cos(y["phi"]) + float(np.clip(gamma, -0.15, 0.15))
 
     def _pitch(self, y: Mapping[str, float], theta: float) -> dict[str, float]:
+        """Return the elevator for a pitch attitude; its integral is the trim."""
+        # pitch rate of a level turn
         turn = 9.81 * np.tan(y["phi"]) * np.sin(y["phi"]) / max(y["V"], 1.0)
         error = y["theta"] - theta
         self.state["delta_e"] -= PERIOD * 0.3 * _PITCH**3 * error / self.power["delta_e"]
-        return {
-            "delta_e": self.state["delta_e"]
-            + self._angular(error, y["q"] - turn, _PITCH) / self.power["delta_e"]
-        }
+        acceleration = self._angular(error, y["q"] - turn, _PITCH)
+        return {"delta_e": self.state["delta_e"] + acceleration / self.power["delta_e"]}
 
     def _heading(self, y: Mapping[str, float]) -> float:
+        """Return the bank that brings the aircraft back to its heading."""
         error = (self.first["psi"] - y["psi"] + np.pi) % (2.0 * np.pi) - np.pi
         return self.first["phi"] + float(np.clip(1.2 * error, -0.4, 0.4))
 
     def _roll(self, y: Mapping[str, float], phi: float) -> dict[str, float]:
-        return {
-            "delta_a": self.trim["delta_a"]
-            + self._angular(y["phi"] - phi, y["p"], _ROLL) / self.power["delta_a"]
-        }
+        acceleration = self._angular(y["phi"] - phi, y["p"], _ROLL)
+        return {"delta_a": self.trim["delta_a"] + acceleration / self.power["delta_a"]}
 
     def _speed(self, y: Mapping[str, float], speed: float) -> dict[str, float]:
+        """Return the levers for a speed, by a proportional and integral law."""
         error = speed - y["V"]
-        self.state["lever"] = float(
-            np.clip(self.state["lever"] + PERIOD * 0.012 * error, -1.0, 1.0)
-        )
+        integral = self.state["lever"] + PERIOD * 0.012 * error
+        self.state["lever"] = float(np.clip(integral, -1.0, 1.0))
         return self._levers(self.state["lever"] + 0.055 * error)
 
     def _levers(self, change: float) -> dict[str, float]:
         return {name: float(np.clip(self.trim[name] + change, 0.0, 1.0)) for name in self.levers}
-
-    def _all(self, lever: float) -> dict[str, float]:
-        return dict.fromkeys(self.levers, lever)
-
-
-_ATTITUDE = ("phi", "theta", "psi")
-_CONTROLS = ("delta_e", "delta_a", "delta_r", "delta_f", "gear", "speedbrake")
-_MASS = ("mass", "x_cg_b", "y_cg_b", "z_cg_b")
-
-
-def predicted_record(
-    flown: PredictedFlight,
-    aircraft: Aircraft,
-    title: str,
-    rates: Mapping[str, float] | None = None,
-    seed: int = 0,
-) -> xr.DataTree:
-    """Return the flight record of a predicted flight.
-
-    Parameters
-    ----------
-    flown : Flown
-    aircraft : Aircraft
-        Its instruments: noise, positions, mean factors, lags, delays and static error.
-    title : str
-        Of the record.
-    rates : mapping of str to float, optional
-        Samples per second of an instrument by its name; 50 Hz without. [Hz]
-    seed : int
-        Of the noise.
-
-    Returns
-    -------
-    DataTree
-        As `flighttest.read` returns it, with manoeuvres.
-
-    Raises
-    ------
-    SchemaError
-        Instruments that a reconstruction cannot work with.
-    """
-    rng = np.random.default_rng(seed)
-    specification = parse_instruments(aircraft.instruments, f"instruments of {aircraft.name}")
-    time = flown.motion["time"].values
-    sensed = _sensed(flown.motion, aircraft, specification)
-    leaves: dict[str, xr.Dataset] = {}
-    for name, item in specification.table.items():
-        channels = [
-            channel for channel in item.noise if channel in sensed and channel not in _CONTROLS
-        ]
-        if channels:
-            leaves[name] = _leaf(
-                time, {c: sensed[c] for c in channels}, item, (rates or {}).get(name, RATE), rng
-            )
-    known = {
-        c: sensed[c]
-        for c in (*_CONTROLS, *_MASS, *(n for n in sensed if n.endswith(".thrust")))
-        if c in sensed
-    }
-    surfaces = next(
-        (item for item in specification.table.values() if set(item.noise) & set(_CONTROLS)),
-        Instrument(),
-    )
-    leaves["controls_and_mass"] = _leaf(time, known, surfaces, RATE, rng)
-    about = {
-        "title": title,
-        "manoeuvres": json.dumps(flown.marks),
-        "unmapped": "",
-        "absent": "",
-        "notes": "[]",
-        "purpose": "prediction",
-    }
-    return xr.DataTree.from_dict(
-        {"/": xr.Dataset(attrs=about), **{f"/{name}": data for name, data in leaves.items()}}
-    )
-
-
-def _sensed(
-    motion: xr.Dataset, aircraft: Aircraft, specification: Instruments
-) -> dict[str, np.ndarray]:
-    """Return what perfect sensors at their places would show, by channel."""
-    y = {str(name): item.values for name, item in motion.data_vars.items()}
-    time = motion["time"].values
-    cg = np.stack(
-        [
-            y.get(name, np.full(len(time), at))
-            for name, at in zip(_MASS[1:], aircraft.cg, strict=True)
-        ],
-        axis=1,
-    )
-    omega = np.stack([y[name] for name in "pqr"], axis=1)
-    omega_dot = np.stack([y[f"{name}_dot"] for name in "pqr"], axis=1)
-
-    def arm(channel: str) -> np.ndarray:
-        position = specification.of(channel).position
-        return (np.asarray(position) - cg) if position is not None else np.zeros_like(cg)
-
-    r = arm("ax_imu")
-    force = (
-        np.stack([y[name] for name in ("ax", "ay", "az")], axis=1)
-        + np.cross(omega_dot, r)
-        + np.cross(omega, np.cross(omega, r))
-    )
-    found = {
-        **dict(zip(IMU[:3], omega.T, strict=True)),
-        **dict(zip(IMU[3:], force.T, strict=True)),
-        **{n: y[n] for n in _ATTITUDE},
-    }
-    u, v, w = (np.stack([y[name] for name in "uvw"], axis=1) + np.cross(omega, arm("alpha_vane"))).T
-    for name, flow in (("alpha_vane", np.arctan2(w, u)), ("beta_vane", np.arctan2(v, u))):
-        item = specification.of(name)
-        shown = remove_lag(time, flow, -item.lag[0], name) if item.lag else flow
-        found[name] = item.factor.get(name, (1.0, 0.0))[0] * shown
-    q_c = impact_pressure(y["mach"], y["p_static"])
-    error = (specification.of("q_c").static_error or (0.0, 0.0))[0]
-    found |= {
-        "q_c": q_c * (1.0 - error),
-        "p_static": y["p_static"] + error * q_c,
-        "temperature": y["temperature"],
-    }
-    found |= {
-        name: y[name] * specification.of(name).factor.get(name, (1.0, 0.0))[0]
-        for name in ("V", "V_cas", "mach")
-    }
-    found |= {"vn": y["vn"], "ve": y["ve"], "vd": y["vd"], "h_gps": y["h"]}
-    found |= {
-        name: y.get(f"applied.{name}", y.get(name))
-        for name in _CONTROLS
-        if f"applied.{name}" in y or name in y
-    }
-    return found | {
-        name: x
-        for name, x in y.items()
-        if name in _MASS or (name.startswith("engine") and name.endswith(".thrust"))
-    }
-
-
-def _leaf(
-    time: np.ndarray,
-    channels: Mapping[str, np.ndarray],
-    item: Instrument,
-    rate: float,
-    rng: np.random.Generator,
-) -> xr.Dataset:
-    clock = np.arange(time[0], time[-1] + 1e-9, 1.0 / rate)
-    delay = item.delay[0] if item.delay else 0.0
-    shown = {}
-    for name, x in channels.items():
-        level = item.noise.get(name, 0.0)
-        x = np.interp(clock - delay, time, np.unwrap(x) if name == "psi" else x)
-        shown[name] = (
-            "time",
-            x + rng.normal(0.0, level, len(clock)) if level else x,
-            quantity_attributes(name),
-        )
-    about = {"rate": rate, "gaps": "", "duplicates": 0, "missing": "", "flags": "[]"}
-    return xr.Dataset(shown, {"time": ("time", clock, quantity_attributes("time"))}, about)

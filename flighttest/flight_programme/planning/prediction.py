@@ -1,10 +1,8 @@
-"""What the manoeuvres of a catalogue would determine: flown on the a-priori model, recorded,
-reconstructed and fitted as real ones.
+"""Predicted flights of a catalogue, with the processing of real flights.
 
-Every condition becomes one predicted flight record with all its manoeuvres.  The records go through
-the reconstruction of a programme, so that the fits carry what the instruments leave open, and a
-local fit of any choice of manoeuvres is the observation theta = H g + D s + e that the
-identification will form.
+Every condition becomes one predicted flight record with all its manoeuvres.  The records have the
+reconstruction of a programme, so that the fits contain the errors of the instruments.  A local fit
+of any choice of manoeuvres is then the observation theta = H g + D s + e of the identification.
 """
 
 from __future__ import annotations
@@ -46,20 +44,15 @@ from flighttest.flight_programme.planning.pilot import (
     BEHIND,
     PredictedFlight,
     fly_manoeuvres,
-    predicted_record,
 )
+from flighttest.flight_programme.planning.predicted_record import predicted_record
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
 from flighttest.reconstruction.flight_programme import reconstruct_programme
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 
-_PARTS = (
-    1.0,
-    0.85,
-    0.7,
-    0.55,
-    0.4,
-)  # of the amplitude of a manoeuvre without test input that are tried
+# Shares of the amplitude that are tried for a manoeuvre without a test input.
+_PARTS = (1.0, 0.85, 0.7, 0.55, 0.4)
 
 Item = tuple[str, str]
 """Condition and manoeuvre, by name."""
@@ -74,17 +67,17 @@ class Candidate:
     item : (str, str)
         Condition and manoeuvre.
     manoeuvre : Manoeuvre
-        As flown: the amplitude of one without test input is that which the limits allow.
+        The manoeuvre; without a test input its amplitude is scaled to the limits.
     time : float
-        Of the manoeuvre with its recovery or `setup`, whichever is longer. [s]
+        Time of the manoeuvre with its recovery or `setup`, whichever is longer. [s]
     fuel : float
-        Burnt meanwhile; NaN where the model has no fuel flow. [kg]
+        Fuel in this time; NaN if the model has no fuel flow. [kg]
     signal : Dataset or None
-        The test input as flown.
+        The test input, scaled to the limits.
     extremes : dict of str to (float, float)
         Lowest and highest value of the limited outputs. [SI]
     binding : str
-        The limit that stopped the amplitude, in words.
+        Description of the limit that a larger amplitude exceeds.
     """
 
     item: Item
@@ -104,9 +97,9 @@ class Prediction:
     ----------
     catalogue : Catalogue
     candidates : dict of (str, str) to Candidate
-        What can be flown.
+        Manoeuvres inside the limits.
     refused : dict of (str, str) to str
-        What cannot, and why.
+        Reason for each manoeuvre that cannot be flown.
     data : dict of str to Dataset (time,)
         Coefficients along each condition, as `flighttest.coefficients` returns them.
     marks : dict of str to DataFrame
@@ -124,8 +117,9 @@ class Prediction:
     _fits: dict[Any, list[Any]] = field(default_factory=dict, repr=False)
 
     def fits(self, items: Sequence[Item]) -> list[Any]:
-        """Return the fits that a choice of manoeuvres allows; a model that they do not determine is
-        left out.
+        """Return the fits of a choice of manoeuvres.
+
+        A model that the manoeuvres do not determine is omitted.
 
         Parameters
         ----------
@@ -134,35 +128,37 @@ class Prediction:
         Returns
         -------
         list of Fit
-            One per condition, fit of the catalogue and model, worked out once for every
-            combination.
+            One per condition, fit of the catalogue and model.  The fits of a combination of
+            manoeuvres are computed once.
         """
-        found: list[Any] = []
+        fits: list[Any] = []
         for condition in self.data:
-            flown = {manoeuvre for name, manoeuvre in items if name == condition}
+            chosen = {manoeuvre for name, manoeuvre in items if name == condition}
             for fit in self.catalogue.fit:
-                used = tuple(name for name in fit.manoeuvres if name in flown)
+                used = tuple(name for name in fit.manoeuvres if name in chosen)
                 if used and (not fit.conditions or condition in fit.conditions):
-                    found += self._fitted(condition, fit, used)
-        return found
+                    fits += self._fits_of(condition, fit, used)
+        return fits
 
-    def _fitted(self, condition: str, fit: PlannedFit, used: tuple[str, ...]) -> list[Any]:
+    def _fits_of(self, condition: str, fit: PlannedFit, used: tuple[str, ...]) -> list[Any]:
         key = condition, fit.name, used
         if key not in self._fits:
             marks = self.marks[condition]
-            chosen = marks[marks["manoeuvre"].isin(used)]
-            spans = zip(chosen["start"].astype(float), chosen["end"].astype(float), strict=True)
+            marks = marks[marks["manoeuvre"].isin(used)]
+            spans = zip(marks["start"].astype(float), marks["end"].astype(float), strict=True)
             parts = [select_time(self.data[condition], *span) for span in spans]
-            self._fits[key] = [
-                one
-                for text in fit.models
-                if (one := fit_model(text, parts, f"{condition}: {fit.name}")) is not None
-            ]
+            self._fits[key] = fit_models(fit, parts, name=f"{condition}: {fit.name}")
         return self._fits[key]
 
 
+def fit_models(fit: PlannedFit, parts: list[xr.Dataset], *, name: str) -> list[Any]:
+    """Return the models of a fit that manoeuvres determine."""
+    fits = [fit_model(text, parts, name) for text in fit.models]
+    return [result for result in fits if result is not None]
+
+
 def fit_model(text: str, parts: list[xr.Dataset], name: str) -> Any:
-    """Return the fit of a model to manoeuvres, None where they do not determine it."""
+    """Return the fit of a model to manoeuvres, or None if they do not determine it."""
     try:
         return regress(RegressionModel.parse(text), parts, name=name)
     except IdentificationError:
@@ -170,32 +166,26 @@ def fit_model(text: str, parts: list[xr.Dataset], name: str) -> Any:
 
 
 def with_assumed(database: xr.DataTree, catalogue: Catalogue) -> xr.DataTree:
-    """Return the database whose terms have the values that a catalogue assumes for the prediction,
-    at all nodes.
+    """Return the database with the values that a catalogue assumes for the prediction.
 
-    A term that the flights shall find starts from zero; a rudder without effect would fly no
-    sideslip.
+    An assumed term has its value at all nodes. A term that the flights identify is often zero in
+    the database, but an aircraft without rudder power cannot have a sideslip.
 
     Raises
     ------
     SchemaError
-        Terms that the database does not have.
+        The database does not have an assumed term.
     """
-
     leaves = terms(database)
-    if unknown := [
-        f"assumed: {UnknownName(name, leaves, 'term')}"
-        for name in catalogue.assumed
-        if name not in leaves
-    ]:
+    unknown, changed = [], {}
+    for name, value in catalogue.assumed.items():
+        if name in leaves:
+            changed[name] = leaves[name].assign(value=xr.full_like(leaves[name]["value"], value))
+        else:
+            unknown.append(f"assumed: {UnknownName(name, leaves, 'term')}")
+    if unknown:
         raise SchemaError("catalogue", unknown)
-    return replace_terms(
-        database,
-        {
-            name: leaves[name].assign(value=xr.full_like(leaves[name]["value"], x))
-            for name, x in catalogue.assumed.items()
-        },
-    )
+    return replace_terms(database, changed)
 
 
 def predict(
@@ -205,7 +195,7 @@ def predict(
     jobs: int = 1,
     only: Sequence[Item] | None = None,
 ) -> Prediction:
-    """Return the predicted flights of all manoeuvres of a catalogue, each condition one record.
+    """Return the predicted flights of a catalogue, one record per condition.
 
     Parameters
     ----------
@@ -214,11 +204,11 @@ def predict(
         The a-priori model: aircraft and prior database, with the terms that the catalogue assumes
         (`with_assumed`).
     aircraft : Aircraft
-        For instruments, limits of surfaces, mass and lengths.
+        Aircraft with instruments, limits of surfaces, mass and lengths.
     jobs : int
         Processes for the reconstruction.
     only : sequence of (str, str), optional
-        Condition and manoeuvre of those that are flown; all without it.
+        Condition and manoeuvre of the flights to predict; all by default.
 
     Returns
     -------
@@ -227,132 +217,169 @@ def predict(
     Raises
     ------
     SchemaError
-        No manoeuvre can be flown, with the reason for each; instruments that a reconstruction
-        cannot work with.
+        No manoeuvre can be flown, with the reason for each; or a reconstruction is not possible
+        with the instruments.
     """
-
-    candidates: dict[Item, Candidate] = {}
-    refused: dict[Item, str] = {}
-    records, marks = {}, {}
-    trims: dict[str, dict[str, float]] = {}
+    prediction = Prediction(catalogue, {}, {}, data={}, marks={}, trims={})
+    model = _Model(sim, aircraft)
+    records = {}
     for number, condition in enumerate(catalogue.condition):
-        wanted = [
-            m
-            for c, m in catalogue.flyable()
-            if c.name == condition.name and (only is None or (c.name, m.name) in only)
-        ]
-        if not wanted:
-            continue
-        flown = _condition(catalogue, condition, wanted, sim, aircraft, candidates, refused, trims)
-        if flown is not None:
-            marks[condition.name] = pd.DataFrame(flown.marks)
+        manoeuvres = []
+        for allowed, manoeuvre in catalogue.flyable():
+            is_requested = only is None or (condition.name, manoeuvre.name) in only
+            if allowed.name == condition.name and is_requested:
+                manoeuvres.append(manoeuvre)
+        flight = _fly_condition(prediction, condition, manoeuvres, model=model)
+        if flight is not None:
+            prediction.marks[condition.name] = pd.DataFrame(flight.marks)
             records[condition.name] = predicted_record(
-                flown, aircraft, condition.name, catalogue.rates, catalogue.seed + number
+                flight,
+                aircraft,
+                title=condition.name,
+                rates=catalogue.rates,
+                seed=catalogue.seed + number,
             )
     if not records:
-        raise SchemaError(
-            "flight programme", [f"{c}, {m}: {why}" for (c, m), why in refused.items()]
-        )
+        problems = [f"{c}, {m}: {why}" for (c, m), why in prediction.refused.items()]
+        raise SchemaError("flight programme", problems)
     paths = reconstruct_programme(list(records.values()), aircraft, jobs=jobs)
-    data = {
-        name: coefficients(path, aircraft, catalogue.errors or None, catalogue.cutoff)
-        for name, path in zip(records, paths, strict=True)
-    }
-    return Prediction(catalogue, candidates, refused, data, marks, trims)
+    for name, path in zip(records, paths, strict=True):
+        prediction.data[name] = coefficients(
+            path, aircraft, catalogue.errors or None, catalogue.cutoff
+        )
+    return prediction
 
 
-def _condition(
-    catalogue: Catalogue,
+@dataclass(frozen=True)
+class _Model:
+    """The a-priori model and its aircraft."""
+
+    sim: SimModel
+    aircraft: Aircraft
+
+
+def _fly_condition(
+    prediction: Prediction,
     condition: PlannedCondition,
-    wanted: Sequence[PlannedManoeuvre],
-    sim: SimModel,
-    aircraft: Aircraft,
-    candidates: dict[Item, Candidate],
-    refused: dict[Item, str],
-    trims: dict[str, dict[str, float]],
+    manoeuvres: Sequence[PlannedManoeuvre],
+    *,
+    model: _Model,
 ) -> PredictedFlight | None:
-    """Fly all manoeuvres of a condition that can be flown, one after the other; None for none."""
+    """Return one flight with all manoeuvres of a condition inside the limits, or None.
+
+    Candidates, refused manoeuvres and the trim are added to the prediction.
+    """
+    if not manoeuvres:
+        return None
     try:
         start = trimmed_start(
-            sim, condition.parameters, condition.kind, condition.fixed, condition.unknowns
+            model.sim,
+            condition.parameters,
+            kind=condition.kind,
+            fixed=condition.fixed,
+            unknowns=condition.unknowns,
         )
     except AeromatchError as error:
-        refused.update({(condition.name, m.name): str(error) for m in wanted})
+        for manoeuvre in manoeuvres:
+            prediction.refused[condition.name, manoeuvre.name] = str(error)
         return None
-    trims[condition.name] = dict(start)
-    limits = {**catalogue.limits, **condition.limits}
+    prediction.trims[condition.name] = dict(start)
+    limits = {**prediction.catalogue.limits, **condition.limits}
+    margin = prediction.catalogue.margin
     ready = []
-    for manoeuvre in wanted:
+    for manoeuvre in manoeuvres:
         item = condition.name, manoeuvre.name
         try:
-            signal, binding = _fitted_signal(catalogue, manoeuvre, sim, aircraft, start, limits)
-            manoeuvre, alone, stopped = _within(sim, start, manoeuvre, signal, limits)
+            signal, binding = _scale_input(model, manoeuvre, start, limits=limits, margin=margin)
+            scaled, alone, excess = _scale_manoeuvre(
+                model.sim, manoeuvre, signal, start=start, limits=limits
+            )
         except AeromatchError as error:
-            refused[item] = str(error)
+            prediction.refused[item] = str(error)
             continue
-        ready.append((manoeuvre, signal))
-        candidates[item] = _candidate(item, manoeuvre, signal, binding or stopped, alone, limits)
-    return fly_manoeuvres(sim, start, ready) if ready else None
+        ready.append((scaled, signal))
+        prediction.candidates[item] = _make_candidate(
+            item, scaled, signal, binding=binding or excess, alone=alone, limits=limits
+        )
+    if not ready:
+        return None
+    return fly_manoeuvres(model.sim, start, ready)
 
 
-def _within(
+def _scale_manoeuvre(
     sim: SimModel,
-    start: Mapping[str, float],
     manoeuvre: PlannedManoeuvre,
     signal: xr.Dataset | None,
-    limits: Mapping[str, Any],
-) -> tuple[PlannedManoeuvre, PredictedFlight, str]:
-    """Return a manoeuvre as large as the limits allow, its flight, and the limit that a larger one
-    breaks.
-    """
-    stopped = ""
-    for part in _PARTS if signal is None and manoeuvre.kind != "device" else (1.0,):
-        smaller = manoeuvre.model_copy(update={"amplitude": part * manoeuvre.amplitude})
-        flown = fly_manoeuvres(sim, start, [(smaller, signal)])
-        broken = first_exceeded_limit(
-            flown.motion, {name: pair for name, pair in limits.items() if name in flown.motion}
-        )
-        if not broken:
-            return smaller, flown, stopped
-        stopped = broken
-    raise OutOfRange(stopped)
-
-
-def _fitted_signal(
-    catalogue: Catalogue,
-    manoeuvre: PlannedManoeuvre,
-    sim: SimModel,
-    aircraft: Aircraft,
+    *,
     start: Mapping[str, float],
     limits: Mapping[str, Any],
+) -> tuple[PlannedManoeuvre, PredictedFlight, str]:
+    """Return the largest manoeuvre inside the limits, its flight, and the limit of a larger one."""
+    excess = ""
+    # a test input is scaled already, and a device has one amplitude
+    parts: Sequence[float] = _PARTS
+    if signal is not None or manoeuvre.kind == "device":
+        parts = (1.0,)
+    for part in parts:
+        scaled = manoeuvre.model_copy(update={"amplitude": part * manoeuvre.amplitude})
+        flight = fly_manoeuvres(sim, start, [(scaled, signal)])
+        recorded = {name: pair for name, pair in limits.items() if name in flight.motion}
+        exceeded = first_exceeded_limit(flight.motion, recorded)
+        if not exceeded:
+            return scaled, flight, excess
+        excess = exceeded
+    raise OutOfRange(excess)
+
+
+def _scale_input(
+    model: _Model,
+    manoeuvre: PlannedManoeuvre,
+    start: Mapping[str, float],
+    *,
+    limits: Mapping[str, Any],
+    margin: float,
 ) -> tuple[xr.Dataset | None, str]:
-    """Return a test input, as large as the limits allow, and the limit that stopped it."""
+    """Return the largest test input inside the limits, and the limit that a larger one exceeds."""
     if manoeuvre.design is None:
         return None, ""
-    signal = manoeuvre.design.signal()
-    allowed = {**surface_limits(sim, aircraft, signal), **limits}
-    signal = scale_signal(signal, each_within(sim, signal, start, allowed, catalogue.margin))
-    amplitude = amplitude_within(sim, signal, start, allowed, margin=catalogue.margin)
-    return scale_signal(
-        signal, dict.fromkeys(manoeuvre.design.axis, amplitude.scale)
-    ), amplitude.binding
+    sim, signal = model.sim, manoeuvre.design.signal()
+    limits = {**surface_limits(sim, model.aircraft, signal), **limits}
+    # each axis alone, then all axes together by one factor
+    factors = each_within(sim, signal, start, limits=limits, margin=margin)
+    signal = scale_signal(signal, factors)
+    amplitude = amplitude_within(sim, signal, start, limits=limits, margin=margin)
+    factors = dict.fromkeys(manoeuvre.design.axis, amplitude.scale)
+    return scale_signal(signal, factors), amplitude.binding
 
 
-def _candidate(
+def _make_candidate(
     item: Item,
     manoeuvre: PlannedManoeuvre,
     signal: xr.Dataset | None,
+    *,
     binding: str,
     alone: PredictedFlight,
-    limits,
+    limits: Mapping[str, Any],
 ) -> Candidate:
+    """Return a manoeuvre with time, fuel and extremes of its flight alone."""
     mark, motion = alone.marks[0], alone.motion
     part = motion.sel(time=slice(mark["start"], mark["end"]))
-    length = float(mark["end"] - mark["start"])
-    time = length + max(manoeuvre.setup, BEHIND)
+    time = float(mark["end"] - mark["start"]) + max(manoeuvre.setup, BEHIND)
     flow = [motion[name].values for name in motion.data_vars if str(name).endswith(".fuel_flow")]
-    fuel = time * float(np.sum(flow, axis=0).mean()) if flow else np.nan
-    extremes = {
-        name: (float(part[name].min()), float(part[name].max())) for name in limits if name in part
-    }
-    return Candidate(item, manoeuvre, time, fuel, signal, extremes, binding)
+    fuel = np.nan
+    if flow:
+        # mean flow of all engines over the whole flight
+        fuel = time * float(np.sum(flow, axis=0).mean())
+    extremes = {}
+    for name in limits:
+        if name in part:
+            extremes[name] = (float(part[name].min()), float(part[name].max()))
+    return Candidate(
+        item,
+        manoeuvre,
+        time=time,
+        fuel=fuel,
+        signal=signal,
+        extremes=extremes,
+        binding=binding,
+    )

@@ -1,17 +1,18 @@
-"""Estimates while a manoeuvre is flown: equation error on recursive Fourier transforms, with a
-standard error over time.
+"""Estimates during a manoeuvre: equation error on recursive Fourier transforms.
 
 The transform of every signal at fixed frequencies grows by one term per sample,
 
     F_k(f) = F_k-1(f) + x_k exp(-2 pi j f t_k) dt,
 
-so that the work per sample does not grow with the record.  At any time the real parameters follow
-from the transforms inside the band. Mean and drift of the signals are transformed along as a
-constant and a ramp and solved for, where [Morelli2000] filters them out.
+so that the work per sample does not grow with the record.  At any time the real parameters and
+their standard errors follow from the transforms inside the band.  [Morelli2000] filters mean and
+drift of the signals out.  Here a constant and a ramp are transformed too, and their parameters are
+estimated with the others.
 
 References
 ----------
-.. [Morelli2000] Morelli, Real-time parameter estimation in the frequency domain, J. Guidance, Control, and Dynamics 23, 2000.
+.. [Morelli2000] Morelli, Real-time parameter estimation in the frequency domain, J. Guidance,
+   Control, and Dynamics 23, 2000.
 .. [Klein2006] Klein, Morelli, Aircraft System Identification, AIAA 2006, chapter 8.
 """
 
@@ -26,33 +27,37 @@ from flightmech.errors import IdentificationError, UnknownName
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.transformed_stretches import stack_complex
 
-SPACING = 0.04  # of the frequencies [Hz]
-_NUISANCE = 2  # constant and ramp
+# Spacing of the frequencies [Hz].
+SPACING = 0.04
+# Number of unknowns that are not reported: constant and ramp.
+_NUISANCE = 2
+# Largest condition number of the scaled regressors.
+_LARGEST_CONDITION = 1e8
 
 
 class RunningEstimate:
-    """Estimates of one model from samples as they come.
+    """Running estimates of one model.
 
     Parameters
     ----------
-    model : Model
-        Coefficient and terms; the constant ``1`` is solved for and not reported.
+    model : RegressionModel
+        Coefficient and terms; the constant ``1`` is estimated and not reported.
     band : (low, high)
-        Where the excitation is. [Hz]
+        Band of the excitation. [Hz]
     spacing : float
-        Of the frequencies. [Hz]
+        Spacing of the frequencies. [Hz]
 
     Raises
     ------
     IdentificationError
-        A band that is none, or with fewer frequencies than terms.
+        The band is empty, or has fewer frequencies than the model has terms.
     """
 
     def __init__(self, model: RegressionModel, band: tuple[float, float], spacing: float = SPACING):
         if not 0.0 < band[0] < band[1] or not spacing > 0.0:
             raise IdentificationError(
                 f"band {band[0]:g} ... {band[1]:g} Hz, spacing {spacing:g} Hz; expected 0 < "
-                f"low < high, as 0.1 ... 2"
+                f"low < high, as 0.1 ... 2, and a positive spacing"
             )
         self.model, self.spacing = model, spacing
         self.terms = [term for term in model.terms if term != "1"]
@@ -68,18 +73,18 @@ class RunningEstimate:
         self.duration = 0.0
 
     def add(self, data: xr.Dataset) -> None:
-        """Take further samples.
+        """Add samples to the transforms.
 
         Parameters
         ----------
         data : Dataset (time,)
-            Two samples at least, uniform in time: the coefficient and the variables of the model;
-            samples with NaN are left out.
+            At least two samples, uniform in time, of the coefficient and the variables of the
+            model.  Samples with NaN are ignored.
 
         Raises
         ------
         UnknownName
-            A variable that the samples do not hold.
+            The samples do not have a variable of the model.
         """
         coefficient = self.model.coefficient
         for name in (coefficient, *self.model.variables):
@@ -95,41 +100,43 @@ class RunningEstimate:
         since = time - self._start
         X = self.model.design(data)[:, [term != "1" for term in self.model.terms]]
         columns = np.column_stack([data[coefficient].values, X, np.ones_like(since), since])
-        known = np.isfinite(columns).all(axis=1)
-        self._transforms += (
-            np.exp(-2j * np.pi * np.outer(self.frequencies, since[known])) @ columns[known] * step
-        )
-        self.duration += step * float(known.sum())
+        complete = np.isfinite(columns).all(axis=1)
+        kernel = np.exp(-2j * np.pi * np.outer(self.frequencies, since[complete]))
+        self._transforms += kernel @ columns[complete] * step
+        self.duration += step * float(complete.sum())
 
     def estimate(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return estimates and standard errors of the terms, (terms,) each; NaN while the samples
-        do not determine them.
+        """Return estimates and standard errors of the terms, (terms,) each.
+
+        Both are NaN while the samples do not determine them.
 
         Notes
         -----
-        Covariance 1/2 s^2 [Re(X* X)]^-1 c with c = max(1, 1/(T df)): frequencies closer than 1/T are not independent.  The disturbance is
-        taken as white inside the band.
+        Covariance 1/2 s^2 [Re(X* X)]^-1 c with c = max(1, 1/(T df)), because frequencies closer
+        than 1/T are not independent.  The disturbance is assumed to be white inside the band.
         """
         unknown = np.full(len(self.terms), np.nan)
+        # number of independent frequencies, and the share of the data that is left for the residual
         independent = len(self.frequencies) * min(1.0, self.duration * self.spacing)
-        freedom = 1.0 - (len(self.terms) + _NUISANCE) / (2.0 * independent) if independent else 0.0
+        freedom = 0.0
+        if independent:
+            freedom = 1.0 - (len(self.terms) + _NUISANCE) / (2.0 * independent)
         if freedom <= 0.0:
             return unknown, unknown
         rows = stack_complex(self._transforms / np.sqrt(self.duration))
         z, X = rows[:, 0], rows[:, 1:]
+        # columns of unit length make the condition number independent of the units
         scale = np.linalg.norm(X, axis=0)
-        if not (scale > 0.0).all() or np.linalg.cond(X / scale) > 1e8:
+        if not (scale > 0.0).all() or np.linalg.cond(X / scale) > _LARGEST_CONDITION:
             return unknown, unknown
         Q, R = np.linalg.qr(X / scale)
         theta = np.linalg.solve(R, Q.T @ z) / scale
         v = z - X @ theta
         s2 = float(v @ v) / (2.0 * len(self.frequencies) * freedom)
         inverse = np.linalg.inv(R)
-        spread = (
-            np.sqrt(s2 * (inverse**2).sum(axis=1) * max(1.0, 1.0 / (self.duration * self.spacing)))
-            / scale
-        )
-        return theta[: len(self.terms)], spread[: len(self.terms)]
+        dependence = max(1.0, 1.0 / (self.duration * self.spacing))
+        stderr = np.sqrt(s2 * (inverse**2).sum(axis=1) * dependence) / scale
+        return theta[: len(self.terms)], stderr[: len(self.terms)]
 
 
 def running_estimate(
@@ -143,20 +150,20 @@ def running_estimate(
 
     Parameters
     ----------
-    model : Model
+    model : RegressionModel
     data : Dataset (time,)
         Coefficient and variables, uniform in time, as `flighttest.coefficients` returns them.
     band : (low, high)
-        Where the excitation is. [Hz]
+        Band of the excitation. [Hz]
     every : float
         Interval between estimates. [s]
     spacing : float
-        Of the frequencies. [Hz]
+        Spacing of the frequencies. [Hz]
 
     Returns
     -------
     Dataset (time, term)
-        ``estimate`` and ``stderr`` at the end of each interval, NaN as long as the samples do not
+        ``estimate`` and ``stderr`` at the end of each interval, NaN while the samples do not
         determine them.
 
     Raises
@@ -167,25 +174,29 @@ def running_estimate(
     running = RunningEstimate(model, band, spacing)
     time = data["time"].values
     edges = np.searchsorted(time, np.arange(time[0] + every, time[-1] + 1e-9, every), side="right")
-    found, at, first = [], [], 0
+    estimates, stderrs, times, first = [], [], [], 0
     for last in map(int, edges):
+        # the sampling interval needs two samples
         if last - first < 2:
             continue
         running.add(data.isel(time=slice(first, last)))
-        found.append(running.estimate())
-        at.append(float(time[last - 1]))
+        estimate, stderr = running.estimate()
+        estimates.append(estimate)
+        stderrs.append(stderr)
+        times.append(float(time[last - 1]))
         first = last
     columns = {
-        name: (("time", "term"), np.array([pair[k] for pair in found]))
-        for k, name in enumerate(("estimate", "stderr"))
+        "estimate": (("time", "term"), np.array(estimates)),
+        "stderr": (("time", "term"), np.array(stderrs)),
     }
-    about = {"model": str(model), "band": f"{band[0]:g} ... {band[1]:g}", "spacing": spacing}
-    return xr.Dataset(columns, {"time": at, "term": running.terms}, about)
+    attributes = {"model": str(model), "band": f"{band[0]:g} ... {band[1]:g}", "spacing": spacing}
+    return xr.Dataset(columns, {"time": times, "term": running.terms}, attributes)
 
 
 def may_end(running: xr.Dataset, bounds: Mapping[str, float], settled: float = 2.0) -> float:
-    """Return the time at which a manoeuvre may end: all standard errors have been below their
-    bounds for a while.
+    """Return the time at which a manoeuvre may end.
+
+    All standard errors have been below their bounds since `settled` seconds at that time.
 
     Parameters
     ----------
@@ -194,17 +205,17 @@ def may_end(running: xr.Dataset, bounds: Mapping[str, float], settled: float = 2
     bounds : mapping of str to float
         Largest standard error by term.
     settled : float
-        For how long. [s]
+        Time below the bounds. [s]
 
     Returns
     -------
     float
-        NaN when they are not. [s]
+        NaN if the standard errors do not stay below their bounds. [s]
 
     Raises
     ------
     UnknownName
-        A term that the model does not have.
+        The model does not have a term of `bounds`.
     """
     terms = [str(term) for term in running["term"].values]
     for name in bounds:
@@ -214,8 +225,12 @@ def may_end(running: xr.Dataset, bounds: Mapping[str, float], settled: float = 2
     for name, bound in bounds.items():
         below &= running["stderr"].sel(term=name).values <= bound
     since = np.nan
-    for t, good in zip(time, below, strict=True):
-        since = (t if np.isnan(since) else since) if good else np.nan
+    for t, is_below in zip(time, below, strict=True):
+        if not is_below:
+            since = np.nan
+            continue
+        if np.isnan(since):
+            since = t
         if t - since >= settled - 1e-9:
             return float(t)
     return float("nan")

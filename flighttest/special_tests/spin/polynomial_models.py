@@ -1,20 +1,24 @@
-"""A fitted polynomial model as a database that the kernel flies.
+"""Polynomial models of a spin, and their databases for simulation.
 
-Reduced rates of the spin decomposition are linear in the body rates, with factors that depend on alpha and beta only::
+Reduced rates of the spin decomposition are linear in the body rates, with factors that depend on
+alpha and beta only::
 
-    Omegahat = x phat + (b/cbar) y qhat + z rhat                 x, y, z = cos(al) cos(be), sin(be), sin(al) cos(be)
-    phat_osc = phat - x Omegahat,  qhat_osc = qhat - (cbar/b) y Omegahat,  rhat_osc = rhat - z Omegahat
-    rhat_wind = rhat cos(al) - phat sin(al)
+    x, y, z = cos(alpha) cos(beta), sin(beta), sin(alpha) cos(beta)
+    Omegahat = x phat + (b/cbar) y qhat + z rhat
+    phat_osc = phat - x Omegahat
+    qhat_osc = qhat - (cbar/b) y Omegahat
+    rhat_osc = rhat - z Omegahat
+    rhat_wind = rhat cos(alpha) - phat sin(alpha)
 
-So their terms become three tables over alpha and beta per coefficient, of phat, qhat and rhat.
-Everything else is a product of powers and carries over exactly; deviations from a nominal state are
-multiplied out first.
+So their terms become three tables over alpha and beta per coefficient, of phat, qhat and rhat.  All
+other terms are products of powers, which a database has without an error.  Deviations from a
+nominal state are multiplied out first.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -29,12 +33,33 @@ from flighttest.special_tests.spin.rotation_rates import WIND_RATES
 
 ALPHA = np.radians(np.arange(-20.0, 60.5, 1.0))
 BETA = np.radians(np.arange(-40.0, 40.5, 1.0))
+_REQUIRED = ("CX", "CY", "CZ", "Cl", "Cm", "Cn")
 _BODY_RATES = ("phat", "qhat", "rhat")
-_IMPLICIT = (
-    "alphadothat",
-    "betadothat",
-    "dnz",
-)  # the kernel solves for them: regressors, never axes
+# The simulation solves for these variables; they are regressors and never axes.
+_IMPLICIT = ("alphadothat", "betadothat", "dnz")
+COLUMNS = ("coefficient", "term", "estimate", "sigma")
+
+# Glide model, eq. (24)-(29)
+GLIDE: Mapping[str, tuple[str, ...]] = {
+    "CX": ("alpha", "qhat", "delta_e", "alpha**2", "beta**2", "1"),
+    "CY": ("beta", "phat", "rhat", "delta_a", "delta_r", "1"),
+    "CZ": ("alpha", "qhat", "delta_e", "beta**2", "1"),
+    "Cl": ("beta", "phat", "rhat", "delta_a", "1"),
+    "Cm": ("alpha", "qhat", "delta_e", "alpha**2", "alpha**3", "qhat**3", "1"),
+    "Cn": ("beta", "phat", "rhat", "delta_a", "delta_r", "beta**2", "beta**3", "1"),
+}
+_RATES = ("Omegahat", "phat_osc", "qhat_osc", "rhat_osc")
+_SURFACES = ("delta_e", "delta_a", "delta_r")
+_LINEAR = (*_RATES, *_SURFACES)
+# Spin model, eq. (30)-(35)
+SPIN: Mapping[str, tuple[str, ...]] = {
+    "CX": ("alpha", "alphadothat", "beta", *_LINEAR, "delta_e**2", "1"),
+    "CY": ("alphadothat", "beta", "betadothat", *_LINEAR, "delta_e**2", "1"),
+    "CZ": ("alpha", "alphadothat", "beta", *_LINEAR, "delta_e**2", "delta_e*delta_a", "1"),
+    "Cl": ("alpha", "alphadothat", "beta", "betadothat", *_LINEAR, "delta_r**2", "1"),
+    "Cm": ("alpha", "alphadothat", "beta", *_LINEAR, "delta_e**2", "delta_e*delta_a", "1"),
+    "Cn": ("alpha", "alphadothat", "beta", "betadothat", *_LINEAR, "delta_a**2", "1"),
+}
 
 
 def polynomial_database(
@@ -48,16 +73,15 @@ def polynomial_database(
 
     Parameters
     ----------
-    fitted : mapping of str to (Model, array (term,))
+    fitted : mapping of str to (RegressionModel, array (term,))
         Coefficient to its model and its estimates; ``{c: (fit.model,
         fit.estimates["estimate"].values)}``.
     aircraft : Aircraft
-        For the lengths and the moment reference point.
+        Reference lengths and moment reference point.
     alpha, beta : array
-        Breakpoints of the tables of the rates, needed for models with rates of `spin_variables`.
-        [rad]
+        Breakpoints of the tables of the rates, for models with rates of `spin_variables`. [rad]
     title : str
-        For the root of the database.
+        Title of the database.
 
     Returns
     -------
@@ -68,47 +92,33 @@ def polynomial_database(
     Raises
     ------
     SchemaError
-        Not the six coefficients CX CY CZ Cl Cm Cn.
+        One of the six coefficients CX CY CZ Cl Cm Cn is missing.
     ParseError
-        A term of too many factors, or a rate of the decomposition inside a product.
+        A term has too many factors, or a rate of the decomposition is in a product.
 
     Notes
     -----
-    Between breakpoints 1 deg apart the tables of the rates are off by up to (1 deg)^2/8 = 4e-5 of their size.
+    Between breakpoints 1 deg apart the tables of the rates have errors of up to (1 deg)^2/8 = 4e-5
+    of their size.
     """
-    wanted = ("CX", "CY", "CZ", "Cl", "Cm", "Cn")
-    if missing := [name for name in wanted if name not in fitted]:
-        raise SchemaError(
-            "polynomial database",
-            [f"no model of {name}; all of {' '.join(wanted)} are needed" for name in missing],
-        )
-    leaves: dict[str, xr.Dataset] = {}
+    missing = [name for name in _REQUIRED if name not in fitted]
+    if missing:
+        problems = [
+            f"no model of {name}; all of {' '.join(_REQUIRED)} are needed" for name in missing
+        ]
+        raise SchemaError("polynomial database", problems)
+    leaves = {"/": _make_root(aircraft, title)}
     for coefficient, (model, estimates) in fitted.items():
-        absolute, matrix = model.absolute()
-        values = dict(zip(absolute.terms, matrix @ np.asarray(estimates, float), strict=True))
-        rates = {
-            term: value
-            for term, value in values.items()
-            if any(name in WIND_RATES for name in term_powers(term))
-        }
-        for term, value in values.items():
-            if term not in rates:
-                leaves[f"/{coefficient}/{_leaf_name(term)}"] = _term(term, value)
-        if rates:
-            factors = _rate_factors(rates, aircraft, *np.meshgrid(alpha, beta, indexing="ij"))
-            for name, table in factors.items():
-                if f"/{coefficient}/{name}" in leaves:
-                    raise ParseError(
-                        "<model>",
-                        0,
-                        f"{name} next to {' '.join(rates)} in {model}",
-                        "body rates or rates of the decomposition",
-                    )
-                leaves[f"/{coefficient}/{name}"] = make_term(
-                    table, {"alpha": alpha, "beta": beta}, [name]
-                )
+        terms = _coefficient_terms(model, estimates, aircraft, alpha=alpha, beta=beta)
+        for name, leaf in terms.items():
+            leaves[f"/{coefficient}/{name}"] = leaf
+    return xr.DataTree.from_dict(leaves)
+
+
+def _make_root(aircraft: Aircraft, title: str) -> xr.Dataset:
+    """Return the root of the database with the references of the aircraft."""
     x, y, z = reference_in(aircraft, {})
-    about = {
+    attributes = {
         "title": title,
         "aircraft": aircraft.name,
         "force_axes": "body",
@@ -119,21 +129,61 @@ def polynomial_database(
         "y_ref": y,
         "z_ref": z,
     }
-    return xr.DataTree.from_dict({"/": xr.Dataset(attrs=about), **leaves})
+    return xr.Dataset(attrs=attributes)
+
+
+def _coefficient_terms(
+    model: RegressionModel,
+    estimates: np.ndarray,
+    aircraft: Aircraft,
+    *,
+    alpha: np.ndarray,
+    beta: np.ndarray,
+) -> dict[str, xr.Dataset]:
+    """Return the terms of one coefficient: products of powers, then tables of the body rates."""
+    absolute, matrix = model.absolute()
+    values = dict(zip(absolute.terms, matrix @ np.asarray(estimates, float), strict=True))
+    leaves, rates = {}, {}
+    for term, value in values.items():
+        if any(name in WIND_RATES for name in term_powers(term)):
+            rates[term] = value
+        else:
+            leaves[_leaf_name(term)] = _make_product(term, value)
+    if not rates:
+        return leaves
+    factors = _rate_factors(rates, aircraft, *np.meshgrid(alpha, beta, indexing="ij"))
+    for name, table in factors.items():
+        if name in leaves:
+            raise ParseError(
+                "<model>",
+                0,
+                f"{name} next to {' '.join(rates)} in {model}",
+                "body rates or rates of the decomposition",
+            )
+        leaves[name] = make_term(table, {"alpha": alpha, "beta": beta}, [name])
+    return leaves
 
 
 def _leaf_name(term: str) -> str:
-    return "basic" if term == "1" else term.replace("**", "").replace("*", "_")
+    if term == "1":
+        return "basic"
+    return term.replace("**", "").replace("*", "_")
 
 
-def _term(term: str, value: float) -> xr.Dataset:
-    """One product of powers: two factors are regressors, others become straight tables, one per
-    axis variable.
+def _make_product(term: str, value: float) -> xr.Dataset:
+    """Return the term of a product of powers.
+
+    Up to `MAX_REGRESSORS` factors are regressors. Every other factor is the axis of a table that is
+    a straight line.
     """
-    factors = [name for name, power in term_powers(term).items() for _ in range(power)]
+    factors = []
+    for name, power in term_powers(term).items():
+        factors += [name] * power
+    # variables that cannot be axes come first
     factors.sort(key=lambda name: name not in _IMPLICIT)
-    words, rest = factors[:MAX_REGRESSORS], factors[MAX_REGRESSORS:]
-    if len(rest) != len(set(rest)) or set(rest) & set(_IMPLICIT):
+    regressors, axis_names = factors[:MAX_REGRESSORS], factors[MAX_REGRESSORS:]
+    is_repeated = len(axis_names) != len(set(axis_names))
+    if is_repeated or set(axis_names) & set(_IMPLICIT):
         raise ParseError(
             "<model>",
             0,
@@ -141,24 +191,27 @@ def _term(term: str, value: float) -> xr.Dataset:
             f"at most {MAX_REGRESSORS} factors next to first powers of other variables",
         )
     table, axes = np.array(value), {}
-    for name in rest:
+    for name in axis_names:
         axes[name] = np.array([-1.0, 1.0])
         table = np.multiply.outer(table, axes[name])
-    return make_term(table, axes, words, outside="linear" if rest else "hold")
+    # a straight line continues outside its two nodes
+    outside = "linear" if axis_names else "hold"
+    return make_term(table, axes, regressors, outside=outside)
 
 
 def _rate_factors(
     rates: Mapping[str, float], aircraft: Aircraft, alpha: np.ndarray, beta: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """What multiplies phat, qhat and rhat: arrays of the shape of `alpha` and `beta`."""
+    """Return the factors of phat, qhat and rhat, in the shape of `alpha` and `beta`."""
     x, y, z = np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)
-    ratio, zero, one = aircraft.b / aircraft.cbar, np.zeros_like(x), np.ones_like(x)
+    ratio, zero, unity = aircraft.b / aircraft.cbar, np.zeros_like(x), np.ones_like(x)
+    # rows of the decomposition: factors of phat, qhat, rhat
     Omega = np.stack([x, ratio * y, z])
     rows = {
         "Omegahat": Omega,
-        "phat_osc": np.stack([one, zero, zero]) - x * Omega,
-        "qhat_osc": np.stack([zero, one, zero]) - y / ratio * Omega,
-        "rhat_osc": np.stack([zero, zero, one]) - z * Omega,
+        "phat_osc": np.stack([unity, zero, zero]) - x * Omega,
+        "qhat_osc": np.stack([zero, unity, zero]) - y / ratio * Omega,
+        "rhat_osc": np.stack([zero, zero, unity]) - z * Omega,
         "rhat_wind": np.stack([-np.sin(alpha), zero, np.cos(alpha)]),
     }
     total = np.zeros_like(Omega)
@@ -171,44 +224,6 @@ def _rate_factors(
     return dict(zip(_BODY_RATES, total, strict=True))
 
 
-GLIDE: Mapping[str, tuple[str, ...]] = {  # eq. (24)-(29)
-    "CX": ("alpha", "qhat", "delta_e", "alpha**2", "beta**2", "1"),
-    "CY": ("beta", "phat", "rhat", "delta_a", "delta_r", "1"),
-    "CZ": ("alpha", "qhat", "delta_e", "beta**2", "1"),
-    "Cl": ("beta", "phat", "rhat", "delta_a", "1"),
-    "Cm": ("alpha", "qhat", "delta_e", "alpha**2", "alpha**3", "qhat**3", "1"),
-    "Cn": ("beta", "phat", "rhat", "delta_a", "delta_r", "beta**2", "beta**3", "1"),
-}
-_RATES = ("Omegahat", "phat_osc", "qhat_osc", "rhat_osc")
-_SURFACES = ("delta_e", "delta_a", "delta_r")
-SPIN: Mapping[str, tuple[str, ...]] = {  # eq. (30)-(35)
-    "CX": ("alpha", "alphadothat", "beta", *_RATES, *_SURFACES, "delta_e**2", "1"),
-    "CY": ("alphadothat", "beta", "betadothat", *_RATES, *_SURFACES, "delta_e**2", "1"),
-    "CZ": (
-        "alpha",
-        "alphadothat",
-        "beta",
-        *_RATES,
-        *_SURFACES,
-        "delta_e**2",
-        "delta_e*delta_a",
-        "1",
-    ),
-    "Cl": ("alpha", "alphadothat", "beta", "betadothat", *_RATES, *_SURFACES, "delta_r**2", "1"),
-    "Cm": (
-        "alpha",
-        "alphadothat",
-        "beta",
-        *_RATES,
-        *_SURFACES,
-        "delta_e**2",
-        "delta_e*delta_a",
-        "1",
-    ),
-    "Cn": ("alpha", "alphadothat", "beta", "betadothat", *_RATES, *_SURFACES, "delta_a**2", "1"),
-}
-
-
 def models_of_structure(
     structure: Mapping[str, tuple[str, ...]], nominal: Mapping[str, float] | None = None
 ) -> dict[str, RegressionModel]:
@@ -219,26 +234,29 @@ def models_of_structure(
     structure : mapping of str to tuple of str
         Coefficient to terms: `GLIDE`, `SPIN`, or any other.
     nominal : mapping of str to float, optional
-        Values that variables count from, as `nominal_variables` gives them; variables that it lacks
-        are absolute.  The published spin model is in deviations, the glide model is absolute. [SI]
+        Nominal values of variables, as from `nominal_variables`; other variables are absolute.  The
+        published spin model is in deviations, the glide model is absolute. [SI]
 
     Raises
     ------
     UnknownName
-        A variable or a coefficient that is not in the vocabulary.
+        A variable or a coefficient is not in the vocabulary.
     """
-    found = {}
+    models = {}
     for coefficient, terms in structure.items():
-        variables = {name for term in terms for name in term_powers(term)}
-        found[coefficient] = RegressionModel(
-            coefficient,
-            terms,
-            {name: value for name, value in (nominal or {}).items() if name in variables},
-        )
-    return found
+        models[coefficient] = _make_model(coefficient, terms, nominal or {})
+    return models
 
 
-COLUMNS = ("coefficient", "term", "estimate", "sigma")
+def _make_model(
+    coefficient: str, terms: Sequence[str], nominal: Mapping[str, float]
+) -> RegressionModel:
+    """Return a model in deviations from the nominal values of its own variables."""
+    variables: set[str] = set()
+    for term in terms:
+        variables |= set(term_powers(term))
+    reference = {name: value for name, value in nominal.items() if name in variables}
+    return RegressionModel(coefficient, terms, reference)
 
 
 class Polynomial(NamedTuple):
@@ -259,9 +277,9 @@ def read_polynomials(
     path : path
         Columns ``coefficient term estimate sigma``, and others that `column` may name.
     nominal : mapping of str to float, optional
-        Values that variables count from, as `nominal_variables` gives them. [SI]
+        Nominal values of variables, as from `nominal_variables`. [SI]
     column : str
-        Where the estimates stand.
+        Column of the estimates.
 
     Returns
     -------
@@ -271,36 +289,33 @@ def read_polynomials(
     Raises
     ------
     ParseError
-        A column or a number that is missing, with its line.
+        A column or a number is missing; the error names the line.
     UnknownName
-        A coefficient or variable that is not in the vocabulary.
+        A coefficient or variable is not in the vocabulary.
     """
-    rows: dict[str, list[tuple[str, float, float]]] = {}
     names, *cells = csv_rows(read_text(path, "polynomials in CSV"), path) or [[]]
-    if missing := [name for name in (*COLUMNS, column) if name not in names]:
+    missing = [name for name in (*COLUMNS, column) if name not in names]
+    if missing:
         raise ParseError(str(path), 1, f"columns {', '.join(names)}", f"also {', '.join(missing)}")
+    # terms and numbers (estimate, sigma) by coefficient
+    terms: dict[str, list[str]] = {}
+    numbers: dict[str, list[tuple[float, float]]] = {}
     for number, line in enumerate(cells, 2):
         if not line:
             continue
-        row = dict(zip(names, line))
+        row = dict(zip(names, line, strict=False))
         try:
-            coefficient, found_row = (
-                row["coefficient"],
-                (row["term"], float(row[column]), float(row["sigma"])),
-            )
+            coefficient, term = row["coefficient"], row["term"]
+            pair = float(row[column]), float(row["sigma"])
         except (KeyError, ValueError) as error:
             raise ParseError(
                 str(path), number, str(error), f"numbers in {column} and sigma"
             ) from error
-        rows.setdefault(coefficient, []).append(found_row)
-    found = {}
-    for coefficient, lines in rows.items():
-        terms = [term for term, _, _ in lines]
-        variables = {name for term in terms for name in term_powers(term)}
-        model = RegressionModel(
-            coefficient,
-            terms,
-            {name: value for name, value in (nominal or {}).items() if name in variables},
-        )
-        found[coefficient] = Polynomial(model, *np.array([numbers for _, *numbers in lines]).T)
-    return found
+        terms.setdefault(coefficient, []).append(term)
+        numbers.setdefault(coefficient, []).append(pair)
+    polynomials = {}
+    for coefficient, rows in terms.items():
+        model = _make_model(coefficient, rows, nominal or {})
+        estimates, sigma = np.array(numbers[coefficient]).T
+        polynomials[coefficient] = Polynomial(model, estimates, sigma)
+    return polynomials

@@ -1,4 +1,4 @@
-"""What a balance measures and how it sits in the model, as a TOML file.
+"""Setup of a wind-tunnel balance, as a TOML file: reference, position, columns and errors.
 
 [reference]
 S = "0.032 m2"
@@ -6,8 +6,10 @@ b = "0.40 m"
 c = "0.10 m"
 
 [balance]
-rotation = ["0 deg", "180 deg", "0 deg"]     # phi, theta, psi that turn body axes into those of the balance
-offset = ["-0.12 m", "0 m", "0.02 m"]        # its centre from the moment reference point, x forward, y right, z down
+# phi, theta, psi from body axes to axes of the balance
+rotation = ["0 deg", "180 deg", "0 deg"]
+# centre from the moment reference point, x forward, y right, z down
+offset = ["-0.12 m", "0 m", "0.02 m"]
 
 [columns]
 alpha = "alpha [deg]"
@@ -19,11 +21,11 @@ alpha = "0.1 deg"
 V = "0.05 m/s"
 Fz = "0.01 N"
 
-[constants]                                  # of all points: what tables of the database depend on
+[constants]                                  # of all points, for tables of the database
 mach = 0.03
 delta_f = "0 deg"
 
-[nuisance]                                   # estimated and taken off
+[nuisance]                                   # estimated and subtracted
 CL = ["tare", "strut"]
 """
 
@@ -41,6 +43,7 @@ from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
 from flightmech.units import parse_quantity
 
+# Forces and moments of the balance, states, and coefficients
 FORCES, MOMENTS = ("Fx", "Fy", "Fz"), ("Mx", "My", "Mz")
 LOADS = (*FORCES, *MOMENTS)
 STATE = {"alpha": "rad", "beta": "rad", "V": "m s-1", "rho": "kg m-3", "qbar": "Pa"}
@@ -48,7 +51,7 @@ UNITS = {**STATE, **dict.fromkeys(FORCES, "N"), **dict.fromkeys(MOMENTS, "N m")}
 COEFFICIENTS = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
 
 
-def _errors(item: Any) -> dict[str, float]:
+def _errors_in_si(item: Any) -> dict[str, float]:
     if not isinstance(item, dict):
         raise ValueError(
             'a table of measurands and their standard errors is needed, such as { Fz = "0.01 N" }'
@@ -57,26 +60,27 @@ def _errors(item: Any) -> dict[str, float]:
     if unknown:
         raise ValueError(f"{', '.join(unknown)}: unknown; allowed: {', '.join(UNITS)}")
     try:
-        found = {str(name): parse_quantity(value, UNITS[str(name)]) for name, value in item.items()}
+        errors = {str(name): parse_quantity(value, UNITS[name]) for name, value in item.items()}
     except AeromatchError as error:
         raise ValueError(str(error)) from error
-    if any(not value >= 0.0 for value in found.values()):
+    # NaN fails this comparison too
+    if any(not value >= 0.0 for value in errors.values()):
         raise ValueError("a standard error is negative")
-    return found
+    return errors
 
 
-def _constants(item: Any) -> dict[str, float]:
+def _constants_in_si(item: Any) -> dict[str, float]:
     if not isinstance(item, dict):
         raise ValueError(
             'a table of quantities is needed, such as { mach = 0.03, delta_f = "0 deg" }'
         )
+    constants = {}
     try:
-        return {
-            str(name): parse_quantity(value, lookup(str(name)).units)
-            for name, value in item.items()
-        }
+        for name, value in item.items():
+            constants[str(name)] = parse_quantity(value, lookup(str(name)).units)
     except AeromatchError as error:
         raise ValueError(str(error)) from error
+    return constants
 
 
 class ReferenceLengths(Strict):
@@ -90,7 +94,7 @@ class ReferenceLengths(Strict):
 
 
 class Balance(Strict):
-    """How the balance sits in the model."""
+    """Position and axes of the balance in the model."""
 
     rotation: tuple[
         Annotated[float, InUnits("rad")],
@@ -111,12 +115,12 @@ class Balance(Strict):
     )
     moves: bool = Field(
         default=True,
-        description="Whether it turns with the model; false for a balance fixed in the tunnel.",
+        description="Whether the balance turns with the model; false for one fixed in the tunnel.",
     )
 
 
 class BalanceSetup(Strict):
-    """What a balance measures and how it sits in the model."""
+    """Reference, position, columns, errors and nuisance terms of a balance."""
 
     reference: ReferenceLengths
     balance: Balance = Balance()
@@ -124,28 +128,28 @@ class BalanceSetup(Strict):
         default_factory=dict,
         description="Measurand to column of the file, with its unit in brackets.",
     )
-    errors: Annotated[dict[str, float], BeforeValidator(_errors)] = Field(
+    errors: Annotated[dict[str, float], BeforeValidator(_errors_in_si)] = Field(
         default_factory=dict, description="Standard errors common to all points."
     )
-    constants: Annotated[dict[str, float], BeforeValidator(_constants)] = Field(
+    constants: Annotated[dict[str, float], BeforeValidator(_constants_in_si)] = Field(
         default_factory=dict,
         description="Quantities that all points have in common, such as the Mach number that "
         "tables depend on.",
     )
     nuisance: dict[str, tuple[str, ...]] = Field(
         default_factory=dict,
-        description="Terms per coefficient that are estimated and taken off: tare, or products of "
+        description="Terms per coefficient that are estimated and subtracted: tare, or products of "
         "columns.",
     )
     rho: Annotated[float, InUnits("kg m-3")] = Field(
-        default=1.225, gt=0.0, description="Density, where no column has it."
+        default=1.225, gt=0.0, description="Density, if no column has it."
     )
     wind_off: Annotated[float, InUnits("m s-1")] = Field(
         default=0.5, ge=0.0, description="Airspeed below which a point belongs to the tare."
     )
 
     @model_validator(mode="after")
-    def _known(self) -> BalanceSetup:
+    def _check_nuisance(self) -> BalanceSetup:
         unknown = [name for name in self.nuisance if name not in COEFFICIENTS]
         if unknown:
             raise ValueError(
@@ -160,8 +164,8 @@ def read_setup(path: str | Path) -> BalanceSetup:
     Raises
     ------
     ParseError
-        The text is not TOML.
+        The file is not TOML.
     SchemaError
-        With all faults of the keys.
+        All faults of the keys.
     """
     return validate_content(BalanceSetup, read_toml(path), str(path))

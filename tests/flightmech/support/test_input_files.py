@@ -17,7 +17,7 @@ from flightmech.support import input_files as texts
 from flightmech.support import mat_files as mat_file
 from flightmech.support import toml_text
 from flightmech.support.input_files import csv_rows, file_kind, json_content, read_text, read_toml
-from flighttest.flight_programme.input_design.design import open_timetable
+from flighttest.flight_programme.input_design.timetable import open_timetable
 from flighttest.records.manoeuvre_table import read_manoeuvres
 
 DEEP = 20_000

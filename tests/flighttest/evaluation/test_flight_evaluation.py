@@ -14,15 +14,12 @@ import flightmech
 from flightmech.errors import IdentificationError, ParseError, SchemaError, UnknownName
 from flighttest.cli.group import flight
 from flighttest.flight_programme.evaluation.figures_of_merit import line_through
-from flighttest.flight_programme.evaluation.flight_evaluation import (
-    deck_thrust,
-    evaluate_flight,
-    mass_after_burn,
-)
+from flighttest.flight_programme.evaluation.flight_evaluation import evaluate_flight
+from flighttest.flight_programme.evaluation.mass_and_thrust import deck_thrust, mass_after_burn
 from flighttest.flight_programme.evaluation.plan import (
+    PointSheet,
     SheetColumn,
     StraightLine,
-    TestPointSheet,
     read_plan,
 )
 
@@ -310,14 +307,14 @@ def test_faulty_sheets_name_line_and_column(tmp_path):
     file = tmp_path / "sheet.csv"
     file.write_text("a,b\n1,2\n1\n")
     with pytest.raises(ParseError, match="line 3: found 1 cells; expected 2"):
-        TestPointSheet(file)
+        PointSheet(file)
     file.write_text("a,b\n1,two\n")
     with pytest.raises(ParseError, match="line 2: found 'two' in column b; expected a number"):
-        SheetColumn(column="b").of(TestPointSheet(file), "m")
+        SheetColumn(column="b").of(PointSheet(file), "m")
     with pytest.raises(UnknownName, match="unknown column 'c'"):
-        SheetColumn(column="c").of(TestPointSheet(file), "m")
+        SheetColumn(column="c").of(PointSheet(file), "m")
     with pytest.raises(SchemaError, match="column a: unit 'kg' cannot be converted to 'm'"):
-        SheetColumn(column="a", unit="kg").of(TestPointSheet(file), "m")
+        SheetColumn(column="a", unit="kg").of(PointSheet(file), "m")
 
 
 @pytest.mark.slow

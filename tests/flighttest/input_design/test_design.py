@@ -11,9 +11,10 @@ import aerodb
 import flightmech
 from flightmech.errors import SchemaError
 from flighttest.cli.group import flight
-from flighttest.flight_programme.input_design.design import design_input, open_timetable
+from flighttest.flight_programme.input_design.design import design_input
 from flighttest.flight_programme.input_design.input_shapes import unit_step
 from flighttest.flight_programme.input_design.specification import design_of
+from flighttest.flight_programme.input_design.timetable import open_timetable
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.special_tests.spin.polynomial_models import polynomial_database, read_polynomials
 

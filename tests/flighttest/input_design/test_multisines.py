@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 
 from flightmech.errors import SchemaError, UnknownName
-from flighttest.flight_programme.input_design.input_shapes import (
-    InputAxis,
-    deal_harmonics,
-    multisine,
-)
 from flighttest.flight_programme.input_design.input_signals import (
     CHANNEL_SETS,
     active_part,
     axes_of,
     axis_correlations,
     measures,
+)
+from flighttest.flight_programme.input_design.multisines import InputAxis, deal_harmonics, multisine
+from flighttest.flight_programme.input_design.phases import (
     optimise_phases,
     relative_peak_factor,
     schroeder_phases,

@@ -15,12 +15,8 @@ from flighttest.flight_programme.input_design.input_accuracy import (
     cramer_rao,
     expected_errors,
 )
-from flighttest.flight_programme.input_design.input_shapes import (
-    PATTERNS,
-    InputAxis,
-    multisine,
-    multistep,
-)
+from flighttest.flight_programme.input_design.input_shapes import PATTERNS, multistep
+from flighttest.flight_programme.input_design.multisines import InputAxis, multisine
 from flighttest.flight_programme.input_design.predicted_response import (
     amplitude_within,
     each_within,

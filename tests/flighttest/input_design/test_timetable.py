@@ -5,13 +5,14 @@ import pytest
 
 import flighttest
 from flightmech.errors import ParseError, SchemaError
-from flighttest.flight_programme.input_design.design import (
+from flighttest.flight_programme.input_design.input_shapes import multistep
+from flighttest.flight_programme.input_design.multisines import InputAxis, multisine
+from flighttest.flight_programme.input_design.timetable import (
     FULL,
     open_timetable,
     save_csv,
     save_timetable,
 )
-from flighttest.flight_programme.input_design.input_shapes import InputAxis, multisine, multistep
 
 
 @pytest.fixture(scope="module")

@@ -271,7 +271,9 @@ def test_a_record_without_controls():
     bare = record()
     names = ["delta_e", "delta_a", "delta_r", "engine1.throttle"]
     tree = xr.DataTree.from_dict({"/all": bare["all"].to_dataset().drop_vars(names)})
-    with pytest.raises(SchemaError, match="no control; map one of delta_e, delta_a, delta_r"):
+    with pytest.raises(
+        SchemaError, match="no control channel; map at least one of delta_e, delta_a, delta_r"
+    ):
         find_manoeuvres(tree)
 
 

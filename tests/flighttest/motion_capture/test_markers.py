@@ -17,12 +17,8 @@ import flighttest
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.cli.group import flight
 from flighttest.records.files import save_record
-from flighttest.special_tests.motion_capture import (
-    poses,
-    read_marker_setup,
-    read_markers,
-    smooth_motion,
-)
+from flighttest.special_tests.marker_poses import poses
+from flighttest.special_tests.motion_capture import read_marker_setup, read_markers, smooth_motion
 
 LINEAR = ("h", "vn", "ve", "vd", "phi", "theta", "psi", "p", "q", "r", "ax", "ay", "az")
 

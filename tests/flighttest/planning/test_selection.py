@@ -10,10 +10,10 @@ import xarray as xr
 from aerodb.store.schema import make_database
 from flightmech import terms
 from flightmech.errors import SchemaError
-from flighttest.flight_programme.planning.plan import (
+from flighttest.flight_programme.planning.plan import plan_predicted_flights
+from flighttest.flight_programme.planning.selection import (
     Goal,
     bounds_of,
-    plan_predicted_flights,
     select_manoeuvres,
     time_of,
 )

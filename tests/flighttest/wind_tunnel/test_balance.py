@@ -198,7 +198,7 @@ def test_bad_input_is_refused(tmp_path, folder, setup):
 
 @pytest.mark.slow
 def test_the_fits_are_drawn_over_both_angles(data, setup, tmp_path):
-    from flighttest.special_tests.wind_tunnel.reduction import draw_surfaces
+    from flighttest.special_tests.wind_tunnel.surfaces import draw_surfaces
 
     fits = [regress(RegressionModel(name, ["1", "alpha"]), data) for name in ("CL", "CD")]
     fits.append(
