@@ -46,7 +46,7 @@ _SPREAD = {
     ("Cn", "delta_r"): (-0.1694, -0.0717),
 }
 _WIDENED = 3.0
-# Derivatives whose absence a reader must know, beside the three static coefficients.
+# Derivatives whose absence a reader must know, in addition to the three static coefficients.
 _ESSENTIAL = (
     ("Cm", "qhat"),
     ("CY", "beta"),

@@ -5,7 +5,7 @@ arrives late. Both act with the same slope and the same arm, so that the tail's 
 CMAD / (d epsilon / d alpha), and likewise CLQ and CLAD [DATCOM 7.4.1.2, 7.4.4.2]. On 40 listings of
 aeroplanes with a tail CMQ differs from that share by at most 3 %. The wing-body share of CMQ has a
 pole over the position of the centre of gravity, near which the printed CMQ of the aeroplane is
-wrong in size and sign: an own twin prints -27 to +101 per radian over 0.8 chord of XCG, where the
+wrong in size and sign: an own light aircraft of two engines prints -27 to +101 per radian over 0.8 chord of XCG, where the
 tail's share goes from -28 to -22.
 """
 

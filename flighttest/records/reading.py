@@ -184,7 +184,7 @@ def _canonical_map(recording: Recording, path: Path) -> NameMap:
     UnknownName
         A column has another name.
     """
-    # A damaged column is not in the tables, so that its name alone tells that it was required.
+    # A damaged column is not in the tables, so that its name alone states that it was required.
     for omission in recording.left_out:
         column = omission.place.rpartition("/")[2]
         if omission.fault and is_canonical(column):
