@@ -71,6 +71,7 @@ ORDER = {
         "samples",
         "tolerances",
         "cases",
+        "result_signals",
         "result",
         "fmu",
         "judging",
