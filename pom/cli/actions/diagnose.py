@@ -64,16 +64,8 @@ def run_diagnose(
     models = swap_models(before, after, by_case, old)
     with show_progress(f"swap terms on {count_text(len(read), 'case')}"):
         paths = {case.name: recorded_states(case, biases) for case in read}
-        ranked = rank_all(
-            read,
-            models,
-            paths,
-            jobs=jobs,
-            groups=members,
-            players=players,
-            replays=replays,
-            seed=seed,
-        )
+        options = {"groups": members, "players": players, "replays": replays, "seed": seed}
+        ranked = rank_all(read, models, paths, jobs=jobs, **options)
     benches = {name: bench for name, (bench, _) in ranked.items()}
     tables = {name: table for name, (_, table) in ranked.items()}
     if not as_json:

@@ -157,24 +157,11 @@ def run_cases(
     as_json: bool,
 ):
     """Perform the command ``run``."""
-    if bool(samples) != bool(databases):
-        raise click.UsageError(
-            "--samples and --database go together: the number of draws, and the database of "
-            "each model to draw from"
-        )
-    if tunings and output is None:
-        raise click.UsageError("--tuning needs -o: the log is a chapter of the report")
+    _demand_pairs(samples, databases, tunings=tunings, output=output)
     signatures = signatures_of(signed)
     batch = _read_batch(
-        cases,
-        models=models,
-        tables=tables,
-        databases=databases,
-        tunings=tunings,
-        others=[file for file in (evidence, biases_file) if file],
+        cases, models, tables, databases=databases, tunings=tunings, others=(evidence, biases_file)
     )
-    if scheduler:
-        demand_scheduler(scheduler)
     checks = _check_batch(batch, jobs=jobs, scheduler=scheduler, resume=resume)
     options: dict[str, Any] = {
         "names": batch.names,
@@ -204,25 +191,43 @@ def run_cases(
             )
     if junit is not None:
         write_junit(junit, results, title)
-    statuses = _statuses(results, list(batch.runs))
+    _print_results(batch, results, report=report, as_json=as_json)
+    ctx.exit(0 if set(_statuses(batch, results)) == {"pass"} else 1)
+
+
+def _demand_pairs(
+    samples: int, databases: tuple[str, ...], *, tunings: tuple[str, ...], output: Path | None
+) -> None:
+    """Raise if an option is without the option that it requires."""
+    if bool(samples) != bool(databases):
+        raise click.UsageError(
+            "--samples and --database go together: the number of draws, and the database of "
+            "each model to draw from"
+        )
+    if tunings and output is None:
+        raise click.UsageError("--tuning needs -o: the log is a chapter of the report")
+
+
+def _print_results(
+    batch: _Batch, results: Sequence[PomResult], *, report: Path | None, as_json: bool
+) -> None:
     if as_json:
         print_json([_summary(result) for result in results])
-    else:
-        models_text, cases_text = _size_texts(batch)
-        click.echo(f"{models_text} x {cases_text}: {_counts_text(statuses)}")
-        if report is not None:
-            click.echo(f"written: {report}")
-    ctx.exit(0 if set(statuses) == {"pass"} else 1)
+        return
+    models, cases = _size_texts(batch)
+    click.echo(f"{models} x {cases}: {_counts_text(_statuses(batch, results))}")
+    if report is not None:
+        click.echo(f"written: {report}")
 
 
 def _read_batch(
     cases: tuple[Path, ...],
-    *,
     models: tuple[str, ...],
     tables: tuple[str, ...],
+    *,
     databases: tuple[str, ...],
     tunings: tuple[str, ...],
-    others: Sequence[str],
+    others: Sequence[str | None],
 ) -> _Batch:
     """Hash and read the cases and files of a batch."""
     runs = files_by_name("--model", models, "final=out/final.fmu")
@@ -242,7 +247,7 @@ def _read_batch(
     files: list[str] = []
     for case in read:
         files += case.files()
-    files += [*map(str, named), *others]
+    files += [*map(str, named), *filter(None, others)]
     custody.take(files)
     return _Batch(
         cases=read,
@@ -259,6 +264,8 @@ def _check_batch(
     batch: _Batch, *, jobs: int, scheduler: str | None, resume: Path | None
 ) -> dict[str, RecordCheck]:
     """Check the cases and records of a batch, and print the errors of the records."""
+    if scheduler:
+        demand_scheduler(scheduler)
     with show_progress("check the cases and their records"):
         models = Models(batch.runs, batch.names)
         # the workers of a cluster load the FMUs, so this machine need not
@@ -356,10 +363,11 @@ def _size_texts(batch: _Batch) -> tuple[str, str]:
     return count_text(len(batch.runs), "model"), count_text(len(batch.cases), "case")
 
 
-def _statuses(results: Sequence[PomResult], runs: Sequence[str]) -> list[str]:
+def _statuses(batch: _Batch, results: Sequence[PomResult]) -> list[str]:
+    """Return the status of every result and model."""
     statuses: list[str] = []
     for result in results:
-        statuses += [result.status(run) for run in runs]
+        statuses += [result.status(run) for run in batch.runs]
     return statuses
 
 
