@@ -178,17 +178,11 @@ def run_cases(
     batch.custody.check()
     report = None
     if output is not None:
+        origin = _origin(batch, checks, date=date, signatures=signatures)
+        head: dict[str, Any] = {"title": title, "revision": revision, "provenance": origin}
+        head["paper"] = None if no_pdf else paper
         with show_progress("write the report"):
-            report = write_report(
-                results,
-                output,
-                title=title,
-                provenance=_origin(batch, checks, date=date, signatures=signatures),
-                tunings=batch.logs,
-                revision=revision,
-                paper=None if no_pdf else paper,
-                jobs=jobs,
-            )
+            report = write_report(results, output, tunings=batch.logs, jobs=jobs, **head)
     if junit is not None:
         write_junit(junit, results, title)
     _print_results(batch, results, report=report, as_json=as_json)

@@ -77,8 +77,7 @@ def run_tune(
     read = [read_case(path) for path in paths]
     demand_cases(read, wanted)
     aircraft = aircraft or _aircraft_of(database, read)
-    bases = (database, aircraft, evidence, reasons_file, biases_file)
-    files = _input_files(read, bases)
+    files = _input_files(read, (database, aircraft, evidence, reasons_file, biases_file))
     custody.take(files.values())
     model = aerodb.open(database)
     estimates = aerodb.open(evidence) if evidence else None
@@ -103,8 +102,7 @@ def run_tune(
     custody.check()
     log = tuning.document(digest, _file_entries(files, custody))
     if output is not None and tuning.database is not None:
-        with show_progress("write the tuned model"):
-            _write_model(output, tuning.database, craft, log=log, fmu=fmu)
+        _write_model(output, tuning.database, craft, log=log, fmu=fmu)
     if log_file:
         _write_log(Path(log_file), log)
     if as_json:
@@ -238,7 +236,10 @@ def _write_model(
     """Write the tuned model and its log, the complete folder or nothing."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     # files of an earlier tuning may be replaced, other files may not
-    with folder_written_atomically(folder, _is_part) as new:
+    with (
+        show_progress("write the tuned model"),
+        folder_written_atomically(folder, _is_part) as new,
+    ):
         aerodb.save(database, new / "tuned.nc")
         write_aircraft(aircraft, new / "tuned.toml")
         if fmu:
