@@ -75,6 +75,7 @@ class CaseInputs:
         """
         if self.surfaces != "pilot":
             return self.surfaces
+        # `resolve_pilot_loops` allows the controls of one level only
         for loop in self.pilot:
             level = parts.drive_level(loop.control)
             if level:
@@ -84,6 +85,7 @@ class CaseInputs:
     @classmethod
     def from_dict(cls, item: Mapping[str, Any]) -> CaseInputs:
         """Rebuild a drive from ``dataclasses.asdict``."""
+        # an older report has neither loops nor trim surfaces
         fields = dict(item)
         fields["pilot"] = tuple(PilotLoop(**loop) for loop in item.get("pilot", ()))
         fields["trim_surfaces"] = tuple(item.get("trim_surfaces", ()))
@@ -198,6 +200,7 @@ class PomCase:
     @classmethod
     def from_dict(cls, item: Mapping[str, Any]) -> PomCase:
         """Rebuild a case from `to_dict`."""
+        # JSON has lists in place of tuples
         fields = dict(item)
         fields["window"] = (item["window"][0], item["window"][1])
         fields["drive"] = CaseInputs.from_dict(item["drive"])
@@ -215,6 +218,7 @@ def driven_quantities(case: PomCase) -> set[str]:
     """
     # of the controls of pitch, roll and yaw only one level drives the model
     names = set(INPUTS).difference(*PRIMARY.values()).union(PRIMARY[case.drive.level])
+    # controls that are computed during the run, not read from the record
     computed = {loop.control for loop in case.drive.pilot}.union(case.law_moves)
     if "throttle" not in computed:
         for number in range(1, _MOST_ENGINES + 1):
@@ -301,6 +305,7 @@ def _check_case_names(file: CaseFile, problems: list[str]) -> None:
 def _check_table_names(file: CaseFile, criteria: Sequence[Criterion], problems: list[str]) -> None:
     """Check the keys of tables by criterion, and the tables that contradict the drive."""
     names = {criterion.name for criterion in criteria}
+    # a rationale may also be for a shown channel, or for the trim
     channels = {criterion.channel for criterion in criteria} | set(file.case.show)
     parameters = {criterion.parameter for criterion in criteria}
     trim = {f"trim.{name}" for name in parts.LIMIT_UNITS}
@@ -371,6 +376,7 @@ def _resolve_drive(
 ) -> CaseInputs:
     table = file.drive
     loops = parts.resolve_pilot_loops(file, problems)
+    # a footprint has no verdict, so a loop may hold any channel
     if file.case.reference != "footprint":
         parts.forbid_judged(loops, criteria, problems)
     if any(loop.control == "throttle" for loop in loops) and table.engine != "throttle":

@@ -134,8 +134,8 @@ CONDITIONS = (
 )
 SHOWN = ("V_cas", "h", "alpha", "beta", "phi", "theta", "psi", "p", "q", "r", "nz")
 
-_NAME = re.compile(r"\w[\w.-]{0,99}")
-Quantity = float | str
+_NAME = re.compile(r"\w[\w.-]{0,99}")  # part of file names and links
+Quantity = float | str  # a number in SI, or a text with its unit
 Texts = dict[str, str]
 
 

@@ -165,6 +165,7 @@ def measured_wind(case: PomCase, time: np.ndarray) -> dict[str, Any]:
     SchemaError
         The record has no wind, or is a reconstructed path.
     """
+    # a sensor group of the record may have its own clock
     wind = {}
     for leaf in flighttest.read(case.record, names=case.names or None).children.values():
         node = leaf.to_dataset()
@@ -231,6 +232,7 @@ def read_path_states(record: str) -> xr.Dataset | None:
         path = flighttest.dynamics.open_path(record, described=False)
     except ParseError:
         return None
+    # a path without these states cannot start a model
     if not {"V", "alpha", "theta"} <= set(path.states.data_vars):
         return None
     return _path_states(path)

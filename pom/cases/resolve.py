@@ -241,6 +241,7 @@ def resolve_criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
         criterion = _make_criterion(row, name, file=file, problems=problems)
         _check_criterion(criterion, name, file=file, problems=problems)
         criteria.append(criterion)
+    # An entry with a problem leaves the criteria as they are, so that the others are checked.
     for key, override in file.tolerance.items():
         overridden = collect_case_problems(
             problems, f"tolerance.{key}", apply_override, criteria, key, override, case.window
@@ -293,6 +294,7 @@ def _resolve_window(
     defaults = (start, stop)
     if row["measure"] in SEGMENTS:
         defaults = file.events.get("segment_start", start), file.events.get("segment_end", stop)
+    # without an event, a bound is the default
     bounds = []
     for bound, default in zip((row["applies_from"], row["applies_to"]), defaults, strict=True):
         time = collect_case_problems(

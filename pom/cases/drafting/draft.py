@@ -99,8 +99,7 @@ def init_case(
     """
     output, record = Path(output), Path(record)
     if output.exists() and not force:
-        problem = f"{output} is there already; give another name, or --force to overwrite it"
-        raise FileExistsError(problem)
+        raise FileExistsError(f"{output} exists; give another name, or --force to overwrite it")
     rows = table.rows_of_test(test, standard, edition)
     map_file = _find_name_map(record, names)
     recorded = recorded_channels(record, map_file)
@@ -108,8 +107,7 @@ def init_case(
         demand_fitting(str(record), test, recorded.manoeuvres)
     draft = draft_case(rows, recorded, window)
     draft.case.update(standard=standard, edition=edition)
-    if name:
-        draft.case["name"] = name
+    draft.case["name"] = name or draft.case["name"]
     aircraft_file = _find_next_to(record, "aircraft.toml", aircraft)
     _write_case_file(output, draft, record=record, names=map_file, aircraft=aircraft_file)
     return read_case(output), draft.remarks

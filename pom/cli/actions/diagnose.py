@@ -68,6 +68,7 @@ def run_diagnose(
         ranked = rank_all(read, models, paths, jobs=jobs, **options)
     benches = {name: bench for name, (bench, _) in ranked.items()}
     tables = {name: table for name, (_, table) in ranked.items()}
+    # the tables of single cases come before the slower joint search
     if not as_json:
         for case in read:
             _print_swaps(case, tables[case.name])

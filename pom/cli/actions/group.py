@@ -61,6 +61,7 @@ def check_cases(cases: tuple[Path, ...], as_json: bool) -> None:
                 continue
             checked.append(case)
             problems += _case_problems(case)
+    # one case is an object, several cases are an array
     if as_json and not problems:
         documents = [case.to_dict() for case in checked]
         print_json(documents if len(documents) > 1 else documents[0])
@@ -78,6 +79,7 @@ def _case_problems(case: PomCase) -> list[str]:
     problem = window_problem(case)
     if problem:
         problems.append(problem)
+    # a control law without a library for this machine cannot run
     if case.law:
         try:
             demand_platform(read_fmu_interface(case.law))
@@ -172,9 +174,11 @@ def run_cases(
         "resume": resume,
         "evidence": aerodb.store.open(evidence) if evidence else None,
     }
+    # the printer gets every result as soon as it is complete
     printer = _ProgressPrinter(checks, list(batch.runs), verbose=verbose, silent=as_json)
     results = _replay_batch(batch, printer, samples=samples, seed=seed, options=options)
     results = with_record_checks(results, checks)
+    # a file that changed during the batch does not belong to the results
     batch.custody.check()
     report = None
     if output is not None:
@@ -292,6 +296,7 @@ class _ProgressPrinter:
     def print_result(self, result: PomResult) -> None:
         """Print the lines of one result."""
         (result,) = with_record_checks([result], self.checks)
+        # a model that fails to run has an invalid case
         if not result.failure or any(result.status(run) != "invalid" for run in self.runs):
             self.is_replayed = True
         self._waiting += _result_lines(result, self.verbose)
@@ -383,6 +388,7 @@ def _result_lines(result: PomResult, verbose: bool = False) -> list[str]:
     indent = " " * 8
     for run in result.runs:
         lines.append(f"{case.id:<8}{case.title:<44} {run:<12} {_verdict_text(result, run)}")
+        # a failed case needs no notices to be looked at
         if result.status(run) != "fail" or verbose:
             lines += [f"{indent}notice {text}" for text in run_notices(result, run)]
         if run in result.samples:

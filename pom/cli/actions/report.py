@@ -47,6 +47,7 @@ def case_files(paths: Iterable[Path]) -> list[Path]:
     paths = list(paths)
     files: list[Path] = []
     for path in paths:
+        # sorted: the order of a folder depends on the file system
         if path.is_dir():
             files += sorted(path.glob("*.toml"))
         else:
@@ -84,6 +85,7 @@ def run_init_case(
 ) -> None:
     """Perform the command ``init``."""
     standard, edition = edition_of(standard, edition)
+    # a script cannot answer the question for the test
     if test is None:
         if not _on_terminal():
             raise click.UsageError(
@@ -129,6 +131,7 @@ def _ask(titles: dict[str, str]) -> str:
     fitting: dict[str, str] = {}
     while not fitting:
         text = click.prompt("What was flown? (words of the title, or a number)").lower()
+        # all words must be in the number or the title
         for test, title in titles.items():
             row = f"{test} {title}".lower()
             if all(term in row for term in text.split()):
@@ -174,6 +177,7 @@ def run_write_report(
     signatures = signatures_of(signed)
     with show_progress("read the results"):
         archive = join_reports(results)
+    # The numbers keep their origin; command and date are those of this report.
     origin = {
         **archive.provenance,
         "command": command_line(),

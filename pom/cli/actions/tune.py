@@ -81,6 +81,7 @@ def run_tune(
     custody.take(files.values())
     model = aerodb.open(database)
     estimates = aerodb.open(evidence) if evidence else None
+    # without evidence, the standard errors of the model itself count
     demand_evidence(model, model if estimates is None else estimates, reasons)
     store = KeptStates(resume.resolve() if resume is not None else None, read_biases(biases_file))
     plans = _plan_cases(read, store, jobs)
@@ -96,9 +97,7 @@ def run_tune(
             bound=bound,
             jobs=jobs,
         )
-    digest = ""
-    if tuning.database is not None:
-        digest = nodes_digest(compile_model(craft, tuning.database))
+    digest = _model_digest(craft, tuning.database)
     custody.check()
     log = tuning.document(digest, _file_entries(files, custody))
     if output is not None and tuning.database is not None:
@@ -136,6 +135,14 @@ def _plan_cases(cases: list[PomCase], store: KeptStates, jobs: int) -> list[Repl
     with show_progress(f"read the flights of {count_text(len(cases), 'case')}"):
         paths = paths_of_cases(cases, {}, store, jobs)
         return [plan_of(case, states) for case, states in zip(cases, paths, strict=True)]
+
+
+def _model_digest(aircraft: Aircraft, database: xr.DataTree | None) -> str:
+    """Return the digest of a tuned model; empty if the tuning was refused."""
+    # by this digest a report recognises an FMU of the tuned model
+    if database is None:
+        return ""
+    return nodes_digest(compile_model(aircraft, database))
 
 
 def _print_outcome(log: Mapping[str, Any], *, output: Path | None, log_file: str | None) -> None:
