@@ -3,8 +3,8 @@
 Any netCDF-4 or HDF5 tool reads it.  The text ``document`` of the root is JSON: title, revision,
 provenance, diagnoses, logs of tunings, order of the cases.  The group of a case holds
 ``signals(run, channel, time)``, ``tolerance(banded, time)`` and ``inputs(input, time)``, with the
-names along these dimensions, and a ``document`` (case, conditions, trim, verdicts, failure).  Models
-with draws have ``samples`` in that document, and their quantiles in
+names along these dimensions, and a ``document`` (case, conditions, trim, verdicts, failure).
+Models with draws have ``samples`` in that document, and their quantiles in
 ``fan0(channel, quantile, time)``, ``fan1`` and so on.  Units are SI and radians.  The verdicts are
 in the unit of the tolerance table.  Files are named relative to the folder of the report.  A few
 large variables take the place of many small ones, so that a hundred cases are read in seconds.

@@ -1,8 +1,8 @@
 """Manifest of a report, ``manifest.json``: its inputs and its files, each with its SHA-256.
 
 The manifest is an in-toto statement (https://in-toto.io/Statement/v1) with a predicate of SLSA
-provenance v1, so that general tools read it.  It has no host name and no time of day, so equal input
-gives equal bytes.  A signature of this one file covers the whole report.
+provenance v1, so that general tools read it.  It has no host name and no time of day, so equal
+input gives equal bytes.  A signature of this one file covers the whole report.
 """
 
 from __future__ import annotations
@@ -163,7 +163,7 @@ def with_full_places(result: PomResult) -> PomResult:
 
 
 def case_found_from(case: PomCase, folder: str | os.PathLike) -> PomCase:
-    """Return a case of `case_seen_from` with the paths of its files from the working directory."""
+    """Return a case of `case_seen_from` with its files relative to the working directory."""
     return _rename_files(case, lambda name: os.path.normpath(Path(folder, name)))
 
 

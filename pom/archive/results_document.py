@@ -119,7 +119,7 @@ def _join_provenance(parts: Sequence[_ReportPart]) -> dict[str, Any]:
 def _name_uniquely(
     items: Mapping[tuple[str, str], tuple[Any, Path]],
 ) -> dict[str, tuple[str, Any]]:
-    """Return name -> (digest, item); files of the same name get the name of their report added."""
+    """Return (digest, item) by name; equal names get the name of their report added."""
     names = [name for name, _ in items]
     unique = {}
     for (name, digest), (item, path) in items.items():

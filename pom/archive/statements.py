@@ -206,17 +206,17 @@ def _to_current_keys(case: Mapping[str, Any], folder: Path) -> Any:
         return dict(case)
 
 
-def _list_differences(expected: Any, stated: Any, place: str = "") -> Iterator[str]:
+def _list_differences(expected: Any, stated: Any, path: str = "") -> Iterator[str]:
     """Yield the differences of plain data; numbers within `CLOSE` are equal."""
     if isinstance(expected, Mapping) and isinstance(stated, Mapping):
         for key in {**expected, **stated}:
-            inner = f"{place}.{key}" if place else str(key)
+            inner = f"{path}.{key}" if path else str(key)
             yield from _list_differences(expected.get(key), stated.get(key), inner)
     elif isinstance(expected, list) and isinstance(stated, list) and len(expected) == len(stated):
         for i, (item, stated_item) in enumerate(zip(expected, stated, strict=True)):
-            yield from _list_differences(item, stated_item, f"{place}[{i}]")
+            yield from _list_differences(item, stated_item, f"{path}[{i}]")
     elif not _is_equal(expected, stated):
-        yield f"{place}: results.nc has {_shorten(expected)}, here {_shorten(stated)}"
+        yield f"{path}: results.nc has {_shorten(expected)}, here {_shorten(stated)}"
 
 
 def _is_equal(first: Any, second: Any) -> bool:
@@ -279,7 +279,7 @@ def differences_from_log(
 
 
 def differences_from_table(case: PomCase) -> Iterator[str]:
-    """Yield the differences between the criteria of a case and the rows of the tolerance table.
+    """Yield the differences between the criteria of a case and the tolerance table.
 
     Bands of the case file itself are marked ``case file`` in their provenance.  They are not
     compared.

@@ -218,7 +218,7 @@ def _recorded_inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]
 
 
 def _control_history(case: PomCase, states: xr.Dataset, name: str) -> np.ndarray | None:
-    """Return a control of the case file or the record, (time,), or None if neither has it. [SI]"""
+    """Return a control from case file or record (time,), or None if neither has it. [SI]"""
     count = states.sizes["time"]
     if name in case.conditions:
         return np.full(count, case.conditions[name])

@@ -18,7 +18,10 @@ from pom.tolerances.channels import WRAPPED
 
 CALIBRATION = "calibration"  # attribute of flight states and of the signals of a result: JSON
 ERROR = "error."
-"""Prefix of a channel: its change by one standard error of each instrument constant (error, time)."""
+"""Prefix of the change of a channel by one standard error of each instrument constant.
+
+The dimensions are (error, time).
+"""
 _TIME_ROUNDING = 1e-9  # [s] a sample at a bound of the window may be off by a rounding error
 
 

@@ -29,7 +29,7 @@ from pom.tolerances.rows import required_signals
 T = TypeVar("T")
 
 MOVABLE = (*SURFACES, *TRAVEL, *FORCES, "throttle", "speedbrake", "delta_nw", *BRAKES)
-"""Controls that a loop of the math pilot may move.  ``throttle`` moves the levers of all engines."""
+"""Controls that a loop of the math pilot may move; ``throttle`` stands for all levers."""
 
 BIASES = ("delta_e", "delta_a", "delta_r", "thrust", "throttle", *FORCES)
 REMAINDERS = ("u_dot", "v_dot", "w_dot", "p_dot", "q_dot", "r_dot")
@@ -80,7 +80,7 @@ KINDRED = (
 def collect_case_problems(
     problems: list[str], key: str, act: Callable[..., T], *items: Any
 ) -> T | None:
-    """Return ``act(*items)``, or None if it raises; the error is added to the problems of a key."""
+    """Return ``act(*items)``; if it raises, add a problem of the key and return None."""
     try:
         return act(*items)
     except SchemaError as error:
@@ -96,7 +96,7 @@ _BEARING = {"id", "standard", "edition", "window", "features", "shortened", "rec
 
 
 def sound_rest(content: Mapping[str, Any]) -> CaseFile | None:
-    """Return a case file without its wrong keys, so that the other keys can be checked as well.
+    """Return a case file without its wrong keys, so that the other keys can be checked.
 
     None if windows and rows depend on a wrong key.
     """
@@ -321,7 +321,7 @@ def _resolve_window(
 def scale_tolerances(
     criteria: Sequence[Criterion], fraction: float, largest: Mapping[str, float]
 ) -> tuple[Criterion, ...]:
-    """Return criteria with the applied share of the tolerance and the largest values in service."""
+    """Return criteria with the share of the tolerance and the largest values in service."""
     scaled = []
     for criterion in criteria:
         largest_value = largest.get(criterion.channel)

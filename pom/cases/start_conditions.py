@@ -120,9 +120,9 @@ def _runway_elevation(states: xr.Dataset) -> float | None:
         return None
     phi, theta = states["phi"].values, states["theta"].values
     x, y, z = (_values_or_zero(states, name) for name in ("x_cg_b", "y_cg_b", "z_cg_b"))
-    # h is the height of the c.g., h_agl that of the moment reference point. The reference point lies
-    # above the c.g. by the down component of the vector from it to the c.g. (third row of the
-    # rotation from body to earth axes).
+    # h is the height of the c.g., and h_agl the height of the moment reference point. The reference
+    # point lies above the c.g. by the down component of the vector from it to the c.g. (third row
+    # of the rotation from body to earth axes).
     down = -np.sin(theta) * x + np.cos(theta) * (np.sin(phi) * y + np.cos(phi) * z)
     return float(np.median((states["h"].values + down - states["h_agl"].values)[is_low]))
 

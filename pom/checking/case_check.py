@@ -52,7 +52,7 @@ def case_problems(case: PomCase, states: xr.Dataset, models: Mapping[str, FmuMod
 def _plan_case(
     case: PomCase, states: xr.Dataset, models: Mapping[str, FmuModel]
 ) -> tuple[list[str], ReplayPlan | None]:
-    """Return the problems of a case and its plan; the plan is None if the record is not enough."""
+    """Return the problems of a case, and its plan if the record is sufficient."""
     problems, plan = _plan_record(case, states)
     if plan is None:
         return problems, None

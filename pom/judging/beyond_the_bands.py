@@ -203,7 +203,7 @@ def watch_channels(
     flight: Mapping[str, np.ndarray],
     model: Mapping[str, np.ndarray],
 ) -> tuple[RowRemark, ...]:
-    """Return a remark of kind ``watch`` for every channel without a tolerance that leaves its band.
+    """Return a ``watch`` remark for every channel without a tolerance that leaves its band.
 
     Parameters
     ----------

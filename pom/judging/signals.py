@@ -128,7 +128,8 @@ def _deviation(signals: RunSignals) -> np.ndarray:
 
 
 def _heading_rate(signals: RunSignals) -> np.ndarray:
-    """Return the rate of heading: psi' = (q sin phi + r cos phi) / cos theta (time,). [rad s-1]"""
+    """Return the rate of heading (time,). [rad s-1]"""
+    # psi' = (q sin phi + r cos phi) / cos theta
     q, r, phi = signals["q"], signals["r"], signals["phi"]
     return (q * np.sin(phi) + r * np.cos(phi)) / np.cos(signals["theta"])
 
@@ -365,8 +366,8 @@ def crossing_time(
 ) -> float | None:
     """Return the time at which `y` first passes `level`, linear between samples. [s]
 
-    The direction is 1 for upwards, -1 for downwards.  None if `y` does not pass the level.  A signal
-    beyond the level from the start does not pass it.
+    The direction is 1 for upwards, -1 for downwards.  None if `y` does not pass the level.  A
+    signal beyond the level from the start does not pass it.
     """
     is_beyond = direction * (y - level) >= 0.0
     passes = np.flatnonzero(~is_beyond[:-1] & is_beyond[1:] & (time[1:] >= start - 1e-9))

@@ -107,7 +107,7 @@ def _judge_or_explain(criterion: Criterion, match: Comparison) -> Judgement:
 def _prepare_criterion(
     criterion: Criterion, match: Comparison
 ) -> tuple[Criterion, tuple[str, ...], str]:
-    """Return a criterion fitted to the flight, its signals, and the reason if it is not judged."""
+    """Return a criterion fitted to the flight, its signals, and why it is not judged."""
     case, flight = match.case, match.flight
     criterion = settle_criterion(case, criterion, time=match.time, flight=flight)
     needed = required_quantities(criterion)

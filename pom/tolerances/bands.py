@@ -65,7 +65,8 @@ def remarks_text(remarks: Iterable[RowRemark]) -> str:
 
     Examples
     --------
-    >>> remarks_text([RowRemark("cycles", "6.2 cycles", values={"flight": 6.2}, unit="1"), RowRemark("stability", "stability differs")])
+    >>> cycles = RowRemark("cycles", "6.2 cycles", values={"flight": 6.2}, unit="1")
+    >>> remarks_text([cycles, RowRemark("stability", "stability differs")])
     '6.2 cycles; stability differs'
     """
     return "; ".join(remark.text for remark in remarks)
@@ -207,7 +208,7 @@ def _percentage_base(criterion: Criterion, magnitude: np.ndarray) -> np.ndarray:
 
 
 def applied_tolerance(criterion: Criterion, widths: np.ndarray, flight: np.ndarray | float) -> str:
-    """Return the tolerance as applied: its share, the base of the percentage and the half width.
+    """Return the tolerance as applied: share, base of the percentage and half width.
 
     Examples
     --------

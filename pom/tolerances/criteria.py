@@ -184,7 +184,7 @@ LEVELS = {
     "initial_buffet": ("alpha", 1),
     "stall": ("alpha", 1),
 }
-"""By event: a channel, and the direction in which it passes the level of the flight at the event."""
+"""By event: a channel, and the direction in which it passes its flight value at the event."""
 
 OF_PARAMETER = {
     "engine_failure_speed": "engine_failure",

@@ -62,7 +62,7 @@ def required_signals(criterion: Criterion) -> tuple[str, ...]:
 
 
 def helpful_signals(criterion: Criterion) -> tuple[str, ...]:
-    """Return the signals that show events and conditions of a criterion; a model may lack them."""
+    """Return the signals of the events and conditions of a criterion, which are optional."""
     channels: list[str] = []
     # the event of a value, and the bounds of the row
     events = ["", *criterion.bounds]

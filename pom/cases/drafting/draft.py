@@ -319,13 +319,14 @@ def _events_of_empty_rows(
             stop = min(stop, last)
         if start < stop:
             continue
-        bounds = row["applies_from"], row["applies_to"]
-        events.update(name for name in times if any(bound.startswith(name) for bound in bounds))
+        for name in times:
+            if row["applies_from"].startswith(name) or row["applies_to"].startswith(name):
+                events.add(name)
     return events
 
 
 def _bound_times(rows: Sequence[table.Row], end: str, times: dict[str, float]) -> list[float]:
-    """Return the known times of one end of the rows. [s]"""
+    """Return the times of one end of the rows, without unknown ones. [s]"""
     bounds = [_bound_time(row[end], times) for row in rows]
     return [time for time in bounds if time is not None]
 
@@ -373,7 +374,7 @@ def _place_events(
 def _shortened_text(
     rows: Sequence[table.Row], events: dict[str, float], window: tuple[float, float]
 ) -> str:
-    """Return the reason for a window that is shorter than the rows require; empty if it is not."""
+    """Return the reason for a window shorter than the rows require, or an empty text."""
     first = min(_bound_times(rows, "applies_from", events), default=window[0])
     last = max(_bound_times(rows, "applies_to", events), default=window[1])
     parts = []

@@ -111,7 +111,7 @@ class Movement:
 
 
 def input_channels(test: str) -> tuple[str, ...]:
-    """Return the controls that may be the input of a test, likely ones first; else the elevator."""
+    """Return the controls that may be the input of a test, likely ones first."""
     return INPUTS.get(test.replace("(", ".").replace(")", ""), ELEVATOR)
 
 
@@ -316,7 +316,7 @@ def _time_after(time: np.ndarray, passes: np.ndarray) -> float | None:
 
 
 def _height_finder(level: float) -> Finder:
-    """Return a finder of the time at which a height is passed: upward in tests 1, else downward."""
+    """Return a finder of the passage of a height: upward in tests 1, else downward."""
 
     def find(recorded: Recorded, test: str, window: tuple[float, float]) -> float | None:
         name = recorded.first(("h_agl", "h_radio"))

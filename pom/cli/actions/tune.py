@@ -156,7 +156,7 @@ def _print_outcome(log: Mapping[str, Any], *, output: Path | None, log_file: str
         click.echo(f"written: {log_file}")
 
 
-def read_rationales(words: Iterable[str]) -> tuple[dict[str, str], str | None]:
+def read_rationales(texts: Iterable[str]) -> tuple[dict[str, str], str | None]:
     """Return the rationales by term from ``TERM=TEXT`` and from a file, and the file.
 
     Raises
@@ -168,22 +168,22 @@ def read_rationales(words: Iterable[str]) -> tuple[dict[str, str], str | None]:
     rationales: dict[str, str] = {}
     file: str | None = None
     problems: list[str] = []
-    for word in words:
-        term, equals, text = word.partition("=")
+    for item in texts:
+        term, equals, text = item.partition("=")
         if equals:
             entries: Mapping[str, Any] = {term.strip(): text.strip()}
         else:
-            # a word without `=` is the name of a file
+            # an item without `=` is the name of a file
             if file:
                 problems.append(
-                    f"{word}: {file} is a file of rationales already; write all into one"
+                    f"{item}: {file} is a file of rationales already; write all into one"
                 )
-            file = str(InputFile().convert(word, None, None))
-            content = read_toml(word)
+            file = str(InputFile().convert(item, None, None))
+            content = read_toml(item)
             entries = content.get(RATIONALE, {})
             if not isinstance(entries, dict) or not entries or set(content) != {RATIONALE}:
                 problems.append(
-                    f"{word}: one table [{RATIONALE}] is needed, with lines such as "
+                    f"{item}: one table [{RATIONALE}] is needed, with lines such as "
                     f'"Cm/elevator" = "why it may leave the bound"'
                 )
                 continue

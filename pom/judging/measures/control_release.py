@@ -320,7 +320,7 @@ def _fail_lacking(criterion: Criterion, flight: float, text: str, cycle: int = 0
 
 
 def _worst_of(judged: list[Judgement], nothing: str) -> Judgement:
-    """Return the deciding judgement, with the remarks of all; `nothing` is the error without any.
+    """Return the deciding judgement with the remarks of all; raise `nothing` without any.
 
     A judgement without a number decides, else the largest ratio.
     """

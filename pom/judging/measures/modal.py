@@ -33,7 +33,10 @@ MINIMUM_CYCLES = {"2.c.9": 3.0, "2.d.7": 6.0}
 LEAST_AMPLITUDE = 0.1  # of the amplitude of the flight: a smaller mode of the model is not excited
 PHUGOID = "2.c.9"
 BANKED = 10.0 * DEGREE
-"""Largest bank difference of a phugoid in the plane of symmetry; lift is then 1.5 % above weight."""
+"""Largest bank difference of a phugoid in the plane of symmetry.
+
+Lift is then 1.5 % above weight.
+"""
 _MEASURES = ("period", "t_half", "damping_ratio")
 _FITTED = (*_MEASURES, "cycles", "amplitude", "residual_rms")
 # To test the influence of the window, each of its ends moves inwards by the smaller of these.

@@ -339,7 +339,7 @@ _RATE_START, _RATE_END = 0.1, 0.9
 
 
 def judge_turning_number(criterion: Criterion, match: Comparison) -> Judgement:
-    """Judge a number of a whole manoeuvre: turn radius, trim rate or dead band of the steering."""
+    """Judge a number of a whole manoeuvre: turn radius, trim rate or steering dead band."""
     if criterion.parameter == "nosewheel_deadband":
         return judge_dead_band(criterion, match)
     flight, model = _RADIUS_OR_RATE[criterion.parameter](criterion, match)

@@ -221,7 +221,7 @@ def end_value(criterion: Criterion, match: Comparison) -> Judgement:
 
 
 def low_speed_end(criterion: Criterion, match: Comparison) -> Judgement:
-    """Judge the last part of a deceleration, at the lowest tenth of the speed range of the flight."""
+    """Judge the last part of a deceleration, in the lowest tenth of the speed range."""
     speed = next((name for name in ("V_ground", "V_cas") if name in match.flight), None)
     if speed is None:
         raise NotJudged("the flight record has no speed")
@@ -370,7 +370,7 @@ def trend_dead_band(channel: str, time: np.ndarray, flight: np.ndarray) -> float
 
 
 def _order(departure: np.ndarray) -> str:
-    """Return which of the two extremes comes first; empty when there is only one clear extreme."""
+    """Return which extreme comes first; empty if only one extreme is clear."""
     high, low = float(departure.max()), float(departure.min())
     # one extreme is the start itself, or within its noise
     if min(high, -low) < CLEAR * (high - low):
