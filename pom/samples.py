@@ -101,6 +101,7 @@ class SampledReplay:
     def dominant(self, criterion: str, most: int = 3) -> list[tuple[str, float]]:
         """Return the sources with the largest shares of a criterion: (source, share)."""
         shares = self._shares_of(criterion)
+        # a negative share reduces the variance
         return [(source, share) for source, share in shares.items() if share > 0.0][:most]
 
     def _shares_of(self, criterion: str) -> dict[str, float]:

@@ -98,6 +98,7 @@ def provenance(
         ``command``, ``date``, ``versions``, ``inputs`` with their SHA-256, ``places`` with their
         paths, ``models`` with file, SHA-256 and path.
     """
+    # Names relative to the common folder are unique and do not disclose the folders above.
     digest = digest or file_sha256
     files = sorted({Path(file).resolve() for file in inputs})
     folder = Path()
@@ -261,6 +262,7 @@ def _list_dependencies(provenance: Mapping[str, Any], folder: Path) -> list[dict
             path=model.get("path") or None,
             folder=folder,
         )
+        # the run tells a model from an input
         item["annotations"] = {"run": run}
         dependencies.append(item)
     return dependencies
@@ -275,6 +277,7 @@ def _dependency(name: str, digest: str, *, path: str | None, folder: Path) -> di
 
 def dependency_path(dependency: Mapping[str, Any], folder: str | os.PathLike) -> Path | None:
     """Return the path of an input of a manifest in `folder`, or None if it is not stated."""
+    # a URI quotes blanks and other characters of a path
     uri = dependency.get("uri", "")
     if not uri:
         return None

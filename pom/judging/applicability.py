@@ -105,6 +105,7 @@ def _check_kind(
     except Invalid:
         # The measure reports the error of the record.
         return criterion
+    # a motion with a significant overshoot is underdamped
     kind = KINDS[1]
     if motion.overshoots.size:
         kind = KINDS[0]
@@ -137,6 +138,7 @@ def _check_distance(
     """Check that the length of a run satisfies the condition of a row."""
     if "distance" not in flight:
         return criterion
+    # An event of the case has priority over the bound of the window.
     ends = []
     for event, default in zip(criterion.bounds, criterion.window, strict=True):
         ends.append(case.events.get(event, default))

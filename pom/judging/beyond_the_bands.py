@@ -66,6 +66,7 @@ class Evidence:
             is_hinge = name.split("/")[0] in HINGE
             if _from_flight(leaf).any() and (hinges or not is_hinge):
                 leaves[name] = leaf
+        # every n-th state, so that at least SAMPLES remain of a longer record
         step = max(1, states.sizes["time"] // SAMPLES)
         thinned, _ = fill_missing_devices(states.isel(time=slice(None, None, step)), database)
         self.samples: dict[str, np.ndarray] = {}
@@ -77,6 +78,7 @@ class Evidence:
 
     def _estimate(self, leaf: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return contribution, standard error and flight mask of a term (samples,)."""
+        # B has the weights of the nodes at each sample (samples, nodes).
         count = self._count()
         B = _terms.basis(leaf, self.samples, "clamp")
         value = np.broadcast_to(_terms.evaluate_term(leaf, self.samples, "clamp"), count)
@@ -99,6 +101,7 @@ class Evidence:
         contributions = self._evaluate_terms(model)
         distances = {}
         for name, (value, sigma, is_flight) in self.estimates.items():
+            # without a standard error there is no unit of distance
             if not is_flight.any() or not (sigma[is_flight] > 0.0).any():
                 continue
             # a model without the term has no contribution
@@ -225,11 +228,13 @@ def watch_channels(
         if name in judged or name not in flight or name not in model:
             continue
         trace, error = flight[name], np.abs(unwrapped_difference(name, flight[name], model[name]))
+        # at low speed the flow angles have no meaning
         counted = np.isfinite(error)
         if name in ("alpha", "beta"):
             counted = counted & airborne
         if not counted.any():
             continue
+        # a flight far from its start has a wider band
         band = max(least, SHARE * float(np.max(np.abs(trace[counted] - trace[counted][0]))))
         worst = int(np.argmax(np.where(counted, error, -1.0)))
         if error[worst] > band:

@@ -203,6 +203,7 @@ class Comparison:
         Invalid
             The record is short, time does not rise, or a value is missing.
         """
+        # Criteria with the same window and condition share the mask and the flight values.
         samples, channel = (criterion.window, criterion.condition), channel or criterion.channel
         mask = self.once(
             samples, lambda: inside_window(self.time, criterion.window) & self.counted(criterion)
@@ -275,6 +276,7 @@ def find_event(match: Comparison, event: str, excluded: str = "") -> Instant:
     Invalid
         The event lies outside the replay, or the model does not reach it.
     """
+    # the time of the case file, on the clock of both runs
     stated = match.case.events.get(event)
     if stated is not None and not match.time[0] - 1e-9 <= stated <= match.time[-1] + 1e-9:
         raise Invalid(
@@ -288,6 +290,7 @@ def find_event(match: Comparison, event: str, excluded: str = "") -> Instant:
     if stated is not None and stated <= match.time[1]:
         remark = RowRemark("event", f"the replay starts at {event}", event)
         return Instant(stated, stated, (remark,))
+    # A discrete of the model has priority over the level of a signal.
     names = DISCRETES.get(event, ())
     if names and all(name in match.model for name in names):
         return _find_discrete_event(match, event, names)
@@ -373,5 +376,6 @@ def crossing_time(
     passes = np.flatnonzero(~is_beyond[:-1] & is_beyond[1:] & (time[1:] >= start - 1e-9))
     if not passes.size:
         return None
+    # y passes the level between samples k and k + 1
     k = int(passes[0])
     return float(time[k] + (level - y[k]) / (y[k + 1] - y[k]) * (time[k + 1] - time[k]))

@@ -206,7 +206,7 @@ def on_ground(recorded: Recorded, time: float) -> bool:
 
 
 def find_events(
-    wanted: Iterable[str],
+    names: Iterable[str],
     test: str,
     recorded: Recorded,
     manoeuvre: tuple[float, float],
@@ -216,7 +216,7 @@ def find_events(
 
     Parameters
     ----------
-    wanted : iterable of str
+    names : iterable of str
         Events of the tolerance table (`pom.tolerances.rows.window_events`).
     test : str
         Its number; determines which control is the input, and whether 200 ft are passed upward
@@ -226,7 +226,7 @@ def find_events(
         Where to search the input, and all other events. [s]
     """
     times = {}
-    for name in wanted:
+    for name in names:
         if name not in _FINDERS:
             continue
         searched = manoeuvre if name in _OF_INPUT else window

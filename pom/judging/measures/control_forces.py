@@ -53,14 +53,14 @@ class Branch:
         order = np.argsort(self.x, kind="stable")
         return np.interp(x, self.x[order], self.y[order], left=np.nan, right=np.nan)
 
-    def together(self, other: Branch) -> float:
+    def common_duration(self, partner: Branch) -> float:
         """Return the common duration of two branches; negative if they do not overlap. [s]
 
         It is minus infinity for branches of opposite directions.
         """
-        if self.direction != other.direction:
+        if self.direction != partner.direction:
             return -np.inf
-        return float(min(self.time[-1], other.time[-1]) - max(self.time[0], other.time[0]))
+        return float(min(self.time[-1], partner.time[-1]) - max(self.time[0], partner.time[0]))
 
 
 def judge_curve(criterion: Criterion, match: Comparison) -> Judgement:
@@ -187,8 +187,8 @@ def _judge_branches(criterion: Criterion, flight: list[Branch], model: list[Bran
     times, widths, errors, values = [], [], [], []
     for branch in flight:
         direction = DIRECTIONS[branch.direction]
-        partner = max(model, key=branch.together, default=None)
-        if partner is None or branch.together(partner) <= 0.0:
+        partner = max(model, key=branch.common_duration, default=None)
+        if partner is None or branch.common_duration(partner) <= 0.0:
             raise Invalid(
                 f"the model does not move {criterion.abscissa} as the flight does, {direction}"
             )

@@ -87,6 +87,7 @@ def _find_start(criterion: Criterion, match: Comparison) -> tuple[float, float]:
     start, channel = criterion.window[0], criterion.abscissa
     if not channel or start <= match.time[1]:
         return start, start
+    # height or speed of the flight at both ends of the window
     level, end = np.interp(criterion.window, match.time, match.flight[channel])
     direction = 1 if end > level else -1
     passage = crossing_time(
@@ -126,6 +127,7 @@ def _find_gate(criterion: Criterion, match: Comparison, start: float) -> Gate:
             if standstill is not None:
                 time = standstill
         return Gate(channel, level, direction=direction, flight=time)
+    # The record stops before the event: the recorded share of the run must be large enough.
     required = SHARE.get(plain_id(match.case.id), 1.0)
     share = (end - start) / (instant - start)
     if share < required:
