@@ -308,7 +308,7 @@ def to_split_dict(table: pd.DataFrame) -> dict[str, Any]:
 
 
 def _has_ratio(row: Mapping[Hashable, Any]) -> bool:
-    # A precondition (`setup`) says whether the case is valid; its ratio never decides.
+    # A precondition (`setup`) decides whether the case is valid; its ratio is not compared.
     if row["measure"] == "setup":
         return False
     return row["verdict"] in ("pass", "fail") and not math.isnan(row["worst_ratio"])

@@ -262,7 +262,7 @@ def _list_dependencies(provenance: Mapping[str, Any], folder: Path) -> list[dict
             path=model.get("path") or None,
             folder=folder,
         )
-        # the run tells a model from an input
+        # an item with a run is a model, an item without is an input
         item["annotations"] = {"run": run}
         dependencies.append(item)
     return dependencies

@@ -92,7 +92,7 @@ def run_init_case(
                 "--test is missing; give the number of a row, such as --test 2.c.10 (on a "
                 "terminal it is requested)"
             )
-        test = _ask(titles_of_tests(standard, edition))
+        test = _prompt_test(titles_of_tests(standard, edition))
     with show_progress("read the record, write the case"):
         case, remarks = init_case(
             record,
@@ -126,8 +126,8 @@ def _on_terminal() -> bool:
     return sys.stdin.isatty()
 
 
-def _ask(titles: dict[str, str]) -> str:
-    """Ask for the title of the test, then for one of the rows that fit."""
+def _prompt_test(titles: dict[str, str]) -> str:
+    """Prompt for words of the title, then for one of the rows that fit; return the test."""
     fitting: dict[str, str] = {}
     while not fitting:
         text = click.prompt("What was flown? (words of the title, or a number)").lower()
