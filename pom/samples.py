@@ -1,6 +1,4 @@
-"""What replays by draws of a model show: the probability that a case passes, the spread of its
-ratios, and which term's error makes it.
-"""
+"""Replays of a case by draws of a model: probability of a pass, spread of the ratios, sources."""
 
 from __future__ import annotations
 
@@ -13,34 +11,40 @@ import pandas as pd
 import xarray as xr
 
 WITHIN = ("pass", "limits_exceeded")
-"""Statuses within tolerance; a trim beyond its limits is not drawn anew and is stated by the run itself."""
+"""Statuses within tolerance.
+
+A trim beyond its limits counts as within: the draws do not change it, and the run itself reports
+it.
+"""
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
-"""Of the draws, of which the fan consists."""
+"""Quantiles of the draws in the fan."""
+
+# Agresti and Coull's interval at 95 % adds two passes and two failures (z^2 = 1.96^2, about 4).
+_ADDED_DRAWS, _ADDED_PASSES = 4.0, 2.0
 
 
 @dataclass(frozen=True)
 class SampledReplay:
-    """One model against the flights that draws of the aeroplane, from the posterior of its database
-    and of the instruments, give in a case.
+    """Replays of one case by draws from the posterior of a database and of the instruments.
 
     Attributes
     ----------
     seed : int
-        Of the draws; the same seed, database, record and number give the same draws.
+        Seed of the draws.  The same seed, database, record and number give the same draws.
     database : str
         File and hash of the database with the standard errors.
     status : tuple of str
-        Of every draw, one of `pom.result.STATUSES` (draw,).
+        Status of every draw, one of `pom.result.STATUSES` (draw,).
     decides : array (draw,)
-        Ratio that decides: of the alternatives the best, of the groups the worst; NaN for a draw
-        that could not be flown or judged. [1]
+        Ratio that decides: of the alternatives the best, of the groups the worst.  NaN for a draw
+        without a replay or a verdict. [1]
     ratio : DataFrame (draw, criterion)
-        Largest ratio of every criterion that is judged. [1]
+        Largest ratio of every judged criterion. [1]
     shares : DataFrame
-        ``criterion source share``: part of the variance of a criterion's signed ratio that the
-        errors of a source make, the largest first; a source is a term (``Cm/basic``) or an
-        instrument (``mass``).  Negative where a source takes back what another, correlated one
-        makes.  What they lack to 1 is not linear in the errors.
+        ``criterion source share``: part of the variance of the signed ratio of a criterion that
+        the errors of a source explain, in descending order.  A source is a term (``Cm/basic``) or
+        an instrument (``mass``).  A share is negative where a source cancels the effect of a
+        correlated source.  The rest to 1 is not linear in the errors.
     fan : Dataset (quantile, time)
         Quantiles of the channels of the model over the draws. [SI]
     """
@@ -60,30 +64,34 @@ class SampledReplay:
 
     @property
     def probability(self) -> float:
-        """Share of the draws that the model matches within tolerance; one that cannot be flown or
-        judged is not.
+        """Share of the draws within tolerance.
+
+        A draw without a replay or a verdict counts as outside.
         """
         return sum(status in WITHIN for status in self.status) / self.count
 
     @property
     def stderr(self) -> float:
-        """Standard error of the probability from the number of draws, by Agresti and Coull's
-        interval: not zero at 0 and 1.
+        """Standard error of the probability from the number of draws.
+
+        By Agresti and Coull's interval, so that it is not zero at 0 and 1.
         """
-        n, p = self.count + 4.0, (self.probability * self.count + 2.0) / (self.count + 4.0)
+        n = self.count + _ADDED_DRAWS
+        p = (self.probability * self.count + _ADDED_PASSES) / n
         return float(np.sqrt(p * (1.0 - p) / n))
 
     def spread(self, criterion: str = "") -> tuple[float, float, float]:
-        """Return the quantiles 5, 50 and 95 % of the ratio of a criterion, of the one that decides
-        without a name; NaN without any.
+        """Return the quantiles 5, 50 and 95 % of the ratio of a criterion.
+
+        Without a name: of the ratio that decides.  NaN if no draw has a ratio.
         """
-        values = self.ratio[criterion].to_numpy() if criterion else self.decides
+        values = self.decides
+        if criterion:
+            values = self.ratio[criterion].to_numpy()
         values = values[np.isfinite(values)]
-        low, middle, high = (
-            np.quantile(values, (QUANTILES[0], 0.5, QUANTILES[-1]))
-            if len(values)
-            else (np.nan,) * 3
-        )
+        if not len(values):
+            return np.nan, np.nan, np.nan
+        low, middle, high = np.quantile(values, (QUANTILES[0], 0.5, QUANTILES[-1]))
         return float(low), float(middle), float(high)
 
     def passing(self, criterion: str) -> float:
@@ -92,15 +100,16 @@ class SampledReplay:
 
     def dominant(self, criterion: str, most: int = 3) -> list[tuple[str, float]]:
         """Return the sources with the largest shares of a criterion: (source, share)."""
+        shares = self._shares_of(criterion)
+        # a negative share reduces the variance
+        return [(source, share) for source, share in shares.items() if share > 0.0][:most]
+
+    def _shares_of(self, criterion: str) -> dict[str, float]:
         rows = self.shares[self.shares["criterion"] == criterion]
-        return [
-            (str(source), float(share))
-            for source, share in zip(rows["source"], rows["share"], strict=True)
-            if share > 0.0
-        ][:most]
+        return dict(zip(map(str, rows["source"]), map(float, rows["share"]), strict=True))
 
     def numbers(self) -> dict[str, Any]:
-        """Return what a report prints of the samples, as plain data."""
+        """Return the numbers that a report prints, as plain data."""
         low, middle, high = self.spread()
         return {
             "draws": self.count,
@@ -109,23 +118,23 @@ class SampledReplay:
             "probability": self.probability,
             "stderr": self.stderr,
             "ratio": {"q05": low, "q50": middle, "q95": high},
-            "criteria": {name: self._of(name) for name in map(str, self.ratio.columns)},
+            "criteria": {
+                name: self._criterion_numbers(name) for name in map(str, self.ratio.columns)
+            },
         }
 
-    def _of(self, criterion: str) -> dict[str, Any]:
+    def _criterion_numbers(self, criterion: str) -> dict[str, Any]:
         low, middle, high = self.spread(criterion)
-        rows = self.shares[self.shares["criterion"] == criterion]
-        shares = dict(zip(map(str, rows["source"]), map(float, rows["share"]), strict=True))
         return {
             "probability": self.passing(criterion),
             "q05": low,
             "q50": middle,
             "q95": high,
-            "shares": shares,
+            "shares": self._shares_of(criterion),
         }
 
     def document(self) -> dict[str, Any]:
-        """Return all but the fan as plain data, numbers in full."""
+        """Return the samples without the fan as plain data, numbers with all their digits."""
         return {
             "seed": self.seed,
             "database": self.database,
@@ -138,12 +147,14 @@ class SampledReplay:
     @classmethod
     def of_document(cls, item: Mapping[str, Any], fan: xr.Dataset) -> SampledReplay:
         """Rebuild samples from `document` and their fan."""
+        ratio = {name: np.array(column, float) for name, column in item["ratio"].items()}
         return cls(
-            int(item["seed"]),
-            item["database"],
-            tuple(item["status"]),
-            np.array(item["decides"], float),
-            pd.DataFrame({name: np.array(column, float) for name, column in item["ratio"].items()}),
-            pd.DataFrame(item["shares"], columns=["criterion", "source", "share"]),
-            fan,
+            seed=int(item["seed"]),
+            database=item["database"],
+            status=tuple(item["status"]),
+            decides=np.array(item["decides"], float),
+            ratio=pd.DataFrame(ratio),
+            # the columns are named, since a document without shares has an empty table
+            shares=pd.DataFrame(item["shares"], columns=["criterion", "source", "share"]),
+            fan=fan,
         )

@@ -72,6 +72,7 @@ ORDER = {
         "samples",
         "tolerances",
         "cases",
+        "result_signals",
         "result",
         "fmu",
         "judging",

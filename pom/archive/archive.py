@@ -3,8 +3,8 @@
 Any netCDF-4 or HDF5 tool reads it.  The text ``document`` of the root is JSON: title, revision,
 provenance, diagnoses, logs of tunings, order of the cases.  The group of a case holds
 ``signals(run, channel, time)``, ``tolerance(banded, time)`` and ``inputs(input, time)``, with the
-names along these dimensions, and a ``document`` (case, conditions, trim, verdicts, failure).  Models
-with draws have ``samples`` in that document, and their quantiles in
+names along these dimensions, and a ``document`` (case, conditions, trim, verdicts, failure).
+Models with draws have ``samples`` in that document, and their quantiles in
 ``fan0(channel, quantile, time)``, ``fan1`` and so on.  Units are SI and radians.  The verdicts are
 in the unit of the tolerance table.  Files are named relative to the folder of the report.  A few
 large variables take the place of many small ones, so that a hundred cases are read in seconds.
@@ -131,6 +131,7 @@ def read_archive(path: str | os.PathLike) -> Archive:
         with h5py.File(path, "r") as file:
             head = _read_document(file)
             results = [_read_result(file[key], path.parent) for key in head["cases"]]
+            # a report without further chapters has no such dataset
             chapters = b""
             if isinstance(file.get("chapters"), h5py.Dataset):
                 chapters = file["chapters"][()].tobytes()
@@ -198,9 +199,9 @@ def _write_fan(group: h5py.Group, number: int, fan: xr.Dataset, time: h5py.Datas
     """Write the quantiles of the draws of one model, ``fan0(fan0_channel, quantile, time)``."""
     names = _write_scale(group, f"fan{number}_channel", list(map(str, fan.data_vars)))
     quantile = _write_scale(group, f"fan{number}_quantile", fan["quantile"].values)
-    values = np.array([item.values for item in fan.data_vars.values()], float).reshape(
-        -1, len(quantile), len(time)
-    )
+    # the shape is stated, since an empty fan has no variables
+    samples = np.array([item.values for item in fan.data_vars.values()], float)
+    values = samples.reshape(-1, len(quantile), len(time))
     table = group.create_dataset(f"fan{number}", data=values, **_compression(values))
     for i, axis in enumerate((names, quantile, time)):
         table.dims[i].attach_scale(axis)
@@ -227,16 +228,15 @@ def _write_scale(group: h5py.Group, name: str, values: Any) -> h5py.Dataset:
 
 def _read_result(group: h5py.Group, folder: Path) -> PomResult:
     head = _read_document(group)
-    stored_trim = head["trim"]
-    trim = pd.DataFrame(
-        stored_trim["data"], stored_trim["index"], stored_trim["columns"], dtype=float
-    )
-    conditions = {}
-    for name, value in head["conditions"].items():
-        # JSON stores NaN as null.
-        conditions[name] = float("nan") if value is None else float(value)
+    # the keys of `to_split_dict`: data, index, columns
+    trim = pd.DataFrame(**head["trim"], dtype=float)
+    # JSON stores NaN as null, which becomes NaN in an array of floats.
+    conditions = head["conditions"]
+    values = np.array(list(conditions.values()), float)
+    conditions = dict(zip(conditions, values.tolist(), strict=True))
     samples = {}
     for number, (run, item) in enumerate(head.get("samples", {}).items()):
+        # fans are numbered in the order of their models
         samples[run] = SampledReplay.of_document(item, _read_fan(group, number))
     return PomResult(
         case=case_found_from(PomCase.from_dict(head["case"]), folder),
@@ -267,11 +267,11 @@ def _read_part(group: h5py.Group, head: Mapping[str, Any], part: str) -> xr.Data
         coords["run"] = list(group["run"].asstr()[()])
         dims = ("run", "time")
     attrs = head["channels"][part]
-    return xr.Dataset(
-        {name: (dims, values[..., i, :], attrs[name]) for i, name in enumerate(names)},
-        coords,
-        head["attrs"][part],
-    )
+    variables = {}
+    for i, name in enumerate(names):
+        # the axis of the channels is the last but one, behind the runs
+        variables[name] = (dims, values[..., i, :], attrs[name])
+    return xr.Dataset(variables, coords, head["attrs"][part])
 
 
 def _write_document(group: h5py.Group, item: Mapping[str, Any]) -> None:

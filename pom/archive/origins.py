@@ -1,9 +1,8 @@
-"""``manifest.json``: what a report was made from and what it consists of, every file by its
-SHA-256.
+"""Manifest of a report, ``manifest.json``: its inputs and its files, each with its SHA-256.
 
-An in-toto statement (https://in-toto.io/Statement/v1) whose predicate follows SLSA provenance v1,
-so that general tools read it. No host name and no clock: equal input gives equal bytes.  Whoever
-wants it signed signs this one file.
+The manifest is an in-toto statement (https://in-toto.io/Statement/v1) with a predicate of SLSA
+provenance v1, so that general tools read it.  It has no host name and no time of day, so equal
+input gives equal bytes.  A signature of this one file covers the whole report.
 """
 
 from __future__ import annotations
@@ -34,13 +33,12 @@ class ModelFile(TypedDict, total=False):
 
 
 class ReportProvenance(TypedDict, total=False):
-    """Where a report comes from; every key may be absent.
+    """Origin of a report; every key may be absent.
 
     ``date`` of the results (text), ``command`` line, ``versions`` (name to version), ``inputs``
     (file to SHA-256), ``places`` (input to path), ``models`` (run to file, SHA-256 and path),
-    ``records`` (part of the model or case to the names of the flight records it rests on),
-    ``record_errors`` (name of a flight record to the errors that its check found), ``signatures``
-    (who signs the report, by role: name, date, organisation).
+    ``records`` (part of the model or case to the names of its flight records), ``record_errors``
+    (name of a flight record to its errors), ``signatures`` (role to name, date, organisation).
     """
 
     date: str
@@ -55,12 +53,12 @@ class ReportProvenance(TypedDict, total=False):
 
 
 def check_provenance(provenance: Mapping[str, Any]) -> None:
-    """Refuse a misspelt key, which would silently leave a gap in the report.
+    """Raise on an unknown key, since a misspelt key leaves a gap in the report.
 
     Raises
     ------
     UnknownName
-        With the near ones.
+        A key is unknown.  The error names the nearest keys.
     """
     for key in provenance:
         if key not in ReportProvenance.__annotations__:
@@ -78,105 +76,105 @@ def provenance(
     date: str = "",
     digest: Callable[[str | Path], str] | None = None,
 ) -> ReportProvenance:
-    """Return what a report states about the origin of its numbers.
+    """Return the origin of the results for `pom.write_report`.
 
     Parameters
     ----------
     inputs : iterable of path
-        Files the results rest on; they are named from the folder they have in common.
+        Input files of the results.  Their names are relative to their common folder.
     models : mapping of str to path
         Name of a run to its FMU.
     command : str
-        Command line that made the results.
+        Command line of the run.
     date : str
-        Of the results, ``2026-11-21``; no clock is read.
+        Date of the results, ``2026-11-21``.  The function does not read a clock.
     digest : callable, optional
-        Gives the SHA-256 of a file: ``Custody.sha256`` of files that were taken before they were
-        read.  Without it they are hashed now.
+        Function from a file to its SHA-256: ``Custody.sha256`` for files that were hashed before
+        they were read.  Default: hash the files now.
 
     Returns
     -------
     dict
-        For `write_report`: ``command``, ``date``, ``versions``, ``inputs`` with their SHA-256, the
-        ``places`` where they lie, ``models`` with file, SHA-256 and path.
+        ``command``, ``date``, ``versions``, ``inputs`` with their SHA-256, ``places`` with their
+        paths, ``models`` with file, SHA-256 and path.
     """
+    # Names relative to the common folder are unique and do not disclose the folders above.
     digest = digest or file_sha256
     files = sorted({Path(file).resolve() for file in inputs})
-    folder = os.path.commonpath([file.parent for file in files]) if files else ""
+    folder = Path()
+    if files:
+        folder = Path(os.path.commonpath([file.parent for file in files]))
+    names = {file: file.relative_to(folder).as_posix() for file in files}
+    model_files: dict[str, ModelFile] = {}
+    for run, model in models.items():
+        path = Path(model)
+        model_files[run] = {
+            "file": path.name,
+            "sha256": digest(model),
+            "path": str(path.resolve()),
+        }
     return {
         "command": command,
         "date": date,
-        "versions": _versions(),
-        "inputs": {file.relative_to(folder).as_posix(): digest(file) for file in files},
-        "places": {file.relative_to(folder).as_posix(): str(file) for file in files},
-        "models": {
-            name: {
-                "file": Path(file).name,
-                "sha256": digest(file),
-                "path": str(Path(file).resolve()),
-            }
-            for name, file in models.items()
-        },
+        "versions": _read_versions(),
+        "inputs": {name: digest(file) for file, name in names.items()},
+        "places": {name: str(file) for file, name in names.items()},
+        "models": model_files,
     }
 
 
-def _versions() -> dict[str, str]:
-    found = {}
-    for name in SOFTWARE:
+def _read_versions() -> dict[str, str]:
+    versions = {}
+    for package in SOFTWARE:
+        # optional packages may be missing
         with suppress(PackageNotFoundError):
-            found[name] = version(name)
-    return found
+            versions[package] = version(package)
+    return versions
 
 
 def without_places(provenance: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a report prints of its provenance: names and hashes, no folder of the machine it
-    was made on.
-    """
-    models = {
-        run: {key: text for key, text in model.items() if key != "path"}
-        for run, model in provenance.get("models", {}).items()
-    }
-    kept = {key: item for key, item in provenance.items() if key != "places"}
-    return {**kept, "models": models} if models else kept
+    """Return a provenance without the paths of this machine, as a report prints it."""
+    public = {key: item for key, item in provenance.items() if key != "places"}
+    models = {}
+    for run, model in provenance.get("models", {}).items():
+        models[run] = {key: text for key, text in model.items() if key != "path"}
+    if models:
+        public["models"] = models
+    return public
 
 
 def seen_from(path: str | os.PathLike, folder: str | os.PathLike) -> str:
-    """Return a path as it is seen from a folder, so that a report discloses nothing of the machine
-    it was made on.
-    """
+    """Return a path relative to a folder, so that a report does not disclose this machine."""
     try:
         return Path(os.path.relpath(Path(path).resolve(), Path(folder).resolve())).as_posix()
-    except ValueError:  # another drive
+    except ValueError:
+        # Windows: a path on another drive has no relative form
         return Path(path).as_posix()
 
 
 def case_seen_from(case: PomCase, folder: str | os.PathLike) -> PomCase:
-    """Return a case whose files are named as seen from `folder`."""
-    names: dict[str, Any] = {
-        name: seen_from(getattr(case, name), folder) for name in FILES if getattr(case, name)
-    }
-    return replace(case, **names)
+    """Return a case with the names of its files relative to `folder`."""
+    return _rename_files(case, lambda name: seen_from(name, folder))
 
 
 def with_full_places(result: PomResult) -> PomResult:
-    """Return a result whose case names its files by full paths, for processes that may have another
-    working directory.
-    """
-    names: dict[str, Any] = {
-        name: str(Path(getattr(result.case, name)).resolve())
-        for name in FILES
-        if getattr(result.case, name)
-    }
-    return replace(result, case=replace(result.case, **names))
+    """Return a result whose case has full paths, for processes in another working directory."""
+    case = _rename_files(result.case, lambda name: str(Path(name).resolve()))
+    return replace(result, case=case)
 
 
 def case_found_from(case: PomCase, folder: str | os.PathLike) -> PomCase:
-    """Return a case of `case_seen_from` with its files found again."""
-    names: dict[str, Any] = {
-        name: os.path.normpath(Path(folder, getattr(case, name)))
-        for name in FILES
-        if getattr(case, name)
-    }
+    """Return a case of `case_seen_from` with its files relative to the working directory."""
+    return _rename_files(case, lambda name: os.path.normpath(Path(folder, name)))
+
+
+def _rename_files(case: PomCase, rename: Callable[[str], str]) -> PomCase:
+    """Return a case with each of its files renamed; a file that the case lacks stays empty."""
+    names: dict[str, Any] = {}
+    for key in FILES:
+        name = getattr(case, key)
+        if name:
+            names[key] = rename(name)
     return replace(case, **names)
 
 
@@ -201,78 +199,76 @@ def report_manifest_text(
     Parameters
     ----------
     results : sequence of PomResult
-        Their resolved cases are the configuration.
+        Results of the report; their resolved cases are the configuration.
     outputs : mapping of str to str
-        Name of a file, from the folder of the report, to its SHA-256.
+        Name of a file, relative to the folder of the report, to its SHA-256.
     folder : path
-        Of the report; inputs are located from it.
+        Folder of the report; the paths of inputs are relative to it.
     title, revision, paper
         As given to `pom.write_report`.
     provenance : mapping
         From `pom.provenance`.
     """
-    given = {
+    subject = []
+    for name, digest in sorted(outputs.items()):
+        subject.append({"name": name, "digest": {"sha256": digest}})
+    external = {
         "title": title,
         "revision": revision,
         "paper": paper or "",
         "command": provenance.get("command", ""),
+        "date": provenance.get("date", ""),
+        "cases": [result.case.name for result in results],
     }
-    given |= {"date": provenance.get("date", ""), "cases": [result.case.name for result in results]}
-    statement = {
-        "_type": STATEMENT,
-        "subject": [
-            {"name": name, "digest": {"sha256": digest}} for name, digest in sorted(outputs.items())
-        ],
-        "predicateType": PREDICATE,
-        "predicate": {
-            "buildDefinition": {
-                "buildType": BUILD,
-                "externalParameters": given,
-                "internalParameters": {
-                    "cases": [case_seen_from(result.case, folder).to_dict() for result in results]
-                },
-                "resolvedDependencies": _inputs(provenance, Path(folder)),
-            },
-            "runDetails": {
-                "builder": {"id": BUILD, "version": dict(provenance.get("versions", {}))}
-            },
+    cases = [case_seen_from(result.case, folder).to_dict() for result in results]
+    # the keys of in-toto Statement v1 and of SLSA provenance v1
+    predicate = {
+        "buildDefinition": {
+            "buildType": BUILD,
+            "externalParameters": external,
+            "internalParameters": {"cases": cases},
+            "resolvedDependencies": _list_dependencies(provenance, Path(folder)),
         },
+        "runDetails": {"builder": {"id": BUILD, "version": dict(provenance.get("versions", {}))}},
     }
-    return statement_text(statement)
-
-
-def statement_text(statement: Mapping[str, Any]) -> str:
-    """Return a statement as it is written: equal content gives equal bytes."""
-    return (
-        json.dumps(
-            to_json_types(statement), indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False
-        )
-        + "\n"
+    return statement_text(
+        {
+            "_type": STATEMENT,
+            "subject": subject,
+            "predicateType": PREDICATE,
+            "predicate": predicate,
+        }
     )
 
 
-def _inputs(provenance: Mapping[str, Any], folder: Path) -> list[dict[str, Any]]:
-    """Return every input with its digest; its place is given from the report where it is known."""
-    places, found = provenance.get("places", {}), []
+def statement_text(statement: Mapping[str, Any]) -> str:
+    """Return the text of a statement; equal content gives equal bytes."""
+    text = json.dumps(
+        to_json_types(statement), indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False
+    )
+    return text + "\n"
+
+
+def _list_dependencies(provenance: Mapping[str, Any], folder: Path) -> list[dict[str, Any]]:
+    """Return every input and model with its digest, and with its path if it is known."""
+    paths = provenance.get("places", {})
+    dependencies = []
     for name, digest in sorted(provenance.get("inputs", {}).items()):
-        found.append(
-            _dependency(name, digest, Path(places[name]) if name in places else None, folder)
-        )
+        dependencies.append(_dependency(name, digest, path=paths.get(name), folder=folder))
     for run, model in provenance.get("models", {}).items():
-        path = model.get("path", "")
-        found.append(
-            _dependency(
-                model.get("file", run),
-                model.get("sha256", ""),
-                Path(path) if path else None,
-                folder,
-            )
+        item = _dependency(
+            model.get("file", run),
+            model.get("sha256", ""),
+            path=model.get("path") or None,
+            folder=folder,
         )
-        found[-1]["annotations"] = {"run": run}
-    return found
+        # an item with a run is a model, an item without is an input
+        item["annotations"] = {"run": run}
+        dependencies.append(item)
+    return dependencies
 
 
-def _dependency(name: str, digest: str, path: Path | None, folder: Path) -> dict[str, Any]:
+def _dependency(name: str, digest: str, *, path: str | None, folder: Path) -> dict[str, Any]:
     item: dict[str, Any] = {"name": name, "digest": {"sha256": digest}}
     if path is not None:
         item["uri"] = quote(seen_from(path, folder))
@@ -280,11 +276,12 @@ def _dependency(name: str, digest: str, path: Path | None, folder: Path) -> dict
 
 
 def dependency_path(dependency: Mapping[str, Any], folder: str | os.PathLike) -> Path | None:
-    """Return where an input of a manifest lies, seen from the folder of the report; None when the
-    manifest does not state it.
-    """
+    """Return the path of an input of a manifest in `folder`, or None if it is not stated."""
+    # a URI quotes blanks and other characters of a path
     uri = dependency.get("uri", "")
-    return Path(os.path.normpath(Path(folder) / unquote(uri))) if uri else None
+    if not uri:
+        return None
+    return Path(os.path.normpath(Path(folder) / unquote(uri)))
 
 
 def read_report_manifest(folder: str | os.PathLike) -> dict[str, Any]:
@@ -293,9 +290,9 @@ def read_report_manifest(folder: str | os.PathLike) -> dict[str, Any]:
     Raises
     ------
     FileNotFoundError
-        The folder holds none.
+        The folder has no manifest.
     SchemaError
-        It is not one of ours.
+        The file is not a manifest of this program.
     """
     path = Path(folder) / NAME
     if not path.is_file():
@@ -305,13 +302,14 @@ def read_report_manifest(folder: str | os.PathLike) -> dict[str, Any]:
     try:
         statement = json_content(path.read_text(encoding="utf-8"), path, "a manifest")
         definition = statement["predicate"]["buildDefinition"]
-        known = definition["buildType"] == BUILD and isinstance(statement["subject"], list)
-        known = known and isinstance(definition["resolvedDependencies"], list)
+        # `verify` iterates over both lists
+        lists = (statement["subject"], definition["resolvedDependencies"])
+        is_ours = definition["buildType"] == BUILD and all(isinstance(item, list) for item in lists)
     except (ParseError, ValueError, KeyError, TypeError) as error:
         raise SchemaError(
             str(path), [f"not a manifest ({type(error).__name__}: {error}); write the report again"]
         ) from None
-    if not known:
+    if not is_ours:
         raise SchemaError(
             str(path), [f"a statement of another kind than {BUILD}; write the report again"]
         )

@@ -53,12 +53,12 @@ def join_reports(paths: Iterable[str | os.PathLike]) -> Archive:
     FileNotFoundError, SchemaError
         See `read_archive`.
     """
-    archives = [(Path(path), read_archive(path)) for path in paths]
     parts = []
-    for path, archive in archives:
+    for path in map(Path, paths):
         folder = path if path.is_dir() else path.parent
-        parts.append(_ReportPart(path, archive, _input_places(folder)))
+        parts.append(_ReportPart(path, read_archive(path), _input_places(folder)))
 
+    # Diagnoses and tunings of a later report replace those of the same name.
     results: list[PomResult] = []
     diagnoses: dict[str, pd.DataFrame] = {}
     tunings: dict[str, dict[str, Any]] = {}
@@ -100,9 +100,15 @@ def _join_provenance(parts: Sequence[_ReportPart]) -> dict[str, Any]:
     named_inputs = _name_uniquely(inputs)
     named_models = _name_uniquely(models)
     provenance = dict(parts[0].archive.provenance)
-    provenance["inputs"] = {name: digest for name, (digest, _) in named_inputs.items()}
-    provenance["places"] = {name: path for name, (_, path) in named_inputs.items() if path}
-    provenance["models"] = {run: model for run, (_, model) in named_models.items()}
+    provenance |= {"inputs": {}, "places": {}, "models": {}}
+    for name, (digest, path) in named_inputs.items():
+        provenance["inputs"][name] = digest
+        # a report without a manifest does not state the path
+        if path:
+            provenance["places"][name] = path
+    for run, (_, model) in named_models.items():
+        provenance["models"][run] = model
+    # keys without content are absent, as in the provenance of one report
     if records:
         provenance["records"] = records
     if record_errors:
@@ -113,7 +119,7 @@ def _join_provenance(parts: Sequence[_ReportPart]) -> dict[str, Any]:
 def _name_uniquely(
     items: Mapping[tuple[str, str], tuple[Any, Path]],
 ) -> dict[str, tuple[str, Any]]:
-    """Return name -> (digest, item); files of the same name get the name of their report added."""
+    """Return (digest, item) by name; equal names get the name of their report added."""
     names = [name for name, _ in items]
     unique = {}
     for (name, digest), (item, path) in items.items():

@@ -80,6 +80,7 @@ def _compare_manifest(
     """Yield the comparisons of a manifest with ``results.nc``."""
     definition = statement["predicate"]["buildDefinition"]
     origin = archive.provenance
+    # Head of the report.
     expected = {
         "title": archive.title,
         "revision": archive.revision,
@@ -95,6 +96,7 @@ def _compare_manifest(
     versions = dict(origin.get("versions", {}))
     yield _compare_fields("versions", versions, builder.get("version", {}))
 
+    # Cases, with the keys of this version and paths relative to the report.
     cases = []
     for result in archive.results:
         cases.append(to_json_types(case_seen_from(result.case, folder).to_dict()))
@@ -105,6 +107,7 @@ def _compare_manifest(
         "resolved cases", dict(enumerate(cases)), stated=dict(enumerate(stated_cases))
     )
 
+    # A model is listed by its run, since two models may have the same file name.
     hashes = dict(origin.get("inputs", {}))
     for run, model in origin.get("models", {}).items():
         hashes[run] = model.get("sha256", "")
@@ -122,6 +125,7 @@ def _compare_rewritten(
 ) -> Iterator[str]:
     """Yield differences between a manifest and the manifest that would be written today."""
     definition = statement["predicate"]["buildDefinition"]
+    # Only the manifest has the paths of the inputs, so they are taken from there.
     places: dict[str, str] = {}
     models = dict(archive.provenance.get("models", {}))
     for item in definition["resolvedDependencies"]:
@@ -132,7 +136,8 @@ def _compare_rewritten(
             models[run] = {**models[run], "path": str(path)}
 
     paper = archive.paper
-    if paper is None:  # files of earlier versions do not state it
+    if paper is None:
+        # results.nc of an earlier version does not state the paper
         paper = definition["externalParameters"].get("paper")
     expected = report_manifest_text(
         archive.results,
@@ -147,6 +152,7 @@ def _compare_rewritten(
         _without_cases_and_places(json.loads(expected)), _without_cases_and_places(statement)
     )
     yield from islice(differences, _MOST_DIFFERENCES)
+    # Equal content may be written in another form.
     if (folder / NAME).read_text(encoding="utf-8") != statement_text(statement):
         yield "spaces, lines or the order of the keys are not as they are written"
 
@@ -180,6 +186,7 @@ def _with_current_cases(document: Any, folder: Path) -> Any:
     try:
         items = []
         for item in document["results"]:
+            # only the case depends on the version; other keys are compared as they are
             items.append({**item, "case": _to_current_keys(item["case"], folder)})
         return {**document, "results": items}
     except (KeyError, TypeError):
@@ -199,21 +206,22 @@ def _to_current_keys(case: Mapping[str, Any], folder: Path) -> Any:
         return dict(case)
 
 
-def _list_differences(expected: Any, stated: Any, place: str = "") -> Iterator[str]:
+def _list_differences(expected: Any, stated: Any, path: str = "") -> Iterator[str]:
     """Yield the differences of plain data; numbers within `CLOSE` are equal."""
     if isinstance(expected, Mapping) and isinstance(stated, Mapping):
         for key in {**expected, **stated}:
-            inner = f"{place}.{key}" if place else str(key)
+            inner = f"{path}.{key}" if path else str(key)
             yield from _list_differences(expected.get(key), stated.get(key), inner)
     elif isinstance(expected, list) and isinstance(stated, list) and len(expected) == len(stated):
         for i, (item, stated_item) in enumerate(zip(expected, stated, strict=True)):
-            yield from _list_differences(item, stated_item, f"{place}[{i}]")
+            yield from _list_differences(item, stated_item, f"{path}[{i}]")
     elif not _is_equal(expected, stated):
-        yield f"{place}: results.nc has {_shorten(expected)}, here {_shorten(stated)}"
+        yield f"{path}: results.nc has {_shorten(expected)}, here {_shorten(stated)}"
 
 
 def _is_equal(first: Any, second: Any) -> bool:
     if _is_number(first) and _is_number(second):
+        # the absolute tolerance is for numbers that are zero but for rounding
         return math.isclose(first, second, rel_tol=CLOSE, abs_tol=1e-12)
     return type(first) is type(second) and first == second
 
@@ -255,6 +263,7 @@ def differences_from_log(
     log_rows = {row["case"]: row for row in log["rows"]}
     for result in results:
         row = log_rows.get(result.case.name)
+        # a case that was not part of the tuning, or is not replayed by this model
         if row is None or run not in result.runs:
             continue
         worst = result.worst(run)
@@ -270,7 +279,7 @@ def differences_from_log(
 
 
 def differences_from_table(case: PomCase) -> Iterator[str]:
-    """Yield the differences between the criteria of a case and the rows of the tolerance table.
+    """Yield the differences between the criteria of a case and the tolerance table.
 
     Bands of the case file itself are marked ``case file`` in their provenance.  They are not
     compared.
@@ -288,6 +297,7 @@ def differences_from_table(case: PomCase) -> Iterator[str]:
             continue
         if criterion.provenance == "case file":
             continue
+        # The window belongs to the case, so it is not compared.
         printed = rows.make_criterion(row, name, criterion.window, case.features)
         for field in ("band", "group", "condition", "provenance", "source"):
             value, table_value = getattr(criterion, field), getattr(printed, field)

@@ -76,6 +76,7 @@ def verify(folder: str | os.PathLike) -> list[VerificationResult]:
         checks.append(_check_hash("output", item["name"], path, item["digest"]["sha256"]))
     for item in statement["predicate"]["buildDefinition"]["resolvedDependencies"]:
         run = run_of(item)
+        # a dependency with a run is the FMU of a model
         kind, name = "input", item["name"]
         if run:
             kind, name = "model", f"{run}: {item['name']}"
@@ -117,6 +118,7 @@ def _check_verdicts(folder: Path) -> Iterator[VerificationResult]:
         detail = f"the results cannot be read: {error}"
         yield VerificationResult("verdict", "all", "missing", detail)
         return
+    # Results and pages are compared in pairs.
     if len(printed) != len(results):
         detail = f"results.json has {len(printed)} cases, results.nc has {len(results)}"
         yield VerificationResult("verdict", "all", "changed", detail)
@@ -152,6 +154,7 @@ def _judge_again(
         if before is None:
             yield f"{criterion.name}: not in the table of verdicts"
         elif refused and criterion.applies:
+            # a run without a verdict has no valid row
             if before["verdict"] != "invalid":
                 yield (
                     f"{criterion.name}: verdict {before['verdict']}, but the model stopped or its "
@@ -215,9 +218,9 @@ def _compare_rows(
         yield f"{name}: verdict {before['verdict']}, {where} {now['verdict']}"
     for column in NUMBERS:
         stored, present = _to_float(before[column]), _to_float(now[column])
-        if math.isfinite(stored) and not math.isclose(
-            stored, present, rel_tol=CLOSE, abs_tol=1e-12
-        ):
+        is_close = math.isclose(stored, present, rel_tol=CLOSE, abs_tol=1e-12)
+        # Columns that a measure does not fill are NaN.
+        if math.isfinite(stored) and not is_close:
             yield f"{name}: {column} {stored:.9g}, {where} {present:.9g}"
 
 

@@ -1,10 +1,8 @@
-"""A Proof-of-Match case: one row of the tolerance table, one window of one flight record, and how
-the model is driven.
-"""
+"""Proof-of-Match case: a test of the tolerance table, a window of a record, and the drive."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,15 +18,17 @@ from pom.tolerances import rows
 from pom.tolerances.criteria import Criterion
 
 PRIMARY = {"recorded": ("delta_e", "delta_a", "delta_r"), "cockpit": TRAVEL, "force": FORCES}
-"""Level of drive: the recorded controls that drive pitch, roll and yaw."""
+"""By level of drive: the recorded controls that drive pitch, roll and yaw."""
 
 _POWER = {"thrust": ("thrust",), "n1": ("n1",), "throttle": ("throttle", "pla")}
-"""What a drive of the engines sets: the angle of a lever is its position."""
+"""By drive of the engines: the quantities that it sets.  The angle of a lever is its position."""
+
+_MOST_ENGINES = 8
 
 
 @dataclass(frozen=True)
 class CaseInputs:
-    """How the model is driven.
+    """Drive of the model.
 
     Attributes
     ----------
@@ -41,17 +41,16 @@ class CaseInputs:
         recorded lever drives the engine model.
     trim : bool or "ground"
         Trim the model to the flight condition at the start of the window; its biases are reported.
-        ``ground``: it stands or rolls on its wheels, whose height and attitude are solved for; the
-        surfaces stay as recorded.
+        ``ground``: the model stands or rolls on its wheels.  The trim solves for height and
+        attitude, and the surfaces stay as recorded.
     limits : dict of str to float
-        Largest biases of the trim, and largest accelerations it leaves, as the case file limits
-        them: ``delta_e``, ``thrust``, ``F_column``, ``u_dot`` ...; a run beyond one is invalid.
-        [SI]
-    held_by : {"force", "friction"}
-        What holds the controls at the start of a run with recorded forces: the recorded force and a
-        bias; or dry friction as far as it can, and a bias beyond.
-    pilot : tuple of Loop
+        Limits of the case file for the biases of the trim and for its residual accelerations:
+        ``delta_e``, ``thrust``, ``F_column``, ``u_dot`` ...  A run beyond one is invalid. [SI]
+    pilot : tuple of PilotLoop
         Loops of the math pilot; only with ``surfaces = "pilot"``.
+    held_by : {"force", "friction"}
+        Balance of the controls at the start of a run with recorded forces.  ``force``: the recorded
+        force and a bias.  ``friction``: dry friction up to its limit, then a bias.
     trim_surfaces : tuple of str
         Trim surfaces that the trim solves for, so that the recorded forces hold the controls at the
         start.
@@ -70,28 +69,32 @@ class CaseInputs:
 
     @property
     def level(self) -> str:
-        """What pitch, roll and yaw are driven by: a key of `PRIMARY`; with a math pilot that of the
-        controls he moves.
+        """Level of drive of pitch, roll and yaw, a key of `PRIMARY`.
+
+        With a math pilot it is the level of the controls that the pilot moves.
         """
         if self.surfaces != "pilot":
             return self.surfaces
-        return next(
-            (level for loop in self.pilot if (level := parts.drive_level(loop.control))), "recorded"
-        )
+        # `resolve_pilot_loops` allows the controls of one level only
+        for loop in self.pilot:
+            level = parts.drive_level(loop.control)
+            if level:
+                return level
+        return "recorded"
 
     @classmethod
     def from_dict(cls, item: Mapping[str, Any]) -> CaseInputs:
         """Rebuild a drive from ``dataclasses.asdict``."""
-        loops = tuple(PilotLoop(**loop) for loop in item.get("pilot", ()))
-        return cls(
-            **{**item, "pilot": loops, "trim_surfaces": tuple(item.get("trim_surfaces", ()))}
-        )
+        # an older report has neither loops nor trim surfaces
+        fields = dict(item)
+        fields["pilot"] = tuple(PilotLoop(**loop) for loop in item.get("pilot", ()))
+        fields["trim_surfaces"] = tuple(item.get("trim_surfaces", ()))
+        return cls(**fields)
 
 
 @dataclass(frozen=True)
 class PomCase:
-    """A case, resolved: defaults filled in, criteria looked up, windows in seconds of the record's
-    clock.
+    """Case of Proof-of-Match: the content of a case file with defaults, criteria and windows.
 
     Attributes
     ----------
@@ -101,16 +104,16 @@ class PomCase:
     path, record, names, aircraft : str
         The case file, the flight record, its name map and the aircraft file.
     window : tuple of float
-        Start and end of the replay. [s]
-    drive : Drive
+        Start and end of the replay on the clock of the record. [s]
+    drive : CaseInputs
     conditions : dict of str to float
-        Contradictions between case file and record. [SI]
+        Values of the case file that replace recorded ones. [SI]
     events : dict of str to float
-        Marked instants that bound windows: ``input_end``, ``change_start`` ... [s]
+        Instants that bound windows: ``input_end``, ``change_start`` ... [s]
     features : tuple of str
-        Conditions of table rows that hold, e.g. ``reversible_controls``.
+        Conditions of table rows that the aeroplane meets, for example ``reversible_controls``.
     shortened : str
-        Why a window is shorter than the table asks; empty when none is.
+        Reason for a window that is shorter than the table requires; empty if none is.
     show : tuple of str
         Channels to show in addition to the judged ones.
     criteria : tuple of Criterion
@@ -120,31 +123,30 @@ class PomCase:
     fraction : float
         Share of the tolerance that is applied. [1]
     wind : str
-        ``record``: the wind of the reconstruction; ``measured``: that of the raw record; ``none``:
-        calm air.
+        ``record``: the wind of the reconstruction; ``measured``: the wind of the raw record;
+        ``none``: calm air.
     ranges : dict of str to float
         Largest value in service by channel, the base of lone percentages (``range_max``, rule R3).
         [SI]
     certified : dict of str to float
-        Certified values below which a criterion fails inside its band, by parameter (climb
+        Certified value by parameter.  A criterion fails below it, even inside its band (climb
         gradients of 1.c.2, 1.c.4). [SI]
     ticks : dict of str to str
-        By advisory criterion: name, date and words of the engineer who ticked it.
+        By advisory criterion: name, date and remark of the engineer who ticked it.
     rationale : dict of str to str
-        By criterion or channel: why it is as it is.
+        By criterion or channel: reason for a deviation.
     source : dict of str to str
-        Where the flight data come from: document, pages, flight, run, filters ...
+        Origin of the flight data: document, pages, flight, run, filters ...
     signatures : dict of str to dict
-        Who signs the pages of the case, by role: ``name``, ``date``, ``organisation``.
+        Signatures on the pages of the case by role: ``name``, ``date``, ``organisation``.
     models : dict of str to str
-        By model: the table of its names, when its names, units or signs are not the canonical ones.
+        By model: the table of its names, if its names, units or signs are not the canonical ones.
     law, law_names : str
         FMU of the control law and the table of its names; empty for none.
     law_moves : tuple of str
         Controls that the control law moves, in place of the record.
     objective, procedure, manual, evaluation, notes : str
-        What the test shows, how it is flown automatically and by hand, how it is evaluated,
-        remarks.
+        Purpose of the test, its automatic and manual procedure, its evaluation, remarks.
     """
 
     name: str
@@ -185,20 +187,11 @@ class PomCase:
     notes: str = ""
 
     def files(self) -> list[str]:
-        """Return the case file and the files it names."""
-        return [
-            name
-            for name in (
-                self.path,
-                self.record,
-                self.names,
-                self.aircraft,
-                *self.models.values(),
-                self.law,
-                self.law_names,
-            )
-            if name
-        ]
+        """Return the case file and the files that it names."""
+        inputs = (self.path, self.record, self.names, self.aircraft)
+        names = (*inputs, *self.models.values(), self.law, self.law_names)
+        # a file that the case does not name is an empty text
+        return [name for name in names if name]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the case as plain data."""
@@ -207,28 +200,30 @@ class PomCase:
     @classmethod
     def from_dict(cls, item: Mapping[str, Any]) -> PomCase:
         """Rebuild a case from `to_dict`."""
-        return cls(
-            **{
-                **item,
-                "window": (item["window"][0], item["window"][1]),
-                "drive": CaseInputs.from_dict(item["drive"]),
-                "features": tuple(item["features"]),
-                "show": tuple(item["show"]),
-                "law_moves": tuple(item.get("law_moves", ())),
-                "criteria": tuple(Criterion.from_dict(c) for c in item["criteria"]),
-            }
-        )
+        # JSON has lists in place of tuples
+        fields = dict(item)
+        fields["window"] = (item["window"][0], item["window"][1])
+        fields["drive"] = CaseInputs.from_dict(item["drive"])
+        fields["features"] = tuple(item["features"])
+        fields["show"] = tuple(item["show"])
+        fields["law_moves"] = tuple(item.get("law_moves", ()))
+        fields["criteria"] = tuple(Criterion.from_dict(content) for content in item["criteria"])
+        return cls(**fields)
 
 
 def driven_quantities(case: PomCase) -> set[str]:
-    """Return the quantities that the record sets, so that they cannot be judged; what math pilot or
-    control law move is not among them.
+    """Return the quantities that the record sets, which therefore cannot be judged.
+
+    Controls of the math pilot or of a control law are not among them.
     """
+    # of the controls of pitch, roll and yaw only one level drives the model
     names = set(INPUTS).difference(*PRIMARY.values()).union(PRIMARY[case.drive.level])
-    moved = {loop.control for loop in case.drive.pilot}.union(case.law_moves)
-    if "throttle" not in moved:
-        names |= {f"engine{n}.{name}" for n in range(1, 9) for name in _POWER[case.drive.engine]}
-    return names - moved
+    # controls that are computed during the run, not read from the record
+    computed = {loop.control for loop in case.drive.pilot}.union(case.law_moves)
+    if "throttle" not in computed:
+        for number in range(1, _MOST_ENGINES + 1):
+            names |= {f"engine{number}.{name}" for name in _POWER[case.drive.engine]}
+    return names - computed
 
 
 def read_case(path: str | Path) -> PomCase:
@@ -237,7 +232,8 @@ def read_case(path: str | Path) -> PomCase:
     Parameters
     ----------
     path : str or Path
-        TOML file; `docs/explanation/proof-of-match/cases.md` describes it.  Files it names are relative to it.
+        TOML file; `docs/explanation/proof-of-match/cases.md` describes it.  Files that it names are
+        relative to it.
 
     Raises
     ------
@@ -252,64 +248,36 @@ def read_case(path: str | Path) -> PomCase:
     try:
         file = validate_content(CaseFile, content, f"case {path}")
     except SchemaError as error:
-        rest = parts.sound_rest(content)
-        more = _resolved(path, rest)[1] if rest is not None else _loose_problems(content)
-        raise SchemaError(
-            error.what, [*error.problems, *(text for text in more if text not in error.problems)]
-        ) from None
-    case, problems = _resolved(path, file)
+        # Check the sound part of the file as well, so that all problems are reported at once.
+        sound_part = parts.sound_rest(content)
+        if sound_part is None:
+            others = _loose_problems(content)
+        else:
+            others = _resolve_case(path, sound_part)[1]
+        new = [text for text in others if text not in error.problems]
+        raise SchemaError(error.what, [*error.problems, *new]) from None
+    case, problems = _resolve_case(path, file)
     if problems:
         raise SchemaError(f"case {path}", problems)
     return case
 
 
-def _resolved(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
-    """Return the case of a file, and what is wrong with it."""
+def _resolve_case(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
+    """Return the case of a file and the problems of the file."""
     problems: list[str] = []
-    case = file.case
-    parts.check_events(file.events, problems)
-    for name in case.show:
-        parts.collect_case_problems(problems, "case.show", lookup, name)
-    for word in case.features:
-        if word not in rows.claimable_features():
-            problems.append(
-                f"case.features: {UnknownName(word, rows.claimable_features(), 'condition')}"
-            )
-    found = parts.resolve_criteria(file, problems)
-    names = {c.name for c in found}
-    parts.check_names("ticks", file.ticks, names, "criterion", problems)
-    trim = {f"trim.{name}" for name in parts.LIMIT_UNITS}
-    explained = names | {c.channel for c in found} | set(case.show) | trim
-    parts.check_names(
-        "rationale", file.rationale, explained, "criterion, channel or trim quantity", problems
-    )
-    parts.check_names(
-        "certified", file.certified, {c.parameter for c in found}, "parameter", problems
-    )
-    calm = [name for name in file.conditions if name in WIND and file.drive.wind == "none"]
-    problems += [
-        f'conditions.{name}: drive.wind is "none", calm air; give one of the two' for name in calm
-    ]
+    _check_case_names(file, problems)
+    criteria = parts.resolve_criteria(file, problems)
+    _check_table_names(file, criteria, problems)
     largest, fraction = parts.resolve_ranges(file.ranges, problems), parts.tolerance_fraction(file)
-    drive = _drive(file, found, problems)
-    as_written: dict[str, Any] = {key: getattr(case, key) for key in _AS_WRITTEN}
-    as_written |= {
-        key: parts.resolve_named_file(path, getattr(case, key), f"case.{key}", problems)
-        for key in ("record", "names", "aircraft")
-    }
-    law = file.control_law
-    if law is not None and file.drive.surfaces != "recorded":
-        problems.append(
-            f"control_law: it drives surfaces, and drive.surfaces is "
-            f'"{file.drive.surfaces}"; make it "recorded"'
-        )
-    resolved = PomCase(
-        **as_written,
+    drive = _resolve_drive(file, criteria, problems)
+    case = PomCase(
+        **{key: getattr(file.case, key) for key in _AS_WRITTEN},
+        **_resolve_files(path, file, problems),
         path=str(path),
         drive=drive,
         conditions=parts.resolve_conditions(file.conditions, problems),
         events=dict(file.events),
-        criteria=parts.scale_tolerances(found, fraction, largest),
+        criteria=parts.scale_tolerances(criteria, fraction, largest),
         fraction=fraction,
         wind=file.drive.wind,
         ranges=largest,
@@ -318,78 +286,132 @@ def _resolved(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
         rationale=dict(file.rationale),
         source=dict(file.source),
         signatures=plain_signatures(file.signatures),
-        law=parts.resolve_named_file(path, law.fmu, "control_law.fmu", problems)
-        if law is not None
-        else "",
-        law_names=parts.resolve_named_file(path, law.names, "control_law.names", problems)
-        if law is not None
-        else "",
-        law_moves=law.moves if law is not None else (),
-        models={
-            name: parts.resolve_named_file(path, place, f"models.{name}", problems)
-            for name, place in file.models.items()
-        },
+        law_moves=file.control_law.moves if file.control_law is not None else (),
     )
-    return resolved, problems
+    return case, problems
+
+
+def _check_case_names(file: CaseFile, problems: list[str]) -> None:
+    """Check the events, channels and features that a case file names."""
+    parts.check_events(file.events, problems)
+    for name in file.case.show:
+        parts.collect_case_problems(problems, "case.show", lookup, name)
+    for feature in file.case.features:
+        if feature not in rows.claimable_features():
+            error = UnknownName(feature, rows.claimable_features(), "condition")
+            problems.append(f"case.features: {error}")
+
+
+def _check_table_names(file: CaseFile, criteria: Sequence[Criterion], problems: list[str]) -> None:
+    """Check the keys of tables by criterion, and the tables that contradict the drive."""
+    names = {criterion.name for criterion in criteria}
+    # a rationale may also be for a shown channel, or for the trim
+    channels = {criterion.channel for criterion in criteria} | set(file.case.show)
+    parameters = {criterion.parameter for criterion in criteria}
+    trim = {f"trim.{name}" for name in parts.LIMIT_UNITS}
+    parts.check_names("ticks", file.ticks, allowed=names, what="criterion", problems=problems)
+    parts.check_names(
+        "rationale",
+        file.rationale,
+        allowed=names | channels | trim,
+        what="criterion, channel or trim quantity",
+        problems=problems,
+    )
+    parts.check_names(
+        "certified", file.certified, allowed=parameters, what="parameter", problems=problems
+    )
+    for name in file.conditions:
+        if name in WIND and file.drive.wind == "none":
+            problems.append(
+                f'conditions.{name}: drive.wind is "none", calm air; give one of the two'
+            )
+    if file.control_law is not None and file.drive.surfaces != "recorded":
+        problems.append(
+            f"control_law: it drives surfaces, and drive.surfaces is "
+            f'"{file.drive.surfaces}"; make it "recorded"'
+        )
+
+
+def _resolve_files(path: Path, file: CaseFile, problems: list[str]) -> dict[str, Any]:
+    """Return the fields of a case that are files, relative to the case file."""
+
+    def resolve(name: str, key: str) -> str:
+        return parts.resolve_named_file(path, name, key=key, problems=problems)
+
+    files: dict[str, Any] = {}
+    for key in ("record", "names", "aircraft"):
+        files[key] = resolve(getattr(file.case, key), f"case.{key}")
+    if file.control_law is not None:
+        files["law"] = resolve(file.control_law.fmu, "control_law.fmu")
+        files["law_names"] = resolve(file.control_law.names, "control_law.names")
+    files["models"] = {
+        model: resolve(table, f"models.{model}") for model, table in file.models.items()
+    }
+    return files
 
 
 _AS_WRITTEN = (
-    *(
-        "id",
-        "standard",
-        "edition",
-        "name",
-        "title",
-        "description",
-        "window",
-        "features",
-        "shortened",
-        "show",
-        "reference",
-    ),
-    *("objective", "procedure", "manual", "evaluation", "notes"),
+    "id",
+    "standard",
+    "edition",
+    "name",
+    "title",
+    "description",
+    "window",
+    "features",
+    "shortened",
+    "show",
+    "reference",
+    "objective",
+    "procedure",
+    "manual",
+    "evaluation",
+    "notes",
 )
+"""Keys of ``[case]`` that are fields of the case without a change."""
 
 
-def _drive(file: CaseFile, found: list[Criterion], problems: list[str]) -> CaseInputs:
+def _resolve_drive(
+    file: CaseFile, criteria: Sequence[Criterion], problems: list[str]
+) -> CaseInputs:
+    table = file.drive
     loops = parts.resolve_pilot_loops(file, problems)
+    # a footprint has no verdict, so a loop may hold any channel
     if file.case.reference != "footprint":
-        parts.forbid_judged(loops, found, problems)
-    given = file.drive
-    if any(loop.control == "throttle" for loop in loops) and given.engine != "throttle":
+        parts.forbid_judged(loops, criteria, problems)
+    if any(loop.control == "throttle" for loop in loops) and table.engine != "throttle":
         problems.append(
-            f'drive.pilot: a loop moves the throttle, but drive.engine is "{given.engine}"; '
+            f'drive.pilot: a loop moves the throttle, but drive.engine is "{table.engine}"; '
             f'drive the engines by "throttle"'
         )
-    limits = parts.resolve_trim_limits(given.limits, problems)
     drive = CaseInputs(
-        given.surfaces,
-        given.engine,
-        given.trim,
-        limits,
-        loops,
-        given.held_by,
-        given.trim_surfaces,
-        given.runway,
+        surfaces=table.surfaces,
+        engine=table.engine,
+        trim=table.trim,
+        limits=parts.resolve_trim_limits(table.limits, problems),
+        pilot=loops,
+        held_by=table.held_by,
+        trim_surfaces=table.trim_surfaces,
+        runway=table.runway,
     )
-    if drive.trim_surfaces and (
-        drive.level != "force" or drive.trim is not True or drive.held_by != "force"
-    ):
+    # Only recorded forces leave a surface free for the trim: the surface replaces the bias.
+    is_held_by_force = drive.level == "force" and drive.trim is True and drive.held_by == "force"
+    if drive.trim_surfaces and not is_held_by_force:
         problems.append(
-            "drive.trim_surfaces: a trim surface is solved for where recorded forces hold "
-            "the controls at the start; "
-            'give surfaces = "force", trim = true and held_by = "force", or leave it out'
+            "drive.trim_surfaces: a trim surface is solved for where recorded forces hold the "
+            'controls at the start; give surfaces = "force", trim = true and held_by = "force", '
+            "or leave it out"
         )
     if drive.held_by == "friction" and drive.level != "force":
         problems.append(
             f'drive.held_by: "friction" holds controls that forces drive; drive.surfaces is '
-            f'"{given.surfaces}", make it "force"'
+            f'"{table.surfaces}", make it "force"'
         )
     return drive
 
 
 def _loose_problems(content: dict[str, Any]) -> list[str]:
-    """Return what is known about the free tables of a file whose form is wrong elsewhere."""
+    """Return the problems of the free tables of a file whose form is wrong elsewhere."""
     problems: list[str] = []
     conditions, events = content.get("conditions"), content.get("events")
     if isinstance(conditions, dict):

@@ -1,4 +1,4 @@
-"""The form of a case file: its tables and keys, each with the sentence that an editor shows for it."""
+"""Form of a case file: its tables and keys, each with a description that editors show."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pom.tolerances.overrides import ToleranceOverride
 
 Role = Literal["prepared", "checked", "approved", "authority"]
 ROLES: tuple[Role, ...] = get_args(Role)
-"""Rows of the block, in its order."""
+"""Roles in the order of the rows of the signature block."""
 
 
 class Signature(Strict):
@@ -41,7 +41,7 @@ class Signature(Strict):
 
     @field_validator("date")
     @classmethod
-    def _a_day(cls, date: str) -> str:
+    def _check_day(cls, date: str) -> str:
         try:
             day = datetime.date.fromisoformat(date)
         except ValueError:
@@ -55,32 +55,33 @@ class Signatures(Strict):
     signatures: dict[Role, Signature] = Field(default={}, description="Who signs, by role.")
 
 
-def plain_signatures(given: Mapping[Role, Signature]) -> dict[str, dict[str, str]]:
-    """Return signatures as plain data, by role in the order of the block; ``results`` where they
-    are named.
+def plain_signatures(signatures: Mapping[Role, Signature]) -> dict[str, dict[str, str]]:
+    """Return signatures as plain data, by role in the order of the block.
+
+    ``results`` is present only if the signature names results.
     """
-    dumped = {role: given[role].model_dump() for role in ROLES if role in given}
-    return {
-        role: {key: text for key, text in one.items() if text or key != "results"}
-        for role, one in dumped.items()
-    }
+    plain: dict[str, dict[str, str]] = {}
+    for role in ROLES:
+        if role in signatures:
+            entry = signatures[role].model_dump()
+            plain[role] = {key: text for key, text in entry.items() if text or key != "results"}
+    return plain
 
 
 def signature_rows(
-    given: Mapping[str, Mapping[str, Any]], date: str, results: str = ""
+    signatures: Mapping[str, Mapping[str, Any]], date: str, results: str = ""
 ) -> list[dict[str, str]]:
-    """Return the rows of the block of signatures, one for each role.
+    """Return the rows of the signature block, one for each role.
 
     Parameters
     ----------
-    given : mapping
-        Of `plain_signatures`; roles without an entry stay empty, for a signature by hand.
+    signatures : mapping
+        Of `plain_signatures`.  A role without an entry has an empty row, for a signature by hand.
     date : str
-        Of the results, empty where none is given: who signed on an earlier day has not seen these
-        results.
+        Date of the results, or empty.  A signature of an earlier day gets a remark.
     results : str
-        Their name (`pom.result.results_name`), empty where there are none yet: who signed others
-        has not seen them either.
+        Name of the results (`pom.result.results_name`), or empty.  A signature for other results
+        gets a remark.
 
     Returns
     -------
@@ -89,17 +90,19 @@ def signature_rows(
     """
     rows = []
     for role in ROLES:
-        one = given.get(role, {})
-        signed, remark = one.get("results", ""), ""
+        entry = signatures.get(role, {})
+        signed, remark = entry.get("results", ""), ""
+        # Both names are digits of one hash; the shorter one is compared.
         if signed and results and signed[: len(results)] != results[: len(signed)]:
             remark = f"for other results, {signed[: len(results)]}"
-        elif one and date and one["date"] < date[:10]:
+        elif entry and date and entry["date"] < date[:10]:
             remark = f"before these results of {date}"
-        name = ", ".join(filter(None, (one.get("name", ""), one.get("organisation", ""))))
-        rows.append({"role": role, "name": name, "date": one.get("date", ""), "remark": remark})
+        name = ", ".join(filter(None, (entry.get("name", ""), entry.get("organisation", ""))))
+        rows.append({"role": role, "name": name, "date": entry.get("date", ""), "remark": remark})
     return rows
 
 
+# Canonical names that a case file may state, by kind.
 INITIAL = ("V", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h", "lat", "lon")
 MASS = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 SURFACES = (
@@ -131,13 +134,15 @@ CONDITIONS = (
 )
 SHOWN = ("V_cas", "h", "alpha", "beta", "phi", "theta", "psi", "p", "q", "r", "nz")
 
-_NAME = re.compile(r"\w[\w.-]{0,99}")
-Quantity = float | str
+_NAME = re.compile(r"\w[\w.-]{0,99}")  # part of file names and links
+Quantity = float | str  # a number in SI, or a text with its unit
 Texts = dict[str, str]
 
 
-def _table(text: str, **examples: Any) -> Any:
-    return Field(default_factory=dict, description=text, examples=[examples] if examples else None)
+def _free_table(text: str, **example: Any) -> Any:
+    """Return the field of a table with free keys, empty by default."""
+    examples = [example] if example else None
+    return Field(default_factory=dict, description=text, examples=examples)
 
 
 class CaseTable(Strict):
@@ -222,7 +227,7 @@ class CaseTable(Strict):
 
     @field_validator("name")
     @classmethod
-    def _name_of_files(cls, name: str) -> str:
+    def _check_name(cls, name: str) -> str:
         if not _NAME.fullmatch(name):
             raise ValueError(
                 f"{name!r} names files and links: letters, digits, '-', '_' and '.', a "
@@ -232,7 +237,7 @@ class CaseTable(Strict):
 
     @field_validator("window")
     @classmethod
-    def _window_rises(cls, window: tuple[float, float]) -> tuple[float, float]:
+    def _check_window(cls, window: tuple[float, float]) -> tuple[float, float]:
         if not window[0] < window[1]:
             raise ValueError(
                 f"the window must start before it ends, not {window[0]:g} ... {window[1]:g} s"
@@ -285,7 +290,7 @@ class DriveTable(Strict):
         description="record: wind of the reconstructed path; measured: wind channels of the raw "
         "record; none: calm air.",
     )
-    limits: dict[str, Quantity] = _table(
+    limits: dict[str, Quantity] = _free_table(
         "Largest bias of the trim, such as { delta_e = '1 deg', thrust = '50 lbf' }; beyond "
         "one written here the run is invalid."
     )
@@ -310,7 +315,8 @@ class DriveTable(Strict):
     pilot: tuple[LoopTable, ...] = Field(default=(), description="Loops of the math pilot.")
 
 
-_Moved = Literal[
+# Controls of the model that a control law may move.
+_MovedControl = Literal[
     "delta_e",
     "delta_a",
     "delta_r",
@@ -339,7 +345,7 @@ class ControlLawTable(Strict):
         description="Table of its names, when names, units or signs are not the canonical ones. "
         "Relative to this file.",
     )
-    moves: tuple[_Moved, ...] = Field(
+    moves: tuple[_MovedControl, ...] = Field(
         min_length=1,
         examples=[["delta_r"]],
         description="Outputs of the FMU that drive the model, in place of the record: whole "
@@ -357,37 +363,37 @@ class CaseFile(Strict):
     control_law: ControlLawTable | None = Field(
         default=None, description="Control law between the recorded pilot and the model."
     )
-    conditions: dict[str, Quantity] = _table(
+    conditions: dict[str, Quantity] = _free_table(
         "Values against the record: inputs held constant, parts of the initial state, mass, air."
     )
-    events: dict[str, float] = _table(
+    events: dict[str, float] = _free_table(
         "Instants that bound the windows of rows, on the clock of the record [s]."
     )
-    models: Texts = _table(
+    models: Texts = _free_table(
         "By model: its table of names, when names, units or signs are not the canonical "
         "ones. Relative to this file.",
         final="final_names.toml",
     )
-    tolerance: dict[str, Any] = _table(
+    tolerance: dict[str, Any] = _free_table(
         "Bands that replace those of the row or add to them, by criterion or channel."
     )
-    ranges: dict[str, Quantity] = _table(
+    ranges: dict[str, Quantity] = _free_table(
         "Largest value in service by channel, the base of lone percentages (rule R3).",
         V_cas="250 kt",
     )
-    certified: dict[str, Quantity] = _table(
+    certified: dict[str, Quantity] = _free_table(
         "Certified value by parameter, below which a floor criterion fails.", nz=2.5
     )
-    ticks: Texts = _table(
+    ticks: Texts = _free_table(
         "By advisory criterion: name, date and words of the engineer who ticked it.",
         **{"stick shaker": "J. Smith, 2024-05-17, seen"},
     )
-    rationale: Texts = _table(
+    rationale: Texts = _free_table(
         "By criterion or channel: why it is as it is. trim.<quantity>: why its bias may be "
         "beyond the usual limit.",
         theta="gust at 40 s",
     )
-    source: Texts = _table(
+    source: Texts = _free_table(
         "Where the flight data come from: document, pages, flight, run, filters ...",
         document="flight-test report",
         pages="12 to 15",
@@ -398,11 +404,11 @@ class CaseFile(Strict):
 
 
 def case_schema() -> dict[str, Any]:
-    """Return the schema (JSON Schema 2020-12) of a case file.
+    """Return the JSON Schema (2020-12) of a case file.
 
-    It knows every key with its description, the words of the tolerance table (tests, editions,
-    events, conditions of rows) and the SI unit of every condition.  What depends on several keys at
-    once, `read_case` checks.
+    It has every key with its description, the allowed names of the tolerance table (tests,
+    editions, events, conditions of rows) and the SI unit of every condition.  `read_case` checks
+    the rules that involve several keys.
     """
     schema = file_schema(CaseFile, " ".join((CaseFile.__doc__ or "").split()))
     parts = schema["$defs"]
@@ -410,34 +416,28 @@ def case_schema() -> dict[str, Any]:
         **part_schema(ToleranceOverride),
         "description": "Half width, percentage, base, rule, group and window.",
     }
+    # Names of the tolerance table are values of the schema, so that an editor completes them.
     case = parts["CaseTable"]["properties"]
-    case["id"]["enum"] = sorted({row["test_id"] for row in rows.tolerance_rows()})
-    case["standard"]["enum"] = sorted({row["standard"] for row in rows.tolerance_rows()})
-    case["edition"]["enum"] = sorted({row["edition"] for row in rows.tolerance_rows()})
+    for key, column in {"id": "test_id", "standard": "standard", "edition": "edition"}.items():
+        case[key]["enum"] = sorted({row[column] for row in rows.tolerance_rows()})
     case["features"]["items"]["enum"] = sorted(rows.claimable_features())
     case["show"]["items"]["examples"] = sorted(VOCABULARY)
     top = schema["properties"]
-    _only(top["conditions"], {name: _quantity(name) for name in CONDITIONS})
-    _only(
-        top["events"],
-        {
-            name: {
-                "type": "number",
-                "description": "[s] on the clock of the record",
-                "examples": [12.5],
-            }
-            for name in sorted(rows.window_events())
-        },
-    )
+    _restrict_keys(top["conditions"], {name: _condition_schema(name) for name in CONDITIONS})
+    event = {"type": "number", "description": "[s] on the clock of the record", "examples": [12.5]}
+    _restrict_keys(top["events"], {name: dict(event) for name in sorted(rows.window_events())})
     top["tolerance"]["additionalProperties"] = {
         "anyOf": [{"type": "number"}, {"type": "string"}, {"$ref": "#/$defs/ToleranceOverride"}]
     }
     return schema
 
 
-def _quantity(name: str) -> dict[str, Any]:
+def _condition_schema(name: str) -> dict[str, Any]:
     row = lookup(name)
-    example = 1.0 if row.units == "1" else f"1 {row.display_units}"
+    example: float | str = f"1 {row.display_units}"
+    # a ratio is written without a unit
+    if row.units == "1":
+        example = 1.0
     return {
         **quantity_schema(row.units),
         "description": f"{row.long_name} [{row.units}], or a text with its unit",
@@ -445,6 +445,6 @@ def _quantity(name: str) -> dict[str, Any]:
     }
 
 
-def _only(place: dict[str, Any], properties: dict[str, Any]) -> None:
-    place["properties"] = properties
-    place["additionalProperties"] = False
+def _restrict_keys(table: dict[str, Any], properties: dict[str, Any]) -> None:
+    table["properties"] = properties
+    table["additionalProperties"] = False

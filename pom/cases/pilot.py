@@ -11,21 +11,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_TURNING = ("phi", "psi", "lon")
+_WRAPPED_ANGLES = ("phi", "psi", "lon")
 
 
 def is_wrapped_angle(channel: str) -> bool:
     """Return whether a channel is an angle that jumps by a full turn."""
-    return channel in _TURNING
+    return channel in _WRAPPED_ANGLES
 
 
 def shortest_error(channel: str, error: float) -> float:
-    """Return an error; of an angle that jumps by a full turn the one below half a turn."""
-    return (
-        math.remainder(error, 2.0 * math.pi)
-        if is_wrapped_angle(channel) and math.isfinite(error)
-        else error
-    )
+    """Return an error; for an angle that jumps by a full turn the smallest equivalent error."""
+    # math.remainder raises on an infinite error
+    if is_wrapped_angle(channel) and math.isfinite(error):
+        return math.remainder(error, 2.0 * math.pi)
+    return error
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ class PilotLoop:
     integral : float
         [SI of the control / SI of the channel / s]
     limit : float
-        Largest correction; while it is reached the integral stands still. [SI of the control]
+        Largest correction; the integral is frozen at the limit. [SI of the control]
     """
 
     control: str
@@ -60,12 +59,19 @@ class PilotLoop:
     integral: float = 0.0
 
 
+def _as_loop(loop: PilotLoop | Mapping) -> PilotLoop:
+    if isinstance(loop, PilotLoop):
+        return loop
+    return PilotLoop(**loop)
+
+
 class Pilot:
-    """The loops in flight: one call per communication point, in order.
+    """The loops of a run: one call per communication point, in order.
 
     Parameters
     ----------
-    loops : sequence of Loop, or of mappings with its fields (what crosses to a child process)
+    loops : sequence of PilotLoop or mapping
+        A mapping has the fields of `PilotLoop`; a child process gets mappings.
     time : array (time,)
         Communication points. [s]
     targets : mapping of str to array (time,)
@@ -74,10 +80,10 @@ class Pilot:
     Attributes
     ----------
     moved : dict of str to array (time,)
-        Correction of every control, in force from its sample to the next; NaN where the run did not
-        come. [SI]
+        Correction of every control, in force from its sample to the next; NaN after the end of the
+        run. [SI]
     cut : dict of str to array (time,)
-        Whether a loop of the control was at its limit.
+        True where a loop of the control was at its limit.
     """
 
     def __init__(
@@ -86,9 +92,7 @@ class Pilot:
         time: np.ndarray,
         targets: Mapping[str, np.ndarray],
     ):
-        self.loops = tuple(
-            loop if isinstance(loop, PilotLoop) else PilotLoop(**loop) for loop in loops
-        )
+        self.loops = tuple(map(_as_loop, loops))
         # lists: arithmetic on single elements of arrays takes several times as long
         self.steps = np.diff(np.asarray(time, float)).tolist()
         self.targets = [np.asarray(targets[loop.channel], float).tolist() for loop in self.loops]
@@ -118,20 +122,23 @@ class Pilot:
         """
         total = dict.fromkeys(self.moved, 0.0)
         for i, loop in enumerate(self.loops):
-            total[loop.control] += self._correction(
-                i, shortest_error(loop.channel, self.targets[i][k] - outputs[loop.channel]), k
-            )
+            error = shortest_error(loop.channel, self.targets[i][k] - outputs[loop.channel])
+            total[loop.control] += self._loop_correction(i, error, k)
         for name, value in total.items():
             self.moved[name][k] = value
         return total
 
-    def _correction(self, i: int, error: float, k: int) -> float:
+    def _loop_correction(self, i: int, error: float, k: int) -> float:
+        """Return the correction of loop `i` at sample `k`, and step its integral."""
         loop = self.loops[i]
-        wanted = loop.gain * error + self.integrals[i]
-        found = min(max(wanted, -loop.limit), loop.limit)
-        if found != wanted:
+        # c = gain e + integral * Int e dt, |c| <= limit
+        unlimited = loop.gain * error + self.integrals[i]
+        correction = min(max(unlimited, -loop.limit), loop.limit)
+        is_limited = correction != unlimited
+        if is_limited:
             self.cut[loop.control][k] = True
-        push = loop.integral * error
-        if k < len(self.steps) and (found == wanted or push * wanted < 0.0):
-            self.integrals[i] += push * self.steps[k]
-        return found
+        rate = loop.integral * error
+        # Anti-windup: at the limit the integral only moves away from the limit.
+        if k < len(self.steps) and (not is_limited or rate * unlimited < 0.0):
+            self.integrals[i] += rate * self.steps[k]
+        return correction

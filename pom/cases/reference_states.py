@@ -1,4 +1,4 @@
-"""The flight side of a case: reconstructed states over the window."""
+"""Flight side of a case: reconstructed states over the window."""
 
 from __future__ import annotations
 
@@ -18,28 +18,32 @@ from pom.tolerances.channels import WRAPPED
 
 CALIBRATION = "calibration"  # attribute of flight states and of the signals of a result: JSON
 ERROR = "error."
-"""Before the name of a channel: what one standard error of each constant of the instruments changes in it, dimensions (error, time)."""
+"""Prefix of the change of a channel by one standard error of each instrument constant.
+
+The dimensions are (error, time).
+"""
+_TIME_ROUNDING = 1e-9  # [s] a sample at a bound of the window may be off by a rounding error
 
 
 def calibration_text(biases: xr.Dataset) -> str:
-    """Return the corrections of a reconstruction as the JSON text that travels with its states.
+    """Return the corrections of a reconstruction as the JSON text in its states.
 
     Parameters
     ----------
     biases : Dataset (parameter,)
         ``estimate``, ``stderr``, ``unit``, ``held``, from `flighttest.reconstruct` or
-        `flighttest.reconstruction.open_biases`. Constants that were held are left out: nothing was
-        corrected by them that the instrument's own specification does not state.
+        `flighttest.reconstruction.open_biases`.  The text omits fixed constants: their correction
+        is that of the specification of the instrument.
     """
-    rows = [
-        {
+    rows = []
+    for i in np.flatnonzero(~biases["held"].values.astype(bool)):
+        row = {
             "parameter": str(biases["parameter"].values[i]),
             "estimate": float(biases["estimate"].values[i]),
             "stderr": float(biases["stderr"].values[i]),
             "unit": str(biases["unit"].values[i]),
         }
-        for i in np.flatnonzero(~biases["held"].values.astype(bool))
-    ]
+        rows.append(row)
     return json.dumps(rows)
 
 
@@ -63,151 +67,155 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
     OutOfRange
         The window is not inside the record.
     SchemaError
-        The record names no aircraft and needs reconstruction, or time does not rise.
+        The record needs reconstruction and the case names no aircraft, or time does not rise.
     """
-    states = _states(case, path)
+    states = _window_source(case, path)
     time = states["time"].values.astype(float)
     if time.size < 2 or not (np.diff(time) > 0.0).all():
         raise SchemaError(f"record {case.record}", ["time does not rise from sample to sample"])
     start, stop = case.window
-    step = float(np.median(np.diff(time)))
-    if start < time[0] - 0.5 * step or stop > time[-1] + 0.5 * step:
+    if not _is_inside(case.window, time):
         raise OutOfRange(
             f"case {case.name}: the window {start:g} ... {stop:g} s lies outside the record "
-            f"{time[0]:g} ... {time[-1]:g} s "
-            f"({case.record}); choose one inside"
+            f"{time[0]:g} ... {time[-1]:g} s ({case.record}); choose one inside"
         )
-    first, behind = (
-        np.searchsorted(time, start - 1e-9),
-        np.searchsorted(time, stop + 1e-9, side="right"),
-    )
-    inside = unwrap_angles(
-        states.isel(time=slice(first, behind))
-    )  # no copy: a batch holds the states of all its cases
-    return (
-        inside.assign(measured_wind(case, inside["time"].values))
-        if case.wind == "measured"
-        else inside
-    )
+    first = np.searchsorted(time, start - _TIME_ROUNDING)
+    end = np.searchsorted(time, stop + _TIME_ROUNDING, side="right")
+    # A slice is a view: a batch holds the states of all its cases.
+    inside = unwrap_angles(states.isel(time=slice(first, end)))
+    if case.wind == "measured":
+        return inside.assign(measured_wind(case, inside["time"].values))
+    return inside
+
+
+def _is_inside(window: tuple[float, float], time: np.ndarray) -> bool:
+    """Return whether a window lies inside a record, up to half a time step."""
+    half_step = 0.5 * float(np.median(np.diff(time)))
+    return window[0] >= time[0] - half_step and window[1] <= time[-1] + half_step
 
 
 def window_problem(case: PomCase) -> str:
-    """Return what is wrong with the window of a case against its record; empty when it lies inside,
-    or there is no record yet.
+    """Return the problem of a window outside its record.
+
+    Empty if the window lies inside the record, or if there is no record yet.
     """
     if not Path(case.record).is_file():
         return ""
-    kept = read_path_states(case.record)
-    if kept is not None:
-        leaves = [kept]
-    else:
-        leaves = [
-            leaf.to_dataset()
-            for leaf in flighttest.read(case.record, names=case.names or None).children.values()
-        ]
-    times = [leaf["time"].values.astype(float) for leaf in leaves if leaf.sizes.get("time", 0) > 1]
-    time = min(
-        times, key=lambda time: float(np.median(np.diff(time)))
-    )  # the fastest clock, on which the states are reconstructed
-    first, last, step = float(time[0]), float(time[-1]), float(np.median(np.diff(time)))
-    start, stop = case.window
-    if start >= first - 0.5 * step and stop <= last + 0.5 * step:
+    time = _fastest_clock(case)
+    if _is_inside(case.window, time):
         return ""
+    start, stop = case.window
     return (
         f"case {case.path}: case.window {start:g} ... {stop:g} s lies outside the record "
-        f"{first:g} ... {last:g} s; choose one inside"
+        f"{time[0]:g} ... {time[-1]:g} s; choose one inside"
     )
 
 
-def _states(case: PomCase, path: Any) -> xr.Dataset:
+def _fastest_clock(case: PomCase) -> np.ndarray:
+    """Return the clock of the states of a record. [s]
+
+    The states of a raw record are reconstructed on its fastest clock.
+    """
+    states = read_path_states(case.record)
+    if states is not None:
+        leaves = [states]
+    else:
+        record = flighttest.read(case.record, names=case.names or None)
+        leaves = [leaf.to_dataset() for leaf in record.children.values()]
+    times = [leaf["time"].values.astype(float) for leaf in leaves if leaf.sizes.get("time", 0) > 1]
+    return min(times, key=lambda time: float(np.median(np.diff(time))))
+
+
+def _window_source(case: PomCase, path: Any) -> xr.Dataset:
+    """Return the states of a whole record, from a path of the caller or from the record."""
     if path is None:
         return recorded_states(case)
-    return path if isinstance(path, xr.Dataset) else _calibrated(path)
+    if isinstance(path, xr.Dataset):
+        return path
+    return _path_states(path)
 
 
-def _calibrated(path: Any) -> xr.Dataset:
-    known = (
-        {} if path.biases is None else {CALIBRATION: calibration_text(path.biases)}
-    )  # states of another program hold no constants
-    return _with_errors(path.states.assign_attrs(known), path.errors)
+def _path_states(path: Any) -> xr.Dataset:
+    """Return the states of a reconstructed path with its corrections and their errors."""
+    attributes = {}
+    # the states of another program have no instrument constants
+    if path.biases is not None:
+        attributes[CALIBRATION] = calibration_text(path.biases)
+    return _with_errors(path.states.assign_attrs(attributes), path.errors)
 
 
 def _with_errors(states: xr.Dataset, errors: xr.Dataset | None) -> xr.Dataset:
-    """Return states with what the constants of the instruments leave open in them, as variables
-    named `ERROR` and the channel.
-    """
+    """Return states with the errors of the instrument constants as variables named `ERROR`."""
     if errors is None:
         return states
-    named = {
-        f"{ERROR}{name}": (item.dims, item.values, item.attrs)
-        for name, item in errors.data_vars.items()
-    }
+    named = {}
+    for name, item in errors.data_vars.items():
+        named[f"{ERROR}{name}"] = (item.dims, item.values, item.attrs)
     return states.assign(named).assign_coords(error=errors["error"].values)
 
 
 def measured_wind(case: PomCase, time: np.ndarray) -> dict[str, Any]:
-    """Return the wind that the raw record of a case holds, on the clock of its states.
+    """Return the recorded wind of a raw record, on the clock of its states.
 
     Returns
     -------
     dict of str to (dimension, array (time,))
-        ``wind_n``, ``wind_e`` and ``wind_d``, which is zero where none is recorded: velocity of the
-        air mass. [m s-1]
+        ``wind_n``, ``wind_e`` and ``wind_d``: velocity of the air mass.  ``wind_d`` is zero if the
+        record has none. [m s-1]
 
     Raises
     ------
     SchemaError
         The record has no wind, or is a reconstructed path.
     """
-    found = {}
+    # a sensor group of the record may have its own clock
+    wind = {}
     for leaf in flighttest.read(case.record, names=case.names or None).children.values():
         node = leaf.to_dataset()
-        for name in (name for name in WIND if name in node):
-            found[name] = "time", np.interp(time, node["time"].values, node[name].values)
-    if not {"wind_n", "wind_e"} <= set(found):
+        for name in WIND:
+            if name in node:
+                wind[name] = "time", np.interp(time, node["time"].values, node[name].values)
+    if not {"wind_n", "wind_e"} <= set(wind):
         problem = (
-            f'drive.wind: "measured", but {case.record} holds no wind_n and wind_e; map '
-            f'them, or take the wind of the "record"'
+            f'drive.wind: "measured", but {case.record} holds no wind_n and wind_e; map them, or '
+            f'take the wind of the "record"'
         )
         raise SchemaError(f"case {case.path}", [problem])
-    return {"wind_d": ("time", np.zeros(time.size)), **found}
+    return {"wind_d": ("time", np.zeros(time.size)), **wind}
 
 
 def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Dataset:
-    """Return the states of the record of a case: read when it is a reconstructed path,
-    reconstructed when it is raw.
+    """Return the states of the record of a case.
+
+    A reconstructed path is read, a raw record is reconstructed.
 
     Parameters
     ----------
     case : PomCase
     biases : Dataset, optional
-        Constants of the instruments as other records give them
-        (`flighttest.reconstruction.open_biases`), the prior of a reconstruction.  Without them a
-        raw record has only itself and the class of its instruments.
+        Instrument constants from other records (`flighttest.reconstruction.open_biases`), the
+        prior of a reconstruction.  Without them the prior is the class of the instruments.
 
     Raises
     ------
     SchemaError
         The record is raw and the case names no aircraft.
     IdentificationError
-        The reconstruction does not settle.
+        The reconstruction does not converge.
     """
-    found = read_path_states(case.record)
-    if found is not None:
-        return found
+    states = read_path_states(case.record)
+    if states is not None:
+        return states
     if not case.aircraft:
-        raise SchemaError(
-            f"case {case.path}",
-            [
-                "case.aircraft: missing; the record has to be reconstructed, and that needs "
-                "the aircraft"
-            ],
+        problem = (
+            "case.aircraft: missing; the record has to be reconstructed, and that needs the "
+            "aircraft"
         )
+        raise SchemaError(f"case {case.path}", [problem])
     record = flighttest.read(case.record, names=case.names or None)
+    aircraft = read_aircraft(case.aircraft)
     try:
-        return _calibrated(
-            flighttest.reconstruct(record, read_aircraft(case.aircraft), prior=biases)
-        )
+        return _path_states(flighttest.reconstruct(record, aircraft, prior=biases))
     except IdentificationError as error:
         hint = (
             "give the constants of the instruments from other records (--biases), or a "
@@ -217,8 +225,9 @@ def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Datas
 
 
 def read_path_states(record: str) -> xr.Dataset | None:
-    """Return the states of a file of reconstructed states, variables without attributes; None when
-    it is something else.
+    """Return the states of a reconstructed path, or None if the file is of another kind.
+
+    The variables have no attributes.
     """
     if Path(record).suffix != ".nc":
         return None
@@ -226,16 +235,17 @@ def read_path_states(record: str) -> xr.Dataset | None:
         path = flighttest.dynamics.open_path(record, described=False)
     except ParseError:
         return None
+    # a path without these states cannot start a model
     if not {"V", "alpha", "theta"} <= set(path.states.data_vars):
         return None
-    return _calibrated(path)
+    return _path_states(path)
 
 
 def unwrap_angles(states: xr.Dataset) -> xr.Dataset:
     """Return the states with angles that jump by a full turn made continuous."""
     items = {name: states.variables[name] for name in states.data_vars}
-    smooth = {
-        name: (items[name].dims, np.unwrap(items[name].values), items[name].attrs)
-        for name in WRAPPED & items.keys()
-    }
-    return xr.Dataset({**items, **smooth}, states.coords, states.attrs)
+    continuous = {}
+    for name in WRAPPED & items.keys():
+        item = items[name]
+        continuous[name] = (item.dims, np.unwrap(item.values), item.attrs)
+    return xr.Dataset({**items, **continuous}, states.coords, states.attrs)

@@ -1,12 +1,13 @@
-"""The parts of a case file resolved one by one; what is wrong is added to a list of problems, so
-that all are reported at once.
+"""Resolution of the parts of a case file.
+
+Every function adds the problems of its part to a list, so that one error reports all of them.
 """
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +29,7 @@ from pom.tolerances.rows import required_signals
 T = TypeVar("T")
 
 MOVABLE = (*SURFACES, *TRAVEL, *FORCES, "throttle", "speedbrake", "delta_nw", *BRAKES)
-"""Controls that a loop of the math pilot may move; ``throttle`` moves the levers of all engines alike."""
+"""Controls that a loop of the math pilot may move; ``throttle`` stands for all levers."""
 
 BIASES = ("delta_e", "delta_a", "delta_r", "thrust", "throttle", *FORCES)
 REMAINDERS = ("u_dot", "v_dot", "w_dot", "p_dot", "q_dot", "r_dot")
@@ -37,18 +38,31 @@ LIMIT_UNITS = (
     | {name: "m s-2" for name in REMAINDERS[:3]}
     | dict.fromkeys(REMAINDERS[3:], "rad s-2")
 )
-"""What a trim finds and leaves, with its SI unit: keys of ``drive.limits``, outputs ``trim.*`` of a model."""
+"""SI units of the biases and residual accelerations of a trim.
+
+The names are the keys of ``drive.limits`` and the outputs ``trim.*`` of a model.
+"""
 
 SEGMENTS = ("elapsed", "segment_mean", "floor")
-"""Measures over a segment: rows that name no events of their own may be bounded by ``segment_start`` and ``segment_end``."""
+"""Measures over a segment.
+
+The events ``segment_start`` and ``segment_end`` bound their rows if a row names no events.
+"""
 
 EQUIPMENT = frozenset(
     {
-        *("spoiler", "stabilizer", "rudder_tab", "tiller_force", "prop_lever"),
-        *("epr", "torque", "manifold_pressure", "brake_pressure"),
+        "spoiler",
+        "stabilizer",
+        "rudder_tab",
+        "tiller_force",
+        "prop_lever",
+        "epr",
+        "torque",
+        "manifold_pressure",
+        "brake_pressure",
     }
 )
-"""Parameters that an aeroplane need not have; a case that states so in ``case.absent`` is not judged on them."""
+"""Parameters of optional equipment.  ``case.absent`` removes them from the judgement of a case."""
 
 KINDRED = (
     {"V", "V_cas", "V_eas", "V_ground", "mach", "qbar", "u", "distance"},
@@ -60,241 +74,274 @@ KINDRED = (
     {"beta", "v", "beta_dot", "ay"},
     {"nz", "az", "dnz"},
 )
-"""Channels that cannot be held without holding each other: an integral or a derivative apart."""
+"""Groups of channels that differ by an integral or a derivative: holding one holds the others."""
 
 
 def collect_case_problems(
-    problems: list[str], place: str, act: Callable[..., T], *items: Any
+    problems: list[str], key: str, act: Callable[..., T], *items: Any
 ) -> T | None:
-    """Return ``act(*items)``; an error of the package becomes one more problem."""
+    """Return ``act(*items)``; if it raises, add a problem of the key and return None."""
     try:
         return act(*items)
     except SchemaError as error:
-        problems += [f"{place}: {text}" for text in error.problems]
+        problems += [f"{key}: {text}" for text in error.problems]
         return None
     except AeromatchError as error:
-        problems.append(f"{place}: {error}")
+        problems.append(f"{key}: {error}")
         return None
 
 
 _BEARING = {"id", "standard", "edition", "window", "features", "shortened", "record"}
-"""Keys of ``[case]`` without which the rest cannot be checked."""
+"""Keys of ``[case]`` on which the checks of the other tables depend."""
 
 
 def sound_rest(content: Mapping[str, Any]) -> CaseFile | None:
-    """Return a case file of wrong form without the keys that are wrong, so that all else can be
-    looked at in the same go.
+    """Return a case file without its wrong keys, so that the other keys can be checked.
 
-    None when windows and rows depend on what is wrong.
+    None if windows and rows depend on a wrong key.
     """
-    rest = deepcopy(dict(content))
+    sound = deepcopy(dict(content))
     try:
-        return CaseFile.model_validate(rest)
+        return CaseFile.model_validate(sound)
     except ValidationError as error:
         for item in error.errors():
-            place = item["loc"]
-            if place[0] == "events" or (
-                place[0] == "case" and (len(place) == 1 or place[1] in _BEARING)
-            ):
+            location = item["loc"]
+            if _is_bearing(location):
                 return None
             if item["type"] != "missing":
-                _remove(rest, place)
+                _remove_key(sound, location)
+    # A missing name or title does not affect the other checks.
     try:
-        return CaseFile.model_validate({**rest, "case": {"name": "", "title": "", **rest["case"]}})
+        named = {**sound, "case": {"name": "", "title": "", **sound["case"]}}
+        return CaseFile.model_validate(named)
     except ValidationError:
         return None
 
 
-def _remove(content: Any, place: tuple[int | str, ...]) -> None:
-    """Take the deepest part of a place that the content has out of it."""
-    *above, last = place
-    for key in above:
-        below = content.get(key) if isinstance(content, dict) else None
-        if not isinstance(below, dict):
+def _is_bearing(location: tuple[int | str, ...]) -> bool:
+    if location[0] == "case":
+        return len(location) == 1 or location[1] in _BEARING
+    return location[0] == "events"
+
+
+def _remove_key(content: Any, location: tuple[int | str, ...]) -> None:
+    """Remove the deepest key of a location from nested tables."""
+    *parents, last = location
+    for key in parents:
+        if not isinstance(content, dict):
+            return
+        child = content.get(key)
+        if not isinstance(child, dict):
+            # The location goes on inside an array or names a type of a union: remove the value.
             last = key
             break
-        content = below
+        content = child
     if isinstance(content, dict):
         content.pop(last, None)
 
 
 def resolve_quantities(
-    place: str, found: Mapping[str, Any], units: Mapping[str, str], what: str, problems: list[str]
+    key: str,
+    entries: Mapping[str, Any],
+    units: Mapping[str, str],
+    *,
+    what: str,
+    problems: list[str],
 ) -> dict[str, float]:
-    """Return the SI values of a table whose keys are those of `units`."""
+    """Return the SI values of a table of the case file; `units` holds the allowed names."""
     values = {}
-    for name, item in found.items():
+    for name, item in entries.items():
         if name not in units:
-            problems.append(f"{place}: {UnknownName(name, units, what)}")
+            problems.append(f"{key}: {UnknownName(name, units, what)}")
             continue
-        value = collect_case_problems(
-            problems, f"{place}.{name}", parse_quantity, item, units[name]
-        )
+        value = collect_case_problems(problems, f"{key}.{name}", parse_quantity, item, units[name])
         if value is None:
             continue
         if not math.isfinite(value):
-            problems.append(f"{place}.{name}: {value:g} is not finite; give a number with its unit")
+            problems.append(f"{key}.{name}: {value:g} is not finite; give a number with its unit")
             continue
         values[name] = value
     return values
 
 
-def resolve_conditions(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
+def resolve_conditions(entries: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
     """Return ``[conditions]`` in SI."""
+    units = {name: lookup(name).units for name in CONDITIONS}
     return resolve_quantities(
-        "conditions",
-        found,
-        {name: lookup(name).units for name in CONDITIONS},
-        "condition",
-        problems,
+        "conditions", entries, units=units, what="condition", problems=problems
     )
 
 
-def resolve_trim_limits(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
+def resolve_trim_limits(entries: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
     """Return ``drive.limits`` in SI, all positive."""
-    values = resolve_quantities("drive.limits", found, LIMIT_UNITS, "bias of the trim", problems)
-    problems += [
-        f"drive.limits.{name}: {value:g} is not positive; a limit is a largest size"
-        for name, value in values.items()
-        if not value > 0.0
-    ]
+    values = resolve_quantities(
+        "drive.limits", entries, units=LIMIT_UNITS, what="bias of the trim", problems=problems
+    )
+    for name, value in values.items():
+        if not value > 0.0:
+            problems.append(
+                f"drive.limits.{name}: {value:g} is not positive; a limit is a largest size"
+            )
     return values
 
 
-def resolve_ranges(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
+def resolve_ranges(entries: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
     """Return ``[ranges]`` in SI."""
     units = {}
-    for name in found:
-        row = collect_case_problems(problems, "ranges", lookup, name)
-        if row is not None:
-            units[name] = row.units
-    return resolve_quantities(
-        "ranges", {name: found[name] for name in units}, units, "channel", problems
-    )
+    for name in entries:
+        entry = collect_case_problems(problems, "ranges", lookup, name)
+        if entry is not None:
+            units[name] = entry.units
+    # unknown names are already among the problems
+    named = {name: entries[name] for name in units}
+    return resolve_quantities("ranges", named, units=units, what="channel", problems=problems)
 
 
-def check_events(found: Mapping[str, Any], problems: list[str]) -> None:
+def check_events(events: Mapping[str, Any], problems: list[str]) -> None:
     """Check the names of ``[events]``."""
-    for name in found:
+    for name in events:
         if name not in table.window_events():
             problems.append(f"events: {UnknownName(name, table.window_events(), 'event')}")
 
 
 def check_names(
-    place: str, found: Mapping[str, Any], allowed: set[str], what: str, problems: list[str]
+    key: str, names: Iterable[str], *, allowed: set[str], what: str, problems: list[str]
 ) -> None:
-    """Check the keys of a table of texts."""
-    problems += [
-        f"{place}: {UnknownName(name, allowed, what)}" for name in found if name not in allowed
-    ]
+    """Check the names in a table of the case file."""
+    for name in names:
+        if name not in allowed:
+            problems.append(f"{key}: {UnknownName(name, allowed, what)}")
 
 
-def resolve_named_file(path: Path, name: str, key: str, problems: list[str]) -> str:
-    """Return a file that a case names, relative to the case file; empty for none."""
+def resolve_named_file(path: Path, name: str, *, key: str, problems: list[str]) -> str:
+    """Return the path of a file that a case names relative to the case file; empty for none."""
     if not name:
         return ""
-    found = path.parent / name
-    if not found.is_file():
-        problems.append(f"{key}: no file {found}; the name is relative to the case file")
-    return os.path.normpath(found)
+    file = path.parent / name
+    if not file.is_file():
+        problems.append(f"{key}: no file {file}; the name is relative to the case file")
+    return os.path.normpath(file)
 
 
 def resolve_criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
-    """Return the rows of the test as criteria, with what the case file sets for bands."""
+    """Return the rows of the test as criteria, with the bands of the case file applied."""
     case = file.case
-    rows = (
-        collect_case_problems(
-            problems, "case.id", table.rows_of_test, case.id, case.standard, case.edition
-        )
-        or []
+    rows = collect_case_problems(
+        problems, "case.id", table.rows_of_test, case.id, case.standard, case.edition
     )
+    # an unknown test has no rows
+    rows = rows or []
     optional = sorted({row["parameter"] for row in rows} & EQUIPMENT)
-    problems += [
-        f"case.absent: {UnknownName(name, optional, 'equipment of this test')}"
-        for name in case.absent
-        if name not in optional
-    ]
-    found = []
+    for name in case.absent:
+        if name not in optional:
+            error = UnknownName(name, optional, "equipment of this test")
+            problems.append(f"case.absent: {error}")
+    criteria = []
     for row, name in zip(rows, table.names_of(rows), strict=True):
-        window = _window(row, name, file, problems)
-        criterion = table.make_criterion(
-            row, name, window, case.features, case.mode_channel, case.engine_parameter
+        criterion = _make_criterion(row, name, file=file, problems=problems)
+        _check_criterion(criterion, name, file=file, problems=problems)
+        criteria.append(criterion)
+    # An entry with a problem leaves the criteria as they are, so that the others are checked.
+    for key, override in file.tolerance.items():
+        overridden = collect_case_problems(
+            problems, f"tolerance.{key}", apply_override, criteria, key, override, case.window
         )
-        if row["parameter"] in case.absent:
-            criterion = replace(
-                criterion,
-                applies=False,
-                reason=f"the aeroplane has no {row['parameter']}: case.absent of the case file",
-            )
-        if (
-            criterion.applies
-            and criterion.measure.startswith("response_")
-            and not criterion.channel
-        ):
-            problems.append(
-                f"case.engine_parameter: missing; row {name} needs the channel of the "
-                f"critical engine parameter"
-            )
-        if criterion.applies and criterion.measure == "steady" and "capture" not in file.events:
-            problems.append(
-                f"events.capture: missing; row {name} is a snapshot and needs its instant"
-            )
-        found.append(criterion)
-    for key, item in file.tolerance.items():
-        changed = collect_case_problems(
-            problems, f"tolerance.{key}", apply_override, found, key, item, case.window
-        )
-        found = changed if changed is not None else found
-    return found
+        if overridden is not None:
+            criteria = overridden
+    return criteria
 
 
-def _window(row: table.Row, name: str, file: CaseFile, problems: list[str]) -> tuple[float, float]:
-    """Return the window of a row; longer than the case's window only with a stated reason."""
+def _make_criterion(row: table.Row, name: str, *, file: CaseFile, problems: list[str]) -> Criterion:
+    """Return the criterion of a row; it does not apply if the aeroplane lacks its equipment."""
+    case = file.case
+    criterion = table.make_criterion(
+        row,
+        name,
+        window=_resolve_window(row, name, file=file, problems=problems),
+        features=case.features,
+        mode_channel=case.mode_channel,
+        engine_parameter=case.engine_parameter,
+    )
+    if row["parameter"] in case.absent:
+        reason = f"the aeroplane has no {row['parameter']}: case.absent of the case file"
+        return replace(criterion, applies=False, reason=reason)
+    return criterion
+
+
+def _check_criterion(
+    criterion: Criterion, name: str, *, file: CaseFile, problems: list[str]
+) -> None:
+    """Check that the case file has the keys that a criterion needs."""
+    if not criterion.applies:
+        return
+    if criterion.measure.startswith("response_") and not criterion.channel:
+        problems.append(
+            f"case.engine_parameter: missing; row {name} needs the channel of the critical engine "
+            f"parameter"
+        )
+    if criterion.measure == "steady" and "capture" not in file.events:
+        problems.append(f"events.capture: missing; row {name} is a snapshot and needs its instant")
+
+
+def _resolve_window(
+    row: table.Row, name: str, *, file: CaseFile, problems: list[str]
+) -> tuple[float, float]:
+    """Return the window of a row; it exceeds the window of the case only with a stated reason."""
     start, stop = file.case.window
     if missing_claims(row["condition"], file.case.features):
+        # the row does not apply, so its events may be missing
         return file.case.window
-    found = []
-    ends = (start, stop)
+    defaults = (start, stop)
     if row["measure"] in SEGMENTS:
-        ends = file.events.get("segment_start", start), file.events.get("segment_end", stop)
-    for bound, default in zip((row["applies_from"], row["applies_to"]), ends, strict=True):
+        defaults = file.events.get("segment_start", start), file.events.get("segment_end", stop)
+    # without an event, a bound is the default
+    bounds = []
+    for bound, default in zip((row["applies_from"], row["applies_to"]), defaults, strict=True):
         time = collect_case_problems(
             problems, f"events, row {name}", table.bound_time, bound, file.events, default
         )
-        found.append(default if time is None else float(time))
-    asked = f"{found[0]:g} ... {found[1]:g} s"
-    inside = max(found[0], start), min(found[1], stop)
+        bounds.append(default if time is None else float(time))
+    first, last = bounds
+    required = f"{first:g} ... {last:g} s"
+    inside = max(first, start), min(last, stop)
     if not inside[0] < inside[1]:
         problems.append(
-            f"events: row {name} requires {asked}, outside the case window {start:g} ... {stop:g} s"
+            f"events: row {name} requires {required}, outside the case window "
+            f"{start:g} ... {stop:g} s"
         )
-    elif inside != (found[0], found[1]) and not file.case.shortened:
+    elif inside != (first, last) and not file.case.shortened:
         problems.append(
             f"case.window: {start:g} ... {stop:g} s is shorter than row {name} asks "
-            f"({asked}, {row['applies_from']} to "
-            f"{row['applies_to'] or 'the end'}); widen it, or give the reason in case.shortened"
+            f"({required}, {row['applies_from']} to {row['applies_to'] or 'the end'}); widen it, "
+            f"or give the reason in case.shortened"
         )
     return inside
 
 
 def scale_tolerances(
-    found: Sequence[Criterion], fraction: float, largest: Mapping[str, float]
+    criteria: Sequence[Criterion], fraction: float, largest: Mapping[str, float]
 ) -> tuple[Criterion, ...]:
-    """Return criteria with the share of the tolerance that is applied and the largest values in
-    service.
-    """
-    return tuple(replace(c, fraction=fraction, largest=largest.get(c.channel)) for c in found)
+    """Return criteria with the share of the tolerance and the largest values in service."""
+    scaled = []
+    for criterion in criteria:
+        largest_value = largest.get(criterion.channel)
+        scaled.append(replace(criterion, fraction=fraction, largest=largest_value))
+    return tuple(scaled)
 
 
 def tolerance_fraction(file: CaseFile) -> float:
-    """Return the share of the tolerance: as written, else by reference and edition (rule R9 of the
-    table).
+    """Return the share of the tolerance that is applied.
+
+    Without ``case.fraction`` it follows from reference and edition (rule R9 of the table).
     """
     if file.case.fraction is not None:
         return file.case.fraction
     if file.case.reference != "engineering":
         return 1.0
-    return 0.2 if file.case.edition[:4] < "2016" else 0.4
+    # R9: 20 % in editions before 2016, 40 % from then on
+    if file.case.edition[:4] < "2016":
+        return 0.2
+    return 0.4
 
 
 def resolve_pilot_loops(file: CaseFile, problems: list[str]) -> tuple[PilotLoop, ...]:
@@ -302,63 +349,86 @@ def resolve_pilot_loops(file: CaseFile, problems: list[str]) -> tuple[PilotLoop,
     tables = file.drive.pilot
     if bool(tables) != (file.drive.surfaces == "pilot"):
         problems.append('drive.pilot: loops and surfaces = "pilot" go together; give both, or none')
-    found = [_loop(item, f"drive.pilot.{i}", problems) for i, item in enumerate(tables)]
+    loops = []
+    for i, item in enumerate(tables):
+        loop = _resolve_loop(item, f"drive.pilot.{i}", problems)
+        if loop is not None:
+            loops.append(loop)
+    # controls that belong to every level have an empty level
     levels = {drive_level(item.control) for item in tables} - {""}
     if len(levels) > 1:
         problems.append(
             f"drive.pilot: the loops move controls of {len(levels)} levels "
             f"({', '.join(sorted(levels))}); one level drives a model"
         )
-    return tuple(loop for loop in found if loop is not None)
+    return tuple(loops)
+
+
+_DRIVE_LEVELS = (
+    dict.fromkeys(("delta_e", "delta_a", "delta_r"), "recorded")
+    | dict.fromkeys(TRAVEL, "cockpit")
+    | dict.fromkeys(FORCES, "force")
+)
 
 
 def drive_level(control: str) -> str:
-    """Return the level of drive that a control belongs to; empty for those that belong to all."""
-    level = {name: "recorded" for name in ("delta_e", "delta_a", "delta_r")}
-    return (level | dict.fromkeys(TRAVEL, "cockpit") | dict.fromkeys(FORCES, "force")).get(
-        control, ""
-    )
+    """Return the level of drive of a control; empty for a control of every level."""
+    return _DRIVE_LEVELS.get(control, "")
 
 
-def _loop(item: LoopTable, where: str, problems: list[str]) -> PilotLoop | None:
+def _resolve_loop(item: LoopTable, key: str, problems: list[str]) -> PilotLoop | None:
     if item.control not in MOVABLE:
-        problems.append(f"{where}.control: {UnknownName(item.control, MOVABLE, 'control')}")
+        problems.append(f"{key}.control: {UnknownName(item.control, MOVABLE, 'control')}")
         return None
-    channel = collect_case_problems(problems, f"{where}.channel", lookup, item.channel)
+    channel = collect_case_problems(problems, f"{key}.channel", lookup, item.channel)
     if channel is None:
         return None
-    moved, held = lookup(item.control).units, channel.units
-    units = {"gain": f"{moved}/{held}", "integral": f"{moved}/{held} s", "limit": moved}
-    given = {key: getattr(item, key) for key in units}
-    before = len(problems)
-    values = resolve_quantities(where, given, units, "key", problems)
+    # gain: control per error; integral: control per error and second
+    control_unit, error_unit = lookup(item.control).units, channel.units
+    units = {
+        "gain": f"{control_unit}/{error_unit}",
+        "integral": f"{control_unit}/{error_unit} s",
+        "limit": control_unit,
+    }
+    texts = {name: getattr(item, name) for name in units}
+    earlier = len(problems)
+    values = resolve_quantities(key, texts, units=units, what="key", problems=problems)
     if values.get("limit", 1.0) <= 0.0:
         problems.append(
-            f"{where}.limit: {values['limit']:g} is not positive; a limit is the largest correction"
+            f"{key}.limit: {values['limit']:g} is not positive; a limit is the largest correction"
         )
-    return PilotLoop(item.control, item.channel, **values) if len(problems) == before else None
+    if len(problems) > earlier:
+        return None
+    return PilotLoop(item.control, item.channel, **values)
 
 
 def forbid_judged(
-    loops: Sequence[PilotLoop], found: Sequence[Criterion], problems: list[str]
+    loops: Sequence[PilotLoop], criteria: Sequence[Criterion], problems: list[str]
 ) -> None:
-    """Report every loop that holds what is judged: qtg-report practice, section 5; a controller
-    would pass any model.
+    """Report every loop on a judged channel, since a controller would pass any model.
+
+    Source: qtg-report practice, section 5.
     """
     for loop in loops:
+        # the channel itself and every channel that follows from it by integration
         kindred = {loop.channel}.union(*(group for group in KINDRED if loop.channel in group))
-        judged = [
-            c for c in found if c.applies and not c.reason and kindred & set(required_signals(c))
-        ]
+        judged = []
+        for criterion in criteria:
+            signals = required_signals(criterion)
+            is_judged = criterion.applies and not criterion.reason
+            if is_judged and kindred & set(signals):
+                judged.append(f"{criterion.name} ({', '.join(signals)})")
         if judged:
-            rows = ", ".join(f"{c.name} ({', '.join(required_signals(c))})" for c in judged)
             problems.append(
                 f"drive.pilot: the loop of {loop.control} holds {loop.channel}, on which "
-                f"{rows} is judged; a math pilot may not fly "
-                "what is judged: hold another channel, or drop the loop"
+                f"{', '.join(judged)} is judged; a math pilot may not fly what is judged: hold "
+                f"another channel, or drop the loop"
             )
 
 
-def certified_values(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
-    """Return ``[certified]``: fractions, such as climb gradients."""
-    return resolve_quantities("certified", found, dict.fromkeys(found, "1"), "parameter", problems)
+def certified_values(entries: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
+    """Return ``[certified]``: fractions, for example climb gradients."""
+    units = dict.fromkeys(entries, "1")
+    return resolve_quantities(
+        "certified", entries, units=units, what="parameter", problems=problems
+    )

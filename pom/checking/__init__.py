@@ -1,4 +1,4 @@
-"""Checks before a batch: whether every case can be flown, and whether its flight record is sound."""
+"""Checks before a batch: problems of cases, and errors of their flight records."""
 
 from flightmech.support.imports import attach_stub
 

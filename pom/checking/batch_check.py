@@ -1,4 +1,4 @@
-"""Check of all cases of raw records before a batch, and so before slow reconstructions."""
+"""Check of all cases and raw records before a batch, ahead of slow reconstructions."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from pom.replaying.caches import KeptStates
 
 @dataclass(frozen=True)
 class KeptChecks:
-    """Checks by record, name map, aircraft and program; one file each.
+    """Stored checks by record, name map, aircraft and program version; one file each.
 
     Attributes
     ----------
     folder : Path or None
-        Made when it is missing; None keeps nothing.
+        Folder of the files, created if it is missing; None for no storage.
     """
 
     folder: Path | None
 
     def read(self, case: PomCase) -> RecordCheck | None:
-        """Return the check of the record of a case; None if it is not kept, or its file is damaged."""
+        """Return the stored check of the record of a case; None if missing or damaged."""
         file = self._file(case)
         if file is None or not file.is_file():
             return None
@@ -44,10 +44,11 @@ class KeptChecks:
             errors = [RecordError(**error) for error in item["errors"]]
             return RecordCheck(item["record"], item["verdict"], tuple(errors))
         except (ValueError, KeyError, TypeError):
+            # a damaged file is computed and written again
             return None
 
     def write(self, case: PomCase, check: RecordCheck) -> None:
-        """Keep the check of the record of a case."""
+        """Write the check of the record of a case."""
         file = self._file(case)
         if file is not None:
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -75,12 +76,11 @@ def check_batch(
     ----------
     cases : sequence of PomCase
     models : Models, optional
-        The models that fly; without them the records alone are checked.
+        Models of the batch; without them the records alone are checked.
     jobs : int
         Processes; -1 for one per core.
     folder : path, optional
-        Keeps the checks, as `pom.replay_all` keeps its flights. The cases of a record whose check
-        is kept are not checked again.
+        Folder of stored checks.  Cases of a record with a stored check are not checked again.
 
     Returns
     -------
@@ -90,28 +90,29 @@ def check_batch(
     Raises
     ------
     SchemaError
-        Every problem of every case of a raw record (`case_problems`). `pom.replay_all` checks those
-        of reconstructed paths, which take no time, itself.
+        With every problem of every case of a raw record (`case_problems`).  `pom.replay_all` checks
+        the cases of reconstructed paths itself.
     """
+    # All cases of a record share its check, so that each record is read once.
     groups: dict[str, list[PomCase]] = {}
     for case in cases:
         groups.setdefault(case.record, []).append(case)
     store = KeptChecks(Path(folder).resolve() if folder is not None else None)
     checks: dict[str, RecordCheck] = {}
-    new: dict[str, list[PomCase]] = {}
+    unchecked: dict[str, list[PomCase]] = {}
     for record, group in groups.items():
         check = store.read(group[0])
         if check is None:
-            new[record] = group
+            unchecked[record] = group
         else:
             checks[record] = check
-    calls = [
-        delayed(check_record_and_cases)(group, _models_of(group, models)) for group in new.values()
-    ]
+    calls = []
+    for group in unchecked.values():
+        calls.append(delayed(check_record_and_cases)(group, _models_of(group, models)))
     # One record does not need a second process.
-    if len(new) <= 1:
+    if len(unchecked) <= 1:
         jobs = 1
-    results = dict(zip(new, Parallel(n_jobs=jobs)(calls), strict=True))
+    results = dict(zip(unchecked, Parallel(n_jobs=jobs)(calls), strict=True))
     problems: list[str] = []
     for _, texts in results.values():
         problems += texts
@@ -119,7 +120,7 @@ def check_batch(
         raise SchemaError("cases", list(dict.fromkeys(problems)))
     for record, (check, _) in results.items():
         checks[record] = check
-        store.write(new[record][0], check)
+        store.write(unchecked[record][0], check)
     return {record: checks[record] for record in groups}
 
 
@@ -142,6 +143,7 @@ def check_record_and_cases(
     models : sequence of mapping of str to FmuModel
         Models of each case, by name.
     """
+    # The check uses the name map and the aircraft of the first case.
     first = cases[0]
     name = Path(first.record).stem
     if read_path_states(first.record) is not None:
@@ -152,6 +154,7 @@ def check_record_and_cases(
             "the aircraft"
         )
         problems = [f"case {case.path}: {missing}" for case in cases if not case.aircraft]
+        # an empty verdict: the record was not checked
         return RecordCheck(name, ""), problems
     try:
         record = flighttest.read(first.record, names=first.names or None)

@@ -1,6 +1,4 @@
-"""Checks of the flight records behind a report: a pass against a faulty record does not count as a
-pass.
-"""
+"""Checks of cases and their flight records; a pass against a faulty record is not a pass."""
 
 from __future__ import annotations
 
@@ -25,62 +23,70 @@ from pom.result import PomResult, make_verdict_table
 from pom.tolerances.bands import RowRemark
 
 MOST_CHANNELS = 40
-"""Missing channels of one case that are listed; a case needs fewer."""
+"""Largest number of missing channels that the check of a case lists; a case needs fewer."""
 
 
 def case_problems(case: PomCase, states: xr.Dataset, models: Mapping[str, FmuModel]) -> list[str]:
-    """Return why a case cannot be flown.
+    """Return the problems that prevent the replay of a case.
 
     Parameters
     ----------
     case : PomCase
     states : Dataset (time,)
-        States of the whole record: those of a reconstructed path, or
+        States of the whole record: of a reconstructed path, or
         `flighttest.reconstruction.start_states`. [SI]
-    models : mapping of str to Model
-        By name; empty to check the record alone.
+    models : mapping of str to FmuModel
+        Models by name; empty to check the record alone.
 
     Returns
     -------
     list of str
-        A line for every problem: the window, every channel that the record lacks, samples without a
-        value, and every input, output and parameter that a model lacks. Empty if the case can be
-        flown.
+        One line for every problem: the window, missing channels of the record, samples without a
+        value, and missing inputs, outputs and parameters of a model.  Empty if the case can be
+        replayed.
     """
-    return _planned(case, states, models)[0]
+    problems, _ = _plan_case(case, states, models)
+    return problems
 
 
-def _planned(
+def _plan_case(
     case: PomCase, states: xr.Dataset, models: Mapping[str, FmuModel]
 ) -> tuple[list[str], ReplayPlan | None]:
-    """Return why a case cannot be flown, and its plan if there is one."""
-    problems: list[str] = []
-    for _ in range(MOST_CHANNELS):
-        try:
-            plan = plan_of(case, states)
-            break
-        except UnknownName as error:
-            # The channel is added without motion, so that the next one that is missing is found as
-            # well.
-            problems.append(_named(case, str(error)))
-            if error.name in states:
-                return problems, None
-            states = states.assign({error.name: ("time", np.zeros(states.sizes["time"]))})
-        except (SchemaError, OutOfRange) as error:
-            return [*problems, *(_named(case, text) for text in _texts(error))], None
-    else:
+    """Return the problems of a case, and its plan if the record is sufficient."""
+    problems, plan = _plan_record(case, states)
+    if plan is None:
         return problems, None
     for name, model in models.items():
         try:
             check_plan(plan, model)
         except (SchemaError, OutOfRange) as error:
-            problems += [f"case {case.name}, model {name}: {text}" for text in _texts(error)]
+            problems += [f"case {case.name}, model {name}: {text}" for text in _error_texts(error)]
     return problems, plan
 
 
+def _plan_record(case: PomCase, states: xr.Dataset) -> tuple[list[str], ReplayPlan | None]:
+    """Return the problems of a case with its record, and the plan if there is one."""
+    problems: list[str] = []
+    for _ in range(MOST_CHANNELS):
+        try:
+            return problems, plan_of(case, states)
+        except UnknownName as error:
+            problems.append(_name_case(case, str(error)))
+            # a channel that the states have is unknown for another reason
+            if error.name in states:
+                return problems, None
+            # Zeros stand for the missing channel, so that the next attempt finds the next one.
+            states = states.assign({error.name: ("time", np.zeros(states.sizes["time"]))})
+        except (SchemaError, OutOfRange) as error:
+            problems += [_name_case(case, text) for text in _error_texts(error)]
+            return problems, None
+    return problems, None
+
+
 def kernel_model(name: str, sim: SimModel) -> FmuModel:
-    """Return a compiled model as `check_plan` takes it: as the FMU that `flightmech.write_fmu`
-    makes of it, without writing one.
+    """Return the interface of a compiled model for `check_plan`.
+
+    It is the interface of the FMU that `flightmech.write_fmu` would write.
 
     Parameters
     ----------
@@ -102,24 +108,27 @@ def kernel_model(name: str, sim: SimModel) -> FmuModel:
 def start_problems(
     case: PomCase, states: xr.Dataset, models: Mapping[str, FmuModel], sims: Mapping[str, SimModel]
 ) -> list[str]:
-    """Return why a case cannot be flown, as `case_problems`, and else why the kernel refuses to
-    start it, apart from its trim.
+    """Return the problems of `case_problems`, or else those of the kernel at the start.
+
+    The trim is not checked.
 
     Parameters
     ----------
     case : PomCase
     states : Dataset (time,)
-    models : mapping of str to Model
+        As for `case_problems`. [SI]
+    models : mapping of str to FmuModel
         As for `case_problems`.
     sims : mapping of str to SimModel
-        Compiled models by name; none for a case with a control law, which the kernel does not fly.
+        Compiled models by name; empty for a case with a control law, which the kernel does not
+        replay.
 
     Returns
     -------
     list of str
-        A drive that no engine of the aircraft has, and the like.
+        For example a drive that the engines of the aircraft do not have.
     """
-    problems, plan = _planned(case, states, models)
+    problems, plan = _plan_case(case, states, models)
     if problems or plan is None:
         return problems
     for name, sim in sims.items():
@@ -130,25 +139,29 @@ def start_problems(
     return problems
 
 
-def _named(case: PomCase, text: str) -> str:
-    """Return a problem behind the name of its case."""
-    return text if text.startswith(f"case {case.name}") else f"case {case.name}: {text}"
+def _name_case(case: PomCase, text: str) -> str:
+    """Return a problem with the name of its case in front."""
+    if text.startswith(f"case {case.name}"):
+        return text
+    return f"case {case.name}: {text}"
 
 
-def _texts(error: AeromatchError) -> list[str]:
-    return list(error.problems) if isinstance(error, SchemaError) else [str(error)]
+def _error_texts(error: AeromatchError) -> list[str]:
+    if isinstance(error, SchemaError):
+        return list(error.problems)
+    return [str(error)]
 
 
 @dataclass(frozen=True)
 class RecordError:
-    """An error that a check found in a flight record.
+    """Error of a flight record.
 
     Attributes
     ----------
     name : str
         Kind and channels, ``sign:delta_e``.
     text : str
-        What was found, and the remedy.
+        Finding and remedy.
     start, stop : float or None
         Part of the record; None for the whole record. [s]
     """
@@ -159,15 +172,22 @@ class RecordError:
     stop: float | None = None
 
     def concerns(self, window: tuple[float, float]) -> bool:
-        """Return whether the error lies inside a window of the record, or concerns all of it."""
+        """Return whether the error overlaps a window of the record."""
         if self.start is None or self.stop is None:
+            # an error of the whole record
             return True
         return self.start <= window[1] and window[0] <= self.stop
+
+    def line(self) -> str:
+        """Return name, part of the record and text in one line."""
+        if self.start is None or self.stop is None:
+            return f"{self.name}: {self.text}"
+        return f"{self.name} [{self.start:g} ... {self.stop:g} s]: {self.text}"
 
 
 @dataclass(frozen=True)
 class RecordCheck:
-    """The check of one flight record (`flighttest.assess`).
+    """Check of one flight record (`flighttest.assess`).
 
     Attributes
     ----------
@@ -184,24 +204,24 @@ class RecordCheck:
 
     @classmethod
     def of(cls, name: str, record: xr.DataTree, aircraft: Aircraft | None) -> RecordCheck:
-        """Return the check of a record; of one that cannot be checked the reason as its verdict."""
+        """Return the check of a record.
+
+        If the record cannot be checked, the verdict is the reason.
+        """
         try:
             quality = flighttest.assess(record, aircraft)
         except AeromatchError as error:
             return cls(name, f"not checked: {error}")
-        found = [
-            RecordError(item.name, _in_one_line(item.text, item.remedy), item.start, item.stop)
-            for item in quality.findings
-            if item.severity == "error"
-        ]
-        return cls(name, quality.verdict, tuple(found))
+        errors = []
+        for item in quality.findings:
+            if item.severity == "error":
+                text = _join_lines(item.text, item.remedy)
+                errors.append(RecordError(item.name, text, start=item.start, stop=item.stop))
+        return cls(name, quality.verdict, tuple(errors))
 
     def lines(self) -> list[str]:
         """Return the errors, a line each."""
-        return [
-            f"record {self.record}: {error.name}{_place(error)}: {error.text}"
-            for error in self.errors
-        ]
+        return [f"record {self.record}: {error.line()}" for error in self.errors]
 
 
 def check_records(
@@ -218,15 +238,17 @@ def check_records(
     jobs : int
         Processes; -1 for one per core.
     """
-
+    # one record does not need a second process
+    if len(records) <= 1:
+        jobs = 1
     calls = (delayed(RecordCheck.of)(name, record, aircraft) for name, record in records.items())
-    return dict(zip(records, Parallel(n_jobs=jobs if len(records) > 1 else 1)(calls), strict=True))
+    return dict(zip(records, Parallel(n_jobs=jobs)(calls), strict=True))
 
 
 def with_record_checks(
     results: Iterable[PomResult], checks: Mapping[str, RecordCheck]
 ) -> list[PomResult]:
-    """Return results whose rows carry the errors of their record.
+    """Return results whose rows state the errors of their record.
 
     Parameters
     ----------
@@ -237,47 +259,38 @@ def with_record_checks(
     Returns
     -------
     list of PomResult
-        A result without an error in its window as it is. In another one every row has a remark of
-        kind ``record``, so that a pass becomes ``record_error`` (`PomResult.status`).
+        A result without an error in its window does not change.  In another result every row has a
+        remark of kind ``record``, so that a pass becomes ``record_error`` (`PomResult.status`).
     """
-    return [_remarked(result, checks) for result in results]
+    return [_add_record_remarks(result, checks) for result in results]
 
 
-def _remarked(result: PomResult, checks: Mapping[str, RecordCheck]) -> PomResult:
+def _add_record_remarks(result: PomResult, checks: Mapping[str, RecordCheck]) -> PomResult:
     case = result.case
     check = checks.get(case.record) or checks.get(Path(case.record).stem)
-    errors = [error for error in check.errors if error.concerns(case.window)] if check else []
-    if not errors:
+    if check is None:
         return result
-    more = tuple(
-        RowRemark("record", f"error of the flight record: {error.name}: {error.text}", error.name)
-        for error in errors
-    )
-    rows = [{**row, "remarks": (*row["remarks"], *more)} for row in result.rows]
+    remarks = []
+    for error in check.errors:
+        if error.concerns(case.window):
+            text = f"error of the flight record: {error.name}: {error.text}"
+            remarks.append(RowRemark("record", text, error.name))
+    if not remarks:
+        return result
+    rows = [{**row, "remarks": (*row["remarks"], *remarks)} for row in result.rows]
     return replace(result, verdict=make_verdict_table(rows))  # type: ignore[arg-type]
 
 
 def checks_text(checks: Iterable[RecordCheck]) -> dict[str, str]:
-    """Return the errors of records that have any, by the name of the record, for the provenance of
-    a report.
-    """
-    return {
-        check.record: "; ".join(
-            f"{error.name}{_place(error)}: {error.text}" for error in check.errors
-        )
-        for check in checks
-        if check.errors
-    }
+    """Return the errors of faulty records by the name of the record, for a provenance."""
+    texts = {}
+    for check in checks:
+        if check.errors:
+            texts[check.record] = "; ".join(error.line() for error in check.errors)
+    return texts
 
 
-def _place(error: RecordError) -> str:
-    return (
-        ""
-        if error.start is None or error.stop is None
-        else f" [{error.start:g} ... {error.stop:g} s]"
-    )
-
-
-def _in_one_line(text: str, remedy: str) -> str:
+def _join_lines(text: str, remedy: str) -> str:
+    """Return a finding and its remedy in one line."""
     joined = f"{text}; {remedy}" if remedy else text
     return " ".join(joined.split())

@@ -23,7 +23,7 @@ _STICK = ("F_column", "F_wheel", "F_rim", "F_pedal")  # forces on the controls t
 
 
 def settle_case(case: PomCase, time: np.ndarray, flight: Raw) -> PomCase:
-    """Return a case with its criteria fitted to a flight: which apply, on what channel and window.
+    """Return a case with its criteria fitted to a flight: applicable, channel and window.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def settle_case(case: PomCase, time: np.ndarray, flight: Raw) -> PomCase:
 def settle_criterion(
     case: PomCase, criterion: Criterion, time: np.ndarray, flight: RunSignals
 ) -> Criterion:
-    """Return one criterion fitted to a flight, as `settle_case`; a second call changes nothing."""
+    """Return one criterion as `settle_case`; a second call does not change it."""
     criterion = _select_channel(criterion, flight)
     largest = case.ranges.get(criterion.channel, criterion.largest)
     criterion = replace(criterion, fraction=case.fraction, largest=largest)
@@ -105,6 +105,7 @@ def _check_kind(
     except Invalid:
         # The measure reports the error of the record.
         return criterion
+    # a motion with a significant overshoot is underdamped
     kind = KINDS[1]
     if motion.overshoots.size:
         kind = KINDS[0]
@@ -134,9 +135,10 @@ def _lacks_measured_feature(criterion: Criterion, motion: FreeMotion) -> bool:
 def _check_distance(
     case: PomCase, criterion: Criterion, word: str, *, time: np.ndarray, flight: RunSignals
 ) -> Criterion:
-    """Check that the length of a run satisfies the condition of a row, for example a short run."""
+    """Check that the length of a run satisfies the condition of a row."""
     if "distance" not in flight:
         return criterion
+    # An event of the case has priority over the bound of the window.
     ends = []
     for event, default in zip(criterion.bounds, criterion.window, strict=True):
         ends.append(case.events.get(event, default))

@@ -1,9 +1,9 @@
-"""How far a flown model lies from what flight found, term by term: errors that compensate each
-other pass every band.
+"""Distance of a model from the flight estimates of its terms, and watched channels.
 
-The evidence is an identified database with its standard errors.  Along the flight states of a case
-the contribution of every term of the model (read from the FMU itself) is compared with that of the
-evidence, as a share of the standard error of the latter.
+Errors that compensate each other can pass every band.  The evidence is an identified database with
+its standard errors.  Along the flight states of a case, the contribution of every term of the model
+(read from the FMU itself) is compared with the contribution of the evidence, in standard errors of
+the latter.
 """
 
 from __future__ import annotations
@@ -31,21 +31,16 @@ from pom.tolerances.bands import RowRemark, unwrapped_difference
 from pom.tolerances.criteria import Criterion
 
 FAR = 3.0  # standard errors
-ROUNDING = 1e-6  # standard errors that are none
-SAMPLES = 200  # of a case
-LEAST = {
-    "CL": 1e-3,
-    "CD": 1e-3,
-    "CY": 1e-3,
-    "CX": 1e-3,
-    "CZ": 1e-3,
-}  # rms of a contribution that a case uses; moments:
+ROUNDING = 1e-6  # standard errors: a smaller distance is printed as zero
+SAMPLES = 200  # largest number of samples of a case, roughly
+# rms of a contribution that a case uses: forces by coefficient, and all moments.
+LEAST = dict.fromkeys(("CL", "CD", "CY", "CX", "CZ"), 1e-3)
 LEAST_MOMENT = 2e-4
 BLOCK = "resources/model.bin"
 
 
 class Evidence:
-    """What flight found, along the states of one case.
+    """Flight estimates of terms, along the states of one case.
 
     Parameters
     ----------
@@ -54,58 +49,72 @@ class Evidence:
     states : Dataset (time,)
         Flight states of the case. [SI]
     hinges : bool
-        Whether the case feels hinge moments: surfaces that the record drives do not.
+        Whether hinge moments affect the case.  They do not if the record drives the surfaces.
 
     Attributes
     ----------
     samples : dict of str to array (samples,)
         The variables of the terms. [SI]
-    found : dict of str to (array, array, array)
-        By term: contribution, its standard error, and which samples rest on nodes from flight.
+    estimates : dict of str to (array, array, array)
+        By term: contribution, its standard error, and the mask of samples whose nodes are from
+        flight, each (samples,).
     """
 
     def __init__(self, database: xr.DataTree, states: xr.Dataset, hinges: bool = True):
-        leaves = {name: leaf for name, leaf in terms(database).items() if _from_flight(leaf).any()}
-        leaves = {
-            name: leaf for name, leaf in leaves.items() if hinges or name.split("/")[0] not in HINGE
-        }
-        every = max(1, states.sizes["time"] // SAMPLES)
-        whole, _ = fill_missing_devices(states.isel(time=slice(None, None, every)), database)
-        self.samples, *_ = select_covered_samples(whole, leaves.values()) if leaves else ({}, 0)
-        self.found: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
-        count = len(next(iter(self.samples.values()), ()))
+        leaves = {}
+        for name, leaf in terms(database).items():
+            is_hinge = name.split("/")[0] in HINGE
+            if _from_flight(leaf).any() and (hinges or not is_hinge):
+                leaves[name] = leaf
+        # every n-th state, so that at least SAMPLES remain of a longer record
+        step = max(1, states.sizes["time"] // SAMPLES)
+        thinned, _ = fill_missing_devices(states.isel(time=slice(None, None, step)), database)
+        self.samples: dict[str, np.ndarray] = {}
+        if leaves:
+            self.samples, *_ = select_covered_samples(thinned, leaves.values())
+        self.estimates: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
         for name, leaf in leaves.items():
-            B = _terms.basis(leaf, self.samples, "clamp")
-            value = np.broadcast_to(_terms.evaluate_term(leaf, self.samples, "clamp"), count)
-            sigma, weights = standard_errors(B, leaf), abs(B)
-            flown = (
-                weights @ _from_flight(leaf).ravel() > 0.5 * np.asarray(weights.sum(axis=1)).ravel()
-            )
-            self.found[name] = value, np.broadcast_to(sigma, count), np.broadcast_to(flown, count)
+            self.estimates[name] = self._estimate(leaf)
+
+    def _estimate(self, leaf: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return contribution, standard error and flight mask of a term (samples,)."""
+        # B has the weights of the nodes at each sample (samples, nodes).
+        count = self._count()
+        B = _terms.basis(leaf, self.samples, "clamp")
+        value = np.broadcast_to(_terms.evaluate_term(leaf, self.samples, "clamp"), count)
+        sigma, weights = standard_errors(B, leaf), abs(B)
+        # A sample is from flight if more than half the weight of its nodes is.
+        flight_weight = weights @ _from_flight(leaf).ravel()
+        is_flight = flight_weight > 0.5 * np.asarray(weights.sum(axis=1)).ravel()
+        return value, np.broadcast_to(sigma, count), np.broadcast_to(is_flight, count)
+
+    def _count(self) -> int:
+        return len(next(iter(self.samples.values()), ()))
 
     def distances(self, model: SimModel) -> dict[str, float]:
-        """Return how far the terms of a model that the case uses lie from the evidence, in standard
-        errors, the farthest first.
+        """Return the distances of the used terms of a model from the evidence, largest first.
 
-        Root mean square of the differences over that of the standard errors, over the samples whose
-        nodes are from flight.  A term is used when the contribution of model or evidence has an rms
-        of 1e-3 (forces) or 2e-4 (moments).
+        A distance is the rms of the differences over the rms of the standard errors, over the
+        samples whose nodes are from flight.  A case uses a term if the contribution of model or
+        evidence has an rms of at least 1e-3 (forces) or 2e-4 (moments). [standard errors]
         """
-        contributions = self._of(model)
-        found = {}
-        for name, (value, sigma, flown) in self.found.items():
-            if not flown.any() or not (sigma[flown] > 0.0).any():
+        contributions = self._evaluate_terms(model)
+        distances = {}
+        for name, (value, sigma, is_flight) in self.estimates.items():
+            # without a standard error there is no unit of distance
+            if not is_flight.any() or not (sigma[is_flight] > 0.0).any():
                 continue
-            own = contributions.get(name, np.zeros_like(value))
-            if max(rms(value[flown]), rms(own[flown])) >= LEAST.get(
-                name.split("/")[0], LEAST_MOMENT
-            ):
-                found[name] = rms((own - value)[flown]) / rms(sigma[flown])
-        return dict(sorted(found.items(), key=lambda item: -item[1]))
+            # a model without the term has no contribution
+            contribution = contributions.get(name, np.zeros_like(value))
+            size = max(rms(value[is_flight]), rms(contribution[is_flight]))
+            if size >= LEAST.get(name.split("/")[0], LEAST_MOMENT):
+                difference = rms((contribution - value)[is_flight])
+                distances[name] = difference / rms(sigma[is_flight])
+        return dict(sorted(distances.items(), key=lambda item: -item[1]))
 
-    def _of(self, model: SimModel) -> dict[str, np.ndarray]:
-        count = len(next(iter(self.samples.values()), ()))
-        columns = np.zeros((count, len(model.variables)))
+    def _evaluate_terms(self, model: SimModel) -> dict[str, np.ndarray]:
+        """Return the contribution of every term of a model (samples,)."""
+        columns = np.zeros((self._count(), len(model.variables)))
         for k, name in enumerate(model.variables):
             columns[:, k] = self.samples.get(name, 0.0)
         parts = Simulation(model.model).evaluate(columns)[1]
@@ -113,67 +122,56 @@ class Evidence:
 
 
 def evidence_remarks(evidence: Evidence, fmu: str | Path) -> tuple[RowRemark, ...]:
-    """Return the remarks on a flown FMU: its distance from the evidence, and the terms beyond three
-    standard errors by name.
+    """Return the remarks on an FMU: its distance from the evidence, and its far terms by name.
 
-    An FMU of another program, or of another version of this one, gives the reason why it cannot be
-    compared.
+    A term is far beyond three standard errors.  For an FMU of another program, or of another
+    version of this one, the remark is the reason why it cannot be compared.
     """
     try:
         model = flown_model(fmu)
-        distances = evidence.distances(model) if model else {}
+        if model is None:
+            return _not_compared("the FMU holds no tables of this program")
+        return distance_remarks(evidence.distances(model))
     except AeromatchError as error:
-        return (RowRemark("evidence", f"not compared with the flight evidence: {error}"),)
-    if model is None:
-        return (
-            RowRemark(
-                "evidence",
-                "not compared with the flight evidence: the FMU holds no tables of this program",
-            ),
-        )
-    return distance_remarks(distances)
+        return _not_compared(str(error))
+
+
+def _not_compared(reason: str) -> tuple[RowRemark, ...]:
+    return (RowRemark("evidence", f"not compared with the flight evidence: {reason}"),)
 
 
 def distance_remarks(distances: Mapping[str, float]) -> tuple[RowRemark, ...]:
-    """Return the remarks on the distances of `Evidence.distances`: their rms, and the terms beyond
-    three standard errors by name.
+    """Return the remarks on the distances of `Evidence.distances`.
+
+    They state the rms of the distances, and by name the terms beyond three standard errors.
     """
     if not distances:
-        return (
-            RowRemark(
-                "evidence",
-                "not compared with the flight evidence: no term that the case uses was found "
-                "from flight",
-            ),
-        )
+        return _not_compared("no term that the case uses was found from flight")
     joint = rms([*distances.values()])
+    printed = joint if joint > ROUNDING else 0.0
     text = (
-        f"distance from the flight evidence: {joint if joint > ROUNDING else 0.0:.2g} "
-        f"standard errors, rms of {len(distances)} terms"
+        f"distance from the flight evidence: {printed:.2g} standard errors, rms of "
+        f"{len(distances)} terms"
     )
     remarks = [RowRemark("evidence", text, values={"rms": joint, **distances}, unit="1")]
     far = {name: size for name, size in distances.items() if size > FAR}
     if far:
         listed = ", ".join(f"{name} {size:.1f}" for name, size in far.items())
-        remarks.append(
-            RowRemark(
-                "far_from_evidence",
-                f"beyond {FAR:g} standard errors from what flight found: {listed}",
-                values=far,
-                unit="1",
-            )
-        )
+        text = f"beyond {FAR:g} standard errors from what flight found: {listed}"
+        remarks.append(RowRemark("far_from_evidence", text, values=far, unit="1"))
     return tuple(remarks)
 
 
 def flown_model(fmu: str | Path) -> SimModel | None:
-    """Return the model inside an FMU of this program; None for another's."""
+    """Return the model inside an FMU of this program; None for an FMU of another program."""
     with zipfile.ZipFile(fmu) as archive:
-        return SimModel(archive.read(BLOCK)) if BLOCK in archive.namelist() else None
+        if BLOCK not in archive.namelist():
+            return None
+        return SimModel(archive.read(BLOCK))
 
 
 def _from_flight(leaf: xr.Dataset) -> np.ndarray:
-    """Return which nodes of a term are from flight; none where it has no standard errors."""
+    """Return the mask of the nodes from flight; false for a term without standard errors."""
     if not {"source", "stderr"} <= set(leaf):
         return np.zeros(leaf["value"].shape, bool)
     return leaf["source"].values == _terms.SOURCES.index("flight")
@@ -192,10 +190,14 @@ BANDS = {
     "r": 3.0 * DEGREE,
     "nz": 0.15,
 }
-"""Half width of every watched channel.  About twice the time-history tolerances of Table A2A; that of the heading is wide since
-it integrates the smallest asymmetry.  The rule has no such numbers, these are ours. [SI]"""
-SHARE = 0.25  # of the largest departure of the flight from its start, where that is wider
-SLOWEST = 15.0  # [m s-1] below it the flow angles mean nothing
+"""Half width of every watched channel. [SI]
+
+They are about twice the time-history tolerances of Table A2A.  The band of the heading is wide,
+since the heading integrates the smallest asymmetry.  The table has no such numbers; the values are
+our choice.
+"""
+SHARE = 0.25  # of the largest departure of the flight from its start, if that is wider
+SLOWEST = 15.0  # [m s-1] at a smaller airspeed the flow angles are not meaningful
 
 
 def watch_channels(
@@ -204,50 +206,53 @@ def watch_channels(
     flight: Mapping[str, np.ndarray],
     model: Mapping[str, np.ndarray],
 ) -> tuple[RowRemark, ...]:
-    """Return a remark of kind ``watch`` for every channel without a tolerance that leaves its band.
+    """Return a ``watch`` remark for every channel without a tolerance that leaves its band.
 
     Parameters
     ----------
     case : PomCase
-        Settled on the flight; what it judges by a time history is not watched.
+        Case after `settle_case`.  Channels with a judged time history are not watched.
     time : array (time,)
         [s]
     flight, model : mapping of str to array (time,)
-        Signals by SI name; samples that are not a number are not looked at. [SI]
+        Signals by canonical name; samples that are not finite are ignored. [SI]
     """
     if case.reference == "footprint":
         return ()
-    judged = {c.channel for c in case.criteria if _judged(case, c)}
-    airborne = (
-        np.asarray(flight["V_cas"]) > SLOWEST if "V_cas" in flight else np.ones(time.size, bool)
-    )
-    found = []
+    judged = {item.channel for item in case.criteria if _is_judged_trace(case, item)}
+    airborne = np.ones(time.size, bool)
+    if "V_cas" in flight:
+        airborne = np.asarray(flight["V_cas"]) > SLOWEST
+    remarks = []
     for name, least in BANDS.items():
         if name in judged or name not in flight or name not in model:
             continue
         trace, error = flight[name], np.abs(unwrapped_difference(name, flight[name], model[name]))
-        counted = np.isfinite(error) & (airborne if name in ("alpha", "beta") else True)
+        # at low speed the flow angles have no meaning
+        counted = np.isfinite(error)
+        if name in ("alpha", "beta"):
+            counted = counted & airborne
         if not counted.any():
             continue
+        # a flight far from its start has a wider band
         band = max(least, SHARE * float(np.max(np.abs(trace[counted] - trace[counted][0]))))
         worst = int(np.argmax(np.where(counted, error, -1.0)))
         if error[worst] > band:
-            found.append(_remark(name, float(error[worst]), band, float(time[worst])))
-    return tuple(found)
+            remark = _watch_remark(name, float(error[worst]), band=band, time=float(time[worst]))
+            remarks.append(remark)
+    return tuple(remarks)
 
 
-def _judged(case: PomCase, criterion: Criterion) -> bool:
-    return (
-        criterion.applies
-        and criterion.measure == "trace"
-        and not reason_not_judged(case, criterion)
-    )
+def _is_judged_trace(case: PomCase, criterion: Criterion) -> bool:
+    if not criterion.applies or criterion.measure != "trace":
+        return False
+    return not reason_not_judged(case, criterion)
 
 
-def _remark(name: str, error: float, band: float, at: float) -> RowRemark:
+def _watch_remark(name: str, error: float, *, band: float, time: float) -> RowRemark:
     unit = lookup(name).display_units
     values = {"off": float(from_si(error, unit)), "band": float(from_si(band, unit))}
-    shown = "" if unit == "1" else f" {unit}"
-    off = f"{lookup(name).long_name} off by {values['off']:.3g}{shown} at {at:.1f} s"
-    text = f"{off}, without a tolerance, watched within {values['band']:.3g}{shown}"
-    return RowRemark("watch", text, name, values, unit)
+    suffix = "" if unit == "1" else f" {unit}"
+    off = f"{lookup(name).long_name} off by {values['off']:.3g}{suffix} at {time:.1f} s"
+    text = f"{off}, without a tolerance, watched within {values['band']:.3g}{suffix}"
+    return RowRemark("watch", text, name, values=values, unit=unit)

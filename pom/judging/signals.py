@@ -1,8 +1,7 @@
-"""The signals of a flight or of a model by canonical name, and the quantities that are formed of
-them.
+"""Signals of a flight or a model by canonical name, and quantities derived from them.
 
-Flight and model are formed alike: distances and deviations begin at the first sample of the replay
-in both.
+The same formulas apply to flight and model.  Distances and deviations start at the first sample of
+the replay in both.
 """
 
 from __future__ import annotations
@@ -31,32 +30,33 @@ _FLOW = re.compile(r"^engine\d+\.fuel_flow$")
 
 
 class RunSignals(Mapping[str, np.ndarray]):
-    """Samples of one run by canonical name; what is not recorded but can be formed is formed. [SI]
+    """Samples of one run by canonical name, recorded or derived from recorded signals. [SI]
 
     Parameters
     ----------
     raw : mapping of str to array (time,)
+        Recorded signals. [SI]
     time : array (time,)
         [s]
     wheel_radius : float, optional
-        Turns the torque on the control wheel into the force at its rim. [m]
+        Radius of the control wheel, which converts its torque into the force at the rim. [m]
     """
 
     def __init__(self, raw: Raw, time: np.ndarray, wheel_radius: float | None = None):
         self.raw: Raw = raw.raw if isinstance(raw, RunSignals) else raw
         self.time: np.ndarray = time
         self.wheel_radius: float | None = wheel_radius
-        self._formed: dict[str, np.ndarray] = {}
+        self._derived: dict[str, np.ndarray] = {}
 
     def __getitem__(self, name: str) -> np.ndarray:
         source = output_of(name, self.raw)
         if source in self.raw:
             return self.raw[source]
-        if name not in self._formed:
+        if name not in self._derived:
             if name not in self:
                 raise KeyError(name)
-            self._formed[name] = _RECIPES[name](self)
-        return self._formed[name]
+            self._derived[name] = _RECIPES[name](self)
+        return self._derived[name]
 
     def __contains__(self, name: object) -> bool:
         if not isinstance(name, str):
@@ -65,6 +65,7 @@ class RunSignals(Mapping[str, np.ndarray]):
             return True
         if name == "F_rim" and self.wheel_radius is None:
             return False
+        # the sources may be derived signals themselves
         return name in _RECIPES and all(source in self for source in SOURCES[name])
 
     def __iter__(self) -> Iterator[str]:
@@ -80,44 +81,57 @@ class RunSignals(Mapping[str, np.ndarray]):
 
 
 def signals_of_run(case: PomCase, raw: Raw, time: np.ndarray) -> RunSignals:
-    """Return the signals of one run of a case; those of the same samples as they are, with what was
-    formed of them.
+    """Return the signals of one run of a case.
+
+    Signals of the same samples are returned unchanged, with the signals derived before.
     """
-    if (
-        isinstance(raw, RunSignals)
-        and raw.time is time
-        and raw.wheel_radius == case.conditions.get("wheel_radius")
-    ):
+    radius = case.conditions.get("wheel_radius")
+    if isinstance(raw, RunSignals) and raw.time is time and raw.wheel_radius == radius:
         return raw
-    return RunSignals(raw, time, case.conditions.get("wheel_radius"))
+    return RunSignals(raw, time, radius)
 
 
 def traces_of(signals: xr.Dataset, run: str) -> dict[str, np.ndarray]:
-    """Return the channels of one run of a result that hold a number anywhere. [SI]"""
-    place = signals.variables["run"].values.tolist().index(run)
-    traces = {str(name): signals.variables[name].values[place] for name in signals.data_vars}
-    return {name: values for name, values in traces.items() if np.isfinite(values).any()}
+    """Return the channels of one run of a result that have a finite sample. [SI]"""
+    index = _run_index(signals, run)
+    traces = {}
+    for name in signals.data_vars:
+        values = signals.variables[name].values[index]
+        if np.isfinite(values).any():
+            traces[str(name)] = values
+    return traces
 
 
 def trace_of(signals: xr.Dataset, run: str, name: str) -> np.ndarray:
-    """Return a channel of one run of a result (time,); ``sel`` takes longer than most measures.
-    [SI]
-    """
-    return signals.variables[name].values[signals.variables["run"].values.tolist().index(run)]
+    """Return a channel of one run of a result (time,). [SI]"""
+    return signals.variables[name].values[_run_index(signals, run)]
+
+
+def _run_index(signals: xr.Dataset, run: str) -> int:
+    # `sel` of xarray takes longer than most measures
+    return signals.variables["run"].values.tolist().index(run)
 
 
 def _integral(rate: np.ndarray, time: np.ndarray) -> np.ndarray:
-
     return cumulative_trapezoid(rate, time, initial=0.0)
 
 
-def _deviation(s: RunSignals) -> np.ndarray:
-    """Return the distance to the right of the line along which the run started. [m]"""
-    vn, ve = s["vn"], s["ve"]
-    early = s.time <= s.time[0] + 1.0
+def _deviation(signals: RunSignals) -> np.ndarray:
+    """Return the distance to the right of the line along which the run started (time,). [m]"""
+    vn, ve = signals["vn"], signals["ve"]
+    # The mean over the first second gives the direction of the runway.
+    early = signals.time <= signals.time[0] + 1.0
     along_n, along_e = float(vn[early].mean()), float(ve[early].mean())
-    size = np.hypot(along_n, along_e) or 1.0
-    return _integral((ve * along_n - vn * along_e) / size, s.time)
+    speed = np.hypot(along_n, along_e) or 1.0
+    # Velocity across: component along the unit vector (-along_e, along_n) / speed, right positive.
+    return _integral((ve * along_n - vn * along_e) / speed, signals.time)
+
+
+def _heading_rate(signals: RunSignals) -> np.ndarray:
+    """Return the rate of heading (time,). [rad s-1]"""
+    # psi' = (q sin phi + r cos phi) / cos theta
+    q, r, phi = signals["q"], signals["r"], signals["phi"]
+    return (q * np.sin(phi) + r * np.cos(phi)) / np.cos(signals["theta"])
 
 
 _RECIPES: dict[str, Callable[[RunSignals], np.ndarray]] = {
@@ -125,9 +139,7 @@ _RECIPES: dict[str, Callable[[RunSignals], np.ndarray]] = {
     "V_ground": lambda s: np.hypot(s["vn"], s["ve"]),
     "distance": lambda s: _integral(s["V_ground"], s.time),
     "y_runway": _deviation,
-    "psi_dot": lambda s: (
-        (s["q"] * np.sin(s["phi"]) + s["r"] * np.cos(s["phi"])) / np.cos(s["theta"])
-    ),
+    "psi_dot": _heading_rate,
     "fuel_used": lambda s: _integral(np.sum(list(s.fuel_flow.values()), axis=0), s.time),
     "F_rim": lambda s: s["F_wheel"] / s.wheel_radius,
 }
@@ -143,10 +155,10 @@ class Comparison:
     Attributes
     ----------
     case : PomCase
-        Gives events, features and certified values.
+        Source of events, features and certified values.
     time : array (time,)
         [s]
-    flight, model : Signals
+    flight, model : RunSignals
         [SI]
     """
 
@@ -154,48 +166,54 @@ class Comparison:
     time: np.ndarray
     flight: RunSignals
     model: RunSignals
-    _of_flight: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+    _flight_results: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def of(cls, case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> Comparison:
-        """Return the match of two runs by canonical name."""
+        """Return the comparison of two runs by canonical name."""
         return cls(
-            case, time, signals_of_run(case, flight, time), signals_of_run(case, model, time)
+            case,
+            time,
+            flight=signals_of_run(case, flight, time),
+            model=signals_of_run(case, model, time),
         )
 
     def against(self, model: Raw) -> Comparison:
-        """Return the match of the same flight and another model; what depends on the flight alone
-        is not computed again.
+        """Return the comparison of the same flight and another model.
+
+        Both comparisons share the results of `once`.
         """
         return replace(self, model=signals_of_run(self.case, model, self.time))
 
-    def once(self, key: Any, of_flight: Callable[[], Any]) -> Any:
-        """Return what depends on case and flight alone, computed for the first of the models only."""
-        if key not in self._of_flight:
-            self._of_flight[key] = of_flight()
-        return self._of_flight[key]
+    def once(self, key: Any, compute: Callable[[], Any]) -> Any:
+        """Return a result that depends on case and flight only, computed for the first model."""
+        if key not in self._flight_results:
+            self._flight_results[key] = compute()
+        return self._flight_results[key]
 
     def both(
         self, criterion: Criterion, channel: str = ""
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return time, flight and model over the samples that a criterion counts; those of the
-        flight are not to be changed.
+        """Return time, flight and model over the samples that a criterion counts.
+
+        The arrays of time and flight are read-only, since all models share them.
 
         Raises
         ------
         Invalid
             The record is short, time does not rise, or a value is missing.
         """
-        place, channel = (criterion.window, criterion.condition), channel or criterion.channel
+        # Criteria with the same window and condition share the mask and the flight values.
+        samples, channel = (criterion.window, criterion.condition), channel or criterion.channel
         mask = self.once(
-            place, lambda: inside_window(self.time, criterion.window) & self.counted(criterion)
+            samples, lambda: inside_window(self.time, criterion.window) & self.counted(criterion)
         )
-        time, flight = self.once((place, channel), lambda: self._checked(mask, channel))
+        time, flight = self.once((samples, channel), lambda: self._select_flight(mask, channel))
         model = self.model[channel][mask]
         demand_finite(WHO[1], time, model)
         return time, flight, model
 
-    def _checked(self, mask: np.ndarray, channel: str) -> tuple[np.ndarray, np.ndarray]:
+    def _select_flight(self, mask: np.ndarray, channel: str) -> tuple[np.ndarray, np.ndarray]:
         time, flight = self.time[mask], self.flight[channel][mask]
         demand_finite(WHO[0], time, flight)
         time.flags.writeable = flight.flags.writeable = False
@@ -209,8 +227,9 @@ class Comparison:
         return time, flight, model
 
     def counted(self, criterion: Criterion) -> np.ndarray:
-        """Return the samples at which the condition of the row holds in flight; all when it has
-        none on samples.
+        """Return the mask of the samples at which the flight meets the condition of the row.
+
+        A row without a condition counts all samples.
         """
         if not criterion.condition:
             return np.ones(self.time.size, bool)
@@ -221,12 +240,12 @@ class Comparison:
 
 
 STANDING = KNOT
-"""Ground speed below which an aeroplane stands; the noise of an inertial unit lies well below. [m s-1]"""
+"""Ground speed at standstill; the noise of an inertial unit is much smaller. [m s-1]"""
 
 
 @dataclass(frozen=True)
 class Instant:
-    """One event in both records [s], and how it was found."""
+    """Time of one event in flight and model [s], and remarks on its detection."""
 
     flight: float
     model: float
@@ -241,11 +260,11 @@ def event_time(match: Comparison, event: str) -> float:
 
 
 def find_event(match: Comparison, event: str, excluded: str = "") -> Instant:
-    """Return when an event happens in flight and model.
+    """Return the time of an event in flight and model.
 
     Parameters
     ----------
-    match : Match
+    match : Comparison
     event : str
     excluded : str
         Channel that is compared and therefore may not indicate the event.
@@ -255,29 +274,36 @@ def find_event(match: Comparison, event: str, excluded: str = "") -> Instant:
     NotJudged
         The case does not give the event, or no signal indicates it.
     Invalid
-        It lies outside the replay, or the model does not come to it.
+        The event lies outside the replay, or the model does not reach it.
     """
-    given = match.case.events.get(event)
-    if given is not None and not match.time[0] - 1e-9 <= given <= match.time[-1] + 1e-9:
+    # the time of the case file, on the clock of both runs
+    stated = match.case.events.get(event)
+    if stated is not None and not match.time[0] - 1e-9 <= stated <= match.time[-1] + 1e-9:
         raise Invalid(
-            f"{event} is at {given:g} s, outside the replay, {match.time[0]:g} ... "
+            f"{event} is at {stated:g} s, outside the replay, {match.time[0]:g} ... "
             f"{match.time[-1]:g} s"
         )
+    # Pilot or record cause these events, so both runs have them at the same time.
     if event in ACTS:
         time = event_time(match, event)
         return Instant(time, time)
-    if given is not None and given <= match.time[1]:
-        return Instant(given, given, (RowRemark("event", f"the replay starts at {event}", event),))
+    if stated is not None and stated <= match.time[1]:
+        remark = RowRemark("event", f"the replay starts at {event}", event)
+        return Instant(stated, stated, (remark,))
+    # A discrete of the model has priority over the level of a signal.
     names = DISCRETES.get(event, ())
     if names and all(name in match.model for name in names):
-        return _by_discrete(match, event, names)
+        return _find_discrete_event(match, event, names)
+    return _find_level_event(match, event, names=names, excluded=excluded)
+
+
+def _find_level_event(
+    match: Comparison, event: str, *, names: tuple[str, ...], excluded: str
+) -> Instant:
+    """Return an event at which a channel passes the level that it has in flight."""
     channel, direction = LEVELS.get(event, ("", 0))
-    if (
-        not channel
-        or channel == excluded
-        or channel not in match.flight
-        or channel not in match.model
-    ):
+    is_common = channel in match.flight and channel in match.model
+    if not channel or channel == excluded or not is_common:
         signals = [name for name in (*names, channel) if name and name != excluded]
         raise NotJudged(
             f"{event} is detected by {' or '.join(signals) or 'a signal'}, and flight and "
@@ -285,36 +311,35 @@ def find_event(match: Comparison, event: str, excluded: str = "") -> Instant:
         )
     time = event_time(match, event)
     level = level_at(match, event, time)
-    reached = crossing_time(match.time, match.model[channel], level, direction)
-    if reached is None:
-        raise Invalid(
-            f"the model does not come to {event} ({channel_value_text(channel, level)}) in "
-            f"the record"
-        )
+    passage = crossing_time(match.time, match.model[channel], level, direction=direction)
+    text = channel_value_text(channel, level)
+    if passage is None:
+        raise Invalid(f"the model does not come to {event} ({text}) in the record")
     remark = RowRemark(
         "event",
-        f"{event} at {channel_value_text(channel, level)}",
-        channel,
-        {"level": level},
-        lookup(channel).units,
+        f"{event} at {text}",
+        quantity=channel,
+        values={"level": level},
+        unit=lookup(channel).units,
     )
-    return Instant(time, reached, (remark,))
+    return Instant(time, passage, (remark,))
 
 
 def level_at(match: Comparison, event: str, time: float) -> float:
-    """Return the level of the signal of an event: what the flight has at the event; for a full stop
-    that of standing still. [SI]
+    """Return the level of the signal of an event: its flight value at the event. [SI]
+
+    For a full stop it is the ground speed at standstill.
     """
-    return (
-        STANDING
-        if event == "full_stop"
-        else float(np.interp(time, match.time, match.flight[LEVELS[event][0]]))
-    )
+    if event == "full_stop":
+        return STANDING
+    channel, _ = LEVELS[event]
+    return float(np.interp(time, match.time, match.flight[channel]))
 
 
-def _by_discrete(match: Comparison, event: str, names: tuple[str, ...]) -> Instant:
-    """Return an event that a discrete indicates; the flight's is as given where the case gives it."""
-    flight, model = (_jump(match, signals, names) for signals in (match.flight, match.model))
+def _find_discrete_event(match: Comparison, event: str, names: tuple[str, ...]) -> Instant:
+    """Return an event that discretes indicate; the case file may give the time of the flight."""
+    flight = _first_switch_on(match, match.flight, names)
+    model = _first_switch_on(match, match.model, names)
     if model is None:
         raise Invalid(
             f"the model does not come to {event} in the record ({' and '.join(names)} stay off)"
@@ -324,26 +349,33 @@ def _by_discrete(match: Comparison, event: str, names: tuple[str, ...]) -> Insta
     return Instant(flight, model, (RowRemark("event", f"{event} by {' or '.join(names)}", event),))
 
 
-def _jump(match: Comparison, signals: RunSignals, names: tuple[str, ...]) -> float | None:
-    """Return when the first of several discretes comes on; None when none does, or one is not
-    there. [s]
+def _first_switch_on(
+    match: Comparison, signals: RunSignals, names: tuple[str, ...]
+) -> float | None:
+    """Return the time at which the first of several discretes turns on. [s]
+
+    None if none turns on, or if a discrete is missing.
     """
-    if not all(name in signals for name in names):
-        return None
-    return crossing_time(match.time, np.max([signals[name] for name in names], axis=0), 0.5, 1)
+    for name in names:
+        if name not in signals:
+            return None
+    # the largest of the discretes jumps with the first one
+    any_on = np.max([signals[name] for name in names], axis=0)
+    return crossing_time(match.time, any_on, 0.5, direction=1)
 
 
 def crossing_time(
     time: np.ndarray, y: np.ndarray, level: float, direction: int, start: float = -np.inf
 ) -> float | None:
-    """Return when `y` first passes `level` upwards (1) or downwards (-1), linear between samples;
-    None when it does not. [s]
+    """Return the time at which `y` first passes `level`, linear between samples. [s]
 
-    A signal that is beyond the level from the start has not passed it.
+    The direction is 1 for upwards, -1 for downwards.  None if `y` does not pass the level.  A
+    signal beyond the level from the start does not pass it.
     """
-    beyond = direction * (y - level) >= 0.0
-    passed = np.flatnonzero(~beyond[:-1] & beyond[1:] & (time[1:] >= start - 1e-9))
-    if not passed.size:
+    is_beyond = direction * (y - level) >= 0.0
+    passes = np.flatnonzero(~is_beyond[:-1] & is_beyond[1:] & (time[1:] >= start - 1e-9))
+    if not passes.size:
         return None
-    k = int(passed[0])
+    # y passes the level between samples k and k + 1
+    k = int(passes[0])
     return float(time[k] + (level - y[k]) / (y[k + 1] - y[k]) * (time[k + 1] - time[k]))

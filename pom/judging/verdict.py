@@ -13,15 +13,7 @@ import xarray as xr
 from flightmech.names import lookup
 from pom.cases.case import PomCase
 from pom.judging.applicability import reason_not_judged, reason_not_steered, settle_criterion
-from pom.judging.measures import control_forces as curves
-from pom.judging.measures import control_release as release
-from pom.judging.measures import modal, segments
-from pom.judging.measures import segments as runs
-from pom.judging.measures import segments as turning
-from pom.judging.measures import values as engine
-from pom.judging.measures import values as instants
-from pom.judging.measures import values as levels
-from pom.judging.measures import values as trends
+from pom.judging.measures import control_forces, control_release, modal, segments, values
 from pom.judging.signals import Comparison, Raw, RunSignals, signals_of_run
 from pom.tolerances.bands import (
     Invalid,
@@ -40,31 +32,31 @@ from pom.tolerances.rows import required_quantities
 
 MEASURES: dict[str, Callable[[Criterion, Comparison], Judgement]] = {
     "trace": lambda criterion, match: _judge_time_history(criterion, match),
-    "steady": levels.judge_steady_state,
-    "change": levels.judge_change,
-    "end_value": levels.end_value,
-    "low_speed_end": levels.low_speed_end,
+    "steady": values.judge_steady_state,
+    "change": values.judge_change,
+    "end_value": values.end_value,
+    "low_speed_end": values.low_speed_end,
     "segment_mean": segments.segment_mean,
     "floor": segments.certified_gradient,
-    "elapsed": runs.judge_elapsed,
-    "event_value": instants.event_value,
-    "setup": instants.check_setup,
-    "response_initial": engine.judge_engine_response,
-    "response_total": engine.judge_engine_response,
-    "curve": curves.judge_curve,
-    "force_increment": curves.force_increment,
-    "breakout": curves.judge_breakout,
-    "scalar": turning.judge_turning_number,
-    "first_zero_crossing": release.first_zero_crossing,
-    "time_90_to_10": release.time_90_to_10,
-    "period_n": release.period_n,
-    "overshoot_n": release.overshoot_n,
-    "overshoot_count": release.overshoot_count,
+    "elapsed": segments.judge_elapsed,
+    "event_value": values.event_value,
+    "setup": values.check_setup,
+    "response_initial": values.judge_engine_response,
+    "response_total": values.judge_engine_response,
+    "curve": control_forces.judge_curve,
+    "force_increment": control_forces.force_increment,
+    "breakout": control_forces.judge_breakout,
+    "scalar": segments.judge_turning_number,
+    "first_zero_crossing": control_release.first_zero_crossing,
+    "time_90_to_10": control_release.time_90_to_10,
+    "period_n": control_release.period_n,
+    "overshoot_n": control_release.overshoot_n,
+    "overshoot_count": control_release.overshoot_count,
     "period": modal.judge_mode,
     "t_half": modal.judge_mode,
     "damping_ratio": modal.judge_mode,
     "peak_lag": modal.peak_lag,
-    "trend": trends.judge_trend,
+    "trend": values.judge_trend,
 }
 
 
@@ -77,7 +69,7 @@ def judge_criterion(
     ----------
     case : PomCase
     criterion : Criterion
-        One of the case; it is fitted to the flight first (`applicability.settle_criterion`).
+        Criterion of the case; it is fitted to the flight first (`applicability.settle_criterion`).
     time : array (time,)
         Samples of the replay on the clock of the record. [s]
     flight, model : mapping of str to array (time,)
@@ -86,26 +78,27 @@ def judge_criterion(
     Returns
     -------
     Judgement
-        ``not_tested`` or ``invalid`` with the reason as a remark when it cannot be judged; never an
-        exception for data.
+        ``not_tested`` or ``invalid`` with the reason as a remark if the criterion cannot be
+        judged.  Faulty data do not raise.
     """
     return _judge_or_explain(criterion, Comparison.of(case, time, flight, model))
 
 
 def _judge_or_explain(criterion: Criterion, match: Comparison) -> Judgement:
     """Return the judgement of a criterion, or one that states why it is not judged."""
-    key = ("settled", criterion.name)
+    key = ("prepared", criterion.name)
     try:
         # All models of a case share the part that depends on the flight alone.
-        settled, needed, reason = match.once(key, lambda: _prepare_criterion(criterion, match))
+        prepared, needed, reason = match.once(key, lambda: _prepare_criterion(criterion, match))
         if not reason:
             reason = _missing_text("model", needed, match.model)
         if reason:
             return Judgement("not_tested", remarks=reason_remarks(reason))
-        return _apply_measure(settled, match)
+        return _apply_measure(prepared, match)
     except NotJudged as error:
         return Judgement("not_tested", remarks=reason_remarks(str(error)))
     except NoValue as error:
+        # `judge_match` makes the other alternatives of the group invalid as well.
         return Judgement("invalid", remarks=(RowRemark("no_value", str(error)),))
     except Invalid as error:
         return Judgement("invalid", remarks=reason_remarks(str(error)))
@@ -114,7 +107,7 @@ def _judge_or_explain(criterion: Criterion, match: Comparison) -> Judgement:
 def _prepare_criterion(
     criterion: Criterion, match: Comparison
 ) -> tuple[Criterion, tuple[str, ...], str]:
-    """Return a criterion fitted to the flight, its signals, and why no model is judged by it."""
+    """Return a criterion fitted to the flight, its signals, and why it is not judged."""
     case, flight = match.case, match.flight
     criterion = settle_criterion(case, criterion, time=match.time, flight=flight)
     needed = required_quantities(criterion)
@@ -129,7 +122,7 @@ def _prepare_criterion(
 
 
 def _missing_text(who: str, needed: tuple[str, ...], signals: RunSignals) -> str:
-    """Return which signals are missing, in words; empty if none is."""
+    """Return a text on the missing signals; empty if none is missing."""
     missing = [name for name in needed if name not in signals]
     if not missing:
         return ""
@@ -145,7 +138,7 @@ def judge_all(case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> dict[
 
 
 def judge_match(match: Comparison) -> dict[str, Judgement]:
-    """Judge every criterion of the case of a match.
+    """Judge every criterion of the case of a comparison.
 
     Returns
     -------
@@ -202,11 +195,11 @@ def _apply_measure(criterion: Criterion, match: Comparison) -> Judgement:
 
 
 def formed_channels(case: PomCase, flight: RunSignals) -> list[str]:
-    """Return the judged channels that are computed from signals, so that they can be shown."""
-    formed = SOURCES.keys() - {"time"}
+    """Return the judged channels that are derived from signals, so that they can be shown."""
+    derived = SOURCES.keys() - {"time"}
     channels = []
     for criterion in case.criteria:
-        if criterion.applies and criterion.channel in formed and criterion.channel in flight:
+        if criterion.applies and criterion.channel in derived and criterion.channel in flight:
             channels.append(criterion.channel)
     return channels
 
@@ -214,6 +207,7 @@ def formed_channels(case: PomCase, flight: RunSignals) -> list[str]:
 def verdict_row(run: str, criterion: Criterion, outcome: Judgement) -> dict[str, Any]:
     """Return one row of the verdict table, in the unit of the table."""
     unit = display_unit(criterion)
+    # SI per unit of the table; ratios and times are not converted
     scale = 1.0
     if criterion.channel:
         scale = limit_to_si_factor(criterion.measure, criterion.channel, unit)

@@ -1,8 +1,8 @@
 """Half widths of a band and the judgement of a time history or of one number.
 
-The band belongs to the flight value at its time.  Nothing is shifted in time, nothing is re-centred
-on the start value of the model (rule R17 of the tolerance table): a trim residual and a delay use
-up tolerance.
+The band belongs to the flight value at its time.  No signal is shifted in time or to the start
+value of the flight (rule R17 of the tolerance table).  A trim residual and a delay therefore use up
+tolerance.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pom.tolerances.channels import WRAPPED, display_unit, limit_to_si_factor
 from pom.tolerances.criteria import Criterion
 
 ALLOWED = "; allowed: "
-"""Joins a trim beyond its limit and the reason of the case file, in a remark ``trim_allowed``."""
+"""Text between a trim beyond its limit and the reason of the case file (``trim_allowed``)."""
 
 
 @dataclass(frozen=True)
@@ -28,21 +28,21 @@ class RowRemark:
     Attributes
     ----------
     kind : str
-        ``reason`` (why a row is not judged), ``failure`` (of the model's run), ``values`` (what
-        flight and model have), ``cycles``, ``no_mode``, ``stability``, ``bank``, ``window`` (a
-        figure of the flight that a shorter window moves), ``outside``, ``steady``, ``method``,
-        ``span``, ``event``, ``trend``, ``tick``, ``lacking``, ``precondition``, ``certified``,
-        ``no_value`` (a sample without a number), ``trim`` (a trim quantity beyond its limit),
-        ``trim_allowed`` (the same, allowed by the case file), ``trim_surface`` (a trim surface that
-        was solved for), ``tables_left``, ``waived`` (what the model does without), ``record`` (an
-        error that a check found in the flight record), ``watch`` (a channel without a tolerance
-        that is off), ``evidence`` (distance of the model from what flight found),
-        ``far_from_evidence`` (terms beyond three standard errors of it), ``row`` (note of the
-        tolerance table), ``note`` (text of a report that was written before remarks had kinds).
+        ``reason`` (reason why a row is not judged), ``failure`` (of the run of the model),
+        ``values`` (of flight and model), ``cycles``, ``no_mode``, ``stability``, ``bank``,
+        ``window`` (a figure of the flight that depends on the length of the window), ``outside``,
+        ``steady``, ``method``, ``span``, ``event``, ``trend``, ``tick``, ``lacking``,
+        ``precondition``, ``certified``, ``no_value`` (a sample is NaN), ``trim`` (a trim quantity
+        beyond its limit), ``trim_allowed`` (the same, allowed by the case file), ``trim_surface``
+        (a trim surface that the trim solved for), ``tables_left``, ``waived`` (inputs that the
+        model does not have), ``record`` (an error of the flight record), ``watch`` (a channel
+        without a tolerance beyond its band), ``evidence`` (distance of the model from the flight
+        estimates), ``far_from_evidence`` (terms beyond three standard errors), ``row`` (note of the
+        tolerance table), ``note`` (text of a report from before remarks had kinds).
     text : str
         The remark for a reader, with its numbers.
     quantity : str
-        Signal or measure it is about; empty for the whole row.
+        Signal or measure of the remark; empty for the whole row.
     values : mapping of str to float
         The numbers of the text at full precision, by name: ``flight``, ``model``, ``limit`` ...
     unit : str
@@ -65,7 +65,8 @@ def remarks_text(remarks: Iterable[RowRemark]) -> str:
 
     Examples
     --------
-    >>> remarks_text([RowRemark("cycles", "6.2 cycles", values={"flight": 6.2}, unit="1"), RowRemark("stability", "stability differs")])
+    >>> cycles = RowRemark("cycles", "6.2 cycles", values={"flight": 6.2}, unit="1")
+    >>> remarks_text([cycles, RowRemark("stability", "stability differs")])
     '6.2 cycles; stability differs'
     """
     return "; ".join(remark.text for remark in remarks)
@@ -77,43 +78,60 @@ def reason_remarks(text: str) -> tuple[RowRemark, ...]:
 
 
 def row_remarks(row: Mapping[str, Any]) -> tuple[RowRemark, ...]:
-    """Return the remarks of a stored row; that of an older report has one text, its ``note``."""
+    """Return the remarks of a stored row.
+
+    A row of an older report has one text, its ``note``.
+    """
     if "remarks" in row:
-        return tuple(
-            item if isinstance(item, RowRemark) else RowRemark(**item) for item in row["remarks"]
-        )
-    return (RowRemark("note", row["note"]),) if row.get("note") else ()
+        return tuple(map(_as_remark, row["remarks"]))
+    if row.get("note"):
+        return (RowRemark("note", row["note"]),)
+    return ()
+
+
+def _as_remark(item: RowRemark | Mapping[str, Any]) -> RowRemark:
+    if isinstance(item, RowRemark):
+        return item
+    return RowRemark(**item)
 
 
 NAN = float("nan")
-ROUNDING = (
-    1e-9  # degrees to radians and back: a difference equal to the tolerance as printed passes
-)
+ROUNDING = 1e-9
+"""Ratio above 1 that still passes: the conversion from degrees to radians and back rounds.
+
+A difference that equals the printed tolerance therefore passes.
+"""
+_TIME_ROUNDING = 1e-9  # [s] a sample at a bound of a window may be off by a rounding error
 
 
 class NotJudged(Exception):
-    """A criterion cannot be judged; the text states why.  Ends as a verdict, never at the user as
-    an error.
+    """A criterion cannot be judged; the text is the reason.
+
+    It becomes a verdict, not an error for the user.
     """
 
 
 class Invalid(Exception):
-    """The data cannot carry a judgement; the text states why.  Ends as a verdict, never at the user
-    as an error.
+    """The data do not permit a judgement; the text is the reason.
+
+    It becomes a verdict, not an error for the user.
     """
 
 
 class NoValue(Invalid):
-    """A sample in the window is not a number: no alternative of the group can make up for it."""
+    """A sample in the window is not finite.
+
+    The criterion fails, and no alternative of its group replaces it.
+    """
 
 
 @dataclass(frozen=True)
 class Judgement:
     """Judgement of one criterion on one model, in SI; times on the clock of the record.
 
-    ``flight`` and ``model`` are the values of a measure that is one number; ``applied`` the
-    tolerance as applied; ``rms`` the root mean square of difference over half width of a measure
-    that has many samples.
+    ``flight`` and ``model`` are the values of a scalar measure.  ``applied`` is the tolerance as
+    applied.  ``rms`` is the root mean square of difference over half width, for a measure with many
+    samples.
     """
 
     verdict: str
@@ -136,10 +154,10 @@ def half_width(criterion: Criterion, flight: np.ndarray | float, cycle: int = 0)
     Parameters
     ----------
     criterion : Criterion
-        Its band as printed and the share of it that is applied.
+        Printed band, and the share of it that is applied.
     flight : array (time,) or float
-        Flight values of the window, or the flight value of a scalar measure (of the first overshoot
-        where the percentage is of that). [SI]
+        Flight values of the window, or the flight value of a scalar measure.  If the percentage is
+        of the first overshoot, its value. [SI]
     cycle : int
         Number n of the cycle, for a percentage that grows as n + 1.
 
@@ -152,42 +170,36 @@ def half_width(criterion: Criterion, flight: np.ndarray | float, cycle: int = 0)
     Raises
     ------
     NotJudged
-        The percentage is of something the case does not know.
+        The case does not give the base of the percentage.
     """
     magnitude = np.abs(np.atleast_1d(np.asarray(flight, float)))
     widths = []
     for limit in criterion.band.limits:
         if limit.quantity == "absolute":
-            widths.append(
-                np.full_like(
-                    magnitude,
-                    limit.value
-                    * limit_to_si_factor(criterion.measure, criterion.channel, limit.unit),
-                )
-            )
+            factor = limit_to_si_factor(criterion.measure, criterion.channel, limit.unit)
+            widths.append(np.full_like(magnitude, limit.value * factor))
         elif limit.quantity == "percent":
-            widths.append(limit.value / 100.0 * _base(criterion, magnitude))
+            widths.append(limit.value / 100.0 * _percentage_base(criterion, magnitude))
         elif limit.quantity == "percent_times_n_plus_1":
             widths.append(limit.value / 100.0 * (cycle + 1) * magnitude)
         else:
             raise NotJudged(f"a limit of kind {limit.quantity} has no width")
     if not widths:
         raise NotJudged("the row prints no width")
-    joined = (
-        np.min(widths, axis=0) if criterion.band.rule == "lesser_of" else np.max(widths, axis=0)
-    )
-    return criterion.fraction * joined
+    # A single limit is its own greater and lesser one.
+    if criterion.band.rule == "lesser_of":
+        return criterion.fraction * np.min(widths, axis=0)
+    return criterion.fraction * np.max(widths, axis=0)
 
 
-def _base(criterion: Criterion, magnitude: np.ndarray) -> np.ndarray:
-    """Return what a percentage is of."""
+def _percentage_base(criterion: Criterion, magnitude: np.ndarray) -> np.ndarray:
+    """Return the value of which a percentage is taken, at every sample. [SI]"""
     if criterion.band.base == "ref_peak":
         return np.full_like(magnitude, magnitude.max())
     if criterion.band.base != "range_max":
         return magnitude
-    if (
-        criterion.largest is None
-    ):  # rule R3: a lone percentage is of the largest value in service, which no record holds
+    # Rule R3: a lone percentage is of the largest value in service, which no record contains.
+    if criterion.largest is None:
         raise NotJudged(
             f"the percentage is of the largest value in service; give that of "
             f"{criterion.channel} in [ranges]"
@@ -196,57 +208,68 @@ def _base(criterion: Criterion, magnitude: np.ndarray) -> np.ndarray:
 
 
 def applied_tolerance(criterion: Criterion, widths: np.ndarray, flight: np.ndarray | float) -> str:
-    """Return the tolerance as applied: its share, what the percentage is of, and the number that
-    came out.
+    """Return the tolerance as applied: share, base of the percentage and half width.
 
     Examples
     --------
-    ``10 % of the flight value (38 s): 3.8 s``; ``20 % of 2 deg/s: 0.4 deg/s``; ``1.5 deg`` of a plain width.
+    ``10 % of the flight value (38 s): 3.8 s``; ``20 % of 2 deg/s: 0.4 deg/s``; ``1.5 deg`` for a
+    plain width.
     """
     unit = display_unit(criterion)
-    size = limit_to_si_factor(criterion.measure, criterion.channel, unit)
-    low, high = float(np.min(widths)) / size, float(np.max(widths)) / size
-    number = f"{low:.4g}" if high - low <= 1e-6 * high else f"{low:.4g} ... {high:.4g}"
-    base = {
-        "ref_peak": np.max(np.abs(flight)),
-        "range_max": criterion.largest,
-        "ref_local": None,
-    }.get(criterion.band.base, np.max(np.abs(flight)))
-    words = criterion.band.text
-    if base is not None and "%" in words:
-        words = f"{words} ({float(base) / size:.4g}{_unit(unit)})"
-    share = "" if criterion.fraction == 1.0 else f"{100.0 * criterion.fraction:g} % of: "
-    came = f"{number}{_unit(unit)}"
-    return came if share + words == came else f"{share}{words}: {came}"
+    factor = limit_to_si_factor(criterion.measure, criterion.channel, unit)
+    low, high = float(np.min(widths)) / factor, float(np.max(widths)) / factor
+    number = f"{low:.4g} ... {high:.4g}"
+    if high - low <= 1e-6 * high:
+        number = f"{low:.4g}"
+    # A percentage of the local flight value has no single base.
+    base = np.max(np.abs(flight))
+    if criterion.band.base == "range_max":
+        base = criterion.largest
+    elif criterion.band.base == "ref_local":
+        base = None
+    printed = criterion.band.text
+    if base is not None and "%" in printed:
+        printed = f"{printed} ({float(base) / factor:.4g}{_unit_text(unit)})"
+    share = ""
+    if criterion.fraction != 1.0:
+        share = f"{100.0 * criterion.fraction:g} % of: "
+    width = f"{number}{_unit_text(unit)}"
+    # a plain width is not repeated
+    if share + printed == width:
+        return width
+    return f"{share}{printed}: {width}"
 
 
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else f" {unit}"
+def _unit_text(unit: str) -> str:
+    if unit == "1":
+        return ""
+    return f" {unit}"
 
 
 def inside_window(time: np.ndarray, window: tuple[float, float]) -> np.ndarray:
-    """Return the mask of the samples in a window.
+    """Return the mask of the samples in a window (time,).
 
     Raises
     ------
     Invalid
-        Time does not rise, or the samples end before the window does (by more than one step).
+        Time does not rise, or the window exceeds the samples by more than one step.
     """
     steps = np.diff(time)
     if not steps.size or not (steps > 0.0).all():
         raise Invalid("time does not rise from sample to sample")
     start, stop = window
     missing = max(time[0] - start, stop - time[-1])
+    # The median is computed only if it is needed: this function runs for every criterion.
     if missing > 0.0 and missing > np.median(steps):
         raise Invalid(
             f"samples cover {time[0]:.2f} ... {time[-1]:.2f} s, the window is {start:.2f} "
             f"... {stop:.2f} s"
         )
-    return (time >= start - 1e-9) & (time <= stop + 1e-9)
+    return (time >= start - _TIME_ROUNDING) & (time <= stop + _TIME_ROUNDING)
 
 
 def demand_finite(who: str, time: np.ndarray, values: np.ndarray) -> None:
-    """Raise `NoValue` when `values` hold a NaN or an infinity."""
+    """Raise `NoValue` if a value is not finite."""
     bad = ~np.isfinite(values)
     if bad.all():
         raise NoValue(f"{who} has no value in the window")
@@ -258,18 +281,30 @@ def demand_finite(who: str, time: np.ndarray, values: np.ndarray) -> None:
 
 
 def unwrapped_difference(channel: str, flight: np.ndarray, model: np.ndarray) -> np.ndarray:
-    """Return model minus flight; angles that wrap are unwrapped and start less than half a turn
-    apart.
+    """Return model minus flight (time,).
+
+    Angles that jump by a full turn are unwrapped.  Their first difference is below half a turn.
     """
     if channel not in WRAPPED:
         return model - flight
     error = np.unwrap(model) - np.unwrap(flight)
+    # remove whole turns from the first difference, and the same turns from all others
     return error - 2.0 * np.pi * np.round(error[0] / (2.0 * np.pi))
 
 
 class AppliedBand(NamedTuple):
-    """The band about a flight: half width (time,) [SI], the least of it, median step [s], the
-    tolerance as applied in words.
+    """The band about a flight.
+
+    Attributes
+    ----------
+    width : array (time,)
+        Half width. [SI]
+    least : float
+        Smallest half width. [SI]
+    step : float
+        Median time step. [s]
+    text : str
+        The tolerance as applied.
     """
 
     width: np.ndarray
@@ -281,8 +316,11 @@ class AppliedBand(NamedTuple):
 def applied_band(criterion: Criterion, time: np.ndarray, flight: np.ndarray) -> AppliedBand:
     """Return the band about the samples of a flight (time,) [s, SI]; errors as `half_width`."""
     width = half_width(criterion, flight)
-    step = median(np.diff(time)) if time.size > 1 else 0.0
-    return AppliedBand(width, float(width.min()), step, applied_tolerance(criterion, width, flight))
+    step = 0.0
+    if time.size > 1:
+        step = median(np.diff(time))
+    text = applied_tolerance(criterion, width, flight)
+    return AppliedBand(width, float(width.min()), step=step, text=text)
 
 
 def judge_trace(
@@ -298,11 +336,11 @@ def judge_trace(
     ----------
     criterion : Criterion
     time : array (time,)
-        Flight samples that count, rising. [s]
+        Flight samples that the criterion counts, rising. [s]
     flight, model : array (time,)
         Values at these samples, finite. [SI]
     band : AppliedBand, optional
-        That of `applied_band`, which is the same for all models.
+        Result of `applied_band`, which is the same for all models.
 
     Raises
     ------
@@ -312,40 +350,44 @@ def judge_trace(
     band = band or applied_band(criterion, time, flight)
     error = unwrapped_difference(criterion.channel, flight, model)
     ratio = band_ratios(error, band.width)
-    out = ratio > 1.0 + ROUNDING
+    outside = ratio > 1.0 + ROUNDING
     worst = int(np.argmax(ratio))
+    verdict, first_exit = "pass", NAN
+    remarks: tuple[RowRemark, ...] = ()
+    if outside.any():
+        verdict, first_exit = "fail", float(time[outside][0])
+        remarks = (_outside_remark(_longest_run(outside) * band.step),)
     return Judgement(
-        verdict="fail" if out.any() else "pass",
+        verdict=verdict,
         width=band.least,
         worst=float(error[worst]),
         worst_ratio=float(ratio[worst]),
         at=float(time[worst]),
-        first_exit=float(time[out][0]) if out.any() else NAN,
-        inside=float(1.0 - out.mean()),
-        remarks=_outside(_longest(out) * band.step) if out.any() else (),
+        first_exit=first_exit,
+        inside=float(1.0 - outside.mean()),
+        remarks=remarks,
         applied=band.text,
         rms=rms(ratio),
     )
 
 
 def band_ratios(error: np.ndarray, width: np.ndarray) -> np.ndarray:
-    """Return |difference| over half width; no difference is inside, however narrow the band."""
+    """Return |difference| over half width; a zero difference is inside a band of any width."""
+    # a percentage of zero gives a width of zero
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(error == 0.0, 0.0, np.abs(error) / width)
 
 
-def _outside(longest: float) -> tuple[RowRemark, ...]:
-    return (
-        RowRemark(
-            "outside", f"longest run outside {longest:.2f} s", values={"longest": longest}, unit="s"
-        ),
-    )
+def _outside_remark(longest: float) -> RowRemark:
+    text = f"longest run outside {longest:.2f} s"
+    return RowRemark("outside", text, values={"longest": longest}, unit="s")
 
 
-def _longest(out: np.ndarray) -> int:
-    """Return the samples of the longest run outside, of one sample or more."""
-    padded = np.zeros(out.size + 2, bool)
-    padded[1:-1] = out
+def _longest_run(outside: np.ndarray) -> int:
+    """Return the number of samples in the longest run outside; at least one is outside."""
+    # With a false sample at both ends, every run has a rising and a falling edge.
+    padded = np.zeros(outside.size + 2, bool)
+    padded[1:-1] = outside
     edges = np.flatnonzero(padded[1:] != padded[:-1])
     return int((edges[1::2] - edges[::2]).max())
 
@@ -359,22 +401,23 @@ def judge_number(
     base: float | None = None,
     cycle: int = 0,
 ) -> Judgement:
-    """Judge one number of the model against that of the flight.
+    """Judge one number of the model against the number of the flight.
 
     Parameters
     ----------
     criterion : Criterion
     flight, model : float
-        [SI]
+        Values of the measure. [SI]
     at : float
-        Time that the number belongs to. [s]
+        Time of the number. [s]
     remarks : tuple of RowRemark
     base : float, optional
-        What the percentage is of, when it is not the flight value. [SI]
+        Base of the percentage; default: the flight value. [SI]
     cycle : int
         As in `half_width`.
     """
-    base = flight if base is None else base
+    if base is None:
+        base = flight
     width = half_width(criterion, base, cycle)
     error = model - flight
     ratio = float(band_ratios(np.array([error]), width)[0])

@@ -1,6 +1,4 @@
-"""The words of the tolerance table in canonical names: which quantity a parameter is judged on, and
-in which unit.
-"""
+"""Channels and units of the parameters of the tolerance table."""
 
 from __future__ import annotations
 
@@ -20,26 +18,31 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "F_rim": ("F_wheel",),
     "fuel_used": ("engine1.fuel_flow",),
 }
-"""Quantities that are formed of signals, and of which; a record or a model that holds the quantity itself is believed."""
+"""By derived quantity: its source signals.
+
+The quantity of a record or a model itself has priority over the derived one.
+"""
 
 
 def source_signals(channel: str) -> tuple[str, ...]:
-    """Return the signals that a channel is formed of: itself, when it is a signal."""
+    """Return the source signals of a channel; a signal is its own source."""
     return SOURCES.get(channel, (channel,))
 
 
 def output_of(channel: str, offered: Container[str]) -> str:
-    """Return the output of a model that holds a channel: ``applied.delta_e`` holds ``delta_e``,
-    which is an input.
+    """Return the output of a model with the values of a channel.
+
+    ``delta_e`` is an input of a model, and ``applied.delta_e`` is the output with its values.
     """
     applied = f"applied.{channel}"
-    return applied if channel not in offered and applied in offered else channel
+    if channel not in offered and applied in offered:
+        return applied
+    return channel
 
 
 # Airspeed is calibrated, and like is compared with like (rule R10 of the table).  Tables give
-# magnitudes, so signs need
-# no change.  A wheel force of the table is a force at the rim; this product uses a torque and the
-# radius of the wheel.
+# magnitudes, so signs need no change.  A wheel force of the table is a force at the rim.  This
+# product uses a torque and the radius of the wheel.
 CHANNELS: dict[str, str] = {
     # performance
     "airspeed": "V_cas",
@@ -110,14 +113,16 @@ OTHERS: dict[str, tuple[str, ...]] = {
     "trim_rate": ("i_h",),
     "fuel_used": ("fuel_used",),
 }
-"""What a parameter is judged on when the record lacks the first choice: an adjustable stabilizer instead of a tab, fuel
-flow instead of fuel on board."""
+"""By parameter: channels to judge if the record lacks the first choice.
+
+For example an adjustable stabilizer instead of a tab, or fuel flow instead of fuel on board.
+"""
 
 MODE_CHANNELS = {"2.c.9": "V_cas", "2.d.7": "r"}
-"""Where a mode is measured unless the case states otherwise: the phugoid in airspeed, the Dutch roll in yaw rate."""
+"""By test: the default channel of a mode: airspeed for the phugoid, yaw rate for the Dutch roll."""
 
 SHEAR_CHANNEL = "V_cas"
-"""Where the demonstration of windshear (2.g) shows its trend; the rule names no quantity, the choice is ours."""
+"""Channel of the trend in the demonstration of windshear (2.g); the rule names none."""
 
 TRAVEL = {
     "2.a.1.a": "column",
@@ -135,10 +140,13 @@ TRAVEL = {
     "2.b.2": "wheel",
     "2.b.3": "pedal",
 }
-"""The control that a sweep or a release moves, by test: abscissa of the curves, and what oscillates after the release."""
+"""By test: the control that a sweep or a release moves.
+
+It is the abscissa of the curves, and it oscillates after the release.
+"""
 
 PROGRESS = {"1.c.3": "h", "1.d.1": "V_cas", "1.d.2": "V_cas"}
-"""The channel whose change bounds a segment that has no events."""
+"""By test: the channel whose change bounds a segment without events."""
 
 FORCES = {
     "column": "F_column",
@@ -147,7 +155,7 @@ FORCES = {
     "tiller": "F_tiller",
     "brake": "F_brake",
 }
-"""The pilot's force on each control of the cockpit."""
+"""By control of the cockpit: the force of the pilot."""
 
 SCALAR_UNITS = {
     "period": "s",
@@ -161,20 +169,23 @@ SCALAR_UNITS = {
     "time_90_to_10": "s",
     "overshoot_count": "1",
 }
-"""SI unit of the measures that have one of their own; the others have that of their channel."""
+"""SI unit by measure; other measures have the unit of their channel."""
 
 WRAPPED = frozenset({"phi", "psi", "lon"})
 """Channels that jump by a full turn."""
 
+# Units of the table for pure numbers
 _PURE = {"-": "1", "count": "1"}
+# Display units without an offset
 _LINEAR = {
     row.display_units for row in VOCABULARY.values() if parse_unit(row.display_units)[2] == 0.0
 }
 
 
 def plain_id(test_id: str) -> str:
-    """Return the number of a test as the FAA writes it; EASA and CAAC write ``2.c(10)``,
-    ``2.a(1)``.
+    """Return the number of a test as the FAA writes it.
+
+    EASA and CAAC write ``2.c(10)`` and ``2.a(1)``.
 
     Examples
     --------
@@ -190,7 +201,7 @@ def si_unit(measure: str, channel: str) -> str:
 
 
 def limit_to_si_factor(measure: str, channel: str, unit: str) -> float:
-    """Return the factor that turns a limit in `unit`, as printed, into SI.
+    """Return the factor from a printed limit in `unit` to SI.
 
     Raises
     ------
@@ -217,20 +228,23 @@ def limit_to_si_factor(measure: str, channel: str, unit: str) -> float:
 
 
 def display_unit(criterion: Criterion) -> str:
-    """Return the unit of the printed absolute limit, else the one in which people read the
-    quantity.
-    """
+    """Return the unit of the printed absolute limit, else the display unit of the quantity."""
     for limit in criterion.band.limits:
         if limit.quantity == "absolute":
             return _PURE.get(limit.unit, limit.unit)
     if not criterion.channel:
         return "1"
-    own = si_unit(criterion.measure, criterion.channel)
-    shown = lookup(criterion.channel).display_units
-    return shown if own == lookup(criterion.channel).units and shown in _LINEAR else own
+    quantity = lookup(criterion.channel)
+    unit = si_unit(criterion.measure, criterion.channel)
+    # A measure such as a period has another unit than its channel.  A unit with an offset (degC)
+    # does not convert differences by a factor.
+    if unit == quantity.units and quantity.display_units in _LINEAR:
+        return quantity.display_units
+    return unit
 
 
 def channel_value_text(channel: str, value: float) -> str:
-    """Return a value in the unit that people read."""
+    """Return a channel and its value in the display unit."""
     unit = lookup(channel).display_units
-    return f"{channel} {from_si(value, unit):.4g}{'' if unit == '1' else ' ' + unit}"
+    suffix = "" if unit == "1" else f" {unit}"
+    return f"{channel} {from_si(value, unit):.4g}{suffix}"

@@ -1,6 +1,4 @@
-"""One row of the tolerance table as an object: what is measured, on which channel, and how wide the
-band is.
-"""
+"""Criterion: one row of the tolerance table with its measure, channel and band."""
 
 from __future__ import annotations
 
@@ -8,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+# By base of a percentage: its text behind the percentage.
 _BASES = {
     "ref_local": "of the flight value",
     "ref_peak": "of the largest flight value",
@@ -19,9 +18,9 @@ _BASES = {
 
 @dataclass(frozen=True)
 class Limit:
-    """One half width as the table prints it, e.g. ``Limit("absolute", 1.5, "deg")`` or
-    ``Limit("percent", 10.0, "%")``.
+    """One half width as the table prints it.
 
+    Examples are ``Limit("absolute", 1.5, "deg")`` and ``Limit("percent", 10.0, "%")``.
     ``quantity`` is ``absolute``, ``percent``, ``percent_times_n_plus_1`` (times the number of the
     cycle plus one) or ``floor`` (one sided, the value is in the case).
     """
@@ -32,20 +31,23 @@ class Limit:
 
     @property
     def text(self) -> str:
-        """The limit as a person reads it."""
+        """The limit as printed."""
         if self.quantity == "percent_times_n_plus_1":
             return f"{self.value:g}(n+1) %"
-        return f"{self.value:g}" if self.unit in ("-", "1", "") else f"{self.value:g} {self.unit}"
+        # ratios and counts have no unit in print
+        if self.unit in ("-", "1", ""):
+            return f"{self.value:g}"
+        return f"{self.value:g} {self.unit}"
 
 
 @dataclass(frozen=True)
 class Band:
     """One or two limits and the rule that joins them.
 
-    ``rule`` is ``single``, ``greater_of`` or ``lesser_of``; ``base`` states of what a percentage is
-    taken: ``ref_local`` (flight value at the same instant or abscissa), ``ref_peak`` (largest
-    flight magnitude of the window), ``ref_scalar`` (flight value of the scalar measure),
-    ``first_overshoot`` (that of the flight), ``range_max`` (maximum of the normal operating range).
+    ``rule`` is ``single``, ``greater_of`` or ``lesser_of``.  ``base`` is the value of which a
+    percentage is taken: ``ref_local`` (flight value at the same instant or abscissa), ``ref_peak``
+    (largest flight magnitude of the window), ``ref_scalar`` (flight value of the scalar measure),
+    ``first_overshoot`` (of the flight), ``range_max`` (maximum of the normal operating range).
     """
 
     limits: tuple[Limit, ...] = ()
@@ -57,12 +59,19 @@ class Band:
         """The tolerance as printed, e.g. ``10 % of the flight value or 2 deg/s, the greater``."""
         if any(limit.quantity == "floor" for limit in self.limits):
             return "not below the certified value"
-        words = [
-            f"{x.text} {_BASES.get(self.base, '')}".strip() if x.unit == "%" else x.text
-            for x in self.limits
-        ]
-        tail = {"greater_of": ", the greater", "lesser_of": ", the smaller"}.get(self.rule, "")
-        return " or ".join(words) + tail
+        texts = []
+        for limit in self.limits:
+            text = limit.text
+            # a percentage states its base, an absolute limit has none
+            if limit.unit == "%":
+                text = f"{text} {_BASES.get(self.base, '')}".strip()
+            texts.append(text)
+        joined = " or ".join(texts)
+        if self.rule == "greater_of":
+            return f"{joined}, the greater"
+        if self.rule == "lesser_of":
+            return f"{joined}, the smaller"
+        return joined
 
 
 @dataclass(frozen=True)
@@ -74,10 +83,10 @@ class Criterion:
     name : str
         Unique within the case, e.g. ``pitch_angle`` or ``bank_angle trend``.
     parameter : str
-        Name in the tolerance table; empty when the case file added the criterion.
+        Name in the tolerance table; empty for a criterion of the case file.
     channel : str
-        Quantity it is judged on, canonical name: a signal, or one formed of signals such as
-        ``distance``; empty for what is shown and judged by people.
+        Canonical name of the judged quantity: a signal, or a quantity derived from signals such as
+        ``distance``.  Empty for a demonstration, which people judge.
     measure : str
         ``trace``, ``steady``, ``period`` ...
     group : str
@@ -87,22 +96,22 @@ class Criterion:
     window : tuple of float
         Start and end on the clock of the record. [s]
     applies : bool
-        False when the row's condition does not hold for the case; ``reason`` states why.
+        False if the case does not meet the condition of the row; ``reason`` states why.
     reason : str
-        Why the row does not apply, or why it cannot be judged.
+        Reason why the row does not apply, or cannot be judged.
     kind, provenance, source, note : str
         As in the table; ``provenance`` is ``verified``, ``partial``, ``memory`` or ``case file``.
     condition : str
-        Condition of the row, words joined by ``;``.
+        Conditions of the row, joined by ``;``.
     fraction : float
         Share of the tolerance that is applied (rule R9).
     largest : float, optional
         Largest value in service, base of a lone percentage (rule R3). [SI]
     bounds : tuple of str
-        Events between which the row counts; empty words for the window of the case.
+        Events between which the row counts; an empty text is a bound of the window of the case.
     abscissa : str
-        Control over which a curve is drawn, surface whose rate is taken, or channel whose change
-        bounds a segment.
+        Control on the abscissa of a curve, surface of a rate, or channel whose change bounds a
+        segment.
     """
 
     name: str
@@ -129,8 +138,12 @@ class Criterion:
         """Rebuild a criterion from ``dataclasses.asdict``."""
         band = item["band"]
         limits = tuple(Limit(**limit) for limit in band["limits"])
-        pairs = {key: (item[key][0], item[key][1]) for key in ("window", "bounds") if key in item}
-        return cls(**{**item, **pairs, "band": Band(limits, band["rule"], band["base"])})
+        fields = {**item, "band": Band(limits, band["rule"], band["base"])}
+        # JSON has lists in place of tuples; an older report has no `bounds`
+        for key in ("window", "bounds"):
+            if key in item:
+                fields[key] = (item[key][0], item[key][1])
+        return cls(**fields)
 
 
 ACTS = frozenset(
@@ -152,7 +165,7 @@ ACTS = frozenset(
         "capture",
     }
 )
-"""Events that pilot or record bring about, at the same time in both."""
+"""Events that pilot or record cause, so that flight and model have them at the same time."""
 
 DISCRETES = {
     "stall_warning": ("stall_warning",),
@@ -171,7 +184,7 @@ LEVELS = {
     "initial_buffet": ("alpha", 1),
     "stall": ("alpha", 1),
 }
-"""Channel and direction in which an event passes the level that the flight has at its time in the case file."""
+"""By event: a channel, and the direction in which it passes its flight value at the event."""
 
 OF_PARAMETER = {
     "engine_failure_speed": "engine_failure",
@@ -205,4 +218,4 @@ PARTS = {
     "stall_break_and_recovery": ("stall", ""),
     "before_g_break": ("", "g_break"),
 }
-"""Parts of a manoeuvre and the events between which they lie; an empty word is the end of the window."""
+"""By part of a manoeuvre: its first and last event; an empty text is a bound of the window."""

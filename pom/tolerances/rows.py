@@ -34,7 +34,7 @@ _MOST_ENGINES = 4  # whose fuel flow is read
 
 
 def required_quantities(criterion: Criterion) -> tuple[str, ...]:
-    """Return the quantities of which a criterion is computed, also those formed from signals."""
+    """Return the quantities that a criterion needs; some are derived from signals."""
     channel, abscissa = criterion.channel, criterion.abscissa
     match criterion.measure:
         case "peak_lag":
@@ -50,19 +50,21 @@ def required_quantities(criterion: Criterion) -> tuple[str, ...]:
             by_parameter = {"turn_radius": ("distance", "psi"), "trim_rate": (abscissa,)}
             return by_parameter.get(criterion.parameter, (channel, abscissa))
         case "elapsed":
+            # the signal that passes the level of the last event
             level = LEVELS.get(criterion.bounds[1], ("",))[0]
             return tuple(filter(None, (channel, abscissa, level)))
     return (channel,)
 
 
 def required_signals(criterion: Criterion) -> tuple[str, ...]:
-    """Return the signals of which a criterion is computed; a model must have them."""
+    """Return the signals that a criterion needs; a model must have them."""
     return _sources_of(required_quantities(criterion))
 
 
 def helpful_signals(criterion: Criterion) -> tuple[str, ...]:
-    """Return the signals that show events and conditions of a criterion; a model may lack them."""
+    """Return the signals of the events and conditions of a criterion, which are optional."""
     channels: list[str] = []
+    # the event of a value, and the bounds of the row
     events = ["", *criterion.bounds]
     if criterion.measure in ("event_value", "setup"):
         events[0] = OF_PARAMETER.get(criterion.parameter, "")
@@ -88,6 +90,7 @@ EDITION = "2014-01-01"
 DEMONSTRATION = (
     "a demonstration: recordings are shown and judged by pilots, the table gives no number"
 )
+# By measure: the reason for a row without a channel; other rows are demonstrations.
 _UNCHANNELLED = dict.fromkeys(
     ("response_initial", "response_total"),
     "name the critical engine parameter in case.engine_parameter",
@@ -159,6 +162,7 @@ def band_of(row: Row) -> Band:
     """Return the tolerance of a row as printed."""
     if row["quantity"] in ("none", ""):
         return Band()
+    # the second limit of a rule such as "10 % or 2 deg, the greater" is the alternative
     limits = [Limit(row["quantity"], float(row["upper"]), row["unit"])]
     if row["alt_quantity"]:
         limits.append(Limit(row["alt_quantity"], float(row["alt_upper"]), row["alt_unit"]))
@@ -175,6 +179,7 @@ def bound_time(text: str, times: Mapping[str, float], default: float) -> float:
     """
     if not text:
         return default
+    # a bound without a shift
     if text in times:
         return times[text]
     event, shift = _split_bound(text)
@@ -281,12 +286,16 @@ def _channel_of(
     return CHANNELS.get(row["parameter"], "")
 
 
-def names_of(found: list[Row]) -> list[str]:
+def names_of(rows: list[Row]) -> list[str]:
     """Return one unique name per row: its parameter, with measure and number where needed."""
     names: list[str] = []
-    for row in found:
-        with_measure = f"{row['parameter']} {row['measure']}"
-        choices = [row["parameter"], with_measure]
-        choices += [f"{with_measure} {n}" for n in range(2, len(found) + 1)]
-        names.append(next(name for name in choices if name not in names))
+    for row in rows:
+        name = row["parameter"]
+        if name in names:
+            name = with_measure = f"{row['parameter']} {row['measure']}"
+            number = 2
+            while name in names:
+                name = f"{with_measure} {number}"
+                number += 1
+        names.append(name)
     return names

@@ -73,62 +73,56 @@ def init_case(
     test : str
         Number in the table, such as ``2.c.10``.
     output : path
-        The case file.
+        The case file.  If it exists, it is overwritten only if `force` is true.
     names, aircraft : path, optional
-        Name map and aircraft; without them ``names.toml`` and ``aircraft.toml`` next to the record
-        or one folder up.
+        Name map and aircraft; default: ``names.toml`` and ``aircraft.toml`` next to the record or
+        one folder up.
     window : tuple of float, optional
-        Where to search the manoeuvre. [s]  Without it: the first listed manoeuvre that fits, else
-        the whole record.
+        Where to search the manoeuvre.  Default: the first listed manoeuvre that fits, else the
+        whole record. [s]
     name : str, optional
-        Name of the case; the title of the test without it.
-    force : bool
-        Whether to overwrite an existing file.
+        Name of the case; default: the title of the test.
 
     Returns
     -------
-    case : PomCase
-        The written case, read from its file.
-    remarks : list of str
-        What the record does not show, and the time that keeps the file valid.
+    PomCase, list of str
+        The case, read from its file; and remarks on events that the record does not show.
 
     Raises
     ------
     FileExistsError
-        `output` exists, and `force` is false.
+        The output exists, and `force` is false.
     UnknownName
         The table has no such standard, edition or test.
     SchemaError
-        The record cannot be read without a name map, has nothing that drives a model, or lists
-        manoeuvres of which none fits the row.
+        The record needs a name map, has no controls or thrust, or lists no manoeuvre that fits.
     """
     output, record = Path(output), Path(record)
     if output.exists() and not force:
-        raise FileExistsError(
-            f"{output} is there already; give another name, or --force to overwrite it"
-        )
+        raise FileExistsError(f"{output} exists; give another name, or --force to overwrite it")
     rows = table.rows_of_test(test, standard, edition)
-    files = {
-        "record": record,
-        "names": _find_name_map(record, names),
-        "aircraft": _find_next_to(record, "aircraft.toml", aircraft),
-    }
-    recorded = recorded_channels(record, files["names"])
+    map_file = _find_name_map(record, names)
+    recorded = recorded_channels(record, map_file)
     if window is None:
         demand_fitting(str(record), test, recorded.manoeuvres)
     draft = draft_case(rows, recorded, window)
     draft.case.update(standard=standard, edition=edition)
-    if name:
-        draft.case["name"] = name
+    draft.case["name"] = name or draft.case["name"]
+    aircraft_file = _find_next_to(record, "aircraft.toml", aircraft)
+    _write_case_file(output, draft, record=record, names=map_file, aircraft=aircraft_file)
+    return read_case(output), draft.remarks
+
+
+def _write_case_file(output: Path, draft: Draft, **files: Path | None) -> None:
+    """Write a draft and the names of its files as a case file, but only if the case is valid."""
     for key, file in files.items():
         if file is not None:
             draft.case[key] = Path(os.path.relpath(file, output.parent)).as_posix()
-    # The first text is read for its criteria, which the comments of the second text list.
     with written_atomically(output) as part:
+        # The first text is read for its criteria, which the comments of the second text list.
         part.write_text(draft_text(draft, ()), encoding="utf-8")
         part.write_text(draft_text(draft, read_case(part).criteria), encoding="utf-8")
         read_case(part)
-    return read_case(output), draft.remarks
 
 
 def _find_name_map(record: Path, requested: str | Path | None) -> Path | None:
@@ -174,14 +168,14 @@ def draft_case(
     movement = find_movement(recorded, input_channels(test), search)
     needed = _needed_events(applied)
     times = find_events(needed, test, recorded, manoeuvre=search, window=limits)
-    start, stop = _replay_window(applied, times, movement, limits=limits, span=recorded.span)
+    span = recorded.span
+    start, stop = _replay_window(applied, times, movement, limits=limits, span=span)
     if _events_of_empty_rows(applied, times, (start, stop)):
         # Some row has nothing to compare: try the whole record.
-        start, stop = _replay_window(
-            applied, times, movement, limits=recorded.span, span=recorded.span
-        )
+        start, stop = _replay_window(applied, times, movement, limits=span, span=span)
+    # Events that still leave a row empty are proposed at the edge of the window instead.
     unusable = _events_of_empty_rows(applied, times, (start, stop))
-    times = {name: time for name, time in times.items() if name not in unusable}
+    times = {event: time for event, time in times.items() if event not in unusable}
     events = _place_events(applied, needed, times, window=(start, stop), remarks=remarks)
     case: dict[str, object] = {
         "id": test,
@@ -190,18 +184,22 @@ def draft_case(
         "description": _movement_text(movement),
         "window": [start, stop],
     }
-    event_times = {name: time for name, (time, _) in events.items()}
+    event_times = {event: time for event, (time, _) in events.items()}
     shortened = _shortened_text(applied, event_times, (start, stop))
     if shortened:
         case["shortened"] = shortened
         remarks.append(shortened)
-    if any(row["measure"].startswith("response_") for row in applied):
+    if _has_engine_response(applied):
         case["engine_parameter"] = recorded.first(("n1", "thrust")) or "engine1.n1"
     conditions = {}
     if recorded.latitude is not None:
         conditions["lat"] = f"{from_si(recorded.latitude, 'deg'):.6g} deg"
     drive = _choose_drive(rows, recorded, on_ground(recorded, start))
     return Draft(case, drive, conditions=conditions, events=events, remarks=remarks)
+
+
+def _has_engine_response(rows: Sequence[table.Row]) -> bool:
+    return any(row["measure"].startswith("response_") for row in rows)
 
 
 def _search_stretches(
@@ -222,6 +220,7 @@ def _search_stretches(
                 f"... {high:g} s; choose one inside"
             )
         return inside, inside
+    # The last listed manoeuvre may end shortly after the record.
     inside_record = []
     for each in recorded.manoeuvres:
         if low <= each.start < each.end <= high + LEAD:
@@ -250,16 +249,21 @@ def _search_stretches(
 
 def _needed_events(rows: Sequence[table.Row]) -> list[str]:
     """Return the events that the rows of a test need, each once."""
-    # Longest names first: the name of an event may start with that of another one.
-    names = sorted(table.window_events(), key=len, reverse=True)
     needed: dict[str, None] = {}
     for row in rows:
         for bound in (row["applies_from"], row["applies_to"]):
             if bound:
-                needed[next(name for name in names if bound.startswith(name))] = None
+                needed[_event_of_bound(bound)] = None
     if any(row["measure"] == "steady" for row in rows):
         needed["capture"] = None
     return list(needed)
+
+
+def _event_of_bound(bound: str) -> str:
+    """Return the event of a bound such as ``change_start-5s``."""
+    # The longest one: the name of an event may start with the name of another event.
+    events = [event for event in table.window_events() if bound.startswith(event)]
+    return max(events, key=len)
 
 
 def _replay_window(
@@ -315,13 +319,14 @@ def _events_of_empty_rows(
             stop = min(stop, last)
         if start < stop:
             continue
-        bounds = row["applies_from"], row["applies_to"]
-        events.update(name for name in times if any(bound.startswith(name) for bound in bounds))
+        for name in times:
+            if row["applies_from"].startswith(name) or row["applies_to"].startswith(name):
+                events.add(name)
     return events
 
 
 def _bound_times(rows: Sequence[table.Row], end: str, times: dict[str, float]) -> list[float]:
-    """Return the known times of one end of the rows. [s]"""
+    """Return the times of one end of the rows, without unknown ones. [s]"""
     bounds = [_bound_time(row[end], times) for row in rows]
     return [time for time in bounds if time is not None]
 
@@ -369,7 +374,7 @@ def _place_events(
 def _shortened_text(
     rows: Sequence[table.Row], events: dict[str, float], window: tuple[float, float]
 ) -> str:
-    """Return the reason for a window that is shorter than the rows require; empty if it is not."""
+    """Return the reason for a window shorter than the rows require, or an empty text."""
     first = min(_bound_times(rows, "applies_from", events), default=window[0])
     last = max(_bound_times(rows, "applies_to", events), default=window[1])
     parts = []
@@ -393,7 +398,7 @@ def _choose_drive(rows: Sequence[table.Row], recorded: Recorded, ground: bool) -
         raise SchemaError("record", [_NO_CONTROLS])
     powers: tuple[str, ...] = ("thrust", "n1", "throttle")
     # A test of the engine response must not drive the response itself.
-    if any(row["measure"].startswith("response_") for row in rows):
+    if _has_engine_response(rows):
         powers = ("throttle", "n1")
     power = next((name for name in powers if f"engine1.{name}" in recorded.channels), "")
     if not power:

@@ -24,7 +24,7 @@ class Draft:
     events : dict of str to (float, bool)
         Time [s] of every event, and whether the record shows it.
     remarks : list of str
-        What the record does not show.
+        Events and channels that the record does not show.
     """
 
     case: dict[str, object]
@@ -34,6 +34,7 @@ class Draft:
     remarks: list[str] = field(default_factory=list)
 
 
+# Comment behind a key of the case file
 _COMMENTS = {
     "name": "for files and links",
     "window": "[s] on the clock of the record; start in a steady state",
@@ -54,6 +55,7 @@ _OPTIONAL = """
 # [source]
 # document = "flight-test report, page"
 """
+# Order of the keys of [case]
 _ORDER = (
     "id",
     "standard",
@@ -94,6 +96,7 @@ def draft_text(draft: Draft, criteria: Sequence[Criterion]) -> str:
     if draft.events:
         lines += ["", "[events]  # [s]"]
     for name, (time, is_shown) in draft.events.items():
+        # The engineer has to see which times are only placeholders.
         comment = "" if is_shown else "   # NOT FOUND in the record: set it"
         lines.append(f"{_quote_key(name)} = {time:g}{comment}")
     return "\n".join(lines) + "\n" + _criteria_comments(criteria) + _OPTIONAL
@@ -120,11 +123,12 @@ def _feature_lines(criteria: Sequence[Criterion]) -> list[str]:
     features: set[str] = set()
     for criterion in criteria:
         if not criterion.applies:
+            # the reason lists the missing features
             features.update(criterion.reason.removeprefix("applies only with ").split(", "))
     if not features:
         return []
-    words = ", ".join(sorted(features))
-    return [f"# features = [...]   rows that wait for a condition: {words}"]
+    names = ", ".join(sorted(features))
+    return [f"# features = [...]   rows that wait for a condition: {names}"]
 
 
 def _criteria_comments(criteria: Sequence[Criterion]) -> str:
@@ -141,7 +145,8 @@ def _criteria_comments(criteria: Sequence[Criterion]) -> str:
             f"#   {criterion.name}: {criterion.band.text or 'no number'}, {criterion.measure} of "
             f"{criterion.channel or 'no channel'}, {window}, group {criterion.group}"
         )
-        origin = "; ".join(filter(None, (criterion.note, criterion.reason)))
-        source = f"{criterion.source}; {origin}" if origin else criterion.source
-        lines.append(f"#       {criterion.provenance}: {source}")
+        # note and reason may be empty, the source is always printed
+        remarks = filter(None, (criterion.note, criterion.reason))
+        origin = "; ".join((criterion.source, *remarks))
+        lines.append(f"#       {criterion.provenance}: {origin}")
     return "\n".join(lines) + "\n"

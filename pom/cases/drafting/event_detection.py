@@ -111,7 +111,7 @@ class Movement:
 
 
 def input_channels(test: str) -> tuple[str, ...]:
-    """Return the controls that may be the input of a test, likely ones first; else the elevator."""
+    """Return the controls that may be the input of a test, likely ones first."""
     return INPUTS.get(test.replace("(", ".").replace(")", ""), ELEVATOR)
 
 
@@ -206,7 +206,7 @@ def on_ground(recorded: Recorded, time: float) -> bool:
 
 
 def find_events(
-    wanted: Iterable[str],
+    names: Iterable[str],
     test: str,
     recorded: Recorded,
     manoeuvre: tuple[float, float],
@@ -216,7 +216,7 @@ def find_events(
 
     Parameters
     ----------
-    wanted : iterable of str
+    names : iterable of str
         Events of the tolerance table (`pom.tolerances.rows.window_events`).
     test : str
         Its number; determines which control is the input, and whether 200 ft are passed upward
@@ -226,7 +226,7 @@ def find_events(
         Where to search the input, and all other events. [s]
     """
     times = {}
-    for name in wanted:
+    for name in names:
         if name not in _FINDERS:
             continue
         searched = manoeuvre if name in _OF_INPUT else window
@@ -316,7 +316,7 @@ def _time_after(time: np.ndarray, passes: np.ndarray) -> float | None:
 
 
 def _height_finder(level: float) -> Finder:
-    """Return a finder of the time at which a height is passed: upward in tests 1, else downward."""
+    """Return a finder of the passage of a height: upward in tests 1, else downward."""
 
     def find(recorded: Recorded, test: str, window: tuple[float, float]) -> float | None:
         name = recorded.first(("h_agl", "h_radio"))

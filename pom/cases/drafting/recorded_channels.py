@@ -22,6 +22,7 @@ def recorded_channels(record: Path, names: Path | None) -> Recorded:
     """
     states = read_path_states(str(record))
     if states is not None:
+        # A reconstructed path has one clock and canonical names.
         time = states["time"].values.astype(float)
         channels = {}
         for name, item in states.data_vars.items():
@@ -43,6 +44,7 @@ def _finite_channels(tree: xr.DataTree) -> dict[str, tuple[np.ndarray, np.ndarra
     for leaf in tree.children.values():
         node = leaf.to_dataset()
         for name, item in node.data_vars.items():
+            # The search for movements needs finite samples.
             is_finite = np.isfinite(item.values.astype(float))
             if item.dims == ("time",) and is_finite.any():
                 channels[str(name)] = (
@@ -54,9 +56,14 @@ def _finite_channels(tree: xr.DataTree) -> dict[str, tuple[np.ndarray, np.ndarra
 
 def _reconstruction_span(tree: xr.DataTree) -> tuple[float, float]:
     """Return the time that a reconstruction covers: of the gyros, else of all channels. [s]"""
-    leaves = [leaf.to_dataset() for leaf in tree.children.values()]
-    with_gyros = [leaf for leaf in leaves if "p" in leaf]
-    clocks = [leaf["time"].to_numpy() for leaf in with_gyros or leaves]
+    clocks, gyro_clocks = [], []
+    for leaf in tree.children.values():
+        clock = leaf["time"].to_numpy()
+        clocks.append(clock)
+        if "p" in leaf:
+            gyro_clocks.append(clock)
+    # A reconstruction integrates the gyros, so it starts and ends with them.
+    clocks = gyro_clocks or clocks
     return max(float(clock[0]) for clock in clocks), min(float(clock[-1]) for clock in clocks)
 
 

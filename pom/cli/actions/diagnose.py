@@ -2,37 +2,34 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 import pandas as pd
+import xarray as xr
 
 import aerodb
 from flightmech.aircraft.aircraft import Aircraft, read_aircraft
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import SchemaError
-from flightmech.support.console import (
-    print_json,
-    print_remark,
-    print_table,
-    show_progress,
-)
-from pom.archive.origins import file_sha256
+from flightmech.support.console import print_json, print_table, show_progress
+from flightmech.support.input_files import file_sha256
 from pom.cases.case import PomCase, read_case
 from pom.cases.reference_states import recorded_states
 from pom.checking.batch_check import check_batch
-from pom.cli.actions.report import case_files, read_biases
+from pom.cli.actions.report import case_files, count_text, print_record_errors, read_biases
 from pom.diagnosis.corrected_model import corrected_aircraft, corrected_database, joint_terms
 from pom.diagnosis.joint_correction import join_tables, rank_all, swap_models
 from pom.diagnosis.term_swaps import differing_terms
 from pom.diagnosis.waterfall_steps import criteria_of
 from pom.report.models.diagnosis import cause_sentences
 
-_IDLE = 0.005  # share of the gap
-
-
-_INTERACTING = 5  # pairs printed
+_IDLE = 0.005  # share of the gap: swaps that change less are not printed
+_INTERACTING = 5  # number of printed pairs
 
 
 def run_diagnose(
@@ -55,156 +52,156 @@ def run_diagnose(
         raise click.UsageError(
             "--aircraft-output needs --apriori: the aircraft file that is to be corrected"
         )
-    wanted = _groups(groups)
-
+    members = _parse_groups(groups)
     before, after = aerodb.open(prior), aerodb.open(final)
     old = read_aircraft(apriori) if apriori else None
-    biases, read = read_biases(biases_file), _cases(cases)
+    biases, read = read_biases(biases_file), _read_cases(cases)
     with show_progress("check the cases and their records"):
-        checks = check_batch(read, None, jobs)
-    for one in checks.values():
-        for words in one.lines():
-            print_remark(f"  {words}")
-    new = {case.aircraft: read_aircraft(case.aircraft) for case in read}
-    models = swap_models(before, after, {case.name: new[case.aircraft] for case in read}, old)
-    with show_progress(f"swap terms on {len(read)} case{'s' if len(read) > 1 else ''}"):
+        checks = check_batch(read, None, jobs=jobs)
+    print_record_errors(checks)
+    aircraft = {case.aircraft: read_aircraft(case.aircraft) for case in read}
+    by_case = {case.name: aircraft[case.aircraft] for case in read}
+    models = swap_models(before, after, by_case, old)
+    with show_progress(f"swap terms on {count_text(len(read), 'case')}"):
         paths = {case.name: recorded_states(case, biases) for case in read}
-        ranked = rank_all(
-            read, models, paths, jobs, groups=wanted, players=players, replays=replays, seed=seed
-        )
-    found = {name: table for name, (_, table) in ranked.items()}
+        options = {"groups": members, "players": players, "replays": replays, "seed": seed}
+        ranked = rank_all(read, models, paths, jobs=jobs, **options)
+    benches = {name: bench for name, (bench, _) in ranked.items()}
+    tables = {name: table for name, (_, table) in ranked.items()}
+    # the tables of single cases come before the slower joint search
     if not as_json:
         for case in read:
-            _print(case, found[case.name])
+            _print_swaps(case, tables[case.name])
     if output or aircraft_output:
         with show_progress("join what the cases need"):
-            found = join_tables(found, {name: bench for name, (bench, _) in ranked.items()}, jobs)
+            tables = join_tables(tables, benches, jobs)
         if not as_json:
-            _print_joint(found)
-    written = _written(output, (before, after, final), found) if output else ""
+            _print_joint_terms(tables)
+    lines = []
+    if output:
+        lines.append(_write_database(output, before, after, final=final, tables=tables))
     if aircraft_output and old is not None:
-        _write_aircraft(aircraft_output, old, new, found)
+        _write_aircraft(aircraft_output, old, aircraft, tables=tables)
+        lines.append(f"written: {aircraft_output}")
     if as_json:
-        print_json(
-            [
-                {"case": name, **row}
-                for name, rows in found.items()
-                for row in rows.to_dict("records")
-            ]
-        )
+        _print_rows_as_json(tables)
         return
-    if written:
-        click.echo(written)
-    if aircraft_output:
-        click.echo(f"written: {aircraft_output}")
+    for line in lines:
+        click.echo(line)
 
 
-def _cases(places: tuple[Path, ...]) -> list[PomCase]:
+def _print_rows_as_json(tables: Mapping[str, pd.DataFrame]) -> None:
+    rows = []
+    for name, table in tables.items():
+        rows += [{"case": name, **row} for row in table.to_dict("records")]
+    print_json(rows)
 
-    found = [read_case(file) for file in case_files(places)]
-    problems = [
-        f"{case.path}: case.aircraft: missing; the kernel flies an aircraft, give its file"
-        for case in found
-        if not case.aircraft
-    ]
-    problems += [
-        f"{case.path}: control_law: the kernel flies no FMU of a control law; leave the case out"
-        for case in found
-        if case.law
-    ]
-    names = [case.name for case in found]
-    problems += [
-        f"case name {name!r} is given twice"
-        for name in dict.fromkeys(names)
-        if names.count(name) > 1
-    ]
+
+def _read_cases(paths: tuple[Path, ...]) -> list[PomCase]:
+    """Read the cases; raise if the kernel cannot replay one of them."""
+    cases = [read_case(file) for file in case_files(paths)]
+    missing, controlled = [], []
+    for case in cases:
+        if not case.aircraft:
+            missing.append(
+                f"{case.path}: case.aircraft: missing; the kernel flies an aircraft, give its file"
+            )
+        if case.law:
+            controlled.append(
+                f"{case.path}: control_law: the kernel flies no FMU of a control law; leave the "
+                f"case out"
+            )
+    # the tables of the diagnosis are stored by the name of the case
+    counts = Counter(case.name for case in cases)
+    repeated = [f"case name {name!r} is given twice" for name, count in counts.items() if count > 1]
+    problems = [*missing, *controlled, *repeated]
     if problems:
         raise SchemaError("cases to diagnose", problems)
-    return found
+    return cases
 
 
-def _groups(texts: tuple[str, ...]) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {}
+def _parse_groups(texts: tuple[str, ...]) -> dict[str, list[str]]:
+    """Return the terms of each group of ``--group NAME=TERM,TERM``."""
+    groups: dict[str, list[str]] = {}
     for text in texts:
         name, equals, members = text.partition("=")
-        found[name.strip()] = [word.strip() for word in members.split(",") if word.strip()]
-        if not equals or not name.strip() or not found[name.strip()]:
+        terms = [term.strip() for term in members.split(",") if term.strip()]
+        if not equals or not name.strip() or not terms:
             raise click.UsageError(
                 f"--group {text!r}: expected NAME=TERM,TERM such as ground=CL/ground,Cm/ground"
             )
-    return found
+        groups[name.strip()] = terms
+    return groups
 
 
-def _written(output: str, databases: tuple[Any, Any, str], found: dict[str, pd.DataFrame]) -> str:
-
-    before, after, final = databases
-    corrected = corrected_database(before, after, found, _source(final))
+def _write_database(
+    output: str,
+    before: xr.DataTree,
+    after: xr.DataTree,
+    *,
+    final: str,
+    tables: dict[str, pd.DataFrame],
+) -> str:
+    """Write the corrected database, and return a line on it."""
+    corrected = corrected_database(before, after, tables, _source(final))
     aerodb.save(corrected, output)
-    return (
-        f"written: {output}, with {' '.join(differing_terms(before, corrected)) or 'no term'} "
-        f"of {final}"
-    )
+    terms = " ".join(differing_terms(before, corrected)) or "no term"
+    return f"written: {output}, with {terms} of {final}"
 
 
 def _write_aircraft(
-    output: str, old: Aircraft, new: dict[str, Aircraft], found: dict[str, pd.DataFrame]
+    output: str, old: Aircraft, new: dict[str, Aircraft], *, tables: dict[str, pd.DataFrame]
 ) -> None:
-
+    """Write the corrected aircraft file."""
     if len(new) > 1:
-        raise SchemaError(
-            "corrected aircraft",
-            [
-                f"the cases name {len(new)} aircraft files ({', '.join(new)}); diagnose them "
-                f"one by one"
-            ],
+        problem = (
+            f"the cases name {len(new)} aircraft files ({', '.join(new)}); diagnose them one by one"
         )
+        raise SchemaError("corrected aircraft", [problem])
     ((file, aircraft),) = new.items()
-    write_aircraft(corrected_aircraft(old, aircraft, found, _source(file)), output)
+    write_aircraft(corrected_aircraft(old, aircraft, tables, _source(file)), output)
 
 
 def _source(file: str) -> str:
-    """Return what the history calls a file: its name and the first half of its digest."""
-
+    """Return the text of a file in a history: its name and the first half of its digest."""
     return f"{Path(file).name} (SHA-256 {file_sha256(file)[:32]})"
 
 
-def _print(case: PomCase, ranked: pd.DataFrame) -> None:
-
+def _print_swaps(case: PomCase, ranked: pd.DataFrame) -> None:
+    """Print the table of a case, without the swaps and pairs that change little."""
     criteria = criteria_of(ranked)
+    # Alone, an idle swap explains nothing; without it, the others still explain all.
     idle = ranked["stage"].isin(["single", "group"]) & (ranked["explained"].abs() < _IDLE)
     idle |= (ranked["stage"] == "without") & ((ranked["explained"] - 1.0).abs() < _IDLE)
     pairs = ranked[ranked["stage"] == "pair"]
-    quiet = pairs.index.difference(pairs["interaction"].abs().nlargest(_INTERACTING).index)
-    columns = [
-        "stage",
-        "term",
-        "explained",
-        "verdict",
-        "interaction",
-        *(f"{name} {what}" for name in criteria for what in ("explained", "ratio")),
-    ]
-    not_flown = ranked["stage"] == "idle"
-    rows = [
-        _cells(row, criteria) for row in ranked[~idle & ~not_flown].drop(quiet).to_dict("records")
-    ]
+    strongest = pairs["interaction"].abs().nlargest(_INTERACTING).index
+    weak_pairs = pairs.index.difference(strongest)
+    columns = ["stage", "term", "explained", "verdict", "interaction"]
+    for name in criteria:
+        columns += [f"{name} explained", f"{name} ratio"]
+    # stage `idle`: terms with a bound so small that the kernel did not replay them
+    not_replayed = ranked["stage"] == "idle"
+    printed = ranked[~idle & ~not_replayed].drop(weak_pairs)
+    rows = [_cells(row, criteria) for row in printed.to_dict("records")]
     print_table(columns, rows, f"{case.id}  {case.title}", right=[columns[2], *columns[4:]])
     click.echo(cause_sentences(ranked))
-    if not_flown.any():
-        together, *alone = ranked.loc[not_flown, "bound"]
+    if not_replayed.any():
+        # the first row is the bound of all these terms together
+        joint, *single = ranked.loc[not_replayed, "bound"]
         click.echo(
-            f"{len(alone)} terms not flown alone: each moves the judged outputs by less than "
-            f"{100.0 * max(alone):.2g} % of their mismatch, "
-            f"all together by {100.0 * together:.2g} %; --json has them all"
+            f"{len(single)} terms not flown alone: each moves the judged outputs by less than "
+            f"{100.0 * max(single):.2g} % of their mismatch, all together by "
+            f"{100.0 * joint:.2g} %; --json has them all"
         )
     if idle.any():
-        left_out = f"{int(idle.sum())} swaps that change less than {_IDLE:g} of the gap"
-        left_out += f" and {len(quiet)} pairs that interact less" if len(quiet) else ""
-        click.echo(f"{left_out} are left out; --json has them all\n")
+        text = f"{int(idle.sum())} swaps that change less than {_IDLE:g} of the gap"
+        if len(weak_pairs):
+            text += f" and {len(weak_pairs)} pairs that interact less"
+        click.echo(f"{text} are left out; --json has them all\n")
 
 
-def _print_joint(found: dict[str, pd.DataFrame]) -> None:
-
-    for name, terms in joint_terms(found).items():
+def _print_joint_terms(tables: dict[str, pd.DataFrame]) -> None:
+    for name, terms in joint_terms(tables).items():
         click.echo(
             f"added for {name}, which does not pass with what each case needs alone: "
             f"{', '.join(terms)}"
@@ -212,22 +209,24 @@ def _print_joint(found: dict[str, pd.DataFrame]) -> None:
 
 
 def _cells(row: dict[Any, Any], criteria: list[str]) -> list[str]:
+    """Return the cells of a swap; a Shapley share has no verdict and no ratio."""
+    is_share = row["stage"] == "share"
     cells = [
         row["stage"],
         row["term"],
         _percent(row["explained"], row["stderr"]),
-        "" if row["stage"] == "share" else row["verdict"],
+        "" if is_share else row["verdict"],
+        _percent(row["interaction"]),
     ]
-    cells.append(_percent(row["interaction"]))
     for name in criteria:
-        cells += [
-            _percent(row[f"{name} explained"], row[f"{name} stderr"]),
-            "" if row["stage"] == "share" else f"{row[f'{name} ratio']:.2f}",
-        ]
+        ratio = "" if is_share else f"{row[f'{name} ratio']:.2f}"
+        cells += [_percent(row[f"{name} explained"], row[f"{name} stderr"]), ratio]
     return cells
 
 
 def _percent(share: float, stderr: float = 0.0) -> str:
-    if share != share:
+    """Return a share in percent with its standard error; empty for NaN."""
+    if math.isnan(share):
         return ""
-    return f"{100.0 * share:.0f}{f' +- {100.0 * stderr:.0f}' if stderr > 0.0 else ''} %"
+    error = f" +- {100.0 * stderr:.0f}" if stderr > 0.0 else ""
+    return f"{100.0 * share:.0f}{error} %"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,19 +15,20 @@ from flightmech.support.console import (
     InputFile,
     command_line,
     print_json,
-    print_remark,
     print_table,
     show_progress,
 )
 from flightmech.support.kept_stages.sharing import demand_scheduler
 from pom.archive.archive import Custody
-from pom.archive.origins import provenance
-from pom.cases.case import read_case
+from pom.archive.origins import ReportProvenance, provenance
+from pom.cases.case import PomCase, read_case
 from pom.cases.reference_states import window_problem
 from pom.checking.batch_check import check_batch
-from pom.checking.case_check import checks_text, with_record_checks
+from pom.checking.case_check import RecordCheck, checks_text, with_record_checks
 from pom.cli.actions.report import (
     case_files,
+    count_text,
+    print_record_errors,
     read_biases,
     signatures_of,
 )
@@ -40,58 +43,93 @@ from pom.replaying.run_remarks import calibration, drift, pilot_activity
 from pom.report.case.remarks import run_notes, sampled_line
 from pom.report.exports import write_junit
 from pom.report.writer import write_report
-from pom.result import PASSED, run_notices, status_text, trim_remarks
+from pom.result import PASSED, PomResult, run_notices, status_text, trim_remarks
 from pom.tolerances.bands import remarks_text
 
 
 def check_cases(cases: tuple[Path, ...], as_json: bool) -> None:
     """Perform the command ``check``."""
-    found, problems = [], []
+    checked: list[PomCase] = []
+    problems: list[str] = []
     files = case_files(cases)
-    with show_progress(f"read {len(files)} case{'s' if len(files) > 1 else ''} and their records"):
+    with show_progress(f"read {count_text(len(files), 'case')} and their records"):
         for file in files:
             try:
                 case = read_case(file)
             except AeromatchError as error:
                 problems.append(str(error))
                 continue
-            found.append(case)
-            if problem := window_problem(case):
-                problems.append(problem)
-            if case.law:
-                try:
-                    demand_platform(read_fmu_interface(case.law))
-                except AeromatchError as error:
-                    problems.append(f"case {case.path}: control_law: {error}")
+            checked.append(case)
+            problems += _case_problems(case)
+    # one case is an object, several cases are an array
     if as_json and not problems:
-        print_json([case.to_dict() for case in found] if len(found) > 1 else found[0].to_dict())
+        documents = [case.to_dict() for case in checked]
+        print_json(documents if len(documents) > 1 else documents[0])
         return
-    for case in found if not as_json else ():
-        _print_criteria(case)
+    if not as_json:
+        for case in checked:
+            _print_criteria(case)
     if problems:
         raise SchemaError("cases", problems)
 
 
-def _print_criteria(case: Any) -> None:
+def _case_problems(case: PomCase) -> list[str]:
+    """Return the problems of a valid case with its record and its control law."""
+    problems = []
+    problem = window_problem(case)
+    if problem:
+        problems.append(problem)
+    # a control law without a library for this machine cannot run
+    if case.law:
+        try:
+            demand_platform(read_fmu_interface(case.law))
+        except AeromatchError as error:
+            problems.append(f"case {case.path}: control_law: {error}")
+    return problems
 
-    rows = [
-        (
-            c.name,
-            c.channel,
-            c.measure,
-            c.group,
-            c.band.text,
-            f"{c.window[0]:g} ... {c.window[1]:g}",
-            reason_not_judged(case, c) or c.provenance,
+
+def _print_criteria(case: PomCase) -> None:
+    rows = []
+    for criterion in case.criteria:
+        row = (
+            criterion.name,
+            criterion.channel,
+            criterion.measure,
+            criterion.group,
+            criterion.band.text,
+            f"{criterion.window[0]:g} ... {criterion.window[1]:g}",
+            reason_not_judged(case, criterion) or criterion.provenance,
         )
-        for c in case.criteria
-    ]
+        rows.append(row)
     title = f"{case.id}  {case.title}  ({case.standard}, {case.edition})"
-    print_table(
-        ("criterion", "channel", "measure", "group", "tolerance", "window [s]", "remark"),
-        rows,
-        title,
-    )
+    columns = ("criterion", "channel", "measure", "group", "tolerance", "window [s]", "remark")
+    print_table(columns, rows, title)
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """Cases and files of the command ``run``.
+
+    Attributes
+    ----------
+    cases : list of PomCase
+    runs, names, databases : dict of str to Path
+        By model: its FMU, its table of names, and the database of its draws.
+    logs : dict of str to dict
+        By model: the log of its tuning.
+    files : list of str
+        Every input file but the FMUs, with repetitions.
+    custody : Custody
+        Hashes of all files, computed before they were read.
+    """
+
+    cases: list[PomCase]
+    runs: dict[str, Path]
+    names: dict[str, Path]
+    databases: dict[str, Path]
+    logs: dict[str, dict[str, Any]]
+    files: list[str]
+    custody: Custody
 
 
 def run_cases(
@@ -121,174 +159,280 @@ def run_cases(
     as_json: bool,
 ):
     """Perform the command ``run``."""
-    runs, names = (
-        files_by_name("--model", models, "final=out/final.fmu"),
-        files_by_name("--names", tables, "simulator=names.toml"),
+    _demand_pairs(samples, databases, tunings=tunings, output=output)
+    signatures = signatures_of(signed)
+    batch = _read_batch(
+        cases, models, tables, databases=databases, tunings=tunings, others=(evidence, biases_file)
     )
-    stated = files_by_name("--database", databases, "final=out/final.nc")
-    if bool(samples) != bool(stated):
+    checks = _check_batch(batch, jobs=jobs, scheduler=scheduler, resume=resume)
+    options: dict[str, Any] = {
+        "names": batch.names,
+        "biases": read_biases(biases_file),
+        "timeout": timeout,
+        "jobs": jobs,
+        "scheduler": scheduler,
+        "resume": resume,
+        "evidence": aerodb.store.open(evidence) if evidence else None,
+    }
+    # the printer gets every result as soon as it is complete
+    printer = _ProgressPrinter(checks, list(batch.runs), verbose=verbose, silent=as_json)
+    results = _replay_batch(batch, printer, samples=samples, seed=seed, options=options)
+    results = with_record_checks(results, checks)
+    # a file that changed during the batch does not belong to the results
+    batch.custody.check()
+    report = None
+    if output is not None:
+        origin = _origin(batch, checks, date=date, signatures=signatures)
+        head: dict[str, Any] = {"title": title, "revision": revision, "provenance": origin}
+        head["paper"] = None if no_pdf else paper
+        with show_progress("write the report"):
+            report = write_report(results, output, tunings=batch.logs, jobs=jobs, **head)
+    if junit is not None:
+        write_junit(junit, results, title)
+    _print_results(batch, results, report=report, as_json=as_json)
+    ctx.exit(0 if set(_statuses(batch, results)) == {"pass"} else 1)
+
+
+def _demand_pairs(
+    samples: int, databases: tuple[str, ...], *, tunings: tuple[str, ...], output: Path | None
+) -> None:
+    """Raise if an option is without the option that it requires."""
+    if bool(samples) != bool(databases):
         raise click.UsageError(
             "--samples and --database go together: the number of draws, and the database of "
             "each model to draw from"
         )
-    signatures = signatures_of(signed)
-    tuned = files_by_name("--tuning", tunings, "tuned=out/tuning.json")
-    if tuned and output is None:
+    if tunings and output is None:
         raise click.UsageError("--tuning needs -o: the log is a chapter of the report")
-    custody = Custody()
-    named = case_files(cases)
-    for file in (*runs.values(), *names.values(), *stated.values(), *tuned.values()):
+
+
+def _print_results(
+    batch: _Batch, results: Sequence[PomResult], *, report: Path | None, as_json: bool
+) -> None:
+    if as_json:
+        print_json([_summary(result) for result in results])
+        return
+    models, cases = _size_texts(batch)
+    click.echo(f"{models} x {cases}: {_counts_text(_statuses(batch, results))}")
+    if report is not None:
+        click.echo(f"written: {report}")
+
+
+def _read_batch(
+    cases: tuple[Path, ...],
+    models: tuple[str, ...],
+    tables: tuple[str, ...],
+    *,
+    databases: tuple[str, ...],
+    tunings: tuple[str, ...],
+    others: Sequence[str | None],
+) -> _Batch:
+    """Hash and read the cases and files of a batch."""
+    runs = files_by_name("--model", models, "final=out/final.fmu")
+    names = files_by_name("--names", tables, "simulator=names.toml")
+    sources = files_by_name("--database", databases, "final=out/final.nc")
+    log_files = files_by_name("--tuning", tunings, "tuned=out/tuning.json")
+    paths = case_files(cases)
+    named = [*names.values(), *sources.values(), *log_files.values()]
+    for file in (*runs.values(), *named):
+        # raises if the file is missing
         InputFile().convert(file, None, None)
-    custody.take([*named, *runs.values()])
-    with show_progress(f"read {len(named)} case{'s' if len(named) > 1 else ''}"):
-        read = [read_case(file) for file in named]
-    files = [
-        *(file for case in read for file in case.files()),
-        *map(str, (*names.values(), *stated.values(), *tuned.values())),
-    ]
-    files += filter(None, (evidence, biases_file))
+    # Every file is hashed before it is read, so that the hash belongs to the results.
+    custody = Custody()
+    custody.take([*paths, *runs.values()])
+    with show_progress(f"read {count_text(len(paths), 'case')}"):
+        read = [read_case(path) for path in paths]
+    files: list[str] = []
+    for case in read:
+        files += case.files()
+    files += [*map(str, named), *filter(None, others)]
     custody.take(files)
-    logs = tuning_logs(tuned, runs)
+    return _Batch(
+        cases=read,
+        runs=runs,
+        names=names,
+        databases=sources,
+        logs=tuning_logs(log_files, runs),
+        files=files,
+        custody=custody,
+    )
+
+
+def _check_batch(
+    batch: _Batch, *, jobs: int, scheduler: str | None, resume: Path | None
+) -> dict[str, RecordCheck]:
+    """Check the cases and records of a batch, and print the errors of the records."""
     if scheduler:
         demand_scheduler(scheduler)
     with show_progress("check the cases and their records"):
-        offered = Models(runs, names)
-        if not scheduler:  # the workers of a cluster load the FMUs
-            offered.demand_platform()
-        checks = check_batch(read, offered, jobs, resume)
-    for one in checks.values():
-        for words in one.lines():
-            print_remark(f"  {words}")
-    waiting: list[str] = []
-    flown = False
-
-    def finished(result: Any) -> None:
-        nonlocal flown
-        (result,) = with_record_checks([result], checks)
-        flown = (
-            flown or not result.failure or any(result.status(name) != "invalid" for name in runs)
-        )
-        waiting.extend(_lines(result, verbose))
-        if flown and not as_json:
-            click.echo("\n".join(waiting))
-            waiting.clear()
-
-    found = aerodb.store.open(evidence) if evidence else None
-    shared: dict[str, Any] = {
-        "jobs": jobs,
-        "scheduler": scheduler,
-        "resume": resume,
-        "evidence": found,
-    }
-    biases = read_biases(biases_file)
-    text = (
-        f"replay {len(read)} case{'s' if len(read) > 1 else ''} by {len(runs)} "
-        f"model{'s' if len(runs) > 1 else ''}"
-    )
-    with show_progress(text, lines=not as_json):
-        given: dict[str, Any] = {
-            "names": names,
-            "biases": biases,
-            "timeout": timeout,
-            "progress": finished,
-            **shared,
-        }
-        if samples:
-            results = replay_sampled(read, runs, stated, samples, seed, **given)
-        else:
-            results = replay_all(read, runs, **given)
-    if not flown:
-        raise SimulationError("no model could be replayed: " + results[0].failure)
-    results = with_record_checks(results, checks)
-    custody.check()
-    written = None
-    if output is not None:
-        made_from = provenance(files, runs, command_line(), date, custody.sha256)
-        if signatures:
-            made_from["signatures"] = signatures
-        if wrong := checks_text(checks.values()):
-            made_from["record_errors"] = wrong
-        with show_progress("write the report"):
-            written = write_report(
-                results,
-                output,
-                title=title,
-                provenance=made_from,
-                tunings=logs,
-                revision=revision,
-                paper=None if no_pdf else paper,
-                jobs=jobs,
-            )
-    if junit is not None:
-        write_junit(junit, results, title)
-    statuses = [r.status(name) for r in results for name in runs]
-    if as_json:
-        print_json([_summary(r) for r in results])
-    else:
-        counts = ", ".join(
-            f"{statuses.count(word)} {status_text(word)}" for word in dict.fromkeys(statuses)
-        )
-        click.echo(
-            f"{len(runs)} model{'s' if len(runs) > 1 else ''} x {len(results)} "
-            f"case{'s' if len(results) > 1 else ''}: {counts}"
-        )
-        if written is not None:
-            click.echo(f"written: {written}")
-    ctx.exit(0 if set(statuses) == {"pass"} else 1)
+        models = Models(batch.runs, batch.names)
+        # the workers of a cluster load the FMUs, so this machine need not
+        if not scheduler:
+            models.demand_platform()
+        checks = check_batch(batch.cases, models, jobs=jobs, folder=resume)
+    print_record_errors(checks)
+    return checks
 
 
-def _lines(result: Any, verbose: bool = False) -> list[str]:
-    """Return one line per model, e.g. ``2.c.10  Short period  datcom  FAIL  1.6 x tolerance  theta
-    +2.41 deg at 4.3 s (1.5 deg)``.
+class _ProgressPrinter:
+    """Printer of the results of a batch as they come.
+
+    Lines wait until the first model is replayed.  If none is, the error alone is printed.
+
+    Attributes
+    ----------
+    is_replayed : bool
+        A model was replayed in at least one case.
     """
 
+    def __init__(
+        self, checks: Mapping[str, RecordCheck], runs: list[str], *, verbose: bool, silent: bool
+    ):
+        self.checks, self.runs = checks, runs
+        self.verbose, self.silent = verbose, silent
+        self.is_replayed = False
+        self._waiting: list[str] = []
+
+    def print_result(self, result: PomResult) -> None:
+        """Print the lines of one result."""
+        (result,) = with_record_checks([result], self.checks)
+        # a model that fails to run has an invalid case
+        if not result.failure or any(result.status(run) != "invalid" for run in self.runs):
+            self.is_replayed = True
+        self._waiting += _result_lines(result, self.verbose)
+        if self.is_replayed and not self.silent:
+            click.echo("\n".join(self._waiting))
+            self._waiting.clear()
+
+
+def _replay_batch(
+    batch: _Batch,
+    printer: _ProgressPrinter,
+    *,
+    samples: int,
+    seed: int,
+    options: Mapping[str, Any],
+) -> list[PomResult]:
+    """Replay the cases of a batch, with draws if samples are requested.
+
+    Raises
+    ------
+    SimulationError
+        No model was replayed in any case.
+    """
+    models, cases = _size_texts(batch)
+    options = {**options, "progress": printer.print_result}
+    with show_progress(f"replay {cases} by {models}", lines=not printer.silent):
+        if samples:
+            results = replay_sampled(
+                batch.cases, batch.runs, batch.databases, count=samples, seed=seed, **options
+            )
+        else:
+            results = replay_all(batch.cases, batch.runs, **options)
+    if not printer.is_replayed:
+        raise SimulationError("no model could be replayed: " + results[0].failure)
+    return results
+
+
+def _origin(
+    batch: _Batch,
+    checks: Mapping[str, RecordCheck],
+    *,
+    date: str,
+    signatures: Mapping[str, Mapping[str, str]],
+) -> ReportProvenance:
+    """Return the provenance of the report of a batch."""
+    origin = provenance(
+        batch.files,
+        batch.runs,
+        command=command_line(),
+        date=date,
+        digest=batch.custody.sha256,
+    )
+    if signatures:
+        origin["signatures"] = signatures
+    record_errors = checks_text(checks.values())
+    if record_errors:
+        origin["record_errors"] = record_errors
+    return origin
+
+
+def _size_texts(batch: _Batch) -> tuple[str, str]:
+    """Return the number of models and of cases as texts."""
+    return count_text(len(batch.runs), "model"), count_text(len(batch.cases), "case")
+
+
+def _statuses(batch: _Batch, results: Sequence[PomResult]) -> list[str]:
+    """Return the status of every result and model."""
+    statuses: list[str] = []
+    for result in results:
+        statuses += [result.status(run) for run in batch.runs]
+    return statuses
+
+
+def _counts_text(statuses: Sequence[str]) -> str:
+    """Return the number of cases by status, in the order of their first case."""
+    counts = []
+    for status in dict.fromkeys(statuses):
+        counts.append(f"{statuses.count(status)} {status_text(status)}")
+    return ", ".join(counts)
+
+
+def _result_lines(result: PomResult, verbose: bool = False) -> list[str]:
+    """Return one line per model, and its notices.
+
+    For example ``2.c.10  Short period  datcom  FAIL  1.6 x tolerance  theta +2.41 deg at 4.3 s
+    (1.5 deg)``.
+    """
     case, lines = result.case, []
-    for name in result.runs:
-        status = result.status(name)
-        worst = result.worst(name)
-        text = status_text(status)
-        if worst is not None:
-            at = f" at {worst['at']:.1f} s" if worst["measure"] == "trace" else ""
-            unit = "" if worst["unit"] == "1" else f" {worst['unit']}"
-            text += f"  {worst['worst_ratio']:.2f} x tolerance"
-            text += (
-                f"  {worst['criterion']} {worst['worst']:+.3g}{unit}{at} "
-                f"({worst['tolerance_text']})"
-            )
-            text += (
-                "".join(f"; {words}" for words in trim_remarks(result, name))
-                if status in ("limits_exceeded", "record_error")
-                else ""
-            )
-        elif status not in PASSED:
-            rows = result.verdict[
-                (result.verdict["run"] == name) & (result.verdict["verdict"] == status)
-            ]
-            text += f"  {remarks_text(rows.iloc[0]['remarks'])}" if len(rows) else ""
-        lines.append(f"{case.id:<8}{case.title:<44} {name:<12} {text}")
-        lines += (
-            [f"{'':8}notice {text}" for text in run_notices(result, name)]
-            if status != "fail" or verbose
-            else []
-        )
-        lines += [f"{'':8}{sampled_line(result, name)}"] if name in result.samples else []
-        lines += [f"{'':8}{text}" for text in run_notes(result, name)] if verbose else []
+    indent = " " * 8
+    for run in result.runs:
+        lines.append(f"{case.id:<8}{case.title:<44} {run:<12} {_verdict_text(result, run)}")
+        # a failed case needs no notices to be looked at
+        if result.status(run) != "fail" or verbose:
+            lines += [f"{indent}notice {text}" for text in run_notices(result, run)]
+        if run in result.samples:
+            lines.append(f"{indent}{sampled_line(result, run)}")
+        if verbose:
+            lines += [f"{indent}{text}" for text in run_notes(result, run)]
     return lines
 
 
-def _summary(result: Any) -> dict[str, Any]:
+def _verdict_text(result: PomResult, run: str) -> str:
+    """Return the status of a model and the row that decides."""
+    status, worst = result.status(run), result.worst(run)
+    text = status_text(status)
+    if worst is not None:
+        # only a time history has an instant
+        instant = f" at {worst['at']:.1f} s" if worst["measure"] == "trace" else ""
+        unit = "" if worst["unit"] == "1" else f" {worst['unit']}"
+        text += (
+            f"  {worst['worst_ratio']:.2f} x tolerance  {worst['criterion']} "
+            f"{worst['worst']:+.3g}{unit}{instant} ({worst['tolerance_text']})"
+        )
+        if status in ("limits_exceeded", "record_error"):
+            text += "".join(f"; {remark}" for remark in trim_remarks(result, run))
+    elif status not in PASSED:
+        # without a judged row, the first row with the status gives the reason
+        for row in result.rows:
+            if row["run"] == run and row["verdict"] == status:
+                return f"{text}  {remarks_text(row['remarks'])}"
+    return text
 
+
+def _summary(result: PomResult) -> dict[str, Any]:
+    """Return the numbers of a result for ``--json``."""
     return {
         "case": result.case.name,
         "id": result.case.id,
         "standard": result.case.standard,
         "edition": result.case.edition,
-        "status": {name: result.status(name) for name in result.runs},
+        "status": {run: result.status(run) for run in result.runs},
         "failure": result.failure,
         "verdict": result.verdict_records(),
         "trim": result.trim,
         "pilot": pilot_activity(result),
         "drift": drift(result),
         "calibration": calibration(result),
-        "samples": {name: samples.numbers() for name, samples in result.samples.items()},
+        "samples": {run: replay.numbers() for run, replay in result.samples.items()},
     }

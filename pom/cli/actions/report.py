@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast
@@ -24,10 +25,10 @@ from flightmech.support.toml_models import schema_text, validate_content
 from flighttest.reconstruction.flight_programme import open_biases
 from pom.archive.origins import NAME, ReportProvenance
 from pom.archive.results_document import join_reports
-from pom.archive.verification import KINDS
-from pom.archive.verification import verify as check
+from pom.archive.verification import KINDS, VerificationResult, verify
 from pom.cases.case_file import Signatures, case_schema, plain_signatures
 from pom.cases.drafting.draft import init_case
+from pom.checking.case_check import RecordCheck
 from pom.replaying.replay_case import files_by_name
 from pom.report.writer import write_report
 from pom.result import results_name
@@ -38,19 +39,36 @@ def read_biases(file: str | None) -> Any:
     """Return the instrument constants of `biases_option`; None without a file."""
     if file is None:
         return None
-
     return open_biases(file)
 
 
-def case_files(places: Iterable[Path]) -> list[Path]:
-    """Return the case files among files and folders of them."""
-    places = list(places)
-    found: list[Path] = []
-    for place in places:
-        found += sorted(place.glob("*.toml")) if place.is_dir() else [place]
-    if not found:
-        raise click.UsageError(f"no case file (*.toml) in {', '.join(map(str, places))}")
-    return found
+def case_files(paths: Iterable[Path]) -> list[Path]:
+    """Return the case files among files and folders."""
+    paths = list(paths)
+    files: list[Path] = []
+    for path in paths:
+        # sorted: the order of a folder depends on the file system
+        if path.is_dir():
+            files += sorted(path.glob("*.toml"))
+        else:
+            files.append(path)
+    if not files:
+        raise click.UsageError(f"no case file (*.toml) in {', '.join(map(str, paths))}")
+    return files
+
+
+def count_text(count: int, noun: str) -> str:
+    """Return a number and its noun, ``1 case`` or ``2 cases``."""
+    if count == 1:
+        return f"1 {noun}"
+    return f"{count} {noun}s"
+
+
+def print_record_errors(checks: Mapping[str, RecordCheck]) -> None:
+    """Print the errors of flight records as remarks."""
+    for check in checks.values():
+        for line in check.lines():
+            print_remark(f"  {line}")
 
 
 def run_init_case(
@@ -67,13 +85,14 @@ def run_init_case(
 ) -> None:
     """Perform the command ``init``."""
     standard, edition = edition_of(standard, edition)
+    # a script cannot answer the question for the test
     if test is None:
         if not _on_terminal():
             raise click.UsageError(
                 "--test is missing; give the number of a row, such as --test 2.c.10 (on a "
                 "terminal it is requested)"
             )
-        test = _ask(titles_of_tests(standard, edition))
+        test = _prompt_test(titles_of_tests(standard, edition))
     with show_progress("read the record, write the case"):
         case, remarks = init_case(
             record,
@@ -107,18 +126,18 @@ def _on_terminal() -> bool:
     return sys.stdin.isatty()
 
 
-def _ask(titles: dict[str, str]) -> str:
-    """Ask what was flown, then which of the fitting rows it is."""
-    while True:
-        words = click.prompt("What was flown? (words of the title, or a number)").lower().split()
-        fitting = {
-            test: title
-            for test, title in titles.items()
-            if all(word in f"{test} {title}".lower() for word in words)
-        }
-        if fitting:
-            break
-        click.echo("no row has all of these words; try fewer, such as 'roll' or '2.c'")
+def _prompt_test(titles: dict[str, str]) -> str:
+    """Prompt for words of the title, then for one of the rows that fit; return the test."""
+    fitting: dict[str, str] = {}
+    while not fitting:
+        text = click.prompt("What was flown? (words of the title, or a number)").lower()
+        # all words must be in the number or the title
+        for test, title in titles.items():
+            row = f"{test} {title}".lower()
+            if all(term in row for term in text.split()):
+                fitting[test] = title
+        if not fitting:
+            click.echo("no row has all of these words; try fewer, such as 'roll' or '2.c'")
     for test, title in fitting.items():
         click.echo(f"  {test:8} {title}")
     return click.prompt(
@@ -130,18 +149,16 @@ def _ask(titles: dict[str, str]) -> str:
 
 
 def signatures_of(signed: tuple[tuple[str, str, str], ...]) -> dict[str, dict[str, str]]:
-    """Return the signatures that ``--sign`` names, by role.
+    """Return the signatures of ``--sign`` by role.
 
     Raises
     ------
     SchemaError
-        Another role, or no day.
+        A role or a date is not valid.
     """
-
-    given = {role: {"name": name, "date": date} for role, name, date in signed}
-    return plain_signatures(
-        validate_content(Signatures, {"signatures": given}, "--sign").signatures
-    )
+    entries = {role: {"name": name, "date": date} for role, name, date in signed}
+    content = validate_content(Signatures, {"signatures": entries}, "--sign")
+    return plain_signatures(content.signatures)
 
 
 def run_write_report(
@@ -159,61 +176,62 @@ def run_write_report(
     """Perform the command ``report``."""
     signatures = signatures_of(signed)
     with show_progress("read the results"):
-        found = join_reports(results)
-    made_from = {
-        **found.provenance,
+        archive = join_reports(results)
+    # The numbers keep their origin; command and date are those of this report.
+    origin = {
+        **archive.provenance,
         "command": command_line(),
-        "date": date or found.provenance.get("date", ""),
+        "date": date or archive.provenance.get("date", ""),
     }
     if signatures:
-        name = results_name(found.results)
-        signatures = {role: {**one, "results": name} for role, one in signatures.items()}
-        made_from["signatures"] = {**found.provenance.get("signatures", {}), **signatures}
+        # a new signature states the results that were signed
+        name = results_name(archive.results)
+        for entry in signatures.values():
+            entry["results"] = name
+        origin["signatures"] = {**archive.provenance.get("signatures", {}), **signatures}
     opened = {}
-    if databases:
-        opened = {
-            name: aerodb.open(file)
-            for name, file in files_by_name("--database", databases, "final=out/final.nc").items()
-        }
-    with show_progress(f"write the report of {len(found.results)} cases"):
-        made = write_report(
-            found.results,
+    for run, file in files_by_name("--database", databases, "final=out/final.nc").items():
+        opened[run] = aerodb.open(file)
+    with show_progress(f"write the report of {len(archive.results)} cases"):
+        report = write_report(
+            archive.results,
             output,
-            title=title or found.title,
-            provenance=cast("ReportProvenance", made_from),
+            title=title or archive.title,
+            provenance=cast("ReportProvenance", origin),
             databases=opened,
-            diagnoses=found.diagnoses,
-            tunings=found.tunings,
-            revision=revision or found.revision,
+            diagnoses=archive.diagnoses,
+            tunings=archive.tunings,
+            revision=revision or archive.revision,
             paper=None if no_pdf else paper,
             chapters=chapters or None,
-            kept=found.chapters,
+            kept=archive.chapters,
         )
-    click.echo(f"written: {made}")
+    click.echo(f"written: {report}")
 
 
 def verify_report(ctx: click.Context, folder: Path, as_json: bool) -> None:
     """Perform the command ``verify``."""
     with show_progress("hash all files, judge all verdicts again"):
-        found = check(folder)
-    bad = [item for item in found if item.state != "same"]
+        items = verify(folder)
+    different = [item for item in items if item.state != "same"]
     if as_json:
-        print_json([asdict(item) for item in found])
+        print_json([asdict(item) for item in items])
     else:
-        counts = {kind: sum(item.kind == kind for item in found) for kind in KINDS}
-        if bad:
-            print_table(
-                ("what", "name", "state", "detail"),
-                [(item.kind, item.name, item.state, item.detail) for item in bad],
-            )
-        checked = ", ".join(
-            f"{count} {kind}{'' if count == 1 else 's'}" for kind, count in counts.items()
-        )
-        click.echo(
-            f"{len(bad)} of {len(found)} differ ({checked} checked)"
-            if bad
-            else f"all as it was: {checked} checked"
-        )
+        _print_verification(items, different)
         click.echo(f"SHA-256 of {NAME}, to be signed: {file_sha256(folder / NAME)}")
         click.echo("not covered: who wrote the report, and page and PDF but for their hashes")
-    ctx.exit(1 if bad else 0)
+    ctx.exit(1 if different else 0)
+
+
+def _print_verification(
+    items: Sequence[VerificationResult], different: Sequence[VerificationResult]
+) -> None:
+    """Print the items that differ, and how many of each kind were checked."""
+    counts = Counter(item.kind for item in items)
+    checked = ", ".join(count_text(counts[kind], kind) for kind in KINDS)
+    if not different:
+        click.echo(f"all as it was: {checked} checked")
+        return
+    rows = [(item.kind, item.name, item.state, item.detail) for item in different]
+    print_table(("what", "name", "state", "detail"), rows)
+    click.echo(f"{len(different)} of {len(items)} differ ({checked} checked)")

@@ -27,7 +27,7 @@ from flightmech.support.console import (
 from flightmech.support.input_files import read_toml
 from pom.archive.archive import Custody
 from pom.cases.case import PomCase, read_case
-from pom.cli.actions.report import case_files, read_biases
+from pom.cli.actions.report import case_files, count_text, read_biases
 from pom.diagnosis.tuning.demands import demand_cases, demand_evidence
 from pom.diagnosis.tuning.search import tune as search
 from pom.diagnosis.tuning.tuning_log import (
@@ -44,11 +44,9 @@ from pom.diagnosis.tuning.tuning_log import (
 from pom.judging.beyond_the_bands import flown_model
 from pom.replaying.batch import paths_of_cases
 from pom.replaying.caches import KeptStates
-from pom.replaying.replay_case import plan_of
+from pom.replaying.replay_case import ReplayPlan, plan_of
 
 PARTS = ("tuned.nc", "tuned.toml", "tuned.fmu", "tuning.json", "tuning.txt")
-
-
 RATIONALE = "rationale"
 
 
@@ -72,190 +70,212 @@ def run_tune(
     """Perform the command ``tune``."""
     if fmu and output is None:
         raise click.UsageError("--fmu needs -o: the folder for the tuned model")
-
-    reasons, written = read_rationales(rationale)
-    custody, named = Custody(), case_files(cases)
-    custody.take([*named, *filter(None, (database, evidence, written, biases_file))])
-    read = [read_case(file) for file in named]
+    reasons, reasons_file = read_rationales(rationale)
+    # Every file is hashed before it is read, so that the hash belongs to the results.
+    custody, paths = Custody(), case_files(cases)
+    custody.take([*paths, *filter(None, (database, evidence, reasons_file, biases_file))])
+    read = [read_case(path) for path in paths]
     demand_cases(read, wanted)
     aircraft = aircraft or _aircraft_of(database, read)
-    files = dict(zip(BASES, (database, aircraft, evidence, written, biases_file), strict=True))
-    for case in read:
-        files |= {f"case {case.name}": case.path, f"record of {case.name}": case.record}
-    custody.take(filter(None, files.values()))
-    model, found = aerodb.open(database), aerodb.open(evidence) if evidence else None
-    demand_evidence(model, model if found is None else found, reasons)
-    kept = KeptStates(resume.resolve() if resume is not None else None, read_biases(biases_file))
-    with show_progress(f"read the flights of {len(read)} case{'s' if len(read) > 1 else ''}"):
-        plans = [
-            plan_of(case, states)
-            for case, states in zip(read, paths_of_cases(read, {}, kept, jobs), strict=True)
-        ]
-    airplane = read_aircraft(aircraft)
+    files = _input_files(read, (database, aircraft, evidence, reasons_file, biases_file))
+    custody.take(files.values())
+    model = aerodb.open(database)
+    estimates = aerodb.open(evidence) if evidence else None
+    # without evidence, the standard errors of the model itself count
+    demand_evidence(model, model if estimates is None else estimates, reasons)
+    store = KeptStates(resume.resolve() if resume is not None else None, read_biases(biases_file))
+    plans = _plan_cases(read, store, jobs)
+    craft = read_aircraft(aircraft)
     with show_progress("search the least move"):
-        tuning = search(plans, model, airplane, list(wanted) or None, found, reasons, bound, jobs)
-    tuned = (
-        nodes_digest(compile_model(airplane, tuning.database))
-        if tuning.database is not None
-        else ""
-    )
+        tuning = search(
+            plans,
+            model,
+            craft,
+            wanted=list(wanted) or None,
+            evidence=estimates,
+            rationale=reasons,
+            bound=bound,
+            jobs=jobs,
+        )
+    digest = _model_digest(craft, tuning.database)
     custody.check()
-    log = tuning.document(
-        tuned,
-        {
-            role: {"name": Path(file).name, "sha256": custody.sha256(file)}
-            for role, file in files.items()
-            if file
-        },
-    )
+    log = tuning.document(digest, _file_entries(files, custody))
     if output is not None and tuning.database is not None:
-        with show_progress("write the tuned model"):
-            _write(output, tuning.database, airplane, log, fmu)
+        _write_model(output, tuning.database, craft, log=log, fmu=fmu)
     if log_file:
         _write_log(Path(log_file), log)
     if as_json:
         print_json(log)
     else:
-        _print(log)
-        if output is not None:
-            click.echo(
-                f"written: {output}"
-                if tuning.database is not None
-                else f"not written: {output}, the tuning was refused"
-            )
-        if log_file:
-            click.echo(f"written: {log_file}")
+        _print_outcome(log, output=output, log_file=log_file)
     ctx.exit(1 if tuning.refusal else 0)
 
 
-def read_rationales(words: Iterable[str]) -> tuple[dict[str, str], str | None]:
-    """Return the rationales by term of words ``TERM=TEXT`` and of a file, and the file.
+def _input_files(cases: Iterable[PomCase], bases: Iterable[str | None]) -> dict[str, str]:
+    """Return the input files of a tuning by role, without absent ones."""
+    files: dict[str, str] = {}
+    for role, file in zip(BASES, bases, strict=True):
+        if file:
+            files[role] = file
+    for case in cases:
+        files[f"case {case.name}"] = case.path
+        files[f"record of {case.name}"] = case.record
+    return files
+
+
+def _file_entries(files: Mapping[str, str], custody: Custody) -> dict[str, dict[str, str]]:
+    """Return name and SHA-256 of the input files by role, for the log."""
+    entries = {}
+    for role, file in files.items():
+        entries[role] = {"name": Path(file).name, "sha256": custody.sha256(file)}
+    return entries
+
+
+def _plan_cases(cases: list[PomCase], store: KeptStates, jobs: int) -> list[ReplayPlan]:
+    with show_progress(f"read the flights of {count_text(len(cases), 'case')}"):
+        paths = paths_of_cases(cases, {}, store, jobs)
+        return [plan_of(case, states) for case, states in zip(cases, paths, strict=True)]
+
+
+def _model_digest(aircraft: Aircraft, database: xr.DataTree | None) -> str:
+    """Return the digest of a tuned model; empty if the tuning was refused."""
+    # by this digest a report recognises an FMU of the tuned model
+    if database is None:
+        return ""
+    return nodes_digest(compile_model(aircraft, database))
+
+
+def _print_outcome(log: Mapping[str, Any], *, output: Path | None, log_file: str | None) -> None:
+    """Print the moves, the cases and the written files."""
+    _print_log(log)
+    if output is not None and log["refusal"]:
+        click.echo(f"not written: {output}, the tuning was refused")
+    elif output is not None:
+        click.echo(f"written: {output}")
+    if log_file:
+        click.echo(f"written: {log_file}")
+
+
+def read_rationales(texts: Iterable[str]) -> tuple[dict[str, str], str | None]:
+    """Return the rationales by term from ``TERM=TEXT`` and from a file, and the file.
 
     Raises
     ------
     SchemaError
-        Two files, one without the table ``[rationale]`` of texts, a term with two rationales; all
-        of them.
+        With all problems: a second file, a file without the table ``[rationale]`` of texts, a term
+        with two rationales.
     """
-
-    found: dict[str, str] = {}
+    rationales: dict[str, str] = {}
     file: str | None = None
     problems: list[str] = []
-    for word in words:
-        term, equals, text = word.partition("=")
+    for item in texts:
+        term, equals, text = item.partition("=")
         if equals:
-            given: Mapping[str, Any] = {term.strip(): text.strip()}
+            entries: Mapping[str, Any] = {term.strip(): text.strip()}
         else:
-            problems += (
-                [f"{word}: {file} is a file of rationales already; write all into one"]
-                if file
-                else []
-            )
-            file = str(InputFile().convert(word, None, None))
-            content = read_toml(word)
-            given = content.get(RATIONALE, {})
-            if not isinstance(given, dict) or not given or set(content) != {RATIONALE}:
+            # an item without `=` is the name of a file
+            if file:
                 problems.append(
-                    f"{word}: one table [{RATIONALE}] is needed, with lines such as "
+                    f"{item}: {file} is a file of rationales already; write all into one"
+                )
+            file = str(InputFile().convert(item, None, None))
+            content = read_toml(item)
+            entries = content.get(RATIONALE, {})
+            if not isinstance(entries, dict) or not entries or set(content) != {RATIONALE}:
+                problems.append(
+                    f"{item}: one table [{RATIONALE}] is needed, with lines such as "
                     f'"Cm/elevator" = "why it may leave the bound"'
                 )
                 continue
-        problems += [f"{term}: has two rationales" for term in given if term in found]
-        problems += [
-            f"{term}: the rationale is {why!r}; write a text"
-            for term, why in given.items()
-            if not isinstance(why, str)
-        ]
-        found |= given
+        problems += [f"{term}: has two rationales" for term in entries if term in rationales]
+        for term, reason in entries.items():
+            if not isinstance(reason, str):
+                problems.append(f"{term}: the rationale is {reason!r}; write a text")
+        rationales |= entries
     if problems:
         raise SchemaError("--rationale", problems)
-    return found, file
+    return rationales, file
 
 
 def tuning_logs(files: Mapping[str, Path], runs: Mapping[str, Path]) -> dict[str, dict[str, Any]]:
-    """Return the logs by which models were tuned.
+    """Return the logs of tuned models by name of the model.
 
     Raises
     ------
     UnknownName
-        A log for a model that is not flown.
+        A log is of a model that is not replayed.
     SchemaError
-        A file that is not a log, or an FMU that does not hold the tables of its log; all of these.
+        A file is not a log, or an FMU does not have the tables of its log; with all problems.
     """
-
-    found, problems = {}, []
+    logs, problems = {}, []
     for run, file in files.items():
         if run not in runs:
             raise UnknownName(run, runs, "model", "a tuning is that of a model")
-        found[run] = read_log(file)
+        logs[run] = read_log(file)
         model = flown_model(runs[run])
-        if model is None or nodes_digest(model) != found[run]["model"]:
+        if model is None or nodes_digest(model) != logs[run]["model"]:
             problems.append(
                 f"{runs[run]} does not hold the tables that {file} states; write the FMU "
                 f"with pom tune --fmu, or from its tuned.nc"
             )
     if problems:
         raise SchemaError("--tuning", problems)
-    return found
+    return logs
 
 
 def _aircraft_of(database: str, cases: Iterable[PomCase]) -> str:
-    """Return the aircraft file of a model: the one next to its database, else the one that all
-    cases name.
-    """
-    near = Path(database).with_suffix(".toml")
-    if near.is_file():
-        return str(near)
-    named = {case.aircraft for case in cases}
-    if len(named) != 1 or "" in named:
+    """Return the aircraft file of a model: next to its database, else the file of all cases."""
+    neighbour = Path(database).with_suffix(".toml")
+    if neighbour.is_file():
+        return str(neighbour)
+    names = {case.aircraft for case in cases}
+    if len(names) != 1 or "" in names:
         raise click.UsageError(
-            f"no {near}, and the cases do not name one aircraft file; give that of the "
+            f"no {neighbour}, and the cases do not name one aircraft file; give that of the "
             f"model, --aircraft FILE.toml"
         )
-    return named.pop()
+    return names.pop()
 
 
-def _write(
-    folder: Path, database: xr.DataTree, aircraft: Aircraft, log: Mapping[str, Any], fmu: bool
+def _write_model(
+    folder: Path, database: xr.DataTree, aircraft: Aircraft, *, log: Mapping[str, Any], fmu: bool
 ) -> None:
-    """Write the tuned model and its log, the whole folder or nothing."""
-
+    """Write the tuned model and its log, the complete folder or nothing."""
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with folder_written_atomically(
-        folder, lambda name: name in PARTS or name.startswith("tuned_")
-    ) as new:
+    # files of an earlier tuning may be replaced, other files may not
+    with (
+        show_progress("write the tuned model"),
+        folder_written_atomically(folder, _is_part) as new,
+    ):
         aerodb.save(database, new / "tuned.nc")
         write_aircraft(aircraft, new / "tuned.toml")
         if fmu:
             write_fmu(compile_model(aircraft, database), new / "tuned.fmu")
         _write_log(new / "tuning.json", log)
-        (new / "tuning.txt").write_text(
-            "\n".join(log_lines(log)) + "\n", encoding="utf-8", newline="\n"
-        )
+        text = "\n".join(log_lines(log)) + "\n"
+        (new / "tuning.txt").write_text(text, encoding="utf-8", newline="\n")
+
+
+def _is_part(name: str) -> bool:
+    """Return whether a file is one of a tuned model."""
+    return name in PARTS or name.startswith("tuned_")
 
 
 def _write_log(file: Path, log: Mapping[str, Any]) -> None:
-
     write_text(file, json.dumps(log, indent=1, ensure_ascii=False) + "\n")
 
 
-def _print(log: Mapping[str, Any]) -> None:
-    """Print what moved and what it did, a table each."""
-
+def _print_log(log: Mapping[str, Any]) -> None:
+    """Print the outcome, a table of the moves and a table of the cases."""
     click.echo(outcome_sentence(log))
-    moves, rest = moves_of(log)
+    # a refused tuning states the moves that would be necessary
+    moves_title, rows_title = "terms, in standard errors", "cases, ratio to the tolerance"
+    if log["refusal"]:
+        moves_title += ", as it would take"
+        rows_title += ", with these moves"
+    moves, remark = moves_of(log)
     if moves:
-        print_table(
-            MOVES,
-            moves,
-            "terms, in standard errors" + (", as it would take" if log["refusal"] else ""),
-            NUMBERS,
-        )
-    if rest:
-        click.echo(rest)
-    print_table(
-        ROWS,
-        log_rows(log),
-        "cases, ratio to the tolerance" + (", with these moves" if log["refusal"] else ""),
-        NUMBERS,
-    )
+        print_table(MOVES, moves, moves_title, NUMBERS)
+    if remark:
+        click.echo(remark)
+    print_table(ROWS, log_rows(log), rows_title, NUMBERS)

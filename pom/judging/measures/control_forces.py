@@ -48,18 +48,19 @@ class Branch:
     y: np.ndarray
 
     def at(self, x: np.ndarray) -> np.ndarray:
-        """Return y at given x by linear interpolation; NaN beyond the branch."""
+        """Return y at positions x by linear interpolation; NaN beyond the branch."""
+        # np.interp requires rising positions, and a branch may decrease
         order = np.argsort(self.x, kind="stable")
         return np.interp(x, self.x[order], self.y[order], left=np.nan, right=np.nan)
 
-    def together(self, other: Branch) -> float:
+    def common_duration(self, partner: Branch) -> float:
         """Return the common duration of two branches; negative if they do not overlap. [s]
 
         It is minus infinity for branches of opposite directions.
         """
-        if self.direction != other.direction:
+        if self.direction != partner.direction:
             return -np.inf
-        return float(min(self.time[-1], other.time[-1]) - max(self.time[0], other.time[0]))
+        return float(min(self.time[-1], partner.time[-1]) - max(self.time[0], partner.time[0]))
 
 
 def judge_curve(criterion: Criterion, match: Comparison) -> Judgement:
@@ -101,11 +102,13 @@ def _split_branches(
     _, *forces = match.over(mask, criterion.channel)
     sweeps = []
     for who, x, y in zip(WHO, positions, forces, strict=True):
+        # All limits are shares of the travel of the same run.
         travel = float(np.ptp(x))
         if travel <= 0.0:
             raise Invalid(f"{who} does not move {criterion.abscissa}")
         direction = motion_directions(x, TURN * travel)
         branches = []
+        # A part is a range of samples with one direction.
         for part in np.split(np.arange(x.size), np.flatnonzero(np.diff(direction)) + 1):
             sign = int(direction[part[0]])
             samples = part[_is_progress(sign * (x[part] - x[part[0]]), SLACK * travel)]
@@ -116,12 +119,12 @@ def _split_branches(
 
 
 def _is_progress(travel: np.ndarray, slack: float) -> np.ndarray:
-    """Whether each sample is beyond `slack` and farther than all samples before it.
+    """Return the mask of samples beyond `slack` and farther than all earlier samples.
 
     While a control stands still, friction can hold it at any force.
     """
-    before = np.maximum.accumulate(np.concatenate([[0.0], travel[:-1]]))
-    return (travel > slack) & (travel > before)
+    farthest = np.maximum.accumulate(np.concatenate([[0.0], travel[:-1]]))
+    return (travel > slack) & (travel > farthest)
 
 
 def motion_directions(x: np.ndarray, least: float) -> np.ndarray:
@@ -135,6 +138,7 @@ def motion_directions(x: np.ndarray, least: float) -> np.ndarray:
     low = high = 0  # samples of the extremes before the first direction is certain
     for i, value in enumerate(x):
         if current == 0:
+            # No direction yet: it starts at the extreme from which x moved by `least`.
             if value < x[low]:
                 low = i
             if value > x[high]:
@@ -146,6 +150,7 @@ def motion_directions(x: np.ndarray, least: float) -> np.ndarray:
         elif current * (value - x[extreme]) >= 0.0:
             extreme = i
         elif current * (x[extreme] - value) > least:
+            # The branch ended at its extreme, and the next one started there.
             directions[since : extreme + 1] = current
             current, since, extreme = -current, extreme + 1, i
     directions[since:] = current
@@ -156,10 +161,11 @@ def _subtract_static(rapid: list[Branch], static: list[Branch]) -> list[Branch]:
     """Return rapid branches with y above the static sweep, where the static sweep covers x."""
     increments = []
     for branch in rapid:
+        # Forces of the static branches at the positions of the rapid branch (branch, sample).
         levels = [np.full(branch.x.size, np.nan)]
-        same = [other for other in static if other.direction == branch.direction]
-        if same:
-            levels = [other.at(branch.x) for other in same]
+        parallel = [item for item in static if item.direction == branch.direction]
+        if parallel:
+            levels = [item.at(branch.x) for item in parallel]
         # Of several static branches, the first that covers the position.
         first = np.argmax(np.isfinite(levels), axis=0)
         increment = branch.y - np.array(levels)[first, np.arange(branch.x.size)]
@@ -181,11 +187,12 @@ def _judge_branches(criterion: Criterion, flight: list[Branch], model: list[Bran
     times, widths, errors, values = [], [], [], []
     for branch in flight:
         direction = DIRECTIONS[branch.direction]
-        partner = max(model, key=branch.together, default=None)
-        if partner is None or branch.together(partner) <= 0.0:
+        partner = max(model, key=branch.common_duration, default=None)
+        if partner is None or branch.common_duration(partner) <= 0.0:
             raise Invalid(
                 f"the model does not move {criterion.abscissa} as the flight does, {direction}"
             )
+        # NaN where the model does not come to the position of the flight
         response = partner.at(branch.x)
         covered = np.isfinite(response)
         share = 0.0
@@ -234,8 +241,10 @@ def judge_breakout(criterion: Criterion, match: Comparison) -> Judgement:
     mask = inside_window(match.time, criterion.window)
     time, *positions = match.over(mask, criterion.abscissa)
     _, *forces = match.over(mask, criterion.channel)
+    # the same distance for both, a share of the travel in flight
     least = START * float(np.ptp(positions[0]))
     judged = []
+    # A sweep may move in both directions; the worst one decides.
     for sign, direction in DIRECTIONS.items():
         flight = _first_force(positions[0], forces[0], sign, least=least)
         model = _first_force(positions[1], forces[1], sign, least=least)
@@ -257,12 +266,13 @@ def judge_breakout(criterion: Criterion, match: Comparison) -> Judgement:
 
 
 def _first_force(x: np.ndarray, force: np.ndarray, direction: int, *, least: float) -> float | None:
-    """Return the force where x first leaves its start by `least`; None if it does not. [SI]"""
-    away = direction * (x - x[0])
-    if not (away > least).any():
+    """Return the force at which x first leaves its start by `least`; None if it does not. [SI]"""
+    distance = direction * (x - x[0])
+    if not (distance > least).any():
         return None
-    k = int(np.argmax(away > least))
-    return float(np.interp(least, away[k - 1 : k + 1], force[k - 1 : k + 1]))
+    # linear between the last sample inside and the first sample beyond
+    k = int(np.argmax(distance > least))
+    return float(np.interp(least, distance[k - 1 : k + 1], force[k - 1 : k + 1]))
 
 
 def judge_dead_band(criterion: Criterion, match: Comparison) -> Judgement:
@@ -273,6 +283,7 @@ def judge_dead_band(criterion: Criterion, match: Comparison) -> Judgement:
     mask = inside_window(match.time, criterion.window)
     bands = []
     for who, branches in zip(WHO, _split_branches(criterion, match, mask), strict=True):
+        # by direction: the wheel angle at neutral pedals
         angles = {}
         for branch in branches:
             angle = float(branch.at(np.zeros(1))[0])

@@ -29,7 +29,9 @@ FROM, TO = 0.9, 0.1  # of Ad
 # oscillation.
 LATE = 1.5
 NEUTRAL = 0.5  # [s] End of the window; the mean over it is the neutral value.
-SETTLED = 0.02  # of Ad: largest standard deviation at the end of the window of a control at rest
+REST_SPREAD = (
+    0.02  # of Ad: largest standard deviation at the end of the window of a control at rest
+)
 _LEAST_DISPLACEMENT = 1e-9  # [SI] A smaller first displacement is a rounding error.
 
 
@@ -86,6 +88,7 @@ class FreeMotion:
             return float(self.overshoots[n - 1]) * abs(self.Ad)
         if n > self.crossings.size:
             return 0.0
+        # An insignificant overshoot: the largest displacement up to the next crossing.
         end = np.inf
         if n < self.crossings.size:
             end = self.crossings[n]
@@ -94,6 +97,7 @@ class FreeMotion:
 
     def period(self, n: int) -> float | None:
         """Return the n-th full cycle after the first crossing; None if it is not complete. [s]"""
+        # a full cycle has two crossings
         last = 2 * n
         if last >= self.crossings.size:
             return None
@@ -122,10 +126,11 @@ def measure_free_motion(
     mask = inside_window(time, criterion.window)
     t, x = time[mask] - time[mask][0], x[mask]
     demand_finite(who, time[mask], x)
+    # The control is at rest there, so its mean is the neutral value.
     end = t >= t[-1] - NEUTRAL
     neutral = float(x[end].mean())
     Ad = float(x[0] - neutral)
-    if abs(Ad) < _LEAST_DISPLACEMENT or np.std(x[end]) > SETTLED * abs(Ad):
+    if abs(Ad) < _LEAST_DISPLACEMENT or np.std(x[end]) > REST_SPREAD * abs(Ad):
         raise Invalid(
             f"{who}: the control is not displaced at the start of the window, or not at rest "
             f"in its last {NEUTRAL:g} s"
@@ -169,6 +174,7 @@ def _residual_crossings(crossings: list[float], late_zeros: np.ndarray) -> list[
     """
     if not crossings:
         return [float(time) for time in late_zeros]
+    # From the last two crossings, or twice the time from the release to the only one.
     half_cycle = 2.0 * crossings[-1]
     if len(crossings) > 1:
         half_cycle = crossings[-1] - crossings[-2]
@@ -226,6 +232,7 @@ def period_n(criterion: Criterion, match: Comparison) -> Judgement:
     judged = []
     for n in range(1, flight.overshoots.size // 2 + 1):
         flight_period, model_period = flight.period(n), model.period(n)
+        # the last overshoot may belong to a cycle that the window cuts
         if flight_period is None:
             continue
         if model_period is None:
@@ -255,6 +262,7 @@ def overshoot_n(criterion: Criterion, match: Comparison) -> Judgement:
     ``a1`` is the first alone, ``an`` with a base of its own the second and later (CCAR-60).
     """
     flight, model = _measure_motions(criterion, match)
+    # FAA: all overshoots with the base of the first one. CCAR-60: `a1` and `an` are rows.
     of_first = criterion.band.base == "first_overshoot"
     first, last = 2, flight.overshoots.size
     if of_first or criterion.parameter == "a1":
@@ -312,7 +320,7 @@ def _fail_lacking(criterion: Criterion, flight: float, text: str, cycle: int = 0
 
 
 def _worst_of(judged: list[Judgement], nothing: str) -> Judgement:
-    """Return the deciding judgement, with the remarks of all; `nothing` is the error without any.
+    """Return the deciding judgement with the remarks of all; raise `nothing` without any.
 
     A judgement without a number decides, else the largest ratio.
     """

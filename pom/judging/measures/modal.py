@@ -33,7 +33,9 @@ MINIMUM_CYCLES = {"2.c.9": 3.0, "2.d.7": 6.0}
 LEAST_AMPLITUDE = 0.1  # of the amplitude of the flight: a smaller mode of the model is not excited
 PHUGOID = "2.c.9"
 BANKED = 10.0 * DEGREE
-"""Largest bank difference of a phugoid in the plane of symmetry; lift is then 1.5 % above weight.
+"""Largest bank difference of a phugoid in the plane of symmetry.
+
+Lift is then 1.5 % above weight.
 """
 _MEASURES = ("period", "t_half", "damping_ratio")
 _FITTED = (*_MEASURES, "cycles", "amplitude", "residual_rms")
@@ -60,6 +62,7 @@ def judge_mode(criterion: Criterion, match: Comparison) -> Judgement:
             f"the table requires {required:g} cycles or the time to half"
         )
     value = getattr(flight_mode, criterion.measure)
+    # A model without a mode is a failure of the model, not of the data.
     try:
         model_mode = _demand_excitation(_fit_once("the model", t, model), flight_mode)
     except Invalid as error:
@@ -141,6 +144,7 @@ def _fit_shorter_windows(
     times: bytes, samples: bytes
 ) -> tuple[tuple[float, float, DampedSine], ...]:
     """Return start, stop and mode of a flight in windows with one end moved inwards."""
+    # Arrays are not hashable, so the cache is keyed by their bytes.
     time, y = np.frombuffer(times), np.frombuffer(samples)
     full = _fit_or_reason(times, samples)
     if isinstance(full, str):
@@ -220,6 +224,7 @@ def peak_lag(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the time from a bank peak to the nearest sideslip peak, from phases of the fit."""
     t, flight_bank, model_bank = _unwrap_angles("phi", match.both(criterion, "phi"))
     _, flight_slip, model_slip = match.both(criterion, "beta")
+    # Sideslip gives frequency and damping; the bank is fitted at the same values.
     mode = _fit_once("flight", t, flight_slip)
     lag = _bank_lag(mode, t, flight_bank)
     try:
@@ -319,6 +324,7 @@ def _mode_row(
     samples = trace_of(result.signals, run, channel)[mask]
     try:
         demand_finite(run, time, samples)
+        # the fits are cached from the judgement
         mode = _fit_once(run, time, samples)
         if run != "flight":
             flight = trace_of(result.signals, "flight", channel)[mask]

@@ -1,4 +1,4 @@
-"""Elapsed time, distance and fuel between two events, each found the same way in both records."""
+"""Elapsed time, distance and fuel between two events, means of segments, and turning measures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from pom.tolerances.channels import channel_value_text, plain_id
 from pom.tolerances.criteria import LEVELS, Criterion
 
 SHARE = {"1.b.1": 0.8, "1.e.1": 0.8, "1.e.2": 0.8}
-"""Part of the run that has to be recorded; of the others all."""
+"""By test: the share of the run that has to be recorded.  Other tests require the whole run."""
 
 LEAST_OF_RUN = {"h": 5000.0 * FOOT, "V_cas": 50.0 * KNOT}
 """Change of height or speed that the table requires of a segment without events. [SI]"""
@@ -32,7 +32,7 @@ LEAST_OF_RUN = {"h": 5000.0 * FOOT, "V_cas": 50.0 * KNOT}
 
 @dataclass(frozen=True)
 class TimedRun:
-    """Start and end of the run in both records, and the remark on it. [s]"""
+    """Start and end of a run in flight and model [s], and the remarks on it."""
 
     flight: tuple[float, float]
     model: tuple[float, float]
@@ -41,9 +41,7 @@ class TimedRun:
 
 @dataclass(frozen=True)
 class Gate:
-    """The end of a run: the level of a signal, the direction in which it is passed, and when the
-    flight does.
-    """
+    """End of a run: a signal passes a level in a direction; the flight passes it at a time [s]."""
 
     channel: str
     level: float
@@ -54,54 +52,59 @@ class Gate:
 def judge_elapsed(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge time, distance or fuel between two events.
 
-    The model's run ends where its own signal passes the level of the event (speed at rotation,
-    height at touchdown, standstill).  Where a test allows a part of the run to be recorded and the
-    model has not come to its end, both are compared up to the level that it has reached; less than
-    the part required is invalid.
+    The run of the model ends where its signal passes the level of the event (speed at rotation,
+    height at touchdown, standstill).  Some tests require only a part of the run.  If the model has
+    covered this part without reaching the end, both runs are compared up to the level that the
+    model reaches.  A shorter run is invalid.
     """
     if criterion.parameter == "flare_time_tf":
         flare, touchdown = find_event(match, "flare"), find_event(match, "touchdown")
-        span = TimedRun(
-            (flare.flight, touchdown.flight), (flare.model, touchdown.model), touchdown.remarks
+        run = TimedRun(
+            flight=(flare.flight, touchdown.flight),
+            model=(flare.model, touchdown.model),
+            remarks=touchdown.remarks,
         )
     else:
-        start = _start(criterion, match)
-        gate = _gate(criterion, match, start[0])
-        common = _span(criterion, match, start, gate)
+        start = _find_start(criterion, match)
+        gate = _find_gate(criterion, match, start[0])
+        common = _find_common_run(match, start, gate)
         if common is None:
-            return _never(criterion, match, start, gate)
-        span = common
-    amounts = [
-        _amount(criterion, match, i, ends) for i, ends in enumerate((span.flight, span.model))
-    ]
-    return judge_number(criterion, amounts[0], amounts[1], span.flight[1], span.remarks)
+            return _judge_missed_gate(criterion, match, start, gate=gate)
+        run = common
+    flight = _amount(criterion, match, 0, ends=run.flight)
+    model = _amount(criterion, match, 1, ends=run.model)
+    return judge_number(criterion, flight, model, at=run.flight[1], remarks=run.remarks)
 
 
-def _start(criterion: Criterion, match: Comparison) -> tuple[float, float]:
-    """Return when the run starts in flight and model; a segment without events where both have the
-    same height or speed. [s]
+def _find_start(criterion: Criterion, match: Comparison) -> tuple[float, float]:
+    """Return the start of the run in flight and model. [s]
+
+    A segment without events starts where the model has the height or speed of the flight.
     """
     if criterion.bounds[0]:
-        found = find_event(match, criterion.bounds[0])
-        return found.flight, found.model
+        instant = find_event(match, criterion.bounds[0])
+        return instant.flight, instant.model
     start, channel = criterion.window[0], criterion.abscissa
     if not channel or start <= match.time[1]:
         return start, start
+    # height or speed of the flight at both ends of the window
     level, end = np.interp(criterion.window, match.time, match.flight[channel])
-    reached = crossing_time(
-        match.time, match.model[channel], float(level), 1 if end > level else -1
+    direction = 1 if end > level else -1
+    passage = crossing_time(
+        match.time, match.model[channel], level=float(level), direction=direction
     )
-    if reached is None:
+    if passage is None:
         raise Invalid(
             f"the model does not pass {channel_value_text(channel, float(level))}, where the "
             f"segment starts"
         )
-    return start, reached
+    return start, passage
 
 
-def _gate(criterion: Criterion, match: Comparison, start: float) -> Gate:
-    """Return the end of the run as the flight has it; where its record stops early, what the flight
-    has come to.
+def _find_gate(criterion: Criterion, match: Comparison, start: float) -> Gate:
+    """Return the end of the run in flight.
+
+    If the record stops before the event, it is the last level of the flight.
     """
     end = match.time[-1]
     if not criterion.bounds[1]:
@@ -115,19 +118,24 @@ def _gate(criterion: Criterion, match: Comparison, start: float) -> Gate:
     instant = event_time(match, event)
     if instant <= end + 1e-9:
         level = level_at(match, event, instant)
-        stood = (
-            crossing_time(match.time, match.flight[channel], level, direction, start)
-            if event == "full_stop"
-            else None
-        )
-        return Gate(channel, level, direction, instant if stood is None else stood)
+        time = instant
+        if event == "full_stop":
+            # The stated stop may be later than the passage of the speed at which the model stops.
+            standstill = crossing_time(
+                match.time, match.flight[channel], level, direction=direction, start=start
+            )
+            if standstill is not None:
+                time = standstill
+        return Gate(channel, level, direction=direction, flight=time)
+    # The record stops before the event: the recorded share of the run must be large enough.
     required = SHARE.get(plain_id(match.case.id), 1.0)
     share = (end - start) / (instant - start)
     if share < required:
         raise Invalid(
             f"{100.0 * share:.0f} % of the run is recorded, {100.0 * required:.0f} % have to be"
         )
-    return Gate(channel, float(match.flight[channel][-1]), direction, float(end))
+    last_level = float(match.flight[channel][-1])
+    return Gate(channel, last_level, direction=direction, flight=float(end))
 
 
 def _progress_gate(criterion: Criterion, match: Comparison) -> Gate:
@@ -137,62 +145,76 @@ def _progress_gate(criterion: Criterion, match: Comparison) -> Gate:
         raise NotJudged("the row names no event at which the run ends")
     least = LEAST_OF_RUN[channel]
     mask = inside_window(match.time, criterion.window)
-    demand_finite("flight", match.time[mask], y := match.flight[channel][mask])
+    y = match.flight[channel][mask]
+    demand_finite("flight", match.time[mask], y)
     covered = float(y[-1] - y[0])
     if abs(covered) < least and not match.case.shortened:
         raise Invalid(
             f"the segment covers {channel_value_text(channel, abs(covered))}; the table requires "
-            f"{channel_value_text(channel, least)}: "
-            "widen the window, or give the reason in case.shortened"
+            f"{channel_value_text(channel, least)}: widen the window, or give the reason in "
+            f"case.shortened"
         )
-    return Gate(channel, float(y[-1]), 1 if covered > 0.0 else -1, criterion.window[1])
+    direction = 1 if covered > 0.0 else -1
+    return Gate(channel, float(y[-1]), direction=direction, flight=criterion.window[1])
 
 
-def _span(
-    criterion: Criterion, match: Comparison, start: tuple[float, float], gate: Gate
-) -> TimedRun | None:
-    """Return the run up to the gate, or up to what the model has reached; None when it never comes
-    near enough.
+def _find_common_run(match: Comparison, start: tuple[float, float], gate: Gate) -> TimedRun | None:
+    """Return the run up to the gate, or up to the farthest level of the model.
+
+    None if the model covers less than the required share of the run.
     """
     signal = match.model[gate.channel]
     demand_finite("the model", match.time, signal)
-    reached = crossing_time(match.time, signal, gate.level, gate.direction, start[1])
-    if reached is not None:
+    passage = crossing_time(
+        match.time, signal, gate.level, direction=gate.direction, start=start[1]
+    )
+    if passage is not None:
+        text = f"to {channel_value_text(gate.channel, gate.level)}"
         return TimedRun(
-            (start[0], gate.flight),
-            (start[1], reached),
-            (_span_remark(gate, gate.level, f"to {channel_value_text(gate.channel, gate.level)}"),),
+            flight=(start[0], gate.flight),
+            model=(start[1], passage),
+            remarks=(_span_remark(gate, gate.level, text),),
         )
+    # The farthest level of the model in the direction of the gate, and its time in flight.
     level = gate.direction * float(np.max(gate.direction * signal))
-    there = crossing_time(match.time, match.flight[gate.channel], level, gate.direction, start[0])
+    flight_end = crossing_time(
+        match.time, match.flight[gate.channel], level, direction=gate.direction, start=start[0]
+    )
     required = SHARE.get(plain_id(match.case.id), 1.0)
-    if there is None or required == 1.0 or there - start[0] < required * (gate.flight - start[0]):
+    if flight_end is None or required == 1.0:
         return None
-    own = crossing_time(match.time, signal, level, gate.direction, start[1])
-    share = 100.0 * (there - start[0]) / (gate.flight - start[0])
+    if flight_end - start[0] < required * (gate.flight - start[0]):
+        return None
+    model_end = crossing_time(match.time, signal, level, direction=gate.direction, start=start[1])
+    if model_end is None:
+        model_end = match.time[-1]
+    share = 100.0 * (flight_end - start[0]) / (gate.flight - start[0])
     text = (
         f"the model reaches {channel_value_text(gate.channel, level)}; both are compared up to "
         f"there, {share:.0f} % of the run"
     )
     return TimedRun(
-        (start[0], there),
-        (start[1], match.time[-1] if own is None else own),
-        (_span_remark(gate, level, text),),
+        flight=(start[0], flight_end),
+        model=(start[1], model_end),
+        remarks=(_span_remark(gate, level, text),),
     )
 
 
 def _span_remark(gate: Gate, level: float, text: str) -> RowRemark:
-    return RowRemark("span", text, gate.channel, {"level": level}, lookup(gate.channel).units)
+    unit = lookup(gate.channel).units
+    return RowRemark("span", text, gate.channel, values={"level": level}, unit=unit)
 
 
-def _never(
-    criterion: Criterion, match: Comparison, start: tuple[float, float], gate: Gate
+def _judge_missed_gate(
+    criterion: Criterion, match: Comparison, start: tuple[float, float], *, gate: Gate
 ) -> Judgement:
-    """Judge a model that does not come to the end: a failure when it is late by more than the
-    tolerance, else too short a record.
+    """Judge a model that does not reach the end of the run.
+
+    It fails if its amount already exceeds the flight by more than the tolerance.  Otherwise the
+    record is too short.
     """
-    flight = _amount(criterion, match, 0, (start[0], gate.flight))
-    so_far = _amount(criterion, match, 1, (start[1], float(match.time[-1])))
+    flight = _amount(criterion, match, 0, ends=(start[0], gate.flight))
+    so_far = _amount(criterion, match, 1, ends=(start[1], float(match.time[-1])))
     width = half_width(criterion, flight)
     text = (
         f"the model does not come to {channel_value_text(gate.channel, gate.level)} in the record"
@@ -200,28 +222,31 @@ def _never(
     if so_far - flight <= width[0]:
         raise Invalid(f"{text}; widen the window")
     remark = _span_remark(gate, gate.level, f"{text}; its value is what it has used so far")
-    return judge_number(criterion, flight, so_far, float(match.time[-1]), (remark,))
+    end = float(match.time[-1])
+    return judge_number(criterion, flight, so_far, at=end, remarks=(remark,))
 
 
 def _amount(
-    criterion: Criterion, match: Comparison, which: int, ends: tuple[float, float]
+    criterion: Criterion, match: Comparison, run: int, *, ends: tuple[float, float]
 ) -> float:
-    """Return what a run takes between its ends. [SI]"""
-    signals, time = (match.flight, match.model)[which], match.time
+    """Return time, distance or fuel of a run (0 flight, 1 model) between its ends. [SI]"""
+    signals, time = (match.flight, match.model)[run], match.time
     if criterion.channel == "time":
         return ends[1] - ends[0]
-    if criterion.channel == "fuel_used" and set(match.flight.fuel_flow) != set(
-        match.model.fuel_flow
-    ):
+    same_engines = set(match.flight.fuel_flow) == set(match.model.fuel_flow)
+    if criterion.channel == "fuel_used" and not same_engines:
         raise NotJudged("flight and model do not report the fuel flow of the same engines")
-    part = (time >= ends[0] - 1e-9) & (time <= ends[1] + 1e-9)
-    demand_finite(WHO[which], time[part], signals[criterion.channel][part])
-    low, high = np.interp(ends, time, signals[criterion.channel])
-    return float(low - high if criterion.channel == "fuel" else high - low)
+    is_between = (time >= ends[0] - 1e-9) & (time <= ends[1] + 1e-9)
+    demand_finite(WHO[run], time[is_between], signals[criterion.channel][is_between])
+    first, last = np.interp(ends, time, signals[criterion.channel])
+    # The channel `fuel` is the fuel on board, which decreases; all others increase.
+    if criterion.channel == "fuel":
+        return float(first - last)
+    return float(last - first)
 
 
 LEAST = {"1.c.1": 1000.0, "1.c.2": 1000.0, "1.c.4": 1000.0, "1.d.4": 1000.0, "1.d.5": 3000.0}
-"""Height that the segment of a test has to cover. [ft]"""
+"""By test: the least change of height of a segment. [ft]"""
 
 
 def segment_mean(criterion: Criterion, match: Comparison) -> Judgement:
@@ -230,19 +255,24 @@ def segment_mean(criterion: Criterion, match: Comparison) -> Judgement:
     A rate of descent counts positive downwards, as the table prints it.
     """
     remarks = demand_height(criterion, match)
-    if criterion.channel != "hdot":
-        time, flight, model = match.both(criterion)
-        values = [float(np.trapezoid(y, time) / (time[-1] - time[0])) for y in (flight, model)]
-    else:
-        time, flight, model = match.both(criterion, "h")
+    if criterion.channel == "hdot":
+        time, *heights = match.both(criterion, "h")
         sign = -1.0 if criterion.parameter == "descent_rate" else 1.0
-        values = [sign * float(y[-1] - y[0]) / float(time[-1] - time[0]) for y in (flight, model)]
-    return judge_number(criterion, values[0], values[1], float(time[-1]), remarks)
+        values = [sign * float(h[-1] - h[0]) / float(time[-1] - time[0]) for h in heights]
+    else:
+        # mean over time: integral over duration
+        time, *speeds = match.both(criterion)
+        values = [float(np.trapezoid(V, time) / (time[-1] - time[0])) for V in speeds]
+    return judge_number(criterion, values[0], values[1], at=float(time[-1]), remarks=remarks)
 
 
 def demand_height(criterion: Criterion, match: Comparison) -> tuple[RowRemark, ...]:
-    """Return a remark on the height that the flight covers; less than the table requires is invalid
-    without a reason in the case.
+    """Return a remark on the change of height in flight.
+
+    Raises
+    ------
+    Invalid
+        The change is smaller than the table requires, and the case gives no reason.
     """
     required = LEAST.get(plain_id(match.case.id), 0.0)
     if "h" not in match.flight:
@@ -255,95 +285,100 @@ def demand_height(criterion: Criterion, match: Comparison) -> tuple[RowRemark, .
             f"{text}; the table requires {required:.0f} ft or more: widen the window, or "
             f"give the reason in case.shortened"
         )
-    text = text if covered >= required else f"{text} of {required:.0f} ft required"
-    return (RowRemark("span", text, "h", {"covered": covered, "required": required}, "ft"),)
+    if covered < required:
+        text = f"{text} of {required:.0f} ft required"
+    values = {"covered": covered, "required": required}
+    return (RowRemark("span", text, "h", values=values, unit="ft"),)
 
 
 def certified_gradient(criterion: Criterion, match: Comparison) -> Judgement:
-    """Judge the gradient of the model's climb against the certified one, below which it fails even
-    inside its band.
+    """Judge the climb gradient of the model; it fails below the certified gradient.
 
-    Gradient is height gained over horizontal distance through the air, so that wind does not count.
-    The ratio of the outcome is the certified gradient over that of the model.
+    The gradient is the gained height over the horizontal distance through the air, so that wind
+    does not count.  The ratio of the outcome is the certified gradient over the gradient of the
+    model.
     """
     certified = match.case.certified.get(criterion.parameter)
     if certified is None:
         raise NotJudged(f"give the certified {criterion.parameter} in [certified]")
-    gradients = [_gradient(criterion, match, which) for which in range(2)]
-    short = gradients[1] < certified
+    flight, model = (_climb_gradient(criterion, match, run) for run in range(2))
+    verdict: str = "pass"
+    remarks: tuple[RowRemark, ...] = ()
+    if model < certified:
+        verdict = "fail"
+        text, values = "below the certified gradient", {"certified": certified}
+        remarks = (RowRemark("certified", text, values=values, unit="1"),)
+    # a model that does not climb has no finite ratio
+    ratio = float("inf")
+    if model > 0.0:
+        ratio = certified / model
     return Judgement(
-        verdict="fail" if short else "pass",
-        worst=gradients[1] - certified,
-        worst_ratio=certified / gradients[1] if gradients[1] > 0.0 else float("inf"),
+        verdict=verdict,
+        worst=model - certified,
+        worst_ratio=ratio,
         at=criterion.window[1],
-        remarks=(
-            RowRemark(
-                "certified",
-                "below the certified gradient",
-                values={"certified": certified},
-                unit="1",
-            ),
-        )
-        if short
-        else (),
-        flight=gradients[0],
-        model=gradients[1],
+        remarks=remarks,
+        flight=flight,
+        model=model,
         applied=f"not below {100.0 * certified:.4g} %",
     )
 
 
-def _gradient(criterion: Criterion, match: Comparison, which: int) -> float:
-    time, *height = match.both(criterion, "h")
-    _, *speed = match.both(criterion, "V")
-    h, V = height[which], speed[which]
-    along = np.sqrt(np.maximum(V**2 - np.gradient(h, time) ** 2, 0.0))
-    return float(h[-1] - h[0]) / float(np.trapezoid(along, time))
+def _climb_gradient(criterion: Criterion, match: Comparison, run: int) -> float:
+    """Return the climb gradient of a run, 0 flight, 1 model. [1]"""
+    time, *heights = match.both(criterion, "h")
+    _, *speeds = match.both(criterion, "V")
+    h, V = heights[run], speeds[run]
+    # Horizontal airspeed: sqrt(V^2 - h'^2); noise may make the difference negative.
+    horizontal = np.sqrt(np.maximum(V**2 - np.gradient(h, time) ** 2, 0.0))
+    return float(h[-1] - h[0]) / float(np.trapezoid(horizontal, time))
 
 
-LEAST_TURN = np.radians(90.0)  # ours: less does not determine a radius
+# [rad] A smaller change of heading does not determine a radius; our choice.
+LEAST_TURN = np.radians(90.0)
+# Shares of the travel of a trim surface between which its rate is measured.
+_RATE_START, _RATE_END = 0.1, 0.9
 
 
 def judge_turning_number(criterion: Criterion, match: Comparison) -> Judgement:
-    """Judge a number that a whole manoeuvre gives."""
+    """Judge a number of a whole manoeuvre: turn radius, trim rate or steering dead band."""
     if criterion.parameter == "nosewheel_deadband":
         return judge_dead_band(criterion, match)
-    values = _RADIUS_OR_RATE[criterion.parameter](criterion, match)
-    return judge_number(criterion, values[0], values[1], criterion.window[0])
+    flight, model = _RADIUS_OR_RATE[criterion.parameter](criterion, match)
+    return judge_number(criterion, flight, model, at=criterion.window[0])
 
 
-def _radii(criterion: Criterion, match: Comparison) -> list[float]:
-    """Return the radii of the paths of the c.g.: distance over the ground per change of heading.
-    [m]
-    """
+def _turn_radii(criterion: Criterion, match: Comparison) -> list[float]:
+    """Return the radii of the paths of the c.g.: ground distance over change of heading. [m]"""
     _, *distances = match.both(criterion, "distance")
     _, *headings = match.both(criterion, "psi")
     radii = []
     for who, distance, psi in zip(WHO, distances, headings, strict=True):
-        smooth = np.unwrap(psi)
-        turned = abs(float(smooth[-1] - smooth[0]))
-        if turned < LEAST_TURN:
+        continuous = np.unwrap(psi)
+        turn = abs(float(continuous[-1] - continuous[0]))
+        if turn < LEAST_TURN:
             raise Invalid(
-                f"{who} turns by {np.degrees(turned):.0f} deg; at least "
+                f"{who} turns by {np.degrees(turn):.0f} deg; at least "
                 f"{np.degrees(LEAST_TURN):.0f} deg determine a radius"
             )
-        radii.append(float(distance[-1] - distance[0]) / turned)
+        radii.append(float(distance[-1] - distance[0]) / turn)
     return radii
 
 
-def _rates(criterion: Criterion, match: Comparison) -> list[float]:
+def _trim_rates(criterion: Criterion, match: Comparison) -> list[float]:
     """Return the mean rates of a trim surface between 10 and 90 % of its travel. [rad s-1]"""
     time, *surfaces = match.both(criterion, criterion.abscissa)
     rates = []
     for who, y in zip(WHO, surfaces, strict=True):
-        travel = float(y[-1] - y[0])
+        first, travel = float(y[0]), float(y[-1] - y[0])
         direction = 1 if travel > 0.0 else -1
-        passed = [
-            crossing_time(time, y, float(y[0]) + share * travel, direction) for share in (0.1, 0.9)
-        ]
-        if travel == 0.0 or passed[0] is None or passed[1] is None:
+        start = crossing_time(time, y, first + _RATE_START * travel, direction=direction)
+        end = crossing_time(time, y, first + _RATE_END * travel, direction=direction)
+        if travel == 0.0 or start is None or end is None:
             raise Invalid(f"{who} does not move {criterion.abscissa}")
-        rates.append(0.8 * travel / (passed[1] - passed[0]))
+        # 0.8: share of the travel between the two levels
+        rates.append(0.8 * travel / (end - start))
     return rates
 
 
-_RADIUS_OR_RATE = {"turn_radius": _radii, "trim_rate": _rates}
+_RADIUS_OR_RATE = {"turn_radius": _turn_radii, "trim_rate": _trim_rates}

@@ -86,9 +86,7 @@ def _time_to_level(who: str, time: np.ndarray, y: np.ndarray, *, level: float) -
 
 
 def event_value(criterion: Criterion, match: Comparison) -> Judgement:
-    """Judge the value at an event: stall warning, buffet, stall, touchdown, flare, minimum control
-    speed.
-    """
+    """Judge the value at an event: stall, buffet, touchdown, flare, minimum control speed ..."""
     instant = find_event(match, OF_PARAMETER[criterion.parameter], criterion.channel)
     flight, model = _values_at(criterion, match, instant)
     # The times are stated only where the event was detected.
@@ -142,36 +140,37 @@ SLOW_PART = 0.1  # of the speed range: the low-speed end of a record; our choice
 
 
 def judge_steady_state(criterion: Criterion, match: Comparison) -> Judgement:
-    """Judge a snapshot: means over the capture window, after a check that both records stand still.
+    """Judge a snapshot: the means over the capture window of two steady records.
 
-    Notes
-    -----
-    Over the 5 s the drift of the fitted line and the standard deviation about it stay below one third of the tolerance.
+    A record is steady if over the 5 s the drift of a fitted line, and the standard deviation about
+    the line, are at most one third of the tolerance.
     """
     capture = event_time(match, "capture")
     levels = _levels(match, criterion.channel, capture)
     flight, model = (level[0] for level in levels)
     remark = _demand_steady(float(half_width(criterion, flight)[0]), *levels)
-    turned = flight + float(
-        unwrapped_difference(criterion.channel, np.array([flight]), np.array([model]))[0]
-    )
-    return judge_number(criterion, flight, turned, capture, (remark,))
+    # The mean of an angle may differ by full turns.
+    error = unwrapped_difference(criterion.channel, np.array([flight]), np.array([model]))
+    model = flight + float(error[0])
+    return judge_number(criterion, flight, model, at=capture, remarks=(remark,))
 
 
 def judge_change(criterion: Criterion, match: Comparison) -> Judgement:
-    """Judge the change of a level between the event ``trim`` and ``capture``, e.g. elevator per
-    load factor or speed.
+    """Judge the change of a level between the events ``trim`` and ``capture``.
+
+    An example is the elevator per load factor or speed.
     """
     start, capture = event_time(match, "trim"), event_time(match, "capture")
-    before, after = (
-        _levels(match, criterion.channel, start),
-        _levels(match, criterion.channel, capture),
-    )
-    changes = [late[0] - early[0] for early, late in zip(before, after, strict=True)]
-    width = float(half_width(criterion, changes[0])[0])
-    for pair in (before, after):
-        remark = _demand_steady(width, *pair)
-    return judge_number(criterion, changes[0], changes[1], capture, (remark,))
+    trim_levels = _levels(match, criterion.channel, start)
+    final_levels = _levels(match, criterion.channel, capture)
+    # means of flight and model, each less its own mean at the trim
+    pairs = zip(trim_levels, final_levels, strict=True)
+    flight, model = (final[0] - initial[0] for initial, final in pairs)
+    width = float(half_width(criterion, flight)[0])
+    # both levels have to be steady; the remark states the second one
+    _demand_steady(width, *trim_levels)
+    remark = _demand_steady(width, *final_levels)
+    return judge_number(criterion, flight, model, at=capture, remarks=(remark,))
 
 
 def _levels(
@@ -182,6 +181,7 @@ def _levels(
     time, *runs = match.over(mask, channel)
     levels = []
     for y in runs:
+        # The difference from zero unwraps an angle.
         smooth = unwrapped_difference(channel, np.zeros_like(y), y)
         line = np.polynomial.Polynomial.fit(time, smooth, 1)
         drift = abs(float(line(time[-1]) - line(time[0])))
@@ -191,7 +191,7 @@ def _levels(
 
 
 def _demand_steady(width: float, *levels: tuple[float, float, float]) -> RowRemark:
-    """Return the check as a remark."""
+    """Return the remark on steady records; raise if drift or spread is too large."""
     if width <= 0.0:
         raise Invalid("the tolerance is zero wide")
     shares: dict[str, float] = {}
@@ -215,20 +215,19 @@ def end_value(criterion: Criterion, match: Comparison) -> Judgement:
         criterion,
         float(flight[-1]),
         float(flight[-1] + error[-1]),
-        float(time[-1]),
-        (RowRemark("method", "judged at the end of the window"),),
+        at=float(time[-1]),
+        remarks=(RowRemark("method", "judged at the end of the window"),),
     )
 
 
 def low_speed_end(criterion: Criterion, match: Comparison) -> Judgement:
-    """Judge the last part of a deceleration: from where the flight is within a tenth of its speed
-    range of the lowest speed.
-    """
+    """Judge the last part of a deceleration, in the lowest tenth of the speed range."""
     speed = next((name for name in ("V_ground", "V_cas") if name in match.flight), None)
     if speed is None:
         raise NotJudged("the flight record has no speed")
     mask = inside_window(match.time, criterion.window)
     v = match.flight[speed]
+    # The part starts after the last sample above the lowest tenth.
     fast = mask & (v > v[mask].min() + SLOW_PART * np.ptp(v[mask]))
     if fast.any():
         mask &= match.time > match.time[fast][-1]
@@ -255,18 +254,19 @@ RESOLVED = {"rad": 0.1 * DEGREE, "rad s-1": 0.1 * DEGREE}
 def judge_trend(criterion: Criterion, match: Comparison) -> Judgement:
     """Compare direction, order of events, shape and size of a change.
 
-    Four criteria are stated: the largest departure from the start has the same sign; highest and
-    lowest value come in the same order; the correlation is at least 0.8; the amplitude ratio lies
-    between 0.5 and 2.  One that is not met fails the row.  All met is advice: a tick of an engineer
-    (``[ticks]`` of the case) makes it a pass that names him, and he may decide against shape and
-    size, not against the sign.
+    There are four criteria.  The largest departure from the start has the same sign.  Highest and
+    lowest value come in the same order.  The correlation is at least 0.8.  The amplitude ratio lies
+    between 0.5 and 2.  The row fails if one of them is not met.  If all are met, the verdict is
+    ``advisory``.  A tick of an engineer (``[ticks]`` of the case) makes it a pass with the name of
+    the engineer.  The tick may overrule shape and size, but not the sign.
 
-    A flight that changes by less than the dead band (`trend_dead_band`) shows no trend, and no direction
-    is the wrong one; then the departure of the model stays within the tolerance that the row has on
-    the channel, or within twice the dead band where it has none.
+    A flight that changes by less than the dead band (`trend_dead_band`) has no trend, and any
+    direction of the model is right.  The departure of the model must then be within the tolerance
+    of other rows on the channel, or within twice the dead band if there is none.
     """
     time, flight, model = match.both(criterion)
     model = flight + unwrapped_difference(criterion.channel, flight, model)
+    # extreme: the departure from the start with the largest magnitude, with its sign
     departures = [y - y[0] for y in (flight, model)]
     extremes = [float(d[np.argmax(np.abs(d))]) for d in departures]
     dead = match.once(
@@ -325,7 +325,7 @@ def _check_without_trend(
 
 
 def _apply_tick(tick: str, failed: list[str]) -> tuple[str, str]:
-    """Return the verdict, and the effect of the tick in words."""
+    """Return the verdict, and a text on the effect of the tick."""
     if not tick and failed:
         return "fail", "an engineer may tick it with his reason"
     if not tick:
@@ -353,9 +353,9 @@ def _allowed_departure(case: PomCase, channel: str, flight: np.ndarray) -> float
 def trend_dead_band(channel: str, time: np.ndarray, flight: np.ndarray) -> float:
     """Return the change of a flight trace below which it shows no trend. [SI]
 
-    Three standard deviations of its scatter about straight lines over one second, the median of all
-    such stretches; at least 0.1 deg or 0.1 deg/s for attitudes and rates.  The rule has no number,
-    these are ours.
+    It is three standard deviations of the scatter about straight lines over one second, the median
+    of all such stretches.  For attitudes and rates it is at least 0.1 deg or 0.1 deg/s.  The rule
+    has no number; the values are our choice.
     """
     step = max(round(SPAN / float(np.median(np.diff(time)))), 3)
     scatters = []
@@ -370,12 +370,14 @@ def trend_dead_band(channel: str, time: np.ndarray, flight: np.ndarray) -> float
 
 
 def _order(departure: np.ndarray) -> str:
-    """Return which of the two extremes comes first; empty when there is only one clear extreme."""
+    """Return which extreme comes first; empty if only one extreme is clear."""
     high, low = float(departure.max()), float(departure.min())
-    span = high - low
-    if min(high, -low) < CLEAR * span:
+    # one extreme is the start itself, or within its noise
+    if min(high, -low) < CLEAR * (high - low):
         return ""
-    return "high first" if int(np.argmax(departure)) < int(np.argmin(departure)) else "low first"
+    if int(np.argmax(departure)) < int(np.argmin(departure)):
+        return "high first"
+    return "low first"
 
 
 def _correlation(flight: np.ndarray, model: np.ndarray) -> float:
