@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,7 @@ from pom.tolerances.channels import source_signals
 _MOST_DRAWN = 4  # models whose draws stay in memory
 # Draws and their database by key. The stored database keeps the `id` in the key unique.
 _drawn: dict[Any, tuple[DrawnModels, Any]] = {}
+_drawn_lock = Lock()
 
 
 def replay_draws(
@@ -251,19 +253,25 @@ def samples_of_case(
 def drawn_models(
     fmu: str | Path, database: str | Path | xr.DataTree, count: int, seed: int
 ) -> DrawnModels:
-    """Return `DrawnModels.of`, computed once in a process for all cases of a batch."""
+    """Return `DrawnModels.of`, computed once in a process for all cases of a batch.
+
+    The function may be called from any thread.
+    """
     files, identity = [Path(fmu)], 0
     if isinstance(database, xr.DataTree):
         identity = id(database)
     else:
         files.append(Path(database))
     key = (*(FileState.of(file) for file in files), identity, count, seed)
-    if key not in _drawn:
-        # Drop the oldest draws first.
-        while len(_drawn) >= _MOST_DRAWN:
-            _drawn.pop(next(iter(_drawn)))
-        _drawn[key] = (DrawnModels.of(fmu, database, count, seed), database)
-    return _drawn[key][0]
+    # Workers of a cluster may have several threads. Without the lock one thread could drop the
+    # draws that another one has just stored, or both could compute the same draws.
+    with _drawn_lock:
+        if key not in _drawn:
+            # Drop the oldest draws first.
+            while len(_drawn) >= _MOST_DRAWN:
+                _drawn.pop(next(iter(_drawn)))
+            _drawn[key] = (DrawnModels.of(fmu, database, count, seed), database)
+        return _drawn[key][0]
 
 
 @lru_cache(maxsize=8)
