@@ -21,7 +21,8 @@ from pom.diagnosis.swap_models import SwapModels
 from pom.judging.signals import Comparison, RunSignals, signals_of_run
 from pom.judging.verdict import judge_match
 from pom.replaying.kernel_replay import replay_choices
-from pom.replaying.replay_case import helping_channels, judged_channels, plan_of
+from pom.replaying.replay_case import plan_of
+from pom.replaying.replay_channels import helping_channels, judged_channels, sampled_channels
 from pom.replaying.trim import TrimLimit, beyond_limits, trim_limits
 from pom.result import group_verdicts, status_of
 from pom.tolerances.channels import WRAPPED, output_of
@@ -121,12 +122,7 @@ class SwapBench:
             Databases and aircraft of one of the models do not belong together.
         """
         plan = plan_of(case, path)
-        count = plan.job.time.size
-        # Scalars are constants over the window. Arrays with more than one axis are not signals.
-        flight = {}
-        for name, item in plan.states.data_vars.items():
-            if item.ndim < 2:
-                flight[str(name)] = np.broadcast_to(item.values, count)
+        flight = sampled_channels(plan.states)
         limits = trim_limits(plan.case, flight)
         channels = {*judged_channels(plan.case), *helping_channels(plan.case)}
         channels.update(f"applied.{loop.control}" for loop in plan.job.pilot)

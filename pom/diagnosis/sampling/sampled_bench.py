@@ -19,7 +19,8 @@ from pom.diagnosis.sampling.draws import INERTIA, InstrumentErrors
 from pom.judging.signals import Comparison, find_event, signals_of_run
 from pom.judging.verdict import band_widths, judge_all
 from pom.replaying.kernel_replay import fly_once
-from pom.replaying.replay_case import ReplayPlan, shown_channels, unwrapped_near
+from pom.replaying.replay_case import ReplayPlan
+from pom.replaying.replay_channels import sampled_channels, shown_channels, unwrapped_near
 from pom.replaying.trim import OBSERVED, beyond_limits, trim_limits
 from pom.result import group_verdicts, status_of
 from pom.samples import QUANTILES
@@ -136,12 +137,7 @@ class SampledBench:
     @classmethod
     def of(cls, plan: ReplayPlan, model: SimModel, instruments: InstrumentErrors) -> SampledBench:
         """Return the bench of a case."""
-        count = plan.job.time.size
-        # Scalars are constants over the window. Arrays with more than one axis are not signals.
-        flight = {}
-        for name, item in plan.states.items():
-            if item.ndim < 2:
-                flight[str(name)] = np.broadcast_to(item.values, count)
+        flight = sampled_channels(plan.states)
         outputs = set(OBSERVED)
         for channel in shown_channels(plan.case, plan.states):
             outputs.add(output_of(channel, model.outputs))

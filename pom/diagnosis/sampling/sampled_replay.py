@@ -30,7 +30,8 @@ from pom.fmu.run_cache import FileState
 from pom.fmu.simulate import Models
 from pom.replaying.batch import BatchExecution, paths_of_cases, replay_all
 from pom.replaying.caches import KeptStates
-from pom.replaying.replay_case import ReplayPlan, plan_of, shown_channels
+from pom.replaying.replay_case import ReplayPlan, plan_of
+from pom.replaying.replay_channels import shown_channels
 from pom.replaying.trim import solve_trim_surfaces
 from pom.result import PomResult
 from pom.samples import SampledReplay
