@@ -120,15 +120,16 @@ def check_plan(plan: ReplayPlan, model: FmuModel) -> None:
     """
     job, links = plan.job, model.links
     # A table of names can waive an input, but not a control that is moved during the run.
-    moved = moved_controls(job)
-    needed_inputs = {*job.needed_inputs, *moved} - ({*links.waived} - moved)
+    controls = moved_controls(job)
+    needed_inputs = {*job.needed_inputs, *controls} - ({*links.waived} - controls)
     inputs = _needed_or_offered(job.inputs, links.inputs, needed_inputs)
-    shown = _output_names(shown_channels(plan.case, plan.states), links.outputs)
+    reported = _output_names(shown_channels(plan.case, plan.states), links.outputs)
     judged = _output_names(judged_channels(plan.case), links.outputs)
+    # A judged channel is needed only if the record has it.
     recorded = {*map(str, plan.states.data_vars)}
     needed = {name for name in judged if output_of(name, recorded) in recorded}
     outputs = _needed_or_offered(
-        [*shown, *job.targets], links.outputs, needed={*needed, *job.targets}
+        [*reported, *job.targets], links.outputs, needed={*needed, *job.targets}
     )
     parameters = _needed_or_offered(
         job.parameters, links.parameters, needed={*job.needed_parameters} - {*links.waived}
@@ -150,11 +151,12 @@ def perform_plan(
     outputs_by_run: dict[str, dict[str, np.ndarray]] = {}
     failures: dict[str, str] = {}
     remarks: dict[str, tuple[RowRemark, ...]] = {}
-    shown = shown_channels(plan.case, plan.states)
+    channels = shown_channels(plan.case, plan.states)
     for name, model in models.items():
         ranges = table_ranges(model.fmu.path, model.fmu.sha256)
+        # The variables of the tables show where a run left them.
         axes = [item.variable for item in ranges]
-        requested = {*_output_names([*shown, *axes], model.links.outputs), *OBSERVED}
+        requested = {*_output_names([*channels, *axes], model.links.outputs), *OBSERVED}
         job, trim_remarks, refused = solve_trim_surfaces(
             plan.job,
             plan.case.drive.trim_surfaces,

@@ -50,13 +50,13 @@ def shown_channels(case: PomCase, states: xr.Dataset) -> list[str]:
     They are the judged and the requested channels, the controls that the math pilot or the control
     law moves, and the thrust of each engine.
     """
-    moved = [*(loop.control for loop in case.drive.pilot), *case.law_moves]
+    controls = [*(loop.control for loop in case.drive.pilot), *case.law_moves]
     names = map(str, states.data_vars)
     engines = [name for name in names if name.startswith("engine") and name.endswith(".thrust")]
     channels = [
         *judged_channels(case),
         *case.show,
-        *moved,
+        *controls,
         *sorted(engines),
         *helping_channels(case),
     ]

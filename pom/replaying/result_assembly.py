@@ -59,6 +59,7 @@ def assemble_result(
     attributes: dict[str, Any] = {}
     if CALIBRATION in states.attrs:
         attributes[CALIBRATION] = states.attrs[CALIBRATION]
+    # The corrections of the math pilot are outputs less inputs, before the applied positions.
     if job.pilot:
         attributes[PILOT] = json.dumps(to_json_types(_pilot_rows(job, outputs_by_run)))
     applied = {}
@@ -66,26 +67,18 @@ def assemble_result(
         applied[run] = _use_applied_controls(job, outputs)
     channels = [*shown_channels(case, states), *formed_channels(case, flight)]
     signals = _join_signals(channels, flight, applied)
-    rows: list[dict[str, Any]] = []
-    recorded = traces_of(signals, "flight")
-    limits = trim_limits(case, flight)
+    # What depends on the flight alone is computed once for all models.
     match = Comparison(case, job.time, flight, flight)
+    rows: list[dict[str, Any]] = []
     for name, outputs in applied.items():
-        failure = failures.get(name, "")
-        seen: tuple[RowRemark, ...] = ()
-        if not failure:
-            seen = watch_channels(case, job.time, recorded, traces_of(signals, name))
-        usual = beyond_limits(limits, outputs, demanded=False)
-        remarks = (*usual, *seen, *(more or {}).get(name, ()))
-        # A run without a judgement: it failed, or its trim is beyond a limit of the case file.
-        reasons = beyond_limits(limits, outputs, demanded=True)
-        if failure:
-            reasons = (RowRemark("failure", failure),)
-        outcomes = judge_match(match.against(outputs))
-        for criterion in case.criteria:
-            outcome = _outcome_unless_invalid(criterion, reasons, outcomes[criterion.name])
-            row = verdict_row(name, criterion, outcome)
-            rows.append({**row, "remarks": (*row["remarks"], *remarks)})
+        rows += _verdict_rows(
+            match,
+            name,
+            outputs,
+            signals=signals,
+            failure=failures.get(name, ""),
+            more=(more or {}).get(name, ()),
+        )
     return PomResult(
         case=case,
         conditions=dict(initial_configuration(case, job)),
@@ -96,6 +89,39 @@ def assemble_result(
         verdict=make_verdict_table(rows),
         failure="; ".join(f"{name}: {text}" for name, text in failures.items() if text),
     )
+
+
+def _verdict_rows(
+    match: Comparison,
+    run: str,
+    outputs: Traces,
+    *,
+    signals: xr.Dataset,
+    failure: str,
+    more: tuple[RowRemark, ...],
+) -> list[dict[str, Any]]:
+    """Return the rows of one model, one per criterion.
+
+    `match` compares the flight with itself; `failure` states why the run failed.
+    """
+    case, time = match.case, match.time
+    limits = trim_limits(case, match.flight)
+    usual = beyond_limits(limits, outputs, demanded=False)
+    # A run has no judgement if it failed, or if its trim is beyond a limit of the case file.
+    if failure:
+        reasons: tuple[RowRemark, ...] = (RowRemark("failure", failure),)
+        watched: tuple[RowRemark, ...] = ()
+    else:
+        reasons = beyond_limits(limits, outputs, demanded=True)
+        watched = watch_channels(case, time, traces_of(signals, "flight"), traces_of(signals, run))
+    remarks = (*usual, *watched, *more)
+    outcomes = judge_match(match.against(outputs))
+    rows = []
+    for criterion in case.criteria:
+        outcome = _outcome_unless_invalid(criterion, reasons, outcomes[criterion.name])
+        row = verdict_row(run, criterion, outcome)
+        rows.append({**row, "remarks": (*row["remarks"], *remarks)})
+    return rows
 
 
 def _outcome_unless_invalid(
