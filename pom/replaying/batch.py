@@ -211,14 +211,8 @@ def replay_all(
     # Report a wrong name table before records are reconstructed, which takes long.
     for case in cases:
         models.of(case)
-    folder = settings.folder
-    records, store = KeptStates(folder, biases), KeptResults(folder)
-    if folder is None:
-        keys_of = ResultKeys(records, "", evidence)
-        keys = [""] * len(cases)
-    else:
-        keys_of = ResultKeys(records, hash_installation(), evidence)
-        keys = [keys_of.of(case, _path_of(case, paths), models.of(case)) for case in cases]
+    records, store = KeptStates(settings.folder, biases), KeptResults(settings.folder)
+    result_keys, keys = _make_keys(cases, paths, models=models, records=records, evidence=evidence)
     stored = [store.read(key) for key in keys]
     new = [k for k, result in enumerate(stored) if result is None]
     jobs = settings.jobs
@@ -227,14 +221,16 @@ def replay_all(
     with start_processes(len(new), jobs) as pool:
         plans = _make_plans([cases[k] for k in new], paths, records, jobs=settings.jobs, pool=pool)
         _check_plans(plans, models)
-        valid_keys = []
+        # Files that changed since the key was made get a result without a key.
         for k in new:
-            # Files that changed since the key was made get a result without a key.
-            valid_keys.append(keys[k] if keys_of.hold(cases[k]) else "")
+            if not result_keys.hold(cases[k]):
+                keys[k] = ""
+        new_keys = [keys[k] for k in new]
         flight_store = settings.flight_store
+        # A generator: a plan is removed from memory when its result is complete.
         calls = (
             (plan, models.of(plan.case), settings.timeout, flight_store, evidence, store, key)
-            for plan, key in zip(_pop_in_order(plans), valid_keys, strict=True)
+            for plan, key in zip(_pop_in_order(plans), new_keys, strict=True)
         )
         performed = _perform_calls(calls, settings, pool)
         results = []
@@ -245,6 +241,27 @@ def replay_all(
             if settings.progress is not None:
                 settings.progress(result)
     return results
+
+
+def _make_keys(
+    cases: Sequence[PomCase],
+    paths: Mapping[str, Any],
+    *,
+    models: Models,
+    records: KeptStates,
+    evidence: xr.DataTree | None,
+) -> tuple[ResultKeys, list[str]]:
+    """Return the keys of the results of all cases, and their maker.
+
+    Results without a folder have empty keys: they are neither read nor stored.
+    """
+    if records.folder is None:
+        return ResultKeys(records, "", evidence), [""] * len(cases)
+    result_keys = ResultKeys(records, hash_installation(), evidence)
+    keys = []
+    for case in cases:
+        keys.append(result_keys.of(case, _path_of(case, paths), models.of(case)))
+    return result_keys, keys
 
 
 def _make_plans(

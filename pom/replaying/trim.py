@@ -168,8 +168,10 @@ def _limit_remark(name: str, value: float, size: float, *, allowed: str) -> RowR
     values = {"found": float(from_si(value, unit)), "limit": float(from_si(size, unit))}
     text = f"trim.{name} {values['found']:+.3g}{suffix} is beyond {values['limit']:.3g}{suffix}"
     if allowed:
-        return RowRemark("trim_allowed", f"{text}{ALLOWED}{allowed}", name, values, unit)
-    return RowRemark("trim", text, name, values, unit)
+        return RowRemark(
+            "trim_allowed", f"{text}{ALLOWED}{allowed}", name, values=values, unit=unit
+        )
+    return RowRemark("trim", text, name, values=values, unit=unit)
 
 
 def trim_table(
@@ -367,4 +369,5 @@ def _surface_remark(
         f"{name} solved for: {from_si(bias, 'deg'):+.3g} deg from the recorded deflection; "
         f"{force} {force_left:+.2g} {unit} left"
     )
-    return RowRemark("trim_surface", text, name, {"bias": float(from_si(bias, "deg"))}, "deg")
+    values = {"bias": float(from_si(bias, "deg"))}
+    return RowRemark("trim_surface", text, name, values=values, unit="deg")
