@@ -126,8 +126,8 @@ def _find_least_addition(bench: SwapBench | LateBench, terms: Collection[str]) -
     free = [name for name in bench.names if name not in terms]
     screen_idle_terms(bench.whole)
     omissions = []
-    for name in free:
-        omissions.append([other for other in bench.names if other != name])
+    for omitted in free:
+        omissions.append([name for name in bench.names if name != omitted])
     # Loss of the final model without each name: a failed verdict, then the mismatch.
     loss = {}
     for name, judged in zip(free, bench.judged(omissions), strict=True):

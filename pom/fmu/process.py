@@ -194,9 +194,9 @@ class Child:
         error, columns = answer
         if columns is None:
             return Reply(nan, error)
-        # The moved controls follow the outputs.
-        moved = {name: columns[:, count + i] for i, name in enumerate(moved_controls(job))}
-        return Reply(columns[:, :count], error, moved)
+        # The columns of the moved controls follow those of the outputs.
+        controls = {name: columns[:, count + i] for i, name in enumerate(moved_controls(job))}
+        return Reply(columns[:, :count], error, moved=controls)
 
     def _send_job(
         self, job: Mapping[str, Any], timeout: float

@@ -26,8 +26,8 @@ from flightmech.support.kept_stages.program import hash_installation
 from flightmech.support.kept_stages.sharing import open_cluster
 from pom.cases.case import PomCase
 from pom.cases.reference_states import read_path_states
+from pom.fmu.models import FmuModel, Models
 from pom.fmu.run_cache import KeptFlights, RunCache
-from pom.fmu.simulate import FmuModel, Models
 from pom.judging.measures.modal import mode_table
 from pom.replaying.caches import KeptResults, KeptStates, ResultKeys
 from pom.replaying.replay_case import ReplayPlan, check_plan, perform_plan, plan_of

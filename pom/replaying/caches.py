@@ -28,8 +28,8 @@ from flightmech.support.kept_stages.content_hashes import content_hash
 from flighttest.records.stored_groups import plain_group
 from pom.cases.case import PomCase
 from pom.cases.reference_states import recorded_states
+from pom.fmu.models import FmuModel
 from pom.fmu.run_cache import FileState
-from pom.fmu.simulate import FmuModel
 from pom.judging.measures.modal import keep_modes, mode_table
 from pom.result import PomResult, make_verdict_table, to_records, to_split_dict
 

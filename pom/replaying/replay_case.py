@@ -15,8 +15,9 @@ from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob, job_of
 from pom.cases.reference_states import flight_states
 from pom.fmu.description import check_interface
+from pom.fmu.models import FmuModel, Models
 from pom.fmu.run_cache import KeptFlights
-from pom.fmu.simulate import FmuModel, Models, check_law, fly_job
+from pom.fmu.simulate import check_law, fly_job
 from pom.judging.applicability import settle_case
 from pom.judging.beyond_the_bands import Evidence, evidence_remarks
 from pom.replaying.replay_channels import (

@@ -19,8 +19,9 @@ from flightmech.units import DEGREE, POUND_FORCE, from_si
 from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob
 from pom.cases.resolve import BIASES, LIMIT_UNITS, REMAINDERS
+from pom.fmu.models import FmuModel
 from pom.fmu.run_cache import KeptFlights
-from pom.fmu.simulate import FmuModel, fly_job
+from pom.fmu.simulate import fly_job
 from pom.judging.signals import trace_of
 from pom.result import PomResult
 from pom.tolerances.bands import ALLOWED, RowRemark

@@ -26,8 +26,8 @@ from pom.cases.case import PomCase
 from pom.diagnosis.sampling.draws import DrawnModels, InstrumentErrors
 from pom.diagnosis.sampling.sampled_bench import SampledBench, SampledRun, with_inertia
 from pom.diagnosis.sampling.shares import contribution_changes, regressors_of_draws, variance_shares
+from pom.fmu.models import Models
 from pom.fmu.run_cache import FileState
-from pom.fmu.simulate import Models
 from pom.replaying.batch import BatchExecution, paths_of_cases, replay_all
 from pom.replaying.caches import KeptStates
 from pom.replaying.replay_case import ReplayPlan, plan_of

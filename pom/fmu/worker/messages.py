@@ -30,8 +30,8 @@ def moved_controls(job: Mapping[str, Any]) -> list[str]:
 def reply_columns(job: Mapping[str, Any], reply: Mapping[str, Any]) -> np.ndarray:
     """Return the numbers of a reply of `replay_job` (time, column); NaN for missing controls."""
     nan = np.full(len(job["time"]), np.nan)
-    moved = [reply["moved"].get(name, nan) for name in moved_controls(job)]
-    return np.column_stack([reply["outputs"], *moved])
+    columns = [reply["moved"].get(name, nan) for name in moved_controls(job)]
+    return np.column_stack([reply["outputs"], *columns])
 
 
 def reply_bytes(number: int, error: str, columns: np.ndarray) -> bytes:

@@ -196,6 +196,7 @@ class _LawFmu:
 
     def act(self, k: int, outputs: np.ndarray) -> None:
         """Step from sample k to k + 1 with the outputs of the model at k, and move its controls."""
+        # Recorded inputs are in the course; the columns of feedback inputs are zero there.
         added = np.zeros(self.course.values.shape[1])
         for position, column, factor, offset in self.settings["feedback"]:
             added[position] = factor * outputs[column] + offset
@@ -207,6 +208,7 @@ class _LawFmu:
         """Set the inputs of the model from the outputs of the law at sample k."""
         added = self.model_course.added.copy()
         moves = zip(self.settings["moves"].items(), self.outputs.get(), strict=True)
+        # The law gives a position: the course of a moved control is zero.
         for (name, (column, factor, offset, to_si, origin)), value in moves:
             added[column] = factor * value + offset
             self.moved[name][k] = to_si * value + origin
@@ -236,12 +238,12 @@ def _make_reply(
     pilot: _ScaledPilot | None = None,
     law: _LawFmu | None = None,
 ) -> dict[str, Any]:
-    moved: dict[str, np.ndarray] = {}
+    controls: dict[str, np.ndarray] = {}
     if pilot:
-        moved |= pilot.pilot.moved
+        controls |= pilot.pilot.moved
     if law:
-        moved |= law.moved
-    return {"outputs": outputs, "moved": moved, "error": error}
+        controls |= law.moved
+    return {"outputs": outputs, "moved": controls, "error": error}
 
 
 def _failure_text(phase: str, error: Exception, model: UnpackedFmu) -> str:
