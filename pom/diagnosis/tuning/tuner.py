@@ -186,7 +186,7 @@ class Tuner:
         with Parallel(n_jobs=self.jobs, backend="threading") as pool:
             columns = pool(delayed(slope_along)(direction) for direction in np.eye(len(z)))
         slopes = np.stack(list(columns), axis=1)
-        # A probe that cannot be judged says nothing about the direction.
+        # A probe without a judgement gives no slope.
         slopes[~np.isfinite(slopes)] = 0.0
         # -MARGIN <= level + slopes z <= MARGIN, as G z >= h.
         level = now - slopes @ z

@@ -49,7 +49,7 @@ class _InterruptedStore(dict):
 def test_a_second_thread_does_not_draw_again(
     files: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A thread that asks for draws while they are computed receives those draws."""
+    """A thread that requests draws while they are computed receives those draws."""
     received: list[object] = []
 
     def ask() -> None:
