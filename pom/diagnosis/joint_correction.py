@@ -157,6 +157,7 @@ def diagnosed_cases(
         jobs=workers,
         threads=in_threads,
     )
+    # The judgements of the new diagnoses serve jobs with another final model.
     for name in diagnosed:
         stages.remember(SWAPS, inputs.swaps[name], results[name].value.by_content())
     late_benches: dict[str, LateBench] = {}

@@ -98,6 +98,7 @@ class LateBench:
             keys = [frozenset(choice) for choice in choices]
         else:
             keys = [nearest_choice(choice, self.idle) for choice in choices]
+        # Only new choices are flown; the bench then has all judgements.
         if any(key not in self.known for key in keys):
             self.whole.judged(keys, exact=True)
             self.known.update(self.whole.known)

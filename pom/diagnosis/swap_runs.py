@@ -184,11 +184,11 @@ class SwapBench:
             earlier = self.before.get(content)
             if earlier is None:
                 continue
-            moved = earlier.moved
+            change = earlier.moved
             if earlier.change:
                 # The final model sets the scale of `moved`, and it may have changed.
-                moved = self._scaled_change(earlier.change)
-            self.known[choice] = replace(earlier, moved=moved)
+                change = self._scaled_change(earlier.change)
+            self.known[choice] = replace(earlier, moved=change)
 
     def _hash_content(self, choice: frozenset[str]) -> str:
         """Return the hash of the longest step and of the swapped parts of the final model.
@@ -251,7 +251,7 @@ class SwapBench:
             self.flown = thin_job(self.job, step)
             coarse = self._fly_ends()
             pairs = zip(ends, coarse, strict=True)
-            if all(fine.agrees_with(other, STEP_ERROR) for (_, fine), (_, other) in pairs):
+            if all(fine.agrees_with(thin, STEP_ERROR) for (_, fine), (_, thin) in pairs):
                 self.step = step
                 return coarse
         self.flown = self.job
@@ -283,6 +283,7 @@ class SwapBench:
             if f"applied.{loop.control}" in outputs:
                 applied[loop.control] = outputs[f"applied.{loop.control}"]
         outputs |= applied
+        # From one array per output (choice, time) to the outputs of each choice.
         runs = []
         for k in range(len(choices)):
             runs.append({name: values[k] for name, values in outputs.items()})
@@ -308,6 +309,7 @@ class SwapBench:
             verdicts[criterion.name] = outcome.verdict
             if failed and criterion.applies:
                 verdicts[criterion.name] = "invalid"
+            # The other verdicts have no number.
             if outcome.verdict not in ("pass", "fail", "invalid"):
                 continue
             ratio[criterion.name] = outcome.worst_ratio
@@ -320,13 +322,13 @@ class SwapBench:
         total = np.nan
         if groups:
             total = float(np.sqrt(np.mean(np.square(list(groups.values())))))
-        change: dict[str, float] = {}
-        moved = np.inf
+        changes: dict[str, float] = {}
+        largest_change = np.inf
         if not failure:
-            change = self._rms_changes(outputs)
-            moved = self._scaled_change(change)
+            changes = self._rms_changes(outputs)
+            largest_change = self._scaled_change(changes)
         verdict = status_of(group_verdicts(self.case, verdicts), exceeded)
-        return Judged(verdict, mismatch, ratio, total=total, moved=moved, change=change)
+        return Judged(verdict, mismatch, ratio, total=total, moved=largest_change, change=changes)
 
     def _rms_changes(self, outputs: Mapping[str, np.ndarray]) -> dict[str, float]:
         """Return the rms differences of outputs from those of the a-priori model."""

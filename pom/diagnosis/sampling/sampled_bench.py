@@ -62,6 +62,7 @@ class SampledRun:
     decides: float = field(init=False)
 
     def __post_init__(self) -> None:
+        # The best alternative judges a group, and the worst group decides.
         best: dict[str, float] = {}
         for name, group in self.groups.items():
             ratio = self.ratio(name)
@@ -119,6 +120,8 @@ class SampledBench:
         self.flight = flight
         self.instruments = instruments
         self.limits = trim_limits(plan.case, flight)
+        # Sizes of the trim quantities that a tuning limits: the smaller of both limits, unless the
+        # case file allows a trim beyond the usual one.
         self.trim_sizes = {}
         for name, limit in self.limits.items():
             size = limit.size
@@ -177,6 +180,7 @@ class SampledBench:
         nominal, nominal_failure = self.own
         outputs, failure = self.flown(model, self.instruments.job(self.plan.job, draw))
         record = self.instruments.recorded(self._select_flight_channels(outputs), draw, random)
+        # The trim of the drawn aeroplane is the reference of that of the model.
         trim = {}
         for name, values in outputs.items():
             if name.startswith("trim."):
@@ -202,6 +206,7 @@ class SampledBench:
     ) -> SampledRun:
         """Judge a model against a flight; a failed run or a refused trim makes it invalid."""
         outcomes = judge_all(case, self.plan.job.time, flight, model)
+        # A trim beyond a demanded limit refuses the run; beyond a usual one it is a remark.
         refusals = beyond_limits(self.limits, trim, demanded=True)
         refused = failure or "; ".join(remark.text for remark in refusals)
         usual = beyond_limits(self.limits, trim, demanded=False)
@@ -290,6 +295,7 @@ class SampledBench:
         for name in map(str, self.tolerance):
             traces = []
             for run in runs:
+                # A failed run has no trace.
                 if name not in run.outputs or not np.isfinite(run.outputs[name]).all():
                     continue
                 trace = run.outputs[name]

@@ -245,9 +245,9 @@ def samples_of_case(
         )
         if failure:
             continue
-        drawn = drawn_models(runs[name], database, settings.count, settings.seed)
+        draws = drawn_models(runs[name], database, settings.count, settings.seed)
         trimmed = ReplayPlan(plan.case, plan.states, job)
-        samples[name] = replay_draws(trimmed, drawn, aircraft, errors=settings.errors, jobs=jobs)
+        samples[name] = replay_draws(trimmed, draws, aircraft, errors=settings.errors, jobs=jobs)
     return samples
 
 
