@@ -31,9 +31,10 @@ from flighttest.maximum_likelihood.state_space import (
     input_output_arrays,
     pick_values,
 )
-from flighttest.maximum_likelihood.time_domain import list_records, noise_groups, uniform_step
+from flighttest.maximum_likelihood.time_domain import noise_groups, uniform_step
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out
 from flighttest.records.signals.fourier import finite_fourier, harmonics
+from flighttest.regression.equation_error.samples import list_manoeuvres
 
 BAND = (0.1, 2.0)  # [Hz]
 _AROUND = 5  # frequencies on each side over which the spectrum of the noise is averaged
@@ -93,7 +94,7 @@ def frequency_output_error(
        ch. 7.
     """
     demand_known(model, list(parameters), {"delay": model.inputs})
-    records = list_records(manoeuvres)
+    records = list_manoeuvres(manoeuvres)
     jumps = {f"{_JUMP}.{name}": Unknown(0.0, own=True) for name in model.states}
     layout = lay_out({**parameters, **jumps}, [{} for _ in records])
     pieces = []

@@ -26,8 +26,9 @@ from flighttest.maximum_likelihood.state_space import (
     pick_values,
     steady_filter,
 )
-from flighttest.maximum_likelihood.time_domain import list_records, noise_groups, uniform_step
+from flighttest.maximum_likelihood.time_domain import noise_groups, uniform_step
 from flighttest.maximum_likelihood.unknowns import Wanted, lay_out
+from flighttest.regression.equation_error.samples import list_manoeuvres
 
 _FEWEST = 9  # readings of an output
 _BEYOND = 1e100  # output of an unstable model from which on it has no response
@@ -91,7 +92,7 @@ def linear_output_error(
        RP-1138, 1985.
     .. [Jategaonkar] Jategaonkar, Flight Vehicle System Identification, 2nd ed., AIAA 2015, ch. 4.
     """
-    records = list_records(manoeuvres)
+    records = list_manoeuvres(manoeuvres)
     extra = {"init": model.states, "drift": model.states, "sensor": model.outputs}
     demand_known(model, list(parameters), extra)
     groups = noise_groups(noise, len(records))

@@ -45,8 +45,9 @@ from flighttest.maximum_likelihood.state_space import (
     pick_values,
     steady_filter,
 )
-from flighttest.maximum_likelihood.time_domain import list_records, uniform_step
+from flighttest.maximum_likelihood.time_domain import uniform_step
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out
+from flighttest.regression.equation_error.samples import list_manoeuvres
 
 _POSITIVE = ("process", "noise")  # kinds of unknowns that are standard deviations
 _LEAST = 1e-6  # smallest start of a noise, of the spread of the output
@@ -98,7 +99,7 @@ def filter_error(
     IdentificationError
         The start does not have a filter, or the records cannot determine the unknowns.
     """
-    records = list_records(manoeuvres)
+    records = list_manoeuvres(manoeuvres)
     states, outputs = model.states, model.outputs
     extra = {"process": states, "init": states, "drift": states, "noise": outputs}
     demand_known(model, list(parameters), {**extra, "sensor": outputs})

@@ -21,6 +21,7 @@ from flighttest.maximum_likelihood.residual_covariance import (
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
 from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
 from flighttest.maximum_likelihood.unknowns import Wanted, lay_out
+from flighttest.regression.equation_error.samples import list_manoeuvres
 
 Fly = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -223,7 +224,7 @@ def output_error(
     .. [Maine1985] Maine, Iliff, NASA RP-1138, 1985; RP-1168, 1986.
     .. [Jategaonkar] Jategaonkar, Flight Vehicle System Identification, 2nd ed., AIAA 2015.
     """
-    records = list_records(manoeuvres)
+    records = list_manoeuvres(manoeuvres)
     fixed = _list_conditions(conditions, len(records))
     groups = noise_groups(noise, len(records))
     pieces = []
@@ -253,11 +254,6 @@ def output_error(
         noise=scatter,
         warnings=warn_of_turbulence(scatter),
     )
-
-
-def list_records(manoeuvres: xr.Dataset | Sequence[xr.Dataset]) -> list[xr.Dataset]:
-    """Return the manoeuvres as a list, also a single one."""
-    return [manoeuvres] if isinstance(manoeuvres, xr.Dataset) else list(manoeuvres)
 
 
 def noise_groups(noise: str, count: int) -> np.ndarray:
