@@ -99,7 +99,8 @@ class SwapModels:
             fit together.
         """
         chosen = frozenset(parts)
-        # An error is stored as well, so that every thread raises it without a second compilation.
+        # One compilation at a time: the cases that need this model wait for it. An error is stored
+        # as well, so that every thread raises it without a second compilation.
         with self._lock:
             if chosen not in self._sims:
                 names = [name for name in self.parts if name in chosen]
@@ -115,8 +116,11 @@ class SwapModels:
 
     def compiled_parts(self, names: Collection[str]) -> frozenset[str]:
         """Return the named parts that need a compiled model: they differ in more than constants."""
-        chosen = [name for name in self.parts if name in names]
-        return frozenset(name for name in chosen if name not in self.constants)
+        compiled = set()
+        for name in self.parts:
+            if name in names and name not in self.constants:
+                compiled.add(name)
+        return frozenset(compiled)
 
     def choice(self, names: Collection[str]) -> dict[str, float]:
         """Return the parameters that select the named final terms and parts.
@@ -190,8 +194,9 @@ def _changed_constants(
             continue
         changed = changed_parameters(aircraft[0], swapped)
         if changed:
-            prior_values = {name: prior for name, (prior, _) in changed.items()}
-            final_values = {name: final for name, (_, final) in changed.items()}
+            prior_values, final_values = {}, {}
+            for name, (prior, final) in changed.items():
+                prior_values[name], final_values[name] = prior, final
             constants[part] = (prior_values, final_values)
     return constants
 

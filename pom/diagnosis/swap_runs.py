@@ -274,7 +274,9 @@ class SwapBench:
             nan = {name: np.full(self.job.time.size, np.nan) for name in self.flight}
             return [nan] * len(choices), [str(error)] * len(choices)
         names = sorted({output_of(channel, sim.outputs) for channel in self.channels})
-        parameters = [self._without_job_parameters(self.models.choice(c)) for c in choices]
+        parameters = []
+        for choice in choices:
+            parameters.append(self._without_job_parameters(self.models.choice(choice)))
         outputs, failures = replay_choices(sim, self.flown, parameters, names)
         outputs = at_samples(outputs, self.flown.time, self.job.time)
         # The judged position of a control with a math pilot is the applied position.
@@ -368,6 +370,7 @@ def _relevant_parts(
         "gear": _has_ground_contact(case, flight),
         "circuit": case.drive.surfaces != "recorded",
     }
+    # A part of another kind, such as the fuel, can always matter.
     return tuple(name for name in parts if relevant.get(name.split("/")[0], True))
 
 

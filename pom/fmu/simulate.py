@@ -132,7 +132,11 @@ def feedback_outputs(model: FmuModel) -> list[str]:
 
 def seen_by(law: FmuModel) -> list[str]:
     """Return the inputs of a control law by canonical name, without those that its table fixes."""
-    return [name for name, link in law.links.inputs.items() if link.variable not in law.links.fixed]
+    names = []
+    for name, link in law.links.inputs.items():
+        if link.variable not in law.links.fixed:
+            names.append(name)
+    return names
 
 
 def check_law(model: FmuModel, job: ReplayJob) -> None:

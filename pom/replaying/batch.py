@@ -283,7 +283,10 @@ def _make_plans(
     else:
         read = pool.map(_plan_stored_record, calls)
     plans = dict(zip(groups, read, strict=True))
-    raw = [groups[source][0] for source, group_plans in plans.items() if group_plans is None]
+    raw = []
+    for source, group_plans in plans.items():
+        if group_plans is None:
+            raw.append(groups[source][0])
     for source, states in _read_states(raw, records, jobs).items():
         plans[source] = [plan_of(case, states) for case in groups[source]]
     # Plans of a record are in the order of its cases.
@@ -357,6 +360,7 @@ def paths_of_cases(
     records : KeptStates
         Store of reconstructed states.
     """
+    # Each record is read once, before the paths are put in the order of the cases.
     without_path = [case for case in cases if _path_of(case, paths) is None]
     states = _read_states(without_path, records, jobs)
     case_paths = []
@@ -385,8 +389,13 @@ def _read_states(
     first_cases: dict[_Source, PomCase] = {}
     for case in cases:
         first_cases.setdefault(_source_of(case), case)
-    stored = {source: _read_stored_states(case, records) for source, case in first_cases.items()}
-    raw = [source for source, states in stored.items() if states is None]
+    stored: dict[_Source, xr.Dataset | None] = {}
+    raw: list[_Source] = []
+    for source, case in first_cases.items():
+        stored[source] = _read_stored_states(case, records)
+        if stored[source] is None:
+            raw.append(source)
+    # One record does not repay the start of a process.
     if len(raw) <= 1:
         jobs = 1
     work = (delayed(records.make)(first_cases[source]) for source in raw)

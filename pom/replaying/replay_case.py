@@ -186,10 +186,10 @@ def perform_plan(
 def _describe_models(models: Mapping[str, FmuModel]) -> dict[str, str]:
     """Return the provenance of the models, of their control law and of their tables of names."""
     attrs = {f"model.{name}": model.origin() for name, model in models.items()}
-    laws = [model.law for model in models.values() if model.law is not None]
     # All models of a case have the control law of the case.
-    if laws:
-        attrs["control_law"] = laws[0].origin()
+    for model in models.values():
+        if model.law is not None:
+            attrs["control_law"] = model.law.origin()
     for name, model in models.items():
         if model.links.table:
             attrs[f"names.{name}"] = model.links.table

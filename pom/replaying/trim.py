@@ -115,8 +115,10 @@ def trim_limits(case: PomCase, flight: Mapping[str, np.ndarray]) -> dict[str, Tr
 
 def result_trim_limits(result: PomResult) -> dict[str, TrimLimit]:
     """Return the limits with which the trim of a result was compared."""
-    names = [name for name in map(str, result.signals.data_vars) if _THRUST.match(name)]
-    thrusts = {name: trace_of(result.signals, "flight", name) for name in names}
+    thrusts = {}
+    for name in map(str, result.signals.data_vars):
+        if _THRUST.match(name):
+            thrusts[name] = trace_of(result.signals, "flight", name)
     return trim_limits(result.case, thrusts)
 
 
@@ -191,7 +193,10 @@ def trim_table(
     for name in (*STATE, *FOUND, *LEFT):
         if name not in COCKPIT or _is_used(name, flight, outputs_by_run):
             rows.append(name)
-    columns = {"flight": {name: float(flight[name][0]) for name in STATE if name in flight}}
+    columns: dict[str, dict[str, float]] = {"flight": {}}
+    for name in STATE:
+        if name in flight:
+            columns["flight"][name] = float(flight[name][0])
     for run, outputs in outputs_by_run.items():
         columns[run] = {}
         for name in rows:
