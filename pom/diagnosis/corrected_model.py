@@ -27,6 +27,7 @@ def corrected_terms(diagnoses: Iterable[pd.DataFrame]) -> list[str]:
     list of str
         The largest share in any diagnosis comes first.
     """
+    # Largest share of each needed term over the cases.
     largest: dict[str, float] = {}
     for table in diagnoses:
         alone = _explained_by_term(table, "single")

@@ -166,6 +166,7 @@ def diagnosed_cases(
         judgements: Known = stages.recall("judgements", inputs.diagnoses[case.name], {})
         make = partial(_make_bench, case, benches, result, mixed=mixed, path=paths[case.name])
         late_benches[case.name] = LateBench(result, judgements, make)
+    # A bench has more judgements afterwards if the search had to fly new choices.
     counts = {name: len(bench.known) for name, bench in late_benches.items()}
     tables = {case.name: results[case.name].value.table for case in cases}
     joined = join_tables(tables, late_benches, jobs)

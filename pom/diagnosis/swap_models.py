@@ -60,6 +60,7 @@ class SwapModels:
         cls, prior: xr.DataTree, final: xr.DataTree, aircraft: tuple[Aircraft, Aircraft]
     ) -> SwapModels:
         """Return the mixtures of two databases and of two aircraft, a priori and final."""
+        # Both versions of a term that differs are terms of one database.
         names = tuple(differing_terms(prior, final))
         prior_terms, final_terms = _tables_by_term(prior), _tables_by_term(final)
         both = dict(prior_terms)
@@ -127,6 +128,7 @@ class SwapModels:
 
         They apply to the model compiled with `compiled_parts`.
         """
+        # Without names, the parameters are those of the a-priori model.
         prior, final = self._parameters
         chosen = dict(prior)
         for name in names:
@@ -144,6 +146,7 @@ class SwapModels:
         hashes = {name: content_hash(name, leaves.get(name)) for name in self.terms}
         for name in self.parts:
             hashes[name] = content_hash(name, self._simulated_part(name))
+        # The form of a term: its axes, and the rules of its contribution.
         forms = {}
         for name, leaf in aerodb.terms(self.both).items():
             axes = {str(axis): leaf[axis].values for axis in leaf.dims}

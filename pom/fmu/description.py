@@ -56,6 +56,7 @@ def read_fmu_interface(path: str | Path) -> Fmu:
         )
     units = _units_by_causality(description)
     is_even, step = _required_step(description)
+    # Description and hash must belong to the same content.
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     if FileState.of(path) != state:
         raise ParseError(
@@ -103,6 +104,7 @@ def _units_by_causality(description: Any) -> dict[str, dict[str, str]]:
             continue
         if variable.causality in units:
             units[variable.causality][variable.name] = _declared_unit(variable)
+        # For example the initial value of a state.
         is_state = variable.causality in ("output", "local")
         if is_state and _takes_start(variable, description.fmiVersion):
             units["start"][variable.name] = _declared_unit(variable)
@@ -141,6 +143,7 @@ def _takes_start(variable: Any, version: str) -> bool:
 def _required_step(description: Any) -> tuple[bool, float]:
     """Return whether an FMU takes only steps of one length, and the length; 0 if unknown. [s]"""
     kind, experiment = description.coSimulation, description.defaultExperiment
+    # The integrator of model exchange takes steps of any length.
     if kind is None:
         return False, 0.0
     if kind.fixedInternalStepSize:

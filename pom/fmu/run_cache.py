@@ -81,6 +81,7 @@ class RunCache:
         """Return the array of a key; None without an array, or for another shape."""
         try:
             content = self._file(key).read_bytes()
+            # The checksum is compared before NumPy parses the content.
             if hashlib.sha256(content[:-_DIGEST]).digest() != content[-_DIGEST:]:
                 return None
             values = np.load(io.BytesIO(content), allow_pickle=False)
@@ -94,10 +95,12 @@ class RunCache:
         """Store an array under a key."""
         file = self._file(key)
         file.parent.mkdir(parents=True, exist_ok=True)
+        # In memory first, because the checksum follows the array.
         stream = io.BytesIO()
         np.save(stream, np.ascontiguousarray(values, np.float64), allow_pickle=False)
         with written_atomically(file, durable=False) as part:
             part.write_bytes(stream.getvalue() + hashlib.sha256(stream.getbuffer()).digest())
 
     def _file(self, key: str) -> Path:
+        # Folders by the first two digits: a batch has thousands of flights.
         return self.folder / key[:2] / f"{key}.npy"

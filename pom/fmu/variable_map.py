@@ -247,11 +247,13 @@ def _link_of_entry(
         return Link(entry.variable)
     if not factor:
         problems.append(f"{key}: scale 0; give what 1 stands for")
+    # canonical = sign (factor number + offset)
     return Link(entry.variable, entry.sign * factor, entry.sign * offset)
 
 
 def _conversion_to_si(entry: _LinkTable, declared: str, expected: str) -> tuple[float, float]:
     """Return factor and offset to SI from the entry and the declared unit, which may be empty."""
+    # A scale is the value of 1, for a variable without a unit, such as a normalised deflection.
     if entry.scale is not None:
         if entry.unit or declared not in ("", "1", "-", "%"):
             raise UnitError(
@@ -286,6 +288,7 @@ def _check_fixed(file: _VariableMapFile, fmu: Fmu, problems: list[str]) -> None:
     offered = {**fmu.inputs, **fmu.parameters, **fmu.settable}
     entries = [*file.inputs.values(), *file.parameters.values()]
     mapped = {entry.variable for entry in entries}
+    # A variable with two values would have that of the table or that of the case.
     for name in file.fixed:
         if name not in offered:
             problems.append(f"fixed: {UnknownName(name, offered, 'input or parameter of the FMU')}")
@@ -345,6 +348,7 @@ def _quantity_of(name: str) -> str:
 
     It is ``theta`` for ``init.theta``, and ``thrust`` for ``engine1.thrust_drive``.
     """
+    # An input that drives a quantity has the name of the quantity.
     if name.endswith("_drive"):
         return name.rpartition(".")[2].removesuffix("_drive")
     group, _, quantity = name.partition(".")

@@ -170,6 +170,7 @@ def perform_plan(
         failures[name] = refused or failure
         remarks[name] = (*trim_remarks, *tables_left(plan.job.time, outputs, ranges))
     distances = _compare_with_evidence(evidence, plan, models)
+    # Further remarks follow those of the run.
     for name, model in models.items():
         remarks[name] += (*distances.get(name, ()), *_waiver_remarks(plan.job, model))
     return assemble_result(

@@ -138,6 +138,7 @@ def _pilot_rows(job: ReplayJob, outputs_by_run: Mapping[str, Traces]) -> list[di
     controls = dict.fromkeys(loop.control for loop in job.pilot)
     rows: list[dict[str, Any]] = []
     for run, outputs in outputs_by_run.items():
+        # Correction = position of the control less the recorded one.
         corrections = {}
         for control in controls:
             if control in outputs:
@@ -184,6 +185,7 @@ def _join_signals(
                 traces.append(np.asarray(signals[name], float))
             else:
                 traces.append(np.full(time.size, np.nan))
+        # Angles of all runs start within half a turn of the flight.
         if name in WRAPPED:
             traces = [unwrapped_near(trace, traces[0]) for trace in traces]
         quantity = lookup(name)

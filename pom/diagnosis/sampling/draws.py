@@ -166,6 +166,7 @@ class InstrumentErrors:
         for name, (errors, shifts) in self._shifts.items():
             if name in job.inputs:
                 inputs[name] = job.inputs[name] + draw[errors] @ shifts
+        # A parameter can have several errors, for example a start by all constants.
         parameters = dict(job.parameters)
         for name, size in zip(self.names, draw, strict=True):
             for key, step in self.parameters.get(name, {}).items():
@@ -179,6 +180,7 @@ class InstrumentErrors:
 
         A draw of an error is truth minus reading, so it is subtracted from the motion.
         """
+        # Errors of the reconstruction, then of the pick-ups and of the thrust, then noise.
         record = dict(motion)
         constants = draw[[self.names.index(name) for name in self.constants]]
         for name, change in self.flight.items():

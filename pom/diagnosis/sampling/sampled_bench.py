@@ -225,6 +225,7 @@ class SampledBench:
         for channel in self.traced.values():
             if channel in model and channel in flight:
                 difference[channel] = unwrapped_difference(channel, flight[channel], model[channel])
+        # Over their limits, so that a tuning can limit them like the ratios of criteria.
         trim_ratios = {}
         for name, size in self.trim_sizes.items():
             if f"trim.{name}" in trim:
@@ -284,6 +285,7 @@ class SampledBench:
             ratio = np.stack([run.difference[channel] for run in runs]) / half_width
         # No band at a sample: the sample is not judged.
         ratio[:, ~np.isfinite(half_width)] = 0.0
+        # The mean square needs at least one judged sample.
         square = np.zeros(ratio.shape[1])
         if np.isfinite(ratio).any():
             square = np.nanmean(np.square(ratio), axis=0)

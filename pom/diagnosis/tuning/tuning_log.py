@@ -106,6 +106,7 @@ def outcome_sentence(log: Mapping[str, Any]) -> str:
     if log["refusal"]:
         return f"refused: {log['refusal']}"
     requested = ", ".join(row["case"] for row in log["rows"] if row["wanted"])
+    # Cases without a judgement are named, because nothing can be tuned for them.
     if not log["moves"]:
         reason = "the wanted rows pass as they are" if requested else "no row fails"
         parts = [f"nothing moved: {reason}"]
@@ -113,6 +114,7 @@ def outcome_sentence(log: Mapping[str, Any]) -> str:
             if row["before"] in ("invalid", "not_tested"):
                 parts.append(f"{status_text(row['before'])} {row['case']}")
         return "; ".join(parts)
+    # The term that is farthest from the evidence.
     largest = max(log["moves"], key=lambda move: move["from_evidence"])
     size = f"{largest['from_evidence']:.2f} standard errors, {largest['term']}"
     return (
@@ -216,6 +218,7 @@ def read_log(path: str | os.PathLike) -> dict[str, Any]:
     if kind != KIND:
         text = f"no log of a tuning (kind is {kind!r}, {KIND!r} is needed); {expected}"
         raise SchemaError(str(path), [text])
+    # All missing parts in one error.
     problems = [f"{name} is missing" for name in sorted(_NEEDED - set(log))]
     for part, columns in (("moves", _OF_MOVES), ("rows", _OF_ROWS)):
         for k, item in enumerate(log.get(part, ())):

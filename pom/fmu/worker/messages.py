@@ -183,6 +183,7 @@ def _round_for(kind: str, value: float) -> int | bool:
     """Return a value as a Boolean or as an integer."""
     if kind == "Boolean":
         return abs(value) >= 0.5
+    # Halves are rounded up, unlike by `round`.
     return floor(value + 0.5)
 
 
@@ -234,6 +235,7 @@ class Course:
         k = min(max(int(np.searchsorted(self.time, t, side="right")) - 1, 0), last)
         if k == last:
             return self.at(k)
+        # Linear between both samples; a time before the first sample has its value.
         share = max(t - self.time[k], 0.0) / (self.time[k + 1] - self.time[k])
         linear = (1.0 - share) * self.values[k] + share * self.values[k + 1]
         return np.where(self.continuous, linear, self.values[k]) + self.added
