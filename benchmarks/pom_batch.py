@@ -28,8 +28,9 @@ import xarray as xr
 import flightmech
 import pom
 from flightmech.support.console import print_table
+from pom.fmu.models import Models
 from pom.fmu.process import close_all
-from pom.fmu.simulate import Models, fly_job
+from pom.fmu.simulate import fly_job
 from pom.replaying.replay_case import OBSERVED, plan_of
 
 DURATION = 30.0

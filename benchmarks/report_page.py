@@ -26,7 +26,7 @@ from flightmech.support.console import print_table
 from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob
 from pom.judging.measures.modal import mode_table
-from pom.replaying.replay_case import assemble_result
+from pom.replaying.result_assembly import assemble_result
 from pom.report.case.page import CommonHeading, case_keys, packed_page
 from pom.report.page import PAGE, html_files
 from pom.result import PomResult

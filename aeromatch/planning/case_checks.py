@@ -22,7 +22,7 @@ from flightmech.support.kept_stages.content_hashes import FileContent
 from flightmech.support.kept_stages.stages import Kept, Stages
 from pom.cases.case import PomCase
 from pom.checking.case_check import kernel_model, start_problems
-from pom.fmu.simulate import Models
+from pom.fmu.models import Models
 
 
 class CaseChecks:

@@ -25,7 +25,7 @@ from flighttest.submodels.engine.records import read_points
 from flighttest.submodels.engine.tables import EngineStructure, read_structure
 from flighttest.submodels.landing_gear.wheel_positions import wheels_of
 from pom.cases.case import PomCase
-from pom.fmu.simulate import Models
+from pom.fmu.models import Models
 
 # Quantities with a default if they are not recorded: a device at rest, or free air.
 _WITH_DEFAULT = {"h_agl", "delta_t", "delta_ta", "delta_tr", "gear", "speedbrake"}

@@ -21,7 +21,8 @@ from aeromatch.project.project import Project
 from aeromatch.workflow.identified import record_inputs, record_of
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, AeromatchWarning
-from flightmech.support.kept_stages.stages import Kept, Stages, capture_warnings
+from flightmech.support.kept_stages.captured_warnings import capture_warnings
+from flightmech.support.kept_stages.stages import Kept, Stages
 from flighttest.records.readers.name_map_reading import read_names
 
 # Records per process for which a further process saves time.

@@ -76,8 +76,10 @@ class FitJobResult:
                 )
                 remarks.append(Remark("unexplained", text, name, float(share), POOR))
         e = self.fit.estimates
+        starts, sigmas = e["start"].values, e["prior_stderr"].values
+        # An estimate without a prior has an infinite sigma.
         for name, value, start, sigma in zip(
-            *(e[key].values for key in ("parameter", "estimate", "start", "prior_stderr"))
+            e["parameter"].values, e["estimate"].values, starts, sigmas
         ):
             if abs(value - start) > PULLED * sigma:
                 distance = float(abs(value - start) / sigma)
@@ -90,13 +92,17 @@ class FitJobResult:
 
     def report(self) -> str:
         """Return estimates, noise, explained shares and remarks as text."""
-        lines = [self.specification.title] if self.specification.title else []
+        lines = []
+        if self.specification.title:
+            lines.append(self.specification.title)
         lines += [self.fit.report(), "", "explained of each output's movement:"]
         explained = self.explained
-        width = max(len(name) for name in explained["output"].values)
+        width = max(map(len, explained["output"].values))
         for name in explained["output"].values:
-            shares = "".join(f"{float(share):9.1%}" for share in explained.sel(output=name))
-            lines.append(f"  {name!s:{width}s}{shares}")
+            line = f"  {name!s:{width}s}"
+            for share in explained.sel(output=name):
+                line += f"{float(share):9.1%}"
+            lines.append(line)
         return "\n".join([*lines, *remark_lines(self.remarks)])
 
     def as_dict(self) -> dict[str, Any]:

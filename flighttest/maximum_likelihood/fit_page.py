@@ -28,12 +28,14 @@ def render_fit_page(done: FitJobResult) -> str:
         rows.append({"name": str(name), "cells": cells, "held": bool(e["active"].values[k])})
     files = [specification.aircraft, specification.database]
     files += [table.file for table in specification.record]
-    has_remarks = bool(done.remarks or done.fit.warnings)
+    grade = "warning"
+    if e.attrs["converged"] and not done.remarks and not done.fit.warnings:
+        grade = "good"
     return template_of("flighttest.maximum_likelihood").render(
         style=read_style_sheet(),
         title=specification.title or "Output error",
         attrs=e.attrs,
-        grade="good" if e.attrs["converged"] and not has_remarks else "warning",
+        grade=grade,
         rows=rows,
         remarks=[*done.fit.remarks, *done.remarks],
         records=[_record_content(done, k) for k in range(len(done.records))],
@@ -44,7 +46,10 @@ def render_fit_page(done: FitJobResult) -> str:
 
 
 def _format_cell(value: float) -> str:
-    return f"{value:.4g}" if np.isfinite(value) else ""
+    # An unknown at a bound has no standard error, and most have no prior.
+    if not np.isfinite(value):
+        return ""
+    return f"{value:.4g}"
 
 
 def _record_content(done: FitJobResult, k: int) -> dict[str, Any]:

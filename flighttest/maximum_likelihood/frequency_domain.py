@@ -34,6 +34,7 @@ from flighttest.maximum_likelihood.state_space import (
 from flighttest.maximum_likelihood.time_domain import noise_groups, uniform_step
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out
 from flighttest.records.signals.fourier import finite_fourier, harmonics
+from flighttest.regression.equation_error.samples import list_manoeuvres
 
 BAND = (0.1, 2.0)  # [Hz]
 _AROUND = 5  # frequencies on each side over which the spectrum of the noise is averaged
@@ -93,13 +94,14 @@ def frequency_output_error(
        ch. 7.
     """
     demand_known(model, list(parameters), {"delay": model.inputs})
-    records = [manoeuvres] if isinstance(manoeuvres, xr.Dataset) else list(manoeuvres)
+    records = list_manoeuvres(manoeuvres)
     jumps = {f"{_JUMP}.{name}": Unknown(0.0, own=True) for name in model.states}
     layout = lay_out({**parameters, **jumps}, [{} for _ in records])
     pieces = []
     for record, names in zip(records, layout.bases):
         pieces.append(_RecordSpectra(model, record, band=band, names=names))
-    if sum(piece.measured.size for piece in pieces) <= len(layout.names):
+    values = sum(piece.measured.size for piece in pieces)
+    if values <= len(layout.names):
         raise IdentificationError(
             f"{len(layout.names)} unknowns and fewer values of the spectra; widen the band "
             f"or take longer records"
@@ -155,9 +157,8 @@ class _RecordSpectra:
         for k, step in enumerate(steps):
             shift = np.zeros(len(steps))
             shift[k] = step
-            slopes.append(
-                (self.predict(values + shift) - self.predict(values - shift)) / (2 * step)
-            )
+            up, down = self.predict(values + shift), self.predict(values - shift)
+            slopes.append((up - down) / (2 * step))
         return np.stack(slopes, axis=2)
 
     def residual(self, v: np.ndarray) -> xr.Dataset:
@@ -189,14 +190,17 @@ def _coloured_covariance(maximum: LikelihoodMaximum, layout: UnknownVector) -> n
         maximum.slopes, maximum.residuals, maximum.noise, layout.columns
     ):
         block = np.ix_(columns, columns)
+        # Slopes and residuals over the root of the noise variance: R^-1 is then the identity.
         root = np.sqrt(noise)
         X = (S / root[None, :, None]).reshape(-1, S.shape[2])
         prior[block] -= X.T @ X
         H, e = _join_parts(S) / root[None, :, None], _join_parts(v) / root
         periodogram = e[:, :, None] * e[:, None, :].conj()
         for k, h in enumerate(H):
+            # Phi_k, with fewer frequencies near the ends of the band.
             spectrum = periodogram[max(0, k - _AROUND) : k + _AROUND + 1].mean(axis=0)
             inner[block] += 0.5 * np.real(h.conj().T @ spectrum @ h)
+    # Degrees of freedom of the spectrum: values less estimates.
     values = sum(v.size for v in maximum.residuals)
     freedom = max(1, values - int(free.sum()))
     D = invert_information(maximum.information, free)

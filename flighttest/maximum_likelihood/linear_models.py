@@ -28,6 +28,7 @@ from flighttest.maximum_likelihood.state_space import (
 )
 from flighttest.maximum_likelihood.time_domain import noise_groups, uniform_step
 from flighttest.maximum_likelihood.unknowns import Wanted, lay_out
+from flighttest.regression.equation_error.samples import list_manoeuvres
 
 _FEWEST = 9  # readings of an output
 _BEYOND = 1e100  # output of an unstable model from which on it has no response
@@ -91,7 +92,7 @@ def linear_output_error(
        RP-1138, 1985.
     .. [Jategaonkar] Jategaonkar, Flight Vehicle System Identification, 2nd ed., AIAA 2015, ch. 4.
     """
-    records = [manoeuvres] if isinstance(manoeuvres, xr.Dataset) else list(manoeuvres)
+    records = list_manoeuvres(manoeuvres)
     extra = {"init": model.states, "drift": model.states, "sensor": model.outputs}
     demand_known(model, list(parameters), extra)
     groups = noise_groups(noise, len(records))
@@ -160,8 +161,10 @@ class _RecordResponse:
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
         """Return slopes by central differences of the matrices, which are fast here."""
-        up = [self._make_run(values + shift) for shift in np.diag(steps)]
-        down = [self._make_run(values - shift) for shift in np.diag(steps)]
+        up, down = [], []
+        for shift in np.diag(steps):
+            up.append(self._make_run(values + shift))
+            down.append(self._make_run(values - shift))
         with np.errstate(over="ignore", invalid="ignore"):
             S = innovation_slopes(
                 self._make_run(values),
@@ -171,6 +174,7 @@ class _RecordResponse:
                 u=self.u,
                 z=np.zeros_like(self.measured),
             )
+        # The innovations of readings of zero are 0 - y, so the slopes of y have the other sign.
         return np.moveaxis(-S, 0, 2)
 
     def residual(self, v: np.ndarray) -> xr.Dataset:

@@ -47,6 +47,7 @@ from flighttest.maximum_likelihood.state_space import (
 )
 from flighttest.maximum_likelihood.time_domain import uniform_step
 from flighttest.maximum_likelihood.unknowns import Unknown, UnknownVector, Wanted, lay_out
+from flighttest.regression.equation_error.samples import list_manoeuvres
 
 _POSITIVE = ("process", "noise")  # kinds of unknowns that are standard deviations
 _LEAST = 1e-6  # smallest start of a noise, of the spread of the output
@@ -98,7 +99,7 @@ def filter_error(
     IdentificationError
         The start does not have a filter, or the records cannot determine the unknowns.
     """
-    records = [manoeuvres] if isinstance(manoeuvres, xr.Dataset) else list(manoeuvres)
+    records = list_manoeuvres(manoeuvres)
     states, outputs = model.states, model.outputs
     extra = {"process": states, "init": states, "drift": states, "noise": outputs}
     demand_known(model, list(parameters), {**extra, "sensor": outputs})
@@ -157,15 +158,17 @@ def _square_deviations(natural: UnknownVector) -> tuple[UnknownVector, np.ndarra
 
     For the variance of a noise alone, one step of scoring reaches the maximum.
     """
-    is_squared = np.array([name.split(".")[0] in _POSITIVE for name in natural.names])
+    is_squared = np.zeros(len(natural.names), bool)
     problems = []
-    for name, squared, start in zip(natural.names, is_squared, natural.start):
-        if squared and not start > 0.0:
+    for k, (name, start) in enumerate(zip(natural.names, natural.start)):
+        is_squared[k] = name.split(".")[0] in _POSITIVE
+        if is_squared[k] and not start > 0.0:
             problems.append(
                 f"{name} starts at zero or below; give a positive start, or leave it out"
             )
     if problems:
         raise SchemaError("unknowns", problems)
+    # s = (sigma / start)^2: at the start its standard error is 2 / start times that of sigma.
     unit = np.where(is_squared, natural.start, 1.0)
     low = np.maximum(natural.low / unit, _CALM) ** 2
     squares = replace(
@@ -226,6 +229,7 @@ class _InnovationLikelihood:
         for e, S in zip(innovations.parts, innovations.variances):
             if not np.isfinite(S).all() or not np.isfinite(e).all():
                 return np.inf
+            # 1/2 e' S^-1 e + N/2 ln |S|; S must be positive definite.
             sign, size = np.linalg.slogdet(S)
             if sign <= 0.0:
                 return np.inf
@@ -318,8 +322,8 @@ class _FilteredRecord:
         shifts = np.diag(steps)
         try:
             run, _ = self._make_run(values)
-            up, S_up = zip(*(self._make_run(values + shift) for shift in shifts))
-            down, S_down = zip(*(self._make_run(values - shift) for shift in shifts))
+            up, S_up = zip(*[self._make_run(values + shift) for shift in shifts])
+            down, S_down = zip(*[self._make_run(values - shift) for shift in shifts])
         except (np.linalg.LinAlgError, ValueError):
             return _InnovationSlopes(
                 np.full((*self.z.shape, len(values)), np.nan),

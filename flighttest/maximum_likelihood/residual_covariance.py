@@ -85,7 +85,9 @@ def innovation_coupling(innovations: np.ndarray, block: float) -> np.ndarray:
         r = e[lag:].T @ e[: count - lag] / count  # of output a after output b
         share = count**2 * r**2 / (count - lag)
         # A positive lag stands for both signs.
-        statistic += share + share.T if lag else share
+        if lag:
+            share = share + share.T
+        statistic += share
     limit = scipy.stats.chi2.isf(CHANCE / (outputs * (outputs - 1) // 2), 2 * lags + 1)
     np.fill_diagonal(statistic, 0.0)
     return statistic / limit
@@ -116,9 +118,9 @@ def turbulence_warnings(noise: xr.Dataset) -> tuple[str, ...]:
         return ()
     is_named = is_coupled | (noise["slow"].values > LOUD * noise["fast"].values)
     parts = []
-    for name, slow, fast, time in zip(
-        *(noise[key].values[is_named] for key in ("output", "slow", "fast", "time"))
-    ):
+    for k in np.flatnonzero(is_named):
+        name, time = noise["output"].values[k], noise["time"].values[k]
+        slow, fast = noise["slow"].values[k], noise["fast"].values[k]
         ratio = slow / max(fast, _LEAST_NOISE)
         parts.append(f"{name} ({ratio:.1f} times its noise, {time:.2g} s)")
     return (

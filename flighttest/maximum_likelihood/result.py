@@ -67,7 +67,11 @@ class OutputError:
     @property
     def parameters(self) -> dict[str, float]:
         """The estimates by name, for a simulation, without those of single manoeuvres."""
-        return {name: value for name, value in self._values().items() if "@" not in name}
+        common = {}
+        for name, value in self._values().items():
+            if "@" not in name:
+                common[name] = value
+        return common
 
     def _values(self) -> dict[str, float]:
         """Return all estimates by name."""
@@ -123,7 +127,10 @@ def estimates_dataset(
         Further attributes.
     """
     free = ~maximum.active
-    readings = sum(int(np.isfinite(v).sum()) for v in maximum.residuals)
+    readings = 0
+    for v in maximum.residuals:
+        readings += int(np.isfinite(v).sum())
+    # The Cramer-Rao bound M^-1, with the degrees of freedom of the estimated noise.
     white = invert_information(maximum.information, free) * readings / max(1, readings - len(free))
     # A coloured standard error below the white one is a chance result and is raised to it.
     coloured = np.where(np.diag(covariance) > 0.0, np.diag(covariance), np.inf)
@@ -195,11 +202,13 @@ def noise_dataset(
         return xr.Dataset(variables, coordinates)
     # The colours are those of residuals over the root of the noise variance.
     size = np.sqrt(maximum.noise.mean(axis=0))
+    slow = np.array([colour.slow for colour in colours])
+    fast = np.array([colour.white for colour in colours])
     centred = np.concatenate([z - np.nanmean(z, axis=0) for z in measured])
     innovations = np.column_stack([colour.innovations for colour in colours])
     variables |= {
-        "slow": ("output", [colour.slow * scale for colour, scale in zip(colours, size)]),
-        "fast": ("output", [colour.white * scale for colour, scale in zip(colours, size)]),
+        "slow": ("output", slow * size),
+        "fast": ("output", fast * size),
         "time": ("output", [colour.time for colour in colours]),
         "block": ("output", [colour.block for colour in colours]),
         "motion": ("output", np.sqrt(np.nanmean(centred**2, axis=0))),
@@ -231,6 +240,7 @@ def _list_remarks(fit: OutputError) -> list[Remark]:
             )
             limit = SILENT * float(prior)
             remarks.append(Remark("not significant", text, name, float(stderr), limit))
+    # Pairs below the diagonal, each once.
     rho = e["correlation"].values
     for i, j in zip(*np.nonzero(np.tril(np.abs(rho) > HIGH, -1))):
         text = f"{names[j]} and {names[i]} are correlated by {rho[i, j]:.3f}"
@@ -241,23 +251,26 @@ def _list_remarks(fit: OutputError) -> list[Remark]:
 def _format_report(fit: OutputError) -> str:
     """Return estimates, noise and remarks as text."""
     e, a = fit.estimates, fit.estimates.attrs
-    width = max(12, *(len(str(name)) for name in e["parameter"].values))
+    names = [str(name) for name in e["parameter"].values]
+    width = max(12, *map(len, names))
     state = "converged" if a["converged"] else "NOT converged"
     lines = [
         f"{a['method']}: manoeuvres {a['manoeuvres']}, samples {a['samples']}, "
         f"iterations {a['iterations']}, {state}",
         f"{'parameter':{width}s}" + "".join(f"{head:>13s}" for head, _, _ in _COLUMNS),
     ]
-    for k, name in enumerate(e["parameter"].values):
-        line = f"{name!s:{width}s}"
+    for k, name in enumerate(names):
+        line = f"{name:{width}s}"
         for _, variable, form in _COLUMNS:
             line += f"{float(e[variable].values[k]):13{form}}"
         lines.append(line)
     manoeuvres = "".join(f"{f'noise {k}':>13s}" for k in fit.noise["manoeuvre"].values)
     lines += ["", f"{'output':{width}s}{manoeuvres}"]
     for name in fit.noise["output"].values:
-        stderr = fit.noise["stderr"].sel(output=name)
-        lines.append(f"{name!s:{width}s}" + "".join(f"{float(x):13.4g}" for x in stderr))
+        line = f"{name!s:{width}s}"
+        for stderr in fit.noise["stderr"].sel(output=name):
+            line += f"{float(stderr):13.4g}"
+        lines.append(line)
     return "\n".join([*lines, "", *remark_lines(fit.remarks)]).rstrip()
 
 
@@ -296,9 +309,13 @@ def open_output_error(path: str | os.PathLike) -> OutputError:
     """
     tree = open_tree(path, _CONTENT, "a fit as `aeromatch flight fit -o` writes it")
     nodes = tree["residuals"].children
+    residuals = []
+    # The names are the numbers of the manoeuvres: 10 follows 9.
+    for name in sorted(nodes, key=int):
+        residuals.append(nodes[name].to_dataset(inherit=False))
     return OutputError(
         estimates=tree.children["estimates"].to_dataset(inherit=False),
-        residuals=tuple(nodes[name].to_dataset(inherit=False) for name in sorted(nodes, key=int)),
+        residuals=tuple(residuals),
         noise=tree.children["noise"].to_dataset(inherit=False),
         warnings=tuple(str(tree.attrs.get("warnings", "")).splitlines()),
     )

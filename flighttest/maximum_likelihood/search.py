@@ -186,10 +186,13 @@ class Likelihood:
 
     def cost(self, theta: np.ndarray, residuals: Sequence[np.ndarray]) -> float:
         """Return J; infinite if a piece cannot be simulated."""
+        # J with the best variance: sum N/2 ln R, and the distance from the prior.
         by_noise = 0.5 * float((self.counts * np.log(self.noise(residuals))).sum())
         by_prior = 0.5 * float((self._prior_distance(theta) ** 2).sum())
         total = by_noise + by_prior
-        return total if np.isfinite(total) else np.inf
+        if not np.isfinite(total):
+            return np.inf
+        return total
 
     def _prior_distance(self, theta: np.ndarray) -> np.ndarray:
         return (theta - self.layout.start) / self.layout.sigma
@@ -206,6 +209,7 @@ class Likelihood:
             lambda piece, columns: piece.slopes(theta[columns], steps[columns], central)
         )
         for S, mask in zip(slopes, self.has_reading):
+            # A missing reading has no slope, as its residual is zero.
             if not mask.all():
                 S[~mask] = 0.0
         return slopes
@@ -219,6 +223,7 @@ class Likelihood:
         g = -self._prior_distance(theta) / self.layout.sigma
         noise = self.noise(residuals)
         for columns, group, v, S in zip(self.layout.columns, self.groups, residuals, slopes):
+            # Weighted slopes of all readings in one column per unknown.
             root = 1.0 / np.sqrt(noise[group])
             X = (S * root[None, :, None]).reshape(-1, S.shape[2])
             M[np.ix_(columns, columns)] += X.T @ X
@@ -249,58 +254,113 @@ def maximise_likelihood(likelihood: Target, iterations: int) -> LikelihoodMaximu
         The start cannot be simulated, an unknown has no effect, or a combination of unknowns has
         none.
     """
-    layout = likelihood.layout
-    theta, size = layout.start.copy(), _parameter_sizes(layout)
-    steps = _FIRST_STEP * size
-    likelihood.expect(steps, central=iterations == 0)
-    residuals = likelihood.residuals(theta)
-    cost = likelihood.cost(theta, residuals)
-    if not np.isfinite(cost):
-        raise IdentificationError(
-            "the model cannot be flown through the records from the start values; simulate "
-            "them once and look"
-        )
-    slopes = likelihood.slopes(theta, steps, central=iterations == 0)
-    damping, converged, last_was_first, count = _DAMPING, False, True, 0
-    while True:
-        M, g = likelihood.normal(theta, residuals, slopes)
-        _demand_effect(M, layout.names)
-        steps = np.clip(STEP / np.sqrt(np.diag(M)), SMALL * size, LARGE * size)
-        active = _active_bounds(theta, g, layout)
-        if converged or count == iterations:
-            break
-        count += 1
-        stderr = np.where(active, np.inf, np.sqrt(np.diag(invert_information(M, ~active))))
-        for trial in _damped_trials(layout, theta, M=M, g=g, free=~active, damping=damping):
-            is_near = bool((np.abs(trial.theta - theta) < CLOSE * stderr).all())
+    search = _Search(likelihood, iterations)
+    search.simulate_start()
+    search.form_equations()
+    while not search.is_finished:
+        search.take_step()
+        search.form_equations()
+    return search.result()
+
+
+class _Search:
+    """State of a search by Levenberg-Marquardt steps.
+
+    Attributes
+    ----------
+    theta, residuals, slopes, cost
+        Of the last accepted parameters.
+    M, g : array (unknown, unknown), (unknown,)
+        Information and downhill gradient there.
+    steps : array (unknown,)
+        Steps of the differences.
+    active : array of bool (unknown,)
+        Unknowns at a bound against which the likelihood pushes.
+    """
+
+    def __init__(self, likelihood: Target, iterations: int):
+        self.likelihood, self.iterations = likelihood, iterations
+        self.layout = likelihood.layout
+        self.theta, self.size = self.layout.start.copy(), _parameter_sizes(self.layout)
+        self.steps = _FIRST_STEP * self.size
+        self.damping, self.converged, self.count = _DAMPING, False, 0
+        self.last_was_first = True  # the last accepted step was the first trial
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether no further step follows.
+
+        Before the last iteration, one-sided differences over part of a standard error suffice.
+        """
+        return self.converged or self.count == self.iterations
+
+    def simulate_start(self) -> None:
+        """Simulate the start values and their slopes."""
+        likelihood, is_last = self.likelihood, self.iterations == 0
+        likelihood.expect(self.steps, central=is_last)
+        self.residuals = likelihood.residuals(self.theta)
+        self.cost = likelihood.cost(self.theta, self.residuals)
+        if not np.isfinite(self.cost):
+            raise IdentificationError(
+                "the model cannot be flown through the records from the start values; simulate "
+                "them once and look"
+            )
+        self.slopes = likelihood.slopes(self.theta, self.steps, central=is_last)
+
+    def form_equations(self) -> None:
+        """Form the normal equations, and set the next steps of the differences."""
+        self.M, self.g = self.likelihood.normal(self.theta, self.residuals, self.slopes)
+        _demand_effect(self.M, self.layout.names)
+        # The steps of the differences are a part of the standard errors, within limits.
+        in_stderr = STEP / np.sqrt(np.diag(self.M))
+        self.steps = np.clip(in_stderr, SMALL * self.size, LARGE * self.size)
+        self.active = _active_bounds(self.theta, self.g, self.layout)
+
+    def take_step(self) -> None:
+        """Accept the first trial that does not raise the cost, and simulate its slopes.
+
+        If there is none, the search has converged.
+        """
+        self.count += 1
+        likelihood, free = self.likelihood, ~self.active
+        stderr = np.where(free, np.sqrt(np.diag(invert_information(self.M, free))), np.inf)
+        for trial in _damped_trials(
+            self.layout, self.theta, M=self.M, g=self.g, free=free, damping=self.damping
+        ):
+            is_near = bool((np.abs(trial.theta - self.theta) < CLOSE * stderr).all())
             # Slopes are simulated with the trial only if it is likely to be accepted.
-            if trial.is_first and last_was_first:
-                likelihood.expect(steps, central=is_near or count == iterations)
-            trial_residuals = likelihood.residuals(trial.theta)
-            trial_cost = likelihood.cost(trial.theta, trial_residuals)
-            if trial_cost <= cost:
-                converged = is_near and cost - trial_cost < CLOSE
-                last_was_first = trial.is_first
-                theta, residuals, cost = trial.theta, trial_residuals, trial_cost
-                damping = max(_LOWER * trial.damping, _LEAST_DAMPING)
+            if trial.is_first and self.last_was_first:
+                likelihood.expect(self.steps, central=is_near or self.count == self.iterations)
+            residuals = likelihood.residuals(trial.theta)
+            cost = likelihood.cost(trial.theta, residuals)
+            if cost <= self.cost:
+                self.converged = is_near and self.cost - cost < CLOSE
+                self.last_was_first = trial.is_first
+                self.theta, self.residuals, self.cost = trial.theta, residuals, cost
+                self.damping = max(_LOWER * trial.damping, _LEAST_DAMPING)
                 break
         else:
-            converged = True  # no step lowers the cost
-        # Before the last iteration, one-sided differences over part of a standard error suffice.
-        slopes = likelihood.slopes(theta, steps, central=converged or count == iterations)
-    free_names = [name for name, is_active in zip(layout.names, active) if not is_active]
-    _demand_rank(M[np.ix_(~active, ~active)], free_names)
-    return LikelihoodMaximum(
-        theta=theta,
-        residuals=residuals,
-        slopes=slopes,
-        noise=likelihood.scatter(residuals),
-        information=M,
-        active=active,
-        cost=cost,
-        iterations=count,
-        converged=converged,
-    )
+            self.converged = True
+        self.slopes = likelihood.slopes(self.theta, self.steps, central=self.is_finished)
+
+    def result(self) -> LikelihoodMaximum:
+        """Return the maximum, after a check that the records determine all free unknowns."""
+        free_names = []
+        for name, is_active in zip(self.layout.names, self.active):
+            if not is_active:
+                free_names.append(name)
+        _demand_rank(self.M[np.ix_(~self.active, ~self.active)], free_names)
+        return LikelihoodMaximum(
+            theta=self.theta,
+            residuals=self.residuals,
+            slopes=self.slopes,
+            noise=self.likelihood.scatter(self.residuals),
+            information=self.M,
+            active=self.active,
+            cost=self.cost,
+            iterations=self.count,
+            converged=self.converged,
+        )
 
 
 def _damped_trials(

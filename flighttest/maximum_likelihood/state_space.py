@@ -63,7 +63,7 @@ class LinearModel:
         SchemaError
             The function returned matrices of other shapes than the names imply.
         """
-        matrices = Matrices(*(np.asarray(item, float) for item in self.matrices(values)))
+        matrices = Matrices(*[np.asarray(item, float) for item in self.matrices(values)])
         n, m, p = len(self.states), len(self.inputs), len(self.outputs)
         required = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
         problems = []
@@ -108,6 +108,7 @@ def linear_model(
 
     def matrices(values: Mapping[str, float]) -> list[np.ndarray]:
         changed = {matrix: x.copy() for matrix, x in base.items()}
+        # A tied element changes by its slope times the change of the element.
         for name in elements.keys() & values.keys():
             matrix, i, j = elements[name]
             change = values[name] - base[matrix][i, j]
@@ -269,6 +270,7 @@ def steady_filter(
     paired[:n, :n], paired[:n, n:], paired[n:, n:] = -A, np.diag(intensity**2), A.T
     Q = F @ scipy.linalg.expm(paired * step)[:n, n:]
     P = scipy.linalg.solve_discrete_are(F.T, C.T, 0.5 * (Q + Q.T), R)
+    # P is the covariance of the predicted state: S = C P C' + R, K = P C' S^-1.
     S = C @ P @ C.T + R
     K = np.linalg.solve(S, C @ P).T
     return Filter(F, G0, G1=G1, g=g, C=C, D=D, K=K, S=0.5 * (S + S.T))
@@ -345,11 +347,13 @@ def innovation_slopes(
     z : array (time, output)
     """
     # Differences of the matrices, (unknown, row, column); they are divided by the width at the end.
-    M, W, N, start = (np.stack(a) - np.stack(b) for a, b in zip(zip(*up), zip(*down)))
+    M, W, N, start = [np.stack(a) - np.stack(b) for a, b in zip(zip(*up), zip(*down))]
     x = _filter_states(run, u, z)
+    # M' x_k + W' [u_k, u_(k+1), 1, z_k] of all unknowns at once, (unknown, time, state).
     matrices = np.concatenate([M, W], axis=2).transpose(0, 2, 1)
     drive = np.column_stack([x[:-1], _filter_inputs(u, z)]) @ matrices
     s = solve_recursion(run.M, drive, start)
+    # e' = -(N' [x, u, 1] + C s)
     direct = np.column_stack([x, u, np.ones(len(u))]) @ N.transpose(0, 2, 1)
     return -(direct + s @ run.N[:, : len(run.M)].T) / width[:, None, None]
 

@@ -21,6 +21,7 @@ from flighttest.maximum_likelihood.residual_covariance import (
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
 from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
 from flighttest.maximum_likelihood.unknowns import Wanted, lay_out
+from flighttest.regression.equation_error.samples import list_manoeuvres
 
 Fly = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -51,8 +52,7 @@ class Runs:
     Parameters
     ----------
     fly : callable
-        Takes unknowns (run, unknown); returns outputs (run, time, output) and which runs succeeded
-        (run,).
+        From unknowns (run, unknown) to outputs (run, time, output) and success (run,).
     """
 
     def __init__(self, fly: Fly):
@@ -95,7 +95,10 @@ class Runs:
             y, succeeded = self.fly(_shift_values(values, steps, central))
         if not central and not succeeded.all():
             return self.slopes(values, steps, central=True)
-        down = y[len(steps) :] if central else None
+        # The runs up come before the runs down.
+        down = None
+        if central:
+            down = y[len(steps) :]
         return output_slopes(base, y[: len(steps)], down=down, steps=steps, succeeded=succeeded)
 
 
@@ -221,7 +224,7 @@ def output_error(
     .. [Maine1985] Maine, Iliff, NASA RP-1138, 1985; RP-1168, 1986.
     .. [Jategaonkar] Jategaonkar, Flight Vehicle System Identification, 2nd ed., AIAA 2015.
     """
-    records = [manoeuvres] if isinstance(manoeuvres, xr.Dataset) else list(manoeuvres)
+    records = list_manoeuvres(manoeuvres)
     fixed = _list_conditions(conditions, len(records))
     groups = noise_groups(noise, len(records))
     pieces = []
@@ -257,7 +260,9 @@ def noise_groups(noise: str, count: int) -> np.ndarray:
     """Return the noise group of each manoeuvre, (count,)."""
     if noise not in ("common", "own"):
         raise ValueError(f"noise is {noise!r}; allowed: common, own")
-    return np.zeros(count, int) if noise == "common" else np.arange(count)
+    if noise == "common":
+        return np.zeros(count, int)
+    return np.arange(count)
 
 
 def uniform_step(time: np.ndarray, what: str) -> float:
@@ -271,13 +276,11 @@ def uniform_step(time: np.ndarray, what: str) -> float:
     steps = np.diff(time)
     is_short = len(steps) < _FEWEST - 1
     if is_short or not (steps > 0.0).all() or np.ptp(steps) > _UNIFORM * steps.mean():
-        raise SchemaError(
-            what,
-            [
-                f"its time is not uniform, or it has fewer than {_FEWEST} samples; cut it with "
-                f"flighttest.cut"
-            ],
+        text = (
+            f"its time is not uniform, or it has fewer than {_FEWEST} samples; cut it with "
+            f"flighttest.cut"
         )
+        raise SchemaError(what, [text])
     return float(steps.mean())
 
 
@@ -290,13 +293,10 @@ def _list_conditions(
     if not len(conditions):
         return [{}] * count
     if len(conditions) != count:
-        raise SchemaError(
-            "conditions",
-            [
-                f"{len(conditions)} mappings for {count} manoeuvres; give one for each, or "
-                f"one for all"
-            ],
+        text = (
+            f"{len(conditions)} mappings for {count} manoeuvres; give one for each, or one for all"
         )
+        raise SchemaError("conditions", [text])
     return [dict(item) for item in conditions]
 
 
@@ -318,6 +318,7 @@ class _SimulatedRecord:
         self.interval = uniform_step(self.time, label)
         self.step = self.interval if step is None else step
         self.measured = np.column_stack([record[name].values.astype(float) for name in outputs])
+        # An output with few readings does not determine its noise.
         readings = np.isfinite(self.measured).sum(axis=0)
         idle = [name for name, count in zip(outputs, readings) if count < _FEWEST]
         if idle:
@@ -335,15 +336,16 @@ class _SimulatedRecord:
         """Set the estimated parameters, and read the inputs that no run changes."""
         # Parameters of instruments need no simulation: position of the unknown, kind and output.
         self.instruments: dict[int, tuple[str, str]] = {}
+        self.simulated: list[int] = []
         for k, name in enumerate(names):
             kind, _, output = name.partition(".")
             if kind not in _INSTRUMENTS:
+                self.simulated.append(k)
                 continue
             if output not in self.output_names:
                 allowed = [f"{kind}.{allowed_output}" for allowed_output in self.output_names]
                 raise UnknownName(name, allowed, "parameter")
             self.instruments[k] = kind, output
-        self.simulated = [k for k in range(len(names)) if k not in self.instruments]
         self.varied = [names[k] for k in self.simulated]
         self.fixed = {"mode.step": self.step}
         for name, value in self.conditions.items():
@@ -398,8 +400,8 @@ class _SimulatedRecord:
         v = np.where(np.isfinite(self.measured), v, np.nan)
         columns = {}
         for k, name in enumerate(self.output_names):
-            units = str(self.record[name].attrs.get("units", ""))
-            columns[name] = "time", v[:, k], {"units": units}
+            attributes = {"units": str(self.record[name].attrs.get("units", ""))}
+            columns[name] = "time", v[:, k], attributes
         return xr.Dataset(columns, {"time": self.time}, dict(self.record.attrs))
 
 
@@ -416,6 +418,7 @@ def _demand_outputs(sim: SimModel, record: xr.Dataset, outputs: Sequence[str], l
 
 def _recorded_starts(sim: SimModel, record: xr.Dataset) -> dict[str, float]:
     """Return the start values and masses of the record, from its first sample."""
+    # The first sample has the state, and the mass if the record has it.
     starts = {}
     parameters = [f"init.{name}" for name in _STARTS]
     parameters += [name for name in sim.parameters if name.startswith("mass.")]

@@ -79,13 +79,15 @@ def lay_out(unknowns: Wanted, recorded: Sequence[Mapping[str, float]]) -> Unknow
         Unknowns without a start, a start outside the bounds, or a prior standard error that is not
         positive. One error lists all of them.
     """
-    problems = [] if unknowns else ["no unknown; name at least one parameter"]
+    problems: list[str] = []
+    if not unknowns:
+        problems.append("no unknown; name at least one parameter")
     names: list[str] = []
     starts: list[float] = []
     items: list[Unknown] = []
     positions: list[dict[str, int]] = [{} for _ in recorded]
     for name, item in unknowns.items():
-        unknown = Unknown(*item) if isinstance(item, tuple) else Unknown(item)
+        unknown = _as_unknown(item)
         # A common unknown is one element for all manoeuvres, a separate one has one for each.
         groups = [range(len(recorded))]
         if unknown.own:
@@ -118,8 +120,14 @@ def lay_out(unknowns: Wanted, recorded: Sequence[Mapping[str, float]]) -> Unknow
     )
 
 
+def _as_unknown(item: Unknown | float | tuple) -> Unknown:
+    if isinstance(item, tuple):
+        return Unknown(*item)
+    return Unknown(item)
+
+
 def _list_problems(label: str, start: float | None, unknown: Unknown) -> list[str]:
-    """Return what is wrong with one unknown."""
+    """Return the problems of one unknown."""
     low, high = unknown.low, unknown.high
     if start is None:
         return [f"{label} has no start, and neither model nor record gives it; give a start"]

@@ -18,7 +18,7 @@ from flighttest.reconstruction.states_at_start import start_states
 from pom.cases.case import PomCase
 from pom.cases.reference_states import read_path_states
 from pom.checking.case_check import RecordCheck, RecordError, case_problems
-from pom.fmu.simulate import FmuModel, Models
+from pom.fmu.models import FmuModel, Models
 from pom.replaying.caches import KeptStates
 
 

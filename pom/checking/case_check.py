@@ -15,7 +15,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import AeromatchError, OutOfRange, SchemaError, SimulationError, UnknownName
 from flightmech.simulation.compiler import SimModel
 from pom.cases.case import PomCase
-from pom.fmu.simulate import FmuModel
+from pom.fmu.models import FmuModel
 from pom.fmu.variable_map import Fmu, links_of
 from pom.replaying.kernel_replay import start_untrimmed
 from pom.replaying.replay_case import ReplayPlan, check_plan, plan_of

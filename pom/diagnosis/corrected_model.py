@@ -27,6 +27,7 @@ def corrected_terms(diagnoses: Iterable[pd.DataFrame]) -> list[str]:
     list of str
         The largest share in any diagnosis comes first.
     """
+    # Largest share of each needed term over the cases.
     largest: dict[str, float] = {}
     for table in diagnoses:
         alone = _explained_by_term(table, "single")
@@ -63,6 +64,7 @@ def correction_reasons(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, str]:
     """
     needs: dict[str, list[str]] = {}
     for case, table in diagnoses.items():
+        # Share of the gap that a term explains alone, and its Shapley share if it has one.
         alone = _explained_by_term(table, "single")
         share = _explained_by_term(table, "share")
         for name in _terms_of_stage(table, "sequence"):
@@ -71,6 +73,7 @@ def correction_reasons(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, str]:
                 text += f", share {100.0 * share[name]:.0f} %"
             needs.setdefault(name, []).append(f"{text})")
     reasons = {name: f"needed by {'; '.join(texts)}" for name, texts in needs.items()}
+    # A joint term is not in the sequence of any case.
     for case, names in joint_terms(diagnoses).items():
         text = f"added for {case}, which does not pass with what each case needs alone"
         reasons |= dict.fromkeys(names, text)
@@ -127,12 +130,18 @@ def corrected_aircraft(
         As in `corrected_database`.
     """
     reasons = _history_lines(diagnoses, source or final.name)
-    parts = [name for name in different_parts(apriori, final) if name in reasons]
+    parts: list[str] = []
+    history: list[str] = []
+    if apriori.history:
+        history.append(apriori.history)
+    for name in different_parts(apriori, final):
+        if name in reasons:
+            parts.append(name)
+            history.append(f"{name}: {reasons[name]}")
     if not parts:
         return apriori
-    history = [apriori.history, *(f"{name}: {reasons[name]}" for name in parts)]
     corrected = swap_parts(apriori, final, parts)
-    return replace(corrected, history="\n".join(filter(None, history)))
+    return replace(corrected, history="\n".join(history))
 
 
 def _history_lines(diagnoses: Mapping[str, pd.DataFrame], source: str) -> dict[str, str]:

@@ -146,7 +146,9 @@ def diagnose_bench(
         least_gap = 0.0
     if start.matched or not table.gap > least_gap:
         return pd.DataFrame(table.rows)
-    change = {name: abs(_rank_total(judged) - start.total) for name, judged in singles}
+    change = {}
+    for name, judged in singles:
+        change[name] = abs(_rank_total(judged) - start.total)
     strongest = sorted(change, key=lambda name: -change[name])
     needed = _find_needed_terms(bench, strongest, table.gap)
     separate = list(needed)
@@ -158,8 +160,10 @@ def diagnose_bench(
     steps = [needed[: k + 1] for k in range(len(needed))]
     for name, judged in zip(needed, bench.judged(steps), strict=True):
         table.add("sequence", name, judged)
+    # Single terms are omitted first, then the groups.
     omissions: dict[str, Sequence[str]] = {name: (name,) for name in separate}
-    _add_omissions(bench, table, {**omissions, **members})
+    omissions |= members
+    _add_omissions(bench, table, omissions)
     _add_shares(bench, table, separate, replays=replays, seed=seed)
     return pd.DataFrame(table.rows)
 
@@ -283,7 +287,10 @@ def _rank_total(judged: Judged) -> float:
 
 def _add_pairs(bench: SwapBench, table: DiagnosisRows, names: Sequence[str]) -> None:
     """Append the pairs of the named terms, best first."""
-    alone = {row["term"]: row["explained"] for row in table.rows if row["stage"] == "single"}
+    alone = {}
+    for row in table.rows:
+        if row["stage"] == "single":
+            alone[row["term"]] = row["explained"]
     pairs = list(combinations(names, 2))
     runs = zip(pairs, bench.judged(pairs), strict=True)
     for (first, second), judged in sorted(runs, key=lambda run: _rank_total(run[1])):

@@ -1,6 +1,4 @@
-"""The diagnosis of one case as a stage that is kept, and its bench, which is made again only where
-something new has to be flown.
-"""
+"""The stored diagnosis of one case, and its bench, which is made only for new runs."""
 
 from __future__ import annotations
 
@@ -14,26 +12,26 @@ from pom.diagnosis.swap_judgement import Judged, nearest_choice
 from pom.diagnosis.swap_runs import SwapBench
 
 Known = dict[frozenset[str], Judged]
-"""What a bench has flown: judgement by choice of terms and parts."""
+"""Judgements of a bench, by choice of terms and parts."""
 
 
 @dataclass(frozen=True)
 class Diagnosed:
-    """What is kept of the diagnosis of a case.
+    """The stored part of the diagnosis of a case.
 
     Attributes
     ----------
     table : DataFrame
-        Of `ranked`.
+        Of `diagnose_bench`.
     names : tuple of str
-        Everything that can be swapped.
+        All terms and parts that can be swapped.
     idle : dict of str to float
         As `SwapBench.idle`.
     known : dict of frozenset of str to Judged
     contents : dict of str to frozenset of str
         As `SwapBench.contents`.
     step : float or None
-        As `SwapBench.step`: who makes the bench again need not look for it.
+        As `SwapBench.step`, so that another bench of the case does not search it again.
     """
 
     table: pd.DataFrame
@@ -45,20 +43,26 @@ class Diagnosed:
 
     @classmethod
     def of(cls, bench: SwapBench, table: pd.DataFrame) -> Diagnosed:
-        """Return what is kept of a bench and its table."""
-        known, contents = dict(bench.known), dict(bench.contents)
-        return cls(table, bench.names, dict(bench.idle), known, contents, bench.step)
+        """Return the stored part of a bench and its table."""
+        return cls(
+            table=table,
+            names=bench.names,
+            idle=dict(bench.idle),
+            known=dict(bench.known),
+            contents=dict(bench.contents),
+            step=bench.step,
+        )
 
     def by_content(self) -> dict[str, Judged]:
-        """Return what was flown by its content, for a job with another final model."""
+        """Return the judgements by their content, for a job with another final model."""
         return {content: self.known[choice] for content, choice in self.contents.items()}
 
 
 class LateBench:
-    """A bench whose judgements are known, and which is made only for others.
+    """A bench that is made when a choice without a judgement is requested.
 
-    A judgement depends on nothing but the case, the models and the choice, so that one kept is as
-    good as one flown.
+    A judgement depends only on the case, the models and the choice. A stored judgement is therefore
+    equal to that of a new run.
 
     Parameters
     ----------
@@ -66,29 +70,36 @@ class LateBench:
     known : dict
         Judgements of earlier jobs.
     make : callable
-        Gives the bench.
+        Returns the bench.
     """
 
     def __init__(self, diagnosed: Diagnosed, known: Known, make: Callable[[], SwapBench]) -> None:
         self.names, self.idle = diagnosed.names, diagnosed.idle
         self.known: Known = {**known, **diagnosed.known}
-        self._make, self._made, self._lock = make, list[SwapBench](), Lock()
+        self._make = make
+        self._bench: SwapBench | None = None
+        self._lock = Lock()
 
     @property
     def whole(self) -> SwapBench:
-        """The bench itself, made now."""
+        """The bench with all known judgements. It is made on first use."""
+        # Threads may need the bench of one case at the same time.
         with self._lock:
-            if not self._made:
+            if self._bench is None:
                 bench = self._make()
                 bench.idle = dict(self.idle)
                 bench.known.update(self.known)
-                self._made.append(bench)
-        return self._made[0]
+                self._bench = bench
+            return self._bench
 
     def judged(self, choices: Iterable[Collection[str]], exact: bool = False) -> list[Judged]:
         """Return the judgement of every choice, as `SwapBench.judged`."""
-        keys = [frozenset(c) if exact else nearest_choice(c, self.idle) for c in choices]
-        if not all(key in self.known for key in keys):
+        if exact:
+            keys = [frozenset(choice) for choice in choices]
+        else:
+            keys = [nearest_choice(choice, self.idle) for choice in choices]
+        # Only new choices are flown; the bench then has all judgements.
+        if any(key not in self.known for key in keys):
             self.whole.judged(keys, exact=True)
             self.known.update(self.whole.known)
         return [self.known[key] for key in keys]

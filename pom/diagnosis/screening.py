@@ -53,18 +53,19 @@ def screen_idle_terms(bench: SwapBench) -> None:
     bounds = _EffectBounds(_swap_sizes(bench), defaultdict(float))
     order = sorted(bounds.size, key=lambda name: -bounds.size[name])
     # Terms without a size and parts are always flown.
-    flown = [name for name in bench.names if name not in bounds.size]
-    bench.judged([name] for name in flown)
+    single = [name for name in bench.names if name not in bounds.size]
+    bench.judged([name] for name in single)
     new = _largest_of_coefficients(order, count=2)
     while new:
         for name, judged in zip(new, bench.judged([name] for name in new), strict=True):
             bounds.update(name, judged)
-        flown += new
+        single += new
+        # A higher sensitivity raises the bounds of all terms of the coefficient.
         new = []
         for name in order:
-            if name not in flown and bounds.size[name] > 0.0 and bounds.of(name) >= LEAST_MOVED:
+            if name not in single and bounds.size[name] > 0.0 and bounds.of(name) >= LEAST_MOVED:
                 new.append(name)
-    idle = [name for name in order if name not in flown]
+    idle = [name for name in order if name not in single]
     idle.sort(key=lambda name: -bounds.of(name))
     while idle and not _have_small_effect(bench, idle):
         half = (len(idle) + 1) // 2
@@ -156,10 +157,11 @@ def _swap_sizes(bench: SwapBench) -> dict[str, float]:
             if name in terms:
                 variables.update(_terms.list_model_variables(terms[name]))
     columns = {}
+    counted = np.ones(complete.sizes["time"], bool)
     for name in sorted(variables):
         columns[name] = np.broadcast_to(complete[name].values, complete.sizes["time"])
-    # Only samples at which all variables are finite.
-    counted = np.all([np.isfinite(values) for values in columns.values()], axis=0)
+        # Only samples at which all variables are finite.
+        counted &= np.isfinite(columns[name])
     if not counted.any():
         return {}
     samples = {name: values[counted].astype(float) for name, values in columns.items()}

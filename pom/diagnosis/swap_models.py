@@ -60,6 +60,7 @@ class SwapModels:
         cls, prior: xr.DataTree, final: xr.DataTree, aircraft: tuple[Aircraft, Aircraft]
     ) -> SwapModels:
         """Return the mixtures of two databases and of two aircraft, a priori and final."""
+        # Both versions of a term that differs are terms of one database.
         names = tuple(differing_terms(prior, final))
         prior_terms, final_terms = _tables_by_term(prior), _tables_by_term(final)
         both = dict(prior_terms)
@@ -99,7 +100,8 @@ class SwapModels:
             fit together.
         """
         chosen = frozenset(parts)
-        # An error is stored as well, so that every thread raises it without a second compilation.
+        # One compilation at a time: the cases that need this model wait for it. An error is stored
+        # as well, so that every thread raises it without a second compilation.
         with self._lock:
             if chosen not in self._sims:
                 names = [name for name in self.parts if name in chosen]
@@ -115,14 +117,18 @@ class SwapModels:
 
     def compiled_parts(self, names: Collection[str]) -> frozenset[str]:
         """Return the named parts that need a compiled model: they differ in more than constants."""
-        chosen = [name for name in self.parts if name in names]
-        return frozenset(name for name in chosen if name not in self.constants)
+        compiled = set()
+        for name in self.parts:
+            if name in names and name not in self.constants:
+                compiled.add(name)
+        return frozenset(compiled)
 
     def choice(self, names: Collection[str]) -> dict[str, float]:
         """Return the parameters that select the named final terms and parts.
 
         They apply to the model compiled with `compiled_parts`.
         """
+        # Without names, the parameters are those of the a-priori model.
         prior, final = self._parameters
         chosen = dict(prior)
         for name in names:
@@ -140,6 +146,7 @@ class SwapModels:
         hashes = {name: content_hash(name, leaves.get(name)) for name in self.terms}
         for name in self.parts:
             hashes[name] = content_hash(name, self._simulated_part(name))
+        # The form of a term: its axes, and the rules of its contribution.
         forms = {}
         for name, leaf in aerodb.terms(self.both).items():
             axes = {str(axis): leaf[axis].values for axis in leaf.dims}
@@ -190,8 +197,9 @@ def _changed_constants(
             continue
         changed = changed_parameters(aircraft[0], swapped)
         if changed:
-            prior_values = {name: prior for name, (prior, _) in changed.items()}
-            final_values = {name: final for name, (_, final) in changed.items()}
+            prior_values, final_values = {}, {}
+            for name, (prior, final) in changed.items():
+                prior_values[name], final_values[name] = prior, final
             constants[part] = (prior_values, final_values)
     return constants
 

@@ -21,7 +21,8 @@ from pom.diagnosis.swap_models import SwapModels
 from pom.judging.signals import Comparison, RunSignals, signals_of_run
 from pom.judging.verdict import judge_match
 from pom.replaying.kernel_replay import replay_choices
-from pom.replaying.replay_case import helping_channels, judged_channels, plan_of
+from pom.replaying.replay_case import plan_of
+from pom.replaying.replay_channels import helping_channels, judged_channels, sampled_channels
 from pom.replaying.trim import TrimLimit, beyond_limits, trim_limits
 from pom.result import group_verdicts, status_of
 from pom.tolerances.channels import WRAPPED, output_of
@@ -121,12 +122,7 @@ class SwapBench:
             Databases and aircraft of one of the models do not belong together.
         """
         plan = plan_of(case, path)
-        count = plan.job.time.size
-        # Scalars are constants over the window. Arrays with more than one axis are not signals.
-        flight = {}
-        for name, item in plan.states.data_vars.items():
-            if item.ndim < 2:
-                flight[str(name)] = np.broadcast_to(item.values, count)
+        flight = sampled_channels(plan.states)
         limits = trim_limits(plan.case, flight)
         channels = {*judged_channels(plan.case), *helping_channels(plan.case)}
         channels.update(f"applied.{loop.control}" for loop in plan.job.pilot)
@@ -188,11 +184,11 @@ class SwapBench:
             earlier = self.before.get(content)
             if earlier is None:
                 continue
-            moved = earlier.moved
+            change = earlier.moved
             if earlier.change:
                 # The final model sets the scale of `moved`, and it may have changed.
-                moved = self._scaled_change(earlier.change)
-            self.known[choice] = replace(earlier, moved=moved)
+                change = self._scaled_change(earlier.change)
+            self.known[choice] = replace(earlier, moved=change)
 
     def _hash_content(self, choice: frozenset[str]) -> str:
         """Return the hash of the longest step and of the swapped parts of the final model.
@@ -255,7 +251,7 @@ class SwapBench:
             self.flown = thin_job(self.job, step)
             coarse = self._fly_ends()
             pairs = zip(ends, coarse, strict=True)
-            if all(fine.agrees_with(other, STEP_ERROR) for (_, fine), (_, other) in pairs):
+            if all(fine.agrees_with(thin, STEP_ERROR) for (_, fine), (_, thin) in pairs):
                 self.step = step
                 return coarse
         self.flown = self.job
@@ -278,7 +274,9 @@ class SwapBench:
             nan = {name: np.full(self.job.time.size, np.nan) for name in self.flight}
             return [nan] * len(choices), [str(error)] * len(choices)
         names = sorted({output_of(channel, sim.outputs) for channel in self.channels})
-        parameters = [self._without_job_parameters(self.models.choice(c)) for c in choices]
+        parameters = []
+        for choice in choices:
+            parameters.append(self._without_job_parameters(self.models.choice(choice)))
         outputs, failures = replay_choices(sim, self.flown, parameters, names)
         outputs = at_samples(outputs, self.flown.time, self.job.time)
         # The judged position of a control with a math pilot is the applied position.
@@ -287,6 +285,7 @@ class SwapBench:
             if f"applied.{loop.control}" in outputs:
                 applied[loop.control] = outputs[f"applied.{loop.control}"]
         outputs |= applied
+        # From one array per output (choice, time) to the outputs of each choice.
         runs = []
         for k in range(len(choices)):
             runs.append({name: values[k] for name, values in outputs.items()})
@@ -312,6 +311,7 @@ class SwapBench:
             verdicts[criterion.name] = outcome.verdict
             if failed and criterion.applies:
                 verdicts[criterion.name] = "invalid"
+            # The other verdicts have no number.
             if outcome.verdict not in ("pass", "fail", "invalid"):
                 continue
             ratio[criterion.name] = outcome.worst_ratio
@@ -324,13 +324,13 @@ class SwapBench:
         total = np.nan
         if groups:
             total = float(np.sqrt(np.mean(np.square(list(groups.values())))))
-        change: dict[str, float] = {}
-        moved = np.inf
+        changes: dict[str, float] = {}
+        largest_change = np.inf
         if not failure:
-            change = self._rms_changes(outputs)
-            moved = self._scaled_change(change)
+            changes = self._rms_changes(outputs)
+            largest_change = self._scaled_change(changes)
         verdict = status_of(group_verdicts(self.case, verdicts), exceeded)
-        return Judged(verdict, mismatch, ratio, total=total, moved=moved, change=change)
+        return Judged(verdict, mismatch, ratio, total=total, moved=largest_change, change=changes)
 
     def _rms_changes(self, outputs: Mapping[str, np.ndarray]) -> dict[str, float]:
         """Return the rms differences of outputs from those of the a-priori model."""
@@ -370,6 +370,7 @@ def _relevant_parts(
         "gear": _has_ground_contact(case, flight),
         "circuit": case.drive.surfaces != "recorded",
     }
+    # A part of another kind, such as the fuel, can always matter.
     return tuple(name for name in parts if relevant.get(name.split("/")[0], True))
 
 

@@ -27,8 +27,12 @@ _TABLES = ("value", "K1", "K2")
 def differing_terms(prior: xr.DataTree, final: xr.DataTree) -> list[str]:
     """Return the names of terms that differ between two databases or exist in only one."""
     prior_terms, final_terms = aerodb.terms(prior), aerodb.terms(final)
-    names = {**prior_terms, **final_terms}
-    return [name for name in names if not _is_same(prior_terms.get(name), final_terms.get(name))]
+    different = []
+    # Terms of either database; a missing term differs.
+    for name in {**prior_terms, **final_terms}:
+        if not _is_same(prior_terms.get(name), final_terms.get(name)):
+            different.append(name)
+    return different
 
 
 def _is_same(first: xr.Dataset | None, second: xr.Dataset | None) -> bool:
@@ -80,17 +84,24 @@ def groups_of(
     UnknownName
         A pattern of `wanted` does not match a name that differs.
     """
-    parts = [name for name in names if name.split("/")[0] in _SUBMODEL_OF_PART]
-    terms = [name for name in names if name not in parts]
-    leaves = [aerodb.terms(db) for db in (prior, final)]
+    parts, terms = [], []
+    for name in names:
+        if name.split("/")[0] in _SUBMODEL_OF_PART:
+            parts.append(name)
+        else:
+            terms.append(name)
+    leaves = [aerodb.terms(prior), aerodb.terms(final)]
     candidates: dict[str, list[str]] = {}
     for coefficient in _list_heads(terms):
         candidates[f"{coefficient}/*"] = _names_below(coefficient, terms)
+    # Terms that depend on a control or on the configuration, by axis or by regressor.
+    variables = {name: _variables_of(leaves, name) for name in terms}
     for variable in _VARIABLES:
-        members = [name for name in terms if variable in _variables_of(leaves, name)]
+        members = [name for name in terms if variable in variables[name]]
         candidates[f"*({variable})"] = members
     for submodel in _list_heads(parts):
         candidates[f"{submodel}/*"] = _names_below(submodel, parts)
+    # The circuits are parts of the aircraft, and the hinge moments are terms.
     loading = [name for name in names if name.startswith(("circuit/", "Ch_"))]
     candidates["control loading"] = loading
     candidates["C*/*"] = terms
@@ -106,7 +117,8 @@ def groups_of(
 
 def _list_heads(names: Iterable[str]) -> list[str]:
     """Return the first parts of names, each once."""
-    return list(dict.fromkeys(name.split("/")[0] for name in names))
+    heads = [name.split("/")[0] for name in names]
+    return list(dict.fromkeys(heads))
 
 
 def _names_below(head: str, names: Iterable[str]) -> list[str]:
@@ -155,12 +167,12 @@ def swap_terms(
     """
     reasons = why or {}
     final_terms, prior_terms = aerodb.terms(final), aerodb.terms(prior)
-    names = [name for name in names if name in final_terms or name in prior_terms]
-    replacements, deletions = {}, []
+    replacements: dict[str, xr.Dataset] = {}
+    deletions: list[str] = []
     for name in names:
         if name in final_terms:
             replacements[name] = _add_history(final_terms[name], reasons.get(name, ""))
-        else:
+        elif name in prior_terms:
             deletions.append(name)
     swapped = aerodb.replace_terms(prior, replacements, "term swap")
     if not deletions:
@@ -176,8 +188,10 @@ def _add_history(leaf: xr.Dataset, line: str) -> xr.Dataset:
     """Return a term with one more line in its history."""
     if not line:
         return leaf
-    history = [text for text in (str(leaf.attrs.get("history", "")), line) if text]
-    return leaf.assign_attrs(history="\n".join(history))
+    history = str(leaf.attrs.get("history", ""))
+    if history:
+        line = f"{history}\n{line}"
+    return leaf.assign_attrs(history=line)
 
 
 def by_submodel(names: Iterable[str], *databases: xr.DataTree) -> dict[str, list[str]]:

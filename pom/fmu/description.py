@@ -1,5 +1,6 @@
-"""An FMU is untrusted: what it offers is read from its description and compared with what a case
-needs, both ways.
+"""Interface of an FMU from its description, and its comparison with the needs of a case.
+
+An FMU is untrusted: its description is read, and its code is not run here.
 """
 
 from __future__ import annotations
@@ -30,13 +31,12 @@ def read_fmu_interface(path: str | Path) -> Fmu:
     Parameters
     ----------
     path : path
-        FMU of FMI 1.0, 2.0 or 3.0.  Where it offers co-simulation, that is used; else model
-        exchange.
+        FMU of FMI 1.0, 2.0 or 3.0. Co-simulation has priority over model exchange.
 
     Raises
     ------
     ParseError
-        No FMU, a broken description, or one with scheduled execution only.
+        The file is not an FMU, has a broken description, or only scheduled execution.
     FileNotFoundError
     """
     path = Path(path)
@@ -45,14 +45,7 @@ def read_fmu_interface(path: str | Path) -> Fmu:
             f"no file {str(path)!r}; give the FMU of a model, as `aeromatch fmu write` writes it"
         )
     state = FileState.of(path)
-    try:
-        description = read_description(path)
-    except Exception as error:  # FMPy raises what its parser raised
-        content = file_kind(path)
-        reason = str(error).split("\n")[0] if content.startswith("a zip") else content
-        raise ParseError(
-            str(path), 0, reason, "an FMU (zip file with modelDescription.xml)"
-        ) from error
+    description = _read_description_of_file(path)
     kind = description.coSimulation or description.modelExchange
     if kind is None:
         raise ParseError(
@@ -61,36 +54,61 @@ def read_fmu_interface(path: str | Path) -> Fmu:
             f"FMI {description.fmiVersion} without co-simulation and model exchange",
             "an FMU that offers one of them",
         )
-    found: dict[str, dict[str, str]] = {"input": {}, "output": {}, "parameter": {}, "start": {}}
-    for variable in description.modelVariables:
-        if variable.type in _TEXTS or getattr(variable, "dimensions", None):
-            continue
-        if variable.causality in found:
-            found[variable.causality][variable.name] = _unit(variable)
-        if variable.causality in ("output", "local") and _takes_start(
-            variable, description.fmiVersion
-        ):
-            found["start"][variable.name] = _unit(variable)
-    even, step = _steps(description)
+    units = _units_by_causality(description)
+    is_even, step = _required_step(description)
+    # Description and hash must belong to the same content.
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     if FileState.of(path) != state:
         raise ParseError(
             str(path), 0, "the file changed while it was read", "an FMU that stays as it is"
         )
     return Fmu(
-        path.resolve(),
-        description.fmiVersion,
-        digest,
-        found["input"],
-        found["output"],
-        found["parameter"],
-        found["start"],
+        path=path.resolve(),
+        version=description.fmiVersion,
+        sha256=digest,
+        inputs=units["input"],
+        outputs=units["output"],
+        parameters=units["parameter"],
+        settable=units["start"],
         exchange=description.coSimulation is None,
-        even=even,
+        even=is_even,
         step=step,
         once=bool(kind.canBeInstantiatedOnlyOncePerProcess),
         state=state,
     )
+
+
+def _read_description_of_file(path: Path) -> Any:
+    """Return the description of an FMU; ParseError for every error of the parser."""
+    try:
+        return read_description(path)
+    # FMPy raises the errors of its parsers, which have no common class.
+    except Exception as error:
+        content = file_kind(path)
+        reason = content
+        if content.startswith("a zip"):
+            reason = str(error).split("\n")[0]
+        raise ParseError(
+            str(path), 0, reason, "an FMU (zip file with modelDescription.xml)"
+        ) from error
+
+
+def _units_by_causality(description: Any) -> dict[str, dict[str, str]]:
+    """Return the units of the scalar numbers of an FMU, by causality and name.
+
+    The causality ``start`` has the variables that are not parameters but have a start value.
+    """
+    units: dict[str, dict[str, str]] = {"input": {}, "output": {}, "parameter": {}, "start": {}}
+    for variable in description.modelVariables:
+        if variable.type in _TEXTS or getattr(variable, "dimensions", None):
+            continue
+        if variable.causality in units:
+            units[variable.causality][variable.name] = _declared_unit(variable)
+        # For example the initial value of a state.
+        is_state = variable.causality in ("output", "local")
+        if is_state and _takes_start(variable, description.fmiVersion):
+            units["start"][variable.name] = _declared_unit(variable)
+    return units
 
 
 def demand_platform(fmu: Fmu) -> None:
@@ -99,47 +117,48 @@ def demand_platform(fmu: Fmu) -> None:
     Raises
     ------
     SchemaError
-        With the platforms that it has a library for, and this one.
+        With this platform, and the platforms of its libraries.
     """
     problem = platform_problem(fmu.path, read_description(fmu.path))
     if problem:
         raise SchemaError(f"FMU {fmu.path}", [f"{fmu.path.name}: {problem}"])
 
 
-def _unit(variable: Any) -> str:
-    return (
-        variable.unit
-        or (variable.declaredType.unit if variable.declaredType is not None else "")
-        or ""
-    )
+def _declared_unit(variable: Any) -> str:
+    """Return the unit of a variable, or that of its type; empty without a unit."""
+    if variable.unit:
+        return variable.unit
+    if variable.declaredType is None:
+        return ""
+    return variable.declaredType.unit or ""
 
 
 def _takes_start(variable: Any, version: str) -> bool:
+    """Return whether the start value of a variable can be set."""
     if variable.start is None or variable.variability == "constant":
         return False
     return version.startswith("1") or variable.initial in ("exact", "approx")
 
 
-def _steps(description: Any) -> tuple[bool, float]:
-    """Return whether an FMU takes steps of one length only, and that length, 0 when it does not
-    state it. [s]
-    """
+def _required_step(description: Any) -> tuple[bool, float]:
+    """Return whether an FMU takes only steps of one length, and the length; 0 if unknown. [s]"""
     kind, experiment = description.coSimulation, description.defaultExperiment
+    # The integrator of model exchange takes steps of any length.
     if kind is None:
         return False, 0.0
     if kind.fixedInternalStepSize:
         return True, float(kind.fixedInternalStepSize)
     if kind.canHandleVariableCommunicationStepSize:
         return False, 0.0
-    return True, float(
-        experiment.stepSize
-    ) if experiment is not None and experiment.stepSize else 0.0
+    if experiment is None or not experiment.stepSize:
+        return True, 0.0
+    return True, float(experiment.stepSize)
 
 
 def check_interface(
     fmu: Fmu, links: Links, inputs: Iterable[str], outputs: Iterable[str], parameters: Iterable[str]
 ) -> None:
-    """Check that an FMU offers what a case needs, in units that can be converted.
+    """Check that an FMU offers all that a case needs, in units that can be converted.
 
     Parameters
     ----------
@@ -152,40 +171,39 @@ def check_interface(
     Raises
     ------
     SchemaError
-        With every missing name, the near ones, and every foreign unit.
+        With every missing name, the similar names, and every foreign unit.
     """
     problems: list[str] = []
-    wanted = (
+    groups = (
         ("input", inputs, links.inputs, fmu.inputs),
         ("output", outputs, links.outputs, fmu.outputs),
         ("parameter", parameters, links.parameters, fmu.parameters),
     )
-    for what, names, linked, offered in wanted:
+    for kind, names, linked, units in groups:
         for name in names:
             if name not in linked:
-                problems.append(str(UnknownName(name, [*linked], what, _ABSENT)))
+                problems.append(str(UnknownName(name, [*linked], kind, _ABSENT)))
+            # A variable with a canonical name has no entry that converts its unit.
             elif linked[name] == Link(name):
-                problems += _unit_problem(what, name, offered[name])
+                problems += _unit_problem(kind, name, units[name])
     if problems:
         raise SchemaError(f"FMU {fmu.path}", problems)
 
 
 @cache
-def _unit_problem(what: str, name: str, unit: str) -> tuple[str, ...]:
-    """Compare the declared unit of a variable that no table converts with the canonical one: same
-    quantity, same size.
-    """
+def _unit_problem(kind: str, name: str, unit: str) -> tuple[str, ...]:
+    """Return the problem of a declared unit that differs from the canonical unit of a name."""
     try:
         expected = canonical_unit(name)
     except UnknownName:
         return ()
     try:
-        same = not unit or parse_unit(unit) == parse_unit(expected)
+        is_same = not unit or parse_unit(unit) == parse_unit(expected)
     except UnitError as error:
-        return (f"{what} {name}: {error}",)
-    if same:
+        return (f"{kind} {name}: {error}",)
+    if is_same:
         return ()
     return (
-        f"{what} {name} is in {unit!r}; needed is {expected!r}, write the FMU in SI or give "
+        f"{kind} {name} is in {unit!r}; needed is {expected!r}, write the FMU in SI or give "
         f"its unit in a table of names (--names)",
     )

@@ -1,9 +1,9 @@
-"""Child processes for FMUs, kept for the next job of the same file, replaced when they crashed or
-hung.
+"""Child processes of FMUs, which are reused for the next job of the same file.
 
-An FMU is untrusted.  Its process has a session of its own and ends with all that it started; what
-comes back are numbered frames of text and numbers (`pom.fmu.worker.messages`), of the size that the
-job has, within the time that it has.  Its limits are those of `pom.fmu.process`.
+A process that crashed or hung is replaced. An FMU is untrusted. Its process has a session of its
+own, which ends with all processes that it started. Its replies are numbered frames of text and
+numbers (`pom.fmu.worker.messages`), with the size of the job, within the time limit. `WorkerLimits`
+limits its memory and its files.
 """
 
 from __future__ import annotations
@@ -37,19 +37,20 @@ _SIZES = {"": 1.0, "B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9}
 
 @dataclass(frozen=True)
 class WorkerLimits:
-    """Limits of a child process; 0: none.
+    """Limits of a child process; 0: no limit.
 
     Attributes
     ----------
     memory : int
         Address space, ``AEROMATCH_FMU_MEMORY`` (POSIX). [byte]
     written : int
-        Any file that it writes, and what it prints, ``AEROMATCH_FMU_WRITTEN`` (POSIX). [byte]
+        Size of each file that it writes, and of its printed text, ``AEROMATCH_FMU_WRITTEN``
+        (POSIX). [byte]
     unpacked : int
-        All files of the FMU together, ``AEROMATCH_FMU_UNPACKED``. [byte]
+        Size of all files of the FMU together, ``AEROMATCH_FMU_UNPACKED``. [byte]
     sandbox : bool
-        It runs in bubblewrap, ``AEROMATCH_FMU_SANDBOX=bwrap`` (Linux): without network, and writing
-        to its own folder only.
+        Whether it runs in bubblewrap, ``AEROMATCH_FMU_SANDBOX=bwrap`` (Linux): without network, and
+        with write access to its own folder only.
     """
 
     memory: int = 2_000_000_000
@@ -59,12 +60,12 @@ class WorkerLimits:
 
 
 def read_worker_limits(environment: Mapping[str, str] = os.environ) -> WorkerLimits:
-    """Return the limits as the environment has them.
+    """Return the limits of the environment.
 
     Raises
     ------
     SchemaError
-        Variables that are not a size; a sandbox where there is no bubblewrap; all of them.
+        With all variables that are not a size, and a sandbox on a system without bubblewrap.
 
     Examples
     --------
@@ -74,9 +75,10 @@ def read_worker_limits(environment: Mapping[str, str] = os.environ) -> WorkerLim
     problems: list[str] = []
     sizes = {}
     for name in ("memory", "written", "unpacked"):
-        text = environment.get(f"AEROMATCH_FMU_{name.upper()}", "").strip()
+        variable = f"AEROMATCH_FMU_{name.upper()}"
+        text = environment.get(variable, "").strip()
         if text:
-            sizes[name] = _size(f"AEROMATCH_FMU_{name.upper()}", text, problems)
+            sizes[name] = _parse_size(variable, text, problems)
     sandbox = environment.get("AEROMATCH_FMU_SANDBOX", "").strip()
     if sandbox not in ("", "none", "bwrap"):
         problems.append(f"AEROMATCH_FMU_SANDBOX is {sandbox!r}; give 'bwrap' or 'none'")
@@ -90,7 +92,8 @@ def read_worker_limits(environment: Mapping[str, str] = os.environ) -> WorkerLim
     return WorkerLimits(**sizes, sandbox=sandbox == "bwrap")
 
 
-def _size(name: str, text: str, problems: list[str]) -> int:
+def _parse_size(name: str, text: str, problems: list[str]) -> int:
+    """Return the size in a text; 0 for 'none' and, with a problem, for another text. [byte]"""
     if text == "none":
         return 0
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([a-zA-Z]*)", text)
@@ -101,8 +104,10 @@ def _size(name: str, text: str, problems: list[str]) -> int:
 
 
 def sandbox_command(folder: str) -> list[str]:
-    """Return what stands before a command that runs in bubblewrap: all is read-only but `folder`;
-    no network, processes of its own.
+    """Return the words before a command that runs in bubblewrap.
+
+    All files are read-only except those of `folder`. There is no network. The processes of the
+    system are not visible.
     """
     rights = ["--ro-bind", "/", "/", "--dev", "/dev", "--proc", "/proc", "--bind", folder, folder]
     return [
@@ -118,27 +123,29 @@ def sandbox_command(folder: str) -> list[str]:
     ]
 
 
-_HERE = str(Path(__file__).parents[2])  # the child finds this very package
-KEPT = max(8, 4 * (os.cpu_count() or 1))  # children that may wait for work at the same time
-# somebody else stopped it, such as a system short of memory: its job is given to another, once
+# The child imports this very package.
+_PACKAGES = str(Path(__file__).parents[2])
+KEPT = max(8, 4 * (os.cpu_count() or 1))  # most children that wait for work at the same time
+# Another program killed the child, such as a system that lacks memory. The job is repeated once.
 KILLED = "crashed: signal SIGKILL"
-_LOOK = 0.2  # s, between two looks whether the process still runs while its reply is awaited
-_PATIENCE = 1.0  # s, for a process to end, or a pipe to be closed, once it was killed
-_WORDS = 4096  # bytes of what the FMU printed last that are looked at
+_POLL = 0.2  # s, between two checks whether the process still runs
+_PATIENCE = 1.0  # s, for the end of a killed process, or of a pipe
+_LAST_BYTES = 4096  # of the printed text of an FMU that are read
+_LONGEST_TEXT = 300  # characters of the printed text in a failure
 
 
 @dataclass(frozen=True)
 class Reply:
-    """What a job gave.
+    """Result of a job.
 
     Attributes
     ----------
     outputs : array (time, output)
-        NaN where there are none.
+        NaN after a failure.
     error : str
-        Text of the failure, empty when it went well.
+        Text of the failure, empty without a failure.
     moved : dict of str to array (time,)
-        What the math pilot added, by control. [SI]
+        Corrections of the math pilot and positions of the control law, by control. [SI]
     """
 
     outputs: np.ndarray
@@ -147,128 +154,136 @@ class Reply:
 
 
 class Child:
-    """A child process that has one FMU loaded."""
+    """A child process with one loaded FMU. One thread at a time may use it (`hire_worker`)."""
 
     def __init__(self, fmu: str | Path):
         self._fmu = Path(fmu)
         self._process: subprocess.Popen[bytes] | None = None
         self._folder = ""
-        self._words: IO[bytes] | None = None
-        self._talk: threading.Thread | None = None
+        self._printed: IO[bytes] | None = None
+        self._conversation: threading.Thread | None = None
         self._number = 0
 
     def run(self, job: Mapping[str, Any], timeout: float, once: bool = False) -> Reply:
-        """Fly a job; a crash or a time-out is a reply, not an error.
+        """Fly a job. A crash or a time-out is a reply, not an error.
 
         Parameters
         ----------
         job : mapping
-            As `pom.fmu.worker.replay` takes it.
+            As in `pom.fmu.worker.replay_job`.
         timeout : float
             Wall time allowed. [s]
         once : bool
-            The process ends with the job: the FMU cannot be instantiated twice in one.
+            Whether the process ends with the job, because it cannot instantiate the FMU twice.
 
         Raises
         ------
         SchemaError
-            The environment has limits that are none (`pom.fmu.process`).
+            The environment has invalid limits (`read_worker_limits`).
         """
-        answer = self._ask(job, timeout)
+        answer = self._send_job(job, timeout)
         if isinstance(answer, str) and answer.startswith(KILLED):
             self.close()
-            answer = self._ask(job, timeout)
+            answer = self._send_job(job, timeout)
         if once or isinstance(answer, str):
             self.close()
-        n, m = len(job["time"]), len(job["outputs"])
-        text, columns = (answer, None) if isinstance(answer, str) else answer
+        count = len(job["outputs"])
+        nan = np.full((len(job["time"]), count), np.nan)
+        if isinstance(answer, str):
+            return Reply(nan, answer)
+        error, columns = answer
         if columns is None:
-            return Reply(np.full((n, m), np.nan), text)
-        return Reply(
-            columns[:, :m],
-            text,
-            {name: columns[:, m + i] for i, name in enumerate(moved_controls(job))},
-        )
+            return Reply(nan, error)
+        # The columns of the moved controls follow those of the outputs.
+        controls = {name: columns[:, count + i] for i, name in enumerate(moved_controls(job))}
+        return Reply(columns[:, :count], error, moved=controls)
 
-    def _ask(self, job: Mapping[str, Any], timeout: float) -> tuple[str, np.ndarray | None] | str:
+    def _send_job(
+        self, job: Mapping[str, Any], timeout: float
+    ) -> tuple[str, np.ndarray | None] | str:
+        """Return text and numbers of the reply, or only the text of a failed process."""
         process = self._start()
         self._number += 1
-        number, shape = (
-            self._number,
-            (len(job["time"]), len(job["outputs"]) + len(moved_controls(job))),
-        )
+        number = self._number
+        shape = (len(job["time"]), len(job["outputs"]) + len(moved_controls(job)))
         answers: list[tuple[str, np.ndarray | None]] = []
 
         def converse() -> None:
-            with suppress(
-                OSError, EOFError, ValueError
-            ):  # a broken pipe, or bytes that are not a reply
+            # A broken pipe, or bytes that are not a reply: there is no answer.
+            with suppress(OSError, EOFError, ValueError):
                 pickle.dump({**job, "number": number}, process.stdin)  # type: ignore[arg-type]
                 process.stdin.flush()  # type: ignore[union-attr]
                 answers.append(read_reply(process.stdout.read, number, shape))  # type: ignore[union-attr]
 
-        self._talk = threading.Thread(target=converse, daemon=True)
-        self._talk.start()
+        # A thread, because a read from a pipe has no time limit.
+        conversation = self._conversation = threading.Thread(target=converse, daemon=True)
+        conversation.start()
         end = time.monotonic() + timeout
-        while self._talk.is_alive() and process.poll() is None and time.monotonic() < end:
-            self._talk.join(min(_LOOK, max(end - time.monotonic(), 0.0)))
-        if process.poll() is None and self._talk.is_alive():
+        while conversation.is_alive() and process.poll() is None and time.monotonic() < end:
+            conversation.join(min(_POLL, max(end - time.monotonic(), 0.0)))
+        if process.poll() is None and conversation.is_alive():
             return f"no answer within {timeout:g} s; the process was stopped"
-        self._talk.join(
-            _PATIENCE
-        )  # it has ended: what it wrote is read, and another process may hold the pipe
+        # The reply of an ended process is still in the pipe. Another process may hold the pipe
+        # open, so the wait is limited.
+        conversation.join(_PATIENCE)
         if answers:
             return answers[0]
         try:
-            return f"crashed: {_ending(process.wait(_PATIENCE))}{self._last_words()}"
+            return f"crashed: {_describe_exit(process.wait(_PATIENCE))}{self._printed_text()}"
         except subprocess.TimeoutExpired:
-            return f"its answer could not be read; the process was stopped{self._last_words()}"
+            return f"its answer could not be read; the process was stopped{self._printed_text()}"
 
     def _start(self) -> subprocess.Popen[bytes]:
+        """Return the running process; start one if there is none."""
         if self._process is None or self._process.poll() is not None:
             self.close()
-            allowed = read_worker_limits()
+            limits = read_worker_limits()
             self._folder = _new_folder()
-            self._words = tempfile.TemporaryFile()  # noqa: SIM115  lives as long as the process
+            self._printed = tempfile.TemporaryFile()  # noqa: SIM115  it is closed with the process
+            packages = [_PACKAGES, *filter(None, [os.environ.get("PYTHONPATH")])]
+            environment = {
+                **os.environ,
+                # Each thread of the linear algebra reserves address space.
+                "OPENBLAS_NUM_THREADS": "1",
+                "PYTHONPATH": os.pathsep.join(packages),
+            }
             self._process = subprocess.Popen(
-                _command(self._fmu, self._folder, allowed),
+                _worker_command(self._fmu, self._folder, limits),
                 bufsize=0,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                stderr=self._words,
+                stderr=self._printed,
                 start_new_session=True,
-                env={
-                    **os.environ,
-                    "OPENBLAS_NUM_THREADS": "1",  # each of its threads takes address space
-                    "PYTHONPATH": os.pathsep.join(
-                        [_HERE, *filter(None, [os.environ.get("PYTHONPATH")])]
-                    ),
-                },
+                env=environment,
             )
         return self._process
 
-    def _last_words(self) -> str:
-        if self._words is None:
+    def _printed_text(self) -> str:
+        """Return the end of the text that the FMU printed, as a part of a failure."""
+        if self._printed is None:
             return ""
-        self._words.seek(max(os.fstat(self._words.fileno()).st_size - _WORDS, 0))
-        lines = self._words.read().decode("utf-8", "replace").split("\n")
-        text = " | ".join(line.strip() for line in lines if line.strip())[-300:]
-        return f"; it printed: {text}" if text else ""
+        size = os.fstat(self._printed.fileno()).st_size
+        self._printed.seek(max(size - _LAST_BYTES, 0))
+        lines = self._printed.read().decode("utf-8", "replace").split("\n")
+        text = " | ".join(line.strip() for line in lines if line.strip())[-_LONGEST_TEXT:]
+        if not text:
+            return ""
+        return f"; it printed: {text}"
 
     def close(self) -> None:
-        """Stop the process and all that it started, and remove what it unpacked."""
+        """Stop the process and all processes that it started, and remove its unpacked files."""
         if self._process is not None:
             _kill(self._process)
-            if self._talk is not None:
-                self._talk.join(_PATIENCE)
-            if (
-                self._talk is None or not self._talk.is_alive()
-            ):  # else a process that has left its session holds the pipe: it stays open
+            if self._conversation is not None:
+                self._conversation.join(_PATIENCE)
+            # A process that left the session can hold the pipe. The thread then still reads it, and
+            # the pipe stays open.
+            if self._conversation is None or not self._conversation.is_alive():
                 for pipe in (self._process.stdin, self._process.stdout):
-                    _shut(pipe)
-            self._process = self._talk = None
-        _shut(self._words)
-        self._words = None
+                    _close_pipe(pipe)
+            self._process = self._conversation = None
+        _close_pipe(self._printed)
+        self._printed = None
         if self._folder:
             shutil.rmtree(self._folder, ignore_errors=True)
             self._folder = ""
@@ -278,34 +293,28 @@ _FOLDER = "aeromatch-fmu"
 
 
 def _new_folder() -> str:
-    """Make a folder to unpack an FMU into; those that killed processes left are removed."""
-    place = Path(tempfile.gettempdir())
-    remove_leftovers(place, _FOLDER, "d")
-    folder = place / temporary_name(_FOLDER, "d")
+    """Make a folder for an unpacked FMU, and remove the folders of killed processes."""
+    parent = Path(tempfile.gettempdir())
+    remove_leftovers(parent, _FOLDER, "d")
+    folder = parent / temporary_name(_FOLDER, "d")
     folder.mkdir(mode=0o700)
     return str(folder)
 
 
-def _command(fmu: Path, folder: str, allowed: WorkerLimits) -> list[str]:
-    sizes = [str(size) for size in (allowed.memory, allowed.written, allowed.unpacked)]
-    parent = (
-        "0" if allowed.sandbox else str(os.getpid())
-    )  # bubblewrap ends with its parent, and numbers processes anew
-    command = [
-        sys.executable,
-        "-P",
-        "-m",
-        "pom.fmu.worker",
-        str(fmu.resolve()),
-        folder,
-        parent,
-        *sizes,
-    ]
-    return [*sandbox_command(folder), *command] if allowed.sandbox else command
+def _worker_command(fmu: Path, folder: str, limits: WorkerLimits) -> list[str]:
+    """Return the command of a child process."""
+    # In bubblewrap the child cannot see its parent, and bubblewrap itself ends with it.
+    parent = "0" if limits.sandbox else str(os.getpid())
+    sizes = [str(size) for size in (limits.memory, limits.written, limits.unpacked)]
+    program = [sys.executable, "-P", "-m", "pom.fmu.worker"]
+    command = [*program, str(fmu.resolve()), folder, parent, *sizes]
+    if limits.sandbox:
+        return [*sandbox_command(folder), *command]
+    return command
 
 
 def _kill(process: subprocess.Popen[bytes]) -> None:
-    """Kill a process and, on POSIX, all of its session's first group."""
+    """Kill a process and, on POSIX, the first process group of its session."""
     if os.name == "posix":
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
@@ -313,60 +322,60 @@ def _kill(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-def _shut(pipe: IO[bytes] | None) -> None:
-    try:
+def _close_pipe(pipe: IO[bytes] | None) -> None:
+    # Buffered bytes cannot be written, because the reader has ended.
+    with suppress(OSError):
         if pipe is not None:
             pipe.close()
-    except OSError:  # what was still to be written has no reader any more
-        return
 
 
-def _ending(code: int) -> str:
-    if code < 0:
-        try:
-            return f"signal {signal.Signals(-code).name}"
-        except ValueError:
-            return f"signal {-code}"
-    return f"exit code {code}"
+def _describe_exit(code: int) -> str:
+    """Return the exit code of a process as a text; a negative code is a signal."""
+    if code >= 0:
+        return f"exit code {code}"
+    try:
+        return f"signal {signal.Signals(-code).name}"
+    except ValueError:
+        return f"signal {-code}"
 
 
 _Key = tuple[str, FileState]
-_idle: dict[_Key, list[Child]] = {}  # the longest idle first
-_guard = threading.Lock()
+# Children without work, by file; the longest idle first. Only under the lock.
+_idle: dict[_Key, list[Child]] = {}
+_idle_lock = threading.Lock()
 
 
 @contextmanager
 def hire_worker(fmu: str | Path) -> Iterator[Child]:
-    """Yield a child that has this file loaded and works for nobody else; a file that changed gets a
-    new one.
+    """Yield a child with this file loaded, which no other thread uses inside the block.
 
-    Idle children wait for the next job; those beyond `KEPT`, and those of an older state of the
-    file, are stopped.
+    A changed file gets a new child. Idle children wait for the next job. Children beyond `KEPT`,
+    and children of an older state of the file, are stopped.
     """
     path = Path(fmu).resolve()
     key = str(path), FileState.of(path)
-    with _guard:
-        stale = [
-            child
-            for other in list(_idle)
-            if other[0] == key[0] and other != key
-            for child in _idle.pop(other)
-        ]
+    stale: list[Child] = []
+    with _idle_lock:
+        for idle_key in list(_idle):
+            if idle_key[0] == key[0] and idle_key != key:
+                stale += _idle.pop(idle_key)
         waiting = _idle.get(key)
-        found = waiting.pop() if waiting else Child(path)
+        child = waiting.pop() if waiting else Child(path)
     _stop(stale)
     try:
-        yield found
+        yield child
     finally:
-        with _guard:
-            _idle.setdefault(key, []).append(found)
+        with _idle_lock:
+            _idle.setdefault(key, []).append(child)
+            # The file that was used last is the last one in the dictionary.
             _idle[key] = _idle.pop(key)
-            surplus = [_surplus() for _ in range(sum(map(len, _idle.values())) - KEPT)]
+            count = sum(map(len, _idle.values()))
+            surplus = [_pop_oldest() for _ in range(count - KEPT)]
         _stop(surplus)
 
 
-def _surplus() -> Child:
-    """Take out the child whose file was used least recently."""
+def _pop_oldest() -> Child:
+    """Remove and return an idle child of the file that was used least recently."""
     oldest = next(key for key, children in _idle.items() if children)
     return _idle[oldest].pop(0)
 
@@ -378,8 +387,10 @@ def _stop(children: Iterable[Child]) -> None:
 
 @atexit.register
 def close_all() -> None:
-    """Stop every idle child; those at work end with their input."""
-    with _guard:
-        children = [child for waiting in _idle.values() for child in waiting]
+    """Stop every idle child. A child with a job ends when its input ends."""
+    children: list[Child] = []
+    with _idle_lock:
+        for waiting in _idle.values():
+            children += waiting
         _idle.clear()
     _stop(children)

@@ -1,5 +1,6 @@
-"""A folder of flights, so that an interrupted batch goes on where it stopped and what did not
-change is not flown again.
+"""Folder of stored flights, with which an interrupted batch continues.
+
+Flights whose inputs did not change are not flown again.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from flightmech.support.atomic_write import written_atomically
 
 
 class FileState(NamedTuple):
-    """Identity of a file at one time; a program can set the time of modification of a file, not
-    that of its last change.
+    """Identity of a file at one time.
+
+    A program can set the time of modification of a file, but not the time of its last change.
     """
 
     device: int
@@ -34,20 +36,26 @@ class FileState(NamedTuple):
         Raises
         ------
         OSError
-            There is none.
+            The file does not exist, or cannot be accessed.
         """
-        found = os.stat(path)
-        return cls(found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
+        status = os.stat(path)
+        return cls(
+            device=status.st_dev,
+            inode=status.st_ino,
+            size=status.st_size,
+            modified=status.st_mtime_ns,
+            changed=status.st_ctime_ns,
+        )
 
 
 class KeptFlights(Protocol):
-    """Where flights are kept by key, such as `RunCache`."""
+    """A store of flights by key, such as `RunCache`."""
 
     def read(self, key: str, shape: tuple[int, int]) -> np.ndarray | None:
-        """Return what is kept under a key; None when nothing is, or nothing of that shape."""
+        """Return the array of a key; None without an array, or for another shape."""
 
     def write(self, key: str, values: np.ndarray) -> None:
-        """Keep an array under a key."""
+        """Store an array under a key."""
 
 
 _DIGEST = hashlib.sha256().digest_size
@@ -55,39 +63,44 @@ _DIGEST = hashlib.sha256().digest_size
 
 @dataclass(frozen=True)
 class RunCache:
-    """Arrays by key, one file each, written atomically, with the SHA-256 of what comes before at
-    its end.
+    """Arrays by key, one file each, written atomically.
 
-    Several processes may share the folder: who comes second writes the same.  Nobody waits for the
-    disk; a file that a loss of power damaged is as good as none.
+    A file ends with the SHA-256 of its content. Several processes and threads may share the folder,
+    because they write the same arrays. A write does not wait for the disk: a file that a power
+    failure damaged counts as missing.
 
     Attributes
     ----------
     folder : Path
-        Made when it is missing.
+        Created if it is missing.
     """
 
     folder: Path
 
     def read(self, key: str, shape: tuple[int, int]) -> np.ndarray | None:
-        """Return what is kept under a key; None when nothing is, or nothing of that shape."""
+        """Return the array of a key; None without an array, or for another shape."""
         try:
             content = self._file(key).read_bytes()
+            # The checksum is compared before NumPy parses the content.
             if hashlib.sha256(content[:-_DIGEST]).digest() != content[-_DIGEST:]:
                 return None
-            found = np.load(io.BytesIO(content), allow_pickle=False)
+            values = np.load(io.BytesIO(content), allow_pickle=False)
         except (OSError, ValueError, EOFError):
             return None
-        return found if found.shape == shape and found.dtype == np.float64 else None
+        if values.shape != shape or values.dtype != np.float64:
+            return None
+        return values
 
     def write(self, key: str, values: np.ndarray) -> None:
-        """Keep an array under a key."""
+        """Store an array under a key."""
         file = self._file(key)
         file.parent.mkdir(parents=True, exist_ok=True)
+        # In memory first, because the checksum follows the array.
         stream = io.BytesIO()
         np.save(stream, np.ascontiguousarray(values, np.float64), allow_pickle=False)
         with written_atomically(file, durable=False) as part:
             part.write_bytes(stream.getvalue() + hashlib.sha256(stream.getbuffer()).digest())
 
     def _file(self, key: str) -> Path:
+        # Folders by the first two digits: a batch has thousands of flights.
         return self.folder / key[:2] / f"{key}.npy"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import sys
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -16,115 +16,16 @@ import numpy as np
 
 from flightmech.errors import OutOfRange, SchemaError
 from flightmech.support.kept_stages.content_hashes import content_hash
-from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob, is_recorded
-from pom.fmu.description import check_interface, demand_platform, read_fmu_interface
+from pom.fmu.description import check_interface
+from pom.fmu.models import FmuModel
 from pom.fmu.process import hire_worker
 from pom.fmu.run_cache import FileState, KeptFlights
-from pom.fmu.variable_map import Fmu, Links, links_of
+from pom.fmu.variable_map import Fmu, Links
 from pom.fmu.worker.messages import moved_controls
 from pom.tolerances.channels import WRAPPED
 
-Found = dict[str, np.ndarray]
-
-
-@dataclass(frozen=True)
-class FmuModel:
-    """An FMU and how its variables are reached; with the control law of the case, if it has one."""
-
-    fmu: Fmu
-    links: Links
-    law: FmuModel | None = None
-
-    def origin(self) -> str:
-        """Return file, version and hash, as the attributes of a result keep it."""
-        kind = ", model exchange" if self.fmu.exchange else ""
-        return f"{self.fmu.path.name}, FMI {self.fmu.version}{kind}, sha256 {self.fmu.sha256}"
-
-
-class Models:
-    """The models of a batch, read once; each case may bring tables of names of its own.
-
-    Parameters
-    ----------
-    runs : mapping of str to path
-        Name of a model to its FMU.
-    names : mapping of str to path, optional
-        Name of a model to its table of names (`links_of`); it goes before that of a case.
-
-    Raises
-    ------
-    ParseError, FileNotFoundError
-        No FMU.
-    SchemaError
-        A model with the name of the recording, ``flight``; a table for a model that is not there.
-    """
-
-    def __init__(
-        self, runs: Mapping[str, str | Path], names: Mapping[str, str | Path] | None = None
-    ):
-        self.names = {name: str(table) for name, table in (names or {}).items()}
-        if "flight" in runs:
-            raise SchemaError(
-                "models", ["flight is the name of the recording; give the model another one"]
-            )
-        unknown = [name for name in self.names if name not in runs]
-        if unknown:
-            raise SchemaError(
-                "names", [f"{name}: no such model; there are {', '.join(runs)}" for name in unknown]
-            )
-        self._fmus = {name: read_fmu_interface(file) for name, file in runs.items()}
-        self._links: dict[tuple[str, str | None], Links] = {}
-        self._laws: dict[tuple[str, str], FmuModel] = {}
-
-    def demand_platform(self) -> None:
-        """Raise if a model has no library for this platform.
-
-        Raises
-        ------
-        SchemaError
-            With every such model.
-        """
-        problems = []
-        for name, fmu in self._fmus.items():
-            try:
-                demand_platform(fmu)
-            except SchemaError as error:
-                problems += [f"model {name}: {text}" for text in error.problems]
-        if problems:
-            raise SchemaError("models", problems)
-
-    def of(self, case: PomCase) -> dict[str, FmuModel]:
-        """Return the models as they speak in a case.
-
-        Raises
-        ------
-        ParseError, FileNotFoundError
-            No table of names.
-        SchemaError
-            A table that does not fit its FMU.
-        """
-        tables = {**case.models, **self.names}
-        law = self.law_of(case) if case.law else None
-        return {
-            name: FmuModel(fmu, self._joined(name, tables.get(name)), law)
-            for name, fmu in self._fmus.items()
-        }
-
-    def law_of(self, case: PomCase) -> FmuModel:
-        """Return the control law of a case that has one; errors as `of`."""
-        return self._law(case.law, case.law_names)
-
-    def _law(self, file: str, names: str) -> FmuModel:
-        if (file, names) not in self._laws:
-            fmu = read_fmu_interface(file)
-            self._laws[file, names] = FmuModel(fmu, links_of(fmu, names or None))
-        return self._laws[file, names]
-
-    def _joined(self, name: str, table: str | None) -> Links:
-        if (name, table) not in self._links:
-            self._links[name, table] = links_of(self._fmus[name], table)
-        return self._links[name, table]
+Outputs = dict[str, np.ndarray]
 
 
 def fly_job(
@@ -133,7 +34,7 @@ def fly_job(
     wanted: Collection[str],
     timeout: float,
     store: KeptFlights | None = None,
-) -> tuple[Found, str]:
+) -> tuple[Outputs, str]:
     """Fly a job by a model in its child process.
 
     Parameters
@@ -149,12 +50,13 @@ def fly_job(
 
     Returns
     -------
-    found : dict of str to array (time,)
+    outputs : dict of str to array (time,)
         Outputs by canonical name, and the controls that the math pilot or the control law moves;
         NaN after the end of a failed run. [SI]
     failure : str
         Why the run failed; empty without a failure.
     """
+    # The math pilot reads its targets, and the control law its feedback.
     needed = {*wanted, *job.targets, *feedback_outputs(model)}
     outputs = [name for name in model.links.outputs if name in needed]
     time = _communication_points(model.fmu, job.time)
@@ -216,7 +118,9 @@ def _communication_points(fmu: Fmu, time: np.ndarray) -> np.ndarray:
     if not fmu.even:
         return time
     step = fmu.step or float(np.median(np.diff(time)))
-    return time[0] + step * np.arange(int(np.ceil((time[-1] - time[0]) / step - 1e-6)) + 1)
+    # The last step may end after the last sample, but a step of rounding errors is not added.
+    count = int(np.ceil((time[-1] - time[0]) / step - 1e-6))
+    return time[0] + step * np.arange(count + 1)
 
 
 def feedback_outputs(model: FmuModel) -> list[str]:
@@ -228,7 +132,11 @@ def feedback_outputs(model: FmuModel) -> list[str]:
 
 def seen_by(law: FmuModel) -> list[str]:
     """Return the inputs of a control law by canonical name, without those that its table fixes."""
-    return [name for name, link in law.links.inputs.items() if link.variable not in law.links.fixed]
+    names = []
+    for name, link in law.links.inputs.items():
+        if link.variable not in law.links.fixed:
+            names.append(name)
+    return names
 
 
 def check_law(model: FmuModel, job: ReplayJob) -> None:
@@ -241,14 +149,14 @@ def check_law(model: FmuModel, job: ReplayJob) -> None:
     OutOfRange
         An input of the law has no value in the record.
     """
-    law, given = model.law, job.law
-    if law is None or given is None:
+    law, drive = model.law, job.law
+    if law is None or drive is None:
         return
     names = seen_by(law)
-    check_interface(law.fmu, law.links, names, given.moves, ())
+    check_interface(law.fmu, law.links, names, drive.moves, ())
     problems = []
     for name in names:
-        if is_recorded(name) and name not in given.recorded:
+        if is_recorded(name) and name not in drive.recorded:
             problems.append(
                 f"input {name}: the record has no such channel; map it, or hold it by [conditions]"
             )
@@ -257,7 +165,7 @@ def check_law(model: FmuModel, job: ReplayJob) -> None:
                 f"input {name}: the model {model.fmu.path.name} has no such output, and it "
                 f"is not a control that is recorded"
             )
-        elif not is_recorded(name) and not np.isfinite(given.start.get(name, np.nan)):
+        elif not is_recorded(name) and not np.isfinite(drive.start.get(name, np.nan)):
             problems.append(
                 f"input {name}: no value at the first sample, with which the law starts; map "
                 f"the channel"
@@ -265,7 +173,9 @@ def check_law(model: FmuModel, job: ReplayJob) -> None:
     if problems:
         raise SchemaError(f"control law {law.fmu.path}", problems)
     for name in names:
-        bad = ~np.isfinite(given.recorded[name]) if is_recorded(name) else np.zeros(1, bool)
+        if not is_recorded(name):
+            continue
+        bad = ~np.isfinite(drive.recorded[name])
         if bad.any():
             raise OutOfRange(
                 f"control law: input {name} has no value in {int(bad.sum())} samples; repair "
@@ -277,14 +187,13 @@ def check_law(model: FmuModel, job: ReplayJob) -> None:
 def _common_points(model: FmuModel, law: FmuModel, time: np.ndarray) -> np.ndarray:
     """Return the communication points of a model and its control law. [s]"""
     points = _communication_points(law.fmu, time)
-    if model.fmu.even and not (len(points) == len(time) and np.allclose(points, time, atol=1e-9)):
-        raise SchemaError(
-            f"control law {law.fmu.path}",
-            [
-                f"it takes steps of {law.fmu.step:g} s only, the model {model.fmu.path.name} "
-                f"others; export one of them with variable steps"
-            ],
+    is_equal = len(points) == len(time) and np.allclose(points, time, atol=1e-9)
+    if model.fmu.even and not is_equal:
+        text = (
+            f"it takes steps of {law.fmu.step:g} s only, the model {model.fmu.path.name} "
+            f"others; export one of them with variable steps"
         )
+        raise SchemaError(f"control law {law.fmu.path}", [text])
     return points
 
 
@@ -292,31 +201,38 @@ def _make_law_task(
     model: FmuModel, job: ReplayJob, outputs: list[str], inputs: list[str], at_points: Callable
 ) -> dict[str, Any]:
     """Return the control law as the worker reads it; all values in the units of the FMUs."""
-    law, given = model.law, job.law
+    law, drive = model.law, job.law
     assert law is not None
-    assert given is not None
+    assert drive is not None
     names, links = seen_by(law), law.links
-    fixed = {name: value for name, value in links.fixed.items() if name in law.fmu.inputs}
-    parameters = {name: value for name, value in links.fixed.items() if name not in law.fmu.inputs}
+    # A fixed variable is an input with a constant, or a parameter.
+    fixed: dict[str, float] = {}
+    parameters: dict[str, float] = {}
+    for name, value in links.fixed.items():
+        if name in law.fmu.inputs:
+            fixed[name] = value
+        else:
+            parameters[name] = value
     count = len(at_points(job.time))
     columns, start, feedback = [], [], []
     for i, name in enumerate(names):
         link = links.inputs[name]
         if is_recorded(name):
-            columns.append(link.to_fmu(at_points(given.recorded[name])))
-            start.append(link.to_fmu(given.recorded[name][0]))
+            columns.append(link.to_fmu(at_points(drive.recorded[name])))
+            start.append(link.to_fmu(drive.recorded[name][0]))
             continue
         # The worker overwrites the column of a feedback input with the output of the model.
         columns.append(np.zeros(count))
-        start.append(link.to_fmu(given.start[name]))
+        start.append(link.to_fmu(drive.start[name]))
         scale, offset = _unit_conversion(model.links.outputs[name], link)
         feedback.append((i, outputs.index(name), scale, offset))
     columns += [np.full(count, value) for value in fixed.values()]
     values = np.zeros((count, 0))
     if columns:
         values = np.column_stack(columns)
+    # By moved control: from the unit of the law to that of the model, and to SI.
     moves = {}
-    for name in given.moves:
+    for name in drive.moves:
         source, target = links.outputs[name], model.links.inputs[name]
         scale, offset = _unit_conversion(source, target)
         column = inputs.index(target.variable)
@@ -329,7 +245,7 @@ def _make_law_task(
         "start": [*map(float, start), *fixed.values()],
         "parameters": parameters,
         "feedback": feedback,
-        "outputs": [links.outputs[name].variable for name in given.moves],
+        "outputs": [links.outputs[name].variable for name in drive.moves],
         "moves": moves,
     }
 
@@ -410,7 +326,7 @@ def _read_columns(
     time: np.ndarray,
     task: Mapping[str, Any],
     columns: np.ndarray,
-) -> Found:
+) -> Outputs:
     """Return the columns of a run at the samples of the job, by canonical name and in SI."""
     traces = {}
     is_resampled = len(time) != len(job.time) or not np.array_equal(time, job.time)

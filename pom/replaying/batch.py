@@ -26,8 +26,8 @@ from flightmech.support.kept_stages.program import hash_installation
 from flightmech.support.kept_stages.sharing import open_cluster
 from pom.cases.case import PomCase
 from pom.cases.reference_states import read_path_states
+from pom.fmu.models import FmuModel, Models
 from pom.fmu.run_cache import KeptFlights, RunCache
-from pom.fmu.simulate import FmuModel, Models
 from pom.judging.measures.modal import mode_table
 from pom.replaying.caches import KeptResults, KeptStates, ResultKeys
 from pom.replaying.replay_case import ReplayPlan, check_plan, perform_plan, plan_of
@@ -211,14 +211,8 @@ def replay_all(
     # Report a wrong name table before records are reconstructed, which takes long.
     for case in cases:
         models.of(case)
-    folder = settings.folder
-    records, store = KeptStates(folder, biases), KeptResults(folder)
-    if folder is None:
-        keys_of = ResultKeys(records, "", evidence)
-        keys = [""] * len(cases)
-    else:
-        keys_of = ResultKeys(records, hash_installation(), evidence)
-        keys = [keys_of.of(case, _path_of(case, paths), models.of(case)) for case in cases]
+    records, store = KeptStates(settings.folder, biases), KeptResults(settings.folder)
+    result_keys, keys = _make_keys(cases, paths, models=models, records=records, evidence=evidence)
     stored = [store.read(key) for key in keys]
     new = [k for k, result in enumerate(stored) if result is None]
     jobs = settings.jobs
@@ -227,14 +221,16 @@ def replay_all(
     with start_processes(len(new), jobs) as pool:
         plans = _make_plans([cases[k] for k in new], paths, records, jobs=settings.jobs, pool=pool)
         _check_plans(plans, models)
-        valid_keys = []
+        # Files that changed since the key was made get a result without a key.
         for k in new:
-            # Files that changed since the key was made get a result without a key.
-            valid_keys.append(keys[k] if keys_of.hold(cases[k]) else "")
+            if not result_keys.hold(cases[k]):
+                keys[k] = ""
+        new_keys = [keys[k] for k in new]
         flight_store = settings.flight_store
+        # A generator: a plan is removed from memory when its result is complete.
         calls = (
             (plan, models.of(plan.case), settings.timeout, flight_store, evidence, store, key)
-            for plan, key in zip(_pop_in_order(plans), valid_keys, strict=True)
+            for plan, key in zip(_pop_in_order(plans), new_keys, strict=True)
         )
         performed = _perform_calls(calls, settings, pool)
         results = []
@@ -245,6 +241,27 @@ def replay_all(
             if settings.progress is not None:
                 settings.progress(result)
     return results
+
+
+def _make_keys(
+    cases: Sequence[PomCase],
+    paths: Mapping[str, Any],
+    *,
+    models: Models,
+    records: KeptStates,
+    evidence: xr.DataTree | None,
+) -> tuple[ResultKeys, list[str]]:
+    """Return the keys of the results of all cases, and their maker.
+
+    Results without a folder have empty keys: they are neither read nor stored.
+    """
+    if records.folder is None:
+        return ResultKeys(records, "", evidence), [""] * len(cases)
+    result_keys = ResultKeys(records, hash_installation(), evidence)
+    keys = []
+    for case in cases:
+        keys.append(result_keys.of(case, _path_of(case, paths), models.of(case)))
+    return result_keys, keys
 
 
 def _make_plans(
@@ -266,7 +283,10 @@ def _make_plans(
     else:
         read = pool.map(_plan_stored_record, calls)
     plans = dict(zip(groups, read, strict=True))
-    raw = [groups[source][0] for source, group_plans in plans.items() if group_plans is None]
+    raw = []
+    for source, group_plans in plans.items():
+        if group_plans is None:
+            raw.append(groups[source][0])
     for source, states in _read_states(raw, records, jobs).items():
         plans[source] = [plan_of(case, states) for case in groups[source]]
     # Plans of a record are in the order of its cases.
@@ -340,6 +360,7 @@ def paths_of_cases(
     records : KeptStates
         Store of reconstructed states.
     """
+    # Each record is read once, before the paths are put in the order of the cases.
     without_path = [case for case in cases if _path_of(case, paths) is None]
     states = _read_states(without_path, records, jobs)
     case_paths = []
@@ -368,8 +389,13 @@ def _read_states(
     first_cases: dict[_Source, PomCase] = {}
     for case in cases:
         first_cases.setdefault(_source_of(case), case)
-    stored = {source: _read_stored_states(case, records) for source, case in first_cases.items()}
-    raw = [source for source, states in stored.items() if states is None]
+    stored: dict[_Source, xr.Dataset | None] = {}
+    raw: list[_Source] = []
+    for source, case in first_cases.items():
+        stored[source] = _read_stored_states(case, records)
+        if stored[source] is None:
+            raw.append(source)
+    # One record does not repay the start of a process.
     if len(raw) <= 1:
         jobs = 1
     work = (delayed(records.make)(first_cases[source]) for source in raw)

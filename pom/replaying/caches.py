@@ -1,9 +1,8 @@
-"""Results kept next to the flights of a batch, so that a batch that goes on judges only what
-changed.
+"""Stored states of records and stored results of cases, for a batch that is continued.
 
-A result is a function of its case, the flight, the models, the evidence and the program.  Their
-hash names the file, so that one that is there needs neither its record nor a fit; whatever changed
-has another name and is judged anew.
+A result is a function of its case, the flight, the models, the evidence and the program. The hash
+of all of them is the name of its file. A stored result is read without its record and without a
+fit. Any change gives another name, and the case is judged again.
 """
 
 from __future__ import annotations
@@ -29,8 +28,8 @@ from flightmech.support.kept_stages.content_hashes import content_hash
 from flighttest.records.stored_groups import plain_group
 from pom.cases.case import PomCase
 from pom.cases.reference_states import recorded_states
+from pom.fmu.models import FmuModel
 from pom.fmu.run_cache import FileState
-from pom.fmu.simulate import FmuModel
 from pom.judging.measures.modal import keep_modes, mode_table
 from pom.result import PomResult, make_verdict_table, to_records, to_split_dict
 
@@ -42,29 +41,31 @@ class KeptStates:
     Attributes
     ----------
     folder : Path or None
-        Keeps them under the hash of the record, of its name map, of the aircraft with all that its
-        file names, of the biases and of the programs that reconstruct; without it nothing is kept.
+        Folder of the stored states; nothing is stored without it. The name of a file is the hash
+        of the record, of its name map, of the aircraft with all files that it names, of the biases
+        and of the programs that reconstruct.
     biases : Dataset or None
         Constants of the instruments (`recorded_states`).
     """
 
     folder: Path | None
     biases: xr.Dataset | None
-    _aircraft: dict[str, flightmech.Aircraft] = field(
-        default_factory=dict, repr=False
-    )  # read once in a batch
+    # Aircraft by file: each is read once in a batch.
+    _aircraft: dict[str, flightmech.Aircraft] = field(default_factory=dict, repr=False)
 
     def read(self, case: PomCase) -> xr.Dataset | None:
-        """Return the states of the record of a case; None when they are not kept."""
+        """Return the stored states of the record of a case; None if there are none."""
         file = self._file(case)
         if file is None or not file.is_file():
             return None
         with h5py.File(file, "r") as content:
             states = plain_group(content)
-        return xr.load_dataset(file, engine="h5netcdf") if states is None else states
+        if states is None:
+            return xr.load_dataset(file, engine="h5netcdf")
+        return states
 
     def make(self, case: PomCase) -> xr.Dataset:
-        """Reconstruct the record of a case and keep its states.
+        """Reconstruct the record of a case and store its states.
 
         Raises
         ------
@@ -79,18 +80,15 @@ class KeptStates:
         return states
 
     def identity(self, case: PomCase) -> str:
-        """Return the hash of all that the states of the record of a case come from, but for the
-        windows of its cases.
+        """Return the hash of all inputs of the states of a record.
+
+        The windows of the cases are not among them.
         """
         if case.aircraft and case.aircraft not in self._aircraft:
             self._aircraft[case.aircraft] = flightmech.read_aircraft(case.aircraft)
-        files = [
-            hashlib.sha256(Path(name).read_bytes() if name else b"").hexdigest()
-            for name in (case.record, case.names)
-        ]
-        return content_hash(
-            reconstruction_digest(), files, self._aircraft.get(case.aircraft), self.biases
-        )
+        files = [_hash_file(name) for name in (case.record, case.names)]
+        aircraft = self._aircraft.get(case.aircraft)
+        return content_hash(reconstruction_digest(), files, aircraft, self.biases)
 
     def _file(self, case: PomCase) -> Path | None:
         if self.folder is None or not case.aircraft:
@@ -98,112 +96,101 @@ class KeptStates:
         return self.folder / "states" / f"{self.identity(case)}.nc"
 
 
+def _hash_file(name: str) -> str:
+    """Return the SHA-256 of a file; that of no bytes without a name."""
+    content = Path(name).read_bytes() if name else b""
+    return hashlib.sha256(content).hexdigest()
+
+
 @cache
 def reconstruction_digest() -> str:
-    """Return the hash of the modules that read and reconstruct, with the versions of the libraries
-    they count with.
-    """
+    """Return the hash of the modules that read and reconstruct, with the versions of the libraries."""
     digest = hashlib.sha256()
     for package in (flightmech, flighttest):
         folder = Path(str(package.__file__)).parent
         for file in sorted(folder.rglob("*.py")):
             digest.update(file.read_bytes())
-    return " ".join(
-        [digest.hexdigest(), *(f"{name} {version(name)}" for name in ("numpy", "scipy", "xarray"))]
-    )
-
-
-_PARTS = {
-    "signals": ("run", "time"),
-    "tolerance": ("time",),
-    "inputs": ("time",),
-}  # with the dimensions of their channels
+    versions = [f"{name} {version(name)}" for name in ("numpy", "scipy", "xarray")]
+    return " ".join([digest.hexdigest(), *versions])
 
 
 @dataclass(frozen=True)
 class ResultKeys:
-    """Names of the results of one batch, by all that they depend on.
+    """Names of the results of one batch: hashes of all their inputs.
 
     Attributes
     ----------
     records : KeptStates
-        Of the records that are read.
+        Identities of the records that are read.
     program : str
-        What decides the last bit of a result (`pom.replaying.batch.installation`).
+        Hash of all that determines the last bit of a result, as from `hash_installation`.
     evidence : DataTree or None
-        What flight found.
+        Database identified from flight.
     """
 
     records: KeptStates
     program: str
     evidence: xr.DataTree | None = None
-    _hashes: dict[Any, str] = field(
-        default_factory=dict, repr=False
-    )  # of what the cases of a batch share
-    _states: dict[str, FileState] = field(
-        default_factory=dict, repr=False
-    )  # of files, before they were read
+    # Hashes of the inputs that several cases share.
+    _hashes: dict[Any, str] = field(default_factory=dict, repr=False)
+    # States of the files before they were read.
+    _states: dict[str, FileState] = field(default_factory=dict, repr=False)
 
     def of(self, case: PomCase, path: Any, models: Mapping[str, FmuModel]) -> str:
-        """Return the name of the result of a case; empty when one of its files cannot be read,
-        which whoever reads it reports.
+        """Return the name of the result of a case.
+
+        It is empty if a file of the case cannot be read. The replay then reports the file.
 
         Parameters
         ----------
         case : PomCase
         path : Path or Dataset or None
-            As given to `pom.replay_all`; None for a record that is read.
+            As in `pom.replay_all`; None for a record that is read.
         models : mapping of str to Model
         """
-        read = path is None or case.wind == "measured"  # a path holds no measured wind
-        try:
-            self._states.update(
-                {
-                    name: FileState.of(name)
-                    for name in _files(case)
-                    if read and name not in self._states
-                }
-            )
-            record = (
-                self._once(
+        record = ""
+        # A path does not contain a measured wind, which is read from the record.
+        if path is None or case.wind == "measured":
+            try:
+                self._note_states(case)
+                record = self._hash_once(
                     (case.record, case.names, case.aircraft), lambda: self.records.identity(case)
                 )
-                if read
-                else ""
-            )
-        except OSError:
-            return ""
-        given = "" if path is None else self._once(id(path), lambda: _of_path(path))
-        flown = [
-            (name, _described(model), None if model.law is None else _described(model.law))
-            for name, model in models.items()
-        ]
-        return content_hash(
-            self.program,
-            case,
-            record,
-            given,
-            flown,
-            self._once("evidence", lambda: _of_tree(self.evidence)),
-        )
+            except OSError:
+                return ""
+        path_hash = ""
+        if path is not None:
+            path_hash = self._hash_once(id(path), lambda: _hash_path(path))
+        described = [_describe_with_law(name, model) for name, model in models.items()]
+        evidence = self._hash_once("evidence", lambda: _hash_tree(self.evidence))
+        return content_hash(self.program, case, record, path_hash, described, evidence)
+
+    def _note_states(self, case: PomCase) -> None:
+        """Store the states of the files of a case before they are read."""
+        new = [name for name in _files(case) if name not in self._states]
+        # All states or none: the first missing file raises.
+        self._states.update({name: FileState.of(name) for name in new})
 
     def hold(self, case: PomCase) -> bool:
-        """Whether the files of a case are those whose content the name of its result was made of;
-        else it may be kept under no name.
+        """Return whether the files of a case are unchanged since the name of its result was made.
+
+        The result of a changed file must not be stored under this name.
         """
         try:
-            return all(
-                FileState.of(name) == self._states[name]
-                for name in _files(case)
-                if name in self._states
-            )
+            for name in _files(case):
+                if name in self._states and FileState.of(name) != self._states[name]:
+                    return False
         except OSError:
             return False
+        return True
 
-    def _once(self, what: Any, make: Callable[[], str]) -> str:
-        if what not in self._hashes:
-            self._hashes[what] = make()
-        return self._hashes[what]
+    def _hash_once(self, key: Any, make: Callable[[], str]) -> str:
+        if key not in self._hashes:
+            self._hashes[key] = make()
+        return self._hashes[key]
+
+
+_DIGEST = hashlib.sha256().digest_size
 
 
 @dataclass(frozen=True)
@@ -213,72 +200,81 @@ class KeptResults:
     Attributes
     ----------
     folder : Path or None
-        Made when it is missing; None: nothing is kept.
+        Created if it is missing; None: nothing is stored.
     """
 
     folder: Path | None
 
     def read(self, key: str) -> PomResult | None:
-        """Return what is kept under a key; None when nothing is, a damaged file, or under no key."""
+        """Return the result of a key; None without a file, for a damaged file or an empty key."""
         file = self._file(key)
+        if file is None:
+            return None
         try:
-            content = b"" if file is None else file.read_bytes()
+            content = file.read_bytes()
         except OSError:
             return None
+        # A file begins with the SHA-256 of the remaining bytes.
         digest, body = content[:_DIGEST], content[_DIGEST:]
         if hashlib.sha256(body).digest() != digest:
             return None
         text, _, numbers = body.partition(b"\n")
-        return _result(json.loads(text), np.frombuffer(numbers, "<f8").astype(float))
+        return _read_result(json.loads(text), np.frombuffer(numbers, "<f8").astype(float))
 
     def write(self, key: str, result: PomResult) -> None:
-        """Keep a result under a key; none under an empty one."""
+        """Store a result under a key; nothing under an empty key."""
         file = self._file(key)
         if file is None:
             return
-        head, blocks = _content(result)
-        body = (
-            json.dumps(head, default=_plain, ensure_ascii=False).encode()
-            + b"\n"
-            + b"".join(block.tobytes() for block in blocks)
-        )
+        head, blocks = _result_content(result)
+        text = json.dumps(head, default=_to_python_number, ensure_ascii=False)
+        numbers = b"".join(block.tobytes() for block in blocks)
+        body = text.encode() + b"\n" + numbers
         file.parent.mkdir(parents=True, exist_ok=True)
         with written_atomically(file, durable=False) as part:
             part.write_bytes(hashlib.sha256(body).digest() + body)
 
     def _file(self, key: str) -> Path | None:
-        return None if self.folder is None or not key else self.folder / "results" / key[:2] / key
-
-
-_DIGEST = hashlib.sha256().digest_size
+        if self.folder is None or not key:
+            return None
+        # Folders by the first two digits: a batch has thousands of results.
+        return self.folder / "results" / key[:2] / key
 
 
 def _files(case: PomCase) -> list[str]:
     return [name for name in (case.record, case.names, case.aircraft) if name]
 
 
-def _described(model: FmuModel) -> list[str]:
+def _describe(model: FmuModel) -> list[str]:
     return [model.origin(), model.links.table]
 
 
-def _of_path(path: Any) -> str:
-    return (
-        content_hash(path)
-        if isinstance(path, xr.Dataset)
-        else content_hash(path.states, path.biases, path.errors)
-    )
+def _describe_with_law(name: str, model: FmuModel) -> tuple[str, list[str], list[str] | None]:
+    """Return name and provenance of a model, and the provenance of its control law."""
+    law = None
+    if model.law is not None:
+        law = _describe(model.law)
+    return name, _describe(model), law
 
 
-def _of_tree(tree: xr.DataTree | None) -> str:
-    return (
-        ""
-        if tree is None
-        else content_hash({node.path: node.to_dataset() for node in tree.subtree})
-    )
+def _hash_path(path: Any) -> str:
+    if isinstance(path, xr.Dataset):
+        return content_hash(path)
+    return content_hash(path.states, path.biases, path.errors)
 
 
-def _content(result: PomResult) -> tuple[dict[str, Any], list[np.ndarray]]:
-    """Return what JSON holds of a result to the last bit, and the samples behind it."""
+def _hash_tree(tree: xr.DataTree | None) -> str:
+    if tree is None:
+        return ""
+    return content_hash({node.path: node.to_dataset() for node in tree.subtree})
+
+
+# Datasets of a result, with the dimensions of their channels.
+_PARTS = {"signals": ("run", "time"), "tolerance": ("time",), "inputs": ("time",)}
+
+
+def _result_content(result: PomResult) -> tuple[dict[str, Any], list[np.ndarray]]:
+    """Return the part of a result that JSON stores without a loss, and the blocks of samples."""
     head: dict[str, Any] = {
         "case": result.case.to_dict(),
         "conditions": result.conditions,
@@ -289,7 +285,7 @@ def _content(result: PomResult) -> tuple[dict[str, Any], list[np.ndarray]]:
         "runs": [str(run) for run in result.signals["run"].values],
         "parts": {},
     }
-    blocks = []
+    blocks: list[np.ndarray] = []
     for part in _PARTS:
         data: xr.Dataset = getattr(result, part)
         channels = {str(name): data.variables[name].attrs for name in data.data_vars}
@@ -298,45 +294,58 @@ def _content(result: PomResult) -> tuple[dict[str, Any], list[np.ndarray]]:
             "channels": channels,
             "samples": data.sizes["time"],
         }
-        blocks += [
-            data.variables[name].values.astype("<f8", copy=False) for name in ("time", *channels)
-        ]
+        # The time comes first, then the channels in the order of the head.
+        for name in ("time", *channels):
+            blocks.append(data.variables[name].values.astype("<f8", copy=False))
     return head, blocks
 
 
-def _plain(item: Any) -> Any:
+def _to_python_number(item: Any) -> Any:
     """Return a number of NumPy as one of Python."""
     return item.item()
 
 
-def _result(head: Mapping[str, Any], numbers: np.ndarray) -> PomResult:
-    """Return the result that `_content` was made of."""
-    runs, at = head["runs"], 0
+class _SampleReader:
+    """Arrays from the samples of a stored result, one after the other."""
 
-    def taken(*shape: int) -> np.ndarray:
-        nonlocal at
-        first, at = at, at + int(np.prod(shape))
-        return numbers[first:at].reshape(shape)
+    def __init__(self, numbers: np.ndarray):
+        self.numbers = numbers
+        self.position = 0
 
+    def next_array(self, *shape: int) -> np.ndarray:
+        """Return the next array of this shape."""
+        start = self.position
+        self.position += int(np.prod(shape))
+        return self.numbers[start : self.position].reshape(shape)
+
+
+def _read_result(head: Mapping[str, Any], numbers: np.ndarray) -> PomResult:
+    """Return the result from the parts that `_result_content` returned."""
+    runs, samples = head["runs"], _SampleReader(numbers)
     parts: dict[str, Any] = {}
     for part, dims in _PARTS.items():
-        found = head["parts"][part]
-        time = taken(found["samples"])
-        shape = (len(runs), len(time)) if len(dims) == 2 else (len(time),)
-        data = {name: (dims, taken(*shape), attrs) for name, attrs in found["channels"].items()}
-        parts[part] = xr.Dataset(
-            data, {**({"run": runs} if len(dims) == 2 else {}), "time": time}, found["attrs"]
-        )
+        stored = head["parts"][part]
+        time = samples.next_array(stored["samples"])
+        coords: dict[str, Any] = {}
+        shape: tuple[int, ...] = (len(time),)
+        if "run" in dims:
+            coords["run"] = runs
+            shape = (len(runs), len(time))
+        coords["time"] = time
+        data = {}
+        for name, attrs in stored["channels"].items():
+            data[name] = (dims, samples.next_array(*shape), attrs)
+        parts[part] = xr.Dataset(data, coords, stored["attrs"])
     trim = head["trim"]
+    quantities = pd.Index(trim["index"], name="quantity")
     result = PomResult(
         case=PomCase.from_dict(head["case"]),
         conditions=head["conditions"],
-        trim=pd.DataFrame(
-            trim["data"], pd.Index(trim["index"], name="quantity"), trim["columns"], dtype=float
-        ),
+        trim=pd.DataFrame(trim["data"], quantities, trim["columns"], dtype=float),
         verdict=make_verdict_table(head["verdict"]),
         failure=head["failure"],
         **parts,
     )
+    # The modes are not fitted again.
     keep_modes(result, head["modes"])
     return result

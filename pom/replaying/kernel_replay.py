@@ -127,23 +127,23 @@ def _fly_in_kernel(
     for loop in job.pilot:
         loops.append(
             ControlLoop(
-                loop.control,
-                loop.channel,
-                loop.gain,
-                loop.integral,
-                loop.limit,
-                job.targets[loop.channel],
-                is_wrapped_angle(loop.channel),
+                input=loop.control,
+                output=loop.channel,
+                gain=loop.gain,
+                integral=loop.integral,
+                limit=loop.limit,
+                target=job.targets[loop.channel],
+                turns=is_wrapped_angle(loop.channel),
             )
         )
     y, _, failures = fly_batch(
         sim,
         job.time,
-        _input_table(sim, job, parameters),
-        varied,
-        values,
-        parameters,
-        names,
+        u=_input_table(sim, job, parameters),
+        varied=varied,
+        values=values,
+        constant=parameters,
+        outputs=names,
         loops=loops,
     )
     return y, failures
@@ -174,6 +174,7 @@ def _fly_sample_by_sample(
     """
     u = _input_table(sim, job, parameters)
     pilot = Pilot(job.pilot, job.time, job.targets)
+    # Indices of the requested outputs, of the channels of the loops, and of the moved inputs.
     recorded = output_indices(sim, names)
     sensed = dict(zip(pilot.channels, output_indices(sim, pilot.channels), strict=True))
     moved_inputs = [sim.inputs.index(name) for name in pilot.moved]
@@ -184,6 +185,7 @@ def _fly_sample_by_sample(
     for k, time in enumerate(times):
         y = run.outputs()
         outputs[k] = y[recorded]
+        # The corrections depend on the outputs at the sample, not on the next ones.
         corrections = pilot.controls(k, {name: y.item(i) for name, i in sensed.items()}).values()
         if k >= len(steps):
             continue

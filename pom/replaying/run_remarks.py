@@ -1,6 +1,4 @@
-"""What the math pilot did: how far he moved each control, how often at his limit, and how well he
-held his channels.
-"""
+"""Remarks on a run: calibration, drift, activity of the math pilot, and tables that it left."""
 
 from __future__ import annotations
 
@@ -31,16 +29,19 @@ _COLUMNS = ("parameter", "estimate", "stderr", "unit")
 
 
 def calibration(result: PomResult) -> pd.DataFrame:
-    """Return the corrections that the flight data of a result carry: ``parameter estimate stderr
-    unit``, empty when none are known.
+    """Return the corrections in the flight data of a result.
+
+    Returns
+    -------
+    DataFrame
+        ``parameter estimate stderr unit``; empty without corrections.
     """
-    return pd.DataFrame(
-        json.loads(result.signals.attrs.get(CALIBRATION, "[]")), columns=list(_COLUMNS)
-    )
+    rows = json.loads(result.signals.attrs.get(CALIBRATION, "[]"))
+    return pd.DataFrame(rows, columns=list(_COLUMNS))
 
 
 def drift(result: PomResult) -> pd.DataFrame:
-    """Return how speed, height and heading of every model leave those of the flight.
+    """Return the drift of speed, height and heading of every model from the flight.
 
     Returns
     -------
@@ -49,16 +50,19 @@ def drift(result: PomResult) -> pd.DataFrame:
         minus flight, and the standard deviation about it, over the whole window. [SI]  A slope with
         a small spread points to an error of force, of wind or of mass.
     """
-    return result.once(_drift)
+    return result.once(_make_drift_table)
 
 
-def _drift(result: PomResult) -> pd.DataFrame:
+def _make_drift_table(result: PomResult) -> pd.DataFrame:
     time = result.signals["time"].values
     rows = []
-    for name in (name for name in DRIFTING if name in result.signals):
+    for name in DRIFTING:
+        if name not in result.signals:
+            continue
         flight = trace_of(result.signals, "flight", name)
         for run in result.runs:
             difference = trace_of(result.signals, run, name) - flight
+            # A line through two samples has no spread.
             if np.isfinite(difference).all() and time.size > 2:
                 slope, start = np.polyfit(time - time[0], difference, 1)
                 spread = float(np.std(difference - start - slope * (time - time[0])))
@@ -84,86 +88,102 @@ def pilot_activity_rows(
     ----------
     run : str
         The model.
+    loops : sequence of PilotLoop
+    time : array (time,)
+        [s]
     moved : mapping of str to array (time,)
-        His corrections, as `pom.cases.pilot.Pilot.moved`. [SI of the control]
+        Corrections of the controls, as `pom.cases.pilot.Pilot.moved`. [SI of the control]
     targets, outputs : mapping of str to array (time,)
-        The channels he held, recorded and of the model. [SI]
+        The controlled channels, recorded and of the model. [SI]
 
     Returns
     -------
     list of dict
-        ``control``; ``gains``, his loops in words; ``mean``, ``rms`` and ``largest`` correction
-        (signed) and its time ``at`` [s]; ``at_limit``, the share of samples at which one of his
-        loops was at its limit; ``held``, the rms by which each channel departed from its record, in
-        words. [SI]
+        ``control``; ``gains``, the loops as a text; ``mean``, ``rms`` and ``largest`` correction
+        (signed) and its time ``at`` [s]; ``at_limit``, the share of samples at which a loop of the
+        control was at its limit; ``held``, the rms difference of each channel from its record, as
+        a text. [SI]
     """
-    rows, cut = [], _cut(loops, time, targets, outputs)
+    rows = []
+    limited = _samples_at_limit(loops, time, targets, outputs=outputs)
     for control, correction in moved.items():
-        mine = [loop for loop in loops if loop.control == control]
-        known = np.isfinite(correction)
-        if not known.any():
+        control_loops = [loop for loop in loops if loop.control == control]
+        # A failed run has NaN after its end.
+        is_finite = np.isfinite(correction)
+        if not is_finite.any():
             continue
-        used, when = correction[known], time[known]
+        used, used_time = correction[is_finite], time[is_finite]
         largest = int(np.argmax(np.abs(used)))
+        errors = [_describe_error(loop.channel, targets, outputs) for loop in control_loops]
         rows.append(
             {
                 "run": run,
                 "control": control,
-                "gains": "; ".join(_gains(loop) for loop in mine),
+                "gains": "; ".join(map(_describe_gains, control_loops)),
                 "mean": float(used.mean()),
                 "rms": rms(used),
                 "largest": float(used[largest]),
-                "at": float(when[largest]),
-                "at_limit": float(np.mean(cut[control][known])),
-                "held": ", ".join(_held(loop.channel, targets, outputs) for loop in mine),
+                "at": float(used_time[largest]),
+                "at_limit": float(np.mean(limited[control][is_finite])),
+                "held": ", ".join(errors),
             }
         )
     return rows
 
 
 def pilot_activity(result: PomResult) -> pd.DataFrame:
-    """Return the rows of `pilot_activity_rows` of all models of a result; empty when no math pilot flew."""
-    return pd.DataFrame(
-        json.loads(result.signals.attrs.get(PILOT, "[]")), columns=list(_PILOT_COLUMNS)
-    )
+    """Return the rows of `pilot_activity_rows` of all models; empty without a math pilot."""
+    rows = json.loads(result.signals.attrs.get(PILOT, "[]"))
+    return pd.DataFrame(rows, columns=list(_PILOT_COLUMNS))
 
 
-def _cut(
+def _samples_at_limit(
     loops: Sequence[PilotLoop],
     time: np.ndarray,
     targets: Mapping[str, np.ndarray],
+    *,
     outputs: Mapping[str, np.ndarray],
 ) -> dict[str, np.ndarray]:
-    """Return for every control whether a loop was at its limit: the loops once more, on what the
-    model did.
-    """
+    """Return for every control the samples at which a loop was at its limit (time,)."""
+    # A result does not contain the limits, so the loops are run again on the outputs of the model.
     pilot = Pilot(loops, time, targets)
     for k in range(time.size):
         pilot.controls(k, {name: float(outputs[name][k]) for name in pilot.channels})
     return pilot.cut
 
 
-def _gains(loop: PilotLoop) -> str:
-    moved, held = (lookup(name).display_units for name in (loop.control, loop.channel))
-    size = parse_unit(held)[1] / parse_unit(moved)[1]
-    over = f"{moved}/{held}" if "/" not in held else f"{moved}/({held})"
-    integral = f" {loop.integral * size:+.4g} {over} /s" if loop.integral else ""
+def _describe_gains(loop: PilotLoop) -> str:
+    """Return gains and limit of a loop as a text, in display units."""
+    control_unit = lookup(loop.control).display_units
+    channel_unit = lookup(loop.channel).display_units
+    # A gain is in control per channel: its display unit needs the factors of both.
+    size = parse_unit(channel_unit)[1] / parse_unit(control_unit)[1]
+    gain_unit = f"{control_unit}/{channel_unit}"
+    if "/" in channel_unit:
+        gain_unit = f"{control_unit}/({channel_unit})"
+    integral = ""
+    if loop.integral:
+        integral = f" {loop.integral * size:+.4g} {gain_unit} /s"
     return (
-        f"{loop.gain * size:.4g} {over}{integral} x {loop.channel}, at most "
-        f"{from_si(loop.limit, moved):.3g} {moved}"
+        f"{loop.gain * size:.4g} {gain_unit}{integral} x {loop.channel}, at most "
+        f"{from_si(loop.limit, control_unit):.3g} {control_unit}"
     )
 
 
-def _held(name: str, targets: Mapping[str, np.ndarray], outputs: Mapping[str, np.ndarray]) -> str:
-    error_of = np.array([shortest_error(name, error) for error in targets[name] - outputs[name]])
+def _describe_error(
+    name: str, targets: Mapping[str, np.ndarray], outputs: Mapping[str, np.ndarray]
+) -> str:
+    """Return the rms difference of a channel from its record as a text."""
+    errors = np.array([shortest_error(name, error) for error in targets[name] - outputs[name]])
     unit = lookup(name).display_units
-    return f"{name} {np.sqrt(np.nanmean(error_of**2)) / parse_unit(unit)[1]:.3g} {unit} rms"
+    return f"{name} {np.sqrt(np.nanmean(errors**2)) / parse_unit(unit)[1]:.3g} {unit} rms"
 
 
-NEGLIGIBLE = 1e-3  # of the range: what a table holds there is as good as what it would be
+# of the range: so little beyond a table, its value at the end is as good as an extrapolation
+NEGLIGIBLE = 1e-3
 
 
-FLOW = ("alpha", "beta")  # mean nothing on an aeroplane that stands
+FLOW = ("alpha", "beta")  # angles without a meaning on an aeroplane at rest
 
 
 class TableRange(NamedTuple):
@@ -177,30 +197,33 @@ class TableRange(NamedTuple):
 
 @lru_cache(maxsize=64)
 def table_ranges(fmu: str | Path, sha256: str) -> tuple[TableRange, ...]:
-    """Return the ranges of the tables inside an FMU, each once; none for an FMU of another program
-    or of another version of this one.
+    """Return the ranges of the tables inside an FMU, each once.
+
+    The result is empty for an FMU of another program or of another version of this one.
 
     Parameters
     ----------
     fmu : path
     sha256 : str
-        Of its content, so that a file that was replaced is read again.
+        Hash of its content, so that a replaced file is read again.
     """
     try:
         model = flown_model(fmu)
-        rows = () if model is None else model.entries(AXIS)
+        if model is None:
+            return ()
+        rows = model.entries(AXIS)
     except AeromatchError:
         return ()
-    return tuple(
-        dict.fromkeys(TableRange(row.name, row.low, row.high, row.display_units) for row in rows)
-    )
+    ranges = [TableRange(row.name, row.low, row.high, row.display_units) for row in rows]
+    return tuple(dict.fromkeys(ranges))
 
 
 def tables_left(
     time: np.ndarray, outputs: Mapping[str, np.ndarray], ranges: tuple[TableRange, ...]
 ) -> tuple[RowRemark, ...]:
-    """Return a remark of kind ``tables_left`` for every range that a run left; none when the model
-    counts no such step.
+    """Return a remark of kind ``tables_left`` for every range that a run left.
+
+    The result is empty if the model counts no such step.
 
     Parameters
     ----------
@@ -209,54 +232,56 @@ def tables_left(
     outputs : mapping of str to array (time,)
         Of one run; ``out_of_range`` counts the internal steps beyond a table, over all tables.
     ranges : tuple of TableRange
-        Of the model; a variable that is not an output cannot be named.
+        Of the model. A variable that is not an output has no remark of its own.
     """
     steps = float(np.fmax.reduce(outputs.get("out_of_range", np.zeros(1))))
     if not steps > 0.0:
         return ()
-    seen = [
-        (item, outputs[source])
-        for item in ranges
-        if (source := output_of(item.variable, outputs)) in outputs
-    ]
-    flying = outputs["V"] > SLOWEST if "V" in outputs else np.ones(time.size, bool)
-    seen = [
-        (item, np.where(flying, values, item.low) if item.variable in FLOW else values)
-        for item, values in seen
-    ]
-    found = [remark for item, values in seen if (remark := _left(time, values, item))]
-    explained = (
-        any(((values < item.low) | (values > item.high)).any() for item, values in seen)
-        or not flying.all()
-    )
-    if found or explained or (ranges and len(seen) == len(ranges)):
-        return tuple(found)
-    return (
-        RowRemark(
-            "tables_left",
-            f"tables left in {steps:.0f} internal steps",
-            values={"steps": steps},
-            unit="1",
-        ),
-    )
+    is_flying = np.ones(time.size, bool)
+    if "V" in outputs:
+        is_flying = outputs["V"] > SLOWEST
+    remarks: list[RowRemark] = []
+    observed = 0
+    is_explained = not is_flying.all()
+    for item in ranges:
+        source = output_of(item.variable, outputs)
+        if source not in outputs:
+            continue
+        observed += 1
+        values = outputs[source]
+        # Below the least speed a flow angle counts as inside the range.
+        if item.variable in FLOW:
+            values = np.where(is_flying, values, item.low)
+        is_explained |= bool(((values < item.low) | (values > item.high)).any())
+        remark = _range_remark(time, values, item)
+        if remark is not None:
+            remarks.append(remark)
+    # The counted steps need a remark without a variable only if no observed variable explains them.
+    if remarks or is_explained or (ranges and observed == len(ranges)):
+        return tuple(remarks)
+    text = f"tables left in {steps:.0f} internal steps"
+    return (RowRemark("tables_left", text, values={"steps": steps}, unit="1"),)
 
 
-def _left(time: np.ndarray, values: np.ndarray, item: TableRange) -> RowRemark | None:
+def _range_remark(time: np.ndarray, values: np.ndarray, item: TableRange) -> RowRemark | None:
+    """Return the remark on a variable (time,) beyond a range; None if it is not beyond it."""
     below, above = item.low - values, values - item.high
     beyond = np.fmax(below, above)
-    out = beyond > NEGLIGIBLE * (item.high - item.low)
-    if not out.any():
+    is_outside = beyond > NEGLIGIBLE * (item.high - item.low)
+    if not is_outside.any():
         return None
-    worst = int(np.argmax(np.where(out, beyond, 0.0)))
-    word, end = ("below", item.low) if below[worst] > above[worst] else ("above", item.high)
+    worst = int(np.argmax(np.where(is_outside, beyond, 0.0)))
+    side, end = "above", item.high
+    if below[worst] > above[worst]:
+        side, end = "below", item.low
     unit = "" if item.unit == "1" else f" {item.unit}"
-    amount, limit = (float(from_si(value, item.unit)) for value in (beyond[worst], end))
-    share = 100.0 * float(out.mean())
+    amount = float(from_si(beyond[worst], item.unit))
+    limit = float(from_si(end, item.unit))
+    share = 100.0 * float(is_outside.mean())
     text = (
-        f"tables over {item.variable} left: {word} {limit:.4g}{unit} by up to "
+        f"tables over {item.variable} left: {side} {limit:.4g}{unit} by up to "
         f"{amount:.2g}{unit}, at {time[worst]:.1f} s, "
         f"in {share:.0f} % of the samples; held there"
     )
-    return RowRemark(
-        "tables_left", text, item.variable, {"limit": limit, "beyond": amount}, item.unit
-    )
+    values_by_name = {"limit": limit, "beyond": amount}
+    return RowRemark("tables_left", text, item.variable, values=values_by_name, unit=item.unit)

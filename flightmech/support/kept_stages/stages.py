@@ -11,9 +11,11 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from threading import Lock
 from typing import Any, Generic, TypeVar
 
 from flightmech.errors import AeromatchWarning
+from flightmech.support.kept_stages.captured_warnings import capture_warnings
 from flightmech.support.kept_stages.content_hashes import content_hash
 from flightmech.support.kept_stages.explanation import StageTrace
 from flightmech.support.kept_stages.program import hash_arithmetic, hash_installation
@@ -43,14 +45,17 @@ class Kept(Generic[_Value]):
         make: Callable[[], tuple[_Value, ...]] | None = None,
     ) -> None:
         self._digest, self._made, self._make = digest, made, make
+        self._lock = Lock()
 
     @property
     def value(self) -> _Value:
         """The value. It is read from the store on first use, or computed if the file is damaged."""
-        if not self._made:
-            assert self._make is not None
-            self._made = self._make()
-        return self._made[0]
+        # Threads of one stage may need the value for the first time at the same moment.
+        with self._lock:
+            if not self._made:
+                assert self._make is not None
+                self._made = self._make()
+            return self._made[0]
 
     @property
     def content_digest(self) -> str:
@@ -352,32 +357,6 @@ class Stages:
         self.remarks += texts
         for text in texts:
             warnings.warn(text, AeromatchWarning, stacklevel=4)
-
-
-def capture_warnings(function: Callable[..., _Value], *arguments: Any) -> tuple[_Value, list[str]]:
-    """Return the result of a call, and the texts of its `AeromatchWarning`, each once.
-
-    Other warnings are issued again. If the call raises, all warnings are issued again.
-    """
-    caught: list[warnings.WarningMessage] = []
-    texts: list[str] = []
-    try:
-        with warnings.catch_warnings(record=True) as caught:
-            # by default Python shows a repeated warning only once per process
-            warnings.simplefilter("always", AeromatchWarning)
-            value = function(*arguments)
-        messages = [str(w.message) for w in caught if issubclass(w.category, AeromatchWarning)]
-        texts = list(dict.fromkeys(messages))
-    finally:
-        for warning in caught:
-            if str(warning.message) not in texts:
-                warnings.warn_explicit(
-                    warning.message,
-                    category=warning.category,
-                    filename=warning.filename,
-                    lineno=warning.lineno,
-                )
-    return value, texts
 
 
 def _call_without_record(

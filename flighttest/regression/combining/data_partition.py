@@ -22,6 +22,7 @@ import xarray as xr
 from flightmech.errors import IdentificationError, UnknownName
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.regression.equation_error.samples import list_manoeuvres
 from flighttest.regression.equation_error.time_domain import regress
 
 LEAST_STRETCH = 0.5  # shorter stretches inside a bin are ignored [s]
@@ -102,7 +103,7 @@ def bins(
     UnknownName
         A condition that a manoeuvre does not hold.
     """
-    manoeuvres = [data] if isinstance(data, xr.Dataset) else list(data)
+    manoeuvres = list_manoeuvres(data)
     for name, values in edges.items():
         if len(values) < 2 or not (np.diff(values) > 0).all():
             raise IdentificationError(
@@ -114,8 +115,8 @@ def bins(
                     name, map(str, manoeuvre.data_vars), "condition", "the data do not hold it"
                 )
     sorted_bins = []
-    # all combinations of one range per condition, the last condition fastest
-    for ranges in product(*(list(pairwise(values)) for values in edges.values())):
+    # All combinations of one range per condition, the last condition fastest.
+    for ranges in product(*map(pairwise, edges.values())):
         limits = dict(zip(edges, ranges))
         parts = []
         for manoeuvre in manoeuvres:

@@ -24,7 +24,11 @@ from flighttest.regression.combining.pooling import (
 )
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
-from flighttest.regression.equation_error.samples import RegressionSamples, stack_samples
+from flighttest.regression.equation_error.samples import (
+    RegressionSamples,
+    list_manoeuvres,
+    stack_samples,
+)
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 from flighttest.remarks import Remark, remark_lines
 
@@ -74,7 +78,7 @@ def table_samples(
             variables.update(_terms.list_model_variables(leaf))
     if coefficient not in coefficients:
         raise UnknownName(coefficient, coefficients, "coefficient")
-    manoeuvres = [data] if isinstance(data, xr.Dataset) else list(data)
+    manoeuvres = list_manoeuvres(data)
     in_error = []
     for variable in sorted(variables):
         if manoeuvres and all(f"{variable}_error" in manoeuvre for manoeuvre in manoeuvres):

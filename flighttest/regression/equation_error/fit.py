@@ -51,9 +51,8 @@ def predict_samples(fit: FitData, data: xr.Dataset, manoeuvre: int | None) -> xr
     variance = variance + ((X @ e["systematic"].values) ** 2).sum(axis=1)
     outside = describe_extrapolation(fit, samples, X)
     if outside:
-        name = f"{fit.name}: " if fit.name else ""
         warnings.warn(
-            f"{name}{fit.model} is used outside the fitted range: {'; '.join(outside)}",
+            f"{_title(fit)} is used outside the fitted range: {'; '.join(outside)}",
             AeromatchWarning,
             stacklevel=3,
         )
@@ -133,10 +132,11 @@ def _regressors_at(fit: FitData, samples: xr.Dataset, manoeuvre: int | None) -> 
             f"manoeuvre={manoeuvre} has no separate constant in this fit",
         )
     # Of separate constants, that of the manoeuvre is one, and the others are zero.
-    names, is_off = [], []
-    for term in terms:
-        names.append("1" if term in separate else term)
-        is_off.append(term in separate and term != f"1[{manoeuvre}]")
+    names, is_off = list(terms), np.zeros(len(terms), bool)
+    for j, term in enumerate(terms):
+        if term in separate:
+            names[j] = "1"
+            is_off[j] = term != f"1[{manoeuvre}]"
     rows = term_regressors(names, samples, fit.model.reference)
     return np.where(is_off, 0.0, rows.T)
 
@@ -156,7 +156,9 @@ def _read_samples(fit: FitData, data: xr.Dataset) -> xr.Dataset:
     columns = {}
     for name in names:
         columns[name] = dim, np.broadcast_to(data[name].values.astype(float), (size,))
-    coordinate = data[dim] if dim in data.coords else np.arange(size)
+    coordinate: Any = np.arange(size)
+    if dim in data.coords:
+        coordinate = data[dim]
     return xr.Dataset(columns, {dim: coordinate})
 
 
@@ -281,18 +283,25 @@ class Fit(FitData):
         return "\n".join([*lines, *remark_lines(self.remarks)])
 
 
-def _title(fit: Fit) -> str:
-    return f"{fit.name}: {fit.model}" if fit.name else str(fit.model)
+def _title(fit: FitData) -> str:
+    if not fit.name:
+        return str(fit.model)
+    return f"{fit.name}: {fit.model}"
 
 
 def _term_line(e: xr.Dataset, k: int) -> str:
     """Return the figures of one term; figures that the fit does not have are NaN."""
 
     def figure(name: str) -> float:
-        return float(e[name][k]) if name in e else float("nan")
+        if name not in e:
+            return float("nan")
+        return float(e[name][k])
 
     interval = f"{figure('low'):.4g} ... {figure('high'):.4g}"
-    vif = "-" if np.isnan(figure("vif")) else f"{figure('vif'):.1f}"
+    # A constant has no variance inflation.
+    vif = "-"
+    if not np.isnan(figure("vif")):
+        vif = f"{figure('vif'):.1f}"
     return (
         f"{figure('estimate'):>11.5g}{figure('stderr'):>10.2g}{interval:>24}"
         f"{figure('stderr_white'):>10.2g}{figure('stderr_systematic'):>10.2g}"
@@ -427,8 +436,12 @@ def slope_test_lines(a: Mapping[str, Any]) -> list[str]:
 def correlation_lines(e: xr.Dataset) -> list[str]:
     """Return the correlation matrix of estimates as lines of text."""
     terms = [str(term) for term in e["term"].values]
-    width = max(9, *(len(term) + 2 for term in terms))
+    # Columns for a correlation and for the longest name.
+    width = max(9, *[len(term) + 2 for term in terms])
     lines = [f"{'correlation':<18}" + "".join(f"{term:>{width}}" for term in terms)]
     for term, row in zip(terms, e["correlation"].values):
-        lines.append(f"{term:<18}" + "".join(f"{x:>{width}.3f}" for x in row))
+        line = f"{term:<18}"
+        for correlation in row:
+            line += f"{correlation:>{width}.3f}"
+        lines.append(line)
     return lines

@@ -291,7 +291,9 @@ def _fit_slopes(
         )
     X_slopes = problem.X[:, ~is_constant]
     Xf, zf = transform_columns(X_slopes, parts), transform_columns(z[:, None], parts)[:, 0]
-    label = f"{name}: {model}" if name else str(model)
+    label = str(model)
+    if name:
+        label = f"{name}: {model}"
     demand_frequencies(label, Xf, X=X_slopes, parts=parts, terms=slopes)
     if weights == "spectrum":
         whitened = whitening_weights(Xf, zf, parts)
@@ -307,6 +309,7 @@ def _fit_slopes(
     D = least_squares.estimator_matrix(E) * np.tile(whitened.root, 2)
     errors = estimate_slope_errors(v, E, D=D, whitened=whitened, parts=parts)
 
+    # The contribution of a term is its share in the rms of the coefficient inside the band.
     variables = least_squares.regressor_diagnostics(X2, no_constant)
     variables = _spread_diagnostics(variables, is_constant)
     share = np.sqrt((np.abs(Xf) ** 2).sum(axis=0) / (np.abs(zf) ** 2).sum())
@@ -374,10 +377,12 @@ def _add_constants(problem: _FrequencyProblem, slopes: _LinearEstimate) -> _Line
     n = len(is_constant)
     theta, white, C, A = np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, len(z)))
     theta[~is_constant], white[~is_constant] = slopes.theta, slopes.white
+    # Slopes come from the frequencies; their rows and columns are those without constants.
     A[~is_constant] = slopes.A
     C[np.ix_(~is_constant, ~is_constant)] = slopes.covariance
     if not is_constant.any():
         return _LinearEstimate(theta, C, white=white, A=A, offset=0.0)
+    # Means over the samples of each constant, as a linear map P of the residual.
     P = least_squares.estimator_matrix(X[:, is_constant])
     theta[is_constant] = P @ (z - X[:, ~is_constant] @ slopes.theta)
     v = z - X @ theta
@@ -405,6 +410,7 @@ def _fill_terms(is_constant: np.ndarray, values: np.ndarray) -> np.ndarray:
 def _spread_diagnostics(diagnostics: dict[str, Any], is_constant: np.ndarray) -> dict[str, Any]:
     """Return the diagnostics of the slopes for all terms; removed constants are not collinear."""
     n, columns = len(is_constant), np.flatnonzero(~is_constant)
+    # Constants have no variance inflation, and are not correlated with the slopes.
     vif, correlation = np.full(n, np.nan), np.eye(n)
     vif[columns] = diagnostics["vif"][1]
     correlation[np.ix_(columns, columns)] = diagnostics["regressor_correlation"][1]

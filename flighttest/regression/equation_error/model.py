@@ -294,7 +294,9 @@ def variable_of(factor: str) -> str:
     It is ``"alpha"`` for ``"alpha"`` and for ``"ramp(alpha,0.2)"``.
     """
     match = _RAMP.match(factor)
-    return match.group(1) if match else factor
+    if match is None:
+        return factor
+    return match.group(1)
 
 
 def knot_of(factor: str) -> float:

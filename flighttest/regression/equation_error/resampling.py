@@ -246,7 +246,10 @@ class _ResidualSimulator:
         steps = []
         for k in range(int(number.max()) + 1):
             times = time[number == k]
-            steps.append(float(np.median(np.diff(times))) if len(times) > 1 else 1.0)
+            step = 1.0
+            if len(times) > 1:
+                step = float(np.median(np.diff(times)))
+            steps.append(step)
         self.pieces, steps = RegressionSamples(fit.data, steps).pieces()
         self.estimator = least_squares.estimator_matrix(fit.design.values)
         self.offset = float(fit.estimates.attrs.get("offset", 0.0))

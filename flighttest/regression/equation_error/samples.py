@@ -126,6 +126,7 @@ def _subtract_response(
     """Subtract the model's response to the errors of its variables from `change`, in place."""
     reference = fitted(values)
     for k in range(len(change)):
+        # Only the variables that this source changes.
         shifted = {}
         for variable, steps in errors_of.items():
             if steps[k].any():
@@ -193,7 +194,7 @@ def stack_samples(
     UnknownName
         A variable that a manoeuvre does not hold.
     """
-    manoeuvres = [data] if isinstance(data, xr.Dataset) else list(data)
+    manoeuvres = list_manoeuvres(data)
     if not manoeuvres:
         raise IdentificationError(f"no manoeuvre for {purpose}; give at least one Dataset")
     needed = [coefficient, *variables]
@@ -211,6 +212,13 @@ def stack_samples(
         samples = samples.assign_coords(error=sources).assign(changes)
     steps = [_sampling_interval(manoeuvre) for manoeuvre in manoeuvres]
     return RegressionSamples(samples, steps)
+
+
+def list_manoeuvres(data: xr.Dataset | Sequence[xr.Dataset]) -> list[xr.Dataset]:
+    """Return manoeuvres as a list, also a single one."""
+    if isinstance(data, xr.Dataset):
+        return [data]
+    return list(data)
 
 
 def _demand_variables(
@@ -248,7 +256,10 @@ def _read_column(manoeuvre: xr.Dataset, name: str) -> np.ndarray:
 
 def _usable_samples(manoeuvre: xr.Dataset, needed: Sequence[str]) -> np.ndarray:
     """Return the mask (time,) of the samples in which all needed variables are finite."""
-    return np.logical_and.reduce([np.isfinite(_read_column(manoeuvre, name)) for name in needed])
+    usable = np.ones(manoeuvre.sizes["time"], bool)
+    for name in needed:
+        usable &= np.isfinite(_read_column(manoeuvre, name))
+    return usable
 
 
 def _stack_columns(
@@ -301,6 +312,7 @@ def _change_by_source(
     if not use.all():
         changes = changes[:, use]
     rows = [sources.index(str(source)) for source in manoeuvre["error"].values]
+    # Usually all manoeuvres have the same sources, and no copy is needed.
     if rows == list(range(len(sources))):
         return changes
     change = np.zeros((len(sources), changes.shape[1]))

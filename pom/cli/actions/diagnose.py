@@ -23,7 +23,8 @@ from pom.cases.reference_states import recorded_states
 from pom.checking.batch_check import check_batch
 from pom.cli.actions.report import case_files, count_text, print_record_errors, read_biases
 from pom.diagnosis.corrected_model import corrected_aircraft, corrected_database, joint_terms
-from pom.diagnosis.joint_correction import join_tables, rank_all, swap_models
+from pom.diagnosis.joint_correction import rank_all, swap_models
+from pom.diagnosis.joint_search import join_tables
 from pom.diagnosis.term_swaps import differing_terms
 from pom.diagnosis.waterfall_steps import criteria_of
 from pom.report.models.diagnosis import cause_sentences

@@ -35,7 +35,7 @@ from pom.cli.actions.report import (
 from pom.cli.actions.tune import tuning_logs
 from pom.diagnosis.sampling.sampled_replay import replay_sampled
 from pom.fmu.description import demand_platform, read_fmu_interface
-from pom.fmu.simulate import Models
+from pom.fmu.models import Models
 from pom.judging.applicability import reason_not_judged
 from pom.replaying.batch import replay_all
 from pom.replaying.replay_case import files_by_name

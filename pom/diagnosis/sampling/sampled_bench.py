@@ -19,7 +19,8 @@ from pom.diagnosis.sampling.draws import INERTIA, InstrumentErrors
 from pom.judging.signals import Comparison, find_event, signals_of_run
 from pom.judging.verdict import band_widths, judge_all
 from pom.replaying.kernel_replay import fly_once
-from pom.replaying.replay_case import ReplayPlan, shown_channels, unwrapped_near
+from pom.replaying.replay_case import ReplayPlan
+from pom.replaying.replay_channels import sampled_channels, shown_channels, unwrapped_near
 from pom.replaying.trim import OBSERVED, beyond_limits, trim_limits
 from pom.result import group_verdicts, status_of
 from pom.samples import QUANTILES
@@ -61,6 +62,7 @@ class SampledRun:
     decides: float = field(init=False)
 
     def __post_init__(self) -> None:
+        # The best alternative judges a group, and the worst group decides.
         best: dict[str, float] = {}
         for name, group in self.groups.items():
             ratio = self.ratio(name)
@@ -118,6 +120,8 @@ class SampledBench:
         self.flight = flight
         self.instruments = instruments
         self.limits = trim_limits(plan.case, flight)
+        # Sizes of the trim quantities that a tuning limits: the smaller of both limits, unless the
+        # case file allows a trim beyond the usual one.
         self.trim_sizes = {}
         for name, limit in self.limits.items():
             size = limit.size
@@ -136,12 +140,7 @@ class SampledBench:
     @classmethod
     def of(cls, plan: ReplayPlan, model: SimModel, instruments: InstrumentErrors) -> SampledBench:
         """Return the bench of a case."""
-        count = plan.job.time.size
-        # Scalars are constants over the window. Arrays with more than one axis are not signals.
-        flight = {}
-        for name, item in plan.states.items():
-            if item.ndim < 2:
-                flight[str(name)] = np.broadcast_to(item.values, count)
+        flight = sampled_channels(plan.states)
         outputs = set(OBSERVED)
         for channel in shown_channels(plan.case, plan.states):
             outputs.add(output_of(channel, model.outputs))
@@ -181,6 +180,7 @@ class SampledBench:
         nominal, nominal_failure = self.own
         outputs, failure = self.flown(model, self.instruments.job(self.plan.job, draw))
         record = self.instruments.recorded(self._select_flight_channels(outputs), draw, random)
+        # The trim of the drawn aeroplane is the reference of that of the model.
         trim = {}
         for name, values in outputs.items():
             if name.startswith("trim."):
@@ -206,6 +206,7 @@ class SampledBench:
     ) -> SampledRun:
         """Judge a model against a flight; a failed run or a refused trim makes it invalid."""
         outcomes = judge_all(case, self.plan.job.time, flight, model)
+        # A trim beyond a demanded limit refuses the run; beyond a usual one it is a remark.
         refusals = beyond_limits(self.limits, trim, demanded=True)
         refused = failure or "; ".join(remark.text for remark in refusals)
         usual = beyond_limits(self.limits, trim, demanded=False)
@@ -224,6 +225,7 @@ class SampledBench:
         for channel in self.traced.values():
             if channel in model and channel in flight:
                 difference[channel] = unwrapped_difference(channel, flight[channel], model[channel])
+        # Over their limits, so that a tuning can limit them like the ratios of criteria.
         trim_ratios = {}
         for name, size in self.trim_sizes.items():
             if f"trim.{name}" in trim:
@@ -283,6 +285,7 @@ class SampledBench:
             ratio = np.stack([run.difference[channel] for run in runs]) / half_width
         # No band at a sample: the sample is not judged.
         ratio[:, ~np.isfinite(half_width)] = 0.0
+        # The mean square needs at least one judged sample.
         square = np.zeros(ratio.shape[1])
         if np.isfinite(ratio).any():
             square = np.nanmean(np.square(ratio), axis=0)
@@ -294,6 +297,7 @@ class SampledBench:
         for name in map(str, self.tolerance):
             traces = []
             for run in runs:
+                # A failed run has no trace.
                 if name not in run.outputs or not np.isfinite(run.outputs[name]).all():
                     continue
                 trace = run.outputs[name]

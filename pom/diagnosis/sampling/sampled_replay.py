@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -25,11 +26,12 @@ from pom.cases.case import PomCase
 from pom.diagnosis.sampling.draws import DrawnModels, InstrumentErrors
 from pom.diagnosis.sampling.sampled_bench import SampledBench, SampledRun, with_inertia
 from pom.diagnosis.sampling.shares import contribution_changes, regressors_of_draws, variance_shares
+from pom.fmu.models import Models
 from pom.fmu.run_cache import FileState
-from pom.fmu.simulate import Models
 from pom.replaying.batch import BatchExecution, paths_of_cases, replay_all
 from pom.replaying.caches import KeptStates
-from pom.replaying.replay_case import ReplayPlan, plan_of, shown_channels
+from pom.replaying.replay_case import ReplayPlan, plan_of
+from pom.replaying.replay_channels import shown_channels
 from pom.replaying.trim import solve_trim_surfaces
 from pom.result import PomResult
 from pom.samples import SampledReplay
@@ -38,6 +40,7 @@ from pom.tolerances.channels import source_signals
 _MOST_DRAWN = 4  # models whose draws stay in memory
 # Draws and their database by key. The stored database keeps the `id` in the key unique.
 _drawn: dict[Any, tuple[DrawnModels, Any]] = {}
+_drawn_lock = Lock()
 
 
 def replay_draws(
@@ -242,28 +245,34 @@ def samples_of_case(
         )
         if failure:
             continue
-        drawn = drawn_models(runs[name], database, settings.count, settings.seed)
+        draws = drawn_models(runs[name], database, settings.count, settings.seed)
         trimmed = ReplayPlan(plan.case, plan.states, job)
-        samples[name] = replay_draws(trimmed, drawn, aircraft, errors=settings.errors, jobs=jobs)
+        samples[name] = replay_draws(trimmed, draws, aircraft, errors=settings.errors, jobs=jobs)
     return samples
 
 
 def drawn_models(
     fmu: str | Path, database: str | Path | xr.DataTree, count: int, seed: int
 ) -> DrawnModels:
-    """Return `DrawnModels.of`, computed once in a process for all cases of a batch."""
+    """Return `DrawnModels.of`, computed once in a process for all cases of a batch.
+
+    The function may be called from any thread.
+    """
     files, identity = [Path(fmu)], 0
     if isinstance(database, xr.DataTree):
         identity = id(database)
     else:
         files.append(Path(database))
     key = (*(FileState.of(file) for file in files), identity, count, seed)
-    if key not in _drawn:
-        # Drop the oldest draws first.
-        while len(_drawn) >= _MOST_DRAWN:
-            _drawn.pop(next(iter(_drawn)))
-        _drawn[key] = (DrawnModels.of(fmu, database, count, seed), database)
-    return _drawn[key][0]
+    # Workers of a cluster may have several threads. Without the lock one thread could drop the
+    # draws that another one has just stored, or both could compute the same draws.
+    with _drawn_lock:
+        if key not in _drawn:
+            # Drop the oldest draws first.
+            while len(_drawn) >= _MOST_DRAWN:
+                _drawn.pop(next(iter(_drawn)))
+            _drawn[key] = (DrawnModels.of(fmu, database, count, seed), database)
+        return _drawn[key][0]
 
 
 @lru_cache(maxsize=8)

@@ -51,13 +51,16 @@ def contribution_changes(
     -------
     dict of str to array (draw, samples)
     """
-    names = [name for name in nodes if hinges or name.split("/")[0] not in HINGE]
-    leaves = {name: leaf for name, leaf in aerodb.terms(db).items() if name in names}
+    leaves = {}
+    for name, leaf in aerodb.terms(db).items():
+        if name in nodes and (hinges or name.split("/")[0] not in HINGE):
+            leaves[name] = leaf
     if not leaves:
         return {}
     samples = flown_conditions(db, leaves, states)
     changes = {}
     for name, leaf in leaves.items():
+        # The change of the contribution is B dg, with the interpolation weights B of the nodes.
         dg = (nodes[name] - leaf["value"].values).reshape(len(nodes[name]), -1)
         changes[name] = (_terms.basis(leaf, samples, "clamp") @ dg.T).T
     return changes
@@ -89,9 +92,12 @@ def _add_reduced_rates(states: xr.Dataset, db: xr.DataTree) -> xr.Dataset:
     if engines and "qbar" in states:
         thrust = sum(states[name].values for name in engines)
         reduced["CT"] = thrust / (np.maximum(states["qbar"].values, 1.0) * float(db.attrs["S"]))
-    return states.assign(
-        {name: ("time", rate) for name, rate in reduced.items() if name not in states}
-    )
+    # Reduced rates of the record have priority.
+    new = {}
+    for name, rate in reduced.items():
+        if name not in states:
+            new[name] = ("time", rate)
+    return states.assign(new)
 
 
 def regressors_of_draws(
@@ -110,7 +116,9 @@ def regressors_of_draws(
     components = sorted(_principal_components(changes), key=lambda item: -item[0])
     draws = len(next(iter((*changes.values(), *errors.values())), ()))
     most = int(PER_DRAW * draws)
-    sources = [(name, vector) for _, name, vector in components[:most]]
+    sources: list[tuple[str, np.ndarray]] = []
+    for _, name, vector in components[:most]:
+        sources.append((name, vector))
     sources += list(errors.items())[: most - len(sources)]
     regressors = []
     for name, values in sources:

@@ -1,14 +1,15 @@
-"""Directions of the nodes of a database that matter along flights, each one standard error long.
+"""Directions of node changes that matter along flights, each one standard error long.
 
-Along a flight a coefficient changes by B dg, with B the interpolation weights of its nodes, and V
-is the covariance of these.  The smallest change, in the metric of V, that makes given changes of
-the coefficient lies in the span of V B'.  With the eigenvectors u_k and eigenvalues l_k of B V B',
-the directions V B' u_k/sqrt(l_k) are orthonormal in that metric: sum z_k d_k has the Mahalanobis
-distance |z|.
+Along a flight a coefficient changes by B dg, with B the interpolation weights of its nodes and dg
+the change of the nodes, which have the covariance V. The smallest change, in the metric of V, with
+given changes of the coefficient lies in the span of V B'. With the eigenvectors u_k and eigenvalues
+l_k of B V B', the directions V B' u_k / sqrt(l_k) are orthonormal in that metric: sum z_k d_k has
+the Mahalanobis distance |z|.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -30,30 +31,29 @@ def demand_cases(cases: Sequence[PomCase], wanted: Sequence[str] | None) -> None
     Raises
     ------
     UnknownName
-        A wanted case that is not there.
+        A requested case that does not exist.
     SchemaError
-        Cases with a control law, with trim surfaces to solve for, or of one name; all of them.
+        With all cases that have a control law, trim surfaces to solve for, or a name twice.
     """
     names = [case.name for case in cases]
     for name in wanted or ():
         if name not in names:
             raise UnknownName(name, names, "case")
-    twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
-    problems = [
-        f"{case.name}: the kernel flies no FMU of a control law; leave the case out"
-        for case in cases
-        if case.law
-    ]
-    solved = [case.name for case in cases if case.drive.trim_surfaces]
-    problems += [
-        f"{name}: its trim surfaces are solved for on an FMU, which tuning does not fly; "
-        f"leave the case out"
-        for name in solved
-    ]
-    problems += [
-        f"{names.count(name)} cases are named {name!r}; give each a name of its own"
-        for name in twice
-    ]
+    problems: list[str] = []
+    for case in cases:
+        if case.law:
+            problems.append(
+                f"{case.name}: the kernel flies no FMU of a control law; leave the case out"
+            )
+    for case in cases:
+        if case.drive.trim_surfaces:
+            problems.append(
+                f"{case.name}: its trim surfaces are solved for on an FMU, which tuning does not "
+                f"fly; leave the case out"
+            )
+    for name, count in Counter(names).items():
+        if count > 1:
+            problems.append(f"{count} cases are named {name!r}; give each a name of its own")
     if problems:
         raise SchemaError("cases to tune", problems)
 
@@ -68,53 +68,48 @@ def demand_evidence(
     UnknownName
         A term with a rationale that has no standard errors.
     SchemaError
-        An evidence without standard errors, or with a table that the model does not have; a
-        rationale without words; all of them.
+        The evidence has no standard errors. Or, with all problems: a table that the model does not
+        have, a rationale without words.
     """
     model = aerodb.terms(database)
-    found = {
-        name: leaf
-        for name, leaf in aerodb.terms(evidence).items()
-        if "stderr" in leaf and (leaf["stderr"] > 0.0).any()
-    }
-    if not found:
-        raise SchemaError(
-            "evidence",
-            [
-                "no term has standard errors, nothing bounds a move; give an identified "
-                "database (--evidence)"
-            ],
+    bounding: dict[str, xr.Dataset] = {}
+    for name, leaf in aerodb.terms(evidence).items():
+        if "stderr" in leaf and (leaf["stderr"] > 0.0).any():
+            bounding[name] = leaf
+    if not bounding:
+        text = (
+            "no term has standard errors, nothing bounds a move; give an identified "
+            "database (--evidence)"
         )
+        raise SchemaError("evidence", [text])
     for name in rationale:
-        if name not in found:
-            raise UnknownName(name, found, "term with standard errors")
-    problems = [
-        f"{name}: a rationale without words; write why the term may leave the bound"
-        for name, why in rationale.items()
-        if not why.strip()
-    ]
-    other = [
-        name
-        for name, leaf in found.items()
-        if name not in model or not _same_axes(leaf["value"], model[name]["value"])
-    ]
-    problems += [
-        f"{name}: {'the evidence has other breakpoints than the model' if name in model else 'the model has no such term'}; "
-        "give the evidence on the breakpoints of the model"
-        for name in other
-    ]
+        if name not in bounding:
+            raise UnknownName(name, bounding, "term with standard errors")
+    problems: list[str] = []
+    for name, reason in rationale.items():
+        if not reason.strip():
+            problems.append(
+                f"{name}: a rationale without words; write why the term may leave the bound"
+            )
+    advice = "give the evidence on the breakpoints of the model"
+    for name, leaf in bounding.items():
+        if name not in model:
+            problems.append(f"{name}: the model has no such term; {advice}")
+        elif not _have_same_axes(leaf["value"], model[name]["value"]):
+            problems.append(f"{name}: the evidence has other breakpoints than the model; {advice}")
     if problems:
         raise SchemaError("evidence", problems)
 
 
-def _same_axes(one: xr.DataArray, other: xr.DataArray) -> bool:
-    return one.dims == other.dims and all(
-        np.array_equal(one[axis], other[axis]) for axis in one.dims
-    )
+def _have_same_axes(first: xr.DataArray, second: xr.DataArray) -> bool:
+    if first.dims != second.dims:
+        return False
+    return all(np.array_equal(first[axis], second[axis]) for axis in first.dims)
 
 
-LEAST = 1e-4  # of the largest eigenvalue
-MOST = 12  # of a coefficient
+LEAST = 1e-4  # smallest eigenvalue of a direction, of the largest one
+MOST = 12  # directions of a coefficient
+_LEAST_EIGENVALUE = 1e-300  # in place of a largest eigenvalue of zero
 
 
 @dataclass(frozen=True)
@@ -124,7 +119,7 @@ class Directions:
     Attributes
     ----------
     of : tuple of str
-        The coefficient that each changes (direction,).
+        The coefficient of each direction (direction,).
     nodes : dict of str to array (direction, nodes)
         By term, in the order of ``value.ravel()``: change of the nodes for one standard error.
     """
@@ -146,65 +141,83 @@ class Directions:
             Whether hinge moments are among them.
         """
         leaves = {name: leaf for name, leaf in aerodb.terms(db).items() if "stderr" in leaf}
-        heads = [
-            head
-            for head in dict.fromkeys(name.split("/")[0] for name in leaves)
-            if hinges or head not in HINGE
-        ]
-        found = {head: _of(db, head, leaves, flights) for head in heads}
-        of = tuple(head for head in heads for _ in range(len(found[head][0])))
+        coefficients: list[str] = []
+        for coefficient in dict.fromkeys(name.split("/")[0] for name in leaves):
+            if hinges or coefficient not in HINGE:
+                coefficients.append(coefficient)
+        parts = [_directions_of(db, name, leaves, flights=flights) for name in coefficients]
+        of: list[str] = []
+        for coefficient, (D, _) in zip(coefficients, parts, strict=True):
+            of += [coefficient] * len(D)
+        # Directions of one coefficient do not change the nodes of another one.
         nodes: dict[str, np.ndarray] = {}
         first = 0
-        for head in heads:
-            D, slices = found[head]
-            for name, rows in slices.items():
-                nodes[name] = np.zeros((len(of), rows.stop - rows.start))
-                nodes[name][first : first + len(D)] = D[:, rows]
+        for D, slices in parts:
+            for name, columns in slices.items():
+                nodes[name] = np.zeros((len(of), columns.stop - columns.start))
+                nodes[name][first : first + len(D)] = D[:, columns]
             first += len(D)
-        return cls(of, nodes)
+        return cls(tuple(of), nodes)
 
     def change(self, z: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the change of the nodes (nodes,) by term for the amounts z (direction,), in
-        standard errors.
+        """Return the changes of the nodes (nodes,) by term.
+
+        `z` (direction,) are the amounts of the directions in standard errors.
         """
         return {name: z @ D for name, D in self.nodes.items()}
 
 
-def _of(
-    db: xr.DataTree, head: str, leaves: Mapping[str, xr.Dataset], flights: Sequence[xr.Dataset]
+def _directions_of(
+    db: xr.DataTree,
+    coefficient: str,
+    leaves: Mapping[str, xr.Dataset],
+    *,
+    flights: Sequence[xr.Dataset],
 ) -> tuple[np.ndarray, dict[str, slice]]:
     """Return the directions (direction, nodes) of one coefficient, and the nodes of its terms."""
-    slices, V = aerodb.update.covariance(db, head)
-    own = {name: leaves[name] for name in slices}
-    rows = []
-    for states in flights:
-        samples = flown_conditions(db, own, states)
-        count = len(next(iter(samples.values()), (0,)))
-        weights = [_terms.basis(leaf, samples, "clamp").toarray() for leaf in own.values()]
-        rows.append(
-            np.hstack([np.broadcast_to(part, (count, part.shape[1])) for part in weights])
-        )  # a constant has one row
-    B = np.vstack(rows)
+    slices, V = aerodb.update.covariance(db, coefficient)
+    B = _interpolation_weights(db, {name: leaves[name] for name in slices}, flights)
     used = np.flatnonzero(B.any(axis=0))
-    _, R = np.linalg.qr(
-        B[:, used]
-    )  # B = Q R: R V R' has the eigenvalues of B V B', and V B' u = V R' w with u = Q w
+    # With B = Q R, the eigenvalues of R V R' are those of B V B', and with u = Q w it follows that
+    # V B' u = V R' w. R is smaller than B.
+    _, R = np.linalg.qr(B[:, used])
     VR = V[:, used] @ R.T
     values, vectors = np.linalg.eigh(R @ VR[used])
-    kept = [k for k in range(len(values))[::-1] if values[k] > LEAST * max(values[-1], 1e-300)][
-        :MOST
-    ]
-    D = np.array([(VR @ vectors[:, k]) / np.sqrt(values[k]) for k in kept]).reshape(
-        len(kept), len(V)
-    )
-    signs = np.sign(
-        D[np.arange(len(D)), np.abs(D).argmax(axis=1)]
-    )  # an eigenvector has no sign of its own
+    # `eigh` returns the largest eigenvalue last.
+    least = LEAST * max(values[-1], _LEAST_EIGENVALUE)
+    order = [k for k in reversed(range(len(values))) if values[k] > least][:MOST]
+    D = np.zeros((len(order), len(V)))
+    for row, k in enumerate(order):
+        D[row] = (VR @ vectors[:, k]) / np.sqrt(values[k])
+    # The sign of an eigenvector is arbitrary: the largest element of a direction is positive.
+    largest = np.abs(D).argmax(axis=1)
+    signs = np.sign(D[np.arange(len(D)), largest])
     return D * signs[:, None], slices
 
 
+def _interpolation_weights(
+    db: xr.DataTree, leaves: Mapping[str, xr.Dataset], flights: Sequence[xr.Dataset]
+) -> np.ndarray:
+    """Return the weights of the nodes of some terms at the samples of all flights (sample, node)."""
+    rows = []
+    for states in flights:
+        samples = flown_conditions(db, leaves, states)
+        count = len(next(iter(samples.values()), (0,)))
+        weights = []
+        for leaf in leaves.values():
+            weight = _terms.basis(leaf, samples, "clamp").toarray()
+            # A constant has one row for all samples.
+            weights.append(np.broadcast_to(weight, (count, weight.shape[1])))
+        rows.append(np.hstack(weights))
+    return np.vstack(rows)
+
+
+_LEAST_NORM = 1e-12  # of a row of G, and of the residual of an unsolvable problem
+_TOLERANCE = 1e-6  # by which a solution may violate a limit
+
+
 def least_distance(G: np.ndarray, h: np.ndarray) -> np.ndarray | None:
-    """Return the shortest z (n,) with G z >= h; None when no z satisfies all of them.
+    """Return the shortest z (n,) with G z >= h; None if no z satisfies all limits.
 
     Parameters
     ----------
@@ -213,16 +226,22 @@ def least_distance(G: np.ndarray, h: np.ndarray) -> np.ndarray | None:
 
     References
     ----------
-    .. [Lawson1974] Lawson, Hanson, Solving Least Squares Problems, Prentice-Hall 1974, chapter 23, algorithm LDP.
+    .. [Lawson1974] Lawson, Hanson, Solving Least Squares Problems, Prentice-Hall 1974, chapter 23,
+       algorithm LDP.
     """
-
     if not len(G) or (h <= 0.0).all():
         return np.zeros(G.shape[1])
-    scale = np.maximum(np.linalg.norm(G, axis=1), 1e-12)
+    scale = np.maximum(np.linalg.norm(G, axis=1), _LEAST_NORM)
     G, h = G / scale[:, None], h / scale
+    # LDP: u >= 0 minimises |E u - f| with E = [G'; h'], f = (0 ... 0, 1), and z = -r / r_(n+1)
+    # with the residual r = E u - f. A residual of zero means that the limits contradict.
     E = np.vstack([G.T, h])
     f = np.append(np.zeros(G.shape[1]), 1.0)
     u, _ = nnls(E, f, maxiter=30 * E.shape[1])
     r = E @ u - f
-    z = -r[:-1] / r[-1] if abs(r[-1]) > 1e-12 else None
-    return z if z is not None and (G @ z >= h - 1e-6 * (1.0 + np.abs(h))).all() else None
+    if not abs(r[-1]) > _LEAST_NORM:
+        return None
+    z = -r[:-1] / r[-1]
+    if not (G @ z >= h - _TOLERANCE * (1.0 + np.abs(h))).all():
+        return None
+    return z

@@ -1,6 +1,4 @@
-"""The log of a tuning: what moved, by how much, and what became of every row; plain data for a file
-and the report, and text.
-"""
+"""Log of a tuning: moved terms and outcome of every case, as data for files and as text."""
 
 from __future__ import annotations
 
@@ -22,7 +20,7 @@ from pom.result import status_text
 KIND = "log of aeromatch pom tune, 1"
 BASES = ("database", "aircraft", "evidence", "rationale", "biases")
 MISSING = "\N{EN DASH}"
-LEAST = 0.05  # standard errors: what moved less is counted in the text, not listed
+LEAST = 0.05  # standard errors: a term that moved less is counted in the text, not listed
 _NEEDED = {"kind", "refusal", "bound", "distance", "model", "files", "moves", "rows"}
 _OF_MOVES = {"term", "moved", "from_evidence", "share", "nodes", "at", "rationale"}
 _OF_ROWS = {
@@ -46,11 +44,12 @@ class Tuning:
     Attributes
     ----------
     database : DataTree or None
-        The tuned one, with its moves in history and undo history; None when it was refused.
+        The tuned database, with its moves in history and undo history; None for a refusal.
     moves : DataFrame
         Index term: ``moved`` and ``from_evidence``, the largest change of a node against model and
-        evidence, ``share`` of the squared distance from the model that the term takes, ``nodes``
-        that moved, ``at``, where the largest change is, in SI, ``rationale``. [standard errors, 1]
+        evidence, ``share`` of the term in the squared distance from the model, ``nodes``, the
+        number of moved nodes, ``at``, the place of the largest change, in SI, ``rationale``.
+        [standard errors, 1]
     rows : DataFrame
         Index case: ``id``, ``title``, ``wanted``, ``before`` and ``after`` (status),
         ``ratio_before`` and ``ratio_after`` of the criteria that decide, ``criterion_before`` and
@@ -60,7 +59,7 @@ class Tuning:
     bound : float
         Of every node of a term without a rationale. [standard errors]
     refusal : str
-        Why the rows cannot pass inside the bound, with what it would take; empty when they pass.
+        Why the rows cannot pass inside the bound, with the necessary moves; empty if they pass.
     """
 
     database: xr.DataTree | None
@@ -78,10 +77,10 @@ class Tuning:
         Parameters
         ----------
         model : str
-            SHA-256 of the tables of the tuned model (`flightmech.simulation.nodes_digest`), by
-            which an FMU of it is known.
+            SHA-256 of the tables of the tuned model (`flightmech.simulation.nodes_digest`), which
+            identifies an FMU of the model.
         files : mapping of str to mapping, optional
-            ``name`` and ``sha256`` of the files it rests on: `BASES`, ``case NAME`` and ``record of
+            ``name`` and ``sha256`` of the input files: `BASES`, ``case NAME`` and ``record of
             NAME``.
         """
         return to_json_types(
@@ -98,7 +97,7 @@ class Tuning:
         )
 
     def log(self) -> list[str]:
-        """Return what moved and what it did, line by line."""
+        """Return the log as lines of text."""
         return list(log_lines(self.document()))
 
 
@@ -106,20 +105,21 @@ def outcome_sentence(log: Mapping[str, Any]) -> str:
     """Return the outcome of a tuning in one sentence."""
     if log["refusal"]:
         return f"refused: {log['refusal']}"
-    wanted = ", ".join(row["case"] for row in log["rows"] if row["wanted"])
+    requested = ", ".join(row["case"] for row in log["rows"] if row["wanted"])
+    # Cases without a judgement are named, because nothing can be tuned for them.
     if not log["moves"]:
-        found = "the wanted rows pass as they are" if wanted else "no row fails"
-        left = [
-            f"{status_text(row['before'])} {row['case']}"
-            for row in log["rows"]
-            if row["before"] in ("invalid", "not_tested")
-        ]
-        return "; ".join([f"nothing moved: {found}", *left])
-    far = max(log["moves"], key=lambda move: move["from_evidence"])
-    largest = f"largest move from it {far['from_evidence']:.2f} standard errors, {far['term']}"
+        reason = "the wanted rows pass as they are" if requested else "no row fails"
+        parts = [f"nothing moved: {reason}"]
+        for row in log["rows"]:
+            if row["before"] in ("invalid", "not_tested"):
+                parts.append(f"{status_text(row['before'])} {row['case']}")
+        return "; ".join(parts)
+    # The term that is farthest from the evidence.
+    largest = max(log["moves"], key=lambda move: move["from_evidence"])
+    size = f"{largest['from_evidence']:.2f} standard errors, {largest['term']}"
     return (
-        f"tuned for {wanted}: distance {log['distance']:.2f} from the evidence, {largest}; "
-        f"bound {log['bound']:g}"
+        f"tuned for {requested}: distance {log['distance']:.2f} from the evidence, largest move "
+        f"from it {size}; bound {log['bound']:g}"
     )
 
 
@@ -129,63 +129,75 @@ NUMBERS = ("moved", "from evidence", "share", "nodes", "ratio before", "ratio af
 
 
 def moves_of(log: Mapping[str, Any]) -> tuple[list[tuple[str, ...]], str]:
-    """Return the cells of `MOVES` for every term that moved by more than `LEAST`, and a sentence on
-    the others.
+    """Return the cells of `MOVES` for every term that moved by more than `LEAST`.
+
+    The second result is a sentence on the other terms, empty if there are none.
     """
-    found: list[tuple[str, ...]] = [
-        (
-            move["term"],
-            f"{move['moved']:.2f}",
-            f"{move['from_evidence']:.2f}",
-            f"{round(100.0 * move['share'])} %",
-            str(move["nodes"]),
-            move["at"],
-            move["rationale"],
-        )
-        for move in log["moves"]
-        if move["moved"] >= LEAST
-    ]
-    rest = len(log["moves"]) - len(found)
+    rows: list[tuple[str, ...]] = []
+    for move in log["moves"]:
+        if move["moved"] >= LEAST:
+            rows.append(_move_cells(move))
+    count = len(log["moves"]) - len(rows)
+    if not count:
+        return rows, ""
+    terms = "terms" if count > 1 else "term"
+    return rows, f"{count} further {terms} by less than {LEAST:g} standard errors"
+
+
+def _move_cells(move: Mapping[str, Any]) -> tuple[str, ...]:
     return (
-        found,
-        f"{rest} further term{'s' if rest > 1 else ''} by less than {LEAST:g} standard errors"
-        if rest
-        else "",
+        move["term"],
+        f"{move['moved']:.2f}",
+        f"{move['from_evidence']:.2f}",
+        f"{round(100.0 * move['share'])} %",
+        str(move["nodes"]),
+        move["at"],
+        move["rationale"],
     )
 
 
 def log_rows(log: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """Return the cells of `ROWS` for every case."""
-    return [
-        (
+    rows: list[tuple[str, ...]] = []
+    for row in log["rows"]:
+        cells = (
             row["id"],
             row["case"],
             "wanted" if row["wanted"] else "",
             status_text(row["before"]),
-            _ratio(row["ratio_before"]),
+            _ratio_text(row["ratio_before"]),
             status_text(row["after"]),
-            _ratio(row["ratio_after"]),
+            _ratio_text(row["ratio_after"]),
             row["criterion_after"] or row["criterion_before"],
         )
-        for row in log["rows"]
-    ]
+        rows.append(cells)
+    return rows
 
 
 def log_lines(log: Mapping[str, Any]) -> Iterator[str]:
     """Yield the text of a log (`Tuning.document`)."""
     yield outcome_sentence(log)
-    moves, rest = moves_of(log)
-    for term, moved, away, share, nodes, at, why in moves:
-        verb, place = "would move" if log["refusal"] else "moved", f", most at {at}" if at else ""
+    moves, remark = moves_of(log)
+    verb = "would move" if log["refusal"] else "moved"
+    for term, size, from_evidence, share, count, position, rationale in moves:
+        nodes = f"{count} nodes"
+        if position:
+            nodes = f"{count} nodes, most at {position}"
         text = (
-            f"{term}: {verb} by {moved} standard errors at most ({nodes} nodes{place}), "
-            f"{away} from the evidence, {share} of the distance"
+            f"{term}: {verb} by {size} standard errors at most ({nodes}), "
+            f"{from_evidence} from the evidence, {share} of the distance"
         )
-        yield f"{text}; rationale: {why}" if why else text
-    if rest:
-        yield rest
-    for test, case, wanted, before, ratio, after, now, criterion in log_rows(log):
-        yield f"{test} {case}: {before} -> {after}, {ratio} -> {now} x tolerance ({criterion}){wanted and ', wanted'}"
+        if rationale:
+            text = f"{text}; rationale: {rationale}"
+        yield text
+    if remark:
+        yield remark
+    for test, case, mark, before, ratio_before, after, ratio_after, criterion in log_rows(log):
+        suffix = f", {mark}" if mark else ""
+        yield (
+            f"{test} {case}: {before} -> {after}, {ratio_before} -> {ratio_after} x tolerance "
+            f"({criterion}){suffix}"
+        )
 
 
 def read_log(path: str | os.PathLike) -> dict[str, Any]:
@@ -195,7 +207,7 @@ def read_log(path: str | os.PathLike) -> dict[str, Any]:
     ------
     FileNotFoundError
     SchemaError
-        The file is not a log of a tuning that was done.
+        The file is not a log, lacks a part of it, or is the log of a refusal.
     """
     expected = "give tuning.json, as aeromatch pom tune writes it"
     try:
@@ -204,27 +216,26 @@ def read_log(path: str | os.PathLike) -> dict[str, Any]:
         raise SchemaError(str(path), [f"no JSON text ({error}); {expected}"]) from error
     kind = log.get("kind") if isinstance(log, dict) else None
     if kind != KIND:
-        raise SchemaError(
-            str(path), [f"no log of a tuning (kind is {kind!r}, {KIND!r} is needed); {expected}"]
-        )
+        text = f"no log of a tuning (kind is {kind!r}, {KIND!r} is needed); {expected}"
+        raise SchemaError(str(path), [text])
+    # All missing parts in one error.
     problems = [f"{name} is missing" for name in sorted(_NEEDED - set(log))]
-    for part, needed in (("moves", _OF_MOVES), ("rows", _OF_ROWS)):
-        problems += [
-            f"{part}[{k}] lacks {', '.join(sorted(needed - set(item)))}"
-            for k, item in enumerate(log.get(part, ()))
-            if needed - set(item)
-        ]
+    for part, columns in (("moves", _OF_MOVES), ("rows", _OF_ROWS)):
+        for k, item in enumerate(log.get(part, ())):
+            missing = columns - set(item)
+            if missing:
+                problems.append(f"{part}[{k}] lacks {', '.join(sorted(missing))}")
     if problems:
-        raise SchemaError(
-            str(path),
-            [f"{problem}; write the log again with aeromatch pom tune" for problem in problems],
-        )
+        advice = "write the log again with aeromatch pom tune"
+        raise SchemaError(str(path), [f"{problem}; {advice}" for problem in problems])
     if log["refusal"]:
-        raise SchemaError(
-            str(path), [f"the log of a refusal, no model was tuned: {log['refusal']}"]
-        )
+        text = f"the log of a refusal, no model was tuned: {log['refusal']}"
+        raise SchemaError(str(path), [text])
     return log
 
 
-def _ratio(value: float | None) -> str:
-    return f"{value:.2f}" if value is not None and math.isfinite(value) else MISSING
+def _ratio_text(value: float | None) -> str:
+    """Return a ratio with two decimals, or a dash if it is not finite."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    return f"{value:.2f}"

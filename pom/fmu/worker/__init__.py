@@ -1,7 +1,9 @@
-"""What runs in the child process of an FMU: ``python -m pom.fmu.worker MODEL.fmu FOLDER PARENT``
-answers jobs until its input ends.
+"""Program of the child process of an FMU.
 
-Of the rest of the package it imports the math pilot only, so that the child starts fast and a foreign library cannot reach the parent."""
+``python -m pom.fmu.worker MODEL.fmu FOLDER PARENT ...`` answers jobs until its input ends. From the
+other rooms it imports only the math pilot, so that the child starts fast. A foreign library cannot
+access the memory of the parent process.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
-"""The child process: jobs come on stdin, replies leave on a private copy of stdout; what the FMU
-prints goes to stderr.
+"""Main program of the child process.
+
+Jobs come on stdin. Replies are written to a private copy of stdout. The text that the FMU prints
+goes to stderr.
 """
 
 from __future__ import annotations
@@ -22,11 +24,20 @@ from pom.fmu.worker.messages import reply_bytes, reply_columns
 def answer_jobs(
     path: str, folder: str, parent: str, memory: str, written: str, unpacked: str
 ) -> None:
-    """Answer jobs until stdin ends, or the process with the number `parent`; 0: somebody else
-    watches over it.
+    """Answer jobs until stdin or the process `parent` ends.
+
+    Parameters
+    ----------
+    path, folder : str
+        The FMU, and the folder for its files.
+    parent : str
+        Number of the parent process; 0: another program ends this one with its parent.
+    memory, written, unpacked : str
+        As in `pom.fmu.process.WorkerLimits`. [byte]
     """
     if int(parent):
         threading.Thread(target=_end_with, args=(int(parent), folder), daemon=True).start()
+    # The FMU can print to stdout, which is therefore redirected to stderr.
     replies = os.dup(1)
     os.dup2(2, 1)
     _limit("RLIMIT_AS", int(memory))
@@ -44,34 +55,38 @@ def answer_jobs(
         if model is None:
             _send(replies, reply_bytes(job["number"], fault, np.empty((0, 0))))
             continue
-        found = replay_job(model, job)
-        _send(replies, reply_bytes(job["number"], found["error"], reply_columns(job, found)))
+        reply = replay_job(model, job)
+        _send(replies, reply_bytes(job["number"], reply["error"], reply_columns(job, reply)))
     shutil.rmtree(folder, ignore_errors=True)
 
 
 def _send(handle: int, content: bytes) -> None:
-    rest = memoryview(content)
-    while rest:
-        rest = rest[os.write(handle, rest) :]
+    unsent = memoryview(content)
+    while unsent:
+        unsent = unsent[os.write(handle, unsent) :]
 
 
 def _limit(kind: str, size: int) -> None:
-    """Set a limit of the process where the system has it; 0: none."""
+    """Set a limit of the process if the system supports it; 0: no limit. [byte]"""
     try:
         import resource
     except ImportError:
         return
     if size and hasattr(resource, kind):
-        which = getattr(resource, kind)
-        most = resource.getrlimit(which)[1]
-        size = size if most == resource.RLIM_INFINITY else min(size, most)
-        with suppress(ValueError, OSError):  # macOS does not limit the address space
-            resource.setrlimit(which, (size, size))
+        limit = getattr(resource, kind)
+        # A process cannot raise its hard limit.
+        hard = resource.getrlimit(limit)[1]
+        if hard != resource.RLIM_INFINITY:
+            size = min(size, hard)
+        # macOS does not limit the address space.
+        with suppress(ValueError, OSError):
+            resource.setrlimit(limit, (size, size))
 
 
 def _end_with(parent: int, folder: str) -> None:
-    """End with the parent, and all processes of the FMU, even when it hangs and reads no input any
-    more.
+    """End this process and all processes of the FMU when the parent ends.
+
+    A hanging FMU does not read the end of its input, so a thread watches the parent.
     """
     while os.getppid() == parent:
         time.sleep(1.0)

@@ -17,13 +17,12 @@ _CAPABILITIES = (
 )
 
 
-_LARGEST = (
-    64_000_000  # bytes of modelDescription.xml; 100 times those of models with 10 000 variables
-)
+# Bytes of modelDescription.xml: 100 times those of a model with 10 000 variables.
+_LARGEST = 64_000_000
 
 
 def demand_size(path: str | Path, most: int) -> None:
-    """Refuse an FMU whose files are larger, unpacked, than a limit; 0: any. [byte]
+    """Raise if the unpacked files of an FMU are larger than a limit; 0: no limit. [byte]
 
     Raises
     ------
@@ -39,8 +38,9 @@ def demand_size(path: str | Path, most: int) -> None:
 
 
 def platform_problem(path: str | Path, description: Any) -> str:
-    """Return that an FMU has no library for this platform, with the platforms that it has one for;
-    empty if it has one.
+    """Return the text that an FMU has no library for this platform; empty if it has one.
+
+    The text names the platforms of its libraries.
 
     Parameters
     ----------
@@ -51,28 +51,27 @@ def platform_problem(path: str | Path, description: Any) -> str:
     """
     import fmpy
 
-    here = fmpy.platform_tuple if description.fmiVersion.startswith("3") else fmpy.platform
+    # FMI 3.0 names platforms by architecture and system, such as x86_64-linux.
+    here = fmpy.platform
+    if description.fmiVersion.startswith("3"):
+        here = fmpy.platform_tuple
     with zipfile.ZipFile(path) as file:
         names = [name.replace("\\", "/") for name in file.namelist()]
-    held = sorted(
-        {
-            name.split("/")[1]
-            for name in names
-            if name.startswith("binaries/") and not name.endswith("/") and name.count("/") > 1
-        }
-    )
-    if here in held:
+    platforms: set[str] = set()
+    for name in names:
+        # A library is a file of a folder: binaries/PLATFORM/...
+        is_file = not name.endswith("/") and name.count("/") > 1
+        if name.startswith("binaries/") and is_file:
+            platforms.add(name.split("/")[1])
+    if here in platforms:
         return ""
-    sources = any(name.startswith("sources/") and name.endswith(".c") for name in names)
-    there = (
-        f"a library for {', '.join(held)}"
-        if held
-        else "C sources and no library"
-        if sources
-        else "no library"
-    )
+    content = "no library"
+    if platforms:
+        content = f"a library for {', '.join(sorted(platforms))}"
+    elif any(name.startswith("sources/") and name.endswith(".c") for name in names):
+        content = "C sources and no library"
     return (
-        f"the FMU has {there}; this platform is {here}: export the FMU for {here}, or run it "
+        f"the FMU has {content}; this platform is {here}: export the FMU for {here}, or run it "
         f"on another machine"
     )
 
@@ -80,7 +79,7 @@ def platform_problem(path: str | Path, description: Any) -> str:
 def read_description(path: str | Path) -> Any:
     """Return FMPy's model description of an FMU, which is not validated.
 
-    FMPy 0.3 does not read the capabilities of a slave of FMI 1.0; here they are filled in.
+    FMPy 0.3 does not read the capabilities of a slave of FMI 1.0. They are added here.
     """
     from fmpy import read_model_description
 
@@ -88,15 +87,16 @@ def read_description(path: str | Path) -> Any:
         size = file.getinfo("modelDescription.xml").file_size
     if size > _LARGEST:
         raise ValueError(f"modelDescription.xml has {size / 1e6:.0f} MB")
-    found = read_model_description(str(path), validate=False)
-    if found.fmiVersion.startswith("1") and found.coSimulation is not None:
+    description = read_model_description(str(path), validate=False)
+    if description.fmiVersion.startswith("1") and description.coSimulation is not None:
         with zipfile.ZipFile(path) as file:
             root = ElementTree.fromstring(file.read("modelDescription.xml"))
-        given = root.find("Implementation//Capabilities")
-        words = {} if given is None else given.attrib
+        element = root.find("Implementation//Capabilities")
         for name in _CAPABILITIES:
-            setattr(found.coSimulation, name, words.get(name) in ("true", "1"))
-    return found
+            # A missing capability is false.
+            text = None if element is None else element.get(name)
+            setattr(description.coSimulation, name, text in ("true", "1"))
+    return description
 
 
 class UnpackedFmu:
@@ -107,26 +107,26 @@ class UnpackedFmu:
     path : str
         The FMU.
     folder : str
-        Where it is unpacked.
+        Folder for its files.
     most : int
-        Size that its files may have together, unpacked; 0: any. [byte]
+        Largest size of all unpacked files; 0: no limit. [byte]
 
     Raises
     ------
     ValueError
-        They are larger, or the FMU has no library for this platform.
+        The files are larger, or the FMU has no library for this platform.
 
     Attributes
     ----------
     version : int
         Major version of FMI.
     exchange : bool
-        Model exchange: there is no co-simulation, so an integrator of ours steps it.
+        Whether it has no co-simulation. `Exchange` then integrates its states.
     takes_records : bool
-        The arrays ``replay.n replay.t replay.u replay.y``, as `flightmech.write_fmu` makes them,
-        take a whole record in one step.
+        Whether one step simulates a whole record, through the arrays ``replay.n replay.t replay.u
+        replay.y`` of `flightmech.write_fmu`.
     most : int
-        As given. [byte]
+        The parameter. [byte]
     messages : deque of str
         The last messages of the FMU in warnings and errors.
     """
@@ -137,23 +137,29 @@ class UnpackedFmu:
         demand_size(path, most)
         self.most = most
         self.description = read_description(path)
-        if problem := platform_problem(path, self.description):
+        problem = platform_problem(path, self.description)
+        if problem:
             raise ValueError(problem)
         self.folder = extract(path, folder)
         self.variables = {v.name: v for v in self.description.modelVariables}
         self.version = int(self.description.fmiVersion[0])
         self.exchange = self.description.coSimulation is None
         self.messages: deque[str] = deque(maxlen=8)
-        self._kept: Any = None
-        scalars = [v for v in self.description.modelVariables if not getattr(v, "dimensions", None)]
-        self.inputs = [v for v in scalars if v.causality == "input"]
-        self.outputs = [v for v in scalars if v.causality == "output"]
-        sizes = self._columns("replay.u"), self._columns("replay.y")
-        self.takes_records = (
-            self.version == 3
-            and not self.exchange
-            and sizes == (len(self.inputs), len(self.outputs))
-        )
+        # An object of FMPy's class without an instance, for `_copy_bound_class`.
+        self._bound_class: Any = None
+        self.inputs: list[Any] = []
+        self.outputs: list[Any] = []
+        for variable in self.description.modelVariables:
+            # Only the arrays of a whole record have dimensions.
+            if getattr(variable, "dimensions", None):
+                continue
+            if variable.causality == "input":
+                self.inputs.append(variable)
+            elif variable.causality == "output":
+                self.outputs.append(variable)
+        sizes = self._count_columns("replay.u"), self._count_columns("replay.y")
+        has_arrays = sizes == (len(self.inputs), len(self.outputs))
+        self.takes_records = self.version == 3 and not self.exchange and has_arrays
 
     def open(self) -> Any:
         """Return a new instance of FMPy's class for the version and kind.
@@ -165,22 +171,23 @@ class UnpackedFmu:
         """
         from fmpy import fmi1, fmi2
 
-        found = self._bound_again() if self.takes_records else self._bound()
-        if self.version == 1:
-            _repair_status(found)
-            found.instantiate(functions=self._callbacks1(fmi1), loggingOn=True)
-        elif self.version == 2:
-            found.instantiate(callbacks=self._callbacks2(fmi2), loggingOn=True)
+        if self.takes_records:
+            instance = self._copy_bound_class()
         else:
-            found.instantiate(loggingOn=True, logMessage=self._log3)
-        if not found.component:
+            instance = self._bind_class()
+        if self.version == 1:
+            _repair_status(instance)
+            instance.instantiate(functions=self._callbacks1(fmi1), loggingOn=True)
+        elif self.version == 2:
+            instance.instantiate(callbacks=self._callbacks2(fmi2), loggingOn=True)
+        else:
+            instance.instantiate(loggingOn=True, logMessage=self._log3)
+        if not instance.component:
             raise RuntimeError("the FMU gave no instance")
-        return found
+        return instance
 
-    def _bound(self) -> Any:
-        """Return an object of FMPy's class, whose functions are those of the library, without an
-        instance.
-        """
+    def _bind_class(self) -> Any:
+        """Return an object of FMPy's class with the functions of the library, not instantiated."""
         from fmpy import fmi1, fmi2, fmi3
 
         classes = {
@@ -188,7 +195,9 @@ class UnpackedFmu:
             2: (fmi2.FMU2Slave, fmi2.FMU2Model),
             3: (fmi3.FMU3Slave, fmi3.FMU3Model),
         }
-        kind = self.description.modelExchange if self.exchange else self.description.coSimulation
+        kind = self.description.coSimulation
+        if self.exchange:
+            kind = self.description.modelExchange
         return classes[self.version][self.exchange](
             guid=self.description.guid,
             unzipDirectory=self.folder,
@@ -196,29 +205,30 @@ class UnpackedFmu:
             instanceName="model",
         )
 
-    def _bound_again(self) -> Any:
-        """Return what `_bound` does; FMPy looks at the signatures of all functions once, which
-        takes as long as a flight of some seconds.
+    def _copy_bound_class(self) -> Any:
+        """Return a copy of one result of `_bind_class`.
 
-        The library stays loaded.  That of an FMU that takes records holds nothing outside its
-        instances; one of another origin is loaded anew for each of them.
+        FMPy takes as long to bind the functions as a flight of some seconds takes. The library
+        stays loaded. An FMU that takes records has no state outside its instances. The library of
+        any other FMU is loaded again for every instance.
         """
-        if self._kept is None:
-            self._kept = self._bound()
-        found = copy(self._kept)
-        found.dll = cdll.LoadLibrary(
-            found.dll._name
-        )  # a handle of its own, which the end of the instance gives back
-        return found
+        if self._bound_class is None:
+            self._bound_class = self._bind_class()
+        bound = copy(self._bound_class)
+        # Each instance needs a handle of the library, which its end releases.
+        bound.dll = cdll.LoadLibrary(bound.dll._name)
+        return bound
 
-    def _columns(self, name: str) -> int:
-        """Return the number of columns of an array with one row per sample of ``replay.n``; 0:
-        there is none.
-        """
+    def _count_columns(self, name: str) -> int:
+        """Return the columns of an array with one row per sample of ``replay.n``; 0 without it."""
         variable = self.variables.get(name)
         dimensions = getattr(variable, "dimensions", None) or []
-        rows = dimensions[0].variable if len(dimensions) == 2 else None
-        return (dimensions[1].start or 0) if rows is not None and rows.name == "replay.n" else 0
+        if len(dimensions) != 2:
+            return 0
+        rows, columns = dimensions
+        if rows.variable is None or rows.variable.name != "replay.n":
+            return 0
+        return columns.start or 0
 
     def _callbacks1(self, fmi1) -> Any:
         callbacks = fmi1.fmi1CallbackFunctions()
@@ -248,8 +258,9 @@ class UnpackedFmu:
 
 
 def _with_formatted_messages(callbacks: Any) -> Any:
-    """Return callbacks whose logger gets the finished text; FMPy's native proxy puts in the
-    variadic arguments.
+    """Return callbacks whose logger gets complete texts.
+
+    The native proxy of FMPy inserts the variadic arguments of a message.
     """
     from fmpy.logging import addLoggerProxy
 
@@ -258,9 +269,9 @@ def _with_formatted_messages(callbacks: Any) -> Any:
 
 
 def _repair_status(instance: Any) -> None:
-    """Have the functions of FMI 1.0 return their status.
+    """Make the functions of FMI 1.0 return their status.
 
-    FMPy 0.3 declares the result of most of them as a text; a status other than zero would be read
+    FMPy 0.3 declares the result of most of them as a text. A status other than zero would be read
     as an address.
     """
     from ctypes import c_char_p, c_int

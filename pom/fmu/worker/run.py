@@ -1,12 +1,12 @@
-"""One replay on one instance, from the job of the parent to its reply.
+"""Replay of one job on one instance of an FMU, sample by sample or in one step.
 
-Before outputs are read the inputs of that instant are set, so a direct feed-through is not one step
-late.  The math pilot is called once per sample, with the outputs of that sample; what it adds stays
-until the next.
+The inputs of an instant are set before its outputs are read, so that a direct feed-through is not
+one step late. The math pilot is called once per sample with the outputs of that sample. Its
+correction is in force until the next sample.
 
-A control law is a second FMU, coupled sample by sample: over a step it sees the outputs of the
-model at its beginning, and what it gives at its end drives the model over the next step.  The
-feedback is one step late.
+A control law is a second FMU, coupled sample by sample. Over a step it has the outputs of the model
+at the begin of the step. Its outputs at the end of the step drive the model over the next step. The
+feedback is therefore one step late.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ def replay_job(model: UnpackedFmu, job: dict[str, Any]) -> dict[str, Any]:
     model : Model
     job : dict
         ``time`` (time,), ``inputs`` (name to array), ``parameters`` (name to number), ``outputs``
-        (names); with a math pilot ``pilot``: its ``loops`` and ``targets``, ``sense`` (channel to
+        (names). With a math pilot ``pilot``: its ``loops`` and ``targets``, ``sense`` (channel to
         column of the outputs, factor and offset to SI) and ``move`` (control to column of the
-        inputs and factor to SI).  With a control law ``law``: its ``fmu``, its ``inputs`` (names)
+        inputs and factor to SI). With a control law ``law``: its ``fmu``, its ``inputs`` (names)
         with their recorded ``values`` (time, input), ``start`` (input,) and ``parameters``;
         ``feedback``, rows (input, column of the outputs, factor, offset); ``outputs`` (names), and
         ``moves``, by control (column of the inputs, factor and offset to the model, factor and
@@ -41,172 +41,214 @@ def replay_job(model: UnpackedFmu, job: dict[str, Any]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``outputs`` (time, output), NaN behind a failure; ``moved``, what the pilot added and where
-        the law moved (control to array, SI); ``error``, empty when all went well.
+        ``outputs`` (time, output), NaN after a failure; ``moved``, the corrections of the pilot and
+        the positions of the law (control to array, SI); ``error``, empty without a failure.
     """
     model.messages.clear()
-    if model.takes_records and len(job["time"]) > 1 and not job.get("pilot") and not job.get("law"):
-        return _in_one_step(model, job)
-    return _step_by_step(model, job)
+    is_coupled = bool(job.get("pilot") or job.get("law"))
+    if model.takes_records and len(job["time"]) > 1 and not is_coupled:
+        return _replay_in_one_step(model, job)
+    return _replay_by_samples(model, job)
 
 
-def _in_one_step(model: UnpackedFmu, job: dict[str, Any]) -> dict[str, Any]:
-    nothing = np.full((len(job["time"]), len(job["outputs"])), np.nan)
+def _replay_in_one_step(model: UnpackedFmu, job: dict[str, Any]) -> dict[str, Any]:
+    nan = np.full((len(job["time"]), len(job["outputs"])), np.nan)
+    # Any error of a foreign FMU is a failure of the job, not of the child process.
     try:
         record = ArrayRun(model, job)
     except Exception as error:
-        return _reply(nothing, _text("instantiation", error, model))
-    place = "initialisation"
+        return _make_reply(nan, _failure_text("instantiation", error, model))
     try:
         record.start()
-        place = "the replay"
+    except Exception as error:
+        return _make_reply(nan, _failure_text("initialisation", error, model))
+    try:
         record.fly()
     except Exception as error:
-        return _reply(
-            record.read() if place == "the replay" else nothing, _text(place, error, model)
-        )
-    found = record.read()
+        return _make_reply(record.read(), _failure_text("the replay", error, model))
+    outputs = record.read()
     record.close()
-    return _reply(found, "")
+    return _make_reply(outputs, "")
 
 
-def _step_by_step(model: UnpackedFmu, job: dict[str, Any]) -> dict[str, Any]:
+def _replay_by_samples(model: UnpackedFmu, job: dict[str, Any]) -> dict[str, Any]:
     time = np.asarray(job["time"], float)
-    variables = [model.variables[name] for name in job["inputs"]]
-    course = course_of(time, list(job["inputs"].values()), variables)
-    pilot = _Hand(job, course) if job.get("pilot") else None
-    found = np.full((len(time), len(job["outputs"])), np.nan)
-    law = None
+    outputs = np.full((len(time), len(job["outputs"])), np.nan)
     try:
-        law = _LawFmu(job, course, model.folder, model.most) if job.get("law") else None
-        flown = (Exchange if model.exchange else CoSimulation)(model, variables, course)
-        outputs = Ports(
-            flown.instance, model.version, [model.variables[name] for name in job["outputs"]]
-        )
+        run = _SampledRun(model, job, time)
     except Exception as error:
-        return _reply(found, _text("instantiation", error, model))
-    place = "initialisation"
+        return _make_reply(outputs, _failure_text("instantiation", error, model))
+    error_text = ""
     try:
-        if law:
-            law.start()
-        flown.start([(model.variables[name], value) for name, value in job["parameters"].items()])
-        found[0] = outputs.get()
-        for k in range(len(time) - 1):
-            place = f"the step to t = {time[k + 1]:g} s"
-            if pilot:
-                pilot.act(k, found[k])
-            flown.advance(k)
-            found[k + 1] = outputs.get()
-            if law:
-                law.act(k, found[k])
-        if pilot:
-            pilot.act(len(time) - 1, found[-1])
-        place = "the end"
-        flown.close()
-        if law:
-            law.close()
+        run.fly(outputs)
     except Exception as error:
-        return _reply(found, _text(place, error, model), pilot, law)
-    return _reply(found, "", pilot, law)
+        error_text = _failure_text(run.phase, error, model)
+    return _make_reply(outputs, error_text, run.pilot, run.law)
 
 
-class _Hand:
-    """The math pilot in SI, its controls and channels in the units of the FMU."""
+class _SampledRun:
+    """An instance with its math pilot or control law, stepped sample by sample.
+
+    Attributes
+    ----------
+    phase : str
+        Present part of the run, for the text of a failure.
+    """
+
+    def __init__(self, model: UnpackedFmu, job: dict[str, Any], time: np.ndarray):
+        self.model, self.job, self.time = model, job, time
+        variables = [model.variables[name] for name in job["inputs"]]
+        course = course_of(time, list(job["inputs"].values()), variables)
+        self.pilot: _ScaledPilot | None = None
+        if job.get("pilot"):
+            self.pilot = _ScaledPilot(job, course)
+        self.law: _LawFmu | None = None
+        if job.get("law"):
+            self.law = _LawFmu(job, course, folder=model.folder, most=model.most)
+        self.stepper = _make_stepper(model, variables, course)
+        output_variables = [model.variables[name] for name in job["outputs"]]
+        self.outputs = Ports(self.stepper.instance, model.version, output_variables)
+        self.phase = "initialisation"
+
+    def fly(self, outputs: np.ndarray) -> None:
+        """Fly all samples, and write the outputs (time, output) as far as there are any."""
+        if self.law:
+            self.law.start()
+        parameters = self.job["parameters"].items()
+        self.stepper.start([(self.model.variables[name], value) for name, value in parameters])
+        outputs[0] = self.outputs.get()
+        for k in range(len(self.time) - 1):
+            self.phase = f"the step to t = {self.time[k + 1]:g} s"
+            if self.pilot:
+                self.pilot.act(k, outputs[k])
+            self.stepper.advance(k)
+            outputs[k + 1] = self.outputs.get()
+            # The law steps after the model, with the outputs at the begin of the step.
+            if self.law:
+                self.law.act(k, outputs[k])
+        if self.pilot:
+            self.pilot.act(len(self.time) - 1, outputs[-1])
+        self.phase = "the end"
+        self.stepper.close()
+        if self.law:
+            self.law.close()
+
+
+def _make_stepper(
+    model: UnpackedFmu, variables: list[Any], course: Course
+) -> Exchange | CoSimulation:
+    """Return an instance of an FMU in the kind that it offers."""
+    if model.exchange:
+        return Exchange(model, variables, course)
+    return CoSimulation(model, variables, course)
+
+
+class _ScaledPilot:
+    """The math pilot in SI, with controls and channels in the units of the FMU."""
 
     def __init__(self, job: dict[str, Any], course: Course):
-        given = job["pilot"]
-        self.pilot = Pilot(given["loops"], job["time"], given["targets"])
-        self.sense, self.move, self.course = given["sense"], given["move"], course
+        settings = job["pilot"]
+        self.pilot = Pilot(settings["loops"], job["time"], settings["targets"])
+        self.sense, self.move, self.course = settings["sense"], settings["move"], course
 
     def act(self, k: int, outputs: np.ndarray) -> None:
-        seen = {
-            name: outputs[column] * factor + offset
-            for name, (column, factor, offset) in self.sense.items()
-        }
+        """Set the corrections from the outputs at sample k."""
+        channels = {}
+        for name, (column, factor, offset) in self.sense.items():
+            channels[name] = outputs[column] * factor + offset
         added = np.zeros_like(self.course.added)
-        for name, correction in self.pilot.controls(k, seen).items():
+        for name, correction in self.pilot.controls(k, channels).items():
             column, factor = self.move[name]
             added[column] = correction / factor
+        # A new array: the integrator of model exchange recognises a change by its identity.
         self.course.added = added
 
 
 class _LawFmu:
     """The FMU of a control law, in its own units, and the inputs of the model that it moves.
 
-    Everything it sees is held from sample to sample, as a computer samples it; a law in model
-    exchange sees the record linear between.
+    Its inputs are constant from sample to sample, as a computer samples them. A law in model
+    exchange has inputs that are linear between samples.
     """
 
-    def __init__(self, job: dict[str, Any], course: Course, folder: str, most: int):
-        given = self.given = job["law"]
-        self.model = _unpacked(given, folder, most)
-        variables = [self.model.variables[name] for name in given["inputs"]]
-        time, values = np.asarray(job["time"], float), np.asarray(given["values"], float)
-        held = Course(time - time[0], values, np.zeros(len(variables), bool))
-        self.course = course_of(time, list(values.T), variables) if self.model.exchange else held
-        self.flown = (Exchange if self.model.exchange else CoSimulation)(
-            self.model, variables, self.course
-        )
-        outputs = [self.model.variables[name] for name in given["outputs"]]
-        self.outputs, self.driven = Ports(self.flown.instance, self.model.version, outputs), course
-        self.moved = {name: np.full(len(time), np.nan) for name in given["moves"]}
+    def __init__(self, job: dict[str, Any], course: Course, *, folder: str, most: int):
+        self.settings = settings = job["law"]
+        self.model = _unpack_once(settings, folder, most)
+        variables = [self.model.variables[name] for name in settings["inputs"]]
+        time = np.asarray(job["time"], float)
+        values = np.asarray(settings["values"], float)
+        if self.model.exchange:
+            self.course = course_of(time, list(values.T), variables)
+        else:
+            self.course = Course(time - time[0], values, np.zeros(len(variables), bool))
+        self.stepper = _make_stepper(self.model, variables, self.course)
+        outputs = [self.model.variables[name] for name in settings["outputs"]]
+        self.outputs = Ports(self.stepper.instance, self.model.version, outputs)
+        self.model_course = course
+        self.moved = {name: np.full(len(time), np.nan) for name in settings["moves"]}
 
     def start(self) -> None:
-        """Initialise with the record at the first sample, and set what the law gives there."""
-        self.course.added = np.asarray(self.given["start"], float) - self.course.values[0]
-        self.flown.start(
-            [
-                (self.model.variables[name], value)
-                for name, value in self.given["parameters"].items()
-            ]
-        )
-        self._put(0)
+        """Initialise with the record at the first sample, and set the outputs of the law there."""
+        self.course.added = np.asarray(self.settings["start"], float) - self.course.values[0]
+        parameters = self.settings["parameters"].items()
+        self.stepper.start([(self.model.variables[name], value) for name, value in parameters])
+        self._move_controls(0)
 
     def act(self, k: int, outputs: np.ndarray) -> None:
-        """Step from sample k to k + 1 with the outputs of the model at k, and set what the law
-        gives in the end.
-        """
+        """Step from sample k to k + 1 with the outputs of the model at k, and move its controls."""
+        # Recorded inputs are in the course; the columns of feedback inputs are zero there.
         added = np.zeros(self.course.values.shape[1])
-        for place, column, factor, offset in self.given["feedback"]:
-            added[place] = factor * outputs[column] + offset
+        for position, column, factor, offset in self.settings["feedback"]:
+            added[position] = factor * outputs[column] + offset
         self.course.added = added
-        self.flown.advance(k)
-        self._put(k + 1)
+        self.stepper.advance(k)
+        self._move_controls(k + 1)
 
-    def _put(self, k: int) -> None:
-        added = self.driven.added.copy()
-        for (name, (column, factor, offset, to_si, origin)), value in zip(
-            self.given["moves"].items(), self.outputs.get(), strict=True
-        ):
+    def _move_controls(self, k: int) -> None:
+        """Set the inputs of the model from the outputs of the law at sample k."""
+        added = self.model_course.added.copy()
+        moves = zip(self.settings["moves"].items(), self.outputs.get(), strict=True)
+        # The law gives a position: the course of a moved control is zero.
+        for (name, (column, factor, offset, to_si, origin)), value in moves:
             added[column] = factor * value + offset
             self.moved[name][k] = to_si * value + origin
-        self.driven.added = added
+        self.model_course.added = added
 
     def close(self) -> None:
         """End the instance."""
-        self.flown.close()
+        self.stepper.close()
 
 
 _LAWS: dict[str, UnpackedFmu] = {}
 
 
-def _unpacked(law: dict[str, Any], folder: str, most: int) -> UnpackedFmu:
+def _unpack_once(law: dict[str, Any], folder: str, most: int) -> UnpackedFmu:
     """Return the FMU of a control law, unpacked once per process next to the model."""
     key = f"{law['sha256']} {law['fmu']}"
     if key not in _LAWS:
-        place = Path(folder) / f"law{len(_LAWS)}"
-        place.mkdir()
-        _LAWS[key] = UnpackedFmu(law["fmu"], str(place), most)
+        law_folder = Path(folder) / f"law{len(_LAWS)}"
+        law_folder.mkdir()
+        _LAWS[key] = UnpackedFmu(law["fmu"], str(law_folder), most)
     return _LAWS[key]
 
 
-def _reply(
-    outputs: np.ndarray, error: str, pilot: _Hand | None = None, law: _LawFmu | None = None
+def _make_reply(
+    outputs: np.ndarray,
+    error: str,
+    pilot: _ScaledPilot | None = None,
+    law: _LawFmu | None = None,
 ) -> dict[str, Any]:
-    moved = {**(pilot.pilot.moved if pilot else {}), **(law.moved if law else {})}
-    return {"outputs": outputs, "moved": moved, "error": error}
+    controls: dict[str, np.ndarray] = {}
+    if pilot:
+        controls |= pilot.pilot.moved
+    if law:
+        controls |= law.moved
+    return {"outputs": outputs, "moved": controls, "error": error}
 
 
-def _text(place: str, error: Exception, model: UnpackedFmu) -> str:
-    messages = f"; the FMU reports: {' | '.join(model.messages)}" if model.messages else ""
-    return f"{place} failed: {str(error) or type(error).__name__}{messages}"
+def _failure_text(phase: str, error: Exception, model: UnpackedFmu) -> str:
+    """Return why a part of a run failed, with the last messages of the FMU."""
+    text = f"{phase} failed: {str(error) or type(error).__name__}"
+    if model.messages:
+        text += f"; the FMU reports: {' | '.join(model.messages)}"
+    return text

@@ -90,7 +90,7 @@ def test_every_parallel_stage_goes_to_the_workers_and_dead_workers_change_nothin
         "_refined",
         "coefficients",
         "fit_local_models",
-        "_diagnosed",
+        "_diagnose_case",
         "_perform",
         "samples_of_case",
         "part_files",

@@ -12,8 +12,8 @@ from pom.archive.archive import Custody
 from pom.archive.origins import file_sha256
 from pom.cases.case import read_case
 from pom.fmu import process
+from pom.fmu.models import Models
 from pom.fmu.run_cache import RunCache
-from pom.fmu.simulate import Models
 from pom.replaying import batch
 from pom.replaying.replay_case import perform_plan, plan_of
 

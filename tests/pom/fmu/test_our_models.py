@@ -16,7 +16,7 @@ from pom.cases.job import job_of
 from pom.cases.pilot import PilotLoop
 from pom.cases.reference_states import flight_states
 from pom.fmu import worker
-from pom.fmu.simulate import Models
+from pom.fmu.models import Models
 from pom.replaying.kernel_replay import replay_choices
 from pom.replaying.replay_case import replay
 from pom.tolerances.bands import remarks_text

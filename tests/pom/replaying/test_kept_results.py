@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from pom.cases.case import read_case
-from pom.fmu.simulate import Models
+from pom.fmu.models import Models
 from pom.replaying import batch
 from pom.replaying.batch import replay_all
 from pom.replaying.caches import KeptResults, KeptStates, ResultKeys

@@ -11,7 +11,7 @@ import xarray as xr
 from pom.cases.case import read_case
 from pom.cases.job import job_of
 from pom.cases.reference_states import calibration_text
-from pom.replaying.replay_case import assemble_result
+from pom.replaying.result_assembly import assemble_result
 from pom.replaying.run_remarks import calibration, drift
 from pom.replaying.trim import beyond_limits, trim_limits, trim_table
 from pom.report.case.remarks import run_notes
