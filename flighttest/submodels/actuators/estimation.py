@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -42,6 +42,7 @@ from flighttest.regression.equation_error.spectral_weights import (
     student_factor,
 )
 from flighttest.regression.uncertainty.collinearity import demand_rank
+from flighttest.remarks import Convergence, Remark
 from flighttest.submodels.actuators.response import (
     Structure,
     actuator_inputs,
@@ -72,11 +73,28 @@ class Estimates:
         Standard errors by the same names.
     R2 : float
         Coefficient of determination of the equation or of the response. [1]
+    convergence : Convergence or None
+        End of the iteration over the instruments. If it did not converge, the estimates are those
+        of least squares. None for estimates without instruments.
     """
 
     values: dict[str, float]
     stderr: dict[str, float]
     R2: float
+    convergence: Convergence | None = None
+
+    @property
+    def remarks(self) -> list[Remark]:
+        """A warning if the instruments did not converge."""
+        if self.convergence is None:
+            return []
+        advice = (
+            "the equation error is that of least squares, which noise of the motion biases; use "
+            "the output error, or widen the band or lengthen the log"
+        )
+        return self.convergence.remarks(
+            "instruments of the equation error", advice, severity="warning"
+        )
 
 
 def excited_band(log: xr.Dataset) -> tuple[float, float]:
@@ -245,14 +263,15 @@ class _SpectralEquations:
     def iterate_instruments(self, first: Estimates) -> Estimates:
         """Return the estimates with simulated motion as instruments.
 
-        Without convergence, or if a simulated motion diverges, return the first estimates.
+        Without convergence, or if a simulated motion diverges, return the first estimates. Their
+        `convergence` says so.
         """
-        estimates = first
-        for _ in range(_ROUNDS):
+        estimates, change = first, np.inf
+        for count in range(1, _ROUNDS + 1):
             before = estimates
             simulated = [self._simulate_motion(log, before.values) for log in self.logs]
             if not self._are_usable(simulated):
-                return first
+                return replace(first, convergence=Convergence(False, count, np.inf))
             estimates = self.solve(
                 before.values.get("delay", 0.0),
                 _SpectralEquations(simulated, self.structure, band=None, parts=self.parts),
@@ -260,13 +279,10 @@ class _SpectralEquations:
             estimates.values["delay"] = float(
                 np.clip(estimates.values.get("delay", 0.0), 0.0, self.longest)
             )
-            changes = [
-                abs(estimates.values[name] - before.values[name]) <= _SETTLED * s
-                for name, s in estimates.stderr.items()
-            ]
-            if all(changes):
-                return estimates
-        return first
+            change = _largest_change(before, estimates)
+            if change <= 1.0:
+                return replace(estimates, convergence=Convergence(True, count, change))
+        return replace(first, convergence=Convergence(False, _ROUNDS, change))
 
     def _are_usable(self, simulated: Sequence[xr.Dataset]) -> bool:
         """Return whether all simulated rates are finite and not far beyond the recorded range."""
@@ -346,6 +362,16 @@ class _SpectralEquations:
                 - (load + torque.mean()) / value["B"]
             )
         return {"neutral": float(np.mean(neutral))}
+
+
+def _largest_change(before: Estimates, after: Estimates) -> float:
+    """Return the largest change of an estimate divided by its tolerance; NaN if one is NaN."""
+    ratios = []
+    for name, stderr in after.stderr.items():
+        difference = abs(after.values[name] - before.values[name])
+        # An estimate without a standard error that does not change has converged.
+        ratios.append(difference / (_SETTLED * stderr) if difference > 0.0 else difference)
+    return float(np.max(ratios))
 
 
 def _motion(log: xr.Dataset) -> np.ndarray:

@@ -7,7 +7,7 @@ name map for a record.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,7 @@ import xarray as xr
 from flightmech.errors import IdentificationError
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.regression.combining.pooling import DISAGREEMENT
-from flighttest.remarks import Remark, remark_lines
+from flighttest.remarks import Remark, remark_lines, warn_forbidden
 from flighttest.submodels.actuators.estimation import Estimates
 from flighttest.submodels.actuators.response import Structure
 from flighttest.submodels.actuators.values import LogEstimates, ValueWithError, average_estimates
@@ -47,6 +47,8 @@ class IdentifiedActuator:
         Logs from which the actuator was identified.
     reached : dict of str to float
         Part of the samples at which the response is at each limit.
+    selection : tuple of Remark
+        Remarks on the comparison of the models with and without limits.
     """
 
     structure: Structure
@@ -55,6 +57,7 @@ class IdentifiedActuator:
     alone: tuple[LogEstimates, ...]
     logs: tuple[xr.Dataset, ...]
     reached: Mapping[str, float]
+    selection: tuple[Remark, ...] = ()
 
     @property
     def absolute(self) -> bool:
@@ -137,12 +140,13 @@ class IdentifiedActuator:
         -------
         DataFrame
             Index parameter; ``average``, ``stderr``, ``disagreement``, ``contradictory``,
-            ``count``.  Empty for a single log.
+            ``count``.  Empty for a single log.  A log whose search did not converge is left out.
         """
         rows = {}
+        logs = [log for log in self.alone if log.converged]
         for name in self.structure.parameters:
-            values = [log.values[name] for log in self.alone]
-            average = average_estimates(values, [log.stderr[name] for log in self.alone])
+            values = [log.values[name] for log in logs]
+            average = average_estimates(values, [log.stderr[name] for log in logs])
             if average and average.count > 1:
                 rows[name] = {
                     "average": average.value,
@@ -264,11 +268,17 @@ class IdentifiedActuator:
         ------
         IdentificationError
             A motor: its command makes a rate and no position.
+
+        Warns
+        -----
+        AeromatchWarning
+            A remark forbids the use of the estimates, such as a search that did not converge.
         """
         if not self.structure.stiffness:
             raise IdentificationError(
                 "a motor's command makes a rate; only a servo gives an entry of a name map"
             )
+        warn_forbidden(self.remarks, f"entry of {name}")
         derived, delay = self.derived(), self.parameters.get("delay", 0.0)
         parts = [
             f'column = "{column}"',
@@ -301,6 +311,8 @@ class IdentifiedActuator:
             "reached": dict(self.reached),
             "R2": {"frequency": self.spectral.R2, "time": self.fit},
             "iterations": int(self.response.estimates.attrs["iterations"]),
+            "converged": bool(self.response.estimates.attrs["converged"]),
+            "instruments": _instruments(self.spectral),
             "remarks": [remark.as_dict() for remark in self.remarks],
         }
 
@@ -330,6 +342,8 @@ def _remarks(actuator: IdentifiedActuator) -> list[Remark]:
     )
     if actuator.structure.stiffness:
         remarks += _limit_remarks(actuator)
+    remarks += [*actuator.spectral.remarks, *actuator.selection]
+    remarks += _unconverged_logs(actuator.alone)
     # Ratios to Ma are always correlated. The correlation is in every derived quantity and needs no
     # action of the reader.
     for remark in actuator.response.remarks:
@@ -347,6 +361,24 @@ def _contradictions(table: pd.DataFrame, text: str) -> list[Remark]:
             words = f"{name}: {text.format(row['disagreement'])}"
             remarks.append(Remark("scatter", words, str(name), disagreement, DISAGREEMENT))
     return remarks
+
+
+def _unconverged_logs(logs: Sequence[LogEstimates]) -> list[Remark]:
+    """Return a remark on each log whose search alone did not converge."""
+    remarks = []
+    for log in logs:
+        if not log.converged:
+            text = (
+                f"{log.record or 'log'}: the output error on this log alone is not converged after "
+                f"{log.iterations} iterations; the averages over the logs leave it out"
+            )
+            remarks.append(Remark("convergence", text, log.record))
+    return remarks
+
+
+def _instruments(spectral: Estimates) -> dict[str, Any] | None:
+    """Return the end of the iteration over the instruments for JSON."""
+    return None if spectral.convergence is None else spectral.convergence.as_dict()
 
 
 def _limit_remarks(actuator: IdentifiedActuator) -> list[Remark]:
@@ -379,13 +411,14 @@ def _report(actuator: IdentifiedActuator) -> str:
     """Return the result as text."""
     attrs = actuator.response.estimates.attrs
     servo = actuator.structure.stiffness
+    state = "converged" if attrs["converged"] else "NOT converged"
     kind, spring = ("servo", "+ Ka p ") if servo else ("motor", "")
     scale = "absolute coefficients" if actuator.absolute else "ratios to Ma"
     text = [
         f"{kind}: Ma v' + Ca v {spring}+ G tau = B (u - neutral); {scale}",
         f"logs {len(actuator.logs)}, samples {attrs['samples']}, R2 of the response "
         f"{actuator.fit:.4f}, of the spectra {actuator.spectral.R2:.4f}, "
-        f"iterations {attrs['iterations']}",
+        f"iterations {attrs['iterations']}, {state}",
         "",
         f"{'parameter':14s}{'frequency':>13s}{'std. error':>11s}{'time':>13s}{'std. error':>11s}"
         f"{'average 1/s':>13s}{'std. error':>11s}{'apart':>8s}",
