@@ -28,6 +28,7 @@ import xarray as xr
 from flightmech.aircraft.engine_deck import OWN, TARGETS
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.terms import SOURCES, basis, make_term
+from flighttest.remarks import Convergence, Remark, remark_lines
 from flighttest.submodels.engine.schedule import (
     cover_settled_range,
     find_lever_rest,
@@ -46,6 +47,10 @@ SPREADS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 VAGUE = 0.1
 # Largest number of passes over lengths and noise.
 PASSES = 8
+# Relative change of the noise at which it has converged.
+SAME_NOISE = 1e-3
+# Change of the noise over its tolerance up to which alternating lengths are harmless: 5 % of it.
+ALTERNATING = 0.05 / SAME_NOISE
 # Added to the diagonal of a correlation matrix before its inversion.
 JITTER = 1e-8
 # Distance beyond an axis, in widths of the axis, from which on a sample is outside.
@@ -73,6 +78,9 @@ class SteadyTable:
         Factor on the a-priori standard error.
     samples : int
         Number of samples inside the axes.
+    convergence : Convergence
+        End of the search of lengths, spread and noise. Its change is that of the noise over its
+        tolerance, or the number of grid points by which a length still moves if that is larger.
     """
 
     leaf: xr.Dataset
@@ -80,6 +88,21 @@ class SteadyTable:
     lengths: dict[str, float]
     spread: float
     samples: int
+    convergence: Convergence
+
+    def remarks(self, name: str) -> list[Remark]:
+        """Return a remark if the search did not converge.
+
+        It is a warning if the lengths alternate between neighbours of their grid and the noise
+        hardly changes, otherwise an error.
+        """
+        advice = (
+            "values and standard errors of the nodes belong to a noise and to lengths that still "
+            "change; give fewer breakpoints or more flights"
+        )
+        severity = "error" if self.convergence.change > ALTERNATING else "warning"
+        subject = f"lengths and noise of {name}"
+        return self.convergence.remarks(subject, advice, term=name, severity=severity)
 
     def report(self, name: str) -> str:
         """Return size, residual and lengths as text."""
@@ -92,7 +115,8 @@ class SteadyTable:
             f"{self.samples} samples, residual {self.rms:.4g} rms, {seen:.0%} of the nodes "
             f"from flight"
         )
-        return f"{name} ({TARGETS[name]}) over {', '.join(axes)}: {fit}"
+        line = f"{name} ({TARGETS[name]}) over {', '.join(axes)}: {fit}"
+        return "\n".join([line, *remark_lines(self.remarks(name))])
 
 
 def steady_table(
@@ -160,7 +184,9 @@ def steady_table(
     differences = [(B, value - B @ first, step) for B, value, step in blocks]
     has_stderr = prior is not None and "stderr" in prior
     spreads = (1.0,) if has_stderr else SPREADS
-    d, C, lengths, spread = _smooth(differences, sigma, list(grid.values()), spreads)
+    d, C, lengths, spread, convergence = _smooth(
+        differences, sigma, grid=list(grid.values()), spreads=spreads
+    )
     value = first + d
     residual = np.concatenate([y - B @ d for B, y, _ in differences])
     stderr = np.sqrt(np.diag(C) + (scale * value) ** 2)
@@ -182,6 +208,7 @@ def steady_table(
         lengths=dict(zip(grid, lengths)),
         spread=spread,
         samples=len(z),
+        convergence=convergence,
     )
 
 
@@ -303,8 +330,8 @@ def _smooth(
     sigma: np.ndarray,
     grid: Sequence[np.ndarray],
     spreads: Sequence[float],
-) -> tuple[np.ndarray, np.ndarray, list[float], float]:
-    """Return nodes, covariance, lengths along the axes and factor on sigma."""
+) -> tuple[np.ndarray, np.ndarray, list[float], float, Convergence]:
+    """Return nodes, covariance, lengths along the axes, factor on sigma, and convergence."""
     rows = _second_means(blocks)
     X, y = np.concatenate([B for B, _, _ in rows]), np.concatenate([y for _, y, _ in rows])
     XX, Xy, yy = X.T @ X, X.T @ y, float(y @ y)
@@ -328,7 +355,7 @@ def _smooth(
         return float(np.linalg.slogdet(M)[1] - np.linalg.slogdet(Q)[1] - b @ np.linalg.solve(M, b))
 
     # Minimise over one option after the other, then estimate nodes and noise.
-    for _ in range(PASSES):
+    for count in range(1, PASSES + 1):
         before, noise_before = list(choice), noise
         for axis, values in enumerate(options):
             candidates = [[*choice[:axis], k, *choice[axis + 1 :]] for k in range(len(values))]
@@ -337,10 +364,18 @@ def _smooth(
         d = C @ Xy / noise
         residuals = [(value - B @ d, timed) for B, value, timed in rows]
         noise = max(_long_term_variance(residuals), 1e-12 * yy / len(y))
-        if choice == before and abs(noise - noise_before) < 1e-3 * noise:
+        change = abs(noise - noise_before)
+        moves = max(abs(k - last) for k, last in zip(choice, before))
+        convergence = Convergence(
+            converged=moves == 0 and change < SAME_NOISE * noise,
+            iterations=count,
+            change=max(change / (SAME_NOISE * noise), float(moves)),
+        )
+        if convergence.converged:
             break
     *lengths, spread = (float(values[k]) for values, k in zip(options, choice))
-    return d, C, [length * float(np.ptp(x)) for length, x in zip(lengths, grid)], spread
+    scaled = [length * float(np.ptp(x)) for length, x in zip(lengths, grid)]
+    return d, C, scaled, spread, convergence
 
 
 def _correlation(x: np.ndarray, length: float) -> np.ndarray:
