@@ -20,6 +20,7 @@ from flightmech.terms import make_term
 from flightmech.units import G0
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.reconstruction.smoother import FlightPath
+from flighttest.remarks import Remark, remark_lines, remarks_to_json, warn_forbidden
 from flighttest.submodels.landing_gear.explicit import FRICTION, LOAD, ROLLING
 from flighttest.submodels.landing_gear.output_error import fly_gear, has_angle
 from flighttest.submodels.landing_gear.reconstructed_loads import (
@@ -29,7 +30,12 @@ from flighttest.submodels.landing_gear.reconstructed_loads import (
     WIND_ERROR,
     GroundRecord,
 )
-from flighttest.submodels.landing_gear.regression import T_NEEDED, LoadFit, regress_gear
+from flighttest.submodels.landing_gear.regression import (
+    T_NEEDED,
+    LoadFit,
+    convergence_remarks,
+    regress_gear,
+)
 from flighttest.submodels.landing_gear.wheel_positions import WheelGroup, wheel_groups
 
 _UNITS = {
@@ -120,6 +126,13 @@ class IdentifiedGear:
             raise UnknownName(name, self.constants, "constant", self.undetermined.get(name, ""))
         return self.constants[name].value, self.constants[name].stderr
 
+    @property
+    def remarks(self) -> list[Remark]:
+        """Remarks on fits that did not converge."""
+        if self.flown is None:
+            return self.loads.remarks
+        return [*self.loads.remarks, *convergence_remarks(self.flown, "output error")]
+
     def aircraft(self, known: Aircraft) -> Aircraft:
         """Return an aircraft with these constants; other constants do not change.
 
@@ -131,7 +144,17 @@ class IdentifiedGear:
         ------
         SchemaError
             The aircraft has no gear with these wheels.
+
+        Warns
+        -----
+        AeromatchWarning
+            A fit did not converge.
         """
+        warn_forbidden(self.remarks, "landing gear")
+        return self._with_constants(known)
+
+    def _with_constants(self, known: Aircraft) -> Aircraft:
+        """Return an aircraft with these constants."""
         if known.gear is None or tuple(wheel_groups(known)) != self.groups:
             raise SchemaError(
                 known.name,
@@ -249,6 +272,8 @@ class IdentifiedGear:
             "constants": constants,
             "not_determined": dict(self.undetermined),
             "errors_of_inputs": self._inputs(),
+            "converged": bool(self.loads.fit.estimates.attrs["converged"]),
+            "remarks": remarks_to_json(self.remarks),
         }
 
     def _inputs(self) -> dict[str, list[float]]:
@@ -280,7 +305,7 @@ class IdentifiedGear:
         if self.flown is not None:
             count = len(self.flown.residuals)
             lines.append(f"flown through {count} stretches, rms: {_rms_text(self.flown)}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *remark_lines(self.remarks)])
 
 
 def _rms_text(fit: OutputError) -> str:
@@ -372,7 +397,8 @@ def identify_landing_gear(
     )
     if not flown or database is None:
         return identified
-    result = fly_gear(records, identified.aircraft(aircraft), database=database, loads=fit)
+    start = identified._with_constants(aircraft)
+    result = fly_gear(records, start, database=database, loads=fit)
     if result is None:
         return identified
     # Estimates of the output error replace those of the regression.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +13,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.maximum_likelihood.unknowns import Unknown
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
+from flighttest.remarks import Remark
 from flighttest.submodels.landing_gear.explicit import (
     FRICTION,
     LOAD,
@@ -153,12 +154,27 @@ class LoadFit:
         Constants that the records do not determine, and the reason.
     loads : tuple of Dataset
         Result of `wheel_loads` of each record.
+    unsure : tuple of str
+        Constants that a fit removed before it converged.
     """
 
     fit: OutputError
     held: Mapping[str, float]
     undetermined: Mapping[str, str]
     loads: tuple[xr.Dataset, ...]
+    unsure: tuple[str, ...] = ()
+
+    @property
+    def remarks(self) -> list[Remark]:
+        """Remarks on fits that did not converge."""
+        remarks = convergence_remarks(self.fit, "wheel loads")
+        if self.unsure:
+            text = (
+                f"wheel loads: {', '.join(self.unsure)} left out by a fit that is not converged; "
+                f"give more records, or constants of the aircraft nearer to the truth"
+            )
+            remarks.append(Remark("convergence", text))
+        return remarks
 
     def inputs_of(self, k: int) -> dict[str, float]:
         """Return the errors of the inputs of record k, counted from 0.
@@ -171,6 +187,15 @@ class LoadFit:
         for name in ("wind_n", "wind_e"):
             errors[name] = estimates.get(name, 0.0) + float(attrs[name])
         return errors
+
+
+def convergence_remarks(fit: OutputError, source: str) -> list[Remark]:
+    """Return the error that a fit did not converge, with the source of its estimates."""
+    remarks = []
+    for remark in fit.remarks:
+        if remark.kind == "convergence":
+            remarks.append(replace(remark, text=f"{source}: {remark.text}"))
+    return remarks
 
 
 def known_constants(aircraft: Aircraft) -> dict[str, float]:
@@ -227,6 +252,7 @@ def regress_gear(
     undetermined = _unresponsive(runs, candidates, fixed)
     unknowns = {name: item for name, item in candidates.items() if name not in undetermined}
     inputs = _input_errors(records, database, errors=errors, winds=calm)
+    unsure: list[str] = []
     while True:
         fit = _fit(runs, unknowns, inputs=inputs, fixed=fixed)
         name, reason = _weakest(fit, unknowns)
@@ -240,6 +266,8 @@ def regress_gear(
             unknowns[key] = item._replace(start=start)
         if not name:
             break
+        if not fit.estimates.attrs["converged"]:
+            unsure.append(name)
         if name.rpartition(".")[2] in _STRUCTURE:
             fixed[name] = 0.0
         else:
@@ -258,6 +286,7 @@ def regress_gear(
         held={name: value for name, value in fixed.items() if name not in unknowns},
         undetermined=undetermined,
         loads=loads,
+        unsure=tuple(unsure),
     )
 
 
