@@ -23,6 +23,7 @@ from flighttest.records.record import manoeuvres, read
 from flighttest.records.sensors.instruments import pick_up_errors
 from flighttest.records.signals.conditioning import cut
 from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.remarks import remarks_to_json
 from flighttest.submodels.actuators.figure import draw_actuator
 from flighttest.submodels.actuators.identification import identify_actuator, read_bench_log
 from flighttest.submodels.control_loading.identification import identify_control_loading
@@ -164,6 +165,7 @@ def run_controls(
                 "estimates": rows,
                 "both_ends": totals,
                 "collinear": found.collinear,
+                "remarks": remarks_to_json(found.remarks),
                 "file": output,
             }
         )

@@ -15,7 +15,8 @@ import xarray as xr
 from flightmech.aircraft.controls import Circuit
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error import least_squares
-from flighttest.submodels.control_loading.joint_fit import JointFit
+from flighttest.remarks import Convergence
+from flighttest.submodels.control_loading.joint_fit import JointFit, estimates_convergence
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.motion import CUTOFF, loading_channels
 from flighttest.submodels.control_loading.regression import (
@@ -106,17 +107,27 @@ def identify_control_loading(
     if order == 2:
         slid, force = sliding_fit(loading, slow, quick, cutoff=cutoff, aft={}, known=prior)
         fit = _Regressions(slid, force, cable=None, shares={})
+        iterations = {"weights of the force": force.convergence}
     else:
         # Force and stretch in turn, each corrected by the other.
         shares = _drawn_shares(loading, drawings)
         drawn = _drawn_cable(loading, drawings, drawn_error)
+        passes: list[xr.Dataset] = []
         for _ in range(1 + _PASSES):
             slid, force = sliding_fit(loading, slow, quick, cutoff=cutoff, aft=shares, known=prior)
             cable = cable_fit(slid, slow, quick, cutoff=cutoff, drawn=drawn)
             fit = _Regressions(slid, force, cable=cable, shares=shares)
             shares = _shares(slid, cable)
+            passes.append(fit.estimates())
+        iterations = {
+            "weights of the force": force.convergence,
+            **cable.iterations,
+            "shares of the surface": _passes_convergence(passes),
+        }
     stretch = None if fit.cable is None else fit.cable.estimates
-    identified = IdentifiedLoading(loading, fit.slid, cable=stretch, estimates=fit.estimates())
+    identified = IdentifiedLoading(
+        loading, fit.slid, cable=stretch, estimates=fit.estimates(), iterations=iterations
+    )
     sources = _error_sources(loading, [*driven, *free], errors or {})
     if sources:
         identified = identified.with_errors(fit.changes(slow, quick, sources))
@@ -193,6 +204,16 @@ class _Regressions:
                 change = self._division() @ np.concatenate([change, self.cable.slopes @ of_stretch])
             changes.append(change)
         return np.array(changes)
+
+
+def _passes_convergence(passes: Sequence[xr.Dataset]) -> Convergence:
+    """Return the end of the passes over both regressions from the estimates of each pass."""
+    last = passes[-1]
+    # A single pass shows no change, so it has not converged.
+    change = np.full(last.sizes["term"], np.inf)
+    if len(passes) > 1:
+        change = last["estimate"].values - passes[-2]["estimate"].values
+    return estimates_convergence(change, last["stderr"].values, len(passes))
 
 
 def _drawn_mass(

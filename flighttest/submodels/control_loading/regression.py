@@ -15,10 +15,12 @@ from flightmech.errors import IdentificationError, UnknownName
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.time_domain import SAMPLES_PER_TERM
 from flighttest.regression.uncertainty import collinearity
+from flighttest.remarks import Convergence
 from flighttest.submodels.control_loading.joint_fit import (
     JointFit,
     PriorConstraint,
     RecordEquations,
+    estimates_convergence,
     joint_fit,
 )
 from flighttest.submodels.control_loading.loading import ControlLoading
@@ -277,12 +279,15 @@ class CableFit:
         Coefficients of the stretch.
     slopes : array (NAMES, rows)
         Changes of the estimates by those of the stretch.
+    iterations : dict of str to Convergence
+        End of the passes over weights and stretch.
     """
 
     loading: ControlLoading
     estimates: xr.Dataset
     p: np.ndarray
     slopes: np.ndarray
+    iterations: Mapping[str, Convergence]
 
     def residual(self, stretches: Sequence[PreparedRecord], known: np.ndarray) -> np.ndarray:
         """Return the residual of the stretch in records, samples before windows, with hinge moments
@@ -323,6 +328,7 @@ def cable_fit(
     known = np.array([slid.value(loading.term(term))[0] for term in loading.model.terms])
     p = np.zeros(len(_COLUMNS))
     for _ in range(_PASSES):
+        before = p
         moves = np.array([True, True, True, True, bool(p.any()), True])
         names = [name for name, use in zip(_COLUMNS, moves) if use]
         slow, quick = (
@@ -333,6 +339,11 @@ def cable_fit(
         )
         p = np.zeros(len(_COLUMNS))
         p[moves] = fit.theta
+    stderr = np.sqrt(np.diag(fit.covariance))
+    iterations = {
+        "weights of the stretch": fit.convergence,
+        "stretch of the cable": estimates_convergence((p - before)[moves], stderr, _PASSES),
+    }
     if not p[0] > 0.0:
         raise IdentificationError(
             f"{loading.item}: the cable does not stretch under load; use order 2, or check "
@@ -357,6 +368,7 @@ def cable_fit(
         found.assign_attrs(rms=float(np.sqrt(np.mean(fit.residual[: fit.samples] ** 2)))),
         p,
         slopes,
+        iterations,
     )
 
 

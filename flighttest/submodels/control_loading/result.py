@@ -6,7 +6,7 @@ It provides constants for the aircraft file, hinge moments for the database, and
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,8 @@ from flightmech.errors import SchemaError, UnknownName
 from flightmech.units import G0
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.model import term_powers
+from flighttest.remarks import Convergence, Remark, remark_lines, warn_forbidden
+from flighttest.submodels.control_loading.joint_fit import convergence_remarks
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.regression import SlidingFit
 from flighttest.submodels.control_loading.simulation import SimulatedWindow, fly_windows
@@ -85,12 +87,20 @@ class IdentifiedLoading:
     estimates : Dataset (term, term_, error)
         ``estimate``, ``stderr``, ``covariance`` of all constants and terms; friction, damping and
         mass are those of the cockpit end if there is a cable.
+    iterations : dict of str to Convergence
+        End of each iteration, by its name.
     """
 
     loading: ControlLoading
     slid: SlidingFit
     cable: xr.Dataset | None
     estimates: xr.Dataset
+    iterations: Mapping[str, Convergence] = field(default_factory=dict)
+
+    @property
+    def remarks(self) -> list[Remark]:
+        """Remarks on iterations that did not converge."""
+        return convergence_remarks(self.iterations)
 
     @property
     def order(self) -> int:
@@ -258,7 +268,13 @@ class IdentifiedLoading:
         ------
         SchemaError
             The aircraft has no circuit of this control, whose stops are needed.
+
+        Warns
+        -----
+        AeromatchWarning
+            An estimate changes by more than its standard error in the last pass.
         """
+        warn_forbidden(self.remarks, f"circuit of the {self.loading.item}")
         item, loading = self.loading.item, self.loading
         if item not in known.circuits:
             raise SchemaError(
@@ -336,7 +352,7 @@ class IdentifiedLoading:
             f"separate the two"
             for a, b in self.collinear
         ]
-        return "\n".join([*lines, *pairs])
+        return "\n".join([*lines, *pairs, *remark_lines(self.remarks)])
 
 
 def hinge_terms(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
@@ -346,7 +362,13 @@ def hinge_terms(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
     ------
     SchemaError
         A term with a ramp or more than two factors: a leaf multiplies at most two variables.
+
+    Warns
+    -----
+    AeromatchWarning
+        An estimate changes by more than its standard error in the last pass.
     """
+    warn_forbidden(identified.remarks, f"hinge moments of the {identified.loading.item}")
     coefficient = identified.loading.model.coefficient
     leaves = {}
     for term in identified.loading.model.terms:
