@@ -24,8 +24,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -36,7 +37,7 @@ from scipy.signal import lfilter
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 from flighttest.regression.uncertainty.significance import degrees_of_freedom
-from flighttest.remarks import Remark, is_forbidden, remark_lines
+from flighttest.remarks import Convergence, Remark, is_forbidden, remark_lines
 from flighttest.submodels.aircraft_properties.moved_windows import (
     SHIFT,
     MovedWindow,
@@ -58,6 +59,11 @@ MOVES = 1e-4  # range below which an input or a channel does not move [SI: 0.006
 _COARSE = 300  # samples kept for the search of a start
 _RATIOS = (-0.1, 0.0, 0.1, 0.3, 0.7)  # sigma / omega of the search
 _ROUNDS = 2  # of weighing the channels by their residuals
+_EVALUATIONS = 100  # largest number of evaluations of a search, for each unknown of the root
+# Change of the root by a further round at which the weights have converged, and above which no
+# figure may be used. [standard errors]
+_SAME, _WRONG = 0.5, 1.0
+_RELATIVE = 1e-6  # smallest tolerance of the root, over its magnitude
 
 
 @dataclass(frozen=True)
@@ -86,6 +92,9 @@ class Motion:
     moved : tuple of MovedWindow
         The fit of an oscillation in shorter windows; an error among the remarks where they do not
         agree with it.
+    convergence : Convergence
+        End of the search and of its rounds of weights. Its change is that of the root by a further
+        round over half its standard error; infinite if the search itself reached its limit.
     """
 
     kind: str
@@ -103,6 +112,7 @@ class Motion:
     F_dof: float
     F_probability: float
     moved: tuple[MovedWindow, ...] = ()
+    convergence: Convergence = field(kw_only=True)
 
     @property
     def remarks(self) -> list[Remark]:
@@ -148,9 +158,10 @@ class Motion:
             f"amplitudes: F({self.F_terms}, {self.F_dof:.0f}) {self.F:.4g}, probability "
             f"{self.F_probability:.2g}"
         )
+        state = "converged" if self.convergence.converged else "NOT converged"
         return "\n".join(
             [
-                head,
+                f"{head}, {state}",
                 test,
                 f"  {'':14s}{'estimate':>12s}{'std. error':>12s}",
                 *rows,
@@ -224,7 +235,7 @@ def _fitted_motion(
     """Fit one mode to the window as it is."""
     y, u, time = _samples(data, channels, kind, inputs)
     model = _ModeResponse(time - time[0], y, u, kind, trend)
-    x = model.best()
+    x, search = model.best()
     sigma, omega = float(x[0]), abs(float(x[1])) if kind == "oscillation" else 0.0
     fitted = model.fitted(x)
     line = np.polynomial.polynomial.polyfit(model.t, y, 1)
@@ -261,7 +272,19 @@ def _fitted_motion(
         measured,
         shown,
         *test,
+        convergence=_root_convergence(search, covariance),
     )
+
+
+def _root_convergence(search: _RootSearch, covariance: np.ndarray) -> Convergence:
+    """Return the end of a search of the root, from its last change and the covariance."""
+    stderr = np.sqrt(np.diag(covariance)[: len(search.change)])
+    # Without noise the standard errors are those of rounding, below the tolerance of the search.
+    tolerance = np.maximum(_SAME * stderr, _RELATIVE * search.size)
+    ratio = float(np.max(search.change / tolerance))
+    if not search.complete:
+        ratio = math.inf
+    return Convergence(ratio <= 1.0, search.evaluations, ratio)
 
 
 def _remarks(motion: Motion) -> list[Remark]:
@@ -287,6 +310,14 @@ def _remarks(motion: Motion) -> list[Remark]:
         )
         found.append(Remark("growth", words, channels, ratio, GROWING, "error"))
     found += _window_remarks(motion)
+    advice = (
+        "the root is not that of the least residual; give a window in which the motion is excited "
+        "and alone"
+    )
+    is_wrong = not _SAME * motion.convergence.change <= _WRONG
+    found += motion.convergence.remarks(
+        f"root of {channels}", advice, channels, severity="error" if is_wrong else "warning"
+    )
     errors = np.sqrt(np.maximum(np.diag(motion.covariance), 0.0))
     if motion.kind == "oscillation" and errors[1] > KNOWN * motion.omega:
         words = f"not significant: frequency {motion.omega:.3g} +- {errors[1]:.2g} rad/s"
@@ -376,6 +407,19 @@ def _samples(
     return y, u, time
 
 
+class _RootSearch(NamedTuple):
+    """End of the search of a root.
+
+    `complete` states whether all rounds ended within their tolerance, `change` is that of the root
+    by a further round, and `size` the magnitude of the root.
+    """
+
+    complete: bool
+    evaluations: int
+    change: np.ndarray
+    size: float
+
+
 class _ModeResponse:
     """The response of one mode at given sigma and omega, all else eliminated."""
 
@@ -404,23 +448,36 @@ class _ModeResponse:
         size = np.maximum(np.abs(X).max(axis=0), 1e-300)
         return (X / size) @ np.linalg.lstsq(X / size, self.y, rcond=1e-12)[0]
 
-    def best(self) -> np.ndarray:
-        """Return the root, by search and least squares, the channels weighed by their residuals."""
+    def best(self) -> tuple[np.ndarray, _RootSearch]:
+        """Return the root and the end of its search.
 
+        The search is by grid and least squares, the channels weighed by their residuals.
+        """
         x = self._search()
         scale = np.full(len(x), max(abs(x[-1]), abs(x[0])))
-        for _ in range(_ROUNDS):
-            x = least_squares(
+        evaluations, complete, change = 0, True, np.zeros(len(x))
+
+        def minimise(start: np.ndarray):
+            return least_squares(
                 lambda z: ((self.y - self.fitted(z)) / self.weight).ravel(),
-                x,
+                start,
                 x_scale=scale,
                 xtol=1e-10,
                 ftol=1e-12,
-            ).x
+                max_nfev=_EVALUATIONS * len(start),
+            )
+
+        for _ in range(_ROUNDS):
+            search = minimise(x)
+            x, complete = search.x, complete and bool(search.success)
+            evaluations += int(search.nfev)
             self.weight = np.maximum(
                 np.sqrt(np.mean((self.y - self.fitted(x)) ** 2, axis=0)), 1e-9 * self.y.std(axis=0)
             )
-        return x
+        # A further round shows how far the root still moves. A single weight has no effect on it.
+        if self.y.shape[1] > 1:
+            change = np.abs(minimise(x).x - x)
+        return x, _RootSearch(complete, evaluations, change, float(np.linalg.norm(x)))
 
     def _search(self) -> np.ndarray:
         """Return the best point of a grid, from half a cycle in the window to eight samples a
