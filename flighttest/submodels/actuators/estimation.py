@@ -51,6 +51,8 @@ from flighttest.submodels.actuators.response import (
 
 # Search of the dead time: longest value [s] and number of grid points.
 _LONGEST_DELAY, _DELAYS = 0.5, 51
+# Largest number of evaluations of the search of the dead time between two points of the grid.
+_EVALUATIONS = 500
 # The motion has content where its power exceeds the noise floor by this factor.
 _FLOOR = 30.0
 # Width of the moving average over the spectrum. [lines]
@@ -140,6 +142,11 @@ def equation_error(
     ------
     IdentificationError
         Fewer equations than unknowns, or coefficients that the logs cannot distinguish.
+
+    Warns
+    -----
+    AeromatchWarning
+        The search of the dead time ends at its upper bound, or does not converge.
     """
     rows = _SpectralEquations(logs, structure, band)
     if not structure.delay:
@@ -150,8 +157,17 @@ def equation_error(
     best = int(np.argmin(cost))
     neighbours = float(grid[max(best - 1, 0)]), float(grid[min(best + 1, _DELAYS - 1)])
     search = minimize_scalar(
-        rows.cost, bounds=neighbours, method="bounded", options={"xatol": 1e-6}
+        rows.cost,
+        bounds=neighbours,
+        method="bounded",
+        options={"xatol": 1e-6, "maxiter": _EVALUATIONS},
     )
+    if not search.success:
+        text = (
+            f"dead time of the equation error: not converged after {search.nfev} evaluations "
+            f"between {neighbours[0]:.3g} and {neighbours[1]:.3g} s; the output error starts there"
+        )
+        warnings.warn(text, AeromatchWarning, stacklevel=3)
     delay = float(search.x)
     if not rows.cost(delay) <= cost[best]:
         delay = float(grid[best])

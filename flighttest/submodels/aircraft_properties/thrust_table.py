@@ -33,6 +33,8 @@ _SMOOTH = 0.03
 _TAU = (0.2, 8.0)
 # Distance of the logarithm of a time constant from an end of the search that counts as the end.
 _END = 0.02
+# Largest number of evaluations of the search of the time constant.
+_EVALUATIONS = 500
 # The throttle is settled if it moved by less than this range during this time. [s, 1]
 _STILL = (6.0, 0.03)
 
@@ -52,6 +54,8 @@ class ThrustFit:
         [N]
     span : float
         Largest minus smallest recorded thrust. [N]
+    converged : bool
+        Whether the search of the time constant converged.
     """
 
     leaf: xr.Dataset
@@ -59,6 +63,7 @@ class ThrustFit:
     rms_settled: float
     rms: float
     span: float
+    converged: bool
 
 
 def fit_thrust(
@@ -83,7 +88,8 @@ def fit_thrust(
     Raises
     ------
     IdentificationError
-        The throttle does not move, so table and lag are not determined.
+        The throttle does not move, so table and lag are not determined; or the non-negative least
+        squares of the table do not converge.
     UnknownName
         A required channel is missing.
 
@@ -91,7 +97,7 @@ def fit_thrust(
     -----
     AeromatchWarning
         The time constant lies at an end of the search: it is at most 0.2 s, or at least 8 s, and
-        not measured.
+        not measured. Or its search did not converge.
 
     Notes
     -----
@@ -115,7 +121,19 @@ def fit_thrust(
             lagged.append(_lag(matrix @ nodes, step, float(np.exp(log_tau))))
         return float(np.sqrt(np.mean((target - np.concatenate(lagged)) ** 2)))
 
-    best = minimize_scalar(rms, bounds=(np.log(_TAU[0]), np.log(_TAU[1])), method="bounded")
+    best = minimize_scalar(
+        rms,
+        bounds=(np.log(_TAU[0]), np.log(_TAU[1])),
+        method="bounded",
+        options={"maxiter": _EVALUATIONS},
+    )
+    if not best.success:
+        text = (
+            f"time constant of the thrust: not converged after {best.nfev} evaluations, "
+            f"{float(np.exp(best.x)):.3g} s; check the records for a thrust that does not follow "
+            f"the throttle"
+        )
+        warnings.warn(text, AeromatchWarning, stacklevel=2)
     for end, bound in zip(_TAU, ("at most", "at least")):
         if abs(best.x - np.log(end)) < _END:
             text = (
@@ -129,6 +147,7 @@ def fit_thrust(
         rms_settled=float(np.sqrt(np.mean((target - design @ nodes)[settled] ** 2))),
         rms=float(best.fun),
         span=float(np.ptp(target)),
+        converged=bool(best.success),
     )
 
 
@@ -137,7 +156,16 @@ def _table_nodes(design: np.ndarray, target: np.ndarray, shape: tuple[int, ...])
     # The penalty has the weight of a part of the average number of samples per node.
     weight = _SMOOTH * np.sqrt(len(target) / design.shape[1])
     penalty = weight * _second_differences(shape)
-    nodes, _ = nnls(np.vstack([design, penalty]), np.append(target, np.zeros(len(penalty))))
+    equations = np.vstack([design, penalty])
+    try:
+        nodes, _ = nnls(equations, np.append(target, np.zeros(len(penalty))))
+    except RuntimeError as error:
+        # SciPy raises it at the limit of iterations, three times the number of nodes.
+        raise IdentificationError(
+            f"non-negative least squares of the thrust table do not converge for "
+            f"{design.shape[1]} nodes and {len(target)} samples; give fewer breakpoints, or "
+            f"records without negative thrust"
+        ) from error
     return nodes
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from flightmech.terms import SOURCES, list_model_variables
 from flighttest.regression.equation_error.model import RegressionModel, term_regressors
 from flighttest.regression.equation_error.samples import RegressionSamples, stack_samples
 from flighttest.regression.separable.fit import SeparableFit, regress_separable
+from flighttest.regression.uncertainty.collinearity import RANK
 from flighttest.submodels.ground_effect.result import (
     CoefficientOverGround,
     GroundEffect,
@@ -36,6 +37,8 @@ from flighttest.submodels.ground_effect.structure import (
     with_heights,
 )
 
+# Share of a term in a vanishing combination above which it takes part in it.
+_SHARE = 1e-6
 AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake", "delta_f")
 
 
@@ -163,7 +166,7 @@ class _Coefficient:
             deleted,
             fit,
             common,
-            self.references(),
+            self.references({*left, *(table.terms if table is not None else ())}),
             table,
             form_by_evidence(evidence),
             heights,
@@ -268,20 +271,43 @@ class _Coefficient:
                 found, least = trial, own
         return found
 
-    def references(self) -> dict[str, float]:
-        """Free-air coefficients of held terms: least squares of the database along the records."""
+    def references(self, ground: Collection[str]) -> dict[str, float]:
+        """Return the free-air coefficients of held terms, from the database along the records.
+
+        Raises
+        ------
+        IdentificationError
+            The records do not determine the coefficient of a term of `ground`.
+        """
         if not self.hold or self.database is None:
             return {}
         name = self.model.coefficient
-        records = [
-            one.assign({name: ("time", part)})
-            for one, part in zip(self.records, self.database.free)
-        ]
+        records = []
+        for record, part in zip(self.records, self.database.free):
+            records.append(record.assign({name: ("time", part)}))
         samples = stack_samples(name, self.model.variables, records, self.model)
-        theta = np.linalg.lstsq(
-            self.model.design(samples.data), samples.data[name].values, rcond=None
-        )[0]
+        X = self.model.design(samples.data)
+        ambiguous = sorted(_undetermined_terms(X, self.model.terms) & set(ground))
+        if ambiguous:
+            raise IdentificationError(
+                f"{name}: the records do not determine the free-air coefficient of "
+                f"{', '.join(ambiguous)}, to which the ground effect is a ratio; add a record that "
+                f"moves the free-air terms apart, or leave one out"
+            )
+        theta = np.linalg.lstsq(X, samples.data[name].values, rcond=None)[0]
         return dict(zip(self.model.terms, map(float, theta)))
+
+
+def _undetermined_terms(X: np.ndarray, terms: Sequence[str]) -> set[str]:
+    """Return the terms of combinations that vanish along the records X (samples, terms)."""
+    length = np.linalg.norm(X, axis=0)
+    moving = np.flatnonzero(length > 0.0)
+    _, s, Vt = np.linalg.svd(X[:, moving] / length[moving], full_matrices=len(X) < len(moving))
+    sizes = np.pad(s, (0, len(Vt) - len(s)))
+    vanishing = Vt[sizes < RANK * s[0]]
+    # Least squares divides the coefficients of such a combination at will.
+    takes_part = (np.abs(vanishing) > _SHARE).any(axis=0)
+    return {terms[k] for k in moving[takes_part]}
 
 
 def _rest(X: np.ndarray, z: np.ndarray) -> np.ndarray:

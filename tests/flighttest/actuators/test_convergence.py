@@ -71,3 +71,9 @@ def test_an_output_error_that_stops_at_its_limit_forbids_the_entry_of_a_name_map
     assert (
         sum("on this log alone is not converged after 1 iterations" in text for text in texts) == 2
     )
+
+
+def test_a_search_of_the_dead_time_that_stops_at_its_limit_warns(monkeypatch):
+    monkeypatch.setattr(estimation, "_EVALUATIONS", 2)
+    with pytest.warns(AeromatchWarning, match="dead time of the equation error: not converged"):
+        identify()
