@@ -59,6 +59,8 @@ _FLOOR = 30.0
 _SMOOTH = 5
 # Rounds of the instruments, and largest change of an estimate in standard errors at the end.
 _ROUNDS, _SETTLED = 20, 0.02
+# Smallest tolerance of an estimate, over its value.
+_RELATIVE = 1e-9
 # A simulated rate beyond this multiple of the recorded range is not used as an instrument.
 _WILD = 10.0
 
@@ -385,8 +387,10 @@ def _largest_change(before: Estimates, after: Estimates) -> float:
     ratios = []
     for name, stderr in after.stderr.items():
         difference = abs(after.values[name] - before.values[name])
-        # An estimate without a standard error that does not change has converged.
-        ratios.append(difference / (_SETTLED * stderr) if difference > 0.0 else difference)
+        # Without noise the standard errors are those of rounding.
+        tolerance = np.maximum(_SETTLED * stderr, _RELATIVE * abs(after.values[name]))
+        # An estimate that does not change has converged, also with a tolerance of zero.
+        ratios.append(difference / tolerance if difference > 0.0 else difference)
     return float(np.max(ratios))
 
 

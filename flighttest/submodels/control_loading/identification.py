@@ -213,7 +213,9 @@ def _passes_convergence(passes: Sequence[xr.Dataset]) -> Convergence:
     change = np.full(last.sizes["term"], np.inf)
     if len(passes) > 1:
         change = last["estimate"].values - passes[-2]["estimate"].values
-    return estimates_convergence(change, last["stderr"].values, len(passes))
+    return estimates_convergence(
+        change, last["estimate"].values, stderr=last["stderr"].values, iterations=len(passes)
+    )
 
 
 def _drawn_mass(

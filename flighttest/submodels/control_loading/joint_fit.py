@@ -27,6 +27,8 @@ _SAFE = 0.5
 # Last change of an estimate at which an iteration has converged, and above which its result must
 # not be used. Each pass moves the estimates much less than the pass before. [standard errors]
 _SAME, _WRONG = 0.5, 1.0
+# Smallest tolerance over the estimate: without noise, the standard errors are those of rounding.
+_RELATIVE = 1e-9
 # Largest share of noise in the part of a regressor that is independent of the others.
 _NOISY = 0.9
 
@@ -107,7 +109,9 @@ class JointFit:
     def convergence(self) -> Convergence:
         """End of the passes over the weights."""
         stderr = np.sqrt(np.diag(self.covariance))
-        return estimates_convergence(self.last_change, stderr, _PASSES)
+        return estimates_convergence(
+            self.last_change, self.theta, stderr=stderr, iterations=_PASSES
+        )
 
     @cached_property
     def covariance(self) -> np.ndarray:
@@ -128,19 +132,22 @@ class JointFit:
         return coloured + of_windows * self.variances[self.samples :] @ of_windows.T
 
 
-def estimates_convergence(change: np.ndarray, stderr: np.ndarray, iterations: int) -> Convergence:
+def estimates_convergence(
+    change: np.ndarray, estimate: np.ndarray, stderr: np.ndarray, iterations: int
+) -> Convergence:
     """Return the end of an iteration over estimates.
 
     Parameters
     ----------
-    change, stderr : array (terms,)
-        Last change of the estimates, and their standard errors.
+    change, estimate, stderr : array (terms,)
+        Last change of the estimates, the estimates, and their standard errors.
     iterations : int
         Number of iterations.
     """
     # An estimate that does not change has converged, also without a standard error.
     moves = np.abs(change) > 0.0
-    ratio = float(np.max(np.abs(change[moves]) / (_SAME * stderr[moves]), initial=0.0))
+    tolerance = np.maximum(_SAME * stderr, _RELATIVE * np.abs(estimate))
+    ratio = float(np.max(np.abs(change[moves]) / tolerance[moves], initial=0.0))
     return Convergence(ratio <= 1.0, iterations, ratio)
 
 

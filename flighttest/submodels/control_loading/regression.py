@@ -342,7 +342,9 @@ def cable_fit(
     stderr = np.sqrt(np.diag(fit.covariance))
     iterations = {
         "weights of the stretch": fit.convergence,
-        "stretch of the cable": estimates_convergence((p - before)[moves], stderr, _PASSES),
+        "stretch of the cable": estimates_convergence(
+            (p - before)[moves], fit.theta, stderr=stderr, iterations=_PASSES
+        ),
     }
     if not p[0] > 0.0:
         raise IdentificationError(
