@@ -56,7 +56,7 @@ class Remark:
 
 @dataclass(frozen=True)
 class Convergence:
-    """End of an iteration, for results that must tell whether it converged.
+    """End of an iteration, for results that state whether it converged.
 
     Attributes
     ----------

@@ -265,7 +265,7 @@ def fit_batch(equations: BatchEquations) -> BatchSolution:
     -----
     J = 1/2 sum over channels [r'r/R + N ln R]: for given noise R the unknowns by Levenberg-Marquardt, then R = r'r/N,
     until R changes by less than 5 %.  If it still does after the last round, the `convergence` of the
-    solution says so: the unknowns are those of the noise of the round before.
+    solution states it: the unknowns are those of the noise of the round before.
     """
     count = 0
     for number in range(1, ROUNDS + 1):

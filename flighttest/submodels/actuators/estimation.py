@@ -282,7 +282,7 @@ class _SpectralEquations:
         """Return the estimates with simulated motion as instruments.
 
         Without convergence, or if a simulated motion diverges, return the first estimates. Their
-        `convergence` says so.
+        `convergence` states it.
         """
         estimates, change = first, np.inf
         for count in range(1, _ROUNDS + 1):

@@ -154,7 +154,7 @@ class LoadFit:
         Constants that the records do not determine, and the reason.
     loads : tuple of Dataset
         Result of `wheel_loads` of each record.
-    unsure : tuple of str
+    uncertain : tuple of str
         Constants that a fit removed before it converged.
     """
 
@@ -162,15 +162,15 @@ class LoadFit:
     held: Mapping[str, float]
     undetermined: Mapping[str, str]
     loads: tuple[xr.Dataset, ...]
-    unsure: tuple[str, ...] = ()
+    uncertain: tuple[str, ...] = ()
 
     @property
     def remarks(self) -> list[Remark]:
         """Remarks on fits that did not converge."""
         remarks = convergence_remarks(self.fit, "wheel loads")
-        if self.unsure:
+        if self.uncertain:
             text = (
-                f"wheel loads: {', '.join(self.unsure)} left out by a fit that is not converged; "
+                f"wheel loads: {', '.join(self.uncertain)} left out by a fit that is not converged; "
                 f"give more records, or constants of the aircraft nearer to the truth"
             )
             remarks.append(Remark("convergence", text))
@@ -252,7 +252,7 @@ def regress_gear(
     undetermined = _unresponsive(runs, candidates, fixed)
     unknowns = {name: item for name, item in candidates.items() if name not in undetermined}
     inputs = _input_errors(records, database, errors=errors, winds=calm)
-    unsure: list[str] = []
+    uncertain: list[str] = []
     while True:
         fit = _fit(runs, unknowns, inputs=inputs, fixed=fixed)
         name, reason = _weakest(fit, unknowns)
@@ -267,7 +267,7 @@ def regress_gear(
         if not name:
             break
         if not fit.estimates.attrs["converged"]:
-            unsure.append(name)
+            uncertain.append(name)
         if name.rpartition(".")[2] in _STRUCTURE:
             fixed[name] = 0.0
         else:
@@ -286,7 +286,7 @@ def regress_gear(
         held={name: value for name, value in fixed.items() if name not in unknowns},
         undetermined=undetermined,
         loads=loads,
-        unsure=tuple(unsure),
+        uncertain=tuple(uncertain),
     )
 
 

@@ -387,7 +387,7 @@ def test_a_regression_that_stops_at_its_limit_is_an_error(database, monkeypatch)
     assert is_forbidden(stopped.remarks)
     assert "!! wheel loads: not converged after 1 iterations" in stopped.report()
     # A constant that such a fit leaves out may be determined after all.
-    assert "gear.left,right.brake_friction" in stopped.loads.unsure
+    assert "gear.left,right.brake_friction" in stopped.loads.uncertain
     assert "left out by a fit that is not converged" in stopped.report()
     with pytest.warns(AeromatchWarning, match="landing gear: wheel loads: not converged"):
         stopped.aircraft(craft)
