@@ -9,7 +9,7 @@ from scipy.signal import lfilter, lsim
 
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.remarks import is_forbidden
-from flighttest.submodels.aircraft_properties import eigenmotion
+from flighttest.submodels.aircraft_properties import mode_response
 from flighttest.submodels.aircraft_properties.eigenmotion import fit_motion
 
 SIGMA, OMEGA = 0.2, 2.0
@@ -243,7 +243,7 @@ def test_a_search_that_stops_at_its_limit_is_an_error(monkeypatch):
     # A third round of weights moves the root by at most 0.1 standard errors (20 seeds).
     assert complete.convergence.change < 0.25
     assert "explained, converged" in complete.report()
-    monkeypatch.setattr(eigenmotion, "_EVALUATIONS", 1)
+    monkeypatch.setattr(mode_response, "_EVALUATIONS", 1)
     stopped = fit_motion(free(0.05), ["r", "p"])
     assert not stopped.convergence.converged
     assert is_forbidden(stopped.remarks)
@@ -257,7 +257,7 @@ def test_weights_that_still_move_the_root_are_remarked(monkeypatch):
     """Both channels have the same noise, but not the same motion, from which the first weights
     come: a second round moves the root by 0.7 to 1.5 standard errors (five seeds).
     """
-    monkeypatch.setattr(eigenmotion, "_ROUNDS", 1)
+    monkeypatch.setattr(mode_response, "_ROUNDS", 1)
     stopped = fit_motion(free(0.05, 1), ["r", "p"])
     (remark,) = [remark for remark in stopped.remarks if remark.kind == "convergence"]
     assert remark.severity == "warning"
