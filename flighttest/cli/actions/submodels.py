@@ -34,8 +34,8 @@ from flighttest.submodels.engine.records import engine_channels, read_points
 from flighttest.submodels.engine.result import comparison_text, identify_engine
 from flighttest.submodels.engine.static_thrust import Polar
 from flighttest.submodels.engine.tables import EngineStructure, read_structure
+from flighttest.submodels.ground_effect.database_terms import replace_ground_effect
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
-from flighttest.submodels.ground_effect.result import replace_ground_effect
 from flighttest.submodels.landing_gear.identification import identify_landing_gear
 from flighttest.submodels.landing_gear.reconstructed_loads import GroundRecord
 

@@ -19,8 +19,8 @@ from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import make_term
 from flighttest.cli.submodels import ground_effect_command
 from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.submodels.ground_effect.database_terms import replace_ground_effect
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
-from flighttest.submodels.ground_effect.result import replace_ground_effect
 from flighttest.submodels.ground_effect.structure import height_breakpoints, rank_forms, select_form
 
 SHARED = Path(__file__).parents[3] / ".." / "shared" / "data" / "identification"
