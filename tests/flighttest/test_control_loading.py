@@ -20,7 +20,7 @@ from flightmech.aircraft.controls import Circuit
 from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
 from flighttest.cli.submodels import controls_command
 from flighttest.remarks import is_forbidden
-from flighttest.submodels.control_loading import identification, joint_fit, regression
+from flighttest.submodels.control_loading import cable, identification, joint_fit
 from flighttest.submodels.control_loading.identification import identify_control_loading
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.motion import smooth_derivatives
@@ -478,7 +478,7 @@ def test_records_without_what_is_needed_are_refused(loading, records):
     ("module", "name"),
     [
         (joint_fit, "weights of the force"),
-        (regression, "stretch of the cable"),
+        (cable, "stretch of the cable"),
         (identification, "shares of the surface"),
     ],
 )

@@ -16,16 +16,11 @@ from flightmech.aircraft.controls import Circuit
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error import least_squares
 from flighttest.remarks import Convergence
+from flighttest.submodels.control_loading.cable import NAMES, CableFit, cable_fit
 from flighttest.submodels.control_loading.joint_fit import JointFit, estimates_convergence
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.motion import CUTOFF, loading_channels
-from flighttest.submodels.control_loading.regression import (
-    NAMES,
-    CableFit,
-    SlidingFit,
-    cable_fit,
-    sliding_fit,
-)
+from flighttest.submodels.control_loading.regression import SlidingFit, sliding_fit
 from flighttest.submodels.control_loading.result import DRAWINGS_ERROR, SHARED, IdentifiedLoading
 from flighttest.submodels.control_loading.windows import (
     PreparedRecord,
