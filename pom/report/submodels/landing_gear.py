@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from flighttest.submodels.landing_gear.identification import IdentifiedGear
+from flighttest.submodels.landing_gear.result import IdentifiedGear
 from pom.report.presentation.quantities import format_number
 from pom.report.submodels.section import (
     EQUATION_ERROR,

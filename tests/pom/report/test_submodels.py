@@ -25,7 +25,7 @@ from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.simulation import SimulatedWindow
 from flighttest.submodels.engine.result import identify_engine
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
-from flighttest.submodels.landing_gear.identification import GearConstant
+from flighttest.submodels.landing_gear.result import GearConstant
 from pom.diagnosis.term_swaps import by_submodel
 from pom.report.pdf import content, style
 from pom.report.submodels.engine import _draw_responses, _draw_tables
