@@ -7,7 +7,7 @@ name map for a record.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,9 +17,13 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flighttest.maximum_likelihood.result import OutputError
-from flighttest.regression.combining.pooling import DISAGREEMENT
 from flighttest.remarks import Remark, remark_lines, warn_forbidden
 from flighttest.submodels.actuators.estimation import Estimates
+from flighttest.submodels.actuators.remarks import (
+    contradiction_remarks,
+    limit_remarks,
+    unconverged_log_remarks,
+)
 from flighttest.submodels.actuators.response import Structure
 from flighttest.submodels.actuators.values import LogEstimates, ValueWithError, average_estimates
 
@@ -307,7 +311,7 @@ class IdentifiedActuator:
             },
             "methods": self.table().to_dict("index"),
             "logs": self.over_logs().to_dict("index"),
-            "derived": {name: vars(one) for name, one in self.derived().items()},
+            "derived": {name: vars(quantity) for name, quantity in self.derived().items()},
             "reached": dict(self.reached),
             "R2": {"frequency": self.spectral.R2, "time": self.fit},
             "iterations": int(self.response.estimates.attrs["iterations"]),
@@ -330,20 +334,20 @@ def _remarks(actuator: IdentifiedActuator) -> list[Remark]:
             "known inertia makes them so"
         )
         remarks.append(Remark("ratios", text, severity="note"))
-    remarks += _contradictions(
+    remarks += contradiction_remarks(
         actuator.table(),
         "frequency and time domain differ by {:.1f} combined standard errors; their average hides "
         "a contradiction. A limit, friction, or noise of the motion biases the equation error",
     )
-    remarks += _contradictions(
+    remarks += contradiction_remarks(
         actuator.over_logs(),
         "two logs differ by {:.1f} combined standard errors; load, supply voltage or amplitude "
         "changed",
     )
     if actuator.structure.stiffness:
-        remarks += _limit_remarks(actuator)
+        remarks += limit_remarks(actuator.logs, actuator.reached)
     remarks += [*actuator.spectral.remarks, *actuator.selection]
-    remarks += _unconverged_logs(actuator.alone)
+    remarks += unconverged_log_remarks(actuator.alone)
     # Ratios to Ma are always correlated. The correlation is in every derived quantity and needs no
     # action of the reader.
     for remark in actuator.response.remarks:
@@ -352,56 +356,9 @@ def _remarks(actuator: IdentifiedActuator) -> list[Remark]:
     return remarks
 
 
-def _contradictions(table: pd.DataFrame, text: str) -> list[Remark]:
-    """Return a remark on each parameter whose estimates contradict each other."""
-    remarks = []
-    for name, row in table.iterrows():
-        if row["contradictory"]:
-            disagreement = float(row["disagreement"])
-            words = f"{name}: {text.format(row['disagreement'])}"
-            remarks.append(Remark("scatter", words, str(name), disagreement, DISAGREEMENT))
-    return remarks
-
-
-def _unconverged_logs(logs: Sequence[LogEstimates]) -> list[Remark]:
-    """Return a remark on each log whose search alone did not converge."""
-    remarks = []
-    for log in logs:
-        if not log.converged:
-            text = (
-                f"{log.record or 'log'}: the output error on this log alone is not converged after "
-                f"{log.iterations} iterations; the averages over the logs leave it out"
-            )
-            remarks.append(Remark("convergence", text, log.record))
-    return remarks
-
-
 def _instruments(spectral: Estimates) -> dict[str, Any] | None:
     """Return the end of the iteration over the instruments for JSON."""
     return None if spectral.convergence is None else spectral.convergence.as_dict()
-
-
-def _limit_remarks(actuator: IdentifiedActuator) -> list[Remark]:
-    """Return a remark on each kind of limit that no log reached."""
-    remarks = []
-    if "rate_limit" not in actuator.reached:
-        fastest = max(_fastest(log) for log in actuator.logs)
-        text = f"no rate limit was reached; the logs reach {fastest:.3g} rad/s"
-        remarks.append(Remark("limit", text, "rate_limit", severity="note"))
-    if not {"stop_low", "stop_high"} & set(actuator.reached):
-        low = min(float(np.nanmin(log["position"].values)) for log in actuator.logs)
-        high = max(float(np.nanmax(log["position"].values)) for log in actuator.logs)
-        text = f"no stop was reached; the logs reach {low:.3g} to {high:.3g} rad"
-        remarks.append(Remark("limit", text, "stops", severity="note"))
-    return remarks
-
-
-def _fastest(log: xr.Dataset) -> float:
-    """Return the largest recorded rate, or the largest slope of the position over five samples."""
-    if "rate" in log:
-        return float(np.nanmax(np.abs(log["rate"].values)))
-    x, time = log["position"].values, log["time"].values
-    return float(np.nanmax(np.abs((x[4:] - x[:-4]) / (time[4:] - time[:-4]))))
 
 
 _CELLS = ("frequency", "frequency_stderr", "time", "time_stderr", "average", "average_stderr")
