@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -168,48 +169,92 @@ def steady_table(
     for axis in axes:
         if axis not in AXES:
             raise UnknownName(axis, AXES, "axis of an engine table")
-    grid = {
-        name: cover_settled_range(np.asarray(points, float), _speeds_at_rest(flights, name))
-        for name, points in axes.items()
-    }
-    blocks = [_samples(flight, target, grid) for flight in flights]
-    blocks = [block for block in blocks if len(block[1])]
+    grid = {}
+    for name, points in axes.items():
+        speeds = _speeds_at_rest(flights, name)
+        grid[name] = cover_settled_range(np.asarray(points, float), speeds)
+    blocks = []
+    for flight in flights:
+        block = _samples(flight, target, grid)
+        if len(block.values):
+            blocks.append(block)
     if not blocks:
         raise IdentificationError(
             f"{target}: no sample inside {_range(grid)}; look at the units, or extend the axes"
         )
-    z = np.concatenate([value for _, value, _ in blocks])
+    z = np.concatenate([block.values for block in blocks])
     first, sigma, source = _prior(prior, grid, z)
     # Estimate the difference d from the a-priori nodes.
-    differences = [(B, value - B @ first, step) for B, value, step in blocks]
+    differences = []
+    for block in blocks:
+        differences.append(block._replace(values=block.values - block.weights @ first))
+    # An a-priori standard error that is not given has an unknown size.
     has_stderr = prior is not None and "stderr" in prior
-    spreads = (1.0,) if has_stderr else SPREADS
-    d, C, lengths, spread, convergence = _smooth(
-        differences, sigma, grid=list(grid.values()), spreads=spreads
+    fit = _smooth(
+        differences,
+        sigma,
+        grid=list(grid.values()),
+        spreads=(1.0,) if has_stderr else SPREADS,
     )
-    value = first + d
-    residual = np.concatenate([y - B @ d for B, y, _ in differences])
-    stderr = np.sqrt(np.diag(C) + (scale * value) ** 2)
+    residuals = [block.values - block.weights @ fit.nodes for block in differences]
+    residual = np.concatenate(residuals)
+    value, variance = first + fit.nodes, np.diag(fit.covariance)
+    leaf = _make_leaf(value, np.sqrt(variance + (scale * value) ** 2), target=target, grid=grid)
+    # The source of a node is flight only if the samples reduce its a-priori standard error.
+    seen = np.sqrt(variance) < LEFT * fit.spread * sigma
+    sources = np.where(seen, leaf["source"].values.ravel(), source).astype(np.uint8)
+    shape = leaf["value"].shape
+    leaf["source"] = leaf["source"].dims, sources.reshape(shape), leaf["source"].attrs
+    return SteadyTable(
+        leaf,
+        rms=float(np.sqrt(np.mean(residual**2))),
+        lengths=dict(zip(grid, fit.lengths)),
+        spread=fit.spread,
+        samples=len(z),
+        convergence=fit.convergence,
+    )
+
+
+def _make_leaf(
+    value: np.ndarray, stderr: np.ndarray, target: str, grid: Mapping[str, np.ndarray]
+) -> xr.Dataset:
+    """Return the leaf of a table from its nodes (node,) and their standard errors."""
     shape = [len(points) for points in grid.values()]
-    leaf = make_term(
+    return make_term(
         value.reshape(shape),
         grid,
         stderr=stderr.reshape(shape),
         source="flight",
         comment=f"{target} from flight",
     )
-    # The source of a node is flight only if the samples reduce its a-priori standard error.
-    seen = np.sqrt(np.diag(C)) < LEFT * spread * sigma
-    sources = np.where(seen, leaf["source"].values.ravel(), source).astype(np.uint8)
-    leaf["source"] = leaf["source"].dims, sources.reshape(shape), leaf["source"].attrs
-    return SteadyTable(
-        leaf,
-        rms=float(np.sqrt(np.mean(residual**2))),
-        lengths=dict(zip(grid, lengths)),
-        spread=spread,
-        samples=len(z),
-        convergence=convergence,
-    )
+
+
+class _Samples(NamedTuple):
+    """Samples of a flight.
+
+    Attributes
+    ----------
+    weights : array (sample, node)
+        Weights of the nodes of the table.
+    values : array (sample,)
+        Samples of the table.
+    step : float
+        Sampling interval, 0 for points. [s]
+    """
+
+    weights: np.ndarray
+    values: np.ndarray
+    step: float
+
+
+class _SmoothNodes(NamedTuple):
+    """Nodes (node,) with covariance, lengths along the axes, factor on sigma, and convergence."""
+
+    nodes: np.ndarray
+    covariance: np.ndarray
+    lengths: list[float]
+    spread: float
+    convergence: Convergence
 
 
 def _speeds_at_rest(flights: Sequence[xr.Dataset], axis: str) -> np.ndarray:
@@ -232,14 +277,8 @@ def _range(grid: Mapping[str, np.ndarray]) -> str:
     return ", ".join(f"{name} {points[0]:.4g} to {points[-1]:.4g}" for name, points in grid.items())
 
 
-def _samples(
-    flight: xr.Dataset, target: str, grid: Mapping[str, np.ndarray]
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return the samples of a flight inside the axes.
-
-    These are the weights of the nodes (sample, node), the values (sample,) and the sampling
-    interval [s], 0 for points.
-    """
+def _samples(flight: xr.Dataset, target: str, grid: Mapping[str, np.ndarray]) -> _Samples:
+    """Return the samples of a flight inside the axes."""
     theta, delta = temperature_pressure_ratios(flight)
     channels = {str(name): flight[name].values for name in flight.data_vars}
     channels |= {"temperature_ratio": theta, "pressure_ratio": delta}
@@ -269,11 +308,11 @@ def _samples(
     if timed and target.endswith(("_command", "_driven")):
         used &= find_lever_rest(flight, SETTLED)
     if not used.any():
-        return np.empty((0, 0)), np.empty(0), 0.0
+        return _Samples(np.empty((0, 0)), np.empty(0), 0.0)
     leaf = make_term(np.zeros([len(points) for points in grid.values()]), grid)
     B = basis(leaf, {name: channels[name][used] for name in grid}, outside="clamp").toarray()
     step = float(np.median(np.diff(flight["time"].values))) if timed else 0.0
-    return B, value[used], step
+    return _Samples(B, value[used], step)
 
 
 def _prior(
@@ -313,28 +352,29 @@ def _block_means(x: np.ndarray, count: int) -> np.ndarray:
     return x[:used].reshape(-1, count, *x.shape[1:]).mean(axis=1)
 
 
-def _second_means(
-    blocks: Sequence[tuple[np.ndarray, np.ndarray, float]],
-) -> list[tuple[np.ndarray, np.ndarray, bool]]:
-    """Return the samples averaged over `BLOCK`, and whether they are a time history."""
-    rows = []
-    for B, y, step in blocks:
-        count = max(round(BLOCK / step), 1) if step else 1
-        if len(y) >= count:
-            rows.append((_block_means(B, count), _block_means(y, count), bool(step)))
-    return rows
+def _second_means(blocks: Sequence[_Samples]) -> list[_Samples]:
+    """Return the samples averaged over `BLOCK`; the sampling interval does not change."""
+    means = []
+    for block in blocks:
+        count = max(round(BLOCK / block.step), 1) if block.step else 1
+        if len(block.values) >= count:
+            weights = _block_means(block.weights, count)
+            means.append(_Samples(weights, _block_means(block.values, count), block.step))
+    return means
 
 
 def _smooth(
-    blocks: Sequence[tuple[np.ndarray, np.ndarray, float]],
+    blocks: Sequence[_Samples],
     sigma: np.ndarray,
     grid: Sequence[np.ndarray],
     spreads: Sequence[float],
-) -> tuple[np.ndarray, np.ndarray, list[float], float, Convergence]:
-    """Return nodes, covariance, lengths along the axes, factor on sigma, and convergence."""
-    rows = _second_means(blocks)
-    X, y = np.concatenate([B for B, _, _ in rows]), np.concatenate([y for _, y, _ in rows])
+) -> _SmoothNodes:
+    """Return the nodes with the most likely lengths, factor on sigma and noise."""
+    means = _second_means(blocks)
+    X = np.concatenate([block.weights for block in means])
+    y = np.concatenate([block.values for block in means])
     XX, Xy, yy = X.T @ X, X.T @ y, float(y @ y)
+    # Candidates of each length, then of the factor; a choice is an index into each of them.
     options = [*(LENGTHS for _ in grid), tuple(spreads)]
     choice = [len(values) // 2 for values in options]
     noise = float(np.var(y))
@@ -362,8 +402,7 @@ def _smooth(
             choice = min(candidates, key=cost)
         C = np.linalg.inv(XX / noise + precision(choice))
         d = C @ Xy / noise
-        residuals = [(value - B @ d, timed) for B, value, timed in rows]
-        noise = max(_long_term_variance(residuals), 1e-12 * yy / len(y))
+        noise = max(_long_term_variance(means, d), 1e-12 * yy / len(y))
         change = abs(noise - noise_before)
         moves = max(abs(k - last) for k, last in zip(choice, before))
         convergence = Convergence(
@@ -374,8 +413,9 @@ def _smooth(
         if convergence.converged:
             break
     *lengths, spread = (float(values[k]) for values, k in zip(options, choice))
+    # Lengths in units of their axis.
     scaled = [length * float(np.ptp(x)) for length, x in zip(lengths, grid)]
-    return d, C, scaled, spread, convergence
+    return _SmoothNodes(d, C, scaled, spread=spread, convergence=convergence)
 
 
 def _correlation(x: np.ndarray, length: float) -> np.ndarray:
@@ -384,10 +424,17 @@ def _correlation(x: np.ndarray, length: float) -> np.ndarray:
     return (1.0 + r) * np.exp(-r) + JITTER * np.eye(len(x))
 
 
-def _long_term_variance(residuals: Sequence[tuple[np.ndarray, bool]]) -> float:
-    """Return the variance of a row from which means over `LONG` have their observed scatter."""
-    together = np.concatenate([v for v, _ in residuals])
+def _long_term_variance(blocks: Sequence[_Samples], nodes: np.ndarray) -> float:
+    """Return the variance of a sample from which means over `LONG` have their observed scatter."""
     count = round(LONG / BLOCK)
-    means = [_block_means(v, count) for v, timed in residuals if timed and len(v) >= count]
-    slow = count * float(np.mean(np.concatenate(means) ** 2)) if means else 0.0
-    return max(float(np.mean(together**2)), slow)
+    residuals, means = [], []
+    for block in blocks:
+        v = block.values - block.weights @ nodes
+        residuals.append(v)
+        # Points have no order in time.
+        if block.step and len(v) >= count:
+            means.append(_block_means(v, count))
+    slow = 0.0
+    if means:
+        slow = count * float(np.mean(np.concatenate(means) ** 2))
+    return max(float(np.mean(np.concatenate(residuals) ** 2)), slow)
