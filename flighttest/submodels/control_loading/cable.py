@@ -21,6 +21,7 @@ from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error import least_squares
 from flighttest.remarks import Convergence
 from flighttest.submodels.control_loading.joint_fit import (
+    JointFit,
     PriorConstraint,
     RecordEquations,
     estimates_convergence,
@@ -111,30 +112,9 @@ def cable_fit(
         Too little motion, or a cable that does not stretch under load.
     """
     loading = slid.loading
-    hinge = np.array([slid.value(loading.term(term))[0] for term in loading.model.terms])
-    p = np.zeros(len(_COLUMNS))
-    for _ in range(_PASSES):
-        before = p
-        # The rate of the stretch is a regressor as soon as there is a fitted stretch.
-        in_use = np.ones(len(_COLUMNS), bool)
-        in_use[_STRETCHING] = p.any()
-        names = [name for name, use in zip(_COLUMNS, in_use) if use]
-        slow, quick = [], []
-        for record in driven:
-            slow.append(_stretch_rows(loading, record, hinge, p=p, in_use=in_use))
-        for record in free:
-            quick.append(_stretch_rows(loading, record, hinge, p=p, in_use=in_use))
-        constraints = [] if drawn is None else [_inertia_constraint(names, *drawn)]
-        fit = joint_fit(slow, quick, names=names, cutoff=cutoff, constraints=constraints)
-        p = np.zeros(len(_COLUMNS))
-        p[in_use] = fit.theta
-    stderr = np.sqrt(np.diag(fit.covariance))
-    iterations = {
-        "weights of the stretch": fit.convergence,
-        "stretch of the cable": estimates_convergence(
-            (p - before)[in_use], fit.theta, stderr=stderr, iterations=_PASSES
-        ),
-    }
+    p, in_use, fit, iterations = _iterate_stretch(
+        slid, driven, free=free, cutoff=cutoff, drawn=drawn
+    )
     if not p[0] > 0.0:
         raise IdentificationError(
             f"{loading.item}: the cable does not stretch under load; use order 2, or check "
@@ -161,6 +141,42 @@ def cable_fit(
     return CableFit(
         loading, estimates.assign_attrs(rms=rms), p=p, slopes=slopes, iterations=iterations
     )
+
+
+def _iterate_stretch(
+    slid: SlidingFit,
+    driven: Sequence[PreparedRecord],
+    free: Sequence[PreparedRecord],
+    cutoff: float,
+    drawn: tuple[float, float, float] | None,
+) -> tuple[np.ndarray, np.ndarray, JointFit, dict[str, Convergence]]:
+    """Return the coefficients p, the columns in use, the last fit, and the end of the passes."""
+    loading = slid.loading
+    hinge = np.array([slid.value(loading.term(term))[0] for term in loading.model.terms])
+    p = np.zeros(len(_COLUMNS))
+    for _ in range(_PASSES):
+        before = p
+        # The rate of the stretch is a regressor as soon as there is a fitted stretch.
+        in_use = np.ones(len(_COLUMNS), bool)
+        in_use[_STRETCHING] = p.any()
+        names = [name for name, use in zip(_COLUMNS, in_use) if use]
+        slow, quick = [], []
+        for record in driven:
+            slow.append(_stretch_rows(loading, record, hinge, p=p, in_use=in_use))
+        for record in free:
+            quick.append(_stretch_rows(loading, record, hinge, p=p, in_use=in_use))
+        constraints = [] if drawn is None else [_inertia_constraint(names, *drawn)]
+        fit = joint_fit(slow, quick, names=names, cutoff=cutoff, constraints=constraints)
+        p = np.zeros(len(_COLUMNS))
+        p[in_use] = fit.theta
+    stderr = np.sqrt(np.diag(fit.covariance))
+    iterations = {
+        "weights of the stretch": fit.convergence,
+        "stretch of the cable": estimates_convergence(
+            (p - before)[in_use], fit.theta, stderr=stderr, iterations=_PASSES
+        ),
+    }
+    return p, in_use, fit, iterations
 
 
 def _inertia_constraint(

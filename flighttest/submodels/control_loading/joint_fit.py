@@ -209,15 +209,12 @@ def joint_fit(
     ----------
     .. [Fuller1987] Fuller, Measurement Error Models, 1987, section 2.2.
     """
-    records = [*samples, *windows]
-    rows = np.array([c.row for c in constraints]).reshape(len(constraints), len(names))
-    X = np.concatenate([*(record.X for record in records), rows])
-    z = np.concatenate([*(record.z for record in records), [c.value for c in constraints]])
-    noise = np.concatenate([*(record.noise for record in records), np.zeros(rows.shape)])
-    fixed = np.array([c.stderr**2 for c in constraints])
+    X, z, noise = _stack_equations([*samples, *windows], constraints, len(names))
+    fixed = np.array([constraint.stderr**2 for constraint in constraints])
     # Source of every row: 0 samples, 1 windows, 2 constraints.
-    counts = [sum(len(record.z) for record in group) for group in (samples, windows)]
-    source = np.repeat([0, 1, 2], [*counts, len(constraints)])
+    sample_count = sum(len(record.z) for record in samples)
+    window_count = sum(len(record.z) for record in windows)
+    source = np.repeat([0, 1, 2], [sample_count, window_count, len(constraints)])
     # A low-pass leaves two independent samples per period of its cut-off.
     step = float(np.median([record.step for record in samples]))
     worth = np.array([min(1.0, 2.0 * cutoff * step), 1.0, 1.0])[source]
@@ -246,13 +243,26 @@ def joint_fit(
         X=root[:, None] * X,
         estimator=least_squares.estimator_matrix(equivalent) * root,
         residual=v,
-        samples=counts[0],
-        windows=counts[1],
+        samples=sample_count,
+        windows=window_count,
         variances=variances,
         lengths=tuple(lengths),
         steps=tuple(steps),
         last_change=theta - before,
     )
+
+
+def _stack_equations(
+    records: Sequence[RecordEquations], constraints: Sequence[PriorConstraint], terms: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return regressors, response and noise of the records, then of the constraints."""
+    rows = np.array([constraint.row for constraint in constraints]).reshape(-1, terms)
+    X = [*(record.X for record in records), rows]
+    values = np.array([constraint.value for constraint in constraints])
+    z = [*(record.z for record in records), values]
+    # A constraint has no noise in its row.
+    noise = [*(record.noise for record in records), np.zeros(rows.shape)]
+    return np.concatenate(X), np.concatenate(z), np.concatenate(noise)
 
 
 def _variances(

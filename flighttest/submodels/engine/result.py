@@ -349,15 +349,7 @@ def identify_engine(
         raise IdentificationError(
             "no records; give power changes, starts, settled points, or flights"
         )
-    if points and "corrected_thrust" not in deck:
-        raise IdentificationError(
-            f"points correct the table corrected_thrust of an a-priori deck; it has "
-            f"{' '.join(deck) or 'no tables'}"
-        )
-    if tables and not flights:
-        raise IdentificationError(
-            f"tables of {' '.join(tables)} come from whole flights; give flights"
-        )
+    _demand_sources(deck, points=points, tables=tables or {}, has_flights=bool(flights))
     changes = [*power_changes]
     for flight in flights:
         changes += cut_power_changes(flight)
@@ -375,17 +367,36 @@ def identify_engine(
         )
     if starts:
         start = identify_start(starts)
-    records = [*power_changes, *flights, *starts]
+    names = []
+    for record in (*power_changes, *flights, *starts):
+        if "record" in record.attrs:
+            names.append(str(record.attrs["record"]))
     return EngineFit(
         deck,
         spools=spools,
         static=static,
         start=start,
         steady=dict(_steady_tables(flights, tables or {}, deck=deck, thrust_scale=thrust_scale)),
-        records=tuple(
-            str(record.attrs["record"]) for record in records if "record" in record.attrs
-        ),
+        records=tuple(names),
     )
+
+
+def _demand_sources(
+    deck: Mapping[str, xr.Dataset],
+    points: bool,
+    tables: Mapping[str, Any],
+    has_flights: bool,
+) -> None:
+    """Raise an error for points without an a-priori thrust, or tables without flights."""
+    if points and "corrected_thrust" not in deck:
+        raise IdentificationError(
+            f"points correct the table corrected_thrust of an a-priori deck; it has "
+            f"{' '.join(deck) or 'no tables'}"
+        )
+    if tables and not has_flights:
+        raise IdentificationError(
+            f"tables of {' '.join(tables)} come from whole flights; give flights"
+        )
 
 
 def _steady_tables(

@@ -58,10 +58,9 @@ def select_leg_terms(runs: Sequence[GroundRun], group: WheelGroup) -> list[str]:
     for run in runs:
         parts += _leg_columns(run, group)
         steps += [run.interval] * len(group.names)
-    columns = {
-        term: np.concatenate([part[term] for part in parts])
-        for term in (*LEG_TERMS, "lift", "pitching", "load")
-    }
+    columns = {}
+    for term in (*LEG_TERMS, "lift", "pitching", "load"):
+        columns[term] = np.concatenate([part[term] for part in parts])
     edges = np.cumsum([0, *(len(part["load"]) for part in parts)])
     pieces = [slice(int(a), int(b)) for a, b in pairwise(edges)]
     always = [name for name in ("lift", "pitching") if columns[name].any()]
@@ -260,10 +259,7 @@ def regress_gear(
             name, reason, used = _unreached_friction(fit, runs)
             if name:
                 fixed[FRICTION] = max(fixed[FRICTION], _MARGIN * used)
-        # The next fit starts from the estimates.
-        for key, item in unknowns.items():
-            start = float(np.clip(_value(fit, key), item.low, item.high))
-            unknowns[key] = item._replace(start=start)
+        unknowns = _continue_from(fit, unknowns)
         if not name:
             break
         if not fit.estimates.attrs["converged"]:
@@ -275,9 +271,7 @@ def regress_gear(
         del unknowns[name]
     if any(name.startswith("wind") for name in inputs):
         # Air forces grow with the square of the wind: fit once more about the estimated wind.
-        winds = []
-        for k in range(1, len(records) + 1):
-            winds.append((_value(fit, f"wind_n@{k}"), _value(fit, f"wind_e@{k}")))
+        winds = _estimated_winds(fit, len(records))
         loads, runs = _make_runs(records, aircraft, database=database, winds=winds, cutoff=cutoff)
         inputs = _input_errors(records, database, errors=errors, winds=winds)
         fit = _fit(runs, unknowns, inputs=inputs, fixed=fixed)
@@ -288,6 +282,23 @@ def regress_gear(
         loads=loads,
         uncertain=tuple(uncertain),
     )
+
+
+def _continue_from(fit: OutputError, unknowns: Mapping[str, Unknown]) -> dict[str, Unknown]:
+    """Return the unknowns with the estimates of a fit as start values."""
+    continued = {}
+    for name, unknown in unknowns.items():
+        start = float(np.clip(_value(fit, name), unknown.low, unknown.high))
+        continued[name] = unknown._replace(start=start)
+    return continued
+
+
+def _estimated_winds(fit: OutputError, count: int) -> list[tuple[float, float]]:
+    """Return the estimated wind (north, east) of each record. [m s-1]"""
+    winds = []
+    for number in range(1, count + 1):
+        winds.append((_value(fit, f"wind_n@{number}"), _value(fit, f"wind_e@{number}")))
+    return winds
 
 
 def _make_runs(
