@@ -4,10 +4,13 @@ beyond which threshold.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from math import nan
 from typing import Any
+
+from flightmech.errors import AeromatchWarning
 
 SEVERITIES = ("error", "warning", "note")
 """With an error the figure must not be used; a warning restricts its use; a note is worth knowing."""
@@ -49,6 +52,73 @@ class Remark:
     def as_dict(self) -> dict[str, Any]:
         """Return all fields."""
         return asdict(self)
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """End of an iteration, for results that state whether it converged.
+
+    Attributes
+    ----------
+    converged : bool
+        Whether the last change was within its tolerance.
+    iterations : int
+        Number of iterations.
+    change : float
+        Last change divided by its tolerance; infinite if the iteration diverged. [1]
+    """
+
+    converged: bool
+    iterations: int
+    change: float
+
+    def remarks(
+        self, subject: str, advice: str, term: str = "", severity: str = "error"
+    ) -> list[Remark]:
+        """Return a remark on an iteration that did not converge, or an empty list.
+
+        Parameters
+        ----------
+        subject : str
+            Name of the iteration.
+        advice : str
+            Consequence for the estimates, and what to do.
+        term : str
+            Term, parameter or channel of the remark.
+        severity : str
+            One of `SEVERITIES`.
+        """
+        if self.converged:
+            return []
+        text = (
+            f"{subject}: not converged after {self.iterations} iterations, last change "
+            f"{self.change:.3g} times its tolerance; {advice}"
+        )
+        return [Remark("convergence", text, term, self.change, 1.0, severity)]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all fields."""
+        return asdict(self)
+
+
+def warn_forbidden(remarks: Iterable[Remark], subject: str) -> None:
+    """Warn of remarks that forbid the use of a figure when it is used in spite of them.
+
+    Parameters
+    ----------
+    remarks : iterable of Remark
+        Remarks on the estimates.
+    subject : str
+        Name of the result, at the beginning of each warning.
+
+    Warns
+    -----
+    AeromatchWarning
+        For each remark of the severity ``error``.
+    """
+    for remark in remarks:
+        if remark.severity == "error":
+            warnings.warn(f"{subject}: {remark.text}", AeromatchWarning, stacklevel=3)
 
 
 def is_forbidden(remarks: Iterable[Remark]) -> bool:

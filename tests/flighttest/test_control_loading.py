@@ -17,8 +17,10 @@ from click.testing import CliRunner
 import aerodb
 import flightmech
 from flightmech.aircraft.controls import Circuit
-from flightmech.errors import IdentificationError, SchemaError, UnknownName
+from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
 from flighttest.cli.submodels import controls_command
+from flighttest.remarks import is_forbidden
+from flighttest.submodels.control_loading import cable, identification, joint_fit
 from flighttest.submodels.control_loading.identification import identify_control_loading
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.motion import smooth_derivatives
@@ -470,3 +472,44 @@ def test_records_without_what_is_needed_are_refused(loading, records):
         identify_control_loading(
             loading, [one.assign(delta_t=("time", np.zeros(one.sizes["time"]))) for one in driven]
         )
+
+
+@pytest.mark.parametrize(
+    ("module", "name"),
+    [
+        (joint_fit, "weights of the force"),
+        (cable, "stretch of the cable"),
+        (identification, "shares of the surface"),
+    ],
+)
+def test_iterations_that_stop_at_their_limit_are_remarked(
+    loading, records, found, module, name, monkeypatch, tmp_path
+):
+    assert found.remarks == []
+    assert all(convergence.converged for convergence in found.iterations.values())
+    assert "not converged" not in found.report()
+    # A single pass cannot show that it converged.
+    monkeypatch.setattr(module, "_PASSES", 0 if module is identification else 1)
+    stopped = identify_control_loading(loading, *records)
+    assert not stopped.iterations[name].converged
+    assert is_forbidden(stopped.remarks)
+    assert f"!! {name}: not converged after 1 iterations" in stopped.report()
+    (tmp_path / "a.toml").write_text(AIRCRAFT, encoding="utf-8")
+    craft = flightmech.read_aircraft(tmp_path / "a.toml")
+    with pytest.warns(AeromatchWarning, match="circuit of the column: .*not converged"):
+        stopped.aircraft(craft)
+
+
+def test_a_change_below_half_of_the_standard_error_is_converged():
+    def convergence(change, stderr):
+        return joint_fit.estimates_convergence(
+            np.array([change, 0.0]), np.ones(2), np.array([stderr, 0.0]), 3
+        )
+
+    assert convergence(0.4, 1.0).converged
+    (remark,) = joint_fit.convergence_remarks({"passes": convergence(0.8, 1.0)})
+    assert (remark.severity, remark.value) == ("warning", pytest.approx(1.6))
+    (remark,) = joint_fit.convergence_remarks({"passes": convergence(0.4, np.nan)})
+    assert remark.severity == "error"
+    # Without noise the standard error is that of rounding.
+    assert convergence(1e-12, 1e-14).converged

@@ -21,6 +21,7 @@ from flighttest.reconstruction.smoother import reconstruct as reconstruct_record
 from flighttest.records.files import save_dataset
 from flighttest.records.record import read
 from flighttest.records.signals.conditioning import cut as cut_record
+from flighttest.remarks import remarks_to_json
 
 
 def run_cut(
@@ -115,12 +116,13 @@ def run_reconstruct(
     if batch is not None and not as_json:
         click.echo(batch.report() + "\n")
     if as_json:
-        print_json(
-            [
-                {"file": str(target), **path.summary()}
-                for path, target in zip(paths, targets, strict=True)
-            ]
-        )
+        documents = []
+        for path, target in zip(paths, targets, strict=True):
+            document = {"file": str(target), **path.summary()}
+            if batch is not None:
+                document["remarks"] += remarks_to_json(batch.remarks)
+            documents.append(document)
+        print_json(documents)
         return
     for path, target in zip(paths, targets, strict=True):
         click.echo(f"{path.report()}\n\n{compatibility_report(path)}\n\nwritten: {target}\n")

@@ -243,6 +243,7 @@ def run_modes(
                 "share": found.share,
                 **values,
                 **test,
+                "convergence": found.convergence.as_dict(),
                 "remarks": remarks_to_json(found.remarks),
             }
         )

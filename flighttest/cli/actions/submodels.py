@@ -23,6 +23,7 @@ from flighttest.records.record import manoeuvres, read
 from flighttest.records.sensors.instruments import pick_up_errors
 from flighttest.records.signals.conditioning import cut
 from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.remarks import remarks_to_json
 from flighttest.submodels.actuators.figure import draw_actuator
 from flighttest.submodels.actuators.identification import identify_actuator, read_bench_log
 from flighttest.submodels.control_loading.identification import identify_control_loading
@@ -33,8 +34,8 @@ from flighttest.submodels.engine.records import engine_channels, read_points
 from flighttest.submodels.engine.result import comparison_text, identify_engine
 from flighttest.submodels.engine.static_thrust import Polar
 from flighttest.submodels.engine.tables import EngineStructure, read_structure
+from flighttest.submodels.ground_effect.database_terms import replace_ground_effect
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
-from flighttest.submodels.ground_effect.result import replace_ground_effect
 from flighttest.submodels.landing_gear.identification import identify_landing_gear
 from flighttest.submodels.landing_gear.reconstructed_loads import GroundRecord
 
@@ -164,6 +165,7 @@ def run_controls(
                 "estimates": rows,
                 "both_ends": totals,
                 "collinear": found.collinear,
+                "remarks": remarks_to_json(found.remarks),
                 "file": output,
             }
         )

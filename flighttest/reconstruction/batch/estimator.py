@@ -19,6 +19,7 @@ from flighttest.reconstruction.batch.unknowns import (
     window_slices,
 )
 from flighttest.reconstruction.problem.trajectory import linearise_sensor, states_and_rates
+from flighttest.remarks import Convergence
 
 
 @dataclass(frozen=True)
@@ -221,11 +222,14 @@ _MULTIPLY = ("factor.", "lag.", "delay.", "scale.")
 
 @dataclass(frozen=True)
 class BatchSolution:
-    """The last equations, the noise they are weighed with, and the number of iterations."""
+    """The last equations, the noise they are weighed with, the number of iterations, and the end of
+    the rounds of noise. Its change is the largest of a noise over its tolerance of 5 %.
+    """
 
     equations: BatchEquations
     sigma: dict[str, float]
     iterations: int
+    convergence: Convergence
 
 
 def first_equations(layout: BatchUnknowns) -> BatchEquations:
@@ -255,15 +259,16 @@ def fit_batch(equations: BatchEquations) -> BatchSolution:
     Raises
     ------
     IdentificationError
-        No step lowers the cost, or the iteration does not settle.
+        No step lowers the cost, or the iteration at a given noise does not converge.
 
     Notes
     -----
     J = 1/2 sum over channels [r'r/R + N ln R]: for given noise R the unknowns by Levenberg-Marquardt, then R = r'r/N,
-    until R changes by less than 5 %.
+    until R changes by less than 5 %.  If it still does after the last round, the `convergence` of the
+    solution states it: the unknowns are those of the noise of the round before.
     """
     count = 0
-    for _ in range(ROUNDS):
+    for number in range(1, ROUNDS + 1):
         equations, used = _settle(equations)
         count += used
         sigma = {
@@ -272,10 +277,11 @@ def fit_batch(equations: BatchEquations) -> BatchSolution:
         }
         sigma = {name: max(value, 1e-3 * equations.sigma[name]) for name, value in sigma.items()}
         change = max(abs(sigma[name] / equations.sigma[name] - 1.0) for name in sigma)
-        if change < SAME:
+        convergence = Convergence(change < SAME, number, change / SAME)
+        if convergence.converged:
             break
         equations = equations.weighed(sigma)
-    return BatchSolution(equations, equations.sigma, count)
+    return BatchSolution(equations, equations.sigma, count, convergence)
 
 
 def _settle(equations: BatchEquations) -> tuple[BatchEquations, int]:

@@ -31,6 +31,7 @@ from flighttest.reconstruction.problem.trajectory import Solution
 from flighttest.reconstruction.smoother import ACCEPT, FlightPath, path_of_solution
 from flighttest.records.sensors.instruments import instruments_of
 from flighttest.records.sensors.measurements import order_windows
+from flighttest.remarks import Convergence, Remark, remark_lines, warn_forbidden
 
 Windows = Sequence[tuple[float, float]]
 
@@ -55,6 +56,8 @@ class Batch:
     visibility : Visibility
         What the readings could determine, before the fit.
     iterations : int
+    convergence : Convergence
+        End of the rounds of noise. Its change is the largest of a noise over its tolerance.
     """
 
     paths: list[FlightPath]
@@ -63,13 +66,24 @@ class Batch:
     noise: Any
     visibility: Observability
     iterations: int
+    convergence: Convergence
+
+    @property
+    def remarks(self) -> list[Remark]:
+        """An error if the noise of a channel did not converge."""
+        advice = (
+            "estimates and standard errors belong to a noise that still changes; give a noise of "
+            "the instruments nearer to the residuals, or leave out the channel that contradicts"
+        )
+        return self.convergence.remarks("noise of the channels", advice)
 
     def report(self) -> str:
         """Return estimates, noise and what could not be seen as text."""
         names = ", ".join(path.states.attrs["record"] or "record" for path in self.paths)
+        state = "converged" if self.convergence.converged else "NOT converged"
         lines = [
             f"Batch reconstruction: {names}",
-            f"{self.starts.sizes['segment']} segments, {self.iterations} iterations",
+            f"{self.starts.sizes['segment']} segments, {self.iterations} iterations, {state}",
             "",
         ]
         lines += [
@@ -105,6 +119,7 @@ class Batch:
                 "",
                 "After the fit:",
                 *(f"  - {word}" for word in words or ["every constant is identifiable"]),
+                *remark_lines(self.remarks),
             ]
         )
 
@@ -149,6 +164,11 @@ def reconstruct_batch(
     OutOfRange, SchemaError, UnknownName
         As `reconstruct`; a name of `free` that is not a constant.
 
+    Warns
+    -----
+    AeromatchWarning
+        The noise of a channel did not converge.
+
     Notes
     -----
     The path follows from its start and the recorded rates and accelerations.  Gusts are not part of it.
@@ -165,7 +185,9 @@ def reconstruct_batch(
         fitted = fit_batch(first)
     except IdentificationError as error:
         raise IdentificationError("\n  - ".join([str(error), *seen.hidden()])) from error
-    return _batch(records, aircraft, fitted, seen)
+    batch = _batch(records, aircraft, fitted, seen)
+    warn_forbidden(batch.remarks, "batch reconstruction")
+    return batch
 
 
 def observable_constants(
@@ -220,6 +242,7 @@ def _batch(records, aircraft, fitted: BatchSolution, seen: Observability) -> Bat
         noise=pd.DataFrame(rows).set_index("channel"),
         visibility=seen,
         iterations=fitted.iterations,
+        convergence=fitted.convergence,
     )
 
 
@@ -234,7 +257,12 @@ def _path(record, aircraft, i: int, fitted: BatchSolution, covariance: np.ndarra
     held = ~plan.free[at]
     own[np.ix_(held, held)] = setup.problem.constants.covariance[np.ix_(held, held)]
     solution = Solution(
-        equations.paths[i], equations.at.c[at], own, equations.cost, fitted.iterations, True
+        equations.paths[i],
+        equations.at.c[at],
+        own,
+        equations.cost,
+        fitted.iterations,
+        settled=fitted.convergence.converged,
     )
     names = tuple(name for name, stays in zip(setup.problem.constants.names, held) if stays)
     return path_of_solution(record, aircraft, replace(setup, held=names), solution)

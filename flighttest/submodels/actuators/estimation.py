@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -42,6 +42,7 @@ from flighttest.regression.equation_error.spectral_weights import (
     student_factor,
 )
 from flighttest.regression.uncertainty.collinearity import demand_rank
+from flighttest.remarks import Convergence, Remark
 from flighttest.submodels.actuators.response import (
     Structure,
     actuator_inputs,
@@ -50,12 +51,16 @@ from flighttest.submodels.actuators.response import (
 
 # Search of the dead time: longest value [s] and number of grid points.
 _LONGEST_DELAY, _DELAYS = 0.5, 51
+# Largest number of evaluations of the search of the dead time between two points of the grid.
+_EVALUATIONS = 500
 # The motion has content where its power exceeds the noise floor by this factor.
 _FLOOR = 30.0
 # Width of the moving average over the spectrum. [lines]
 _SMOOTH = 5
 # Rounds of the instruments, and largest change of an estimate in standard errors at the end.
 _ROUNDS, _SETTLED = 20, 0.02
+# Smallest tolerance of an estimate, over its value.
+_RELATIVE = 1e-9
 # A simulated rate beyond this multiple of the recorded range is not used as an instrument.
 _WILD = 10.0
 
@@ -72,11 +77,28 @@ class Estimates:
         Standard errors by the same names.
     R2 : float
         Coefficient of determination of the equation or of the response. [1]
+    convergence : Convergence or None
+        End of the iteration over the instruments. If it did not converge, the estimates are those
+        of least squares. None for estimates without instruments.
     """
 
     values: dict[str, float]
     stderr: dict[str, float]
     R2: float
+    convergence: Convergence | None = None
+
+    @property
+    def remarks(self) -> list[Remark]:
+        """A warning if the instruments did not converge."""
+        if self.convergence is None:
+            return []
+        advice = (
+            "the equation error is that of least squares, which noise of the motion biases; use "
+            "the output error, or widen the band or lengthen the log"
+        )
+        return self.convergence.remarks(
+            "instruments of the equation error", advice, severity="warning"
+        )
 
 
 def excited_band(log: xr.Dataset) -> tuple[float, float]:
@@ -122,6 +144,11 @@ def equation_error(
     ------
     IdentificationError
         Fewer equations than unknowns, or coefficients that the logs cannot distinguish.
+
+    Warns
+    -----
+    AeromatchWarning
+        The search of the dead time ends at its upper bound, or does not converge.
     """
     rows = _SpectralEquations(logs, structure, band)
     if not structure.delay:
@@ -132,8 +159,17 @@ def equation_error(
     best = int(np.argmin(cost))
     neighbours = float(grid[max(best - 1, 0)]), float(grid[min(best + 1, _DELAYS - 1)])
     search = minimize_scalar(
-        rows.cost, bounds=neighbours, method="bounded", options={"xatol": 1e-6}
+        rows.cost,
+        bounds=neighbours,
+        method="bounded",
+        options={"xatol": 1e-6, "maxiter": _EVALUATIONS},
     )
+    if not search.success:
+        text = (
+            f"dead time of the equation error: not converged after {search.nfev} evaluations "
+            f"between {neighbours[0]:.3g} and {neighbours[1]:.3g} s; the output error starts there"
+        )
+        warnings.warn(text, AeromatchWarning, stacklevel=3)
     delay = float(search.x)
     if not rows.cost(delay) <= cost[best]:
         delay = float(grid[best])
@@ -245,14 +281,15 @@ class _SpectralEquations:
     def iterate_instruments(self, first: Estimates) -> Estimates:
         """Return the estimates with simulated motion as instruments.
 
-        Without convergence, or if a simulated motion diverges, return the first estimates.
+        Without convergence, or if a simulated motion diverges, return the first estimates. Their
+        `convergence` states it.
         """
-        estimates = first
-        for _ in range(_ROUNDS):
+        estimates, change = first, np.inf
+        for count in range(1, _ROUNDS + 1):
             before = estimates
             simulated = [self._simulate_motion(log, before.values) for log in self.logs]
             if not self._are_usable(simulated):
-                return first
+                return replace(first, convergence=Convergence(False, count, np.inf))
             estimates = self.solve(
                 before.values.get("delay", 0.0),
                 _SpectralEquations(simulated, self.structure, band=None, parts=self.parts),
@@ -260,13 +297,10 @@ class _SpectralEquations:
             estimates.values["delay"] = float(
                 np.clip(estimates.values.get("delay", 0.0), 0.0, self.longest)
             )
-            changes = [
-                abs(estimates.values[name] - before.values[name]) <= _SETTLED * s
-                for name, s in estimates.stderr.items()
-            ]
-            if all(changes):
-                return estimates
-        return first
+            change = _largest_change(before, estimates)
+            if change <= 1.0:
+                return replace(estimates, convergence=Convergence(True, count, change))
+        return replace(first, convergence=Convergence(False, _ROUNDS, change))
 
     def _are_usable(self, simulated: Sequence[xr.Dataset]) -> bool:
         """Return whether all simulated rates are finite and not far beyond the recorded range."""
@@ -346,6 +380,18 @@ class _SpectralEquations:
                 - (load + torque.mean()) / value["B"]
             )
         return {"neutral": float(np.mean(neutral))}
+
+
+def _largest_change(before: Estimates, after: Estimates) -> float:
+    """Return the largest change of an estimate divided by its tolerance; NaN if one is NaN."""
+    ratios = []
+    for name, stderr in after.stderr.items():
+        difference = abs(after.values[name] - before.values[name])
+        # Without noise the standard errors are those of rounding.
+        tolerance = np.maximum(_SETTLED * stderr, _RELATIVE * abs(after.values[name]))
+        # An estimate that does not change has converged, also with a tolerance of zero.
+        ratios.append(difference / tolerance if difference > 0.0 else difference)
+    return float(np.max(ratios))
 
 
 def _motion(log: xr.Dataset) -> np.ndarray:

@@ -20,6 +20,7 @@ from flighttest.records.readers.columns import locate_column
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.opening import open_recording
 from flighttest.records.signals.differentiation import fourier_smooth
+from flighttest.remarks import Remark
 from flighttest.submodels.actuators.estimation import equation_error
 from flighttest.submodels.actuators.output_error import fit_actuator_response
 from flighttest.submodels.actuators.response import LIMITS, Structure, simulate_actuator
@@ -166,14 +167,6 @@ _QUICKER = (1.0, 2.0)
 _SMALLEST = 1e-9
 
 
-_REACHED = 0.005  # part of the samples that a limit must hold
-_QUICKER = (
-    1.0,
-    2.0,
-)  # natural frequency of a start over that of the equation error, which takes a limit for slowness
-_SMALLEST = 1e-9
-
-
 def identify_actuator(
     logs: xr.Dataset | Sequence[xr.Dataset],
     gear: float = 1.0,
@@ -237,8 +230,9 @@ def identify_actuator(
     for name in ("Ma", "Ka", "Ka/Ma"):
         if name in start:
             start[name] = max(start[name], _SMALLEST)
+    selection: list[Remark] = []
     if limits and structure.stiffness:
-        response, structure = _fit_limits(records, structure, start)
+        response, structure, selection = _fit_limits(records, structure, start)
     else:
         response = fit_actuator_response(records, structure, start)
     return IdentifiedActuator(
@@ -248,6 +242,7 @@ def identify_actuator(
         alone=_fit_each_log(records, structure, response),
         logs=tuple(records),
         reached=_limited_fraction(records, structure, response),
+        selection=tuple(selection),
     )
 
 
@@ -306,23 +301,36 @@ def _fill_gaps(
 
 def _fit_limits(
     records: Sequence[xr.Dataset], structure: Structure, start: Mapping[str, float]
-) -> tuple[OutputError, Structure]:
-    """Return the output error of the structure that BIC prefers.
+) -> tuple[OutputError, Structure, list[Remark]]:
+    """Return the output error of the structure that BIC prefers, and remarks on the comparison.
 
     The candidates are the model without limits and the model with the limits that are reached.
     """
     free = fit_actuator_response(records, structure, start)
     limited = _fit_reached_limits(records, structure, start)
     if limited is None:
-        return free, structure
+        return free, structure, []
     samples = sum(int(np.isfinite(log["position"].values).sum()) for log in records)
 
     def bic(fit: OutputError, model: Structure) -> float:
         return 2.0 * float(fit.estimates.attrs["cost"]) + len(model.parameters) * np.log(samples)
 
     if bic(*limited) < bic(free, structure):
-        return limited
-    return free, structure
+        return *limited, _selection_remarks("without limits", free)
+    return free, structure, _selection_remarks("with limits", limited[0])
+
+
+def _selection_remarks(model: str, rejected: OutputError) -> list[Remark]:
+    """Return a warning if the search of the rejected model did not converge."""
+    attrs = rejected.estimates.attrs
+    if attrs["converged"]:
+        return []
+    text = (
+        f"selection of limits: the rejected model {model} is not converged after "
+        f"{attrs['iterations']} iterations; its likelihood may be higher, so check the limits "
+        f"against the logs"
+    )
+    return [Remark("convergence", text, "limits")]
 
 
 def _fit_reached_limits(
@@ -420,5 +428,13 @@ def _fit_each_log(
         names = [str(name) for name in e["parameter"].values]
         values = dict(zip(names, e["estimate"].values.tolist()))
         stderr = dict(zip(names, e["stderr"].values.tolist()))
-        estimates.append(LogEstimates(str(log.attrs.get("record", "")), values, stderr))
+        estimates.append(
+            LogEstimates(
+                str(log.attrs.get("record", "")),
+                values,
+                stderr,
+                converged=bool(e.attrs["converged"]),
+                iterations=int(e.attrs["iterations"]),
+            )
+        )
     return tuple(estimates)

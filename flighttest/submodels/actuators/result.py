@@ -17,9 +17,13 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flighttest.maximum_likelihood.result import OutputError
-from flighttest.regression.combining.pooling import DISAGREEMENT
-from flighttest.remarks import Remark, remark_lines
+from flighttest.remarks import Remark, remark_lines, warn_forbidden
 from flighttest.submodels.actuators.estimation import Estimates
+from flighttest.submodels.actuators.remarks import (
+    contradiction_remarks,
+    limit_remarks,
+    unconverged_log_remarks,
+)
 from flighttest.submodels.actuators.response import Structure
 from flighttest.submodels.actuators.values import LogEstimates, ValueWithError, average_estimates
 
@@ -47,6 +51,8 @@ class IdentifiedActuator:
         Logs from which the actuator was identified.
     reached : dict of str to float
         Part of the samples at which the response is at each limit.
+    selection : tuple of Remark
+        Remarks on the comparison of the models with and without limits.
     """
 
     structure: Structure
@@ -55,6 +61,7 @@ class IdentifiedActuator:
     alone: tuple[LogEstimates, ...]
     logs: tuple[xr.Dataset, ...]
     reached: Mapping[str, float]
+    selection: tuple[Remark, ...] = ()
 
     @property
     def absolute(self) -> bool:
@@ -137,12 +144,13 @@ class IdentifiedActuator:
         -------
         DataFrame
             Index parameter; ``average``, ``stderr``, ``disagreement``, ``contradictory``,
-            ``count``.  Empty for a single log.
+            ``count``.  Empty for a single log.  A log whose search did not converge is left out.
         """
         rows = {}
+        logs = [log for log in self.alone if log.converged]
         for name in self.structure.parameters:
-            values = [log.values[name] for log in self.alone]
-            average = average_estimates(values, [log.stderr[name] for log in self.alone])
+            values = [log.values[name] for log in logs]
+            average = average_estimates(values, [log.stderr[name] for log in logs])
             if average and average.count > 1:
                 rows[name] = {
                     "average": average.value,
@@ -264,11 +272,17 @@ class IdentifiedActuator:
         ------
         IdentificationError
             A motor: its command makes a rate and no position.
+
+        Warns
+        -----
+        AeromatchWarning
+            A remark forbids the use of the estimates, such as a search that did not converge.
         """
         if not self.structure.stiffness:
             raise IdentificationError(
                 "a motor's command makes a rate; only a servo gives an entry of a name map"
             )
+        warn_forbidden(self.remarks, f"entry of {name}")
         derived, delay = self.derived(), self.parameters.get("delay", 0.0)
         parts = [
             f'column = "{column}"',
@@ -297,10 +311,12 @@ class IdentifiedActuator:
             },
             "methods": self.table().to_dict("index"),
             "logs": self.over_logs().to_dict("index"),
-            "derived": {name: vars(one) for name, one in self.derived().items()},
+            "derived": {name: vars(quantity) for name, quantity in self.derived().items()},
             "reached": dict(self.reached),
             "R2": {"frequency": self.spectral.R2, "time": self.fit},
             "iterations": int(self.response.estimates.attrs["iterations"]),
+            "converged": bool(self.response.estimates.attrs["converged"]),
+            "instruments": _instruments(self.spectral),
             "remarks": [remark.as_dict() for remark in self.remarks],
         }
 
@@ -318,18 +334,20 @@ def _remarks(actuator: IdentifiedActuator) -> list[Remark]:
             "known inertia makes them so"
         )
         remarks.append(Remark("ratios", text, severity="note"))
-    remarks += _contradictions(
+    remarks += contradiction_remarks(
         actuator.table(),
         "frequency and time domain differ by {:.1f} combined standard errors; their average hides "
         "a contradiction. A limit, friction, or noise of the motion biases the equation error",
     )
-    remarks += _contradictions(
+    remarks += contradiction_remarks(
         actuator.over_logs(),
         "two logs differ by {:.1f} combined standard errors; load, supply voltage or amplitude "
         "changed",
     )
     if actuator.structure.stiffness:
-        remarks += _limit_remarks(actuator)
+        remarks += limit_remarks(actuator.logs, actuator.reached)
+    remarks += [*actuator.spectral.remarks, *actuator.selection]
+    remarks += unconverged_log_remarks(actuator.alone)
     # Ratios to Ma are always correlated. The correlation is in every derived quantity and needs no
     # action of the reader.
     for remark in actuator.response.remarks:
@@ -338,38 +356,9 @@ def _remarks(actuator: IdentifiedActuator) -> list[Remark]:
     return remarks
 
 
-def _contradictions(table: pd.DataFrame, text: str) -> list[Remark]:
-    """Return a remark on each parameter whose estimates contradict each other."""
-    remarks = []
-    for name, row in table.iterrows():
-        if row["contradictory"]:
-            disagreement = float(row["disagreement"])
-            words = f"{name}: {text.format(row['disagreement'])}"
-            remarks.append(Remark("scatter", words, str(name), disagreement, DISAGREEMENT))
-    return remarks
-
-
-def _limit_remarks(actuator: IdentifiedActuator) -> list[Remark]:
-    """Return a remark on each kind of limit that no log reached."""
-    remarks = []
-    if "rate_limit" not in actuator.reached:
-        fastest = max(_fastest(log) for log in actuator.logs)
-        text = f"no rate limit was reached; the logs reach {fastest:.3g} rad/s"
-        remarks.append(Remark("limit", text, "rate_limit", severity="note"))
-    if not {"stop_low", "stop_high"} & set(actuator.reached):
-        low = min(float(np.nanmin(log["position"].values)) for log in actuator.logs)
-        high = max(float(np.nanmax(log["position"].values)) for log in actuator.logs)
-        text = f"no stop was reached; the logs reach {low:.3g} to {high:.3g} rad"
-        remarks.append(Remark("limit", text, "stops", severity="note"))
-    return remarks
-
-
-def _fastest(log: xr.Dataset) -> float:
-    """Return the largest recorded rate, or the largest slope of the position over five samples."""
-    if "rate" in log:
-        return float(np.nanmax(np.abs(log["rate"].values)))
-    x, time = log["position"].values, log["time"].values
-    return float(np.nanmax(np.abs((x[4:] - x[:-4]) / (time[4:] - time[:-4]))))
+def _instruments(spectral: Estimates) -> dict[str, Any] | None:
+    """Return the end of the iteration over the instruments for JSON."""
+    return None if spectral.convergence is None else spectral.convergence.as_dict()
 
 
 _CELLS = ("frequency", "frequency_stderr", "time", "time_stderr", "average", "average_stderr")
@@ -379,13 +368,14 @@ def _report(actuator: IdentifiedActuator) -> str:
     """Return the result as text."""
     attrs = actuator.response.estimates.attrs
     servo = actuator.structure.stiffness
+    state = "converged" if attrs["converged"] else "NOT converged"
     kind, spring = ("servo", "+ Ka p ") if servo else ("motor", "")
     scale = "absolute coefficients" if actuator.absolute else "ratios to Ma"
     text = [
         f"{kind}: Ma v' + Ca v {spring}+ G tau = B (u - neutral); {scale}",
         f"logs {len(actuator.logs)}, samples {attrs['samples']}, R2 of the response "
         f"{actuator.fit:.4f}, of the spectra {actuator.spectral.R2:.4f}, "
-        f"iterations {attrs['iterations']}",
+        f"iterations {attrs['iterations']}, {state}",
         "",
         f"{'parameter':14s}{'frequency':>13s}{'std. error':>11s}{'time':>13s}{'std. error':>11s}"
         f"{'average 1/s':>13s}{'std. error':>11s}{'apart':>8s}",

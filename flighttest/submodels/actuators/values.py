@@ -11,11 +11,13 @@ from flighttest.regression.combining.pooling import Pooled, pool
 
 @dataclass(frozen=True)
 class LogEstimates:
-    """Estimates of the output error on one log alone."""
+    """Estimates of the output error on one log alone, with the end of its search."""
 
     record: str
     values: Mapping[str, float]
     stderr: Mapping[str, float]
+    converged: bool = True
+    iterations: int = 0
 
 
 @dataclass(frozen=True)

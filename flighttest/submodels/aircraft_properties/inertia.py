@@ -7,26 +7,27 @@ symmetry:
     q' = [(Izz - Ixx) p r + Ixz (r^2 - p^2) + M]/Iyy
     r' = [((Ixx - Iyy) Ixx + Ixz^2) p q - Ixz (Ixx - Iyy + Izz) q r + Ixz L + Ixx N]/G
 
-Aerodynamic moments are linear in their derivatives, so each equation is regressed on the products
-of the rates and on qbar times the aerodynamic regressors.  Only ratios of inertia appear in the
-products: six coefficients for three ratios, which are found together by generalised least squares;
-the residual shows whether the six agree.  One moment that is known, or taken from the aircraft
+Aerodynamic moments are linear in their derivatives.  Each equation is therefore regressed on the
+products of the rates and on qbar times the aerodynamic regressors.  Only ratios of inertia appear
+in the products: six coefficients for three ratios.  Generalised least squares estimate the ratios
+from all six, and the residual shows whether the six agree.  One moment, measured or of the aircraft
 file, sets the scale.
 
-Needs rates that are large about all axes at once, as orthogonal multisines on all surfaces or
-rolling pull-ups give: the products are of second order, 0.1 rad/s squared in an ordinary manoeuvre.
-Moments of thrust and of rotors are taken off with the inertia of the aircraft file.
+The rates must be large about all axes at the same time, as in orthogonal multisines on all surfaces
+or rolling pull-ups.  The products are of second order, 0.1 rad/s squared in an ordinary manoeuvre.
+Moments of thrust and of rotors are subtracted with the inertia of the aircraft file.
 
 References
 ----------
-.. [Klein2006] Klein, Morelli, Aircraft System Identification, AIAA 2006, chapter 3 (equations of motion).
-.. [DAS] Data acquisition system for fixed-wing unmanned aircraft, eq. (4) to (6) and the remark after them: inertia as
-   unknowns of the equation-error method.
+.. [Klein2006] Klein, Morelli, Aircraft System Identification, AIAA 2006, chapter 3 (equations of
+   motion).
+.. [DAS] Data acquisition system for fixed-wing unmanned aircraft, eq. (4) to (6) and the remark
+   after them: inertia as unknowns of the equation-error method.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,26 +51,45 @@ from flighttest.regression.uncertainty.coloured_residuals import coloured_covari
 from flighttest.remarks import Remark, remark_lines
 
 MOMENTS = ("Ixx", "Iyy", "Izz", "Ixz")
+# Products of the rates in each equation, and coefficients whose regressors it contains.
 _PRODUCTS = {"p_dot": ("pq", "qr"), "q_dot": ("pr", "rr-pp"), "r_dot": ("pq", "qr")}
 _COEFFICIENT = {"p_dot": ("Cl", "Cn"), "q_dot": ("Cm",), "r_dot": ("Cl", "Cn")}
-_ROUNDS = 50
+_NAMES = (
+    *(f"p_dot/{product}" for product in _PRODUCTS["p_dot"]),
+    *(f"q_dot/{product}" for product in _PRODUCTS["q_dot"]),
+    *(f"r_dot/{product}" for product in _PRODUCTS["r_dot"]),
+)
+# Degrees of freedom of six coefficients less three ratios.
+_FREEDOM = 3
+# Probability of the chi-square below which the equations contradict each other.
+_CONTRADICTION = 0.01
+# Relative standard error above which a moment is not determined.
+_VAGUE = 0.2
+# Smallest number of samples per term of an equation.
+_SAMPLES_PER_TERM = 5
+# Largest number of steps, and step [of the scale] at which the moments have converged.
+_ROUNDS, _SETTLED = 50, 1e-9
+# Largest step of a moment, and step of the central differences. [of the scale]
+_LARGEST_STEP, _DIFFERENCE = 0.3, 1e-6
+# Columns of the report: name in the estimates, width and digits.
+_COLUMNS = (("estimate", 12, 6), ("stderr", 11, 2), ("stderr_white", 11, 2), ("stated", 12, 6))
 
 
 @dataclass(frozen=True)
 class Inertia:
-    """Moments of inertia as flight shows them.
+    """Moments of inertia estimated from flight.
 
     Attributes
     ----------
     estimates : Dataset (term, term_)
         Terms Ixx, Iyy, Izz, Ixz [kg m2]: ``estimate``, ``stderr``, ``stderr_white``,
         ``covariance``, ``correlation``, and ``stated``, the value of the aircraft file.
-        Attributes: ``scale`` (the moment that was known), ``chi2`` of the six coefficients against
-        the three ratios, ``probability`` that it is larger (three degrees of freedom).
+        Attributes: ``scale`` (name of the fixed moment), ``chi2`` of the six coefficients against
+        the three ratios, ``probability`` of a larger value (three degrees of freedom).
     products : Dataset (product, product_)
-        The coefficients of the rate products as regressed, equation by equation: ``estimate``,
-        ``stderr``, ``stderr_white``, ``covariance``, and ``fitted``, what the inertia makes of
-        them. [1]
+        Regressed coefficients of the rate products, equation by equation: ``estimate``, ``stderr``,
+        ``stderr_white``, ``covariance``, and ``fitted``, the value that follows from the inertia.
+        [1]
     """
 
     estimates: xr.Dataset
@@ -77,55 +97,53 @@ class Inertia:
 
     @property
     def remarks(self) -> list[Remark]:
-        """Physical inequalities that are broken, contradiction between the equations, moments that
-        were not seen.
-        """
-        e = self.estimates
-        I = dict(zip(MOMENTS, e["estimate"].values))
-        found = [
-            Remark(
-                "range", f"{a} + {b} < {c}: no body has such moments", c, I[c], I[a] + I[b], "error"
-            )
-            for a, b, c in (("Ixx", "Iyy", "Izz"), ("Iyy", "Izz", "Ixx"), ("Ixx", "Izz", "Iyy"))
-            if I[a] + I[b] < I[c]
-        ]
-        if abs(I["Ixz"]) > 0.5 * min(I["Ixx"], I["Izz"]):
-            words = "Ixz is above half of the smaller of Ixx and Izz: not of an aeroplane"
-            found.append(Remark("range", words, "Ixz", I["Ixz"], 0.5 * min(I["Ixx"], I["Izz"])))
-        if e.attrs["probability"] < 0.01:
-            words = (
-                f"the equations contradict each other: chi2 {e.attrs['chi2']:.1f} of 3; the "
-                f"aerodynamic models are too simple"
-            )
-            found.append(Remark("scatter", words, "", e.attrs["probability"], 0.01))
-        for name in MOMENTS:
-            value, s = I[name], float(e["stderr"].sel(term=name))
-            if name != "Ixz" and s > 0.2 * abs(value):
-                words = (
-                    f"{name} is known to {100 * s / abs(value):.0f} % only; the manoeuvres "
-                    f"are not coupled enough"
-                )
-                found.append(Remark("not significant", words, name, s / abs(value), 0.2))
-        return found
+        """Remarks on physical inequalities, contradictions, and moments without information."""
+        return list(_list_remarks(self.estimates))
 
     def report(self) -> str:
         """Return the moments as a text table."""
         e = self.estimates
-        text = [
-            f"moments of inertia, {e.attrs['scale']} given; chi2 {e.attrs['chi2']:.1f} of 3, "
-            f"probability {e.attrs['probability']:.2g}",
+        lines = [
+            f"moments of inertia, {e.attrs['scale']} given; chi2 {e.attrs['chi2']:.1f} of "
+            f"{_FREEDOM}, probability {e.attrs['probability']:.2g}",
             f"{'moment':<8}{'estimate':>12}{'stderr':>11}{'white':>11}{'stated':>12}  [kg m2]",
         ]
         for name in MOMENTS:
-            row = e.sel(term=name)
-            numbers = (float(row[key]) for key in ("estimate", "stderr", "stderr_white", "stated"))
-            text.append(
-                f"{name:<8}"
-                + "".join(
-                    f"{x:>{w}.{d}g}" for x, w, d in zip(numbers, (12, 11, 11, 12), (6, 2, 2, 6))
-                )
+            line = f"{name:<8}"
+            for key, width, digits in _COLUMNS:
+                line += f"{float(e[key].sel(term=name)):>{width}.{digits}g}"
+            lines.append(line)
+        return "\n".join([*lines, *remark_lines(self.remarks)])
+
+
+def _list_remarks(e: xr.Dataset) -> Iterator[Remark]:
+    """Yield the remarks on estimates of moments."""
+    I = dict(zip(MOMENTS, e["estimate"].values))
+    # Triangle inequalities: the moments of a mass distribution cannot violate them.
+    for a, b, c in (("Ixx", "Iyy", "Izz"), ("Iyy", "Izz", "Ixx"), ("Ixx", "Izz", "Iyy")):
+        if I[a] + I[b] < I[c]:
+            text = f"{a} + {b} < {c}: no body has such moments"
+            yield Remark("range", text, c, I[c], threshold=I[a] + I[b], severity="error")
+    limit = 0.5 * min(I["Ixx"], I["Izz"])
+    if abs(I["Ixz"]) > limit:
+        text = "Ixz is above half of the smaller of Ixx and Izz: not of an aeroplane"
+        yield Remark("range", text, "Ixz", I["Ixz"], threshold=limit)
+    probability = e.attrs["probability"]
+    if probability < _CONTRADICTION:
+        text = (
+            f"the equations contradict each other: chi2 {e.attrs['chi2']:.1f} of {_FREEDOM}; the "
+            f"aerodynamic models are too simple"
+        )
+        yield Remark("scatter", text, "", probability, threshold=_CONTRADICTION)
+    for name in MOMENTS[:3]:
+        stderr = float(e["stderr"].sel(term=name))
+        if stderr > _VAGUE * abs(I[name]):
+            text = (
+                f"{name} is known to {100 * stderr / abs(I[name]):.0f} % only; the manoeuvres "
+                f"are not coupled enough"
             )
-        return "\n".join([*text, *remark_lines(self.remarks)])
+            ratio = stderr / abs(I[name])
+            yield Remark("not significant", text, name, ratio, threshold=_VAGUE)
 
 
 def inertia_from_flight(
@@ -142,13 +160,13 @@ def inertia_from_flight(
     path : Dataset (time,) or list of them
         States: `V qbar p q r p_dot q_dot r_dot` at the c.g., and the variables of the models. [SI]
     aircraft : Aircraft
-        Reference lengths, engines; its inertia is the start, and that of `scale` is taken as known.
+        Reference lengths and engines. Its inertia is the start, and its value of `scale` is fixed.
     models : mapping
         Aerodynamic models of ``Cl``, ``Cm`` and ``Cn`` about the c.g.
     scale : {"Ixx", "Iyy", "Izz"}
-        The moment that is known, from a pendulum test for example.
+        Fixed moment, for example from a pendulum test.
     cutoff : float, optional
-        Low-pass all states alike first, as in `coefficients`. [Hz]
+        Cut-off frequency of a low-pass of all states, as in `coefficients`. [Hz]
 
     Returns
     -------
@@ -160,56 +178,52 @@ def inertia_from_flight(
         Missing models, products of the rates that do not move, or terms that the data cannot
         distinguish.
     UnknownName
-        A state or a moment that is not there.
+        A missing state, or an unknown moment.
     """
     if scale not in MOMENTS[:3]:
         raise UnknownName(scale, MOMENTS[:3], "scale")
-    if missing := [name for name in ("Cl", "Cm", "Cn") if name not in models]:
+    missing = [name for name in ("Cl", "Cm", "Cn") if name not in models]
+    if missing:
         raise IdentificationError(
             f"no model of {', '.join(missing)}; the three moments are coupled, give a model of each"
         )
-    parts = [
-        _prepared(one, aircraft, cutoff)
-        for one in ([path] if isinstance(path, xr.Dataset) else path)
-    ]
-    found = [_regressed(rate, parts, aircraft, models) for rate in _PRODUCTS]
-    k = np.concatenate([one.estimate for one in found])
-    C, white = (
-        _diagonal([getattr(one, block) for one in found]) for block in ("covariance", "white")
-    )
-    I, J = _ratios(k, C, aircraft, scale)
+    manoeuvres = [path] if isinstance(path, xr.Dataset) else path
+    parts = [_prepare_states(states, aircraft, cutoff) for states in manoeuvres]
+    equations = [_regress_rate(rate, parts, aircraft=aircraft, models=models) for rate in _PRODUCTS]
+    k = np.concatenate([equation.estimate for equation in equations])
+    # The equations have independent residuals.
+    C = np.asarray(block_diag(*(equation.covariance for equation in equations)))
+    white = np.asarray(block_diag(*(equation.white for equation in equations)))
+    I, J = _solve_ratios(k, C, aircraft=aircraft, scale=scale)
     products = least_squares.regression_estimates(
         _NAMES,
         k,
         C,
         np.sqrt(np.diag(white)),
         ([], np.zeros((len(k), 0))),
-        {"fitted": ("term", _factors(I))},
+        {"fitted": ("term", _product_coefficients(I))},
     )
-    return Inertia(
-        _moments(k, C, white, I, J, aircraft, scale),
-        products.rename(term="product", term_="product_"),
-    )
-
-
-_NAMES = tuple(f"{rate}/{product}" for rate, products in _PRODUCTS.items() for product in products)
+    estimates = _moments_dataset(_Coefficients(k, C, white), I, J=J, aircraft=aircraft, scale=scale)
+    return Inertia(estimates, products.rename(term="product", term_="product_"))
 
 
 @dataclass(frozen=True)
-class _Regressed:
-    """Coefficients of the rate products in one equation."""
+class _Coefficients:
+    """Coefficients of rate products, with covariances for coloured and for white residuals."""
 
     estimate: np.ndarray
     covariance: np.ndarray
     white: np.ndarray
 
 
-def _prepared(states: xr.Dataset, aircraft: Aircraft, cutoff: float | None) -> xr.Dataset:
-    """States with angular accelerations freed from known moments, and the products of the rates."""
-    data = reduced_rates(states if cutoff is None else smooth_states(states, cutoff), aircraft)
-    known = np.linalg.solve(inertia_matrix(aircraft), known_moment(data, aircraft).T)
+def _prepare_states(states: xr.Dataset, aircraft: Aircraft, cutoff: float | None) -> xr.Dataset:
+    """Return states with the products of the rates, and accelerations less the known moments."""
+    if cutoff is not None:
+        states = smooth_states(states, cutoff)
+    data = reduced_rates(states, aircraft)
+    by_known = np.linalg.solve(inertia_matrix(aircraft), known_moment(data, aircraft).T)
     p, q, r = (np.asarray(data[name].values, float) for name in "pqr")
-    for name, part in zip(_PRODUCTS, known):
+    for name, part in zip(_PRODUCTS, by_known):
         if name not in data:
             raise UnknownName(
                 name,
@@ -223,36 +237,30 @@ def _prepared(states: xr.Dataset, aircraft: Aircraft, cutoff: float | None) -> x
     return data
 
 
-def _regressed(
+def _regress_rate(
     rate: str,
     parts: Sequence[xr.Dataset],
     aircraft: Aircraft,
     models: Mapping[str, RegressionModel],
-) -> _Regressed:
-    """One equation: an angular acceleration over products of rates and qbar times the aerodynamic
-    regressors.
-    """
-    terms = list(dict.fromkeys(term for name in _COEFFICIENT[rate] for term in models[name].terms))
-    variables = list(
-        dict.fromkeys(v for name in _COEFFICIENT[rate] for v in models[name].variables)
-    )
+) -> _Coefficients:
+    """Regress an angular acceleration on rate products and qbar times aerodynamic regressors."""
+    # Each term and each variable once, in the order of the models.
+    terms: dict[str, None] = {}
+    variables: dict[str, None] = {}
+    for name in _COEFFICIENT[rate]:
+        terms |= dict.fromkeys(models[name].terms)
+        variables |= dict.fromkeys(models[name].variables)
     products = _PRODUCTS[rate]
     samples = stack_samples(rate, ["qbar", *products, *variables], parts, f"the equation of {rate}")
     z = samples.data[rate].values
-    load = (
-        samples.data["qbar"].values
-        * aircraft.S
-        * (aircraft.cbar if rate == "q_dot" else aircraft.b)
-    )
-    X = np.vstack(
-        [
-            *(samples.data[name].values for name in products),
-            term_regressors(terms, samples.data) * load,
-        ]
-    ).T
-    if len(z) <= 5 * X.shape[1]:
+    length = aircraft.cbar if rate == "q_dot" else aircraft.b
+    load = samples.data["qbar"].values * aircraft.S * length
+    rows = [samples.data[name].values for name in products]
+    X = np.vstack([*rows, term_regressors(list(terms), samples.data) * load]).T
+    if len(z) <= _SAMPLES_PER_TERM * X.shape[1]:
         raise IdentificationError(
-            f"{len(z)} samples for {X.shape[1]} terms of {rate}; at least 5 per term are needed"
+            f"{len(z)} samples for {X.shape[1]} terms of {rate}; at least {_SAMPLES_PER_TERM} per "
+            f"term are needed"
         )
     try:
         demand_rank(X, [*products, *(f"qbar*{term}" for term in terms)])
@@ -264,11 +272,14 @@ def _regressed(
     A = least_squares.estimator_matrix(X)
     white = A @ A.T * float(v @ v) / (len(z) - len(theta))
     n = len(products)
-    return _Regressed(theta[:n], C[:n, :n], white[:n, :n])
+    return _Coefficients(theta[:n], C[:n, :n], white[:n, :n])
 
 
-def _factors(I: np.ndarray) -> np.ndarray:
-    """Coefficients of the products, in the order of `_NAMES`, from Ixx, Iyy, Izz, Ixz."""
+def _product_coefficients(I: np.ndarray) -> np.ndarray:
+    """Return the coefficients of the products, in the order of `_NAMES`, from Ixx, Iyy, Izz, Ixz.
+
+    The equations are those of the module.
+    """
     x, y, z, c = I
     G = x * z - c * c
     cross = c * (x - y + z) / G
@@ -277,69 +288,73 @@ def _factors(I: np.ndarray) -> np.ndarray:
     )
 
 
-def _ratios(
+def _free_moments(scale: str) -> list[int]:
+    """Return the indices of the estimated moments."""
+    return [MOMENTS.index(name) for name in MOMENTS if name != scale]
+
+
+def _solve_ratios(
     k: np.ndarray, C: np.ndarray, aircraft: Aircraft, scale: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Moments that explain the coefficients best, and the derivatives of those by the free moments."""
+    """Return the moments of generalised least squares, and the slopes of the coefficients."""
     I = np.array([float(getattr(aircraft, name)) for name in MOMENTS])
-    free = [MOMENTS.index(name) for name in MOMENTS if name != scale]
+    free = _free_moments(scale)
     size = I[MOMENTS.index(scale)]
+    # Gauss-Newton steps; the Cholesky factor L whitens the coefficients.
     L = np.linalg.cholesky(C)
     for _ in range(_ROUNDS):
-        J = np.stack(
-            [
-                (_factors(I + h) - _factors(I - h)) / (2e-6 * size)
-                for h in 1e-6 * size * np.eye(4)[free]
-            ],
-            axis=1,
-        )
-        step = np.linalg.lstsq(
-            np.linalg.solve(L, J), np.linalg.solve(L, k - _factors(I)), rcond=None
-        )[0]
-        new = I.copy()
-        new[free] += np.clip(step, -0.3 * size, 0.3 * size)
-        if not (new[:3] > 0).all() or new[3] ** 2 >= new[0] * new[2]:
+        slopes = []
+        for h in _DIFFERENCE * size * np.eye(4)[free]:
+            difference = _product_coefficients(I + h) - _product_coefficients(I - h)
+            slopes.append(difference / (2.0 * _DIFFERENCE * size))
+        J = np.stack(slopes, axis=1)
+        residual = k - _product_coefficients(I)
+        step = np.linalg.lstsq(np.linalg.solve(L, J), np.linalg.solve(L, residual), rcond=None)[0]
+        trial = I.copy()
+        trial[free] += np.clip(step, -_LARGEST_STEP * size, _LARGEST_STEP * size)
+        if not (trial[:3] > 0).all() or trial[3] ** 2 >= trial[0] * trial[2]:
+            moments = ", ".join(f"{name} {value:.4g}" for name, value in zip(MOMENTS, trial))
             raise IdentificationError(
                 f"the products of the rates require moments of no body "
-                f"({', '.join(f'{n} {v:.4g}' for n, v in zip(MOMENTS, new))}); "
+                f"({moments}); "
                 "the manoeuvres are not coupled enough, or the aerodynamic models too simple"
             )
-        I = new
-        if np.abs(step).max() < 1e-9 * size:
+        I = trial
+        if np.abs(step).max() < _SETTLED * size:
             return I, J
     raise IdentificationError(
-        "the moments of inertia did not settle; the manoeuvres are not coupled enough"
+        f"the moments of inertia are not converged after {_ROUNDS} steps, the last one of "
+        f"{np.abs(step).max():.3g} kg m2; the manoeuvres are not coupled enough"
     )
 
 
-def _moments(k, C, white, I, J, aircraft: Aircraft, scale: str) -> xr.Dataset:
-
-    free = [MOMENTS.index(name) for name in MOMENTS if name != scale]
+def _moments_dataset(
+    coefficients: _Coefficients, I: np.ndarray, J: np.ndarray, aircraft: Aircraft, scale: str
+) -> xr.Dataset:
+    """Return the moments with covariances and the chi-square of the coefficients."""
+    k, C = coefficients.estimate, coefficients.covariance
+    block = np.ix_(_free_moments(scale), _free_moments(scale))
+    # Generalised least squares: gain (J'C^-1 J)^-1 J'C^-1.
     inverse = np.linalg.inv(C)
     gain = np.linalg.solve(J.T @ inverse @ J, J.T @ inverse)
-    covariance, plain = np.zeros((4, 4)), np.zeros((4, 4))
-    covariance[np.ix_(free, free)] = gain @ C @ gain.T
-    plain[np.ix_(free, free)] = gain @ white @ gain.T
-    rest = k - _factors(I)
-    chi2 = float(rest @ inverse @ rest)
+    covariance, white = np.zeros((4, 4)), np.zeros((4, 4))
+    covariance[block] = gain @ C @ gain.T
+    white[block] = gain @ coefficients.white @ gain.T
+    residual = k - _product_coefficients(I)
+    chi2 = float(residual @ inverse @ residual)
     stated = np.array([float(getattr(aircraft, name)) for name in MOMENTS])
-    found = least_squares.regression_estimates(
+    estimates = least_squares.regression_estimates(
         MOMENTS,
         I,
         covariance,
-        np.sqrt(np.diag(plain)),
+        np.sqrt(np.diag(white)),
         ([], np.zeros((4, 0))),
         {"stated": ("term", stated)},
     )
-    found.attrs = {
+    estimates.attrs = {
         "scale": scale,
         "chi2": chi2,
-        "probability": float(chi2_distribution.sf(chi2, 3)),
+        "probability": float(chi2_distribution.sf(chi2, _FREEDOM)),
         "units": "kg m2",
     }
-    return found
-
-
-def _diagonal(blocks: Sequence[np.ndarray]) -> np.ndarray:
-
-    return np.asarray(block_diag(*blocks))
+    return estimates

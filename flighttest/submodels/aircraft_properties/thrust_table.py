@@ -10,10 +10,10 @@ time constant is the one with the smallest residual over the whole records.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -33,6 +33,10 @@ _SMOOTH = 0.03
 _TAU = (0.2, 8.0)
 # Distance of the logarithm of a time constant from an end of the search that counts as the end.
 _END = 0.02
+# Smallest range of the throttle in one of the runs.
+_LEAST_MOVE = 0.1
+# Largest number of evaluations of the search of the time constant.
+_EVALUATIONS = 500
 # The throttle is settled if it moved by less than this range during this time. [s, 1]
 _STILL = (6.0, 0.03)
 
@@ -52,6 +56,8 @@ class ThrustFit:
         [N]
     span : float
         Largest minus smallest recorded thrust. [N]
+    converged : bool
+        Whether the search of the time constant converged.
     """
 
     leaf: xr.Dataset
@@ -59,6 +65,7 @@ class ThrustFit:
     rms_settled: float
     rms: float
     span: float
+    converged: bool
 
 
 def fit_thrust(
@@ -83,7 +90,8 @@ def fit_thrust(
     Raises
     ------
     IdentificationError
-        The throttle does not move, so table and lag are not determined.
+        The throttle does not move, so table and lag are not determined; or the non-negative least
+        squares of the table do not converge.
     UnknownName
         A required channel is missing.
 
@@ -91,45 +99,76 @@ def fit_thrust(
     -----
     AeromatchWarning
         The time constant lies at an end of the search: it is at most 0.2 s, or at least 8 s, and
-        not measured.
+        not measured. Or its search did not converge.
 
     Notes
     -----
     A turbojet accelerates and decelerates at different rates. One time constant is the compromise
     with the smallest residual.
     """
-    runs = [_run(getattr(item, "states", item), tuple(axes), engines) for item in data]
-    if not runs or max(np.ptp(run["throttle"]) for run, _, _ in runs) < 0.1:
+    runs = [_read_run(getattr(item, "states", item), tuple(axes), engines) for item in data]
+    throttles = [run.conditions["throttle"] for run in runs]
+    if not runs or max(np.ptp(throttle) for throttle in throttles) < _LEAST_MOVE:
         raise IdentificationError(
-            "the throttle moves by less than 0.1 in all runs; add a run with a power change"
+            f"the throttle moves by less than {_LEAST_MOVE:g} in all runs; add a run with a power "
+            f"change"
         )
     template = make_term(np.zeros([len(points) for points in axes.values()]), axes)
-    designs = [basis(template, run, outside="clamp").toarray() for run, _, _ in runs]
-    settled = np.concatenate([_is_settled(run["throttle"], step) for run, _, step in runs])
-    target, design = np.concatenate([thrust for _, thrust, _ in runs]), np.concatenate(designs)
+    designs = [basis(template, run.conditions, outside="clamp").toarray() for run in runs]
+    is_settled = [_is_settled(run.conditions["throttle"], run.step) for run in runs]
+    settled, design = np.concatenate(is_settled), np.concatenate(designs)
+    target = np.concatenate([run.thrust for run in runs])
     nodes = _table_nodes(design[settled], target[settled], shape=template["value"].shape)
+
+    # Thrust of the table with settled throttle, which the lag follows.
+    settled_thrust = [(matrix @ nodes, run.step) for matrix, run in zip(designs, runs)]
 
     def rms(log_tau: float) -> float:
         lagged = []
-        for matrix, (_, _, step) in zip(designs, runs, strict=True):
-            lagged.append(_lag(matrix @ nodes, step, float(np.exp(log_tau))))
+        for thrust, step in settled_thrust:
+            lagged.append(_lag(thrust, step, float(np.exp(log_tau))))
         return float(np.sqrt(np.mean((target - np.concatenate(lagged)) ** 2)))
 
-    best = minimize_scalar(rms, bounds=(np.log(_TAU[0]), np.log(_TAU[1])), method="bounded")
-    for end, bound in zip(_TAU, ("at most", "at least")):
-        if abs(best.x - np.log(end)) < _END:
-            text = (
-                f"time constant of the thrust: {bound} {end:g} s, the end of the search; "
-                f"these runs do not determine it"
-            )
-            warnings.warn(text, AeromatchWarning, stacklevel=2)
+    best = minimize_scalar(
+        rms,
+        bounds=(np.log(_TAU[0]), np.log(_TAU[1])),
+        method="bounded",
+        options={"maxiter": _EVALUATIONS},
+    )
+    for text in _search_warnings(best):
+        warnings.warn(text, AeromatchWarning, stacklevel=2)
     return ThrustFit(
         leaf=make_term(nodes.reshape(template["value"].shape), axes, source="flight"),
         time_constant=float(np.exp(best.x)),
         rms_settled=float(np.sqrt(np.mean((target - design @ nodes)[settled] ** 2))),
         rms=float(best.fun),
         span=float(np.ptp(target)),
+        converged=bool(best.success),
     )
+
+
+class _Run(NamedTuple):
+    """Conditions by axis, mean thrust of the engines [N] and step [s] of one run."""
+
+    conditions: dict[str, np.ndarray]
+    thrust: np.ndarray
+    step: float
+
+
+def _search_warnings(best: Any) -> Iterator[str]:
+    """Yield warnings on a search of the time constant, from the result of SciPy."""
+    if not best.success:
+        yield (
+            f"time constant of the thrust: not converged after {best.nfev} evaluations, "
+            f"{float(np.exp(best.x)):.3g} s; check the records for a thrust that does not follow "
+            f"the throttle"
+        )
+    for end, bound in zip(_TAU, ("at most", "at least")):
+        if abs(best.x - np.log(end)) < _END:
+            yield (
+                f"time constant of the thrust: {bound} {end:g} s, the end of the search; "
+                f"these runs do not determine it"
+            )
 
 
 def _table_nodes(design: np.ndarray, target: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
@@ -137,13 +176,21 @@ def _table_nodes(design: np.ndarray, target: np.ndarray, shape: tuple[int, ...])
     # The penalty has the weight of a part of the average number of samples per node.
     weight = _SMOOTH * np.sqrt(len(target) / design.shape[1])
     penalty = weight * _second_differences(shape)
-    nodes, _ = nnls(np.vstack([design, penalty]), np.append(target, np.zeros(len(penalty))))
+    equations = np.vstack([design, penalty])
+    try:
+        nodes, _ = nnls(equations, np.append(target, np.zeros(len(penalty))))
+    except RuntimeError as error:
+        # SciPy raises it at the limit of iterations, three times the number of nodes.
+        raise IdentificationError(
+            f"non-negative least squares of the thrust table do not converge for "
+            f"{design.shape[1]} nodes and {len(target)} samples; give fewer breakpoints, or "
+            f"records without negative thrust"
+        ) from error
     return nodes
 
 
 def _is_settled(throttle: np.ndarray, step: float) -> np.ndarray:
     """Return where the throttle has not moved for a while; the first sample is settled."""
-
     width = max(round(_STILL[0] / step), 1)
     padded = np.concatenate([np.full(width, throttle[0]), throttle])
     size, origin = width + 1, width // 2
@@ -153,10 +200,8 @@ def _is_settled(throttle: np.ndarray, step: float) -> np.ndarray:
     return (high - low)[width:] < _STILL[1]
 
 
-def _run(
-    states: xr.Dataset, axes: tuple[str, ...], engines: Sequence[int]
-) -> tuple[dict[str, np.ndarray], np.ndarray, float]:
-    """Return the conditions, the mean thrust and the step of a run at the reduced rate."""
+def _read_run(states: xr.Dataset, axes: tuple[str, ...], engines: Sequence[int]) -> _Run:
+    """Return a run at the reduced rate."""
     names = []
     for engine in engines:
         names += [f"engine{engine}.throttle", f"engine{engine}.thrust"]
@@ -177,7 +222,7 @@ def _run(
     for axis in axes:
         if axis != "throttle":
             conditions[axis] = states[axis].values[::every]
-    return conditions, mean["thrust"], step * every
+    return _Run(conditions, mean["thrust"], step * every)
 
 
 def _lag(x: np.ndarray, step: float, tau: float) -> np.ndarray:
@@ -190,11 +235,15 @@ def _second_differences(shape: Sequence[int]) -> np.ndarray:
     """Return the second differences of a table along each axis, per unit of index."""
     rows = []
     for axis, count in enumerate(shape):
-        others = [range(n) for i, n in enumerate(shape) if i != axis]
-        for index in product(*others):
+        # All lines of nodes along the axis.
+        across = [range(n) for i, n in enumerate(shape) if i != axis]
+        for index in product(*across):
+            # Weights 1, -2, 1 on three neighbouring nodes of the line.
             for k in range(1, count - 1):
                 row = np.zeros(shape)
                 for shift, weight in ((-1, 1.0), (0, -2.0), (1, 1.0)):
                     row[(*index[:axis], k + shift, *index[axis:])] = weight
                 rows.append(row.ravel())
-    return np.array(rows) if rows else np.zeros((0, int(np.prod(shape))))
+    if not rows:
+        return np.zeros((0, int(np.prod(shape))))
+    return np.array(rows)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -15,16 +16,12 @@ import xarray as xr
 from flightmech.aircraft.controls import Circuit
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error import least_squares
-from flighttest.submodels.control_loading.joint_fit import JointFit
+from flighttest.remarks import Convergence
+from flighttest.submodels.control_loading.cable import NAMES, CableFit, cable_fit
+from flighttest.submodels.control_loading.joint_fit import JointFit, estimates_convergence
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.motion import CUTOFF, loading_channels
-from flighttest.submodels.control_loading.regression import (
-    NAMES,
-    CableFit,
-    SlidingFit,
-    cable_fit,
-    sliding_fit,
-)
+from flighttest.submodels.control_loading.regression import SlidingFit, sliding_fit
 from flighttest.submodels.control_loading.result import DRAWINGS_ERROR, SHARED, IdentifiedLoading
 from flighttest.submodels.control_loading.windows import (
     PreparedRecord,
@@ -101,28 +98,76 @@ def identify_control_loading(
             f"order is {order}; allowed: 2, 4 (two ailerons on two cables move as one of order 4)"
         )
     slow, quick = driven_stretches(loading, driven, cutoff), free_stretches(loading, free)
-    drawn_error = 2.0 * drawings_error
-    prior = {} if drawings is None else _drawn_mass(loading, drawings, drawn_error)
+    drawn = _Drawn.of_circuit(loading, drawings, 2.0 * drawings_error)
     if order == 2:
-        slid, force = sliding_fit(loading, slow, quick, cutoff=cutoff, aft={}, known=prior)
+        slid, force = sliding_fit(loading, slow, quick, cutoff=cutoff, aft={}, known=drawn.mass)
         fit = _Regressions(slid, force, cable=None, shares={})
+        iterations = {"weights of the force": force.convergence}
     else:
-        # Force and stretch in turn, each corrected by the other.
-        shares = _drawn_shares(loading, drawings)
-        drawn = _drawn_cable(loading, drawings, drawn_error)
-        for _ in range(1 + _PASSES):
-            slid, force = sliding_fit(loading, slow, quick, cutoff=cutoff, aft=shares, known=prior)
-            cable = cable_fit(slid, slow, quick, cutoff=cutoff, drawn=drawn)
-            fit = _Regressions(slid, force, cable=cable, shares=shares)
-            shares = _shares(slid, cable)
+        fit, iterations = _fit_with_cable(loading, slow, quick, cutoff=cutoff, drawn=drawn)
     stretch = None if fit.cable is None else fit.cable.estimates
-    identified = IdentifiedLoading(loading, fit.slid, cable=stretch, estimates=fit.estimates())
+    identified = IdentifiedLoading(
+        loading, fit.slid, cable=stretch, estimates=fit.estimates(), iterations=iterations
+    )
     sources = _error_sources(loading, [*driven, *free], errors or {})
     if sources:
         identified = identified.with_errors(fit.changes(slow, quick, sources))
     if drawings is None:
         return identified
     return identified.with_prior(drawings, drawings_error)
+
+
+class _Drawn(NamedTuple):
+    """Values of the drawings for the regressions.
+
+    Attributes
+    ----------
+    mass : dict of str to (float, float)
+        Mass of both ends and its standard error.
+    shares : dict of str to float
+        First values of the shares of the surface in friction, damping and mass.
+    cable : (float, float, float) or None
+        Inertia of the surface, stiffness of the cables, and the error of the inertia.
+    """
+
+    mass: dict[str, tuple[float, float]]
+    shares: dict[str, float]
+    cable: tuple[float, float, float] | None
+
+    @classmethod
+    def of_circuit(cls, loading: ControlLoading, drawings: Circuit | None, error: float) -> _Drawn:
+        """Return the values of a circuit with the relative error of its constants."""
+        if drawings is None:
+            return cls({}, {}, None)
+        return cls(
+            _drawn_mass(loading, drawings, error),
+            _drawn_shares(loading, drawings),
+            _drawn_cable(loading, drawings, error),
+        )
+
+
+def _fit_with_cable(
+    loading: ControlLoading,
+    slow: Sequence[PreparedRecord],
+    quick: Sequence[PreparedRecord],
+    cutoff: float,
+    drawn: _Drawn,
+) -> tuple[_Regressions, dict[str, Convergence]]:
+    """Fit force and stretch in turn, each corrected by the other; return the ends of all passes."""
+    shares = drawn.shares
+    passes: list[xr.Dataset] = []
+    for _ in range(1 + _PASSES):
+        slid, force = sliding_fit(loading, slow, quick, cutoff=cutoff, aft=shares, known=drawn.mass)
+        cable = cable_fit(slid, slow, quick, cutoff=cutoff, drawn=drawn.cable)
+        fit = _Regressions(slid, force, cable=cable, shares=shares)
+        shares = _shares(slid, cable)
+        passes.append(fit.estimates())
+    iterations = {
+        "weights of the force": force.convergence,
+        **cable.iterations,
+        "shares of the surface": _passes_convergence(passes),
+    }
+    return fit, iterations
 
 
 @dataclass(frozen=True)
@@ -195,6 +240,18 @@ class _Regressions:
         return np.array(changes)
 
 
+def _passes_convergence(passes: Sequence[xr.Dataset]) -> Convergence:
+    """Return the end of the passes over both regressions from the estimates of each pass."""
+    last = passes[-1]
+    # A single pass shows no change, so it has not converged.
+    change = np.full(last.sizes["term"], np.inf)
+    if len(passes) > 1:
+        change = last["estimate"].values - passes[-2]["estimate"].values
+    return estimates_convergence(
+        change, last["estimate"].values, stderr=last["stderr"].values, iterations=len(passes)
+    )
+
+
 def _drawn_mass(
     loading: ControlLoading, drawings: Circuit, error: float
 ) -> dict[str, tuple[float, float]]:
@@ -203,10 +260,8 @@ def _drawn_mass(
     return {"mass": (total, error * total)} if total > 0.0 else {}
 
 
-def _drawn_shares(loading: ControlLoading, drawings: Circuit | None) -> dict[str, float]:
+def _drawn_shares(loading: ControlLoading, drawings: Circuit) -> dict[str, float]:
     """Return first values of the shares of the surface in friction, damping and mass."""
-    if drawings is None:
-        return {}
     shares = {}
     for total, (aft, power) in SHARED.items():
         cockpit = getattr(drawings, total)
@@ -217,13 +272,13 @@ def _drawn_shares(loading: ControlLoading, drawings: Circuit | None) -> dict[str
 
 
 def _drawn_cable(
-    loading: ControlLoading, drawings: Circuit | None, error: float
+    loading: ControlLoading, drawings: Circuit, error: float
 ) -> tuple[float, float, float] | None:
     """Return inertia of the surface, stiffness of the cables, and the error of the inertia.
 
     The drawings give the values. They are reduced to the travel.
     """
-    if drawings is None or not (drawings.inertia > 0.0 and drawings.cable_stiffness > 0.0):
+    if not (drawings.inertia > 0.0 and drawings.cable_stiffness > 0.0):
         return None
     # Order 6 has two cables side by side.
     cables = 2.0 if drawings.order == 6 else 1.0

@@ -5,7 +5,7 @@ The samples are those of driven manoeuvres, the windows those of free motion.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -16,6 +16,7 @@ from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.uncertainty import collinearity
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
+from flighttest.remarks import Convergence, Remark
 
 # Passes over the weights.
 _PASSES = 5
@@ -23,6 +24,11 @@ _PASSES = 5
 _LEAST = 0.1
 # Largest share of noise that is subtracted before the weights are final.
 _SAFE = 0.5
+# Last change of an estimate at which an iteration has converged, and above which its result must
+# not be used. Each pass moves the estimates much less than the pass before. [standard errors]
+_SAME, _WRONG = 0.5, 1.0
+# Smallest tolerance over the estimate: without noise, the standard errors are those of rounding.
+_RELATIVE = 1e-9
 # Largest share of noise in the part of a regressor that is independent of the others.
 _NOISY = 0.9
 
@@ -84,6 +90,8 @@ class JointFit:
         Samples of every stretch without a gap.
     steps : tuple of float
         Sampling interval of each stretch. [s]
+    last_change : array (terms,)
+        Change of theta in the last pass over the weights.
     """
 
     theta: np.ndarray
@@ -95,6 +103,15 @@ class JointFit:
     variances: np.ndarray
     lengths: tuple[int, ...]
     steps: tuple[float, ...]
+    last_change: np.ndarray
+
+    @property
+    def convergence(self) -> Convergence:
+        """End of the passes over the weights."""
+        stderr = np.sqrt(np.diag(self.covariance))
+        return estimates_convergence(
+            self.last_change, self.theta, stderr=stderr, iterations=_PASSES
+        )
 
     @cached_property
     def covariance(self) -> np.ndarray:
@@ -113,6 +130,41 @@ class JointFit:
             self.steps,
         ).covariance
         return coloured + of_windows * self.variances[self.samples :] @ of_windows.T
+
+
+def estimates_convergence(
+    change: np.ndarray, estimate: np.ndarray, stderr: np.ndarray, iterations: int
+) -> Convergence:
+    """Return the end of an iteration over estimates.
+
+    Parameters
+    ----------
+    change, estimate, stderr : array (terms,)
+        Last change of the estimates, the estimates, and their standard errors.
+    iterations : int
+        Number of iterations.
+    """
+    # An estimate that does not change has converged, also without a standard error.
+    moves = np.abs(change) > 0.0
+    tolerance = np.maximum(_SAME * stderr, _RELATIVE * np.abs(estimate))
+    ratio = float(np.max(np.abs(change[moves]) / tolerance[moves], initial=0.0))
+    return Convergence(ratio <= 1.0, iterations, ratio)
+
+
+def convergence_remarks(iterations: Mapping[str, Convergence]) -> list[Remark]:
+    """Return a remark on every iteration that did not converge, by the name of the iteration.
+
+    It is an error if an estimate changes by more than its standard error.
+    """
+    advice = (
+        f"an estimate still changes by more than {_SAME:g} of its standard error; give records "
+        f"with more motion, or fewer terms"
+    )
+    remarks = []
+    for name, convergence in iterations.items():
+        severity = "error" if not _SAME * convergence.change <= _WRONG else "warning"
+        remarks += convergence.remarks(name, advice, severity=severity)
+    return remarks
 
 
 def stretch_lengths(use: np.ndarray) -> tuple[int, ...]:
@@ -157,22 +209,20 @@ def joint_fit(
     ----------
     .. [Fuller1987] Fuller, Measurement Error Models, 1987, section 2.2.
     """
-    records = [*samples, *windows]
-    rows = np.array([c.row for c in constraints]).reshape(len(constraints), len(names))
-    X = np.concatenate([*(record.X for record in records), rows])
-    z = np.concatenate([*(record.z for record in records), [c.value for c in constraints]])
-    noise = np.concatenate([*(record.noise for record in records), np.zeros(rows.shape)])
-    fixed = np.array([c.stderr**2 for c in constraints])
+    X, z, noise = _stack_equations([*samples, *windows], constraints, len(names))
+    fixed = np.array([constraint.stderr**2 for constraint in constraints])
     # Source of every row: 0 samples, 1 windows, 2 constraints.
-    counts = [sum(len(record.z) for record in group) for group in (samples, windows)]
-    source = np.repeat([0, 1, 2], [*counts, len(constraints)])
+    sample_count = sum(len(record.z) for record in samples)
+    window_count = sum(len(record.z) for record in windows)
+    source = np.repeat([0, 1, 2], [sample_count, window_count, len(constraints)])
     # A low-pass leaves two independent samples per period of its cut-off.
     step = float(np.median([record.step for record in samples]))
     worth = np.array([min(1.0, 2.0 * cutoff * step), 1.0, 1.0])[source]
     weight = worth.copy()
     weight[source == 2] /= fixed
+    theta = np.zeros(len(names))
     for number in range(_PASSES):
-        root = np.sqrt(weight)
+        root, before = np.sqrt(weight), theta
         theta, equivalent = _solve_without_noise(
             root[:, None] * X,
             root * z,
@@ -193,12 +243,26 @@ def joint_fit(
         X=root[:, None] * X,
         estimator=least_squares.estimator_matrix(equivalent) * root,
         residual=v,
-        samples=counts[0],
-        windows=counts[1],
+        samples=sample_count,
+        windows=window_count,
         variances=variances,
         lengths=tuple(lengths),
         steps=tuple(steps),
+        last_change=theta - before,
     )
+
+
+def _stack_equations(
+    records: Sequence[RecordEquations], constraints: Sequence[PriorConstraint], terms: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return regressors, response and noise of the records, then of the constraints."""
+    rows = np.array([constraint.row for constraint in constraints]).reshape(-1, terms)
+    X = [*(record.X for record in records), rows]
+    values = np.array([constraint.value for constraint in constraints])
+    z = [*(record.z for record in records), values]
+    # A constraint has no noise in its row.
+    noise = [*(record.noise for record in records), np.zeros(rows.shape)]
+    return np.concatenate(X), np.concatenate(z), np.concatenate(noise)
 
 
 def _variances(

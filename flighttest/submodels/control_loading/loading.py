@@ -1,18 +1,20 @@
-"""What is known of a control circuit before the flights, and the force at the hand as a sum of
-terms.
+"""Geometry of a control circuit, and the force at the hand as a sum of terms.
 
 Travel s, force F and deflection have the signs of the kernel: F has the sign of the travel that it
 produces, positive aft, right and right foot, and delta = gearing s.  Reduced to the travel, [LR743]
 3.4:
 
-    F = offset + bob_weight g0 (nz - 1) + stiffness s + preload sgn(s) + friction sgn(s') + damping
-    s' + mass s''
-        - gearing qbar S_hinge c_hinge Ch
+    F = offset + bob_weight g0 (nz - 1) + stiffness s + preload sgn(s) + friction sgn(s')
+        + damping s' + mass s'' - gearing qbar S_hinge c_hinge Ch
+
+References
+----------
+.. [LR743] Report LR-743, 1993, 3.4.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,14 +25,16 @@ from flightmech.errors import SchemaError
 from flightmech.units import G0
 from flighttest.regression.equation_error.model import RegressionModel, term_powers
 
+# Deflection and hinge-moment coefficient of each control.
 DEFLECTION = {"column": "delta_e", "wheel": "delta_a", "pedal": "delta_r"}
 COEFFICIENT = {"column": "Ch_e", "wheel": "Ch_a", "pedal": "Ch_r"}
-# default terms of the hinge moments; of the ailerons alpha is that of the roll, p arm / V
+# Default terms of the hinge moments. Alpha of the ailerons is that of the roll, p arm / V.
 HINGE = {
     "column": "Ch_e = 1 + alpha + delta_e + delta_t",
     "wheel": "Ch_a = 1 + alpha + delta_a",
     "pedal": "Ch_r = 1 + beta + delta_r",
 }
+# Regressor of each term of the force, from the signals of `motion.control_signals`.
 FORCES: Mapping[str, Callable[[Mapping[str, np.ndarray]], np.ndarray]] = {
     "offset": lambda d: np.ones_like(d["travel"]),
     "bob_weight": lambda d: G0 * (d["nz"] - 1.0),
@@ -41,6 +45,7 @@ FORCES: Mapping[str, Callable[[Mapping[str, np.ndarray]], np.ndarray]] = {
     "damping": lambda d: d["rate"],
     "mass": lambda d: d["acceleration"],
 }
+# Default terms of the force.
 DEFAULT = {
     "column": ("offset", "bob_weight", "preload", "friction", "damping", "mass"),
     "wheel": ("offset", "preload", "friction", "damping", "mass"),
@@ -50,32 +55,34 @@ DEFAULT = {
 
 @dataclass(frozen=True)
 class ControlLoading:
-    """A control circuit whose constants are to be identified.
+    """Control circuit whose constants are identified.
 
     Parameters
     ----------
     item : {"column", "wheel", "pedal"}
+        Control.
     gearing : float
         d(delta)/ds, surveyed. [rad m-1, of the wheel rad rad-1]
     S_hinge, c_hinge : float
         Area and mean chord behind the hinge line; of both ailerons together. [m2, m]
     hinge : Model or str, optional
-        Terms of the hinge-moment coefficient; the deflection enters as integer powers.  Of ``Ch_a``
-        the variable ``alpha`` is the change of the local angle of attack at the aileron, p arm / V.
+        Terms of the hinge-moment coefficient; the deflection enters as integer powers.  The
+        variable ``alpha`` of ``Ch_a`` is the change of the local angle of attack at the aileron,
+        p arm / V.
     constants : tuple of str, optional
         Terms of `FORCES` in the force.
     arm : float
-        Distance of the ailerons from the plane of symmetry; the wheel alone needs it. [m]
+        Distance of the ailerons from the plane of symmetry; only the wheel requires it. [m]
 
     Attributes
     ----------
     model : Model
-        The terms of the hinge-moment coefficient.
+        Terms of the hinge-moment coefficient.
 
     Raises
     ------
     SchemaError
-        Every problem.
+        Wrong values. The message lists all of them.
     """
 
     item: str
@@ -93,42 +100,39 @@ class ControlLoading:
                 "control loading", [f"item is {self.item!r}; allowed: {', '.join(DEFLECTION)}"]
             )
         model = self.hinge or HINGE[self.item]
-        object.__setattr__(
-            self, "model", RegressionModel.parse(model) if isinstance(model, str) else model
-        )
+        if isinstance(model, str):
+            model = RegressionModel.parse(model)
+        # The dataclass is frozen: derived values are set once, here.
+        object.__setattr__(self, "model", model)
         object.__setattr__(self, "constants", tuple(self.constants) or DEFAULT[self.item])
-        problems = [
-            f"{name} is {getattr(self, name)!r}; it must not be 0"
-            for name in ("gearing",)
-            if not self.gearing
-        ]
-        problems += [
-            f"{n} is {getattr(self, n)!r}; it must be positive"
-            for n in ("S_hinge", "c_hinge")
-            if not getattr(self, n) > 0.0
-        ]
-        problems += [
-            f"{name}: no term of the force; allowed: {', '.join(FORCES)}"
-            for name in self.constants
-            if name not in FORCES
-        ]
-        problems += [
-            f"{name} is missing; the force needs it"
-            for name in ("offset", "friction")
-            if name not in self.constants
-        ]
+        problems = list(self._find_problems())
+        if problems:
+            raise SchemaError(f"control loading of the {self.item}", problems)
+
+    def _find_problems(self) -> Iterator[str]:
+        """Yield the problems of geometry, constants and terms."""
+        if not self.gearing:
+            yield f"gearing is {self.gearing!r}; it must not be 0"
+        for name in ("S_hinge", "c_hinge"):
+            value = getattr(self, name)
+            if not value > 0.0:
+                yield f"{name} is {value!r}; it must be positive"
+        for name in self.constants:
+            if name not in FORCES:
+                yield f"{name}: no term of the force; allowed: {', '.join(FORCES)}"
+        for name in ("offset", "friction"):
+            if name not in self.constants:
+                yield f"{name} is missing; the force needs it"
         if self.model.coefficient != COEFFICIENT[self.item]:
-            problems.append(
+            yield (
                 f"the model is one of {self.model.coefficient}; the {self.item} has "
                 f"{COEFFICIENT[self.item]}"
             )
         if self.item == "wheel" and "alpha" in self.model.variables and not self.arm > 0.0:
-            problems.append(
+            yield (
                 f"arm is {self.arm!r}; the distance of the ailerons from the plane of "
                 f"symmetry is needed for p arm / V"
             )
-        if problems:
-            raise SchemaError(f"control loading of the {self.item}", problems)
 
     @property
     def deflection(self) -> str:
@@ -137,7 +141,7 @@ class ControlLoading:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of what the regression estimates: constants, then ``Ch_e: alpha`` and so on."""
+        """Names of the estimates: constants, then terms such as ``Ch_e: alpha``."""
         return (*self.constants, *(self.term(term) for term in self.model.terms))
 
     def term(self, term: str) -> str:
@@ -145,21 +149,21 @@ class ControlLoading:
         return f"{self.model.coefficient}: {term}"
 
     def load(self, data: xr.Dataset) -> np.ndarray:
-        """Return the force at the hand that Ch = 1 needs, -gearing qbar S_hinge c_hinge, (time,).
-        [N or N m]
+        """Return the force at the hand for Ch = 1, (time,). [N or N m]
+
+        It is -gearing qbar S_hinge c_hinge.
         """
         return -self.gearing * self.S_hinge * self.c_hinge * data["qbar"].values
 
     def by_power(self, data: xr.Dataset) -> list[tuple[int, np.ndarray]]:
-        """Return power of the deflection and the remaining factor, (time,), of every term of the
-        hinge moment.
+        """Return power of the deflection and the other factors, (time,), of every term.
 
         Raises
         ------
         SchemaError
-            The deflection in a ramp.
+            A term of the hinge moment with the deflection in a ramp.
         """
-        found = []
+        factors_by_term = []
         for term in self.model.terms:
             factors = dict(term_powers(term))
             if any(self.deflection in factor and factor != self.deflection for factor in factors):
@@ -168,36 +172,51 @@ class ControlLoading:
                     [f"{term}: the deflection must enter as a power, such as {self.deflection}**3"],
                 )
             power = factors.pop(self.deflection, 0)
-            rest = (
-                "*".join(f"{name}**{k}" if k != 1 else name for name, k in factors.items()) or "1"
-            )
-            found.append(
-                (power, RegressionModel(self.model.coefficient, [rest]).design(data)[:, 0])
-            )
-        return found
+            # The other factors as a term of their own.
+            spellings = []
+            for name, exponent in factors.items():
+                spellings.append(name if exponent == 1 else f"{name}**{exponent}")
+            other = "*".join(spellings) or "1"
+            regressor = RegressionModel(self.model.coefficient, [other]).design(data)[:, 0]
+            factors_by_term.append((power, regressor))
+        return factors_by_term
 
 
 def loading_of(
     aircraft: Aircraft, item: str, model: str = "", constants: Sequence[str] = (), arm: float = 0.0
 ) -> ControlLoading:
-    """Return what an aircraft knows of a control.
+    """Return the control circuit of an aircraft.
+
+    Parameters
+    ----------
+    aircraft : Aircraft
+        Aircraft with hinge geometry and gearing of the control.
+    item : {"column", "wheel", "pedal"}
+        Control.
+    model, constants, arm
+        As for `ControlLoading`.
 
     Raises
     ------
     SchemaError
-        No hinge geometry or gearing of this control in the aircraft; the faults of
-        `ControlLoading`.
+        No hinge geometry or gearing of this control in the aircraft; errors of `ControlLoading`.
     """
     control = aircraft.controls.get(DEFLECTION.get(item, ""))
     if control is None or control.gearing is None:
-        wanted = DEFLECTION.get(item, "delta_e")
+        deflection = DEFLECTION.get(item, "delta_e")
         raise SchemaError(
             aircraft.name,
             [
-                f"[control.{wanted}] with S_hinge, c_hinge and gearing is needed for the "
+                f"[control.{deflection}] with S_hinge, c_hinge and gearing is needed for the "
                 f"{item}; it is missing"
             ],
         )
     return ControlLoading(
-        item, control.gearing, control.S_hinge, control.c_hinge, model, tuple(constants), arm
+        item,
+        control.gearing,
+        S_hinge=control.S_hinge,
+        c_hinge=control.c_hinge,
+        hinge=model,
+        constants=tuple(constants),
+        arm=arm,
     )

@@ -1,5 +1,11 @@
-"""Friction, preload, unbalance and hinge moments from the force at the hand while the control
-slides.
+"""Constants and hinge moments from the force at the hand.
+
+`sliding_fit` uses manoeuvres in which the control slides, `trim_forces` steady points at which it is
+at rest.
+
+References
+----------
+.. [LR743] Report LR-743, 1993, 4.5.3.
 """
 
 from __future__ import annotations
@@ -18,31 +24,37 @@ from flighttest.regression.uncertainty import collinearity
 from flighttest.submodels.control_loading.joint_fit import (
     JointFit,
     PriorConstraint,
-    RecordEquations,
     joint_fit,
 )
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.windows import PreparedRecord, force_rows
 
-# correlation inside every manoeuvre from which on only the differences between manoeuvres separate
-# two terms
+# Correlation inside every manoeuvre above which only the differences between manoeuvres separate
+# two terms.
 _ALIKE = 0.98
+# Smallest number of samples for a correlation.
+_FEWEST = 3
+# Two-sided confidence of 95 %, and one-sided one of 97.5 % of a limit.
+_QUANTILE, _LOWER_QUANTILE = 0.975, 0.025
+# Steady points beyond the number of terms.
+_SPARE = 2
 
 
 @dataclass(frozen=True)
 class SlidingFit:
-    """Estimates of the force at the hand while the control slides.
+    """Estimates from the force at the hand while the control slides.
 
     Attributes
     ----------
     loading : ControlLoading
+        Control circuit.
     estimates : Dataset (term, term_, error)
         Names of `ControlLoading.names`: ``estimate``, ``stderr`` (coloured residuals),
         ``stderr_white``, ``covariance``, ``correlation``; ``friction``, ``damping`` and ``mass``
         are those of both ends of the cable together, reduced to the travel. Attributes
         ``residual_rms`` [N or N m], ``R2``, ``samples``, ``manoeuvres``.
     alike : list of (str, str)
-        Terms that go together inside every manoeuvre: their separation depends on differences
+        Terms that are collinear inside every manoeuvre. Their separation depends on differences
         between the manoeuvres.
     """
 
@@ -52,8 +64,8 @@ class SlidingFit:
 
     def value(self, name: str) -> tuple[float, float]:
         """Return an estimate and its standard error."""
-        one = self.estimates.sel(term=name)
-        return float(one["estimate"]), float(one["stderr"])
+        row = self.estimates.sel(term=name)
+        return float(row["estimate"]), float(row["stderr"])
 
 
 def sliding_fit(
@@ -69,21 +81,23 @@ def sliding_fit(
     Parameters
     ----------
     loading : ControlLoading
-    driven, free : sequence of Stretch
-        Of several speeds and tab settings; pulses and releases.
+        Control circuit.
+    driven, free : sequence of PreparedRecord
+        Driven manoeuvres at several speeds and tab settings; pulses and releases.
     cutoff : float
-        Low-pass of the driven manoeuvres. [Hz]
+        Cut-off frequency of the low-pass of the driven manoeuvres. [Hz]
     aft : mapping of str to float, optional
-        Share of the surface in ``friction``, ``damping`` and ``mass`` of both ends: its end of the
-        cable reverses at other moments and is accelerated otherwise than the cockpit's. [1]
+        Share of the surface in ``friction``, ``damping`` and ``mass`` of both ends. The surface end
+        of the cable reverses at other times than the cockpit end and has another acceleration. [1]
     known : mapping of str to (float, float), optional
-        Values and standard errors from elsewhere, such as the mass of both ends.
+        Values and standard errors from another source, such as the mass of both ends.
 
     Returns
     -------
     SlidingFit
+        Estimates.
     JointFit
-        How the estimates follow from the records.
+        Dependence of the estimates on the records.
 
     Raises
     ------
@@ -94,58 +108,71 @@ def sliding_fit(
     ----------
     .. [LR743] Report LR-743, 1993, 4.5.3.
     """
-    slow, quick = (
-        [force_rows(loading, one, aft or {}) for one in group] for group in (driven, free)
-    )
-    need = SAMPLES_PER_TERM * len(loading.names)
-    count = sum(len(part.z) for part in slow)
-    if count < need:
+    shares = aft or {}
+    slow = [force_rows(loading, record, shares) for record in driven]
+    quick = [force_rows(loading, record, shares) for record in free]
+    needed = SAMPLES_PER_TERM * len(loading.names)
+    count = sum(len(record.z) for record in slow)
+    if count < needed:
         raise IdentificationError(
-            f"{loading.item}: {count} samples in which the control slides; at least {need} "
+            f"{loading.item}: {count} samples in which the control slides; at least {needed} "
             f"are needed"
         )
-    held = [
-        PriorConstraint(np.array([float(n == name) for n in loading.names]), *pair)
-        for name, pair in (known or {}).items()
-        if name in loading.names
-    ]
-    found = joint_fit(slow, quick, loading.names, cutoff, held)
-    fixed = np.array([name == "offset" for name in loading.names])
-    collinearity.demand_independence(found.X, fixed, loading.names)
-    z, v, none = (
-        np.concatenate([part.z for part in slow]),
-        found.residual[: found.samples],
-        np.zeros((len(loading.names), 0)),
-    )
-    white = np.sqrt(np.diag(np.linalg.inv(found.X.T @ found.X)))
-    more = least_squares.regressor_diagnostics(found.X, fixed)
+    constraints = []
+    for name, (value, stderr) in (known or {}).items():
+        if name in loading.names:
+            row = np.array([float(term == name) for term in loading.names])
+            constraints.append(PriorConstraint(row, value, stderr))
+    fit = joint_fit(slow, quick, names=loading.names, cutoff=cutoff, constraints=constraints)
+    is_constant = np.array([name == "offset" for name in loading.names])
+    collinearity.demand_independence(fit.X, is_constant, loading.names)
+    z = np.concatenate([record.z for record in slow])
+    v = fit.residual[: fit.samples]
     estimates = least_squares.regression_estimates(
-        loading.names, found.theta, found.covariance, white, ([], none), more
+        loading.names,
+        fit.theta,
+        fit.covariance,
+        np.sqrt(np.diag(np.linalg.inv(fit.X.T @ fit.X))),
+        ([], np.zeros((len(loading.names), 0))),
+        least_squares.regressor_diagnostics(fit.X, is_constant),
     )
     estimates.attrs = {
-        "R2": 1.0 - float(v @ v) / float(((z - z.mean()) ** 2).sum()), "residual_rms": float(np.sqrt(v @ v / len(v))),
-        "samples": len(z), "windows": found.windows, "manoeuvres": len(slow),
-    }  # fmt: skip
-    return SlidingFit(loading, estimates, _alike(loading, [part.X for part in slow])), found
+        "R2": 1.0 - float(v @ v) / float(((z - z.mean()) ** 2).sum()),
+        "residual_rms": float(np.sqrt(v @ v / len(v))),
+        "samples": len(z),
+        "windows": fit.windows,
+        "manoeuvres": len(slow),
+    }
+    alike = _find_collinear_pairs(loading, [record.X for record in slow])
+    return SlidingFit(loading, estimates, alike), fit
 
 
-def _alike(loading: ControlLoading, parts: Sequence[np.ndarray]) -> list[tuple[str, str]]:
-    """Pairs of bob weight or spring with a hinge moment whose regressors go together inside every
-    manoeuvre.
+def _find_collinear_pairs(
+    loading: ControlLoading, regressors: Sequence[np.ndarray]
+) -> list[tuple[str, str]]:
+    """Return pairs of bob weight or spring and a hinge moment, collinear in every manoeuvre.
+
+    `regressors` are those of the manoeuvres, (samples, terms).
     """
     names = loading.names
-    found: list[tuple[str, str]] = []
+    pairs: list[tuple[str, str]] = []
     for name in ("bob_weight", "stiffness"):
         if name not in names:
             continue
         j = names.index(name)
         for k in range(len(loading.constants), len(names)):
-            moving = [
-                X for X in parts if len(X) > 2 and np.ptp(X[:, j]) > 0.0 and np.ptp(X[:, k]) > 0.0
-            ]
-            if moving and min(abs(np.corrcoef(X[:, j], X[:, k])[0, 1]) for X in moving) > _ALIKE:
-                found.append((name, names[k]))
-    return found
+            if _least_correlation(regressors, j, k) > _ALIKE:
+                pairs.append((name, names[k]))
+    return pairs
+
+
+def _least_correlation(regressors: Sequence[np.ndarray], j: int, k: int) -> float:
+    """Return the smallest correlation of two columns over the manoeuvres in which both move."""
+    correlations = []
+    for X in regressors:
+        if len(X) >= _FEWEST and np.ptp(X[:, j]) > 0.0 and np.ptp(X[:, k]) > 0.0:
+            correlations.append(abs(np.corrcoef(X[:, j], X[:, k])[0, 1]))
+    return min(correlations, default=0.0)
 
 
 @dataclass(frozen=True)
@@ -155,6 +182,7 @@ class TrimForces:
     Attributes
     ----------
     loading : ControlLoading
+        Control circuit.
     estimates : Dataset (term, term_, error)
         ``offset`` and terms of the hinge moment; attributes ``rms`` [N or N m], ``points``,
         ``friction_limit`` [N or N m]: friction of both ends is smaller with 97.5 % confidence.
@@ -165,31 +193,30 @@ class TrimForces:
 
     def determined(self) -> dict[str, bool]:
         """Return whether every estimate differs from zero with 95 % confidence."""
-
-        found = self.estimates
-        limit = float(t.ppf(0.975, found.attrs["points"] - found.sizes["term"]))
-        return {
-            str(name): bool(abs(one["estimate"]) > limit * one["stderr"])
-            for name, one in found.groupby("term")
-        }
+        e = self.estimates
+        limit = float(t.ppf(_QUANTILE, e.attrs["points"] - e.sizes["term"]))
+        is_determined = {}
+        for name, row in e.groupby("term"):
+            is_determined[str(name)] = bool(abs(row["estimate"]) > limit * row["stderr"])
+        return is_determined
 
     def report(self) -> str:
-        """Return the estimates as a text table; what the points do not show is called not
-        determined.
+        """Return the estimates as a text table.
+
+        A term that the points do not show is called not determined.
         """
-        found, seen = self.estimates, self.determined()
+        e, is_determined = self.estimates, self.determined()
         lines = [
-            f"{self.loading.item}: {self.loading.model}, {found.attrs['points']} steady "
-            f"points, rms {found.attrs['rms']:.3g}"
+            f"{self.loading.item}: {self.loading.model}, {e.attrs['points']} steady "
+            f"points, rms {e.attrs['rms']:.3g}"
         ]
-        for name in map(str, found["term"].values):
-            one = found.sel(term=name)
-            text = f"{float(one['estimate']):>12.5g}{float(one['stderr']):>10.2g}"
-            lines.append(f"{name:<18}{text}{'' if seen[name] else '  not determined'}")
-        lines.append(
-            f"{'friction':<18}{'not determined; below':>22} {found.attrs['friction_limit']:.3g}"
-        )
-        return "\n".join(lines)
+        for name in map(str, e["term"].values):
+            row = e.sel(term=name)
+            text = f"{float(row['estimate']):>12.5g}{float(row['stderr']):>10.2g}"
+            note = "" if is_determined[name] else "  not determined"
+            lines.append(f"{name:<18}{text}{note}")
+        limit = f"{'not determined; below':>22} {e.attrs['friction_limit']:.3g}"
+        return "\n".join([*lines, f"{'friction':<18}{limit}"])
 
 
 def trim_forces(loading: ControlLoading, points: xr.Dataset) -> TrimForces:
@@ -198,8 +225,8 @@ def trim_forces(loading: ControlLoading, points: xr.Dataset) -> TrimForces:
     Parameters
     ----------
     loading : ControlLoading
-        Geometry and terms of the hinge moment; its other constants are not used.  Where the
-        geometry is not known, area, chord and gearing 1, 1 and -1 give the product of all four.
+        Geometry and terms of the hinge moment. Its other constants are not used.  If the geometry
+        is not known, area, chord and gearing 1, 1 and -1 give the product of all four.
     points : Dataset (point,)
         ``F_column`` (wheel, pedal), ``qbar`` and the variables of the hinge moment, one value per
         point. [SI]
@@ -207,221 +234,48 @@ def trim_forces(loading: ControlLoading, points: xr.Dataset) -> TrimForces:
     Raises
     ------
     UnknownName
-        A variable that the points do not hold.
+        A variable that the points do not contain.
     IdentificationError
         Fewer points than terms and two, or terms that the points cannot distinguish.
 
     Notes
     -----
-    At rest friction takes any value inside its band, so that it cannot be estimated; uniform over the band of half width R its rms is
-    R / 3^0.5, and the residuals limit R.  Points at one loading and one tab setting vary angle of attack and deflection together; a
-    displaced c.g. separates the two.
+    At rest, friction takes any value inside its band and cannot be estimated.  A uniform
+    distribution over the band of half width R has an rms of R / 3^0.5; the residuals therefore
+    limit R.  Points at one loading and one tab setting vary angle of attack and deflection
+    together.  A displaced c.g. separates the two.
     """
-
-    wanted = [f"F_{loading.item}", "qbar", *loading.model.variables]
-    for name in wanted:
+    force = f"F_{loading.item}"
+    for name in (force, "qbar", *loading.model.variables):
         if name not in points:
             raise UnknownName(
                 name, map(str, points.data_vars), "channel", "every steady point needs it"
             )
     names = ["offset", *(loading.term(term) for term in loading.model.terms)]
-    X = np.column_stack(
-        [np.ones(points["qbar"].size), loading.load(points)[:, None] * loading.model.design(points)]
-    )
+    by_term = loading.load(points)[:, None] * loading.model.design(points)
+    X = np.column_stack([np.ones(points["qbar"].size), by_term])
     spare = len(X) - len(names)
-    if spare < 2:
+    if spare < _SPARE:
         raise IdentificationError(
-            f"{loading.item}: {len(X)} steady points; at least {len(names) + 2} are needed "
+            f"{loading.item}: {len(X)} steady points; at least {len(names) + _SPARE} are needed "
             f"for {len(names)} terms"
         )
     collinearity.demand_rank(X, names)
-    F = points[f"F_{loading.item}"].values
+    F = points[force].values
     theta, _ = least_squares.solve_least_squares(X, F)
     v = F - X @ theta
     covariance = float(v @ v) / spare * np.linalg.inv(X.T @ X)
-    stderr = np.sqrt(np.diag(covariance))
-    found = least_squares.regression_estimates(
-        names, theta, covariance, stderr, ([], np.zeros((len(names), 0))), {}
+    estimates = least_squares.regression_estimates(
+        names,
+        theta,
+        covariance,
+        np.sqrt(np.diag(covariance)),
+        ([], np.zeros((len(names), 0))),
+        {},
     )
-    limit = float(np.sqrt(3.0 * (v @ v) / chi2.ppf(0.025, spare)))
-    return TrimForces(
-        loading,
-        found.assign_attrs(rms=float(np.sqrt(v @ v / spare)), points=len(X), friction_limit=limit),
+    # Upper limit of the standard deviation by the chi-square of the residuals; R = 3^0.5 rms.
+    limit = float(np.sqrt(3.0 * (v @ v) / chi2.ppf(_LOWER_QUANTILE, spare)))
+    estimates = estimates.assign_attrs(
+        rms=float(np.sqrt(v @ v / spare)), points=len(X), friction_limit=limit
     )
-
-
-NAMES = (
-    "cable_stiffness",
-    "inertia",
-    "hinge_friction",
-    "hinge_damping",
-    "cable_damping",
-    "rigging",
-)
-_PASSES = 3  # the fitted stretch of a pass is in the regressors of the next
-_COLUMNS = ("hinge moment", "acceleration", "friction", "rate", "stretching", "constant")
-
-
-@dataclass(frozen=True)
-class CableFit:
-    """Fit of the stretch.
-
-    Attributes
-    ----------
-    loading : ControlLoading
-    estimates : Dataset (term, term_, error)
-        ``cable_stiffness``, ``cable_damping`` reduced to the travel, ``inertia``,
-        ``hinge_friction``, ``hinge_damping`` about the hinge, ``rigging`` (deflection at zero
-        travel without load).  Attribute ``rms``: of the residual of the stretch. [m or rad]
-    p : array (columns,)
-        Coefficients of the stretch.
-    slopes : array (NAMES, rows)
-        Changes of the estimates by those of the stretch.
-    """
-
-    loading: ControlLoading
-    estimates: xr.Dataset
-    p: np.ndarray
-    slopes: np.ndarray
-
-    def residual(self, stretches: Sequence[PreparedRecord], known: np.ndarray) -> np.ndarray:
-        """Return the residual of the stretch in records, samples before windows, with hinge moments
-        `known`, (terms,).
-        """
-        moves = np.ones(len(_COLUMNS), bool)
-        parts = [_rows(self.loading, one, known, self.p, moves) for one in stretches]
-        return np.concatenate([part.z - part.X @ self.p for part in parts])
-
-
-def cable_fit(
-    slid: SlidingFit,
-    driven: Sequence[PreparedRecord],
-    free: Sequence[PreparedRecord],
-    cutoff: float,
-    drawn: tuple[float, float, float] | None = None,
-) -> CableFit:
-    """Fit the stretch of the cable by least squares over the samples in which the control slides.
-
-    Parameters
-    ----------
-    slid : SlidingFit
-        Its hinge moments are taken for known: they are ten times as accurate; their errors are
-        carried on.
-    driven, free, cutoff
-        As in `sliding_fit`.
-    drawn : (float, float, float), optional
-        Inertia of the surface, reduced to the travel, and stiffness of the cable by the drawings,
-        and the standard error of the inertia over its value: one equation more, inertia = drawn
-        inertia, in coefficients of the stretch. [kg, N m-1, 1]
-
-    Raises
-    ------
-    IdentificationError
-        Too little motion, or a cable that does not stretch under load.
-    """
-    loading = slid.loading
-    known = np.array([slid.value(loading.term(term))[0] for term in loading.model.terms])
-    p = np.zeros(len(_COLUMNS))
-    for _ in range(_PASSES):
-        moves = np.array([True, True, True, True, bool(p.any()), True])
-        names = [name for name, use in zip(_COLUMNS, moves) if use]
-        slow, quick = (
-            [_rows(loading, one, known, p, moves) for one in group] for group in (driven, free)
-        )
-        fit = joint_fit(
-            slow, quick, names, cutoff, [] if drawn is None else [_known_inertia(names, *drawn)]
-        )
-        p = np.zeros(len(_COLUMNS))
-        p[moves] = fit.theta
-    if not p[0] > 0.0:
-        raise IdentificationError(
-            f"{loading.item}: the cable does not stretch under load; use order 2, or check "
-            f"the gearing {loading.gearing:g}"
-        )
-    values, G = _physical(p, loading.gearing)
-    slopes = G[:, moves] @ fit.estimator[:, : fit.samples + fit.windows]
-    # what an error of the hinge moments would change
-    by_terms = (
-        -p[0]
-        * slopes
-        @ np.concatenate([one.rows(_terms(loading, one)) for one in (*driven, *free)])
-    )
-    at = [slid.loading.names.index(loading.term(term)) for term in loading.model.terms]
-    covariance = G[:, moves] @ fit.covariance @ G[:, moves].T
-    covariance += by_terms @ slid.estimates["covariance"].values[np.ix_(at, at)] @ by_terms.T
-    found = least_squares.regression_estimates(
-        NAMES, values, covariance, np.full(len(NAMES), np.nan), ([], np.zeros((len(NAMES), 0))), {}
-    )
-    return CableFit(
-        loading,
-        found.assign_attrs(rms=float(np.sqrt(np.mean(fit.residual[: fit.samples] ** 2)))),
-        p,
-        slopes,
-    )
-
-
-def _known_inertia(
-    names: Sequence[str], inertia: float, stiffness: float, error: float
-) -> PriorConstraint:
-    """J g^2 / K of the stretch is that of the drawings times 1 / K of the stretch."""
-    row = np.zeros(len(names))
-    row[names.index("acceleration")], row[names.index("hinge moment")] = 1.0, -inertia
-    return PriorConstraint(row, 0.0, error * inertia / stiffness)
-
-
-def _terms(loading: ControlLoading, one: PreparedRecord) -> np.ndarray:
-    """Force at the hand by every term of the hinge moment, (time, terms)."""
-    return loading.load(one.moved)[:, None] * loading.model.design(one.moved)
-
-
-def _rows(
-    loading: ControlLoading,
-    one: PreparedRecord,
-    known: np.ndarray,
-    p: np.ndarray,
-    moves: np.ndarray,
-) -> RecordEquations:
-    """Equations at the surface's end.
-
-    Its motion is that of a mean of both travels whose noise does not correlate with that of their
-    difference, the response, less its part of the stretch fitted before: the measured one would be
-    noise.
-    """
-    quiet, loud = one.white
-    share = (
-        quiet / (quiet + loud) if quiet + loud > 0.0 else 0.5
-    )  # of the surface's end in the mean
-    a = one.moved[loading.deflection].values / loading.gearing
-    signals = {
-        "hinge moment": _terms(loading, one) @ known,
-        "acceleration": (1.0 - share) * one.moved["acceleration"].values
-        + share * one.moved["aft_acceleration"].values,
-        "friction": one.moved["aft_direction"].values,
-        "rate": (1.0 - share) * one.moved["rate"].values + share * one.moved["aft_rate"].values,
-        "stretching": np.zeros(len(a)),
-        "constant": np.ones(len(a)),
-    }
-    columns = np.column_stack([signals[name] for name in _COLUMNS])
-    X = one.rows(columns)
-    noise = np.zeros(X.shape)
-    stretch = columns @ p
-    stretching = one.rows(stretch, 1)
-    for order, name, change in ((1, "rate", stretching), (2, "acceleration", one.rows(stretch, 2))):
-        at = _COLUMNS.index(name)
-        X[:, at] = one.motion(loading, order, share) - (1.0 - share) * change
-        noise[:, at] = one.motion_noise(order, share)
-    X[:, _COLUMNS.index("stretching")] = -stretching
-    return one.equations(X[:, moves], one.rows(one.moved["travel"].values - a), noise[:, moves])
-
-
-def _physical(p: np.ndarray, gearing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Constants from the coefficients of the stretch, and their derivatives by these."""
-    K, g = 1.0 / p[0], abs(gearing)
-    scale = np.array([0.0, 1.0 / g**2, 1.0 / g, 1.0 / g**2, 1.0, 0.0])
-    values, G = scale * p * K, np.diag(scale * K)
-    G[:, 0] -= scale * p * K**2
-    values[0], G[0] = K, 0.0
-    G[0, 0] = -(K**2)
-    values[5], G[5] = -gearing * p[5], 0.0
-    G[5, 5] = -gearing
-    return values, G
+    return TrimForces(loading, estimates)

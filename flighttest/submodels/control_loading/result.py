@@ -6,7 +6,7 @@ It provides constants for the aircraft file, hinge moments for the database, and
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,8 @@ from flightmech.errors import SchemaError, UnknownName
 from flightmech.units import G0
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.model import term_powers
+from flighttest.remarks import Convergence, Remark, remark_lines, warn_forbidden
+from flighttest.submodels.control_loading.joint_fit import convergence_remarks
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.regression import SlidingFit
 from flighttest.submodels.control_loading.simulation import SimulatedWindow, fly_windows
@@ -85,12 +87,20 @@ class IdentifiedLoading:
     estimates : Dataset (term, term_, error)
         ``estimate``, ``stderr``, ``covariance`` of all constants and terms; friction, damping and
         mass are those of the cockpit end if there is a cable.
+    iterations : dict of str to Convergence
+        End of each iteration, by its name.
     """
 
     loading: ControlLoading
     slid: SlidingFit
     cable: xr.Dataset | None
     estimates: xr.Dataset
+    iterations: Mapping[str, Convergence] = field(default_factory=dict)
+
+    @property
+    def remarks(self) -> list[Remark]:
+        """Remarks on iterations that did not converge."""
+        return convergence_remarks(self.iterations)
 
     @property
     def order(self) -> int:
@@ -136,21 +146,21 @@ class IdentifiedLoading:
     def with_prior(self, known: Circuit, error: float = DRAWINGS_ERROR) -> IdentifiedLoading:
         """Return the result joined with the constants of the circuit by its drawings.
 
-            Parameters
-            ----------
-            known : Circuit
-                Constants of the drawings. Only positive constants are used.
-            error : float
-                Standard error of the constants over their value. [1]
+        Parameters
+        ----------
+        known : Circuit
+            Constants of the drawings. Only positive constants are used.
+        error : float
+            Standard error of the constants over their value. [1]
 
-            Notes
-            -----
-        Mixed estimation [Theil1961]: the drawings divide mass, damping or friction between both ends of
-        the cable if the records cannot.
+        Notes
+        -----
+        Mixed estimation [Theil1961]: the drawings divide mass, damping or friction between both
+        ends of the cable if the records cannot.
 
-            References
-            ----------
-            .. [Theil1961] Theil, Goldberger, Int. Econ. Review 2, 1961.
+        References
+        ----------
+        .. [Theil1961] Theil, Goldberger, Int. Econ. Review 2, 1961.
         """
         names = [str(name) for name in self.estimates["term"].values]
         # Order 6 has two cables, of which this model has the sum.
@@ -258,7 +268,13 @@ class IdentifiedLoading:
         ------
         SchemaError
             The aircraft has no circuit of this control, whose stops are needed.
+
+        Warns
+        -----
+        AeromatchWarning
+            An estimate changes by more than its standard error in the last pass.
         """
+        warn_forbidden(self.remarks, f"circuit of the {self.loading.item}")
         item, loading = self.loading.item, self.loading
         if item not in known.circuits:
             raise SchemaError(
@@ -269,13 +285,13 @@ class IdentifiedLoading:
             loading.deflection: ControlGeometry(loading.S_hinge, loading.c_hinge, loading.gearing),
         }
         circuits = {**known.circuits, item: self.circuit(known.circuits[item])}
-        values = ", ".join(
-            f"{name} {value:.4g} ({stderr:.2g})"
-            for name, value, stderr in self._rows()
-            if name in _CIRCUIT
-        )
+        values = []
+        for name, value, stderr in self._rows():
+            if name in _CIRCUIT:
+                values.append(f"{name} {value:.4g} ({stderr:.2g})")
         line = (
-            f"circuit.{item} identified from flight, standard errors in brackets: {values}; "
+            f"circuit.{item} identified from flight, standard errors in brackets: "
+            f"{', '.join(values)}; "
             f"bias.F_{item} {self.force_bias:.3g}"
         )
         return replace(
@@ -283,60 +299,55 @@ class IdentifiedLoading:
         )
 
     def published(self) -> tuple[Mapping[str, float], Mapping[str, float], np.ndarray]:
-        """Return values, standard errors and correlation of the terms of the hinge moment, for
-        `published_fit` and `mixed`.
+        """Return values, standard errors and correlation of the terms of the hinge moment.
+
+        They are the arguments of `published_fit` and `mixed`.
         """
         terms = list(self.loading.model.terms)
-        own = self.estimates.sel(
-            term=[self.loading.term(t) for t in terms], term_=[self.loading.term(t) for t in terms]
-        )
-        sd = own["stderr"].values
-        R = own["covariance"].values / np.outer(sd, sd)
-        return dict(zip(terms, own["estimate"].values.tolist())), dict(zip(terms, sd.tolist())), R
+        names = [self.loading.term(term) for term in terms]
+        rows = self.estimates.sel(term=names, term_=names)
+        stderr = rows["stderr"].values
+        R = rows["covariance"].values / np.outer(stderr, stderr)
+        values = dict(zip(terms, rows["estimate"].values.tolist()))
+        return values, dict(zip(terms, stderr.tolist())), R
 
     def _rows(self) -> list[tuple[str, float, float]]:
         return [(str(name), *self.value(str(name))) for name in self.estimates["term"].values]
 
     def report(self) -> str:
         """Return the estimates as a text table."""
-        loading, s = self.loading, self.slid.estimates.attrs
-        wheel = loading.item == "wheel"
-        unit = "N m" if wheel else "N"
+        loading, attrs = self.loading, self.slid.estimates.attrs
+        is_wheel = loading.item == "wheel"
+        # The travel of a wheel is an angle, the others are distances.
+        unit, slope, k = ("N m", "rad/rad", 1) if is_wheel else ("N", "rad/m", 0)
         lines = [
-            f"{loading.item}: {loading.model}, gearing {loading.gearing:g} "
-            f"{'rad/rad' if wheel else 'rad/m'}"
+            f"{loading.item}: {loading.model}, gearing {loading.gearing:g} {slope}",
+            f"sliding: R2 {attrs['R2']:.5f}, rms {attrs['residual_rms']:.3g} {unit}, "
+            f"{attrs['samples']} samples of {attrs['manoeuvres']} manoeuvres",
         ]
-        lines.append(
-            f"sliding: R2 {s['R2']:.5f}, rms {s['residual_rms']:.3g} {unit}, {s['samples']} "
-            f"samples of {s['manoeuvres']} manoeuvres"
-        )
         if self.cable is not None:
             rms = self.cable.attrs["rms"]
-            lines.append(
-                f"stretch of the cable: rms {f'{rms:.2g} rad' if wheel else f'{1e3 * rms:.2g} mm'}"
-            )
-        wide = max(len(name) for name, _, _ in self._rows()) + 2
-        lines.append(f"{'':<{wide}}{'estimate':>12}{'stderr':>10}")
-        for name, value, stderr in self._rows():
-            lines.append(
-                f"{name:<{wide}}{value:>12.5g}{stderr:>10.2g}  {_UNITS.get(name, ('', ''))[wheel]}".rstrip()
-            )
+            size = f"{rms:.2g} rad" if is_wheel else f"{1e3 * rms:.2g} mm"
+            lines.append(f"stretch of the cable: rms {size}")
+        rows = self._rows()
+        width = max(len(name) for name, _, _ in rows) + 2
+        lines.append(f"{'':<{width}}{'estimate':>12}{'stderr':>10}")
+        for name, value, stderr in rows:
+            units = _UNITS.get(name, ("", ""))
+            lines.append(f"{name:<{width}}{value:>12.5g}{stderr:>10.2g}  {units[k]}".rstrip())
         if self.order == 4:
-            totals = [
-                (name, *self.total(name))
-                for name in ("friction", "damping", "mass")
-                if name in loading.constants
-            ]
-            lines += [
-                f"{f'{name}, both ends':<{wide}}{value:>12.5g}{error:>10.2g}  {_UNITS[name][wheel]}"
-                for name, value, error in totals
-            ]
-        pairs = [
-            f"! {a} and {b} go together in every manoeuvre; only differences between them "
-            f"separate the two"
-            for a, b in self.collinear
-        ]
-        return "\n".join([*lines, *pairs])
+            for name in ("friction", "damping", "mass"):
+                if name in loading.constants:
+                    value, stderr = self.total(name)
+                    label = f"{name}, both ends"
+                    numbers = f"{value:>12.5g}{stderr:>10.2g}"
+                    lines.append(f"{label:<{width}}{numbers}  {_UNITS[name][k]}")
+        for first, second in self.collinear:
+            lines.append(
+                f"! {first} and {second} go together in every manoeuvre; only differences between "
+                f"them separate the two"
+            )
+        return "\n".join([*lines, *remark_lines(self.remarks)])
 
 
 def hinge_terms(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
@@ -346,11 +357,20 @@ def hinge_terms(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:
     ------
     SchemaError
         A term with a ramp or more than two factors: a leaf multiplies at most two variables.
+
+    Warns
+    -----
+    AeromatchWarning
+        An estimate changes by more than its standard error in the last pass.
     """
+    warn_forbidden(identified.remarks, f"hinge moments of the {identified.loading.item}")
     coefficient = identified.loading.model.coefficient
     leaves = {}
     for term in identified.loading.model.terms:
-        regressors = [name for name, power in term_powers(term).items() for _ in range(power)]
+        # A power of a variable is a repeated regressor.
+        regressors: list[str] = []
+        for name, power in term_powers(term).items():
+            regressors += [name] * power
         value, stderr = identified.value(identified.loading.term(term))
         if len(regressors) > 2:
             leaves[f"{coefficient}/{_contribution(term)}"] = _tabulated(

@@ -27,6 +27,7 @@ from flighttest.maximum_likelihood.result import OutputError, estimates_dataset,
 from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
 from flighttest.maximum_likelihood.time_domain import Runs, uniform_step
 from flighttest.maximum_likelihood.unknowns import Unknown, lay_out
+from flighttest.remarks import remark_lines
 
 # Mass [kg] with which thrust changes the speed by less than 0.01 m/s in a minute.
 HEAVY = 1e9
@@ -194,10 +195,8 @@ def search_lines(search: OutputError) -> list[str]:
     lines = [""]
     for name, value in zip(noise["output"].values, noise.values):
         lines.append(f"{name}: residual rms {float(value):.3g}")
-    for remark in search.remarks:
-        if remark.kind in ("convergence", "bound"):
-            lines.append(f"! {remark}")
-    return lines
+    shown = [remark for remark in search.remarks if remark.kind in ("convergence", "bound")]
+    return lines + remark_lines(shown)
 
 
 def theta_and_covariance(search: OutputError) -> tuple[np.ndarray, np.ndarray]:

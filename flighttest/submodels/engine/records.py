@@ -11,6 +11,7 @@ import xarray as xr
 
 from flightmech.air import atmosphere
 from flightmech.errors import IdentificationError, UnknownName
+from flighttest.remarks import Convergence, warn_forbidden
 from flighttest.submodels.engine.schedule import SAME, find_lever_rest
 
 CHANNELS = (
@@ -30,7 +31,8 @@ POINTS = ("n1", "n2", *FLIGHT, "thrust", "fuel_flow", "mass", "V", "V_dot", "h_d
 HEIGHTS = ("h", "h_baro", "h_gps")
 MARGIN, STEP = 2000.0, 20.0  # of heights about those recorded [m]
 P_STANDARD = 101325.0  # [Pa]
-PASSES = 5  # over height and temperature
+PASSES, MOST_PASSES = 5, 50  # least and largest number, over height and temperature
+SAME_HEIGHT = 1.0  # change of the height at which these passes have converged [m]
 FLOWING = 0.1  # Mach number from which on a thermometer has flow
 GAMMA, R_AIR = 1.4, 287.05287  # [1], [J kg-1 K-1]
 
@@ -65,7 +67,9 @@ def engine_channels(
         record from it at Mach numbers above 0.1, because a thermometer without flow does not show
         the air temperature.  ``h`` is the height at which air with this difference has the pressure
         of a pressure altitude ``h_baro``; other heights are not changed. ``pressure_ratio`` is that
-        pressure over the standard pressure at sea level.
+        pressure over the standard pressure at sea level.  Attribute ``height_change`` of a pressure
+        altitude: the last change of the height over its tolerance of 1 m, at most 1 if it
+        converged.
 
     Raises
     ------
@@ -73,6 +77,11 @@ def engine_channels(
         A channel that one of the engines lacks, or the height.
     IdentificationError
         Lever angles without their range.
+
+    Warns
+    -----
+    AeromatchWarning
+        Height and temperature do not converge.
     """
     present = [name for name in CHANNELS if f"engine{engines[0]}.{name}" in states]
     channels: dict[str, np.ndarray] = {}
@@ -102,42 +111,58 @@ def engine_channels(
         channels["mach"] = states["V"].values / np.sqrt(
             GAMMA * R_AIR * states["temperature"].values
         )
+    attrs = dict(states.attrs)
     if "temperature" in states:
-        channels |= _outside_air(states["temperature"].values, channels, height == "h_baro")
-    return xr.Dataset(
-        {name: ("time", values) for name, values in channels.items()},
-        {"time": states["time"].values},
-        dict(states.attrs),
-    )
+        air, convergence = _outside_air(
+            states["temperature"].values, channels, barometric=height == "h_baro"
+        )
+        channels |= air
+        if height == "h_baro":
+            attrs["height_change"] = convergence.change
+            advice = "the height of the engine points is wrong; check h_baro and temperature"
+            warn_forbidden(convergence.remarks("height", advice, "h_baro"), "engine channels")
+    columns = {name: ("time", values) for name, values in channels.items()}
+    return xr.Dataset(columns, {"time": states["time"].values}, attrs)
 
 
 def _outside_air(
     reading: np.ndarray, channels: Mapping[str, np.ndarray], barometric: bool
-) -> dict[str, np.ndarray]:
-    """Return temperature [K], height [m] and pressure ratio from a thermometer and a height."""
+) -> tuple[dict[str, np.ndarray], Convergence]:
+    """Return temperature [K], height [m] and pressure ratio, and the convergence of the height.
+
+    The sources are a thermometer and a height.
+    """
     if "h" not in channels:
-        return {"temperature": reading}
+        return {"temperature": reading}, Convergence(True, 0, 0.0)
     h = channels["h"]
     log_pressure = np.log(np.asarray(atmosphere(h).p_static))
     flying = np.zeros(len(reading), bool)
     if "mach" in channels:
         flying = channels["mach"] > FLOWING
     used = flying if flying.any() else slice(None)
+    convergence = Convergence(True, 1, 0.0)
     # The temperature difference depends on the height, and the height on the difference.
-    for _ in range(PASSES if barometric else 1):
+    for count in range(1, MOST_PASSES + 1):
         standard = np.asarray(atmosphere(h).temperature)
         warmer = float(np.mean((reading - standard)[used]))
-        if barometric:
-            grid = np.arange(h.min() - MARGIN, h.max() + MARGIN, STEP)
-            grid_pressure = np.log(np.asarray(atmosphere(grid, delta_T=warmer).p_static))
-            # Pressure falls with height; the minus signs make it rise for the interpolation.
-            h = np.interp(-log_pressure, -grid_pressure, grid)
+        if not barometric:
+            break
+        before = h
+        grid = np.arange(h.min() - MARGIN, h.max() + MARGIN, STEP)
+        grid_pressure = np.log(np.asarray(atmosphere(grid, delta_T=warmer).p_static))
+        # Pressure falls with height; the minus signs make it rise for the interpolation.
+        h = np.interp(-log_pressure, -grid_pressure, grid)
+        change = float(np.abs(h - before).max()) / SAME_HEIGHT
+        convergence = Convergence(change <= 1.0, count, change)
+        if convergence.converged and count >= PASSES:
+            break
     air = atmosphere(h, delta_T=warmer)
-    return {
+    columns = {
         "temperature": np.asarray(air.temperature),
         "h": h,
         "pressure_ratio": np.asarray(air.p_static) / P_STANDARD,
     }
+    return columns, convergence
 
 
 def read_points(path: str | Path) -> xr.Dataset:
@@ -153,7 +178,6 @@ def read_points(path: str | Path) -> xr.Dataset:
     UnknownName
         Another column.
     """
-
     table = pd.read_csv(path, comment="#")
     for name in table.columns:
         if name not in POINTS:

@@ -17,6 +17,8 @@ import xarray as xr
 from flightmech.aircraft.engine_deck import CONSTANTS, EngineDeck, write_tables
 from flightmech.errors import IdentificationError
 from flightmech.support.atomic_write import written_atomically
+from flighttest.maximum_likelihood.result import OutputError
+from flighttest.remarks import Remark, remarks_to_json, warn_forbidden
 from flighttest.submodels.engine.bench import fly_deck
 from flighttest.submodels.engine.records import power_changes as cut_power_changes
 from flighttest.submodels.engine.spools import Fan, SpoolFit, identify_spools
@@ -55,6 +57,27 @@ class EngineFit:
     steady: Mapping[str, SteadyTable] = field(default_factory=dict)
     records: tuple[str, ...] = ()
 
+    @property
+    def remarks(self) -> list[Remark]:
+        """Errors: parts whose search did not converge."""
+        remarks: list[Remark] = []
+        for search in self._searches():
+            remarks += [remark for remark in search.remarks if remark.kind == "convergence"]
+        if self.static:
+            remarks += self.static.convergence_remarks()
+        for name, table in self.steady.items():
+            remarks += table.remarks(name)
+        return remarks
+
+    def _searches(self) -> Iterator[OutputError]:
+        """Yield the searches by output error."""
+        searches: list[OutputError | None] = []
+        if self.spools:
+            searches += [self.spools.core, self.spools.fan]
+        if self.start:
+            searches += [self.start.speeds, self.start.flows]
+        yield from filter(None, searches)
+
     def deck(self, pla: tuple[float, float] = (0.0, 1.0)) -> EngineDeck:
         """Return the deck with identified tables and constants in place of the a-priori ones.
 
@@ -67,7 +90,13 @@ class EngineFit:
         ------
         SchemaError
             Tables are missing: no a-priori deck and no records of them.
+
+        Warns
+        -----
+        AeromatchWarning
+            The search of a part did not converge.
         """
+        warn_forbidden(self.remarks, "engine deck")
         tables = dict(self.prior)
         if self.static:
             tables["corrected_thrust"] = self.static.leaf
@@ -168,18 +197,25 @@ class EngineFit:
                     "value": curve.leaf["value"].values,
                     "stderr": curve.leaf["stderr"].values,
                 }
-        numbers = {"constants": constants, "tables": tables}
+        numbers: dict[str, Any] = {"constants": constants, "tables": tables}
         if self.static:
             numbers["correction"] = {
                 "speed": self.static.speeds,
                 "factor": self.static.factor,
                 "stderr": self.static.stderr,
                 "remarks": self.static.remarks,
+                "convergence": self.static.convergence.as_dict(),
             }
         numbers["steady"] = {
-            name: {"rms": table.rms, "samples": table.samples, "lengths": table.lengths}
+            name: {
+                "rms": table.rms,
+                "samples": table.samples,
+                "lengths": table.lengths,
+                "convergence": table.convergence.as_dict(),
+            }
             for name, table in self.steady.items()
         }
+        numbers["remarks"] = remarks_to_json(self.remarks)
         return numbers
 
     def compare(
@@ -313,15 +349,7 @@ def identify_engine(
         raise IdentificationError(
             "no records; give power changes, starts, settled points, or flights"
         )
-    if points and "corrected_thrust" not in deck:
-        raise IdentificationError(
-            f"points correct the table corrected_thrust of an a-priori deck; it has "
-            f"{' '.join(deck) or 'no tables'}"
-        )
-    if tables and not flights:
-        raise IdentificationError(
-            f"tables of {' '.join(tables)} come from whole flights; give flights"
-        )
+    _demand_sources(deck, points=points, tables=tables or {}, has_flights=bool(flights))
     changes = [*power_changes]
     for flight in flights:
         changes += cut_power_changes(flight)
@@ -339,17 +367,36 @@ def identify_engine(
         )
     if starts:
         start = identify_start(starts)
-    records = [*power_changes, *flights, *starts]
+    names = []
+    for record in (*power_changes, *flights, *starts):
+        if "record" in record.attrs:
+            names.append(str(record.attrs["record"]))
     return EngineFit(
         deck,
         spools=spools,
         static=static,
         start=start,
         steady=dict(_steady_tables(flights, tables or {}, deck=deck, thrust_scale=thrust_scale)),
-        records=tuple(
-            str(record.attrs["record"]) for record in records if "record" in record.attrs
-        ),
+        records=tuple(names),
     )
+
+
+def _demand_sources(
+    deck: Mapping[str, xr.Dataset],
+    points: bool,
+    tables: Mapping[str, Any],
+    has_flights: bool,
+) -> None:
+    """Raise an error for points without an a-priori thrust, or tables without flights."""
+    if points and "corrected_thrust" not in deck:
+        raise IdentificationError(
+            f"points correct the table corrected_thrust of an a-priori deck; it has "
+            f"{' '.join(deck) or 'no tables'}"
+        )
+    if tables and not has_flights:
+        raise IdentificationError(
+            f"tables of {' '.join(tables)} come from whole flights; give flights"
+        )
 
 
 def _steady_tables(
@@ -366,24 +413,3 @@ def _steady_tables(
             prior = None
         scale = thrust_scale if name.endswith("thrust") else 0.0
         yield name, steady_table(flights, name, axes=axes, prior=prior, scale=scale)
-
-
-def _steady(
-    flights: Sequence[xr.Dataset],
-    tables: Mapping[str, Mapping[str, Sequence[float]]],
-    given: Mapping[str, xr.Dataset],
-    thrust_scale: float,
-) -> Iterator[tuple[str, SteadyTable]]:
-    for name, axes in tables.items():
-        prior = given.get(name)
-        fits = prior is not None and set(map(str, prior["value"].dims)) <= set(axes)
-        yield (
-            name,
-            steady_table(
-                flights,
-                name,
-                axes,
-                prior if fits else None,
-                thrust_scale if name.endswith("thrust") else 0.0,
-            ),
-        )

@@ -15,7 +15,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -40,6 +40,8 @@ from flighttest.submodels.engine.spool_search import QUICKEST, SIGNIFICANT, SLOW
 from flighttest.submodels.engine.tables import EngineCurve, EngineTable2D
 
 Fan = Literal["n2", "lever"]
+# First value of the lag of n1 behind n2. [s]
+_FIRST_LAG = 0.2
 
 
 @dataclass(frozen=True)
@@ -165,47 +167,66 @@ def identify_spools(
     records = [remove_lever_noise(record) for record in records]
     requested = np.array(speed_knots(records) if n2 is None else n2, float)
     speed = cover_settled_range(requested, settled_speeds(records, "n2"))
-    core = _Spool("n2", lever, speed=speed, over=over or {}, limits=limits)
-    core_fit = core.search(records)
-    tables, constants, changes = core.result(core_fit, lever_error)
+    spool = _Spool("n2", lever, speed=speed, over=over or {}, limits=limits)
+    fit = spool.search(records)
+    tables, constants, changes = spool.result(fit, lever_error)
     remarks = [] if n2 is None else _knot_remarks(requested, speed)
-    remarks += core.remarks(core_fit, records)
-    if not all("n1" in record for record in records):
-        responses = _responses(records, n2=core_fit)
-        return SpoolFit(
-            tables, constants, core=core_fit, fan=None,
-            changes=changes, remarks=tuple(remarks), responses=responses,
-        )  # fmt: skip
-    if fan == "n2":
-        curve, lag, fan_fit = _fit_fan(
-            tables, constants["lever_delay"][0], records=records, knots=speed
-        )
-        fan_tables = {"n1_command": curve}
-        constants |= {"n1_up_time": lag}
-    else:
-        leaves = {name: curve.leaf for name, curve in tables.items()}
-        shaft = _Spool(
-            "n1",
-            lever,
-            speed=speed,
-            over=over or {},
-            limits=limits,
-            delay=constants["lever_delay"][0],
-            fixed=leaves,
-        )
-        fan_fit = shaft.search(records)
-        fan_tables, fan_constants, fan_changes = shaft.result(fan_fit, lever_error)
-        constants |= {f"n1_{name}": pair for name, pair in fan_constants.items()}
-        changes |= fan_changes
-        remarks += shaft.remarks(fan_fit, records)
-    return SpoolFit(
-        tables | fan_tables,
+    remarks += spool.remarks(fit, records)
+    core = SpoolFit(
+        tables,
         constants,
-        core=core_fit,
-        fan=fan_fit,
+        core=fit,
+        fan=None,
         changes=changes,
         remarks=tuple(remarks),
-        responses=_responses(records, n2=core_fit, n1=fan_fit),
+        responses=_responses(records, n2=fit),
+    )
+    if not all("n1" in record for record in records):
+        return core
+    if fan == "n2":
+        return _with_following_fan(core, records, speed)
+    shaft = _Spool(
+        "n1",
+        lever,
+        speed=speed,
+        over=over or {},
+        limits=limits,
+        delay=constants["lever_delay"][0],
+        fixed={name: curve.leaf for name, curve in tables.items()},
+    )
+    return _with_governed_fan(core, shaft, records=records, lever_error=lever_error)
+
+
+def _with_following_fan(
+    core: SpoolFit, records: Sequence[xr.Dataset], knots: np.ndarray
+) -> SpoolFit:
+    """Return the fit with a fan that follows n2 with a lag."""
+    delay = core.constants["lever_delay"][0]
+    curve, lag, fan_fit = _fit_fan(core.tables, delay, records=records, knots=knots)
+    return replace(
+        core,
+        tables=core.tables | {"n1_command": curve},
+        constants=core.constants | {"n1_up_time": lag},
+        fan=fan_fit,
+        responses=_responses(records, n2=core.core, n1=fan_fit),
+    )
+
+
+def _with_governed_fan(
+    core: SpoolFit, shaft: _Spool, records: Sequence[xr.Dataset], lever_error: np.ndarray
+) -> SpoolFit:
+    """Return the fit with a fan that follows the lever, with tables of its own."""
+    fan_fit = shaft.search(records)
+    tables, constants, changes = shaft.result(fan_fit, lever_error)
+    named = {f"n1_{name}": pair for name, pair in constants.items()}
+    return replace(
+        core,
+        tables=core.tables | tables,
+        constants=core.constants | named,
+        fan=fan_fit,
+        changes=core.changes | changes,
+        remarks=(*core.remarks, *shaft.remarks(fan_fit, records)),
+        responses=_responses(records, n2=core.core, n1=fan_fit),
     )
 
 
@@ -224,10 +245,10 @@ def _responses(records: Sequence[xr.Dataset], **searches: OutputError) -> tuple[
     """Return the speeds of the records and of the model."""
     responses = []
     for k, record in enumerate(records):
-        model = {
-            f"{name}_model": record[name] - search.residuals[k][f"engine1.{name}"].values
-            for name, search in searches.items()
-        }
+        model = {}
+        for name, search in searches.items():
+            residual = search.residuals[k][f"engine1.{name}"].values
+            model[f"{name}_model"] = record[name] - residual
         responses.append(record[["throttle", *searches]].assign(model))
     return tuple(responses)
 
@@ -236,7 +257,8 @@ def _fit_fan(
     tables: dict[str, EngineCurve], delay: float, records: Sequence[xr.Dataset], knots: np.ndarray
 ):
     """Return n1 over n2, its lag, and the fit, with the core fixed."""
-    start = np.append(first_schedule(records, "n1", knots, over="n2"), 0.2)
+    # The last unknown is the lag.
+    start = np.append(first_schedule(records, "n1", knots, over="n2"), _FIRST_LAG)
     surface = EngineTable2D("n2", knots)
 
     def curve(theta: np.ndarray) -> np.ndarray:
@@ -249,11 +271,11 @@ def _fit_fan(
     leaves = {name: table.leaf for name, table in tables.items()}
     leaves |= {
         "n1_command": make_term(curve(start), surface.axes, outside="linear"),
-        "n1_up_time": make_term(0.2),
+        "n1_up_time": make_term(_FIRST_LAG),
         "thrust": make_term(0.0),
     }
     unknowns = {f"n1_command at n2 {x:.4g}": Unknown(v, 0.3) for x, v in zip(knots, start)}
-    unknowns["n1_up_time"] = Unknown(0.2, low=QUICKEST, high=SLOWEST)
+    unknowns["n1_up_time"] = Unknown(_FIRST_LAG, low=QUICKEST, high=SLOWEST)
     fit = bench.fit_engine(
         EngineDeck(leaves, lever_delay=delay),
         records,

@@ -8,7 +8,7 @@ turbine temperature are tables over n2; the temperature has a lag.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +28,12 @@ from flighttest.submodels.engine.tables import FINE, EngineCurve, refine_knots
 SPACING = 0.08
 # Mach number above which windmilling is estimated.
 WINDY = 0.05
+# First values of the time constant over n2 [s] and of the windmilling speed, and the longest time
+# constant [s].
+_FIRST_TIME, _FIRST_WINDMILL, _SLOWEST = 4.0, 0.05, 60.0
+# Margin of the speed of light-off in the search, and its smallest value. Light-off must be possible
+# at the lowest recorded speed.
+_LIGHT_MARGIN, _LEAST_LIGHT = 0.02, 0.01
 _TIMES = ("starter_time", "n2_rundown", "flame_time")
 
 
@@ -124,20 +130,13 @@ def identify_start(records: Sequence[xr.Dataset]) -> StartFit:
         return np.exp(scipy.interpolate.PchipInterpolator(knots, theta[len(single) :])(nodes))
 
     def parameters(theta: np.ndarray) -> dict[str, float]:
-        constants = {
-            bench.kernel_parameter(name): float(value) for name, value in zip(single, theta)
-        }
+        constants = {}
+        for name, value in zip(single, theta):
+            constants[bench.kernel_parameter(name)] = float(value)
         return constants | bench.as_nodes("n2_up_time", times(theta))
 
-    tables = {
-        "n2_command": make_term(idle),
-        "n2_up_time": make_term(np.full(len(nodes), 4.0), {"n2": nodes}),
-        "thrust": make_term(0.0),
-    }
-    if flying:
-        tables["corrected_n2_windmill"] = make_term(0.05)
-    # Light-off must be possible at the lowest recorded speed.
-    light = max(lowest - 0.02, 0.01)
+    tables = _first_tables(idle, nodes, flying=flying)
+    light = max(lowest - _LIGHT_MARGIN, _LEAST_LIGHT)
     lights: dict[str, Any] = {"light_speed": light, "sustain_speed": 0.5 * light}
     speeds = bench.fit_engine(
         EngineDeck(tables, **lights),
@@ -153,8 +152,9 @@ def identify_start(records: Sequence[xr.Dataset]) -> StartFit:
 
     # Fuel flow and temperature are fitted with the speeds of the first fit.
     tables["n2_up_time"] = curve.leaf
-    for name in ("n2_command", *(["corrected_n2_windmill"] if flying else [])):
-        tables[name] = make_term(constants[name][0])
+    tables["n2_command"] = make_term(constants["n2_command"][0])
+    if flying:
+        tables["corrected_n2_windmill"] = make_term(constants["corrected_n2_windmill"][0])
     constants["idle"] = constants.pop("n2_command")
     lights |= {name: constants[name][0] for name in ("starter_speed", *_TIMES)}
     flows, flow_curves, lag = _fit_flows(EngineDeck(tables, **lights), records, knots)
@@ -167,9 +167,23 @@ def identify_start(records: Sequence[xr.Dataset]) -> StartFit:
     )
 
 
+def _first_tables(idle: float, nodes: np.ndarray, flying: bool) -> dict[str, xr.Dataset]:
+    """Return the tables of a deck from which the search of the speeds starts."""
+    tables = {
+        "n2_command": make_term(idle),
+        "n2_up_time": make_term(np.full(len(nodes), _FIRST_TIME), {"n2": nodes}),
+        "thrust": make_term(0.0),
+    }
+    if flying:
+        tables["corrected_n2_windmill"] = make_term(_FIRST_WINDMILL)
+    return tables
+
+
 def _with_lever(record: xr.Dataset) -> xr.Dataset:
     """Return the record with the lever at idle if it has no lever."""
-    return record if "throttle" in record else record.assign(throttle=0.0 * record["n2"])
+    if "throttle" in record:
+        return record
+    return record.assign(throttle=0.0 * record["n2"])
 
 
 def _is_flying(record: xr.Dataset) -> bool:
@@ -182,13 +196,13 @@ def _speed_unknowns(
     """Return the unknowns of the speed: single constants, then ln of the time constant at knots."""
     unknowns = {"starter_speed": Unknown(lowest, 0.2, 0.0, 1.0)}
     for name, first in zip(_TIMES, (3.0, 6.0, 0.3)):
-        unknowns[name] = Unknown(first, 10.0 * first, bench.STEP, 60.0)
+        unknowns[name] = Unknown(first, 10.0 * first, bench.STEP, _SLOWEST)
     unknowns["n2_command"] = Unknown(idle, 0.1, 0.0, 1.2)
     if flying:
-        unknowns["corrected_n2_windmill"] = Unknown(0.05, 0.3, 0.0, 1.0)
+        unknowns["corrected_n2_windmill"] = Unknown(_FIRST_WINDMILL, 0.3, 0.0, 1.0)
     for x in knots:
         unknowns[f"ln n2_up_time at n2 {x:.4g}"] = Unknown(
-            np.log(4.0), 2.0, np.log(bench.STEP), np.log(60.0)
+            np.log(_FIRST_TIME), 2.0, np.log(bench.STEP), np.log(_SLOWEST)
         )
     return unknowns
 
@@ -227,11 +241,12 @@ def _fit_flows(deck: EngineDeck, records: Sequence[xr.Dataset], knots: np.ndarra
     if lagged:
         unknowns["itt_time"] = Unknown(0.5, 5.0, bench.STEP, 30.0)
 
-    def curve(k: int):
+    def curve(k: int) -> Callable[[np.ndarray], np.ndarray]:
         # The unknowns of output k, its values at the knots, as values at the nodes.
-        return lambda theta: scipy.interpolate.PchipInterpolator(
-            knots, theta[k * count : (k + 1) * count]
-        )(at_nodes)
+        unknowns_of_output = slice(k * count, (k + 1) * count)
+        return lambda theta: scipy.interpolate.PchipInterpolator(knots, theta[unknowns_of_output])(
+            at_nodes
+        )
 
     def parameters(theta: np.ndarray) -> dict[str, float]:
         nodes: dict[str, float] = {}
@@ -256,7 +271,9 @@ def _fit_flows(deck: EngineDeck, records: Sequence[xr.Dataset], knots: np.ndarra
     curves = {}
     for k, name in enumerate(outputs):
         curves[name] = EngineCurve.of({"n2": at_nodes}, curve(k), theta=theta, C=C)
-    lag = {"itt_time": (float(theta[-1]), float(np.sqrt(C[-1, -1])))} if lagged else {}
+    lag = {}
+    if lagged:
+        lag["itt_time"] = float(theta[-1]), float(np.sqrt(C[-1, -1]))
     return fit, curves, lag
 
 

@@ -28,6 +28,7 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flightmech.terms import SOURCE_ATTRS, SOURCES
+from flighttest.remarks import Convergence, Remark, remark_lines
 from flighttest.submodels.engine.steady_points import (
     equilibrium_rows,
     prior_thrust_shares,
@@ -39,6 +40,8 @@ from flighttest.submodels.engine.steady_points import (
 VAGUE = 0.1
 # Largest number of passes over the noise.
 PASSES = 20
+# Absolute and relative change of the noise of a block at which it has converged.
+_SAME_ABSOLUTE, _SAME_RELATIVE = 1e-8, 1e-6
 # Remaining part of the a-priori standard error of the thrust up to which thrust and drag are
 # separable.
 SEPARATE = 0.3
@@ -78,6 +81,8 @@ class DeckCorrection:
         Remarks on points outside the deck and on separability.
     prior : Dataset
         Corrected thrust of the a-priori deck. [N]
+    convergence : Convergence
+        End of the iteration over the noise of the blocks.
     """
 
     leaf: xr.Dataset
@@ -90,6 +95,7 @@ class DeckCorrection:
     residuals: dict[str, np.ndarray]
     remarks: tuple[str, ...]
     prior: xr.Dataset
+    convergence: Convergence
 
     def ratio(self, speed: float, mach: float, **condition: float) -> tuple[float, float]:
         """Return the factor on the a-priori thrust and its standard error at a condition."""
@@ -100,6 +106,14 @@ class DeckCorrection:
         # The factors of the breakpoints have the weight of their shares of the thrust.
         w = P / P.sum()
         return float(w @ self.factor), float(np.sqrt(w @ self.covariance @ w))
+
+    def convergence_remarks(self) -> list[Remark]:
+        """Return an error if the noise of the blocks did not converge."""
+        advice = (
+            "factors and standard errors belong to a noise that still changes; give more points, "
+            "or recorded thrust and equilibrium separately"
+        )
+        return self.convergence.remarks("noise of the static thrust", advice, "corrected_thrust")
 
     @property
     def _axis(self) -> str:
@@ -115,7 +129,8 @@ class DeckCorrection:
         for name, v in self.residuals.items():
             scatter = np.sqrt(np.mean(v**2))
             lines.append(f"{name}: {len(v)} points, rms {scatter:.2%} of the thrust")
-        return "\n".join([*lines, *(f"! {text}" for text in self.remarks)])
+        lines += [f"! {text}" for text in self.remarks]
+        return "\n".join([*lines, *remark_lines(self.convergence_remarks())])
 
 
 def correct_deck(
@@ -177,7 +192,7 @@ def correct_deck(
     fixed = polar or Polar(0.0, 0.0)
     first = np.array([*np.ones(count), fixed.CD0, fixed.K])
     sigma = np.array([*_prior_errors(prior, axis), fixed.CD0_stderr, fixed.K_stderr])
-    theta, C, residuals = _mixed_estimate(list(blocks.values()), first, sigma)
+    theta, C, residuals, convergence = _mixed_estimate(list(blocks.values()), first, sigma)
     stderr = np.sqrt(np.diag(C))
     estimated = Polar(*map(float, theta[count:]), *map(float, stderr[count:])) if polar else None
     if equilibrium is not None:
@@ -193,6 +208,7 @@ def correct_deck(
         residuals=dict(zip(blocks, residuals)),
         remarks=tuple(remarks),
         prior=prior,
+        convergence=convergence,
     )
 
 
@@ -209,14 +225,14 @@ def _prior_errors(prior: xr.Dataset, axis: str) -> np.ndarray:
 def _mixed_estimate(
     blocks: Sequence[tuple[np.ndarray, np.ndarray]], first: np.ndarray, sigma: np.ndarray
 ):
-    """Return estimates, covariance and residuals of least squares with a-priori values.
+    """Return estimates, covariance, residuals and convergence of mixed estimation [Theil1961].
 
     Every block has noise of its own size, which is estimated from its residuals.
     """
     free = np.flatnonzero(sigma > 0.0)
     scatter = [1.0] * len(blocks)
     theta = first.copy()
-    for _ in range(PASSES):
+    for count in range(1, PASSES + 1):
         # Normal equations of [Theil1961]: a-priori values and blocks weighted by their variances.
         M = np.diag(1.0 / sigma[free] ** 2)
         b = np.zeros(len(free))
@@ -232,13 +248,15 @@ def _mixed_estimate(
             for (X, _), s in zip(blocks, scatter)
         ]
         new = [float(np.sqrt(v @ v / max(len(v) - p, 1.0))) for v, p in zip(residuals, spent)]
-        converged = np.allclose(new, scatter, rtol=1e-6)
+        before = np.array(scatter)
+        changes = np.abs(np.array(new) - before) / (_SAME_ABSOLUTE + _SAME_RELATIVE * before)
+        convergence = Convergence(bool((changes <= 1.0).all()), count, float(np.max(changes)))
         scatter = [max(s, 1e-12) for s in new]
-        if converged:
+        if convergence.converged:
             break
     C = np.zeros((len(first), len(first)))
     C[np.ix_(free, free)] = D
-    return theta, C, residuals
+    return theta, C, residuals, convergence
 
 
 def _separability_remarks(X: np.ndarray, sigma: np.ndarray, C: np.ndarray, count: int) -> list[str]:

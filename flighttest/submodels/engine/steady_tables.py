@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -28,6 +29,7 @@ import xarray as xr
 from flightmech.aircraft.engine_deck import OWN, TARGETS
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.terms import SOURCES, basis, make_term
+from flighttest.remarks import Convergence, Remark, remark_lines
 from flighttest.submodels.engine.schedule import (
     cover_settled_range,
     find_lever_rest,
@@ -46,6 +48,10 @@ SPREADS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 VAGUE = 0.1
 # Largest number of passes over lengths and noise.
 PASSES = 8
+# Relative change of the noise at which it has converged.
+SAME_NOISE = 1e-3
+# Change of the noise over its tolerance up to which alternating lengths are harmless: 5 % of it.
+ALTERNATING = 0.05 / SAME_NOISE
 # Added to the diagonal of a correlation matrix before its inversion.
 JITTER = 1e-8
 # Distance beyond an axis, in widths of the axis, from which on a sample is outside.
@@ -73,6 +79,9 @@ class SteadyTable:
         Factor on the a-priori standard error.
     samples : int
         Number of samples inside the axes.
+    convergence : Convergence
+        End of the search of lengths, spread and noise. Its change is that of the noise over its
+        tolerance, or the number of grid points by which a length still moves if that is larger.
     """
 
     leaf: xr.Dataset
@@ -80,6 +89,21 @@ class SteadyTable:
     lengths: dict[str, float]
     spread: float
     samples: int
+    convergence: Convergence
+
+    def remarks(self, name: str) -> list[Remark]:
+        """Return a remark if the search did not converge.
+
+        It is a warning if the lengths alternate between neighbours of their grid and the noise
+        hardly changes, otherwise an error.
+        """
+        advice = (
+            "values and standard errors of the nodes belong to a noise and to lengths that still "
+            "change; give fewer breakpoints or more flights"
+        )
+        severity = "error" if self.convergence.change > ALTERNATING else "warning"
+        subject = f"lengths and noise of {name}"
+        return self.convergence.remarks(subject, advice, term=name, severity=severity)
 
     def report(self, name: str) -> str:
         """Return size, residual and lengths as text."""
@@ -92,7 +116,8 @@ class SteadyTable:
             f"{self.samples} samples, residual {self.rms:.4g} rms, {seen:.0%} of the nodes "
             f"from flight"
         )
-        return f"{name} ({TARGETS[name]}) over {', '.join(axes)}: {fit}"
+        line = f"{name} ({TARGETS[name]}) over {', '.join(axes)}: {fit}"
+        return "\n".join([line, *remark_lines(self.remarks(name))])
 
 
 def steady_table(
@@ -144,45 +169,92 @@ def steady_table(
     for axis in axes:
         if axis not in AXES:
             raise UnknownName(axis, AXES, "axis of an engine table")
-    grid = {
-        name: cover_settled_range(np.asarray(points, float), _speeds_at_rest(flights, name))
-        for name, points in axes.items()
-    }
-    blocks = [_samples(flight, target, grid) for flight in flights]
-    blocks = [block for block in blocks if len(block[1])]
+    grid = {}
+    for name, points in axes.items():
+        speeds = _speeds_at_rest(flights, name)
+        grid[name] = cover_settled_range(np.asarray(points, float), speeds)
+    blocks = []
+    for flight in flights:
+        block = _samples(flight, target, grid)
+        if len(block.values):
+            blocks.append(block)
     if not blocks:
         raise IdentificationError(
             f"{target}: no sample inside {_range(grid)}; look at the units, or extend the axes"
         )
-    z = np.concatenate([value for _, value, _ in blocks])
+    z = np.concatenate([block.values for block in blocks])
     first, sigma, source = _prior(prior, grid, z)
     # Estimate the difference d from the a-priori nodes.
-    differences = [(B, value - B @ first, step) for B, value, step in blocks]
+    differences = []
+    for block in blocks:
+        differences.append(block._replace(values=block.values - block.weights @ first))
+    # An a-priori standard error that is not given has an unknown size.
     has_stderr = prior is not None and "stderr" in prior
-    spreads = (1.0,) if has_stderr else SPREADS
-    d, C, lengths, spread = _smooth(differences, sigma, list(grid.values()), spreads)
-    value = first + d
-    residual = np.concatenate([y - B @ d for B, y, _ in differences])
-    stderr = np.sqrt(np.diag(C) + (scale * value) ** 2)
+    fit = _smooth(
+        differences,
+        sigma,
+        grid=list(grid.values()),
+        spreads=(1.0,) if has_stderr else SPREADS,
+    )
+    residuals = [block.values - block.weights @ fit.nodes for block in differences]
+    residual = np.concatenate(residuals)
+    value, variance = first + fit.nodes, np.diag(fit.covariance)
+    leaf = _make_leaf(value, np.sqrt(variance + (scale * value) ** 2), target=target, grid=grid)
+    # The source of a node is flight only if the samples reduce its a-priori standard error.
+    seen = np.sqrt(variance) < LEFT * fit.spread * sigma
+    sources = np.where(seen, leaf["source"].values.ravel(), source).astype(np.uint8)
+    shape = leaf["value"].shape
+    leaf["source"] = leaf["source"].dims, sources.reshape(shape), leaf["source"].attrs
+    return SteadyTable(
+        leaf,
+        rms=float(np.sqrt(np.mean(residual**2))),
+        lengths=dict(zip(grid, fit.lengths)),
+        spread=fit.spread,
+        samples=len(z),
+        convergence=fit.convergence,
+    )
+
+
+def _make_leaf(
+    value: np.ndarray, stderr: np.ndarray, target: str, grid: Mapping[str, np.ndarray]
+) -> xr.Dataset:
+    """Return the leaf of a table from its nodes (node,) and their standard errors."""
     shape = [len(points) for points in grid.values()]
-    leaf = make_term(
+    return make_term(
         value.reshape(shape),
         grid,
         stderr=stderr.reshape(shape),
         source="flight",
         comment=f"{target} from flight",
     )
-    # The source of a node is flight only if the samples reduce its a-priori standard error.
-    seen = np.sqrt(np.diag(C)) < LEFT * spread * sigma
-    sources = np.where(seen, leaf["source"].values.ravel(), source).astype(np.uint8)
-    leaf["source"] = leaf["source"].dims, sources.reshape(shape), leaf["source"].attrs
-    return SteadyTable(
-        leaf,
-        rms=float(np.sqrt(np.mean(residual**2))),
-        lengths=dict(zip(grid, lengths)),
-        spread=spread,
-        samples=len(z),
-    )
+
+
+class _Samples(NamedTuple):
+    """Samples of a flight.
+
+    Attributes
+    ----------
+    weights : array (sample, node)
+        Weights of the nodes of the table.
+    values : array (sample,)
+        Samples of the table.
+    step : float
+        Sampling interval, 0 for points. [s]
+    """
+
+    weights: np.ndarray
+    values: np.ndarray
+    step: float
+
+
+class _SmoothNodes(NamedTuple):
+    """Nodes (node,) with covariance, lengths along the axes, factor on sigma, and convergence."""
+
+    nodes: np.ndarray
+    covariance: np.ndarray
+    lengths: list[float]
+    spread: float
+    convergence: Convergence
 
 
 def _speeds_at_rest(flights: Sequence[xr.Dataset], axis: str) -> np.ndarray:
@@ -205,14 +277,8 @@ def _range(grid: Mapping[str, np.ndarray]) -> str:
     return ", ".join(f"{name} {points[0]:.4g} to {points[-1]:.4g}" for name, points in grid.items())
 
 
-def _samples(
-    flight: xr.Dataset, target: str, grid: Mapping[str, np.ndarray]
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return the samples of a flight inside the axes.
-
-    These are the weights of the nodes (sample, node), the values (sample,) and the sampling
-    interval [s], 0 for points.
-    """
+def _samples(flight: xr.Dataset, target: str, grid: Mapping[str, np.ndarray]) -> _Samples:
+    """Return the samples of a flight inside the axes."""
     theta, delta = temperature_pressure_ratios(flight)
     channels = {str(name): flight[name].values for name in flight.data_vars}
     channels |= {"temperature_ratio": theta, "pressure_ratio": delta}
@@ -242,11 +308,11 @@ def _samples(
     if timed and target.endswith(("_command", "_driven")):
         used &= find_lever_rest(flight, SETTLED)
     if not used.any():
-        return np.empty((0, 0)), np.empty(0), 0.0
+        return _Samples(np.empty((0, 0)), np.empty(0), 0.0)
     leaf = make_term(np.zeros([len(points) for points in grid.values()]), grid)
     B = basis(leaf, {name: channels[name][used] for name in grid}, outside="clamp").toarray()
     step = float(np.median(np.diff(flight["time"].values))) if timed else 0.0
-    return B, value[used], step
+    return _Samples(B, value[used], step)
 
 
 def _prior(
@@ -286,28 +352,29 @@ def _block_means(x: np.ndarray, count: int) -> np.ndarray:
     return x[:used].reshape(-1, count, *x.shape[1:]).mean(axis=1)
 
 
-def _second_means(
-    blocks: Sequence[tuple[np.ndarray, np.ndarray, float]],
-) -> list[tuple[np.ndarray, np.ndarray, bool]]:
-    """Return the samples averaged over `BLOCK`, and whether they are a time history."""
-    rows = []
-    for B, y, step in blocks:
-        count = max(round(BLOCK / step), 1) if step else 1
-        if len(y) >= count:
-            rows.append((_block_means(B, count), _block_means(y, count), bool(step)))
-    return rows
+def _second_means(blocks: Sequence[_Samples]) -> list[_Samples]:
+    """Return the samples averaged over `BLOCK`; the sampling interval does not change."""
+    means = []
+    for block in blocks:
+        count = max(round(BLOCK / block.step), 1) if block.step else 1
+        if len(block.values) >= count:
+            weights = _block_means(block.weights, count)
+            means.append(_Samples(weights, _block_means(block.values, count), block.step))
+    return means
 
 
 def _smooth(
-    blocks: Sequence[tuple[np.ndarray, np.ndarray, float]],
+    blocks: Sequence[_Samples],
     sigma: np.ndarray,
     grid: Sequence[np.ndarray],
     spreads: Sequence[float],
-) -> tuple[np.ndarray, np.ndarray, list[float], float]:
-    """Return nodes, covariance, lengths along the axes and factor on sigma."""
-    rows = _second_means(blocks)
-    X, y = np.concatenate([B for B, _, _ in rows]), np.concatenate([y for _, y, _ in rows])
+) -> _SmoothNodes:
+    """Return the nodes with the most likely lengths, factor on sigma and noise."""
+    means = _second_means(blocks)
+    X = np.concatenate([block.weights for block in means])
+    y = np.concatenate([block.values for block in means])
     XX, Xy, yy = X.T @ X, X.T @ y, float(y @ y)
+    # Candidates of each length, then of the factor; a choice is an index into each of them.
     options = [*(LENGTHS for _ in grid), tuple(spreads)]
     choice = [len(values) // 2 for values in options]
     noise = float(np.var(y))
@@ -328,19 +395,27 @@ def _smooth(
         return float(np.linalg.slogdet(M)[1] - np.linalg.slogdet(Q)[1] - b @ np.linalg.solve(M, b))
 
     # Minimise over one option after the other, then estimate nodes and noise.
-    for _ in range(PASSES):
+    for count in range(1, PASSES + 1):
         before, noise_before = list(choice), noise
         for axis, values in enumerate(options):
             candidates = [[*choice[:axis], k, *choice[axis + 1 :]] for k in range(len(values))]
             choice = min(candidates, key=cost)
         C = np.linalg.inv(XX / noise + precision(choice))
         d = C @ Xy / noise
-        residuals = [(value - B @ d, timed) for B, value, timed in rows]
-        noise = max(_long_term_variance(residuals), 1e-12 * yy / len(y))
-        if choice == before and abs(noise - noise_before) < 1e-3 * noise:
+        noise = max(_long_term_variance(means, d), 1e-12 * yy / len(y))
+        change = abs(noise - noise_before)
+        moves = max(abs(k - last) for k, last in zip(choice, before))
+        convergence = Convergence(
+            converged=moves == 0 and change < SAME_NOISE * noise,
+            iterations=count,
+            change=max(change / (SAME_NOISE * noise), float(moves)),
+        )
+        if convergence.converged:
             break
     *lengths, spread = (float(values[k]) for values, k in zip(options, choice))
-    return d, C, [length * float(np.ptp(x)) for length, x in zip(lengths, grid)], spread
+    # Lengths in units of their axis.
+    scaled = [length * float(np.ptp(x)) for length, x in zip(lengths, grid)]
+    return _SmoothNodes(d, C, scaled, spread=spread, convergence=convergence)
 
 
 def _correlation(x: np.ndarray, length: float) -> np.ndarray:
@@ -349,10 +424,17 @@ def _correlation(x: np.ndarray, length: float) -> np.ndarray:
     return (1.0 + r) * np.exp(-r) + JITTER * np.eye(len(x))
 
 
-def _long_term_variance(residuals: Sequence[tuple[np.ndarray, bool]]) -> float:
-    """Return the variance of a row from which means over `LONG` have their observed scatter."""
-    together = np.concatenate([v for v, _ in residuals])
+def _long_term_variance(blocks: Sequence[_Samples], nodes: np.ndarray) -> float:
+    """Return the variance of a sample from which means over `LONG` have their observed scatter."""
     count = round(LONG / BLOCK)
-    means = [_block_means(v, count) for v, timed in residuals if timed and len(v) >= count]
-    slow = count * float(np.mean(np.concatenate(means) ** 2)) if means else 0.0
-    return max(float(np.mean(together**2)), slow)
+    residuals, means = [], []
+    for block in blocks:
+        v = block.values - block.weights @ nodes
+        residuals.append(v)
+        # Points have no order in time.
+        if block.step and len(v) >= count:
+            means.append(_block_means(v, count))
+    slow = 0.0
+    if means:
+        slow = count * float(np.mean(np.concatenate(means) ** 2))
+    return max(float(np.mean(np.concatenate(residuals) ** 2)), slow)

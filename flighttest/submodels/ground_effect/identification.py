@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from flightmech.terms import SOURCES, list_model_variables
 from flighttest.regression.equation_error.model import RegressionModel, term_regressors
 from flighttest.regression.equation_error.samples import RegressionSamples, stack_samples
 from flighttest.regression.separable.fit import SeparableFit, regress_separable
+from flighttest.regression.uncertainty.collinearity import RANK
 from flighttest.submodels.ground_effect.result import (
     CoefficientOverGround,
     GroundEffect,
@@ -36,7 +37,12 @@ from flighttest.submodels.ground_effect.structure import (
     with_heights,
 )
 
+# Variables of the database that are zero if the records do not contain them.
 AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake", "delta_f")
+# Standard errors from zero that k of an identified term must have.
+_SIGNIFICANT = 2.0
+# Share of a term in a vanishing combination above which it takes part in it.
+_SHARE = 1e-6
 
 
 def identify_ground_effect(
@@ -48,8 +54,9 @@ def identify_ground_effect(
     names: Sequence[str] | None = None,
     exponents: tuple[float, float] = EXPONENTS,
 ) -> GroundEffect:
-    """Identify the ground effect of coefficients as C_free (1 + k h^s) per derivative, and k h^s
-    (CL phi) of Cl.
+    """Identify the ground effect of coefficients.
+
+    The form is C_free (1 + k h^s) for each derivative, and k h^s (CL phi) for Cl.
 
     Parameters
     ----------
@@ -57,17 +64,17 @@ def identify_ground_effect(
         The free-air terms of each coefficient, such as ``CL = 1 + alpha + qhat + delta_e``.
     data : sequence of Dataset (time,)
         Landings up to the touch-down, low passes and free-air records of *one* configuration, as
-        `coefficients` returns them, with the height ``h_agl`` over the runway; a record without it
-        counts as free air. [SI]
+        from `coefficients`, with the height ``h_agl`` over the runway. A record without it is in
+        free air. [SI]
     ground : mapping of str to sequence of str, optional
-        Terms that the ground may change, by coefficient; without it all terms of CL, CD and Cm, and
+        Terms that the ground may change, by coefficient. Default: all terms of CL, CD and Cm, and
         ``CL*phi`` of Cl.
     database : DataTree, optional
-        Its tables of ground effect take part in the comparison of forms.
+        Database whose tables of ground effect take part in the comparison of forms.
     hold : bool
-        Take the free-air terms from `database` as they are; otherwise they are estimated along.
+        Whether the free-air terms are fixed at `database`. Otherwise they are estimated.
     names : sequence of str, optional
-        Of the records, for texts.
+        Names of the records, for texts.
     exponents : (low, high)
         Bounds of the exponents s.
 
@@ -78,16 +85,17 @@ def identify_ground_effect(
     Raises
     ------
     IdentificationError
-        No record with a height, one that goes below zero, two models of a coefficient, or terms
-        that the data cannot distinguish.
+        No record with a height, a height below zero, two models of a coefficient, or terms that the
+        data cannot distinguish.
     UnknownName
-        A coefficient or variable that database or data do not hold.
+        A coefficient or variable that database or data do not contain.
 
     Notes
     -----
-    A ground term that the data cannot see is deleted and the others are fitted again, the least significant first, as
-    [LR743] 4.5 does; it is listed as *not identified*.  What is identified, and how the forms are compared, stands in
-    `separable.identifiability` and `evidence`.  h^s counts metres, and k with it.
+    A ground term without information is deleted and the others are fitted again, the least
+    significant first, as in [LR743] 4.5.  It is reported as *not identified*.  The criteria are
+    those of `separable.identifiability` and `evidence`.  The height in h^s is in metres, which
+    gives the unit of k.
 
     References
     ----------
@@ -97,224 +105,279 @@ def identify_ground_effect(
         raise IdentificationError(
             "free-air terms are to be held, but there is no database to hold them at; give one"
         )
-    coefficients = [model.coefficient for model in models]
+    requested = ground or {}
+    _demand_models([model.coefficient for model in models], requested)
+    labels = list(names or ())
+    if names is None:
+        labels = [f"record {number}" for number in range(1, len(data) + 1)]
+    records = with_heights(data, labels)
+    results = {}
+    for model in models:
+        name = model.coefficient
+        candidates: tuple[str, ...] = ()
+        if name in requested:
+            candidates = tuple(RegressionModel(name, requested[name]).terms)
+        identification = _CoefficientIdentification(
+            model,
+            candidates or ground_terms(model),
+            records=records,
+            database=database,
+            hold=hold,
+            exponents=exponents,
+        )
+        results[name] = identification.identify()
+    return GroundEffect(results, held=hold)
+
+
+def _demand_models(coefficients: Sequence[str], ground: Collection[str]) -> None:
+    """Raise an error without one model of each coefficient, or for ground terms without a model."""
     if not coefficients or len(set(coefficients)) < len(coefficients):
         raise IdentificationError(
             f"models of {' '.join(coefficients) or 'nothing'}; give one of each coefficient"
         )
-    for name in ground or {}:
+    for name in ground:
         if name not in coefficients:
             raise UnknownName(
                 name, coefficients, "coefficient", "there are ground terms for it, but no model"
             )
-    labels = list(names) if names is not None else [f"record {k + 1}" for k in range(len(data))]
-    records = with_heights(data, labels)
-    found = {}
-    for model in models:
-        terms = (
-            tuple(RegressionModel(model.coefficient, ground[model.coefficient]).terms)
-            if ground and model.coefficient in ground
-            else None
-        )
-        one = _Coefficient(model, terms or ground_terms(model), records, database, hold, exponents)
-        found[model.coefficient] = one.identified()
-    return GroundEffect(found, held=hold)
 
 
-class _Coefficient:
-    """One coefficient on its way from records to identified terms."""
+class _CoefficientIdentification:
+    """Identification of one coefficient over the ground."""
 
     def __init__(
         self,
         model: RegressionModel,
         ground: Sequence[str],
-        records,
-        database,
+        records: Sequence[xr.Dataset],
+        database: xr.DataTree | None,
         hold: bool,
         exponents: tuple[float, float],
     ):
         self.model, self.ground, self.hold, self.exponents = model, tuple(ground), hold, exponents
-        self.database = (
-            None if database is None else _database_parts(database, model.coefficient, records)
-        )
-        self.records = records
+        self.database: _DatabaseParts | None = None
+        if database is not None:
+            self.database = _database_parts(database, model.coefficient, records)
+        self.records = list(records)
         if hold and self.database is not None:
-            self.records = _less(records, model.coefficient, self.database.free)
+            # Fixed free-air terms are subtracted, and only the ground effect is estimated.
+            self.records = _subtract_parts(records, model.coefficient, self.database.free)
 
-    def identified(self) -> CoefficientOverGround:
-        """Terms that the data can see, those that they cannot, and the form that the evidence
-        chooses.
-        """
+    def identify(self) -> CoefficientOverGround:
+        """Return identified terms, terms without information, and the form of best evidence."""
         name = self.model.coefficient
-        fit, left, deleted = self.reduced()
-        common = self.fit(left, common=True) if len(left) > 1 else None
-        samples = stack_samples(name, self.wanted, self.records, self.model)
+        fit, identified, deleted = self.delete_terms()
+        common = None
+        if len(identified) > 1:
+            common = self.fit(identified, common=True)
+        samples = stack_samples(name, self.variables, self.records, self.model)
         h = samples.data[HEIGHT].values
         forms = self.closed_forms(samples, fit, common)
         n = independent_samples(forms["k h^s" if fit else "none"][0], samples)
-        table = self.table(samples, left, forms["none"][0], n)
+        table = self.table(samples, identified, residual=forms["none"][0], n=n)
         if table is not None:
             forms["table"] = table.residual, table.parameters
         evidence = rank_forms(forms, n)
-        heights = float(h.min()), float(height_breakpoints(h)[-1])
+        tabled = table.terms if table is not None else ()
         return CoefficientOverGround(
-            self.model,
-            left,
-            deleted,
-            fit,
-            common,
-            self.references(),
-            table,
-            form_by_evidence(evidence),
-            heights,
-            evidence,
+            model=self.model,
+            ground=identified,
+            not_identified=deleted,
+            fit=fit,
+            common=common,
+            references=self.references({*identified, *tabled}),
+            table=table,
+            form=form_by_evidence(evidence),
+            heights=(float(h.min()), float(height_breakpoints(h)[-1])),
+            evidence=evidence,
         )
 
     def fit(
         self, ground: Sequence[str], common: bool = False, starts: Mapping[str, float] | None = None
     ) -> SeparableFit:
-        """Fit one form of the model."""
-        separable = model_over_ground(self.model, ground, self.hold, common, self.exponents, starts)
+        """Return the fit of one form of the model."""
+        separable = model_over_ground(
+            self.model,
+            ground,
+            held=self.hold,
+            common=common,
+            exponents=self.exponents,
+            starts=starts,
+        )
         return regress_separable(
             separable, self.records, f"{self.model.coefficient} over the ground"
         )
 
-    def reduced(self) -> tuple[SeparableFit | None, tuple[str, ...], dict[str, str]]:
-        """Delete what the data cannot see, the least significant term first."""
-        left = self.ground
+    def delete_terms(self) -> tuple[SeparableFit | None, tuple[str, ...], dict[str, str]]:
+        """Return fit, identified terms, and deleted terms with the reason.
+
+        Terms without information are deleted one by one, the least significant first.
+        """
+        ground = self.ground
         deleted: dict[str, str] = {}
         starts: dict[str, float] = {}
-        while left:
-            fit = self.fit(left, starts=starts)
-            e = fit.estimates
-            reasons = {term: _why(fit, term) for term in left}
-            unseen = [term for term in left if reasons[term]]
-            if not unseen:
-                return fit, left, deleted
-            least = min(unseen, key=lambda term: float(e["t"].sel(term=times_height_power(term))))
+        while ground:
+            fit = self.fit(ground, starts=starts)
+            reasons = {term: _reason(fit, term) for term in ground}
+            unidentified = [term for term in ground if reasons[term]]
+            if not unidentified:
+                return fit, ground, deleted
+            t = fit.estimates["t"]
+            least = min(unidentified, key=lambda term: float(t.sel(term=times_height_power(term))))
             deleted[least] = reasons[least]
-            left = tuple(term for term in left if term != least)
-            starts = {exponent_name(term): fit.value(exponent_name(term))[0] for term in left}
-        return None, left, deleted
+            ground = tuple(term for term in ground if term != least)
+            # The next search starts from the exponents of this fit.
+            exponents = [exponent_name(term) for term in ground]
+            starts = {name: fit.value(name)[0] for name in exponents}
+        return None, ground, deleted
 
     @property
-    def wanted(self) -> list[str]:
-        """Variables that every form needs, so that all have the same samples."""
-        terms = [*dict.fromkeys([*self.model.terms, *self.ground])]
-        return [*RegressionModel(self.model.coefficient, terms).variables, HEIGHT]
+    def variables(self) -> list[str]:
+        """Variables of all forms, so that all forms have the same samples."""
+        names = [*dict.fromkeys([*self.model.terms, *self.ground])]
+        return [*RegressionModel(self.model.coefficient, names).variables, HEIGHT]
 
-    def free_terms(self, samples: RegressionSamples) -> np.ndarray:
-        """Regressors of the free-air terms that are estimated along, (samples, terms)."""
-        return (
-            np.zeros((samples.data.sizes["sample"], 0))
-            if self.hold
-            else self.model.design(samples.data)
-        )
+    def free_air_regressors(self, samples: RegressionSamples) -> np.ndarray:
+        """Return the regressors of the estimated free-air terms, (samples, terms)."""
+        if self.hold:
+            return np.zeros((samples.data.sizes["sample"], 0))
+        return self.model.design(samples.data)
 
     def closed_forms(
-        self, samples: RegressionSamples, fit: SeparableFit | None, common
+        self, samples: RegressionSamples, fit: SeparableFit | None, common: SeparableFit | None
     ) -> dict[str, tuple[np.ndarray, int | None]]:
-        """Residual and number of parameters of each form but the table."""
-        name, X = self.model.coefficient, self.free_terms(samples)
-        found: dict[str, tuple[np.ndarray, int | None]] = {
-            "none": (_rest(X, samples.data[name].values), X.shape[1])
+        """Return residual and number of parameters of each form except the table."""
+        name, X = self.model.coefficient, self.free_air_regressors(samples)
+        forms: dict[str, tuple[np.ndarray, int | None]] = {
+            "none": (_residual(X, samples.data[name].values), X.shape[1])
         }
-        for form, one in (("k h^s", fit), ("k h^s, one s", common)):
-            if one is not None:
-                found[form] = one.residuals[name], one.estimates.sizes["term"]
+        for form, closed in (("k h^s", fit), ("k h^s, one s", common)):
+            if closed is not None:
+                forms[form] = closed.residuals[name], closed.estimates.sizes["term"]
         if self.database is not None:
-            rest = (
-                stack_samples(
-                    name,
-                    self.wanted,
-                    _less(self.records, name, self.database.over_ground),
-                    self.model,
-                )
-                .data[name]
-                .values
-            )
-            found["database"] = _rest(X, rest), None if self.database.from_flight else X.shape[1]
-        return found
+            parts = _subtract_parts(self.records, name, self.database.over_ground)
+            z = stack_samples(name, self.variables, parts, self.model).data[name].values
+            # A database from these flights has no number of parameters, see `rank_forms`.
+            count = None if self.database.from_flight else X.shape[1]
+            forms["database"] = _residual(X, z), count
+        return forms
 
     def table(
-        self, samples: RegressionSamples, left: Sequence[str], rest: np.ndarray, n: float
+        self,
+        samples: RegressionSamples,
+        identified: Sequence[str],
+        residual: np.ndarray,
+        n: float,
     ) -> HeightTable | None:
-        """Tables over the height of the terms identified, and of others that lower the criterion;
-        None where there are none.
+        """Return tables over the height of identified terms, and of terms that lower the criterion.
+
+        Without such terms return None. `residual` is that of the model without ground effect, and
+        `n` the number of independent samples.
         """
-        h, z, X = (
-            samples.data[HEIGHT].values,
-            samples.data[self.model.coefficient].values,
-            self.free_terms(samples),
-        )
-        found, least = None, schwarz_criterion(rest, X.shape[1], n)
-        for chosen in (left, *((*left, term) for term in self.ground if term not in left)):
-            candidate = tuple(dict.fromkeys((*(found.terms if found else ()), *chosen)))
+        X = self.free_air_regressors(samples)
+        h, z = samples.data[HEIGHT].values, samples.data[self.model.coefficient].values
+        best, least = None, schwarz_criterion(residual, X.shape[1], n)
+        extensions = [tuple(identified)]
+        extensions += [(*identified, term) for term in self.ground if term not in identified]
+        for extension in extensions:
+            accepted = best.terms if best else ()
+            candidate = tuple(dict.fromkeys((*accepted, *extension)))
             if not candidate:
                 continue
             try:
                 trial = height_table(
                     X,
                     candidate,
-                    term_regressors(candidate, samples.data).T,
-                    h,
-                    z,
-                    samples,
-                    height_breakpoints(h),
+                    ground=term_regressors(candidate, samples.data).T,
+                    h=h,
+                    z=z,
+                    samples=samples,
+                    heights=height_breakpoints(h),
                 )
             except IdentificationError:
                 continue
-            if (own := schwarz_criterion(trial.residual, trial.parameters, n)) < least:
-                found, least = trial, own
-        return found
+            criterion = schwarz_criterion(trial.residual, trial.parameters, n)
+            if criterion < least:
+                best, least = trial, criterion
+        return best
 
-    def references(self) -> dict[str, float]:
-        """Free-air coefficients of held terms: least squares of the database along the records."""
+    def references(self, ground: Collection[str]) -> dict[str, float]:
+        """Return the free-air coefficients of fixed terms, from the database along the records.
+
+        Raises
+        ------
+        IdentificationError
+            The records do not determine the coefficient of a term of `ground`.
+        """
         if not self.hold or self.database is None:
             return {}
         name = self.model.coefficient
-        records = [
-            one.assign({name: ("time", part)})
-            for one, part in zip(self.records, self.database.free)
-        ]
+        records = []
+        for record, part in zip(self.records, self.database.free):
+            records.append(record.assign({name: ("time", part)}))
         samples = stack_samples(name, self.model.variables, records, self.model)
-        theta = np.linalg.lstsq(
-            self.model.design(samples.data), samples.data[name].values, rcond=None
-        )[0]
+        X = self.model.design(samples.data)
+        ambiguous = sorted(_undetermined_terms(X, self.model.terms) & set(ground))
+        if ambiguous:
+            raise IdentificationError(
+                f"{name}: the records do not determine the free-air coefficient of "
+                f"{', '.join(ambiguous)}, to which the ground effect is a ratio; add a record that "
+                f"moves the free-air terms apart, or leave one out"
+            )
+        theta = np.linalg.lstsq(X, samples.data[name].values, rcond=None)[0]
         return dict(zip(self.model.terms, map(float, theta)))
 
 
-def _rest(X: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Residual of least squares."""
-    return z - X @ np.linalg.lstsq(X, z, rcond=None)[0] if X.shape[1] else z
+def _undetermined_terms(X: np.ndarray, terms: Sequence[str]) -> set[str]:
+    """Return the terms of combinations that vanish along the records X (samples, terms)."""
+    length = np.linalg.norm(X, axis=0)
+    moving = np.flatnonzero(length > 0.0)
+    _, s, Vt = np.linalg.svd(X[:, moving] / length[moving], full_matrices=len(X) < len(moving))
+    sizes = np.pad(s, (0, len(Vt) - len(s)))
+    vanishing = Vt[sizes < RANK * s[0]]
+    # Least squares divides the coefficients of such a combination at will.
+    takes_part = (np.abs(vanishing) > _SHARE).any(axis=0)
+    return {terms[k] for k in moving[takes_part]}
 
 
-def _why(fit: SeparableFit, term: str) -> str:
-    """Why a ground term is not identified; an empty text when it is."""
-    e = fit.estimates
+def _residual(X: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Return the residual of least squares."""
+    if not X.shape[1]:
+        return z
+    return z - X @ np.linalg.lstsq(X, z, rcond=None)[0]
+
+
+def _reason(fit: SeparableFit, term: str) -> str:
+    """Return why a ground term is not identified, or an empty text."""
     for name in (times_height_power(term), exponent_name(term)):
-        if text := str(e["why"].sel(term=name).values):
-            return text
+        reason = str(fit.estimates["why"].sel(term=name).values)
+        if reason:
+            return reason
     value, stderr = fit.value(times_height_power(term))
-    return (
-        ""
-        if abs(value) > 2.0 * stderr
-        else f"k is {abs(value) / stderr:.1f} standard errors from zero, 2 are needed"
-    )
+    if abs(value) > _SIGNIFICANT * stderr:
+        return ""
+    return f"k is {abs(value) / stderr:.1f} standard errors from zero, {_SIGNIFICANT:g} are needed"
 
 
-def _less(
+def _subtract_parts(
     records: Sequence[xr.Dataset], name: str, parts: Sequence[np.ndarray]
 ) -> list[xr.Dataset]:
-    """Records whose coefficient has a part taken off."""
-    return [
-        one.assign({name: ("time", one[name].values - part)}) for one, part in zip(records, parts)
-    ]
+    """Return records less a part of their coefficient."""
+    differences = []
+    for record, part in zip(records, parts):
+        differences.append(record.assign({name: ("time", record[name].values - part)}))
+    return differences
 
 
-class _Database(NamedTuple):
-    """What a database states of a coefficient along the records: in free air, what its terms over
-    the ground add, and whether any node of these comes from flight.
+class _DatabaseParts(NamedTuple):
+    """Parts of a coefficient along the records by a database.
+
+    Attributes
+    ----------
+    free, over_ground : list of array (time,)
+        Sum of the terms in free air, and of the terms over the ground, by record.
+    from_flight : bool
+        Whether a node of the terms over the ground has its value from flight.
     """
 
     free: list[np.ndarray]
@@ -324,26 +387,26 @@ class _Database(NamedTuple):
 
 def _database_parts(
     database: xr.DataTree, coefficient: str, records: Sequence[xr.Dataset]
-) -> _Database:
-
-    leaves = {
-        name: leaf
-        for name, leaf in terms(database).items()
-        if name.startswith(f"{coefficient}/") and HEIGHT in list_model_variables(leaf)
-    }
-    over_ground = {name.partition("/")[2] for name in leaves}
+) -> _DatabaseParts:
+    """Return the parts of a coefficient along the records."""
     flight = SOURCES.index("flight")
-    flown = any(
-        (leaf["source"].values == flight).any() for leaf in leaves.values() if "source" in leaf
-    )
-    free, near = [], []
-    for one in records:
-        size = one.sizes["time"]
-        conditions: Any = one.assign({name: 0.0 for name in AT_REST if name not in one})
+    over_ground, from_flight = set(), False
+    for name, leaf in terms(database).items():
+        if name.startswith(f"{coefficient}/") and HEIGHT in list_model_variables(leaf):
+            over_ground.add(name.partition("/")[2])
+            if "source" in leaf and (leaf["source"].values == flight).any():
+                from_flight = True
+    free, near_ground = [], []
+    for record in records:
+        size = record.sizes["time"]
+        missing = {name: 0.0 for name in AT_REST if name not in record}
+        conditions: Any = record.assign(missing)
         parts = contributions(database, coefficient, conditions, outside="clamp")
+        # Index 0: terms in free air, 1: terms over the ground.
         sums = [np.zeros(size), np.zeros(size)]
         for name, part in parts.items():
-            sums[name in over_ground] = sums[name in over_ground] + np.broadcast_to(part, (size,))
+            k = int(name in over_ground)
+            sums[k] = sums[k] + np.broadcast_to(part, (size,))
         free.append(sums[0])
-        near.append(sums[1])
-    return _Database(free, near, flown)
+        near_ground.append(sums[1])
+    return _DatabaseParts(free, near_ground, from_flight)

@@ -1,11 +1,12 @@
-"""Forms of ground effect compared on the same samples.
+"""Forms of a ground effect, and their comparison on the same samples.
 
 The measure is Schwarz's criterion, BIC = n ln(rss / N) + p ln n, with the number n of *independent*
-samples: residuals are correlated in time, and with N itself every detail of a disturbance would
-seem significant.
+samples.  Residuals are correlated in time; with the number N of samples every detail of a
+disturbance would seem significant.
 
 References
 ----------
+.. [LR743] Report LR-743, 1993, section 4.5.1, eq. (11), (13), (14).
 .. [Schwarz1978] Schwarz, Estimating the dimension of a model, Annals of Statistics 6, 1978.
 """
 
@@ -28,22 +29,35 @@ from flighttest.regression.separable_model import SeparableModel, ShapeParameter
 from flighttest.regression.uncertainty import collinearity
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 
+# Difference of the criterion below which two forms are equal.
+_NEAR = 2.0
+HEIGHT = "h_agl"
+# Bounds of s: above -0.1 the ground has the same effect at all heights.
+EXPONENTS = (-4.0, -0.1)
+# Height of a record without a height. [m]
+FREE_AIR = 1e4
+# Regressor of [LR743] eq. (14).
+BANK = "CL*phi"
+# Coefficients of which the ground may change all terms.
+_LONGITUDINAL = ("CL", "CD", "Cm", "CX", "CZ")
+
 
 @dataclass(frozen=True)
 class HeightTable:
-    """Ground terms as tables over the height, straight between breakpoints, zero at the last.
+    """Ground terms as tables over the height, linear between breakpoints and zero at the last one.
 
     Attributes
     ----------
     terms : tuple of str
         Ground terms.
     heights : array (nodes,)
-        [m]
+        Breakpoints. [m]
     value, stderr : array (terms, nodes)
-        Of the coefficient per unit of each ground term.
+        Coefficient per unit of each ground term.
     free : array (free terms,)
-        Free-air coefficients that were estimated along.
+        Estimated free-air coefficients.
     residual : array (samples,)
+        Measured minus fitted coefficient.
     """
 
     terms: tuple[str, ...]
@@ -55,7 +69,7 @@ class HeightTable:
 
     @property
     def parameters(self) -> int:
-        """Free-air coefficients and nodes that were estimated."""
+        """Number of estimated free-air coefficients and nodes."""
         return len(self.free) + self.value[:, :-1].size
 
 
@@ -73,55 +87,60 @@ def height_table(
     Parameters
     ----------
     X : array (samples, terms)
-        Free-air regressors that are estimated along.
+        Regressors of the estimated free-air terms.
     terms : tuple of str
         Ground terms.
     ground : array (samples, ground terms)
-        Regressors that the ground changes.
+        Regressors of the ground terms.
     h, z : array (samples,)
         Height [m] and measured coefficient.
     samples : Samples
+        Samples of the coefficient, for the colour of the residuals.
     heights : array (nodes,)
-        Breakpoints, rising; the last one is free air.
+        Increasing breakpoints; the last one is free air.
 
     Raises
     ------
     IdentificationError
         A node that no sample determines.
     """
-    hats = np.array(
-        [np.interp(h, heights, np.eye(len(heights))[k]) for k in range(len(heights) - 1)]
-    ).T
+    # Linear interpolation: hat functions of all breakpoints except the last, (samples, nodes).
+    nodes = len(heights) - 1
+    hats = np.array([np.interp(h, heights, hat) for hat in np.eye(len(heights))[:nodes]]).T
     tables = (ground[:, :, None] * hats[:, None, :]).reshape(len(h), -1)
-    whole = np.hstack([X, tables])
+    X_all = np.hstack([X, tables])
     names = [f"free {k}" for k in range(X.shape[1])]
-    names += [f"{term} at {height:.3g} m" for term in terms for height in heights[:-1]]
-    collinearity.demand_rank(whole, names)
-    theta = np.linalg.lstsq(whole, z, rcond=None)[0]
-    v = z - whole @ theta
-    C = coloured_covariance_of(whole, v, *samples.pieces()).covariance
-    shape = (ground.shape[1], len(heights) - 1)
-    value, stderr = (np.zeros((shape[0], shape[1] + 1)) for _ in range(2))
+    for term in terms:
+        names += [f"{term} at {height:.3g} m" for height in heights[:-1]]
+    collinearity.demand_rank(X_all, names)
+    theta = np.linalg.lstsq(X_all, z, rcond=None)[0]
+    v = z - X_all @ theta
+    C = coloured_covariance_of(X_all, v, *samples.pieces()).covariance
+    # The last node is free air, with the value and the standard error zero.
+    shape = (ground.shape[1], nodes)
+    value, stderr = np.zeros((shape[0], nodes + 1)), np.zeros((shape[0], nodes + 1))
     value[:, :-1] = theta[X.shape[1] :].reshape(shape)
     stderr[:, :-1] = np.sqrt(np.diag(C))[X.shape[1] :].reshape(shape)
-    return HeightTable(terms, heights, value, stderr, theta[: X.shape[1]], v)
+    return HeightTable(
+        terms, heights, value=value, stderr=stderr, free=theta[: X.shape[1]], residual=v
+    )
 
 
 def height_breakpoints(
     h: np.ndarray, ratio: float = 1.5, least: int = 25, highest: float = 60.0
 ) -> np.ndarray:
-    """Return heights from the lowest that was flown up to free air. [m]
+    """Return breakpoints from the lowest height of the samples up to free air. [m]
 
     Parameters
     ----------
     h : array (samples,)
-        Heights flown. [m]
+        Heights. [m]
     ratio : float
-        Least ratio of neighbouring heights.
+        Smallest ratio of neighbouring breakpoints.
     least : int
-        Least samples between them; where fewer were flown the next heights are left out.
+        Smallest number of samples between breakpoints. With fewer samples a breakpoint is omitted.
     highest : float
-        The last height is at most so many times the lowest.
+        Largest ratio of the last breakpoint to the first one.
 
     Raises
     ------
@@ -129,56 +148,58 @@ def height_breakpoints(
         Fewer than `least` samples near the ground.
     """
     lowest = float(h.min())
-    found = [lowest]
-    for height in lowest * ratio ** np.arange(1, int(np.log(highest) / np.log(ratio)) + 1):
-        if np.count_nonzero((h >= found[-1]) & (h < height)) >= least:
-            found.append(float(height))
-    if len(found) < 2:
+    breakpoints = [lowest]
+    count = int(np.log(highest) / np.log(ratio))
+    for height in lowest * ratio ** np.arange(1, count + 1):
+        if np.count_nonzero((h >= breakpoints[-1]) & (h < height)) >= least:
+            breakpoints.append(float(height))
+    if len(breakpoints) < 2:
         raise IdentificationError(
             f"fewer than {least} samples between {lowest:.3g} and {highest * lowest:.3g} m"
         )
-    return np.array(found)
+    return np.array(breakpoints)
 
 
 def independent_samples(v: np.ndarray, samples: RegressionSamples) -> float:
-    """Return how many independent samples would have a mean as good as that of the residual."""
+    """Return the number of independent samples with the standard error of the mean residual."""
     pieces, steps = samples.pieces()
     C = coloured_covariance_of(np.ones((len(v), 1)), v, pieces, steps).covariance
     return float(min(np.var(v) / C[0, 0], len(v)))
 
 
 def rank_forms(residuals: dict[str, tuple[np.ndarray, int | None]], n: float) -> pd.DataFrame:
-    """Return the forms with the criterion of each, the best first.
+    """Return the forms with the criterion of each, the best one first.
 
     Parameters
     ----------
     residuals : dict of str to (array (samples,), int or None)
-        Residual and number of parameters of each form.  None where the form has heard these flights
-        already, as a database whose nodes are from flight: it counts as many as the best of the
-        others, so that the residual decides between them.
+        Residual and number of parameters of each form.  None is a form that contains these flights
+        already, such as a database with nodes from flight. It gets the number of the best other
+        form, so that the residual decides.
     n : float
-        Independent samples.
+        Number of independent samples.
 
     Returns
     -------
     DataFrame
         Index form; ``parameters``, ``rms``, ``BIC`` less that of the best.
     """
-    known = {
-        form: schwarz_criterion(v, count, n)
-        for form, (v, count) in residuals.items()
-        if count is not None
-    }
-    like = residuals[min(known, key=lambda form: known[form])][1] or 0
+    criteria = {}
+    for form, (v, count) in residuals.items():
+        if count is not None:
+            criteria[form] = schwarz_criterion(v, count, n)
+    best = min(criteria, key=lambda form: criteria[form])
+    default = residuals[best][1] or 0
     rows = {}
     for form, (v, count) in residuals.items():
-        counted = like if count is None else count
-        rows[form] = {"parameters": counted, "rms": rms(v), "BIC": schwarz_criterion(v, counted, n)}
-    table = (
-        pd.DataFrame.from_dict(rows, orient="index")
-        .rename_axis("form")
-        .sort_values("BIC", kind="stable")
-    )
+        parameters = default if count is None else count
+        rows[form] = {
+            "parameters": parameters,
+            "rms": rms(v),
+            "BIC": schwarz_criterion(v, parameters, n),
+        }
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("form")
+    table = table.sort_values("BIC", kind="stable")
     table["BIC"] -= table["BIC"].min()
     return table
 
@@ -189,23 +210,18 @@ def schwarz_criterion(v: np.ndarray, parameters: int, n: float) -> float:
 
 
 def select_form(table: pd.DataFrame, order: Sequence[str]) -> str:
-    """Return the form with the least criterion; of forms within two of it the one that stands first
-    in `order`.
+    """Return the form with the least criterion.
+
+    Of forms within two of it, the result is the first one in `order`.
     """
-    near = [str(form) for form, value in table["BIC"].items() if value <= 2.0]
+    near = [str(form) for form, value in table["BIC"].items() if value <= _NEAR]
     return min(near, key=list(order).index)
 
 
-HEIGHT = "h_agl"
-EXPONENTS = (-4.0, -0.1)  # bounds of s: above -0.1 the ground is felt at all heights alike
-FREE_AIR = 1e4  # height of a record that does not give it [m]
-BANK = "CL*phi"  # the regressor of [LR743] eq. (14)
-_LONGITUDINAL = ("CL", "CD", "Cm", "CX", "CZ")
-
-
 def ground_terms(model: RegressionModel) -> tuple[str, ...]:
-    """Return the terms that the ground may change: of CL, CD and Cm all, (13); of Cl the bank
-    angle, (14).
+    """Return the terms that the ground may change.
+
+    These are all terms of CL, CD and Cm, [LR743] eq. (13), and the bank angle of Cl, eq. (14).
 
     Raises
     ------
@@ -223,19 +239,24 @@ def ground_terms(model: RegressionModel) -> tuple[str, ...]:
 
 
 def exponent_name(term: str) -> str:
-    """Return the name of the exponent of a ground term: ``s_alpha`` of ``alpha``, ``s_0`` of the
-    constant.
+    """Return the name of the exponent of a ground term.
+
+    It is ``s_alpha`` for ``alpha``, and ``s_0`` for the constant.
     """
-    return "s_" + ("0" if term == "1" else re.sub(r"\W+", "_", term.replace("**", "")).strip("_"))
+    if term == "1":
+        return "s_0"
+    return "s_" + re.sub(r"\W+", "_", term.replace("**", "")).strip("_")
 
 
 def times_height_power(term: str, name: str | None = None) -> str:
-    """Return a term times h^s, in the spelling of a separable model."""
-    return str(
-        parse_expression(
-            f"{'' if term == '1' else term + '*'}{HEIGHT}^{name or exponent_name(term)}"
-        )
-    )
+    """Return a term times h^s, in the spelling of a separable model.
+
+    `name` is that of the exponent; its default is the exponent of the term.
+    """
+    power = f"{HEIGHT}^{name or exponent_name(term)}"
+    if term != "1":
+        power = f"{term}*{power}"
+    return str(parse_expression(power))
 
 
 def separable_spelling(term: str) -> str:
@@ -256,49 +277,60 @@ def model_over_ground(
     Parameters
     ----------
     model : Model
-        Free air.
+        Terms in free air.
     ground : sequence of str
         Terms that the ground changes.
     held : bool
-        The free-air terms are taken off the measured coefficient already.
+        Whether the free-air terms are already subtracted from the measured coefficient.
     common : bool
-        One exponent ``s`` for all ground terms, [LR743] eq. (11).
+        Whether all ground terms have one exponent ``s``, [LR743] eq. (11).
     exponents : (low, high)
         Bounds of the exponents.
     starts : mapping of str to float, optional
-        First values of exponents by name, where the search need not begin anew.
+        First values of exponents by name, from an earlier search.
     """
-    name = "s" if common else None
-    terms = [*(() if held else model.terms), *(times_height_power(term, name) for term in ground)]
-    names = dict.fromkeys(name or exponent_name(term) for term in ground)
-    return SeparableModel(
-        model.coefficient,
-        terms,
-        {one: ShapeParameter(*exponents, (starts or {}).get(one)) for one in names},
-    )
+    common_name = "s" if common else None
+    terms: list[str] = []
+    if not held:
+        terms += model.terms
+    shape = {}
+    for term in ground:
+        name = common_name or exponent_name(term)
+        terms.append(times_height_power(term, common_name))
+        shape[name] = ShapeParameter(*exponents, (starts or {}).get(name))
+    return SeparableModel(model.coefficient, terms, shape)
 
 
 def with_heights(data: Sequence[xr.Dataset], names: Sequence[str]) -> list[xr.Dataset]:
-    """Return manoeuvres that all have a height; one without counts as free air when its name is not
-    informative else.
+    """Return manoeuvres that all have a height; one without it is in free air.
+
+    Parameters
+    ----------
+    data : sequence of Dataset (time,)
+        Manoeuvres, some of them with a height over the runway.
+    names : sequence of str
+        Names of the manoeuvres, for messages.
 
     Raises
     ------
     IdentificationError
         No manoeuvre with a height, or a height that is not positive.
     """
-    if not any(HEIGHT in one for one in data):
+    if not any(HEIGHT in manoeuvre for manoeuvre in data):
         raise IdentificationError(
             f"no manoeuvre has {HEIGHT}; reconstruct with runway_elevation, so that heights "
             f"over the runway are known"
         )
-    found = []
-    for one, name in zip(data, names):
-        h = np.asarray(one[HEIGHT].values, float) if HEIGHT in one else np.array(FREE_AIR)
+    records = []
+    for manoeuvre, name in zip(data, names):
+        if HEIGHT not in manoeuvre:
+            records.append(manoeuvre.assign({HEIGHT: FREE_AIR}))
+            continue
+        h = np.asarray(manoeuvre[HEIGHT].values, float)
         if (h <= 0.0).any():
             raise IdentificationError(
                 f"{name}: {HEIGHT} falls to {np.nanmin(h):.3g} m; h^s needs heights above "
                 f"zero: cut it at the touch-down"
             )
-        found.append(one if HEIGHT in one else one.assign({HEIGHT: FREE_AIR}))
-    return found
+        records.append(manoeuvre)
+    return records

@@ -31,6 +31,7 @@ from flighttest.maximum_likelihood.residual_covariance import coloured_likelihoo
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
 from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
 from flighttest.maximum_likelihood.unknowns import Unknown, lay_out
+from flighttest.remarks import Convergence, warn_forbidden
 from flighttest.submodels.landing_gear.wheel_positions import WheelGroup, wheel_groups, wheels_of
 
 # Speed above which the equations of a rolling tyre are valid. [m s-1]
@@ -47,8 +48,10 @@ FAST = 10.0
 # Samples that are used per period of the low-pass filter.
 _SAMPLES = 3.0
 _ITERATIONS = 40
-# Rounds of the shares of brake and side force in the friction.
-_ROUNDS = 6
+# Least and largest number of rounds of the shares of brake and side force in the friction.
+_ROUNDS, _MOST_ROUNDS = 6, 5000
+# Change of the sliding part at which the shares have converged. [1]
+_SAME_SHARE = 1e-6
 
 
 def brush_side_force(load, tangent, C, mu, brake) -> np.ndarray:
@@ -60,10 +63,16 @@ def brush_side_force(load, tangent, C, mu, brake) -> np.ndarray:
         Load [N], tangent of the slip angle, cornering stiffness [N rad-1], friction, braking force
         at the ground [N].
 
+    Warns
+    -----
+    AeromatchWarning
+        The shares of brake and side force do not converge.
+
     Notes
     -----
     Brush of parabolic pressure, [Pacejka] sec. 3.2. The friction is shared as in
-    ``kernel/src/gear/tyre.c``.
+    ``kernel/src/gear/tyre.c``.  The sliding part follows by fixed-point iteration, which is slow
+    where brake and side force together just reach the friction.
 
     References
     ----------
@@ -71,12 +80,41 @@ def brush_side_force(load, tangent, C, mu, brake) -> np.ndarray:
     """
     most = np.maximum(mu * load, 1e-9)
     side = np.minimum(C * np.abs(tangent) / (3.0 * most), 1e6)
-    part = side
-    # Brake and side force share the friction: fixed-point iteration of the sliding part.
-    for _ in range(_ROUNDS):
-        along = np.minimum(brake / (most * _chord(part)), 1.0)
-        part = np.hypot(along, side)
+    part = _sliding_part(most, brake, side)
     return most * _chord(part) * side * np.sign(tangent)
+
+
+def _sliding_part(most: np.ndarray, brake: np.ndarray, side: np.ndarray) -> np.ndarray:
+    """Return the sliding part of the patch from friction, braking force and its part by slip."""
+
+    def shared(part, most, brake, side):
+        along = np.minimum(brake / (most * _chord(part)), 1.0)
+        return np.hypot(along, side)
+
+    # Brake and side force share the friction: fixed-point iteration of the sliding part.
+    part = last = side
+    for _ in range(_ROUNDS):
+        part, last = shared(part, most, brake, side), part
+    # Samples that have converged keep their value; the others iterate on.
+    shape = np.shape(part)
+    part, last, most, brake, side = map(
+        np.ravel, np.broadcast_arrays(part, last, most, brake, side)
+    )
+    part, change = part.copy(), np.abs(part - last)
+    moving = np.flatnonzero(change > _SAME_SHARE)
+    for _ in range(_ROUNDS, _MOST_ROUNDS):
+        if not len(moving):
+            return part.reshape(shape)
+        following = shared(part[moving], most[moving], brake[moving], side[moving])
+        change = np.abs(following - part[moving])
+        part[moving] = following
+        moving = moving[change > _SAME_SHARE]
+    convergence = Convergence(
+        not len(moving), _MOST_ROUNDS, float(np.max(change, initial=0.0)) / _SAME_SHARE
+    )
+    advice = "the side force of braked wheels is not exact; leave such braking out"
+    warn_forbidden(convergence.remarks("shares of the friction", advice), "tyre")
+    return part.reshape(shape)
 
 
 def _chord(part):

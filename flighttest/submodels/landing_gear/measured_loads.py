@@ -9,7 +9,7 @@ import xarray as xr
 
 from flighttest.regression.separable.fit import regress_separable
 from flighttest.regression.separable_model import SeparableModel
-from flighttest.submodels.landing_gear.identification import GearConstant
+from flighttest.submodels.landing_gear.result import GearConstant
 
 # Range of the cornering stiffness over friction. [rad-1]
 _STIFFEST = (0.5, 60.0)

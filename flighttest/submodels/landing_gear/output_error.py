@@ -55,7 +55,8 @@ _BOUNDS = {"cornering": (0.1, 100.0), "bend": (1e-4, 10.0), "side_stiffness": (1
 _FASTEST = {"inertia": 1.1e-4, "arm_inertia": 2.2e-4}
 # A bend so small that it has no effect at any load.
 _STRAIGHT = 1e-4
-_ITERATIONS = 15
+# Largest number of iterations of the search; 15 did not suffice for two turns.
+_ITERATIONS = 60
 _R_AIR = 287.05287  # [J kg-1 K-1]
 
 

@@ -93,7 +93,6 @@ def wheel_loads(
         ``delta_nw``, as angle of the nose wheel; ``brake_left``, ``brake_right`` if recorded. [SI]
     aircraft : Aircraft
         Mass, inertia, engines and positions of the wheels. The constants of its gear are not used.
-        used.
     database : DataTree, optional
         Aerodynamics. Without it the air exerts no force.
     wind : (north, east)
@@ -125,9 +124,8 @@ def wheel_loads(
     angle = state_column(data, "gear.steering" if "gear.steering" in data else "delta_nw", 0.0)
     points = wheel_places(data, aircraft, angle)
     wheels = wheels_of(aircraft)
-    compression = np.stack(
-        [state_column(data, f"gear.{wheel.name}.compression") for wheel in wheels], axis=1
-    )
+    channels = [f"gear.{wheel.name}.compression" for wheel in wheels]
+    compression = np.stack([state_column(data, channel) for channel in channels], axis=1)
     touching = compression > TOUCHING
     if not touching.any():
         raise IdentificationError(
@@ -147,17 +145,10 @@ def wheel_loads(
         "change": (("time", "output", "source"), np.stack(effects, axis=2)),
         "speed": ("time", np.hypot(points.v_along[:, 0], points.v_across[:, 0])),
     }
-    wheel_columns = {
-        "compression": compression,
-        "rate": _rates(states, aircraft, compression=compression, step=step, cutoff=cutoff),
-        "along": points.v_along,
-        "across": points.v_across,
-        "angle": np.stack([wheel.steering * angle for wheel in wheels], axis=1),
-        "pedal": np.stack([_pedal(data, wheel.position[1]) for wheel in wheels], axis=1),
-        "x": np.einsum("twi,ti->tw", points.arm, points.forward),
-        "y": np.einsum("twi,ti->tw", points.arm, points.right),
-    }
-    for name, values in wheel_columns.items():
+    by_wheel = _wheel_motion(data, aircraft, points=points, angle=angle)
+    by_wheel["compression"] = compression
+    by_wheel["rate"] = _rates(states, aircraft, compression=compression, step=step, cutoff=cutoff)
+    for name, values in by_wheel.items():
         columns[name] = ("time", "wheel"), values
     names = [wheel.name for wheel in wheels]
     coords = {
@@ -173,6 +164,21 @@ def wheel_loads(
         "wind_e": wind[1],
     }
     return xr.Dataset(columns, coords, attrs)
+
+
+def _wheel_motion(
+    data: xr.Dataset, aircraft: Aircraft, points: ContactPoints, angle: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return velocities, angle, pedal and position of every wheel, (time, wheel)."""
+    wheels = wheels_of(aircraft)
+    return {
+        "along": points.v_along,
+        "across": points.v_across,
+        "angle": np.stack([wheel.steering * angle for wheel in wheels], axis=1),
+        "pedal": np.stack([_pedal(data, wheel.position[1]) for wheel in wheels], axis=1),
+        "x": np.einsum("twi,ti->tw", points.arm, points.forward),
+        "y": np.einsum("twi,ti->tw", points.arm, points.right),
+    }
 
 
 def _error_effects(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +13,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flighttest.maximum_likelihood.result import OutputError
 from flighttest.maximum_likelihood.unknowns import Unknown
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
+from flighttest.remarks import Remark
 from flighttest.submodels.landing_gear.explicit import (
     FRICTION,
     LOAD,
@@ -57,10 +58,9 @@ def select_leg_terms(runs: Sequence[GroundRun], group: WheelGroup) -> list[str]:
     for run in runs:
         parts += _leg_columns(run, group)
         steps += [run.interval] * len(group.names)
-    columns = {
-        term: np.concatenate([part[term] for part in parts])
-        for term in (*LEG_TERMS, "lift", "pitching", "load")
-    }
+    columns = {}
+    for term in (*LEG_TERMS, "lift", "pitching", "load"):
+        columns[term] = np.concatenate([part[term] for part in parts])
     edges = np.cumsum([0, *(len(part["load"]) for part in parts)])
     pieces = [slice(int(a), int(b)) for a, b in pairwise(edges)]
     always = [name for name in ("lift", "pitching") if columns[name].any()]
@@ -153,12 +153,27 @@ class LoadFit:
         Constants that the records do not determine, and the reason.
     loads : tuple of Dataset
         Result of `wheel_loads` of each record.
+    uncertain : tuple of str
+        Constants that a fit removed before it converged.
     """
 
     fit: OutputError
     held: Mapping[str, float]
     undetermined: Mapping[str, str]
     loads: tuple[xr.Dataset, ...]
+    uncertain: tuple[str, ...] = ()
+
+    @property
+    def remarks(self) -> list[Remark]:
+        """Remarks on fits that did not converge."""
+        remarks = convergence_remarks(self.fit, "wheel loads")
+        if self.uncertain:
+            text = (
+                f"wheel loads: {', '.join(self.uncertain)} left out by a fit that is not converged; "
+                f"give more records, or constants of the aircraft nearer to the truth"
+            )
+            remarks.append(Remark("convergence", text))
+        return remarks
 
     def inputs_of(self, k: int) -> dict[str, float]:
         """Return the errors of the inputs of record k, counted from 0.
@@ -171,6 +186,15 @@ class LoadFit:
         for name in ("wind_n", "wind_e"):
             errors[name] = estimates.get(name, 0.0) + float(attrs[name])
         return errors
+
+
+def convergence_remarks(fit: OutputError, source: str) -> list[Remark]:
+    """Return the error that a fit did not converge, with the source of its estimates."""
+    remarks = []
+    for remark in fit.remarks:
+        if remark.kind == "convergence":
+            remarks.append(replace(remark, text=f"{source}: {remark.text}"))
+    return remarks
 
 
 def known_constants(aircraft: Aircraft) -> dict[str, float]:
@@ -227,6 +251,7 @@ def regress_gear(
     undetermined = _unresponsive(runs, candidates, fixed)
     unknowns = {name: item for name, item in candidates.items() if name not in undetermined}
     inputs = _input_errors(records, database, errors=errors, winds=calm)
+    uncertain: list[str] = []
     while True:
         fit = _fit(runs, unknowns, inputs=inputs, fixed=fixed)
         name, reason = _weakest(fit, unknowns)
@@ -234,12 +259,11 @@ def regress_gear(
             name, reason, used = _unreached_friction(fit, runs)
             if name:
                 fixed[FRICTION] = max(fixed[FRICTION], _MARGIN * used)
-        # The next fit starts from the estimates.
-        for key, item in unknowns.items():
-            start = float(np.clip(_value(fit, key), item.low, item.high))
-            unknowns[key] = item._replace(start=start)
+        unknowns = _continue_from(fit, unknowns)
         if not name:
             break
+        if not fit.estimates.attrs["converged"]:
+            uncertain.append(name)
         if name.rpartition(".")[2] in _STRUCTURE:
             fixed[name] = 0.0
         else:
@@ -247,9 +271,7 @@ def regress_gear(
         del unknowns[name]
     if any(name.startswith("wind") for name in inputs):
         # Air forces grow with the square of the wind: fit once more about the estimated wind.
-        winds = []
-        for k in range(1, len(records) + 1):
-            winds.append((_value(fit, f"wind_n@{k}"), _value(fit, f"wind_e@{k}")))
+        winds = _estimated_winds(fit, len(records))
         loads, runs = _make_runs(records, aircraft, database=database, winds=winds, cutoff=cutoff)
         inputs = _input_errors(records, database, errors=errors, winds=winds)
         fit = _fit(runs, unknowns, inputs=inputs, fixed=fixed)
@@ -258,7 +280,25 @@ def regress_gear(
         held={name: value for name, value in fixed.items() if name not in unknowns},
         undetermined=undetermined,
         loads=loads,
+        uncertain=tuple(uncertain),
     )
+
+
+def _continue_from(fit: OutputError, unknowns: Mapping[str, Unknown]) -> dict[str, Unknown]:
+    """Return the unknowns with the estimates of a fit as start values."""
+    continued = {}
+    for name, unknown in unknowns.items():
+        start = float(np.clip(_value(fit, name), unknown.low, unknown.high))
+        continued[name] = unknown._replace(start=start)
+    return continued
+
+
+def _estimated_winds(fit: OutputError, count: int) -> list[tuple[float, float]]:
+    """Return the estimated wind (north, east) of each record. [m s-1]"""
+    winds = []
+    for number in range(1, count + 1):
+        winds.append((_value(fit, f"wind_n@{number}"), _value(fit, f"wind_e@{number}")))
+    return winds
 
 
 def _make_runs(

@@ -65,6 +65,7 @@ def control_loading(
             f"{first} and {second} go together in every manoeuvre; only differences between "
             "manoeuvres separate them"
         )
+    remarks += [remark.text for remark in result.remarks]
     pictures = (
         *_draw_force_loops(name, result, records),
         *_draw_free_motion(name, result.loading.item, windows),

@@ -86,6 +86,7 @@ def engine_section(name: str, engine: EngineFit) -> Section:
     if engine.static is not None:
         _add_static_thrust(parts, name, engine.static)
     _add_steady_tables(parts, name, engine)
+    parts.remarks += [remark.text for remark in engine.remarks]
     parts.pictures += _draw_tables(name, tables)
     return Section(
         name,

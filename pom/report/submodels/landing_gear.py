@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from flighttest.submodels.landing_gear.identification import IdentifiedGear
+from flighttest.submodels.landing_gear.result import IdentifiedGear
 from pom.report.presentation.quantities import format_number
 from pom.report.submodels.section import (
     EQUATION_ERROR,
@@ -46,13 +46,14 @@ def landing_gear(name: str, gear: IdentifiedGear) -> Section:
         ("constant", "estimate", "standard error", "source"),
         tuple(rows),
     )
-    remarks = tuple(f"{key} not determined: {why}" for key, why in gear.undetermined.items())
+    remarks = [f"{key} not determined: {why}" for key, why in gear.undetermined.items()]
+    remarks += [remark.text for remark in gear.remarks]
     return Section(
         name,
         tuple(techniques),
         grids=(table,),
         pictures=_draw_loads(name, gear),
-        remarks=remarks,
+        remarks=tuple(remarks),
     )
 
 

@@ -13,7 +13,7 @@ from flightmech.support.figures import make_svg_figure
 from flighttest.submodels.control_loading.result import IdentifiedLoading
 from flighttest.submodels.engine.result import EngineFit
 from flighttest.submodels.ground_effect.result import GroundEffect
-from flighttest.submodels.landing_gear.identification import IdentifiedGear
+from flighttest.submodels.landing_gear.result import IdentifiedGear
 from pom.diagnosis.corrected_model import corrected_terms, correction_reasons
 from pom.diagnosis.term_swaps import by_submodel
 from pom.report.submodels.control_loading import control_loading

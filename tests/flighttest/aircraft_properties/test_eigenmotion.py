@@ -9,6 +9,7 @@ from scipy.signal import lfilter, lsim
 
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.remarks import is_forbidden
+from flighttest.submodels.aircraft_properties import mode_response
 from flighttest.submodels.aircraft_properties.eigenmotion import fit_motion
 
 SIGMA, OMEGA = 0.2, 2.0
@@ -234,3 +235,32 @@ def test_a_motion_that_grows_or_has_no_known_decay_is_remarked():
 def test_reversed_time_is_refused():
     with pytest.raises(SchemaError, match="its time is not uniform or does not rise"):
         fit_motion(free().isel(time=slice(None, None, -1)), ["r"])
+
+
+def test_a_search_that_stops_at_its_limit_is_an_error(monkeypatch):
+    complete = fit_motion(free(0.05), ["r", "p"])
+    assert complete.convergence.converged
+    # A third round of weights moves the root by at most 0.1 standard errors (20 seeds).
+    assert complete.convergence.change < 0.25
+    assert "explained, converged" in complete.report()
+    monkeypatch.setattr(mode_response, "_EVALUATIONS", 1)
+    stopped = fit_motion(free(0.05), ["r", "p"])
+    assert not stopped.convergence.converged
+    assert is_forbidden(stopped.remarks)
+    assert "NOT converged" in stopped.report()
+    (remark,) = [remark for remark in stopped.remarks if remark.kind == "convergence"]
+    assert "!! root of r p: not converged" in stopped.report()
+    assert remark.value == np.inf
+
+
+def test_weights_that_still_move_the_root_are_remarked(monkeypatch):
+    """Both channels have the same noise, but not the same motion, from which the first weights
+    come: a second round moves the root by 0.7 to 1.5 standard errors (five seeds).
+    """
+    monkeypatch.setattr(mode_response, "_ROUNDS", 1)
+    stopped = fit_motion(free(0.05, 1), ["r", "p"])
+    (remark,) = [remark for remark in stopped.remarks if remark.kind == "convergence"]
+    assert remark.severity == "warning"
+    assert remark.value == pytest.approx(1.431, abs=0.01)
+    # A single channel has no weights that matter.
+    assert fit_motion(free(0.05, 1), ["r"]).convergence.change == 0.0

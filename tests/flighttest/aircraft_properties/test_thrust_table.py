@@ -1,11 +1,13 @@
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.optimize import nnls
 from scipy.signal import lfilter
 
 import flighttest
-from flightmech.errors import IdentificationError, UnknownName
+from flightmech.errors import AeromatchWarning, IdentificationError, UnknownName
 from flightmech.terms import evaluate_term, make_term
+from flighttest.submodels.aircraft_properties import thrust_table
 
 AXES = {"throttle": [0.0, 0.5, 1.0], "mach": [0.0, 0.4]}
 TABLE = make_term([[300.0, 150.0], [1500.0, 1000.0], [4500.0, 3800.0]], AXES)
@@ -62,3 +64,20 @@ def test_throttle_that_does_not_move():
 def test_missing_channel():
     with pytest.raises(UnknownName, match=r"unknown channel 'mach'"):
         flighttest.aircraft_properties.fit_thrust([run(0).drop_vars("mach")], AXES)
+
+
+def test_a_search_that_stops_at_its_limit_warns(monkeypatch):
+    records = [run(s) for s in range(3)]
+    assert flighttest.aircraft_properties.fit_thrust(records, AXES).converged
+    monkeypatch.setattr(thrust_table, "_EVALUATIONS", 2)
+    with pytest.warns(AeromatchWarning, match="time constant of the thrust: not converged after"):
+        assert not flighttest.aircraft_properties.fit_thrust(records, AXES).converged
+
+
+def test_a_table_that_does_not_converge_is_refused(monkeypatch):
+    def stopped(A, b):
+        return nnls(A, b, maxiter=1)
+
+    monkeypatch.setattr(thrust_table, "nnls", stopped)
+    with pytest.raises(IdentificationError, match="do not converge for 6 nodes"):
+        flighttest.aircraft_properties.fit_thrust([run(s) for s in range(3)], AXES)

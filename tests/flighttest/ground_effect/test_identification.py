@@ -19,8 +19,8 @@ from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import make_term
 from flighttest.cli.submodels import ground_effect_command
 from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.submodels.ground_effect.database_terms import replace_ground_effect
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
-from flighttest.submodels.ground_effect.result import replace_ground_effect
 from flighttest.submodels.ground_effect.structure import height_breakpoints, rank_forms, select_form
 
 SHARED = Path(__file__).parents[3] / ".." / "shared" / "data" / "identification"
@@ -124,6 +124,21 @@ def test_with_free_air_held_the_ratio_is_to_the_database(records, database, foun
         assert abs(row.s - s) < 3 * row.s_stderr
     assert held["CL"].evidence["BIC"]["database"] > 100.0
     assert "database" not in found["CL"].evidence.index
+
+
+def test_a_free_air_coefficient_that_the_records_do_not_determine_is_refused(records, database):
+    """Pitch angle in proportion to the angle of attack: least squares divided their coefficients,
+    y_inf of alpha was 2e-5 in place of 5, and k 150048 in place of 0.6.
+    """
+    alike = [record.assign(theta=500.0 * record["alpha"]) for record in records]
+    model = RegressionModel.parse("CL = 1 + alpha + theta + qhat")
+    ground = {"CL": ["1", "alpha"]}
+    with pytest.raises(IdentificationError, match="free-air coefficient of alpha, to which"):
+        identify_ground_effect([model], alike, ground, database=database, hold=True)
+    # A term at rest has no part in the others.
+    still = [record.assign(theta=0.0 * record["alpha"]) for record in records]
+    held = identify_ground_effect([model], still, ground, database=database, hold=True)
+    assert held["CL"].row("alpha").y_inf == pytest.approx(5.0, rel=1e-9)
 
 
 @pytest.mark.parametrize("tables", [False, True])

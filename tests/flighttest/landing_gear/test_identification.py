@@ -15,10 +15,12 @@ from click.testing import CliRunner
 import aerodb
 import flightmech
 from flightmech.aircraft.landing_gear import Contact, LandingGear, Steering
-from flightmech.errors import IdentificationError, SchemaError, UnknownName
+from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
 from flightmech.terms import make_term
 from flighttest.cli.submodels import gear_command
-from flighttest.submodels.landing_gear.explicit import GroundRun
+from flighttest.remarks import is_forbidden
+from flighttest.submodels.landing_gear import explicit
+from flighttest.submodels.landing_gear.explicit import GroundRun, brush_side_force
 from flighttest.submodels.landing_gear.identification import identify_landing_gear
 from flighttest.submodels.landing_gear.reconstructed_loads import wheel_loads
 from flighttest.submodels.landing_gear.regression import known_constants
@@ -366,3 +368,48 @@ def test_command(records, database, tmp_path):
     assert flightmech.read_aircraft(tmp_path / "b.toml").gear.contacts[
         0
     ].stiffness == pytest.approx(50e3, rel=0.01)
+
+
+def two_runs(database):
+    craft = replace(CRAFT, gear=GUESS)
+    runs = [ground_run(database, speed=speed) for speed in (7.0, 18.0)]
+    return identify_landing_gear(runs, craft, database, {"wind": 0.0}, flown=False), craft
+
+
+def test_a_regression_that_stops_at_its_limit_is_an_error(database, monkeypatch):
+    complete, craft = two_runs(database)
+    assert complete.as_dict()["converged"] is True
+    assert complete.as_dict()["remarks"] == []
+    assert "!" not in complete.report()
+    monkeypatch.setattr(explicit, "_ITERATIONS", 1)
+    stopped, _ = two_runs(database)
+    assert stopped.as_dict()["converged"] is False
+    assert is_forbidden(stopped.remarks)
+    assert "!! wheel loads: not converged after 1 iterations" in stopped.report()
+    # A constant that such a fit leaves out may be determined after all.
+    assert "gear.left,right.brake_friction" in stopped.loads.uncertain
+    assert "left out by a fit that is not converged" in stopped.report()
+    with pytest.warns(AeromatchWarning, match="landing gear: wheel loads: not converged"):
+        stopped.aircraft(craft)
+
+
+def test_brake_and_side_force_share_the_friction_exactly():
+    """The brake force is the part of the friction along the wheel, F_x = mu N chord(s) s_x."""
+    rng = np.random.default_rng(0)
+    load, mu = rng.uniform(1e3, 30e3, 2000), 0.7
+    # Up to 0.9 of the friction. Six rounds leave up to 3.8 % of mu N there.
+    brake = 0.9 * mu * load * rng.random(2000)
+    tangent, C = 0.3 * rng.random(2000), rng.uniform(3e4, 4e5, 2000)
+    side = C * tangent / (3.0 * mu * load)
+    Fy = brush_side_force(load, tangent, C, mu, brake)
+    chord = Fy / (mu * load * side)
+    along = np.minimum(brake / (mu * load * chord), 1.0)
+    part = np.hypot(along, side)
+    expected = np.where(part < 1.0, 3.0 - part * (3.0 - part), 1.0 / np.maximum(part, 1.0))
+    np.testing.assert_allclose(chord, expected, atol=2e-6)
+
+
+def test_shares_that_do_not_converge_warn(monkeypatch):
+    monkeypatch.setattr(explicit, "_MOST_ROUNDS", 7)
+    with pytest.warns(AeromatchWarning, match="shares of the friction: not converged after 7"):
+        brush_side_force(np.array([2e4]), 0.05, 3e5, 0.7, 0.99 * 0.7 * 2e4)

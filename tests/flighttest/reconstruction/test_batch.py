@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import flighttest
-from flightmech.errors import IdentificationError, SchemaError, UnknownName
+from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
+from flighttest.reconstruction.batch import estimator
+from flighttest.remarks import is_forbidden
 
 RIGID = 0.05  # noise of the inertial unit over that of the conftest: a navigation-grade one
 
@@ -158,3 +160,23 @@ def test_wrong_sign_of_an_axis_is_reported(flown, precise):
     record["imu/az_imu"].values[:] *= -1.0
     with pytest.raises(IdentificationError, match="batch fit"):
         flighttest.reconstruct_batch([record], precise)
+
+
+def test_noise_that_still_changes_in_the_last_round_is_an_error(found, flown, precise, monkeypatch):
+    batch = found[0]
+    assert batch.convergence.converged
+    assert batch.remarks == []
+    assert "iterations, converged" in batch.report()
+    # With the vanes ten times as noisy as specified, one round of noise is not enough.
+    noisier = copy.deepcopy(precise)
+    for name in noisier.instruments["vanes"]["noise"]:
+        noisier.instruments["vanes"]["noise"][name] /= 10.0
+    record = flown(0, duration=10.0, inertial_noise=RIGID)[0]
+    assert flighttest.reconstruct_batch([record], noisier).convergence.converged
+    monkeypatch.setattr(estimator, "ROUNDS", 1)
+    with pytest.warns(AeromatchWarning, match="noise of the channels: not converged after 1"):
+        stopped = flighttest.reconstruct_batch([record], noisier)
+    assert is_forbidden(stopped.remarks)
+    assert stopped.remarks[0].value > 100.0
+    assert "NOT converged" in stopped.report()
+    assert "!! noise of the channels" in stopped.report()

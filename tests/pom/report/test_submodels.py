@@ -6,6 +6,7 @@ import contextlib
 import re
 import sys
 import zlib
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,12 +19,13 @@ import pom
 from flightmech.errors import SchemaError
 from flightmech.terms import make_term
 from flighttest.regression.equation_error.model import RegressionModel
+from flighttest.remarks import Convergence, Remark
 from flighttest.submodels.control_loading.identification import identify_control_loading
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.simulation import SimulatedWindow
 from flighttest.submodels.engine.result import identify_engine
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
-from flighttest.submodels.landing_gear.identification import GearConstant
+from flighttest.submodels.landing_gear.result import GearConstant
 from pom.diagnosis.term_swaps import by_submodel
 from pom.report.pdf import content, style
 from pom.report.submodels.engine import _draw_responses, _draw_tables
@@ -230,10 +232,14 @@ def test_every_wheel_has_its_loads():
         undetermined={"runway.mu_dry": "no wheel came near it"},
         loads=loads,
         flown=None,
+        remarks=[Remark("convergence", "wheel loads: not converged after 40 iterations")],
     )
     section = landing_gear("landing gear", found)
     assert section.grids[0].rows == (("gear.left,right.stiffness", "95000", "480", "wheel loads"),)
-    assert section.remarks == ("runway.mu_dry not determined: no wheel came near it",)
+    assert section.remarks == (
+        "runway.mu_dry not determined: no wheel came near it",
+        "wheel loads: not converged after 40 iterations",
+    )
     assert section.pictures[0].words == "Reconstructed load over compression of nose, left, right"
     assert section.pictures[0].body.count("h0") == 3 * len(s)  # a mark for every sample
     classes = {
@@ -245,6 +251,17 @@ def test_every_wheel_has_its_loads():
         f".{css}{{" in style.style_definitions() or f".{css}," in style.style_definitions()
         for css in classes
     )  # drawn on paper too
+
+
+def test_a_search_that_did_not_converge_is_in_its_section(results):
+    stopped = Convergence(False, 5, 7.0)
+    column = replace(results["column"], iterations={"weights of the force": stopped})
+    static = replace(results["engine"].static, convergence=stopped)
+    engine = replace(results["engine"], static=static)
+    sections = make_sections({"engine": engine, "column": column}, {})
+    for section in sections:
+        assert any("not converged after 5 iterations" in text for text in section.remarks)
+    assert not any("converged" in text for text in make_sections(results, {})[0].remarks)
 
 
 def test_what_is_no_submodel_is_refused(results):

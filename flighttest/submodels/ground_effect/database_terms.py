@@ -1,0 +1,243 @@
+"""Terms of a database for an identified ground effect."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+
+from aerodb.edit.ground_effect import in_ground_effect, with_height_table
+from aerodb.edit.table_edits import delete_terms, replace_terms
+from aerodb.store.schema import terms
+from aerodb.update.posterior import without_posterior
+from flightmech import terms as _terms
+from flightmech.errors import SchemaError
+from flightmech.names import quantity_attributes
+from flighttest.submodels.ground_effect.result import CoefficientOverGround, GroundEffect
+from flighttest.submodels.ground_effect.structure import BANK, HEIGHT
+
+_COMMON = "k h^s, one s"
+# Variables of the configuration or the condition. Only the other variables name a local term.
+_CONFIGURATION = {
+    "gear",
+    "speedbrake",
+    "delta_f",
+    "delta_f_left",
+    "delta_f_right",
+    "i_h",
+    "mach",
+    "h",
+    "alpha",
+    "CT",
+    "qbar",
+    "x_cg",
+}
+# Variables that are estimated in one with another variable.
+_TOGETHER = {"alphadothat": "qhat"}
+
+
+def replace_ground_effect(
+    database: xr.DataTree, found: GroundEffect, tables: bool = False
+) -> xr.DataTree:
+    """Return a database with the identified ground effect in place of its terms over height.
+
+    Parameters
+    ----------
+    database : DataTree
+        Database with the terms in free air. It is not changed.
+    found : GroundEffect
+        Result. Coefficients whose form is ``database`` or ``none`` keep their terms.
+    tables : bool
+        Whether factors K(h) replace the closed form k h^s, for exports without formulas.
+
+    Returns
+    -------
+    DataTree
+
+    Raises
+    ------
+    SchemaError
+        A factor to which no term of the database belongs, or a term without room for a factor.
+    """
+    new: dict[str, xr.Dataset] = {}
+    old: list[str] = []
+    for name, result in found.coefficients.items():
+        if result.form in ("none", "database"):
+            continue
+        old += [term for term, leaf in _terms_of(database, name) if _is_over_height(leaf)]
+        for contribution, leaf in ground_terms_of(result, database, tables).items():
+            new[f"{name}/{contribution}"] = leaf
+    note = "ground effect identified from flight"
+    obsolete = [term for term in old if term not in new]
+    remainder = delete_terms(database, obsolete, note) if obsolete else database
+    return replace_terms(remainder, new, note) if new else remainder
+
+
+def ground_terms_of(
+    one: CoefficientOverGround, database: xr.DataTree, tables: bool = False
+) -> dict[str, xr.Dataset]:
+    """Return the terms of one coefficient over the ground by contribution, in its best form.
+
+    Parameters
+    ----------
+    one : CoefficientOverGround
+        Result of the coefficient.
+    database : DataTree
+        Database with the terms in free air.
+    tables : bool
+        Whether K(h) replaces k h^s.
+
+    Returns
+    -------
+    dict of str to Dataset
+        ``ground_<term in free air>``, of a part of it ``ground_<term>_alpha``; ``ground`` for the
+        rolling moment of bank.
+    """
+    name = one.model.coefficient
+    free: dict[str, xr.Dataset] = {}
+    for term, leaf in _terms_of(database, name):
+        if not _is_over_height(leaf):
+            # A multiple of a table was not estimated together with the table.
+            free[term.partition("/")[2]] = without_posterior(leaf)
+    ground = one.ground
+    if one.form == "table" and one.table is not None:
+        ground = one.table.terms
+    leaves: dict[str, xr.Dataset] = {}
+    for term in ground:
+        if term == BANK:
+            parts = {"ground": _terms.make_term(1.0, regressors=("CL", "phi"))}
+        else:
+            parts = dict(_free_air_parts(term, free))
+        if not parts:
+            raise SchemaError(
+                "ground effect",
+                [
+                    f"{name}: no term of the database in free air belongs to {term}; it has "
+                    f"{' '.join(free)}"
+                ],
+            )
+        for label, leaf in parts.items():
+            leaves[label] = _over_ground(leaf, one, term=term, tables=tables)
+    return leaves
+
+
+def _terms_of(database: xr.DataTree, coefficient: str) -> Iterator[tuple[str, xr.Dataset]]:
+    """Yield the terms of a coefficient by name."""
+    for term, leaf in terms(database).items():
+        if term.startswith(f"{coefficient}/"):
+            yield term, leaf
+
+
+def _is_over_height(leaf: xr.Dataset) -> bool:
+    """Return whether a term depends on the height over the ground."""
+    return HEIGHT in _terms.list_model_variables(leaf)
+
+
+def _free_air_parts(term: str, free: dict[str, xr.Dataset]) -> Iterator[tuple[str, xr.Dataset]]:
+    """Yield the terms in free air, or parts of them, that a term of the local model represents."""
+    for name, leaf in free.items():
+        variables = _terms.list_model_variables(leaf)
+        movers = sorted({_TOGETHER.get(v, v) for v in variables - _CONFIGURATION})
+        if movers:
+            if "*".join(movers) == term:
+                yield f"ground_{name}", leaf
+            continue
+        # A static term: its value at zero angle of attack is the local constant, the remainder
+        # belongs to the local slope.
+        has_slope = "alpha" in _terms.list_regressors(leaf)
+        if term == "1" and not has_slope:
+            yield f"ground_{name}", _at_zero_alpha(leaf)
+        if term == "alpha" and has_slope:
+            yield f"ground_{name}_alpha", leaf
+        elif term == "alpha" and "alpha" in variables:
+            yield f"ground_{name}_alpha", _less_zero_alpha(leaf)
+
+
+def _at_zero_alpha(leaf: xr.Dataset) -> xr.Dataset:
+    """Return a term at zero angle of attack, or at the end of its table next to zero."""
+    if "alpha" not in leaf["value"].dims:
+        return leaf
+    alpha = float(np.clip(0.0, leaf["alpha"].values[0], leaf["alpha"].values[-1]))
+    numbers = leaf.drop_vars("source", errors="ignore")
+    value = numbers.interp(alpha=alpha).drop_vars("alpha")
+    return value.assign({name: value[name].astype(float) for name in value.data_vars})
+
+
+def _less_zero_alpha(leaf: xr.Dataset) -> xr.Dataset:
+    """Return a term less its value at zero angle of attack."""
+    if "alpha" not in leaf["value"].dims:
+        raise SchemaError(
+            "ground effect",
+            ["alpha is an axis of a factor K1 or K2; multiply it into the table first"],
+        )
+    difference = leaf.drop_vars("source", errors="ignore").copy()
+    value = leaf["value"] - _at_zero_alpha(leaf)["value"]
+    difference["value"] = value.transpose(*leaf["value"].dims)
+    return difference
+
+
+def _over_ground(
+    leaf: xr.Dataset, one: CoefficientOverGround, term: str, tables: bool
+) -> xr.Dataset:
+    """Return a term in free air times its factor over the ground.
+
+    The factor is a power of the height or a table over it.
+    """
+    floor, top = one.heights
+    if one.form == "table":
+        heights, K, stderr = one.tabled(term)
+        leaf = _with_factor(leaf, heights, K)
+        share = _relative_error(K, stderr)
+    else:
+        common = one.form == _COMMON
+        row = one.row(term, common)
+        at_floor = one.factor(term, [floor], common)
+        share = _relative_error(at_floor["K"].values, at_floor["stderr"].values)
+        leaf = in_ground_effect(leaf, row.k, row.s, floor)
+        if tables:
+            leaf = with_height_table(leaf, top)
+    dims, shape = leaf["value"].dims, leaf["value"].shape
+    # The errors of term and factor are independent.
+    free_stderr = leaf["stderr"].values if "stderr" in leaf else 0.0
+    largest = 1.0
+    if "K1" in leaf and HEIGHT in leaf["K1"].dims:
+        largest = float(np.abs(leaf["K1"].values).max())
+    size = leaf["value"].values * largest
+    leaf = leaf.assign(stderr=(dims, np.hypot(free_stderr, share * np.abs(size))))
+    source = np.full(shape, _terms.SOURCES.index("flight"), np.uint8)
+    leaf = leaf.assign(source=(dims, source))
+    leaf["source"].attrs = dict(_terms.SOURCE_ATTRS)
+    return leaf.assign_attrs(
+        references="[LR743] eq. (14)" if term == BANK else "[LR743] eq. (13)",
+        comment=_comment(one, term),
+    )
+
+
+def _relative_error(K: np.ndarray, stderr: np.ndarray) -> float:
+    """Return the relative standard error of a factor where the factor is largest."""
+    k = int(np.argmax(np.abs(K)))
+    return float(stderr[k] / abs(K[k])) if K[k] else 0.0
+
+
+def _with_factor(leaf: xr.Dataset, heights: np.ndarray, K: np.ndarray) -> xr.Dataset:
+    """Return a term times a table over the height."""
+    name = next((key for key in ("K1", "K2") if key not in leaf), None)
+    if name is None:
+        raise SchemaError(
+            "ground effect", ["a term with two factors has no room for one over the height"]
+        )
+    coordinate = HEIGHT, heights, quantity_attributes(HEIGHT)
+    return leaf.assign({name: xr.DataArray(K, {HEIGHT: coordinate}, HEIGHT)})
+
+
+def _comment(one: CoefficientOverGround, term: str) -> str:
+    """Return the comment of a term: heights, form and numbers."""
+    note = f"identified from {one.heights[0]:.3g} m up, form: {one.form}"
+    if one.form == "table":
+        return note
+    row = one.row(term, one.form == _COMMON)
+    return (
+        f"{note}; k {row.k:.4g} ({row.k_stderr:.2g}), s {row.s:.4g} ({row.s_stderr:.2g}), "
+        f"correlation {row.correlation:.2f}, h in metres"
+    )
