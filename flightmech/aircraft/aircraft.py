@@ -342,7 +342,7 @@ class _AircraftFile(_NumberOrText):
     )
     acknowledged: dict[str, Reason] = Field(
         default={},
-        examples=[{"static margin": "relaxed stability, the flight control system stabilises it"}],
+        examples=[{"static margin": "relaxed stability by design"}],
         description="Why unusual values of the database are right, by the subject that "
         "`aeromatch db check` prints; the report prints the reason.",
     )
