@@ -27,12 +27,8 @@ from flighttest.reconstruction.problem.problem import (
     specific_force,
     wind_velocity,
 )
-from flighttest.reconstruction.problem.trajectory import (
-    Solution,
-    linearise,
-    sensor_residuals,
-    step_trajectory,
-)
+from flighttest.reconstruction.problem.readings import sensor_residuals
+from flighttest.reconstruction.problem.trajectory import Solution, linearise, step_trajectory
 from flighttest.records.sensors.instruments import IMU
 from flighttest.records.sensors.measurements import MEASURED
 from flighttest.records.signals.conditioning import SLOW, demand_numbers, resample_to_grid

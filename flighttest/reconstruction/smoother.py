@@ -28,12 +28,8 @@ from flighttest.reconstruction.path_quantities import (
 from flighttest.reconstruction.problem.assembly import Setup, assemble_problem
 from flighttest.reconstruction.problem.output_equations import SEES_GUSTS
 from flighttest.reconstruction.problem.problem import PathProblem, identifiability_remarks
-from flighttest.reconstruction.problem.trajectory import (
-    Solution,
-    estimate_trajectory,
-    sensor_residuals,
-    with_gusts,
-)
+from flighttest.reconstruction.problem.readings import sensor_residuals
+from flighttest.reconstruction.problem.trajectory import Solution, estimate_trajectory, with_gusts
 from flighttest.records.sensors.instruments import SPEEDS, VANES, instruments_of
 from flighttest.records.sensors.measurements import order_windows
 from flighttest.remarks import Remark, remark_lines, remarks_to_json

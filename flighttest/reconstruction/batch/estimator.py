@@ -18,7 +18,7 @@ from flighttest.reconstruction.batch.unknowns import (
     path_sensitivities,
     window_slices,
 )
-from flighttest.reconstruction.problem.trajectory import linearise_sensor, states_and_rates
+from flighttest.reconstruction.problem.readings import linearise_sensor, states_and_rates
 
 
 @dataclass(frozen=True)
