@@ -35,8 +35,8 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import UnknownName
 from flightmech.names import quantity_attributes
-from flighttest.reconstruction.dynamics.force_coefficients import reduced_rates
 from flighttest.reconstruction.dynamics.kinematics import body_to_ned_rotation
+from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
 from flighttest.reconstruction.smoother import FlightPath, reconstruct
 from flighttest.records.sensors.instruments import stated_in
 

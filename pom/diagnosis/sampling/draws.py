@@ -26,7 +26,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.node_values import table_values, with_table_values
-from flighttest.reconstruction.dynamics.force_coefficients import ERRORS
+from flighttest.reconstruction.dynamics.coefficient_errors import ERRORS
 from flighttest.reconstruction.dynamics.kinematics import body_to_ned_rotation
 from flighttest.records.sensors.instruments import pick_up_errors
 from pom.archive.origins import file_sha256
