@@ -11,7 +11,7 @@ from .flight_programme import combine_biases as combine_biases
 from .flight_programme import open_biases as open_biases
 from .flight_programme import reconstruct_programme as reconstruct_programme
 from .flight_programme import save_path as save_path
-from .path_quantities import compatibility_figure as compatibility_figure
+from .channel_signals import compatibility_figure as compatibility_figure
 from .smoother import FlightPath as FlightPath
 from .smoother import FlightPath as Path
 from .smoother import reconstruct as reconstruct

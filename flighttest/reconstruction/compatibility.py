@@ -21,7 +21,7 @@ import pandas as pd
 from scipy.stats import chi2
 
 from flightmech.support.figures import write_figure
-from flighttest.reconstruction.path_quantities import compatibility_figure
+from flighttest.reconstruction.channel_signals import compatibility_figure
 from flighttest.reconstruction.smoother import FlightPath
 from flighttest.regression.uncertainty.prediction_errors import theil
 

@@ -19,17 +19,14 @@ import xarray as xr
 from flightmech.air import GAMMA, R_AIR, RHO_SEA
 from flightmech.errors import IdentificationError
 from flightmech.support.figures import html_table
-from flighttest.reconstruction.path_quantities import (
-    channel_signals,
-    compatibility_figure,
-    solution_states,
-    state_errors,
-)
+from flighttest.reconstruction.channel_signals import channel_signals, compatibility_figure
+from flighttest.reconstruction.path_quantities import solution_states
 from flighttest.reconstruction.problem.assembly import Setup, assemble_problem
 from flighttest.reconstruction.problem.output_equations import SEES_GUSTS
 from flighttest.reconstruction.problem.problem import PathProblem, identifiability_remarks
 from flighttest.reconstruction.problem.readings import sensor_residuals
 from flighttest.reconstruction.problem.trajectory import Solution, estimate_trajectory, with_gusts
+from flighttest.reconstruction.state_errors import state_errors
 from flighttest.records.sensors.instruments import SPEEDS, VANES, instruments_of
 from flighttest.records.sensors.measurements import order_windows
 from flighttest.remarks import Remark, remark_lines, remarks_to_json
@@ -77,7 +74,7 @@ class FlightPath:
         `flighttest.reconstruction.compatibility_table`.
     errors : Dataset (error, time)
         Change of the states for one standard error of each independent error that the constants
-        leave, see `flighttest.reconstruction.path_quantities`; None for a path without them.
+        leave, see `flighttest.reconstruction.state_errors`; None for a path without them.
     """
 
     states: xr.Dataset

@@ -2,7 +2,7 @@
 aeroplane did.
 
 The constants of a reconstruction leave common errors in its states
-(`flighttest.reconstruction.path_quantities`). Pick-ups of controls have a bias and a scale; mass,
+(`flighttest.reconstruction.state_errors`). Pick-ups of controls have a bias and a scale; mass,
 inertia and thrust have a relative error, as `flighttest.coefficients` takes them.  All are linear,
 so that a draw of a flight is one with a sum of shifts.  An error of one name is one error in all
 records of a programme, and in the tables that were identified from them (`aerodb.update.draw`).
