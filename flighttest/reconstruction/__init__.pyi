@@ -12,7 +12,7 @@ from .flight_programme import open_biases as open_biases
 from .flight_programme import reconstruct_programme as reconstruct_programme
 from .flight_programme import save_path as save_path
 from .channel_signals import compatibility_figure as compatibility_figure
-from .smoother import FlightPath as FlightPath
-from .smoother import FlightPath as Path
+from .flight_path import FlightPath as FlightPath
+from .flight_path import FlightPath as Path
 from .smoother import reconstruct as reconstruct
 from .states_at_start import start_states as start_states

@@ -19,15 +19,11 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError, ParseError, SchemaError
 from flightmech.support.hdf5_seal import demand_self_contained
 from flightmech.support.kept_stages.stages import Kept, Stages
+from flighttest.reconstruction.flight_path import FlightPath
 from flighttest.reconstruction.problem.assembly import Setup
 from flighttest.reconstruction.problem.problem import PER_RUN, invert_covariance
 from flighttest.reconstruction.problem.trajectory import Solution
-from flighttest.reconstruction.smoother import (
-    FlightPath,
-    path_of_solution,
-    refine_path,
-    solve_record,
-)
+from flighttest.reconstruction.smoother import path_of_solution, refine_path, solve_record
 from flighttest.records.files import write_groups
 from flighttest.records.stored_groups import plain_group
 

@@ -25,10 +25,11 @@ from flighttest.reconstruction.batch.standard_errors import (
     determine_observability,
 )
 from flighttest.reconstruction.batch.unknowns import BatchUnknowns, layout_unknowns
+from flighttest.reconstruction.flight_path import ACCEPT, FlightPath
 from flighttest.reconstruction.problem.assembly import assemble_problem
 from flighttest.reconstruction.problem.problem import identifiability_remarks
 from flighttest.reconstruction.problem.trajectory import Solution
-from flighttest.reconstruction.smoother import ACCEPT, FlightPath, path_of_solution
+from flighttest.reconstruction.smoother import path_of_solution
 from flighttest.records.sensors.instruments import instruments_of
 from flighttest.records.sensors.measurements import order_windows
 

@@ -19,7 +19,7 @@ from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import make_term
 from flightmech.units import G0
 from flighttest.maximum_likelihood.result import OutputError
-from flighttest.reconstruction.smoother import FlightPath
+from flighttest.reconstruction.flight_path import FlightPath
 from flighttest.submodels.landing_gear.explicit import FRICTION, LOAD, ROLLING
 from flighttest.submodels.landing_gear.output_error import fly_gear, has_angle
 from flighttest.submodels.landing_gear.reconstructed_loads import (

@@ -24,7 +24,7 @@ from flightmech.axes import matrix_from_euler, stability_to_body
 from flightmech.errors import IdentificationError
 from flighttest.reconstruction.dynamics.force_coefficients import smooth_states
 from flighttest.reconstruction.dynamics.loads import external_load
-from flighttest.reconstruction.smoother import FlightPath
+from flighttest.reconstruction.flight_path import FlightPath
 from flighttest.records.signals.differentiation import derivative
 from flighttest.submodels.control_loading.motion import estimate_white_noise
 from flighttest.submodels.landing_gear.wheel_positions import (
