@@ -7,7 +7,7 @@ from .batch.programme import reconstruct_batch as reconstruct_batch
 from .compatibility import compatibility_report as compatibility_report
 from .compatibility import compatibility_table as compatibility_table
 from .compatibility import draw_compatibility as draw_compatibility
-from .flight_programme import combine_biases as combine_biases
+from .combined_biases import combine_biases as combine_biases
 from .flight_programme import open_biases as open_biases
 from .flight_programme import reconstruct_programme as reconstruct_programme
 from .flight_programme import save_path as save_path
