@@ -128,8 +128,8 @@ def combine_runs(runs: Sequence[RunInformation]) -> xr.Dataset:
     prior_mean, prior, units = _common_prior(runs, indices, names)
     prior_information = invert_covariance(prior)
     information, vector = prior_information.copy(), prior_information @ prior_mean
-    for run, at in zip(runs, indices, strict=True):
-        free = at[run.free]
+    for run, positions in zip(runs, indices, strict=True):
+        free = positions[run.free]
         information[np.ix_(free, free)] += run.information
         vector[free] += run.vector
     covariance = invert_covariance(information)
@@ -176,21 +176,21 @@ def _common_prior(
     covariance = np.zeros((len(names), len(names)))
     units = [""] * len(names)
     problems = set()
-    for run, at in zip(runs, indices, strict=True):
+    for run, positions in zip(runs, indices, strict=True):
         # compare with the prior of the runs before; NaN is a constant that they do not have
-        is_set = np.isfinite(mean[at])
-        variance, run_variance = np.diag(covariance)[at], np.diag(run.covariance)
-        same_mean = np.abs(mean[at] - run.prior) <= _SAME_MEAN * np.abs(run.prior)
+        is_set = np.isfinite(mean[positions])
+        variance, run_variance = np.diag(covariance)[positions], np.diag(run.covariance)
+        same_mean = np.abs(mean[positions] - run.prior) <= _SAME_MEAN * np.abs(run.prior)
         tolerance = _SAME_VARIANCE * np.abs(run_variance) + _LEAST_VARIANCE
         same_variance = np.abs(variance - run_variance) <= tolerance
-        for i in at[is_set & ~(same_mean & same_variance)]:
+        for i in positions[is_set & ~(same_mean & same_variance)]:
             problems.add(
                 f"{names[i]}: two runs started from different priors; reconstruct them with the "
                 f"same one"
             )
-        mean[at] = run.prior
-        covariance[np.ix_(at, at)] = run.covariance
-        for i, unit in zip(at, run.units, strict=True):
+        mean[positions] = run.prior
+        covariance[np.ix_(positions, positions)] = run.covariance
+        for i, unit in zip(positions, run.units, strict=True):
             units[i] = unit
     if problems:
         raise SchemaError("combination of biases", sorted(problems))
@@ -208,14 +208,14 @@ def _spread(
     It is NaN for a constant that fewer than two runs determine.
     """
     deviations: list[list[float]] = [[] for _ in mean]
-    for run, at in zip(runs, indices, strict=True):
+    for run, positions in zip(runs, indices, strict=True):
         # The run is part of the combination, so the variance of the difference is the difference of
         # the variances.
-        variance = run.stderr**2 - stderr[at] ** 2
+        variance = run.stderr**2 - stderr[positions] ** 2
         informed = ~run.held & (run.stderr < _INFORMED * run.prior_stderr) & (variance > 0.0)
         for j in np.flatnonzero(informed).tolist():
-            difference = float(run.estimate[j] - mean[at[j]])
-            deviations[at[j]].append(difference / np.sqrt(variance[j]))
+            difference = float(run.estimate[j] - mean[positions[j]])
+            deviations[positions[j]].append(difference / np.sqrt(variance[j]))
     spread = np.full(len(mean), np.nan)
     for i, values in enumerate(deviations):
         if len(values) > 1:

@@ -158,9 +158,9 @@ def _make_figure(parts: Sequence[str], vertical: str, horizontal: str, label: st
 
 def _draw_interval(frame: Frame, start: float, stop: float, style: str, least: float) -> str:
     """Return a rectangle over an interval of time, at least `least` pixels wide."""
-    left = float(np.clip(frame.px(start), frame.left, frame.right))
-    right = float(np.clip(frame.px(stop), frame.left, frame.right))
-    return draw_rectangle(left, frame.top, max(right - left, least), frame.height, style)
+    x1 = float(np.clip(frame.px(start), frame.left, frame.right))
+    x2 = float(np.clip(frame.px(stop), frame.left, frame.right))
+    return draw_rectangle(x1, frame.top, max(x2 - x1, least), frame.height, style)
 
 
 def template_of(package: str) -> Template:

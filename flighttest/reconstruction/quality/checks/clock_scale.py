@@ -73,11 +73,11 @@ def clock_scale(record: xr.DataTree) -> ClockScale | None:
     factor, rate = float(np.median(list(factors.values()))), float(data.attrs["rate"])
     if _ratio(factor, 1.0) < _RIGHT or _ratio(max(factor, 1.0 / factor), 1.0 / DEGREE) < _OF_ANGLES:
         return None
-    unit, taken = _clock_units(factor)
+    unit, file_unit = _clock_units(factor)
     # Rates in mrad/s have the same factor. If the rate is possible as read, the clock is correct.
     if unit in ("s", "ms", "us", "ns") and _POSSIBLE[0] <= rate <= _POSSIBLE[1]:
         return None
-    return ClockScale(factor, factor * rate, unit=unit, taken=taken, angles=tuple(factors))
+    return ClockScale(factor, factor * rate, unit=unit, taken=file_unit, angles=tuple(factors))
 
 
 def _attitude_leaf(record: xr.DataTree) -> xr.Dataset | None:
@@ -90,9 +90,9 @@ def _attitude_leaf(record: xr.DataTree) -> xr.Dataset | None:
 
 def _clock_units(factor: float) -> tuple[str, str]:
     """Return the unit of a clock, empty if there is none, and the unit in the file."""
-    for count, taken in _SECONDS_AS.items():
+    for count, file_unit in _SECONDS_AS.items():
         if _ratio(factor, count) < _NEAR:
-            return "s", taken
+            return "s", file_unit
     for unit, count in _UNITS.items():
         if _ratio(factor, count) < _NEAR:
             return unit, "s"
