@@ -40,7 +40,7 @@ from aeromatch.workflow.aerodynamics import (
     fit_records,
 )
 from aeromatch.workflow.windows import select_windows
-from flighttest.reconstruction.flight_programme import instrument_constants
+from flighttest.reconstruction.combined_biases import instrument_constants
 
 RUNS = "21,22,26,27,29,30,32"
 CASES = {

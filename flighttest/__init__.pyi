@@ -24,10 +24,10 @@ from .reconstruction.batch.programme import reconstruct_batch as reconstruct_bat
 from .reconstruction.dynamics.force_coefficients import coefficients as coefficients
 from .reconstruction.dynamics.force_coefficients import select_time as between
 from .reconstruction.dynamics.force_coefficients import select_time as select_time
+from .reconstruction.flight_path import FlightPath as FlightPath
+from .reconstruction.flight_path import FlightPath as Path
 from .reconstruction.flight_programme import reconstruct_programme as reconstruct_programme
 from .reconstruction.quality.assessment import assess as assess
-from .reconstruction.smoother import FlightPath as FlightPath
-from .reconstruction.smoother import FlightPath as Path
 from .reconstruction.smoother import reconstruct as reconstruct
 from .records import readers as readers
 from .records import sensors as sensors

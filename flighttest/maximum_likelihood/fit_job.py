@@ -18,7 +18,7 @@ from flighttest.maximum_likelihood.specification import Specification
 from flighttest.maximum_likelihood.time_domain import output_error, uniform_step
 from flighttest.reconstruction.dynamics.force_coefficients import select_time
 from flighttest.reconstruction.dynamics.saved_paths import open_states
-from flighttest.reconstruction.quality.assessment import report_faults
+from flighttest.reconstruction.quality.manoeuvre_faults import report_faults
 from flighttest.remarks import Remark, remark_lines, remarks_to_json
 
 POOR = 0.5  # share of the variance of an output about its mean that the model must explain

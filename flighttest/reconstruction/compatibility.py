@@ -1,10 +1,9 @@
-"""Data compatibility: what each instrument showed, what it should have shown, and the residual
-([Gresham] figure 5).
+"""Data compatibility: table, report and figure of the channels of a path ([Gresham] figure 5).
 
-For every channel there are three signals at its readings: ``raw`` as recorded; ``corrected``, the
-errors of the instrument (offset, factor, latency, position error) taken off; ``reconstructed``,
-what an instrument without errors would have shown on the reconstructed path.  The vanes keep their
-place on the boom and their lag, which are not errors.
+Every channel has three signals at its readings. ``raw`` is as recorded. ``corrected`` has no errors
+of the instrument (offset, factor, latency, position error). ``reconstructed`` is the reading of an
+ideal instrument on the reconstructed path. The vanes keep their position on the boom and their lag,
+which are not errors.
 
 References
 ----------
@@ -21,8 +20,8 @@ import pandas as pd
 from scipy.stats import chi2
 
 from flightmech.support.figures import write_figure
-from flighttest.reconstruction.path_quantities import compatibility_figure
-from flighttest.reconstruction.smoother import FlightPath
+from flighttest.reconstruction.channel_signals import compatibility_figure
+from flighttest.reconstruction.flight_path import FlightPath
 from flighttest.regression.uncertainty.prediction_errors import theil
 
 LAGS = 20  # of the Ljung-Box test
@@ -36,15 +35,19 @@ def compatibility_table(path: FlightPath) -> pd.DataFrame:
     DataFrame
         ``unit readings noise before after`` (rms against the reconstructed signal, raw and
         corrected), ``theil`` (inequality coefficient of the corrected signal), ``ljung_box`` (p
-        value of 20 lags of the residual; small when it is not white), ``verdict``.
+        value of 20 lags of the residual; small for coloured residuals), ``verdict``.
     """
-
     rows = []
     for name, row in path.fit.iterrows():
+        # The assumption of zero sideslip has a residual, but no signals.
         if name not in path.compatibility:
             continue
         signals = path.compatibility[name]
-        rest = path.residuals[name].values
+        corrected = signals.sel(version="corrected").values
+        reconstructed = signals.sel(version="reconstructed").values
+        # NaN where the channel has no reading
+        residuals = path.residuals[name].values
+        residuals = residuals[np.isfinite(residuals)]
         rows.append(
             {
                 "channel": name,
@@ -53,11 +56,8 @@ def compatibility_table(path: FlightPath) -> pd.DataFrame:
                 "noise": row.noise,
                 "before": signals.attrs["rms_raw"],
                 "after": signals.attrs["rms_corrected"],
-                "theil": theil(
-                    signals.sel(version="corrected").values,
-                    signals.sel(version="reconstructed").values,
-                ),
-                "ljung_box": ljung_box(rest[np.isfinite(rest)]),
+                "theil": theil(corrected, reconstructed),
+                "ljung_box": ljung_box(residuals),
                 "verdict": row.verdict,
             }
         )
@@ -67,32 +67,50 @@ def compatibility_table(path: FlightPath) -> pd.DataFrame:
 def compatibility_report(path: FlightPath) -> str:
     """Return the table of `compatibility_table` as text."""
     head = (
-        f"{'channel':12s}{'unit':>8s}{'readings':>9s}{'noise':>10s}{'rms before':>12s}{'rms after':>11s}{'Theil':>8s}{'L-B p':>7s} "
-        f" verdict"
+        f"{'channel':12s}{'unit':>8s}{'readings':>9s}{'noise':>10s}{'rms before':>12s}"
+        f"{'rms after':>11s}{'Theil':>8s}{'L-B p':>7s}  verdict"
     )
     lines = [f"Data compatibility: {path.states.attrs['record']}", head]
     for name, row in compatibility_table(path).iterrows():
-        numbers = f"{row.readings:9d}{row.noise:10.3g}{row.before:12.4g}{row.after:11.4g}{row.theil:8.4f}{row.ljung_box:7.2f}"
+        numbers = (
+            f"{row.readings:9d}{row.noise:10.3g}{row.before:12.4g}{row.after:11.4g}"
+            f"{row.theil:8.4f}{row.ljung_box:7.2f}"
+        )
         lines.append(f"{name:12s}{row.unit:>8s}{numbers}  {row.verdict}")
     return "\n".join(lines)
 
 
-def ljung_box(rest: np.ndarray, lags: int = LAGS) -> float:
-    """Return the p value of the Ljung-Box test of white residuals: N (N + 2) sum rho_k^2/(N - k)
-    against chi-square of `lags`.
+def ljung_box(residuals: np.ndarray, lags: int = LAGS) -> float:
+    """Return the p value of the Ljung-Box test of white residuals.
+
+    Parameters
+    ----------
+    residuals : array (N,)
+    lags : int
+        Number of autocorrelations in the test.
+
+    Returns
+    -------
+    float
+        NaN for constant residuals, and for fewer than lags + 2 of them.
+
+    Notes
+    -----
+    The test quantity N (N + 2) sum rho_k^2/(N - k) has a chi-square distribution of `lags` degrees
+    of freedom.
 
     References
     ----------
     .. [LjungBox] Ljung, Box, Biometrika 65, 1978.
     """
-
-    N = len(rest)
-    spread = rest - rest.mean()
-    power = float(spread @ spread)
+    N = len(residuals)
+    deviations = residuals - residuals.mean()
+    power = float(deviations @ deviations)
     if lags + 1 >= N or power == 0.0:
         return float("nan")
-    rho = np.array([float(spread[k:] @ spread[:-k]) / power for k in range(1, lags + 1)])
-    return float(chi2.sf(N * (N + 2) * np.sum(rho**2 / (N - np.arange(1, lags + 1))), lags))
+    k = np.arange(1, lags + 1)
+    rho = np.array([float(deviations[lag:] @ deviations[:-lag]) / power for lag in k])
+    return float(chi2.sf(N * (N + 2) * np.sum(rho**2 / (N - k)), lags))
 
 
 def draw_compatibility(
@@ -102,18 +120,18 @@ def draw_compatibility(
 
     Parameters
     ----------
-    path : Path
+    path : FlightPath
     target : path
         File to write; its ending names the format (png, svg, pdf).
     channels : sequence of str, optional
-        All measured channels without it.
+        Channels to draw; all measured channels by default.
 
     Raises
     ------
     UnknownName
-        A channel that was not measured.
+        A channel was not measured.
     SchemaError
-        A format that is not drawn.
+        The format is not supported.
     AeromatchError
         matplotlib is not installed.
     """

@@ -1,40 +1,23 @@
-"""The quantities of a reconstructed path: everything that follows from trajectory, constants and
-recorded channels.
-"""
+"""Quantities of a reconstructed path: motion, air data, recorded channels and mass."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from flightmech.air import GAMMA, R_AIR, calibrated_airspeed
-from flightmech.errors import UnknownName
 from flightmech.names import quantity_attributes
-from flightmech.support.figures import new_figure
 from flightmech.units import G0
 from flighttest.reconstruction.dynamics.kinematics import in_body, incidence_rates
 from flighttest.reconstruction.problem.assembly import Setup
-from flighttest.reconstruction.problem.output_equations import impact_static_pressures, no_sideslip
-from flighttest.reconstruction.problem.problem import (
-    PER_RUN,
-    PathProblem,
-    Sensor,
-    body_rates,
-    specific_force,
-    wind_velocity,
-)
-from flighttest.reconstruction.problem.trajectory import (
-    Solution,
-    linearise,
-    sensor_residuals,
-    step_trajectory,
-)
+from flighttest.reconstruction.problem.output_equations import impact_static_pressures
+from flighttest.reconstruction.problem.problem import body_rates, specific_force, wind_velocity
+from flighttest.reconstruction.problem.trajectory import Solution
 from flighttest.records.sensors.instruments import IMU
 from flighttest.records.sensors.measurements import MEASURED
+<<<<<<< HEAD
 from flighttest.records.signals.conditioning import SLOW, demand_numbers
 from flighttest.records.signals.resampling import resample_to_grid
 from flighttest.records.time_histories import break_at_gaps
@@ -156,44 +139,64 @@ def _draw_channel(ax, signals: xr.DataArray) -> None:
     ax.set_ylabel(f"[{shown}]")
     ax.grid(linewidth=0.3)
 
+=======
+from flighttest.records.signals.conditioning import SLOW, demand_numbers, resample_to_grid
+>>>>>>> wt-reco
 
+# Channels of the record that the reconstructed quantities replace.
 _RAW = {*MEASURED, *IMU, "V_eas", "h_baro", "north", "east", *SLOW}
+_LEAST_SPEED = 1e-6  # m/s, keeps the sideslip angle finite at rest
+_LEAST_REDUCING_SPEED = 1.0  # m/s, in reduced rates
+_FEW_GAUGINGS = 10  # of the mass, up to which its mean is taken instead of a straight line
 
 
 def solution_states(
     record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solution
 ) -> xr.Dataset:
-    """Return the states of a solution with the controls, engines and mass of the record on the same
-    clock.
+    """Return the states of a solution, with controls, engines and mass of the record.
+
+    Returns
+    -------
+    Dataset (time,)
+        On the clock of the path. [SI]
     """
     problem = setup.problem
-    columns = path_columns(record, aircraft, setup, solution.x, solution.c)
-    data = xr.Dataset(
-        {n: ("time", v, quantity_attributes(n)) for n, v in columns.items()},
-        coords={"time": ("time", problem.time, quantity_attributes("time"))},
-    )
-    data.attrs = {
+    columns = path_columns(record, aircraft, setup=setup, x=solution.x, c=solution.c)
+    variables = {}
+    for name, values in columns.items():
+        variables[name] = ("time", values, quantity_attributes(name))
+    clock = ("time", problem.time, quantity_attributes("time"))
+    states = xr.Dataset(variables, coords={"time": clock})
+    gusts = "none"
+    if problem.gust is not None:
+        gusts = " ".join(f"{sigma:.3g}" for sigma in problem.gust)
+    states.attrs = {
         "record": str(record.attrs.get("title", "")),
         "rate": 1.0 / problem.dt,
         "iterations": solution.iterations,
         "unused": " ".join(setup.unused),
         "spikes": "; ".join(setup.spikes),
         "manoeuvres": str(record.attrs.get("manoeuvres", "[]")),
-        "gusts": "none" if problem.gust is None else " ".join(f"{s:.3g}" for s in problem.gust),
+        "gusts": gusts,
     }
-    return data
+    return states
 
 
 def path_columns(
     record: xr.DataTree, aircraft: Any, setup: Setup, x: np.ndarray, c: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Return `motion_quantities` of a trajectory (N, n) and constants (nc,), with recorded channels and mass
-    properties. [SI]
+    """Return `motion_quantities` with recorded channels and mass properties. [SI]
+
+    The arguments are as in `motion_quantities`.
     """
     problem = setup.problem
-    columns = motion_quantities(record, aircraft, setup, x, c)
-    columns.update(_recorded(record, problem.time, problem.starts, set(columns)))
-    columns.update(_mass(record, problem.time, aircraft, setup))
+    columns = motion_quantities(record, aircraft, setup=setup, x=x, c=c)
+    # windows of the path: a channel is not interpolated between two windows
+    grids = np.split(problem.time, problem.starts[1:])
+    columns |= _recorded_channels(record, grids, excluded=_RAW | columns.keys())
+    for name, value in zip(("x_cg_b", "y_cg_b", "z_cg_b"), setup.cg, strict=True):
+        columns[name] = np.full(len(problem.time), value)
+    columns["mass"] = _mass_along(record, problem.time, float(aircraft.mass))
     return columns
 
 
@@ -205,17 +208,27 @@ def motion_quantities(
     c: np.ndarray,
     inertial: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> dict[str, np.ndarray]:
-    """Return the quantities that follow from a trajectory (N, n) and constants (nc,). [SI]
+    """Return the quantities that follow from a trajectory and constants. [SI]
 
     Parameters
     ----------
     record : DataTree
+        For the elevation of the runway.
     aircraft : Aircraft
+        For span and mean chord.
     setup : Setup
     x : array (N, n)
+        Trajectory.
     c : array (nc,)
+        Constants.
     inertial : (array (N, 3), array (N, 3)), optional
-        `body_rates` and `specific_force` of these constants, where they are known.
+        `body_rates` and `specific_force` of these constants, if they are computed already.
+
+    Returns
+    -------
+    dict of array (N,)
+        Attitude, velocities, rates, specific force at the c.g., wind, air data, reduced rates,
+        flight-path angle, load factor and heights.
     """
     problem = setup.problem
     omega, force = inertial or (body_rates(problem, c), specific_force(problem, c))
@@ -230,25 +243,16 @@ def motion_quantities(
     columns |= {"ax": ax, "ay": ay, "az": az, "wind_n": wind_n, "wind_e": wind_e, "wind_d": wind_d}
     square = u * u + v * v + w * w
     V = np.sqrt(square)
-    q_c, pressure = impact_static_pressures(
-        problem, square, h, c, setup.temperature, setup.reference
-    )
-    T = setup.temperature - problem.constants.get(c, "bias.temperature")
-    rho = pressure / (R_AIR * T)
+    columns["V"] = V
+    columns["alpha"] = np.arctan2(w, u)
+    columns["beta"] = np.arcsin(np.clip(v / np.maximum(V, _LEAST_SPEED), -1.0, 1.0))
+    columns |= _air_columns(setup, c, square=square, V=V, h=h)
+    # acceleration at the c.g. in body axes: specific force and gravity
     g = problem.gravity_at(h)
     free = [a + g * d for a, d in zip((ax, ay, az), down, strict=True)]
     alpha_dot, beta_dot = incidence_rates((u, v, w), (p, q, r), free)
-    half = 1.0 / (2.0 * np.maximum(V, 1.0))
+    half = 1.0 / (2.0 * np.maximum(V, _LEAST_REDUCING_SPEED))
     columns.update(
-        V=V,
-        alpha=np.arctan2(w, u),
-        beta=np.arcsin(np.clip(v / np.maximum(V, 1e-6), -1.0, 1.0)),
-        V_cas=calibrated_airspeed(q_c),
-        mach=V / np.sqrt(GAMMA * R_AIR * T),
-        qbar=0.5 * rho * square,
-        rho=rho,
-        p_static=pressure,
-        temperature=T,
         alpha_dot=alpha_dot,
         beta_dot=beta_dot,
         phat=p * aircraft.b * half,
@@ -261,159 +265,92 @@ def motion_quantities(
         nz=-az / G0,
     )
     if "runway_elevation" in record.attrs:
+        # from the c.g. back to the body origin
         x_cg, y_cg, z_cg = setup.cg
-        columns["h_agl"] = (
-            h
-            + (down[0] * x_cg + down[1] * y_cg + down[2] * z_cg)
-            - float(record.attrs["runway_elevation"])
-        )
+        below = down[0] * x_cg + down[1] * y_cg + down[2] * z_cg
+        columns["h_agl"] = h + below - float(record.attrs["runway_elevation"])
     return columns
 
 
-def _recorded(
-    record: xr.DataTree, time: np.ndarray, starts: np.ndarray, known: set[str]
+def _air_columns(
+    setup: Setup, c: np.ndarray, square: np.ndarray, V: np.ndarray, h: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Return controls, engine channels and whatever else the record holds in addition to the
-    instruments, on the clock of the path.
-    """
-    grids = np.split(time, starts[1:])
+    """Return air data from the airspeed V and its square, the height and the temperature."""
+    problem = setup.problem
+    q_c, pressure = impact_static_pressures(
+        problem, square, h=h, c=c, temperature=setup.temperature, reference=setup.reference
+    )
+    T = setup.temperature - problem.constants.get(c, "bias.temperature")
+    rho = pressure / (R_AIR * T)
+    return {
+        "V_cas": calibrated_airspeed(q_c),
+        "mach": V / np.sqrt(GAMMA * R_AIR * T),
+        "qbar": 0.5 * rho * square,
+        "rho": rho,
+        "p_static": pressure,
+        "temperature": T,
+    }
+
+
+def _recorded_channels(
+    record: xr.DataTree, grids: list[np.ndarray], excluded: set[str]
+) -> dict[str, np.ndarray]:
+    """Return controls, engine channels and all other channels on the clock of the path."""
+    start, stop = grids[0][0], grids[-1][-1]
     columns = {}
     for leaf, tree in record.children.items():
         node = tree.to_dataset()
-        wanted = [str(name) for name in node.data_vars if name not in _RAW and name not in known]
-        if not wanted:
+        names = [str(name) for name in node.data_vars if name not in excluded]
+        if not names:
             continue
-        demand_numbers(
-            {leaf: node[wanted].sel(time=slice(time[0], time[-1]))}, "recorded inputs of a path"
-        )
+        inside = node[names].sel(time=slice(start, stop))
+        demand_numbers({leaf: inside}, "recorded inputs of a path")
         clock = node["time"].values
-        for name in wanted:
-            columns[name] = np.concatenate(
-                [resample_to_grid(clock, node.variables[name].values, grid, name) for grid in grids]
-            )
+        for name in names:
+            values = node.variables[name].values
+            pieces = [resample_to_grid(clock, values, grid, name) for grid in grids]
+            columns[name] = np.concatenate(pieces)
     return columns
 
 
-def _mass(
-    record: xr.DataTree, time: np.ndarray, aircraft: Any, setup: Setup
-) -> dict[str, np.ndarray]:
-    """Return mass along the path: gauged mass with the recorded fuel flow between, or a straight
-    line through it.
+def _mass_along(record: xr.DataTree, time: np.ndarray, default: float) -> np.ndarray:
+    """Return the mass along the path (time,). [kg]
+
+    It is the gauged mass with the recorded fuel flow in between, or a straight line through the
+    gauged mass. A record without gauged mass has the default.
     """
-    place = dict(zip(("x_cg_b", "y_cg_b", "z_cg_b"), setup.cg, strict=True))
-    columns = {name: np.full(len(time), value) for name, value in place.items()}
-    node = next(
-        (node.to_dataset() for node in record.children.values() if "mass" in node.data_vars), None
-    )
-    if node is None:
-        columns["mass"] = np.full(len(time), float(aircraft.mass))
-        return columns
-    clock, gauged = node["time"].values, node["mass"].values
-    engine = next(
-        (
-            n.to_dataset()
-            for n in record.children.values()
-            if any(str(name).endswith("fuel_flow") for name in n.data_vars)
-        ),
-        None,
-    )
-    if engine is not None:
-        total = np.sum(
-            [engine[name].values for name in engine.data_vars if str(name).endswith("fuel_flow")],
-            axis=0,
-        )
-        t = engine["time"].values
-        burnt = np.concatenate([[0.0], np.cumsum(0.5 * (total[1:] + total[:-1]) * np.diff(t))])
-        columns["mass"] = float(np.mean(gauged + np.interp(clock, t, burnt))) - np.interp(
-            time, t, burnt
-        )
-    else:
-        line = np.polyfit(clock - clock[0], gauged, 1 if len(clock) > 10 else 0)
-        columns["mass"] = np.polyval(line, time - clock[0])
-    return columns
+    gauges = _gauged_leaf(record)
+    if gauges is None:
+        return np.full(len(time), default)
+    clock, gauged = gauges["time"].values, gauges["mass"].values
+    engine = _fuel_leaf(record)
+    if engine is None:
+        degree = 0
+        if len(clock) > _FEW_GAUGINGS:
+            degree = 1
+        line = np.polyfit(clock - clock[0], gauged, degree)
+        return np.polyval(line, time - clock[0])
+    # fuel burnt since the start of the record, by the trapezoidal rule
+    flows = [engine[name].values for name in engine.data_vars if str(name).endswith("fuel_flow")]
+    flow = np.sum(flows, axis=0)
+    t = engine["time"].values
+    burnt = np.concatenate([[0.0], np.cumsum(0.5 * (flow[1:] + flow[:-1]) * np.diff(t))])
+    # The mean over all gaugings gives the mass at the start.
+    start_mass = float(np.mean(gauged + np.interp(clock, t, burnt)))
+    return start_mass - np.interp(time, t, burnt)
 
 
-STATES = (
-    # that coefficients and regressors are made of
-    *(
-        "V",
-        "qbar",
-        "mach",
-        "alpha",
-        "beta",
-        "alpha_dot",
-        "beta_dot",
-        "p",
-        "q",
-        "r",
-        "ax",
-        "ay",
-        "az",
-        "phi",
-        "h",
-        "h_agl",
-    ),
-    # that replays start from or are judged on
-    *("theta", "psi", "gamma", "V_cas", "nz"),
-)
+def _gauged_leaf(record: xr.DataTree) -> xr.Dataset | None:
+    """Return the first leaf with gauged mass."""
+    for node in record.children.values():
+        if "mass" in node.data_vars:
+            return node.to_dataset()
+    return None
 
 
-def state_errors(
-    record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solution
-) -> xr.Dataset:
-    """Return the change of the states for one standard error of each independent error of the
-    constants.
-
-    Parameters
-    ----------
-    record : DataTree
-    aircraft : Aircraft
-    setup, solution
-        Of `reconstruction.solve`.
-
-    Returns
-    -------
-    Dataset (error, time)
-        `STATES`, in their units, single precision.  Errors of the instruments carry the name of
-        their constant, those of the run ``"<constant> of <title of the record>"``.
-    """
-    problem, x, c = setup.problem, solution.x, solution.c
-    names = problem.constants.names
-    order = sorted(
-        range(len(names)), key=lambda i: names[i] in PER_RUN
-    )  # stable: the instruments first
-    scale = np.sqrt(np.diag(solution.covariance))[order]
-    correlation = solution.covariance[np.ix_(order, order)] / np.outer(scale, scale)
-    L = scale[:, None] * np.linalg.cholesky(
-        correlation + 1e-12 * np.eye(len(scale))
-    )  # two constants may do all but the same
-    full = np.zeros_like(L)
-    full[order] = L  # of all constants, in their own order, by the errors
-    x = np.asfortranarray(x)  # from here on single states are read
-    inertial = body_rates(problem, c), specific_force(problem, c)
-    nominal = motion_quantities(record, aircraft, setup, x, c, inertial)
-    known = [name for name in STATES if name in nominal]
-    found = {name: np.empty((len(order), len(x)), np.float32) for name in known}
-    change = np.empty(len(x))
-    drive = np.isin(names, [f"{kind}.{channel}" for kind in ("bias", "scale") for channel in IMU])
-    equations = solution.equations or linearise(problem, solution.x, c)
-    for k, (dc, dx) in enumerate(zip(full.T, equations.following(full), strict=True)):
-        # a difference over a part of the error where it is large: a constant that nothing
-        # determines has no bound
-        part = 1.0 / max(1.0, np.abs(dc).max(), dx.max(), -dx.min())
-        same = None if dc[drive].any() else inertial
-        changed = motion_quantities(
-            record, aircraft, setup, step_trajectory(x, part * dx), c + part * dc, same
-        )
-        for name in known:
-            np.subtract(changed[name], nominal[name], out=change)
-            found[name][k] = change if part == 1.0 else change / part
-    title = str(record.attrs.get("title", ""))
-    labels = [f"{names[i]} of {title}" if names[i] in PER_RUN else names[i] for i in order]
-    return xr.Dataset(
-        {
-            name: (("error", "time"), change, quantity_attributes(name))
-            for name, change in found.items()
-        },
-        coords={"error": labels, "time": ("time", problem.time, quantity_attributes("time"))},
-    )
+def _fuel_leaf(record: xr.DataTree) -> xr.Dataset | None:
+    """Return the first leaf with the fuel flow of an engine."""
+    for node in record.children.values():
+        if any(str(name).endswith("fuel_flow") for name in node.data_vars):
+            return node.to_dataset()
+    return None

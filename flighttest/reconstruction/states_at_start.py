@@ -1,6 +1,4 @@
-"""States of a record before its reconstruction: the names, the clock and the recorded channels that
-the path will have.
-"""
+"""States of a record before its reconstruction, with the channels and the clock of the path."""
 
 from __future__ import annotations
 
@@ -18,14 +16,14 @@ from flighttest.records.sensors.measurements import order_windows
 def start_states(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) -> xr.Dataset:
     """Return the states at the start values of the reconstruction of a record.
 
-    They cost a hundredth of `reconstruct` and hold the same channels on the same clock. Recorded
-    channels (controls, engines, devices) have their final values; the motion is that of the
-    uncorrected readings. Use them to check what a later step needs.
+    They have the channels and the clock of `reconstruct` without its iterations. Recorded channels
+    (controls, engines, devices) have their final values. The motion follows from uncorrected
+    readings. Use these states to check that a later step has its channels.
 
     Parameters
     ----------
     record : DataTree
-        As `reconstruct` takes it; the whole record is used.
+        As in `reconstruct`; the complete record is used.
     aircraft : Aircraft
         With its instruments.
     rate : float
@@ -39,24 +37,25 @@ def start_states(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.0) ->
     Raises
     ------
     SchemaError
-        A needed channel is missing or holds NaN; the instrument specification is faulty.
+        A required channel is missing or holds NaN, or the instrument specification is faulty.
     OutOfRange
         The record is shorter than ten samples, or its pitch attitude exceeds 80 deg.
     """
     setup = assemble_problem(
         record,
         aircraft,
-        instruments_of(aircraft, record.attrs),
-        order_windows(record, None),
-        rate,
-        None,
+        specification=instruments_of(aircraft, record.attrs),
+        windows=order_windows(record, None),
+        rate=rate,
+        prior=None,
     )
-    # readings that contradict each other may overflow here; the checks look at names and recorded
-    # channels
+    # Readings that contradict each other may overflow here. The checks look at names and recorded
+    # channels.
     with np.errstate(all="ignore"):
-        columns = path_columns(record, aircraft, setup, setup.x, setup.c)
-    data = {name: ("time", values, quantity_attributes(name)) for name, values in columns.items()}
-    about = {"record": str(record.attrs.get("title", "")), "rate": rate}
-    return xr.Dataset(
-        data, {"time": ("time", setup.problem.time, quantity_attributes("time"))}, about
-    )
+        columns = path_columns(record, aircraft, setup=setup, x=setup.x, c=setup.c)
+    variables = {}
+    for name, values in columns.items():
+        variables[name] = ("time", values, quantity_attributes(name))
+    clock = ("time", setup.problem.time, quantity_attributes("time"))
+    attributes = {"record": str(record.attrs.get("title", "")), "rate": rate}
+    return xr.Dataset(variables, {"time": clock}, attributes)

@@ -29,7 +29,7 @@ from aerodb.comparison.conditions import fill_missing_devices
 from flightmech import terms as _terms
 from flightmech.errors import UnknownName
 from flightmech.support.arrays import rms
-from flighttest.reconstruction.dynamics.force_coefficients import reduced_rates
+from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
 from pom.diagnosis.swap_judgement import Judged
 from pom.diagnosis.swap_runs import SwapBench
 

@@ -17,7 +17,7 @@ OWN_LISTS = {
     "aerodb/exchange/jsbsim/properties.py": "property of JSBSim for each variable",
     "aerodb/prior/prior_errors.py": "standard error of each derivative of DATCOM",
     "aerodb/store/evaluation.py": "range of each variable that is not suspect",
-    "flighttest/reconstruction/dynamics/force_coefficients.py": "variables with errors of the path",
+    "flighttest/reconstruction/dynamics/coefficient_errors.py": "variables with errors of the path",
     "flighttest/special_tests/spin/rotation_rates.py": "variables along a spin",
     "pom/report/presentation/term_words.py": "words of the cause of each increment",
 }

@@ -23,7 +23,7 @@ from flighttest.maximum_likelihood.result import save_output_error
 from flighttest.maximum_likelihood.specification import read_specification
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
 from flighttest.reconstruction.dynamics.saved_paths import open_path, open_states
-from flighttest.reconstruction.quality.assessment import report_faults
+from flighttest.reconstruction.quality.manoeuvre_faults import report_faults
 from flighttest.regression.combining.data_partition import fit_bins
 from flighttest.regression.combining.joined_fits import join_fits
 from flighttest.regression.combining.mixed_estimation import mix_with_prior, prior_of

@@ -41,8 +41,9 @@ from flighttest.flight_programme.evaluation.plan import (
 )
 from flighttest.flight_programme.evaluation.result import Evaluation
 from flighttest.reconstruction.dynamics.force_coefficients import coefficients, select_time
+from flighttest.reconstruction.flight_path import FlightPath
 from flighttest.reconstruction.quality.assessment import assess
-from flighttest.reconstruction.smoother import FlightPath, reconstruct
+from flighttest.reconstruction.smoother import reconstruct
 from flighttest.records.record import read
 from flighttest.records.signals.conditioning import cut
 from flighttest.regression.equation_error.fit import Fit

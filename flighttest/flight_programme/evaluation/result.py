@@ -29,6 +29,7 @@ from flighttest.flight_programme.evaluation.figures_of_merit import (
     unit_shown,
 )
 from flighttest.flight_programme.evaluation.plan import EvaluationPlan, files_of
+from flighttest.reconstruction.flight_path import FlightPath
 from flighttest.reconstruction.flight_programme import save_path
 from flighttest.reconstruction.quality.page import (
     draw_scatter_chart,
@@ -38,7 +39,6 @@ from flighttest.reconstruction.quality.page import (
 )
 from flighttest.reconstruction.quality.result import Quality, format_display_value, is_meaningful
 from flighttest.reconstruction.quality.result import format_quality as quality_report
-from flighttest.reconstruction.smoother import FlightPath
 from flighttest.records.files import save_record
 from flighttest.regression.equation_error.fit import Fit, save_fit
 from flighttest.remarks import Remark, is_forbidden, remarks_to_json

@@ -30,7 +30,7 @@ from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import Simulation
 from flightmech.simulation.run import index_of_parameter
 from flighttest.flight_programme.input_design.predicted_response import STEP, model_inputs
-from flighttest.reconstruction.dynamics.force_coefficients import reduced_rates
+from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
 from flighttest.records.sensors.instruments import parse_instruments
 from flighttest.records.signals.differentiation import derivative_noise
 from flighttest.regression.equation_error.model import RegressionModel

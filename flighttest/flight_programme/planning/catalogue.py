@@ -70,7 +70,7 @@ from flightmech.support.toml_models import Strict, validate_content
 from flightmech.support.toml_quantities import InUnits
 from flightmech.units import parse_quantity
 from flighttest.flight_programme.input_design.specification import ConditionTable, Design, design_of
-from flighttest.reconstruction.dynamics.force_coefficients import ERRORS
+from flighttest.reconstruction.dynamics.coefficient_errors import ERRORS
 from flighttest.regression.equation_error.model import RegressionModel
 
 INPUTS = ("multisine", "multistep", "sweep")

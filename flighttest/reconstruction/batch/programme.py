@@ -25,15 +25,19 @@ from flighttest.reconstruction.batch.standard_errors import (
     determine_observability,
 )
 from flighttest.reconstruction.batch.unknowns import BatchUnknowns, layout_unknowns
+from flighttest.reconstruction.flight_path import ACCEPT, FlightPath
 from flighttest.reconstruction.problem.assembly import assemble_problem
 from flighttest.reconstruction.problem.problem import identifiability_remarks
 from flighttest.reconstruction.problem.trajectory import Solution
-from flighttest.reconstruction.smoother import ACCEPT, FlightPath, path_of_solution
+from flighttest.reconstruction.smoother import path_of_solution
 from flighttest.records.sensors.instruments import instruments_of
 from flighttest.records.sensors.measurements import order_windows
 from flighttest.remarks import Convergence, Remark, remark_lines, warn_forbidden
 
 Windows = Sequence[tuple[float, float]]
+# State variables of a start; a record without a vane does not have its angle.
+_RIGID_STATES = ("phi", "theta", "psi", "vn", "ve", "vd", "h")
+_START_STATES = (*_RIGID_STATES, "alpha_vane", "beta_vane")
 
 
 @dataclass(frozen=True)
@@ -42,19 +46,19 @@ class Batch:
 
     Attributes
     ----------
-    paths : list of Path
-        One per record; their constants are the common ones.
+    paths : list of FlightPath
+        One per record, with the common constants.
     estimates : Dataset (parameter,)
         ``estimate stderr stderr_white prior prior_stderr unit free``, ``correlation (parameter,
-        parameter_)``.  ``stderr`` holds the colour of the residuals and the noise of the inertial
-        unit, ``stderr_white`` is the Cramer-Rao bound.
+        parameter_)``. ``stderr`` includes the colour of the residuals and the noise of the inertial
+        unit. ``stderr_white`` is the Cramer-Rao bound.
     starts : Dataset (segment, state)
         ``estimate stderr stderr_white``, ``record`` and ``time`` of each start: angles, ground
         velocity, height, lagged vane angles.
     noise : DataFrame
-        Per channel: noise of the specification and as estimated.
-    visibility : Visibility
-        What the readings could determine, before the fit.
+        Per channel: noise of the specification and estimated noise.
+    visibility : Observability
+        Information of the readings on the constants, before the fit.
     iterations : int
     convergence : Convergence
         End of the rounds of noise. Its change is the largest of a noise over its tolerance.
@@ -78,20 +82,29 @@ class Batch:
         return self.convergence.remarks("noise of the channels", advice)
 
     def report(self) -> str:
-        """Return estimates, noise and what could not be seen as text."""
+        """Return estimates, noise and constants that the readings do not determine, as text."""
         names = ", ".join(path.states.attrs["record"] or "record" for path in self.paths)
+<<<<<<< HEAD
         state = "converged" if self.convergence.converged else "NOT converged"
+=======
+        is_free = self.estimates["free"].values
+        remarks = identifiability_remarks(
+            self.estimates.isel(parameter=is_free, parameter_=is_free)
+        )
+>>>>>>> wt-reco
         lines = [
             f"Batch reconstruction: {names}",
             f"{self.starts.sizes['segment']} segments, {self.iterations} iterations, {state}",
             "",
-        ]
-        lines += [
             self.visibility.report(),
             "",
-            f"{'constant':22s}{'estimate':>13s}{'std. error':>13s}{'Cramer-Rao':>13s}{'prior s.e.':>13s} "
-            f" unit",
+            *_estimate_lines(self.estimates),
+            "",
+            *_noise_lines(self.noise),
+            "",
+            "After the fit:",
         ]
+<<<<<<< HEAD
         for i, name in enumerate(self.estimates["parameter"].values):
             row = self.estimates.isel(parameter=i, parameter_=i)
             if not bool(row["free"]):
@@ -122,6 +135,39 @@ class Batch:
                 *remark_lines(self.remarks),
             ]
         )
+=======
+        for remark in remarks or ["every constant is identifiable"]:
+            lines.append(f"  - {remark}")
+        return "\n".join(lines)
+
+
+def _estimate_lines(estimates: xr.Dataset) -> list[str]:
+    """Return the table of the constants of a report."""
+    keys = ("estimate", "stderr", "stderr_white", "prior_stderr")
+    titles = ("estimate", "std. error", "Cramer-Rao", "prior s.e.")
+    lines = [f"{'constant':22s}" + "".join(f"{title:>13s}" for title in titles) + "  unit"]
+    for i, name in enumerate(estimates["parameter"].values):
+        row = estimates.isel(parameter=i, parameter_=i)
+        unit = row["unit"].item()
+        if not bool(row["free"]):
+            value = f"{float(row['estimate']):13.5g}"
+            lines.append(f"{name:22s}{value}{'held':>13s}{'':26s}  {unit}")
+            continue
+        numbers = "".join(f"{float(row[key]):13.5g}" for key in keys)
+        lines.append(f"{name:22s}{numbers}  {unit}")
+    return lines
+
+
+def _noise_lines(noise: Any) -> list[str]:
+    """Return the table of the noise of a report."""
+    lines = [f"{'channel':14s}{'noise given':>13s}{'estimated':>13s}"]
+    for name, row in noise.iterrows():
+        line = f"{name:14s}{row.given:13.4g}{row.estimated:13.4g}"
+        if row.estimated > ACCEPT * row.given:
+            line += "  ! residual exceeds the noise"
+        lines.append(line)
+    return lines
+>>>>>>> wt-reco
 
 
 def reconstruct_batch(
@@ -140,13 +186,13 @@ def reconstruct_batch(
     records : sequence of DataTree
         Flight records, see `reconstruct`.
     aircraft : Aircraft
-        For its instruments; the noise of the readings is a first value and estimated, that of the
-        inertial unit is taken as given.
+        For its instruments. The noise of the readings is a first value and is estimated. The noise
+        of the inertial unit is not estimated.
     windows : sequence, optional
-        Per record the windows (start, stop), or None for all of it. [s]
+        Per record the windows (start, stop), or None for the complete record. [s]
     free : sequence of str, optional
-        Constants to estimate from the readings alone; all others stay at their prior mean.  Without
-        it all constants are estimated, with their prior.
+        Constants to estimate from the readings alone. All others stay at their prior mean. By
+        default all constants are estimated, with their prior.
     prior : Dataset, optional
         `biases` of other runs (`combine_biases`).
     rate : float
@@ -159,10 +205,9 @@ def reconstruct_batch(
     Raises
     ------
     IdentificationError
-        Constants of `free` that the readings do not show, by name; or the iteration does not
-        settle.
+        The readings do not determine constants of `free`, or the iteration does not converge.
     OutOfRange, SchemaError, UnknownName
-        As `reconstruct`; a name of `free` that is not a constant.
+        As `reconstruct`; a name of `free` is not a constant.
 
     Warns
     -----
@@ -171,23 +216,28 @@ def reconstruct_batch(
 
     Notes
     -----
-    The path follows from its start and the recorded rates and accelerations.  Gusts are not part of it.
+    The path follows from its start and the recorded rates and accelerations. It has no gusts.
 
     References
     ----------
     .. [LR743] Report LR-743, 1993, section 4.3.
     """
-    first = _start(records, aircraft, windows, free, prior, rate)
-    seen = determine_observability(first)
+    first = _start_equations(records, aircraft, windows=windows, free=free, prior=prior, rate=rate)
+    observability = determine_observability(first)
     if free is not None:
-        demand_sight(seen)
+        demand_sight(observability)
     try:
-        fitted = fit_batch(first)
+        solution = fit_batch(first)
     except IdentificationError as error:
+<<<<<<< HEAD
         raise IdentificationError("\n  - ".join([str(error), *seen.hidden()])) from error
     batch = _batch(records, aircraft, fitted, seen)
     warn_forbidden(batch.remarks, "batch reconstruction")
     return batch
+=======
+        raise IdentificationError("\n  - ".join([str(error), *observability.hidden()])) from error
+    return _make_batch(records, aircraft, solution=solution, observability=observability)
+>>>>>>> wt-reco
 
 
 def observable_constants(
@@ -197,48 +247,52 @@ def observable_constants(
     free: Sequence[str] | None = None,
     rate: float = 50.0,
 ) -> Observability:
-    """Return what the readings of records can determine of the instruments, without a fit;
-    arguments as `reconstruct_batch`.
+    """Return the observability of the constants from records, without a fit.
+
+    The arguments are as in `reconstruct_batch`.
     """
-    return determine_observability(_start(records, aircraft, windows, free, None, rate))
+    first = _start_equations(records, aircraft, windows=windows, free=free, prior=None, rate=rate)
+    return determine_observability(first)
 
 
-def _start(records, aircraft, windows, free, prior, rate) -> BatchEquations:
+def _start_equations(records, aircraft, windows, free, prior, rate) -> BatchEquations:
+    """Return the equations of all records at the start."""
     if not records:
         raise SchemaError("batch reconstruction", ["no record; give one at least"])
-    chosen = windows if windows is not None else [None] * len(records)
-    if len(chosen) != len(records):
+    if windows is None:
+        windows = [None] * len(records)
+    if len(windows) != len(records):
         raise SchemaError(
             "batch reconstruction",
-            [f"{len(chosen)} sets of windows for {len(records)} records; give one per record"],
+            [f"{len(windows)} sets of windows for {len(records)} records; give one per record"],
         )
     specification = instruments_of(aircraft, records[0].attrs)
-    setups = [
-        assemble_problem(record, aircraft, specification, order_windows(record, own), rate, prior)
-        for record, own in zip(records, chosen)
-    ]
+    setups = []
+    for record, record_windows in zip(records, windows, strict=True):
+        setup = assemble_problem(
+            record,
+            aircraft,
+            specification=specification,
+            windows=order_windows(record, record_windows),
+            rate=rate,
+            prior=prior,
+        )
+        setups.append(setup)
     return first_equations(layout_unknowns(setups, free))
 
 
-def _batch(records, aircraft, fitted: BatchSolution, seen: Observability) -> Batch:
-
-    equations = fitted.equations
-    plan = equations.layout
+def _make_batch(records, aircraft, solution: BatchSolution, observability: Observability) -> Batch:
+    equations = solution.equations
     covariance, white = batch_covariances(equations)
-    paths = [_path(record, aircraft, i, fitted, covariance) for i, record in enumerate(records)]
-    given: dict[str, float] = {}
-    for setup in plan.setups:
-        for sensor in setup.problem.sensors:
-            given.update(zip(sensor.names, map(float, sensor.sigma)))
-    rms = equations.rms()
-    rows = [
-        {"channel": name, "given": given[name], "estimated": value, "readings": n}
-        for name, (value, n) in rms.items()
-    ]
+    paths = []
+    for run, record in enumerate(records):
+        path = _make_path(record, aircraft, run=run, solution=solution, covariance=covariance)
+        paths.append(path)
     return Batch(
         paths=paths,
-        estimates=_estimates(plan, equations.at.c, covariance, white),
+        estimates=_estimates(equations.layout, equations.at.c, covariance=covariance, white=white),
         starts=_starts(equations, covariance, white),
+<<<<<<< HEAD
         noise=pd.DataFrame(rows).set_index("channel"),
         visibility=seen,
         iterations=fitted.iterations,
@@ -263,28 +317,73 @@ def _path(record, aircraft, i: int, fitted: BatchSolution, covariance: np.ndarra
         equations.cost,
         fitted.iterations,
         settled=fitted.convergence.converged,
+=======
+        noise=_noise_table(equations),
+        visibility=observability,
+        iterations=solution.iterations,
     )
-    names = tuple(name for name, stays in zip(setup.problem.constants.names, held) if stays)
-    return path_of_solution(record, aircraft, replace(setup, held=names), solution)
+
+
+def _noise_table(equations: BatchEquations) -> pd.DataFrame:
+    """Return specified and estimated noise per channel."""
+    specified: dict[str, float] = {}
+    for setup in equations.layout.setups:
+        for sensor in setup.problem.sensors:
+            specified.update(zip(sensor.names, map(float, sensor.sigma), strict=True))
+    rows = []
+    for name, (value, count) in equations.rms().items():
+        rows.append(
+            {"channel": name, "given": specified[name], "estimated": value, "readings": count}
+        )
+    return pd.DataFrame(rows).set_index("channel")
+
+
+def _make_path(
+    record, aircraft, run: int, solution: BatchSolution, covariance: np.ndarray
+) -> FlightPath:
+    """Return the path of one record with the common constants."""
+    equations = solution.equations
+    layout, setup = equations.layout, equations.layout.setups[run]
+    constants = setup.problem.constants
+    places = layout.places[run]
+    free = layout.free[places]
+    # Fixed constants keep the covariance of their prior.
+    fixed = ~free
+    constants_covariance = np.where(np.outer(free, free), covariance[np.ix_(places, places)], 0.0)
+    constants_covariance[np.ix_(fixed, fixed)] = constants.covariance[np.ix_(fixed, fixed)]
+    trajectory = Solution(
+        equations.paths[run],
+        equations.at.c[places],
+        covariance=constants_covariance,
+        cost=equations.cost,
+        iterations=solution.iterations,
+        settled=True,
+>>>>>>> wt-reco
+    )
+    names = tuple(np.array(constants.names)[fixed].tolist())
+    return path_of_solution(record, aircraft, setup=replace(setup, held=names), solution=trajectory)
 
 
 def _estimates(
-    plan: BatchUnknowns, c: np.ndarray, covariance: np.ndarray, white: np.ndarray
+    layout: BatchUnknowns, c: np.ndarray, covariance: np.ndarray, white: np.ndarray
 ) -> xr.Dataset:
-    nc, names = len(plan.names), list(plan.names)
-    variance = np.diag(covariance)[:nc]
-    se = np.sqrt(np.where(plan.free, variance, np.diag(plan.covariance)))
-    both = np.outer(plan.free, plan.free)
-    correlation = np.where(both, covariance[:nc, :nc] / np.outer(se, se), np.eye(nc))
+    """Return the estimates of the constants. Fixed constants have their prior standard error."""
+    nc, names = len(layout.names), list(layout.names)
+    prior_variance = np.diag(layout.covariance)
+    stderr = np.sqrt(np.where(layout.free, np.diag(covariance)[:nc], prior_variance))
+    stderr_white = np.where(layout.free, np.sqrt(np.diag(white)[:nc]), stderr)
+    both_free = np.outer(layout.free, layout.free)
+    correlation = covariance[:nc, :nc] / np.outer(stderr, stderr)
+    correlation = np.where(both_free, correlation, np.eye(nc))
     return xr.Dataset(
         {
             "estimate": ("parameter", c),
-            "stderr": ("parameter", se),
-            "stderr_white": ("parameter", np.where(plan.free, np.sqrt(np.diag(white)[:nc]), se)),
-            "prior": ("parameter", plan.mean),
-            "prior_stderr": ("parameter", np.sqrt(np.diag(plan.covariance))),
-            "unit": ("parameter", list(plan.units)),
-            "free": ("parameter", plan.free),
+            "stderr": ("parameter", stderr),
+            "stderr_white": ("parameter", stderr_white),
+            "prior": ("parameter", layout.mean),
+            "prior_stderr": ("parameter", np.sqrt(prior_variance)),
+            "unit": ("parameter", list(layout.units)),
+            "free": ("parameter", layout.free),
             "correlation": (("parameter", "parameter_"), correlation),
         },
         coords={"parameter": names, "parameter_": names},
@@ -292,19 +391,25 @@ def _estimates(
 
 
 def _starts(equations: BatchEquations, covariance: np.ndarray, white: np.ndarray) -> xr.Dataset:
-    plan = equations.layout
-    rows, states = [], ["phi", "theta", "psi", "vn", "ve", "vd", "h", "alpha_vane", "beta_vane"]
-    for i, setup in enumerate(plan.setups):
+    """Return the starts of all segments with their standard errors."""
+    layout = equations.layout
+    stderr, stderr_white = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(white))
+    rows = []
+    for run, setup in enumerate(layout.setups):
         problem = setup.problem
-        names = [*states[:7], *problem.vanes]
-        for start, places, k in zip(equations.at.starts[i], plan.start_places(i), problem.starts):
-            columns = {
-                "estimate": start,
-                "stderr": np.sqrt(np.diag(covariance)[places]),
-                "stderr_white": np.sqrt(np.diag(white)[places]),
-            }
+        starts = zip(
+            equations.at.starts[run], layout.start_places(run), problem.starts, strict=True
+        )
+        for start, places, k in starts:
             row = xr.Dataset(
-                {key: ("state", value) for key, value in columns.items()}, coords={"state": names}
+                {
+                    "estimate": ("state", start),
+                    "stderr": ("state", stderr[places]),
+                    "stderr_white": ("state", stderr_white[places]),
+                },
+                coords={"state": [*_RIGID_STATES, *problem.vanes]},
             )
-            rows.append(row.assign(record=i, time=float(problem.time[k])).reindex(state=states))
+            row = row.assign(record=run, time=float(problem.time[k]))
+            # A record without a vane has NaN for its angle.
+            rows.append(row.reindex(state=list(_START_STATES)))
     return xr.concat(rows, dim="segment")

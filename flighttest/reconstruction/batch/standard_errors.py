@@ -1,13 +1,13 @@
-"""Standard errors of a batch fit: Cramer-Rao, and corrected for residuals that are correlated in
-time and for a noisy inertial unit.
+"""Observability of the constants of a batch fit, and standard errors of all unknowns.
 
-The fit takes the readings for the only random thing.  Two facts make its Cramer-Rao bounds too
+The fit takes the readings for the only random quantities. Two facts make its Cramer-Rao bounds too
 small:
 
-- residuals are correlated in time: their own autocorrelation replaces the white one;
-- the gyros and accelerometers that drive the path are noisy too, and their noise is summed up to a wandering path.
-  What it does to the estimate follows from the noise of the specification, by the adjoint of the
-  sensitivity equations: one backward running sum per unknown.
+- Residuals are correlated in time. Their autocorrelation replaces the autocorrelation of white
+  noise.
+- The gyros and accelerometers that drive the path are noisy. The path is the sum of their noise and
+  wanders. The effect on the estimate follows from the noise of the specification by the adjoint of
+  the sensitivity equations: one backward running sum per unknown.
 """
 
 from __future__ import annotations
@@ -23,13 +23,17 @@ from flightmech.simulation.normal_sums import driven_series
 from flighttest.reconstruction.batch.estimator import BatchEquations
 from flighttest.reconstruction.batch.unknowns import driven_paths, window_slices
 
-RANK = 1e-10  # of the largest eigenvalue of the information scaled to unit diagonal
-PART = 0.2  # of the largest component: smaller ones are left out of the words
+# Share of the largest eigenvalue of the scaled information above which a direction counts as seen.
+RANK = 1e-10
+# Share of the largest component of a direction below which a constant is not named.
+PART = 0.2
+WINDOW = 0.1  # lag window over the length of a segment
+_TINY = 1e-300  # prevents division by zero
 
 
 @dataclass(frozen=True)
 class Observability:
-    """What the readings determine of the constants, the starts of the path unknown.
+    """Information of the readings on the constants, for unknown starts of the path.
 
     Attributes
     ----------
@@ -50,9 +54,9 @@ class Observability:
     condition: float
 
     def hidden(self, limit: float = 1.0) -> list[str]:
-        """Return in words the combinations that weigh less than `limit`."""
+        """Return a sentence on each combination with a weight below `limit`."""
         weights = self.directions["weight"].values
-        return [self._words(i) for i in np.flatnonzero(weights < limit).tolist()]
+        return [self._describe_direction(i) for i in np.flatnonzero(weights < limit).tolist()]
 
     def report(self) -> str:
         """Return rank, condition and hidden combinations as text."""
@@ -60,15 +64,17 @@ class Observability:
             f"before the fit: rank {self.rank} of {self.constants} constants, condition "
             f"number {self.condition:.3g}"
         )
-        words = [f"  ! {word}" for word in self.hidden()]
-        return "\n".join([head, *(words or ["  every constant is seen"])])
+        sentences = [f"  ! {sentence}" for sentence in self.hidden()]
+        return "\n".join([head, *(sentences or ["  every constant is seen"])])
 
-    def _words(self, i: int) -> str:
+    def _describe_direction(self, i: int) -> str:
         row = self.directions.isel(direction=i)
         move, share = row["move"].values, np.abs(row["component"].values)
+        # constants with a large part in the direction, the largest first
         large = np.flatnonzero(share > PART * share.max())
         large = large[np.argsort(-share[large])]
         names, units = row["parameter"].values, row["unit"].values
+        # The sign of a direction is arbitrary: the first constant moves upwards.
         sign = np.sign(move[large[0]])
         parts = [f"{names[j]} {sign * move[j]:+.3g} {units[j]}".removesuffix(" 1") for j in large]
         noise = np.sqrt(max(float(row["weight"]), 0.0))
@@ -85,26 +91,19 @@ class Observability:
 
 
 def determine_observability(equations: BatchEquations) -> Observability:
-    """Return what the readings determine of the free constants.
+    """Return the information of the readings on the free constants.
 
     Parameters
     ----------
-    equations : Equations
-        At the start.
+    equations : BatchEquations
+        Equations at the start.
     """
     layout = equations.layout
-    nc = len(layout.names)
     free = np.flatnonzero(layout.free)
-    rest = np.arange(nc, layout.size)
-    normal = equations.normal.copy()
-    normal[:nc, :nc] -= layout.prior_information()
-    starts = normal[np.ix_(rest, rest)]
-    scale = 1.0 / np.sqrt(np.diag(starts))
-    root = np.linalg.cholesky(starts * np.outer(scale, scale))
-    half = np.linalg.solve(root, scale[:, None] * normal[np.ix_(rest, free)])
-    information = normal[np.ix_(free, free)] - half.T @ half
-    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    own = np.linalg.eigvalsh(information / np.outer(size, size))
+    information = _constants_information(equations, free)
+    size = np.sqrt(np.maximum(np.diag(information), _TINY))
+    eigenvalues = np.linalg.eigvalsh(information / np.outer(size, size))
+    # In units of the prior standard deviations, an eigenvalue is the weight of a direction.
     sigma = np.sqrt(np.diag(layout.covariance))[free]
     weight, component = np.linalg.eigh(information * np.outer(sigma, sigma))
     directions = xr.Dataset(
@@ -116,35 +115,49 @@ def determine_observability(equations: BatchEquations) -> Observability:
         },
         coords={"parameter": [layout.names[i] for i in free]},
     )
-    rank = int((own > RANK * own[-1]).sum())
-    return Observability(
-        directions, rank, len(free), float(own[-1] / own[0]) if own[0] > 0.0 else np.inf
-    )
+    rank = int((eigenvalues > RANK * eigenvalues[-1]).sum())
+    condition = np.inf
+    if eigenvalues[0] > 0.0:
+        condition = float(eigenvalues[-1] / eigenvalues[0])
+    return Observability(directions, rank, constants=len(free), condition=condition)
 
 
-def demand_sight(found: Observability) -> None:
-    """Refuse to estimate from the readings alone what they do not show.
+def _constants_information(equations: BatchEquations, free: np.ndarray) -> np.ndarray:
+    """Return the information of the readings on free constants, without the prior."""
+    layout = equations.layout
+    nc = len(layout.names)
+    starts = np.arange(nc, layout.size)
+    normal = equations.normal.copy()
+    normal[:nc, :nc] -= layout.prior_information()
+    # Schur complement C - B' S^-1 B, with S = L L' the block of the starts, scaled to unit diagonal
+    block = normal[np.ix_(starts, starts)]
+    scale = 1.0 / np.sqrt(np.diag(block))
+    root = np.linalg.cholesky(block * np.outer(scale, scale))
+    half = np.linalg.solve(root, scale[:, None] * normal[np.ix_(starts, free)])
+    return normal[np.ix_(free, free)] - half.T @ half
+
+
+def demand_sight(observability: Observability) -> None:
+    """Refuse to estimate constants from readings that do not determine them.
 
     Raises
     ------
     IdentificationError
-        With all combinations of which the readings are less informative than the specification of
-        the instruments.
+        The readings on some combinations are less informative than the specification of the
+        instruments. The message names all of them.
     """
-    blind = found.hidden()
-    if blind:
+    hidden = observability.hidden()
+    if hidden:
         raise IdentificationError(
             "the readings do not determine these constants (leave `free` out, and their "
-            "priors take part):\n  - " + "\n  - ".join(blind)
+            "priors take part):\n  - " + "\n  - ".join(hidden)
         )
 
 
-WINDOW = 0.1  # lag window over the length of a segment
-
-
 def batch_covariances(equations: BatchEquations) -> tuple[np.ndarray, np.ndarray]:
-    """Return the corrected and the white (Cramer-Rao) covariance of all unknowns; zero for those
-    not estimated.
+    """Return the corrected and the white (Cramer-Rao) covariance of all unknowns.
+
+    Both are zero for unknowns that are not estimated.
 
     Notes
     -----
@@ -153,10 +166,10 @@ def batch_covariances(equations: BatchEquations) -> tuple[np.ndarray, np.ndarray
         D = (S' R^-1 S + P0^-1)^-1
         corrected = D [P0^-1 + sum_ij S_i' R^-1 Rvv(i - j) R^-1 S_j + sum_i T_i' Q T_i] D
 
-    Rvv: biased autocorrelation of the residuals of each channel with Bartlett's taper over a tenth
-    of the segment; T_i: gradient by the noise of the inertial unit at sample i, Q its variance.
-    Where the autocorrelation makes a variance smaller than white residuals would (it is itself
-    estimated), the white one stays.
+    Rvv is the biased autocorrelation of the residuals of each channel with Bartlett's taper over a
+    tenth of the segment. T_i is the gradient by the noise of the inertial unit at sample i, and Q
+    the variance of this noise. The autocorrelation is an estimate. Where it makes a variance
+    smaller than white residuals do, the variance for white residuals is used.
 
     References
     ----------
@@ -164,28 +177,29 @@ def batch_covariances(equations: BatchEquations) -> tuple[np.ndarray, np.ndarray
     .. [MaineIliff] Maine, Iliff, NASA RP-1138, 1985.
     """
     layout = equations.layout
-    move = np.ix_(layout.moving, layout.moving)
+    movable = np.ix_(layout.moving, layout.moving)
     D = np.zeros_like(equations.normal)
-    scale = 1.0 / np.sqrt(np.diag(equations.normal[move]))
-    D[move] = np.linalg.inv(equations.normal[move] * np.outer(scale, scale)) * np.outer(
-        scale, scale
-    )
-    coloured, rest = residual_noise(equations)
-    floor = np.diag(D) + np.diag(D @ rest @ D)
+    scale = 1.0 / np.sqrt(np.diag(equations.normal[movable]))
+    scales = np.outer(scale, scale)
+    D[movable] = np.linalg.inv(equations.normal[movable] * scales) * scales
+    coloured, inertial = residual_noise(equations)
+    floor = np.diag(D) + np.diag(D @ inertial @ D)
+    # inertial noise, and the priors of constants and starts
+    others = inertial
     nc = len(layout.names)
-    rest[:nc, :nc] += layout.prior_information()
+    others[:nc, :nc] += layout.prior_information()
     for run, setup in enumerate(layout.setups):
         places = layout.start_places(run)
-        rest[places, places] += 1.0 / setup.problem.start_sigma**2
-    corrected = D @ (coloured + rest) @ D
-    short = np.sqrt(np.maximum(floor / np.maximum(np.diag(corrected), 1e-300), 1.0))
-    corrected *= np.outer(short, short)
+        others[places, places] += 1.0 / setup.problem.start_sigma**2
+    corrected = D @ (coloured + others) @ D
+    # Raise each variance to the floor and keep the correlations.
+    raise_to_floor = np.sqrt(np.maximum(floor / np.maximum(np.diag(corrected), _TINY), 1.0))
+    corrected *= np.outer(raise_to_floor, raise_to_floor)
     return (corrected + corrected.T) / 2.0, D
 
 
 def residual_noise(equations: BatchEquations) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the gradient takes from residuals correlated in time, and from the noise of gyros
-    and accelerometers.
+    """Return the variance of the gradient from coloured residuals and from inertial noise.
 
     Returns
     -------
@@ -197,55 +211,65 @@ def residual_noise(equations: BatchEquations) -> tuple[np.ndarray, np.ndarray]:
     layout = equations.layout
     coloured, inertial = np.zeros_like(equations.normal), np.zeros_like(equations.normal)
     for run, setup in enumerate(layout.setups):
-        problem, at = setup.problem, layout.places[run]
-        swept, places = equations.swept(run)
-        pressed = np.zeros((*swept.x.shape, len(places[0])))
-        for part in equations.parts(run, swept):
+        problem = setup.problem
+        path, places = equations.linearise_path(run)
+        # weighted derivatives of the readings by the states, per sample: input of the adjoint
+        adjoint = np.zeros((*path.x.shape, len(places[0])))
+        for part in equations.segment_readings(run, path):
             sigma = np.array([equations.sigma[name] for name in part.names])
             series = driven_series(
-                swept.X[part.samples],
+                path.X[part.samples],
                 len(places[0]),
                 part.readings,
                 1.0 / sigma,
-                pressed[part.samples],
+                adjoint[part.samples],
             )
-            for S, r, own in zip(series, part.readings.r.T, sigma, strict=True):
-                used = np.flatnonzero(S.any(axis=1))
-                chosen = places[part.segment][used]
-                coloured[np.ix_(chosen, chosen)] += correlated_variance(S[used] / own, r / own)
-        paths = driven_paths(problem, equations.at.c[at], swept.x, swept.columns)
-        for path, samples, own in zip(paths, window_slices(problem), places, strict=True):
-            products = np.zeros((len(own), len(own)))
-            path.add_noise(swept.x[samples], problem.noise, pressed[samples], products)
-            inertial[np.ix_(own, own)] += products
+            for S, r, noise in zip(series, part.readings.r.T, sigma, strict=True):
+                involved = np.flatnonzero(S.any(axis=1))
+                indices = places[part.segment][involved]
+                variance = correlated_variance(S[involved] / noise, r / noise)
+                coloured[np.ix_(indices, indices)] += variance
+        c = equations.at.c[layout.places[run]]
+        windows = driven_paths(problem, c, before=path.x, columns=path.columns)
+        for window, samples, indices in zip(windows, window_slices(problem), places, strict=True):
+            products = np.zeros((len(indices), len(indices)))
+            window.add_noise(path.x[samples], problem.noise, adjoint[samples], products)
+            inertial[np.ix_(indices, indices)] += products
     return coloured, inertial
 
 
 def correlated_variance(S: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """Return sum_ij S_i Rvv(i - j) S_j' of series S (u, N), Rvv the autocorrelation of r (N,), see
-    `tapered_autocorrelation`.
+    """Return sum_ij S_i Rvv(i - j) S_j' of series S (u, N).
+
+    Rvv is the autocorrelation of r (N,), see `tapered_autocorrelation`.
 
     Notes
     -----
-    Parseval: the sum over the frequencies of the spectra of S, each with the spectrum of Rvv, both long enough not to wrap around.
+    Parseval's theorem: the result is the sum over the frequencies of the spectra of S, each times
+    the spectrum of Rvv. The transforms are long enough that no product wraps around.
     """
-    right = tapered_autocorrelation(r)
-    size = next_fast_len(S.shape[1] + len(right) - 1, real=True)
-    both = np.zeros(size)
-    both[: len(right)] = right
-    both[size - len(right) + 1 :] = right[:0:-1]
-    weight = rfft(both).real / size
-    weight[1 : (size + 1) // 2] *= 2.0  # stand for the negative frequencies too
+    lags = tapered_autocorrelation(r)
+    size = next_fast_len(S.shape[1] + len(lags) - 1, real=True)
+    # autocorrelation at positive and negative lags, the negative lags at the end
+    symmetric = np.zeros(size)
+    symmetric[: len(lags)] = lags
+    symmetric[size - len(lags) + 1 :] = lags[:0:-1]
+    weight = rfft(symmetric).real / size
+    # Each positive frequency also represents its negative.
+    weight[1 : (size + 1) // 2] *= 2.0
     F = rfft(S, size, axis=1)
     parts = np.concatenate([F.real, F.imag], axis=1)
     return (parts * np.concatenate([weight, weight])) @ parts.T
 
 
 def tapered_autocorrelation(r: np.ndarray) -> np.ndarray:
-    """Return the biased autocorrelation at lags 0, 1, ..., Bartlett's taper over a tenth of the
-    record.
+    """Return the biased autocorrelation at lags 0, 1, ... (window,).
+
+    Bartlett's taper goes over a tenth of the record.
     """
     N = len(r)
     window = max(1, round(WINDOW * N))
     size = next_fast_len(N + window - 1, real=True)
-    return irfft(np.abs(rfft(r, size)) ** 2, size)[:window] / N * (1.0 - np.arange(window) / window)
+    products = irfft(np.abs(rfft(r, size)) ** 2, size)[:window]
+    taper = 1.0 - np.arange(window) / window
+    return products / N * taper

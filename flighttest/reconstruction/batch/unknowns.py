@@ -1,12 +1,10 @@
-"""Where the unknowns of one or many records stand: common constants, constants of single records,
-starts of segments.
-"""
+"""Order of the unknowns of a batch fit: common constants, constants of one record, starts."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 
@@ -26,16 +24,18 @@ class BatchUnknowns:
     setups : sequence of Setup
         One per record.
     names, units : tuple of str
-        Constants; those of a single record carry its number when there are several, ``wind_n.2``.
+        Constants. If there are several records, a constant of one record has its number as suffix:
+        ``wind_n.2``.
     mean : array (nc,)
+        Prior mean of the constants.
     covariance : array (nc, nc)
-        Their prior.
+        Prior covariance of the constants.
     places : list of array
-        Per record: places of its constants among all.
+        Per record: indices of its constants among all constants.
     free : array of bool (nc,)
         Constants to estimate.
     weighed : bool
-        Whether the prior takes part; otherwise the free constants come from the readings alone.
+        Whether the prior takes part. Otherwise the free constants follow from the readings alone.
     """
 
     setups: Sequence[Setup]
@@ -48,33 +48,37 @@ class BatchUnknowns:
     weighed: bool
 
     def start_places(self, run: int) -> np.ndarray:
-        """Return the places of the starts of a record among all unknowns (segments, n)."""
-        first = len(self.names) + sum(self._starts(i) for i in range(run))
-        return first + np.arange(self._starts(run)).reshape(-1, self.setups[run].problem.states)
+        """Return the indices of the starts of a record among all unknowns (segments, n)."""
+        # Constants come first, then the starts of the records before.
+        first = len(self.names) + sum(map(_count_starts, self.setups[:run]))
+        setup = self.setups[run]
+        return first + np.arange(_count_starts(setup)).reshape(-1, setup.problem.states)
 
     @property
     def size(self) -> int:
-        """Number of unknowns, held constants included."""
-        return len(self.names) + sum(self._starts(i) for i in range(len(self.setups)))
+        """Number of unknowns, fixed constants included."""
+        return len(self.names) + sum(map(_count_starts, self.setups))
 
     @property
     def moving(self) -> np.ndarray:
-        """Places of the unknowns that are estimated."""
+        """Indices of the unknowns that are estimated."""
         return np.append(np.flatnonzero(self.free), np.arange(len(self.names), self.size))
 
     def prior_information(self) -> np.ndarray:
-        """Return the information of the prior on the free constants (nc, nc); zeros where it takes
-        no part.
-        """
-        found = np.zeros((len(self.names), len(self.names)))
-        if self.weighed:
-            f = np.ix_(self.free, self.free)
-            found[f] = invert_covariance(self.covariance[f])
-        return found
+        """Return the information of the prior on the free constants (nc, nc).
 
-    def _starts(self, run: int) -> int:
-        problem = self.setups[run].problem
-        return len(problem.starts) * problem.states
+        It is zero for fixed constants, and for a prior that takes no part.
+        """
+        information = np.zeros((len(self.names), len(self.names)))
+        if self.weighed:
+            free = np.ix_(self.free, self.free)
+            information[free] = invert_covariance(self.covariance[free])
+        return information
+
+
+def _count_starts(setup: Setup) -> int:
+    """Return the number of unknowns in the starts of all segments of a record."""
+    return len(setup.problem.starts) * setup.problem.states
 
 
 def layout_unknowns(setups: Sequence[Setup], free: Sequence[str] | None) -> BatchUnknowns:
@@ -83,50 +87,72 @@ def layout_unknowns(setups: Sequence[Setup], free: Sequence[str] | None) -> Batc
     Parameters
     ----------
     setups : sequence of Setup
+        One per record.
     free : sequence of str, optional
-        Constants to estimate from the readings alone; without it all, with their prior.
+        Constants to estimate from the readings alone. By default all constants are estimated, with
+        their prior.
 
     Raises
     ------
     UnknownName
         `free` holds a name that no record has.
     SchemaError
-        `free` is empty of names.
+        `free` holds no name.
     """
-    known = dict.fromkeys(name for setup in setups for name in setup.problem.constants.names)
+    _check_free(setups, free)
+    labels = []
+    for run, setup in enumerate(setups):
+        labels.append(_label_constants(setup, run, len(setups)))
+    names = tuple(dict.fromkeys(chain.from_iterable(labels)))
+    nc = len(names)
+    mean, covariance = np.zeros(nc), np.zeros((nc, nc))
+    units = [""] * nc
+    is_free = np.zeros(nc, bool)
+    places = []
+    for setup, run_labels in zip(setups, labels, strict=True):
+        indices = np.array([names.index(label) for label in run_labels])
+        places.append(indices)
+        constants = setup.problem.constants
+        mean[indices] = constants.mean
+        covariance[np.ix_(indices, indices)] = constants.covariance
+        for i, name, unit in zip(indices, constants.names, constants.units, strict=True):
+            units[i] = unit
+            is_free[i] = free is None or name in free
+    return BatchUnknowns(
+        setups,
+        names,
+        units=tuple(units),
+        mean=mean,
+        covariance=covariance,
+        places=places,
+        free=is_free,
+        weighed=free is None,
+    )
+
+
+def _check_free(setups: Sequence[Setup], free: Sequence[str] | None) -> None:
+    constants: dict[str, None] = {}
+    for setup in setups:
+        constants |= dict.fromkeys(setup.problem.constants.names)
     for name in free or ():
-        if name not in known:
-            raise UnknownName(name, known, "constant of the reconstruction")
+        if name not in constants:
+            raise UnknownName(name, constants, "constant of the reconstruction")
     if free is not None and not free:
         raise SchemaError(
             "batch reconstruction",
             ["no constant to estimate; name some, or leave `free` out for all"],
         )
-    numbered = len(setups) > 1
-    labels = [
-        [
-            f"{name}.{i + 1}" if numbered and name in PER_RUN else name
-            for name in setup.problem.constants.names
-        ]
-        for i, setup in enumerate(setups)
-    ]
-    names = tuple(dict.fromkeys(label for of_run in labels for label in of_run))
-    places = [np.array([names.index(label) for label in of_run]) for of_run in labels]
-    mean, covariance, units = (
-        np.zeros(len(names)),
-        np.zeros((len(names), len(names))),
-        [""] * len(names),
-    )
-    chosen = np.zeros(len(names), bool)
-    for setup, at in zip(setups, places, strict=True):
-        constants = setup.problem.constants
-        mean[at], covariance[np.ix_(at, at)] = constants.mean, constants.covariance
-        for place, name, unit in zip(at, constants.names, constants.units, strict=True):
-            units[place] = unit
-            chosen[place] = free is None or name in free
-    return BatchUnknowns(
-        setups, names, tuple(units), mean, covariance, places, chosen, free is None
-    )
+
+
+def _label_constants(setup: Setup, run: int, runs: int) -> list[str]:
+    """Return the names of the constants of a record among the constants of all records."""
+    labels = []
+    for name in setup.problem.constants.names:
+        # Air differs from record to record, instruments do not.
+        if runs > 1 and name in PER_RUN:
+            name = f"{name}.{run + 1}"
+        labels.append(name)
+    return labels
 
 
 @dataclass(frozen=True)
@@ -138,10 +164,9 @@ class PathSensitivities:
     x : array (N, n)
         States, as in `PathProblem`.
     X : array (N, n, n + driving)
-        Derivative by the start of the segment that the sample belongs to, then by the driving
-        constants.
+        Derivative by the start of the segment of the sample, then by the driving constants.
     columns : array (driving,)
-        Places of the driving constants among all constants.
+        Indices of the driving constants among the constants of the record.
     """
 
     x: np.ndarray
@@ -158,25 +183,24 @@ def window_slices(problem: PathProblem) -> list[slice]:
 def driven_paths(
     problem: PathProblem, c: np.ndarray, before: np.ndarray, columns: np.ndarray
 ) -> list[DrivenPath]:
-    """Return the path of each window for constants c (nc,), what depends on it weakly from the path
-    `before` (N, n).
+    """Return the path of each window for constants c (nc,).
+
+    Terms that depend weakly on the path are computed from the path `before` (N, n).
     """
-    return [driven_path(problem, before, c, columns, part) for part in window_slices(problem)]
+    parts = window_slices(problem)
+    return [driven_path(problem, before, c=c, columns=columns, part=part) for part in parts]
 
 
 def path_of(
     problem: PathProblem, starts: np.ndarray, c: np.ndarray, before: np.ndarray
 ) -> np.ndarray:
-    """Return the states that follow from the starts of the segments (segments, n) and constants
-    (nc,); `before` as in `driven_paths`.
+    """Return the states (N, n) that follow from starts (segments, n) and constants (nc,).
+
+    `before` is as in `driven_paths`.
     """
     x = np.empty_like(before)
-    for path, part, start in zip(
-        driven_paths(problem, c, before, np.zeros(0, int)),
-        window_slices(problem),
-        starts,
-        strict=True,
-    ):
+    paths = driven_paths(problem, c, before=before, columns=np.zeros(0, int))
+    for path, part, start in zip(paths, window_slices(problem), starts, strict=True):
         path.follow(start, x[part])
     return x
 
@@ -184,13 +208,14 @@ def path_of(
 def path_sensitivities(
     problem: PathProblem, starts: np.ndarray, c: np.ndarray, before: np.ndarray, free: np.ndarray
 ) -> PathSensitivities:
-    """Return states and sensitivities to the constants in the mask `free` (nc,); other arguments as
-    `path_of`.
+    """Return states and their sensitivities to the constants in the mask `free` (nc,).
+
+    The other arguments are as in `path_of`.
     """
     columns, n = driving_constants(problem, free), problem.states
-    x, X = np.empty((len(before), n)), np.empty((len(before), n, n + len(columns)))
-    for path, part, start in zip(
-        driven_paths(problem, c, before, columns), window_slices(problem), starts, strict=True
-    ):
+    x = np.empty((len(before), n))
+    X = np.empty((len(before), n, n + len(columns)))
+    paths = driven_paths(problem, c, before=before, columns=columns)
+    for path, part, start in zip(paths, window_slices(problem), starts, strict=True):
         path.follow(start, x[part], X[part])
     return PathSensitivities(x, X, columns)

@@ -13,21 +13,24 @@ from flightmech.errors import ParseError
 from flightmech.support.hdf5_seal import demand_self_contained
 from flighttest.records.stored_groups import plain_group
 
+_OPTIONAL_GROUPS = ("errors", "biases")
+_EXPECTED = "a path as `aeromatch flight reconstruct -o` writes it"
+
 
 @dataclass(frozen=True)
 class SavedPath:
-    """What `coefficients` needs of a reconstruction.
+    """Part of a reconstruction that `coefficients` needs.
 
     Attributes
     ----------
     states : Dataset (time,)
-        As of `flighttest.reconstruction.FlightPath`. [SI]
+        As in `flighttest.reconstruction.FlightPath`. [SI]
     errors : Dataset (error, time) or None
-        Change of the states for one standard error of each independent error of the instruments;
-        None when the file has none.
+        Change of the states for one standard error of each independent error of the instruments.
+        None if the file does not have this group.
     biases : Dataset (parameter,) or None
-        Constants of the instruments, as of `flighttest.reconstruction.FlightPath`; None when the file has
-        none.
+        Constants of the instruments, as in `flighttest.reconstruction.FlightPath`. None if the file
+        does not have this group.
     """
 
     states: xr.Dataset
@@ -36,72 +39,65 @@ class SavedPath:
 
 
 def open_path(path: str | os.PathLike, described: bool = True) -> SavedPath:
-    """Return what a reconstruction file holds: its groups ``states``, ``errors`` and ``biases``, or
-    states in its root.
+    """Return the content of a reconstruction file.
+
+    The file has groups ``states``, ``errors`` and ``biases``, or states in its root.
 
     Parameters
     ----------
     path : path
     described : bool
-        With the attributes of the variables; without them a file of plain numbers is read in two
-        thirds of the time.
+        Whether the variables have their attributes. Without attributes a file of plain numbers is
+        read faster.
 
     Raises
     ------
     ParseError
-        Not a netCDF file, or one without states over time.
+        The file is not a netCDF file, or has no states over time.
     """
     demand_self_contained(path)
-    plain = _plain(path, described)
+    plain = _read_plain(path, described)
     if plain is not None:
         return plain
     try:
         with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
             states = tree.children.get("states", tree).to_dataset(inherit=False).load()
-            rest = {
-                name: tree.children[name].to_dataset(inherit=False).load()
-                for name in _REST
-                if name in tree.children
-            }
+            groups = {}
+            for name in _OPTIONAL_GROUPS:
+                if name in tree.children:
+                    groups[name] = tree.children[name].to_dataset(inherit=False).load()
     except (OSError, ValueError, KeyError) as error:
+        # A missing file keeps the error of the operating system.
         if not Path(path).exists():
             raise
-        raise ParseError(
-            str(path),
-            0,
-            f"no netCDF-4 content ({error})",
-            "a path as `aeromatch flight reconstruct -o` writes it",
-        ) from error
+        raise ParseError(str(path), 0, f"no netCDF-4 content ({error})", _EXPECTED) from error
     if "time" not in states.dims:
-        raise ParseError(
-            str(path),
-            0,
-            "no states over time",
-            "a path as `aeromatch flight reconstruct -o` writes it",
-        )
-    return SavedPath(states, **rest)
+        raise ParseError(str(path), 0, "no states over time", _EXPECTED)
+    return SavedPath(states, **groups)
 
 
-_REST = ("errors", "biases")
+def _read_plain(path: str | os.PathLike, described: bool) -> SavedPath | None:
+    """Return the content of a file of plain numbers; None for any other file.
 
-
-def _plain(path: str | os.PathLike, described: bool) -> SavedPath | None:
-    """Return what a file of plain numbers holds; None of any other, which xarray reads or refuses."""
-
+    The general reader reads or refuses all other files.
+    """
+    groups = {}
     try:
         with h5py.File(path, "r") as file:
             states = plain_group(file.get("states", file), described)
-            rest = {name: plain_group(file[name], described) for name in _REST if name in file}
+            for name in _OPTIONAL_GROUPS:
+                if name in file:
+                    groups[name] = plain_group(file[name], described)
     except (OSError, RuntimeError, ValueError, KeyError, TypeError, AttributeError):
         return None
-    whole = (
-        states is not None
-        and "time" in states.dims
-        and all(found is not None for found in rest.values())
-    )
-    return SavedPath(states, **rest) if states is not None and whole else None
+    # `plain_group` returns None for a group that has more than plain numbers.
+    if states is None or "time" not in states.dims:
+        return None
+    if any(group is None for group in groups.values()):
+        return None
+    return SavedPath(states, **groups)
 
 
 def open_states(path: str | os.PathLike) -> xr.Dataset:
-    """Return the states of a reconstruction file alone; errors as of `open_path`."""
+    """Return the states of a reconstruction file; raises as `open_path`."""
     return open_path(path).states

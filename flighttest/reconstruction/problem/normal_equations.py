@@ -1,15 +1,14 @@
-"""Gauss-Newton normal equations of a trajectory with constants: block-tridiagonal with a dense
-border.
+"""Gauss-Newton normal equations of a trajectory with constants.
 
-Unknowns are the state x_k at N samples (n each) and nc constants c.  Every residual touches two neighbouring states at
-most, so the normal matrix is ::
+Unknowns are the state x_k at N samples (n each) and nc constants c. Every residual depends on two
+neighbouring states at most. The normal matrix is therefore block-tridiagonal with a dense border::
 
     [ T   G ]   T: N x N blocks of n x n, block-tridiagonal, symmetric
     [ G'  C ]   G: N blocks of n x nc;  C: nc x nc
 
-T is factored by blocks, the constants follow from the Schur complement S = C - G' T^-1 G, whose
-inverse is their posterior covariance.  One step costs O(N n^2 (n + nc)).  On a trajectory this is
-the iterated extended Kalman smoother of [Bell1994] without its recursions.
+T is factored by blocks. The constants follow from the Schur complement S = C - G' T^-1 G, whose
+inverse is their posterior covariance. One step costs O(N n^2 (n + nc)). On a trajectory this is the
+iterated extended Kalman smoother of [Bell1994] without its recursions.
 
 References
 ----------
@@ -27,141 +26,201 @@ from flightmech.errors import IdentificationError
 from flightmech.simulation.driven_path import DrivenPath
 from flightmech.simulation.normal_sums import Elimination, NormalSums
 
-AT_ONCE = 8  # directions of the constants: more do not stay in the cache
+# Number of directions of the constants that are substituted together. More do not stay in the cache.
+AT_ONCE = 8
 
 
 class NormalEquations:
-    """Sum of squared, whitened residuals, linearised: ``cost``, gradient and normal matrix by
-    blocks.
+    """Sum of squared, whitened residuals, linearised.
 
     Parameters
     ----------
     samples, states, constants : int
         N, n and nc.
+
+    Attributes
+    ----------
+    D, O : array
+        Blocks of T on the diagonal (N, n, n) and next to it.
+    G, C : array
+        Border and block of the constants.
+    gx, gc : array
+        Gradient by states (N, n) and constants (nc,).
     """
 
     def __init__(self, samples: int, states: int, constants: int):
         self.sums = NormalSums(samples, states, constants)
         self.D, self.O, self.G, self.C = self.sums.D, self.sums.O, self.sums.G, self.sums.C
         self.gx, self.gc = self.sums.gx, self.sums.gc
-        self._rest: Elimination | None = None
+        self._elimination: Elimination | None = None
 
     @property
     def cost(self) -> float:
-        """Twice the negative log density, but for a constant."""
+        """Twice the negative log density, without its constant."""
         return self.sums.cost
 
     def clear(self) -> None:
         """Set all sums to zero, see `NormalSums.clear`."""
         self.sums.clear()
-        self._rest = None
+        self._elimination = None
 
     def reuse_elimination(self, other: NormalEquations) -> None:
-        """Take over the memory of the elimination of equations that are not solved again."""
+        """Reuse the memory of the elimination of equations that are not solved again."""
         self.sums.reuse_elimination(other.sums)
-        other._rest = None
+        other._elimination = None
 
     def add_steps(self, r, A, B, columns, Jc, weight) -> None:
-        """Add residuals between neighbours, and what they are multiplied by: r, weight (N-1, m), Jc
-        (N-1, m, columns).
+        """Add residuals between neighbouring samples.
 
-        A = dr/dx_k and B = dr/dx_k+1 (N-1, m, q) are the derivatives by the first q of the state.
+        Parameters
+        ----------
+        r, weight : array (N-1, m)
+            Residuals and the factors that whiten them.
+        A, B : array (N-1, m, q)
+            dr/dx_k and dr/dx_k+1, by the first q variables of the state.
+        columns : array of int
+            Indices of the constants involved.
+        Jc : array (N-1, m, columns)
+            Derivative by these constants.
         """
         self.sums.steps(r, weight, A, B, columns, Jc)
 
     def add_path_steps(self, path: DrivenPath, weight, columns) -> None:
-        """Add what the instruments would have to be wrong by between the samples, see
-        `NormalSums.path_steps`.
-        """
+        """Add the instrument errors that explain the steps, see `NormalSums.path_steps`."""
         self.sums.path_steps(path, weight, columns)
 
     def add_samples(self, r, k, f, J, columns, Jc, weight) -> None:
-        """Add residuals of outputs at the state (1-f) x_k + f x_k+1, and what they are multiplied
-        by.
+        """Add residuals of outputs at the state (1-f) x_k + f x_k+1.
 
-        r (M, m), k and f (M,), J (M, m, n) or that of all readings (1, m, n), Jc (M, m, columns),
-        weight (m,).
+        Parameters
+        ----------
+        r : array (M, m)
+            Residuals.
+        k, f : array (M,)
+            Positions of the readings.
+        J : array (M, m, n) or (1, m, n)
+            Derivative by the state, of each reading or of all.
+        columns : array of int
+            Indices of the constants involved.
+        Jc : array (M, m, columns)
+            Derivative by these constants.
+        weight : array (m,)
+            Factors that whiten the residuals.
         """
-        last = np.flatnonzero(J.any(axis=(0, 1)))[-1:] + 1  # states behind it have no part
-        self.sums.readings(r, weight, k, f, J[..., : int(last[0]) if len(last) else 0], columns, Jc)
+        # State variables after the last one with a derivative do not take part.
+        involved = np.flatnonzero(J.any(axis=(0, 1)))
+        count = 0
+        if len(involved):
+            count = int(involved[-1] + 1)
+        self.sums.readings(r, weight, k, f, J[..., :count], columns, Jc)
 
     def add_state(self, k: int, r, weight) -> None:
-        """Add a prior on one state: residual r (n,) already divided by its standard error, weight =
-        1/standard error (n,).
+        """Add a prior on the state of sample k.
+
+        Parameters
+        ----------
+        k : int
+        r : array (n,)
+            Residual over its standard error.
+        weight : array (n,)
+            One over the standard error.
         """
         self.D[k] += np.diag(weight**2)
         self.gx[k] += weight * r
         self.sums.cost += float(r @ r)
 
     def add_prior(self, deviation, precision) -> None:
-        """Add a prior on the constants: deviation from its mean (nc,) and the inverse of its
-        covariance (nc, nc).
+        """Add a prior on the constants.
+
+        Parameters
+        ----------
+        deviation : array (nc,)
+            Constants less their prior mean.
+        precision : array (nc, nc)
+            Inverse of the prior covariance.
         """
         self.C += precision
         self.gc += precision @ deviation
         self.sums.cost += float(deviation @ precision @ deviation)
 
     def solve(self, free: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the Gauss-Newton step of states (N, n) and constants (nc,), and the information on
-        the constants (nc, nc).
+        """Return the Gauss-Newton step.
 
         Parameters
         ----------
         free : array of bool (nc,), optional
-            Constants that may move; all without it.
+            Constants that may move; all by default.
+
+        Returns
+        -------
+        dx : array (N, n)
+            Step of the states.
+        dc : array (nc,)
+            Step of the constants.
+        information : array (nc, nc)
+            Information on the constants, the Schur complement S.
 
         Raises
         ------
         IdentificationError
-            The normal matrix is singular: something is neither measured nor bounded by a prior.
+            The normal matrix is singular: an unknown has neither a reading nor a prior.
         """
-
-        constants = len(self.C)
-        rest = self._rest = self._eliminated()
-        border = rest.border
+        elimination = self._elimination = self._eliminate_states()
+        # G' T^-1 [G gx]
+        border = elimination.border
         schur = self.C - border[:-1, :-1]
-        dc = np.zeros(constants)
-        move = np.arange(constants) if free is None else np.flatnonzero(free)
-        if len(move):
-            scale = 1.0 / np.sqrt(np.diag(self.C)[move])
+        dc = np.zeros(len(self.C))
+        movable = np.arange(len(self.C))
+        if free is not None:
+            movable = np.flatnonzero(free)
+        if len(movable):
+            # Scaled, because the units of the constants differ by powers of ten.
+            scale = 1.0 / np.sqrt(np.diag(self.C)[movable])
             try:
-                root = cho_factor(schur[np.ix_(move, move)] * np.outer(scale, scale))
+                root = cho_factor(schur[np.ix_(movable, movable)] * np.outer(scale, scale))
             except np.linalg.LinAlgError as error:
                 raise IdentificationError(
                     "the constants are not determined: two of them do the same and have no "
                     "prior; give one a prior"
                 ) from error
-            dc[move] = -scale * cho_solve(root, scale * (self.gc - border[:-1, -1])[move])
-        dx = rest.substitute_back(-rest.multiply_columns(np.append(dc, 1.0)[:, None]))
+            gradient = (self.gc - border[:-1, -1])[movable]
+            dc[movable] = -scale * cho_solve(root, scale * gradient)
+        # dx = -T^-1 (G dc + gx)
+        right_side = -elimination.multiply_columns(np.append(dc, 1.0)[:, None])
+        dx = elimination.substitute_back(right_side)
         return dx[..., 0], dc, schur
 
     def following(self, directions: np.ndarray) -> Iterator[np.ndarray]:
-        """Yield how the states follow the constants, dx/dc = -T^-1 G, along directions of these;
-        what `solve` eliminated is used again.
+        """Yield the change of the states with the constants, dx/dc = -T^-1 G, along directions.
+
+        The elimination of the last `solve` is used again.
 
         Parameters
         ----------
         directions : array (nc, m)
+            Changes of the constants, one per column.
 
         Yields
         ------
         array (N, n)
-            For each direction; every state is contiguous in memory.
+            Change of the states for each direction; every state is contiguous in memory.
 
         Raises
         ------
         IdentificationError
             As `solve`.
         """
-        rest = self._rest or self._eliminated()
+        elimination = self._elimination or self._eliminate_states()
         for first in range(0, directions.shape[1], AT_ONCE):
-            some = directions[:, first : first + AT_ONCE]
-            change = rest.substitute_back(
-                rest.multiply_columns(np.vstack([-some, np.zeros(some.shape[1])]))
-            )
-            yield from (item.T for item in np.ascontiguousarray(change.T))
+            batch = directions[:, first : first + AT_ONCE]
+            # The last row belongs to the gradient, which takes no part.
+            right_side = elimination.multiply_columns(np.vstack([-batch, np.zeros(batch.shape[1])]))
+            change = elimination.substitute_back(right_side)
+            for by_state in np.ascontiguousarray(change.T):
+                yield by_state.T
 
-    def _eliminated(self) -> Elimination:
+    def _eliminate_states(self) -> Elimination:
+        """Factor T and return the elimination of the states."""
         try:
             return self.sums.eliminate()
         except np.linalg.LinAlgError as error:

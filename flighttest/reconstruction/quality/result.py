@@ -1,4 +1,4 @@
-"""What the assessment of a record found, and its text."""
+"""The result of the assessment of a record, and its text."""
 
 from __future__ import annotations
 
@@ -15,39 +15,55 @@ from flighttest.reconstruction.quality.checks.relation_check import RelationChec
 from flighttest.reconstruction.quality.checks.signals import ResampledChannels
 from flighttest.reconstruction.quality.finding import SEVERITIES, Finding, iterate_rows
 
+# Tables of a result with one dict per row in JSON.
+_RECORD_TABLES = (
+    "channels",
+    "kinematics",
+    "not_checked",
+    "delays",
+    "answers",
+    "hands",
+    "excitation",
+)
+# Correlation of two sides of a relation above which their slope is informative.
+_CORRELATED = 0.95
+
 
 def format_display_value(value: float, units: str) -> str:
-    """Return an SI value in the unit in which people read it."""
+    """Return the text of an SI value; angles are in degrees."""
     display = {"rad": "deg", "rad s-1": "deg/s"}.get(units, units)
-    number = from_si(value, display) if display != units else value
-    return f"{number:.3g} {display}" if display != "1" else f"{number:.3g}"
+    if display != units:
+        value = from_si(value, display)
+    if display == "1":
+        return f"{value:.3g}"
+    return f"{value:.3g} {display}"
 
 
 def is_meaningful(moving: bool, correlation: float) -> bool:
-    """Whether slope and correlation of a comparison mean anything."""
-    return moving or correlation > 0.95
+    """Return whether slope and correlation of a comparison are informative."""
+    return moving or correlation > _CORRELATED
 
 
 @dataclass(frozen=True)
 class Quality:
-    """What `assess` found.
+    """The result of `assess`.
 
     Attributes
     ----------
     facts : dict
-        Title, source file, start, purpose, duration [s], share in flight, aircraft.
+        Title, source file, start, purpose, begin and end [s], share in flight, aircraft.
     findings : list of Finding
         Errors first.
     channels, kinematics, delays, answers, hands, excitation, correlation : DataFrame
-        The figures behind them, SI, see the functions that make them.
-    comparisons : dict of Comparison
-        Both sides of every relation, mistakes undone.
-    as_read : dict of Comparison
-        The same before any mistake is undone.
-    signals : Signals
+        Tables of the checks, SI, see the functions that return them.
+    comparisons : dict of RelationCheck
+        Both sides of every relation, without mistakes.
+    as_read : dict of RelationCheck
+        Both sides of every relation in the record as read.
+    signals : ResampledChannels
         As recorded, on the slow clock of the checks.
     not_checked : DataFrame
-        Relations that the record cannot speak to: ``relation title missing reason``.
+        Relations that the record cannot check: ``relation title missing reason``.
     """
 
     facts: dict[str, Any]
@@ -70,50 +86,44 @@ class Quality:
 
     @property
     def usable(self) -> bool:
-        """Whether nothing was found that makes numbers wrong."""
+        """Whether no finding makes results wrong."""
         return self.count("error") == 0
 
     @property
     def verdict(self) -> str:
-        """The whole in one line."""
-        counts = ", ".join(
-            f"{self.count(s)} {s}{'s' if self.count(s) != 1 else ''}" for s in SEVERITIES
-        )
-        head = (
-            "not fit for identification as read"
-            if not self.usable
-            else "fit for use, with care"
-            if self.count("warning")
-            else "sound"
-        )
-        return f"{head}: {counts}"
+        """Fitness for use and the numbers of findings, in one line."""
+        counts = []
+        for severity in SEVERITIES:
+            number = self.count(severity)
+            plural = "s"
+            if number == 1:
+                plural = ""
+            counts.append(f"{number} {severity}{plural}")
+        return f"{self._fitness()}: {', '.join(counts)}"
+
+    def _fitness(self) -> str:
+        if not self.usable:
+            return "not fit for identification as read"
+        if self.count("warning"):
+            return "fit for use, with care"
+        return "sound"
 
     def report(self) -> str:
-        """Return the findings and figures as text."""
+        """Return the findings and tables as text."""
         return format_quality(self)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything but the time histories, made of types that JSON knows."""
-        tables = (
-            "channels",
-            "kinematics",
-            "not_checked",
-            "delays",
-            "answers",
-            "hands",
-            "excitation",
-            "correlation",
-        )
-        found = {
-            name: getattr(self, name).to_dict("records") for name in tables if name != "correlation"
-        }
-        found["correlation"] = self.correlation.to_dict()
+        """Return all results but the time histories, with types of JSON."""
+        tables: dict[str, Any] = {}
+        for name in _RECORD_TABLES:
+            tables[name] = getattr(self, name).to_dict("records")
+        tables["correlation"] = self.correlation.to_dict()
         return to_json_types(
             {
                 "facts": self.facts,
                 "verdict": self.verdict,
-                "findings": [f.as_dict() for f in self.findings],
-                **found,
+                "findings": [finding.as_dict() for finding in self.findings],
+                **tables,
             }
         )
 
@@ -124,107 +134,113 @@ class Quality:
 
 def format_quality(quality: Quality) -> str:
     """Return findings, kinematic consistency, delays, answers and excitation as text."""
-    parts = [
-        _head(quality),
-        *(_entry(finding) for finding in quality.findings),
-        "",
-        *_kinematics(quality),
-        *_not_checked(quality),
-        *_delays(quality),
-    ]
-    return "\n".join([*parts, *_answers(quality), *_excitation(quality)])
+    lines = [_head(quality)]
+    lines += [_finding_text(finding) for finding in quality.findings]
+    lines += ["", *_kinematic_lines(quality), *_unchecked_lines(quality)]
+    lines += [*_delay_lines(quality), *_answer_lines(quality), *_excitation_lines(quality)]
+    return "\n".join(lines)
 
 
 def _head(quality: Quality) -> str:
     facts = quality.facts
-    name = f" of {facts['aircraft']}" if facts["aircraft"] else ""
+    title = facts["title"]
+    if facts["aircraft"]:
+        title += f" of {facts['aircraft']}"
     return (
-        f"{facts['title']}{name}: {facts['begin']:g} ... {facts['end']:g} s, "
+        f"{title}: {facts['begin']:g} ... {facts['end']:g} s, "
         f"{facts['in_flight']:.0%} in flight\n{quality.verdict}\n"
     )
 
 
-def _entry(finding: Finding) -> str:
-    place = f" [{finding.start:g} ... {finding.stop:g} s]" if finding.start is not None else ""
-    remedy = f"\n    {finding.remedy}" if finding.remedy else ""
-    return f"{finding.severity:8s} {finding.name}{place}\n    {finding.text}{remedy}"
+def _finding_text(finding: Finding) -> str:
+    head = f"{finding.severity:8s} {finding.name}"
+    if finding.start is not None:
+        head += f" [{finding.start:g} ... {finding.stop:g} s]"
+    text = f"{head}\n    {finding.text}"
+    if finding.remedy:
+        text += f"\n    {finding.remedy}"
+    return text
 
 
-def _kinematics(quality: Quality) -> list[str]:
+def _kinematic_lines(quality: Quality) -> list[str]:
     lines = [
         "kinematic consistency, mistakes undone; disagreement 0 equal, 0.7 unrelated, 1 opposite:"
     ]
     for row in iterate_rows(quality.kinematics):
-        symbol = " " if row.consistent else "!"
-        what = (
-            f"slope {row.slope:7.3f} ({row.slope_stderr:.3f})  correlation {row.correlation:+.3f}"
-            if is_meaningful(row.moving, row.correlation)
-            else "too little motion to compare"
-        )
+        symbol = "!"
+        if row.consistent:
+            symbol = " "
+        slope = "too little motion to compare"
+        if is_meaningful(row.moving, row.correlation):
+            slope = (
+                f"slope {row.slope:7.3f} ({row.slope_stderr:.3f})  "
+                f"correlation {row.correlation:+.3f}"
+            )
+        offset = format_display_value(row.offset, row.units)
+        lines.append(f"{symbol} {row.title:45s} {row.disagreement:5.2f}  {slope}  offset {offset}")
+    return lines
+
+
+def _unchecked_lines(quality: Quality) -> list[str]:
+    if quality.not_checked.empty:
+        return []
+    lines = ["", "not checked:"]
+    for row in iterate_rows(quality.not_checked):
+        lines.append(f"  {row.title:45s} {row.reason}")
+    return lines
+
+
+def _delay_lines(quality: Quality) -> list[str]:
+    if quality.delays.empty:
+        return []
+    lines = ["", "delays, positive when late:"]
+    for row in iterate_rows(quality.delays):
+        accuracy = f"standard error {1e3 * row.stderr:.1f} ms"
+        if row.bound:
+            accuracy = "at least"
         lines.append(
-            f"{symbol} {row.title:45s} {row.disagreement:5.2f}  {what}  offset "
-            f"{format_display_value(row.offset, row.units)}"
+            f"  {row.channel:12s} against {row.against:14s} {1e3 * row.delay:+7.1f} ms ({accuracy})"
         )
     return lines
 
 
-def _not_checked(quality: Quality) -> list[str]:
-    if quality.not_checked.empty:
-        return []
-    return [
-        "",
-        "not checked:",
-        *(f"  {row.title:45s} {row.reason}" for row in iterate_rows(quality.not_checked)),
-    ]
-
-
-def _delays(quality: Quality) -> list[str]:
-    if quality.delays.empty:
-        return []
-    lines = ["", "delays, positive when late:"]
-    return lines + [
-        f"  {row.channel:12s} against {row.against:14s} {1e3 * row.delay:+7.1f} ms "
-        f"({'at least' if row.bound else f'standard error {1e3 * row.stderr:.1f} ms'})"
-        for row in iterate_rows(quality.delays)
-    ]
-
-
-def _answers(quality: Quality) -> list[str]:
+def _answer_lines(quality: Quality) -> list[str]:
     if quality.answers.empty:
         return []
     lines = ["", "answers to the surfaces (convention: all negative):"]
-    return lines + [
-        f"  {row.rate}_dot over {row.surface:8s} {row.effect:+8.2f} 1/s2 per rad "
-        f"({row.stderr:.2f})  R2 {row.R2:.2f}, {_recorded(row)}"
-        for row in iterate_rows(quality.answers)
-    ]
+    for row in iterate_rows(quality.answers):
+        lines.append(
+            f"  {row.rate}_dot over {row.surface:8s} {row.effect:+8.2f} 1/s2 per rad "
+            f"({row.stderr:.2f})  R2 {row.R2:.2f}, {_lead_text(row)}"
+        )
+    return lines
 
 
-def _recorded(row) -> str:
-    """Return when a surface is recorded; the end of the search is a limit, and one without a
-    standard error is not measured.
-    """
-    when = f"{1e3 * abs(row.lead):.0f} ms {'early' if row.lead > 0.0 else 'late'}"
+def _lead_text(row) -> str:
+    """Return the time between record and effect of a surface."""
+    direction = "late"
+    if row.lead > 0.0:
+        direction = "early"
+    lead = f"{1e3 * abs(row.lead):.0f} ms {direction}"
+    # The end of the search is a limit. A lead without standard error is not measured.
     if row.bound:
-        return f"recorded at least {when}"
-    return (
-        f"recorded {when} (standard error {1e3 * row.lead_stderr:.0f} ms)"
-        if np.isfinite(row.lead_stderr)
-        else "time not determined"
-    )
+        return f"recorded at least {lead}"
+    if not np.isfinite(row.lead_stderr):
+        return "time not determined"
+    return f"recorded {lead} (standard error {1e3 * row.lead_stderr:.0f} ms)"
 
 
-def _excitation(quality: Quality) -> list[str]:
+def _excitation_lines(quality: Quality) -> list[str]:
     if quality.excitation.empty:
         return []
     lines = ["", "excitation:"]
     for row in iterate_rows(quality.excitation):
-        moved = (
+        motion = (
             f"{row.surface} {np.degrees(row.input):.2g} deg, {row.rate} "
             f"{np.degrees(row.response):.2g} deg/s rms at most"
         )
         lines.append(
-            f"  {row.axis:6s} {moved}; {row.share:.0%} of the flight, nine tenths below "
+            f"  {row.axis:6s} {motion}; {row.share:.0%} of the flight, nine tenths below "
             f"{row.frequency:.2g} Hz"
         )
     return lines

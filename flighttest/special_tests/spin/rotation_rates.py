@@ -36,9 +36,10 @@ import xarray as xr
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import UnknownName
 from flightmech.names import quantity_attributes
-from flighttest.reconstruction.dynamics.force_coefficients import reduced_rates
 from flighttest.reconstruction.dynamics.kinematics import body_to_ned_rotation
-from flighttest.reconstruction.smoother import FlightPath, reconstruct
+from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
+from flighttest.reconstruction.flight_path import FlightPath
+from flighttest.reconstruction.smoother import reconstruct
 from flighttest.records.sensors.instruments import stated_in
 
 # Reduced rates: rate, and reference length over 2V.

@@ -37,12 +37,9 @@ from scipy.stats import chi2 as chi2_distribution
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.reconstruction.dynamics.force_coefficients import (
-    inertia_matrix,
-    known_moment,
-    reduced_rates,
-    smooth_states,
-)
+from flighttest.reconstruction.dynamics.force_coefficients import smooth_states
+from flighttest.reconstruction.dynamics.loads import inertia_matrix, known_moment
+from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.model import RegressionModel, term_regressors
 from flighttest.regression.equation_error.samples import stack_samples

@@ -22,8 +22,9 @@ from aerodb.store.schema import database_coefficients
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.axes import matrix_from_euler, stability_to_body
 from flightmech.errors import IdentificationError
-from flighttest.reconstruction.dynamics.force_coefficients import external_load, smooth_states
-from flighttest.reconstruction.smoother import FlightPath
+from flighttest.reconstruction.dynamics.force_coefficients import smooth_states
+from flighttest.reconstruction.dynamics.loads import external_load
+from flighttest.reconstruction.flight_path import FlightPath
 from flighttest.records.signals.differentiation import derivative
 from flighttest.submodels.control_loading.motion import estimate_white_noise
 from flighttest.submodels.landing_gear.wheel_positions import (

@@ -8,10 +8,10 @@ from flightmech.errors import IdentificationError, OutOfRange, ParseError, Unkno
 from flightmech.units import G0
 from flighttest.reconstruction.dynamics.force_coefficients import (
     coefficients,
-    reduced_rates,
     select_time,
     smooth_states,
 )
+from flighttest.reconstruction.dynamics.reduced_rates import reduced_rates
 from flighttest.reconstruction.dynamics.saved_paths import open_states
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress

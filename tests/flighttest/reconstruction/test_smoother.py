@@ -10,10 +10,12 @@ from scipy.signal import lfilter
 import flighttest
 from flightmech.errors import IdentificationError, OutOfRange, SchemaError
 from flighttest.reconstruction import smoother
-from flighttest.reconstruction.path_quantities import motion_quantities, state_errors
+from flighttest.reconstruction.path_quantities import motion_quantities
 from flighttest.reconstruction.problem.problem import PER_RUN, identifiability_remarks
 from flighttest.reconstruction.problem.trajectory import estimate_trajectory, step_trajectory
-from flighttest.reconstruction.smoother import has_gusts, solve_record
+from flighttest.reconstruction.smoother import solve_record
+from flighttest.reconstruction.state_errors import state_errors
+from flighttest.reconstruction.turbulence import has_gusts
 from flighttest.records.signals.delays import lag_weights
 
 ERROR_FREE = {"V": 0.05, "alpha": 0.0012, "beta": 0.0012, "theta": 0.0008, "h": 0.6}  # m/s, rad, m

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 import flighttest
 from flightmech.errors import OutOfRange, SchemaError
 from flighttest.reconstruction.problem.assembly import assemble_problem
-from flighttest.reconstruction.problem.trajectory import linearise_sensor, states_and_rates
+from flighttest.reconstruction.problem.readings import linearise_sensor, states_and_rates
 from flighttest.records.sensors.instruments import parse_instruments
 
 SPAN = 24.0  # s

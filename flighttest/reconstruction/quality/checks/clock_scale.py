@@ -1,7 +1,7 @@
-"""Whether the clock of a record counts seconds.
+"""Unit of the clock of a record, from angles and their rates.
 
-The integral of an angular rate over the clock is the change of the angle.  A clock in milliseconds
-that is taken for seconds, or a counter of samples, gives the same factor for bank, pitch and
+The integral of an angular rate over the clock is the change of the angle. A clock in milliseconds
+that was read as seconds, or a counter of samples, gives the same factor for bank, pitch and
 heading.
 """
 
@@ -15,33 +15,39 @@ import xarray as xr
 from flightmech.units import DEGREE
 from flighttest.reconstruction.quality.finding import Finding
 
-_BLOCK = 256  # samples without a common trend: what biases of gyros add to the angle is a trend
-_FEWEST = 512
+# Samples of a block. The trend of each block is removed, because biases of gyros add a trend to the
+# angle.
+_BLOCK = 256
+_FEWEST = 512  # samples of a record
 _CORRELATION = 0.9
-_AGREE = 1.06  # ratio of the factors of two angles
-_RIGHT = 1.25  # factor that is not a wrong clock: scale errors are another finding
-_OF_ANGLES = 1.04  # about 57.3: rates or angles in degrees, which other checks name
+_AGREE = 1.06  # largest ratio of the factors of two angles
+_RIGHT = 1.25  # factor below which the clock is correct: scale errors are another finding
+_OF_ANGLES = 1.04  # ratio to 57.3 or 1/57.3 of rates or angles in degrees: another finding
+_NEAR = 1.04  # ratio of a factor to the factor of a unit
 _UNITS = {"ms": 1e3, "us": 1e6, "ns": 1e9, "min": 1.0 / 60.0, "h": 1.0 / 3600.0}
-_TWICE = {1e-3: "ms", 1e-6: "us", 1e-9: "ns"}  # seconds that are taken for these
-_NEAR = 1.04
-_POSSIBLE = (0.5, 5000.0)  # Hz, of a clock whose samples show angles and rates
+# Factors of seconds that were read as another unit.
+_SECONDS_AS = {1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
+_POSSIBLE = (0.5, 5000.0)  # Hz: rates of a clock whose samples determine angles and rates
 _ANGLES = ("phi", "theta", "psi")
+_LEAST_COSINE = 0.1  # of the pitch attitude
 
 
 @dataclass(frozen=True)
 class ClockScale:
-    """What a clock counts.
+    """Unit of a clock.
 
     Attributes
     ----------
     factor : float
-        Its counts in one second.
+        Counts of the clock in one second.
     rate : float
         Samples in one second. [Hz]
-    unit, taken : str
-        Its unit, empty where it is none, and the one that the name map or the file states.
+    unit : str
+        Unit of the clock, empty if it is not a unit of time.
+    taken : str
+        Unit in the name map or the file.
     angles : tuple of str
-        Angles that show it.
+        Angles that determine the factor.
     """
 
     factor: float
@@ -52,58 +58,69 @@ class ClockScale:
 
 
 def clock_scale(record: xr.DataTree) -> ClockScale | None:
-    """Return what the clock of a record counts; None for seconds, or where the record does not show
-    it.
-    """
-    leaf = next(
-        (
-            node
-            for node in record.children.values()
-            if {"phi", "theta", "p", "q", "r"} <= set(node.data_vars)
-        ),
-        None,
-    )
-    if leaf is None or leaf.sizes["time"] < _FEWEST:
+    """Return the unit of the clock; None for seconds, or if the record does not determine it."""
+    data = _attitude_leaf(record)
+    if data is None or data.sizes["time"] < _FEWEST:
         return None
-    data = leaf.to_dataset()
-    found = {name: factor for name in _ANGLES if (factor := _factor(data, name)) is not None}
-    factors = list(found.values())
-    if len(factors) < 2 or max(factors) > _AGREE * min(factors):
+    factors = {}
+    for name in _ANGLES:
+        factor = _rate_factor(data, name)
+        if factor is not None:
+            factors[name] = factor
+    # A clock changes all angles alike, a wrong unit of one channel does not.
+    if len(factors) < 2 or max(factors.values()) > _AGREE * min(factors.values()):
         return None
-    factor, rate = float(np.median(factors)), float(data.attrs["rate"])
+    factor, rate = float(np.median(list(factors.values()))), float(data.attrs["rate"])
     if _ratio(factor, 1.0) < _RIGHT or _ratio(max(factor, 1.0 / factor), 1.0 / DEGREE) < _OF_ANGLES:
         return None
-    unit = next((name for name, count in _UNITS.items() if _ratio(factor, count) < _NEAR), "")
-    taken = next((taken for count, taken in _TWICE.items() if _ratio(factor, count) < _NEAR), "s")
-    if taken != "s":
-        unit = "s"
-    possible = _POSSIBLE[0] <= rate <= _POSSIBLE[1]
-    if unit in ("s", "ms", "us", "ns") and possible:  # rates in mrad/s show the same
+    unit, file_unit = _clock_units(factor)
+    # Rates in mrad/s have the same factor. If the rate is possible as read, the clock is correct.
+    if unit in ("s", "ms", "us", "ns") and _POSSIBLE[0] <= rate <= _POSSIBLE[1]:
         return None
-    return ClockScale(factor, factor * rate, unit, taken, tuple(found))
+    return ClockScale(factor, factor * rate, unit=unit, taken=file_unit, angles=tuple(factors))
+
+
+def _attitude_leaf(record: xr.DataTree) -> xr.Dataset | None:
+    """Return the first leaf with attitude and rates."""
+    for node in record.children.values():
+        if {"phi", "theta", "p", "q", "r"} <= set(node.data_vars):
+            return node.to_dataset()
+    return None
+
+
+def _clock_units(factor: float) -> tuple[str, str]:
+    """Return the unit of a clock, empty if there is none, and the unit in the file."""
+    for count, file_unit in _SECONDS_AS.items():
+        if _ratio(factor, count) < _NEAR:
+            return "s", file_unit
+    for unit, count in _UNITS.items():
+        if _ratio(factor, count) < _NEAR:
+            return unit, "s"
+    return "", "s"
 
 
 def clock_findings(scale: ClockScale | None) -> list[Finding]:
     """Return the error of a clock that does not count seconds."""
     if scale is None:
         return []
-    what = (
-        f"is in {scale.unit} and was taken as {scale.taken}"
-        if scale.unit
-        else f"counts {scale.factor:.4g} in a second"
-    )
+    if scale.unit:
+        fault = f"is in {scale.unit} and was taken as {scale.taken}"
+        line = f'unit = "{scale.unit}"'
+    else:
+        fault = f"counts {scale.factor:.4g} in a second"
+        line = f'rate = "{scale.rate:.4g} Hz"'
     text = (
-        f"the clock {what}: {', '.join(scale.angles)} change {scale.factor:.4g} times as much "
+        f"the clock {fault}: {', '.join(scale.angles)} change {scale.factor:.4g} times as much "
         f"as their rates say"
     )
-    line = f'unit = "{scale.unit}"' if scale.unit else f'rate = "{scale.rate:.4g} Hz"'
     remedy = f"{line}   # in [time] of the name map, with the column of the clock"
     evidence = {"factor": scale.factor, "rate": scale.rate}
-    return [Finding("error", "unit", ("time", *scale.angles), text, remedy, evidence=evidence)]
+    channels = ("time", *scale.angles)
+    return [Finding("error", "unit", channels, text=text, remedy=remedy, evidence=evidence)]
 
 
 def on_seconds(record: xr.DataTree, scale: ClockScale | None) -> xr.DataTree:
-    """Return a record on the clock that its motion shows."""
+    """Return a record with a clock in seconds."""
     if scale is None:
         return record
     leaves = {}
@@ -115,39 +132,50 @@ def on_seconds(record: xr.DataTree, scale: ClockScale | None) -> xr.DataTree:
     return xr.DataTree.from_dict({"/": record.to_dataset(), **leaves})
 
 
-def _ratio(one: float, other: float) -> float:
-    return max(one / other, other / one)
+def _ratio(a: float, b: float) -> float:
+    """Return the ratio of two factors, at least one."""
+    return max(a / b, b / a)
 
 
-def _factor(data: xr.Dataset, name: str) -> float | None:
-    """Return by how much an integral of rates exceeds the change of an angle; None where they do
-    not go together.
+def _rate_factor(data: xr.Dataset, name: str) -> float | None:
+    """Return the ratio of the integral of the rates to the change of an angle.
+
+    The result is None if the two are not correlated.
     """
     if name not in data:
         return None
-    x = {one: data[one].values.astype(float) for one in ("phi", "theta", "p", "q", "r", name)}
-    sf, cf, st, ct = np.sin(x["phi"]), np.cos(x["phi"]), np.sin(x["theta"]), np.cos(x["theta"])
-    turn = (x["q"] * sf + x["r"] * cf) / np.where(np.abs(ct) < 0.1, 0.1, ct)
-    rates = {"phi": x["p"] + turn * st, "theta": x["q"] * cf - x["r"] * sf, "psi": turn}
-    rate, step = rates[name], np.diff(data["time"].values)
-    grown = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * step)])
-    angle = x[name] if name == "theta" else _unwrapped(x[name])
-    blocks = len(angle) // _BLOCK
-    y, z = (_without_trend(part[: blocks * _BLOCK].reshape(blocks, -1)) for part in (angle, grown))
-    whole = np.isfinite(y).all(axis=1) & np.isfinite(z).all(axis=1)
-    y, z = y[whole].ravel(), z[whole].ravel()
+    angle = data[name].values.astype(float)
+    rate, step = _angle_rate(data, name), np.diff(data["time"].values)
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * step)])
+    if name != "theta" and np.isfinite(angle).all():
+        angle = np.unwrap(angle)
+    y, z = _detrend_blocks(angle), _detrend_blocks(integral)
+    finite = np.isfinite(y).all(axis=1) & np.isfinite(z).all(axis=1)
+    y, z = y[finite].ravel(), z[finite].ravel()
     size = float(np.sqrt((y @ y) * (z @ z)))
     if not size or float(y @ z) / size < _CORRELATION:
         return None
     return float(np.sqrt((z @ z) / (y @ y)))
 
 
-def _unwrapped(x: np.ndarray) -> np.ndarray:
-    return np.unwrap(x) if np.isfinite(x).all() else x
+def _angle_rate(data: xr.Dataset, name: str) -> np.ndarray:
+    """Return the rate of an Euler angle from attitude and body rates (time,). [rad s-1]"""
+    phi, theta = data["phi"].values.astype(float), data["theta"].values.astype(float)
+    p, q, r = (data[axis].values.astype(float) for axis in ("p", "q", "r"))
+    sf, cf, st, ct = np.sin(phi), np.cos(phi), np.sin(theta), np.cos(theta)
+    # psi_dot = (q sin phi + r cos phi)/cos theta
+    psi_dot = (q * sf + r * cf) / np.where(np.abs(ct) < _LEAST_COSINE, _LEAST_COSINE, ct)
+    if name == "phi":
+        return p + psi_dot * st
+    if name == "theta":
+        return q * cf - r * sf
+    return psi_dot
 
 
-def _without_trend(blocks: np.ndarray) -> np.ndarray:
-    """Return rows without their straight line."""
+def _detrend_blocks(x: np.ndarray) -> np.ndarray:
+    """Return the complete blocks of a signal without their straight line (block, sample)."""
+    count = len(x) // _BLOCK
+    blocks = x[: count * _BLOCK].reshape(count, -1)
     t = np.linspace(-1.0, 1.0, blocks.shape[1])
     slope = blocks @ t / (t @ t)
     return blocks - blocks.mean(axis=1, keepdims=True) - slope[:, None] * t

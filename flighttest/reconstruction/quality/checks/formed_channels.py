@@ -1,9 +1,8 @@
-"""Air data that a record does not hold, formed from channels that it holds.
+"""Air data that a record does not have, formed from its channels.
 
-Most recorders store calibrated and no true airspeed.  The relations that need V, or a pressure,
-then use what the standard atmosphere and the equations of the air-data computer give.  A formed
-channel rests on its sources: a mistake in one of them is a mistake of that source, and the search
-looks for it there.
+Most recorders store calibrated airspeed, but not true airspeed. The relations that need V or a
+pressure then use the standard atmosphere and the equations of the air-data computer. A mistake in a
+formed channel is a mistake of one of its sources, and the search for mistakes looks for it there.
 """
 
 from __future__ import annotations
@@ -28,11 +27,14 @@ Arrays = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
-class _Way:
-    """One way to form a channel: what it needs, each recorded or formed in turn, and how."""
+class _Formula:
+    """A formula for a channel, and the channels that it needs, recorded or formed in turn."""
 
     needs: tuple[str, ...]
     form: Callable[..., np.ndarray]
+
+
+# The limits in the formulas below keep wrong channels finite, so that the checks can name them.
 
 
 def _pressure_at(height: np.ndarray) -> np.ndarray:
@@ -65,53 +67,61 @@ def _of_equivalent(V_eas: np.ndarray, p_static: np.ndarray, temperature: np.ndar
     return V_eas * np.sqrt(RHO_SEA / density)
 
 
-_WAYS: dict[str, tuple[_Way, ...]] = {
-    "p_static": (_Way(("h_baro",), _pressure_at), _Way(("h_gps",), _pressure_at)),
-    "temperature": (_Way(("p_static",), _standard_temperature),),
-    "q_c": (_Way(("V_cas",), _impact),),
+# Formulas in order of preference.
+_FORMULAS: dict[str, tuple[_Formula, ...]] = {
+    "p_static": (_Formula(("h_baro",), _pressure_at), _Formula(("h_gps",), _pressure_at)),
+    "temperature": (_Formula(("p_static",), _standard_temperature),),
+    "q_c": (_Formula(("V_cas",), _impact),),
     "V": (
-        _Way(("q_c", "p_static", "temperature"), _of_impact),
-        _Way(("mach", "temperature"), _of_mach),
-        _Way(("V_eas", "p_static", "temperature"), _of_equivalent),
+        _Formula(("q_c", "p_static", "temperature"), _of_impact),
+        _Formula(("mach", "temperature"), _of_mach),
+        _Formula(("V_eas", "p_static", "temperature"), _of_equivalent),
     ),
 }
-_IN_WORDS = {
+# Channels that can replace a channel, for messages.
+_ALTERNATIVES = {
     "p_static": "p_static or h_baro",
     "V": "V, or V_cas, q_c, mach or V_eas with p_static or h_baro",
 }
 
 
 def source_channels(name: str, recorded: Collection[str]) -> tuple[str, ...]:
-    """Return the recorded channels on which a channel rests: itself where it is recorded, none
-    where it cannot be formed.
+    """Return the recorded channels that a channel depends on.
+
+    A recorded channel depends on itself. The result is empty if a channel cannot be formed.
     """
     if name in recorded:
         return (name,)
-    way = _way(name, recorded)
-    if way is None:
+    formula = _possible_formula(name, recorded)
+    if formula is None:
         return ()
-    found = [source for need in way.needs for source in source_channels(need, recorded)]
-    return tuple(dict.fromkeys(found))
+    sources: list[str] = []
+    for need in formula.needs:
+        sources += source_channels(need, recorded)
+    return tuple(dict.fromkeys(sources))
 
 
 def form_channel(name: str, recorded: Arrays) -> np.ndarray | None:
-    """Return a channel as recorded or formed from others [SI]; None where it cannot be formed."""
+    """Return a channel as recorded, or formed from others [SI]; None if it cannot be formed."""
     if name in recorded:
         return recorded[name]
-    way = _way(name, recorded)
-    if way is None:
+    formula = _possible_formula(name, recorded)
+    if formula is None:
         return None
-    parts = [form_channel(need, recorded) for need in way.needs]
-    return way.form(*parts)
+    inputs = [form_channel(need, recorded) for need in formula.needs]
+    return formula.form(*inputs)
 
 
 def describe_channel(name: str, formable: bool) -> str:
-    """Return what must be recorded for a channel, in words."""
-    return _IN_WORDS.get(name, name) if formable else name
+    """Return the channels that a record needs for a channel, as text."""
+    if formable:
+        return _ALTERNATIVES.get(name, name)
+    return name
 
 
-def _way(name: str, recorded: Collection[str]) -> _Way | None:
-    ways = _WAYS.get(name, ())
-    return next(
-        (way for way in ways if all(source_channels(need, recorded) for need in way.needs)), None
-    )
+def _possible_formula(name: str, recorded: Collection[str]) -> _Formula | None:
+    """Return the first formula for a channel with all its inputs."""
+    for formula in _FORMULAS.get(name, ()):
+        if all(source_channels(need, recorded) for need in formula.needs):
+            return formula
+    return None

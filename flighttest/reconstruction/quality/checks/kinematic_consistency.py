@@ -1,6 +1,4 @@
-"""Kinematic consistency in figures and findings: what mistakes there are, and how well the rest
-agrees.
-"""
+"""Kinematic consistency of a record: mistakes, delays, and accuracy of channels that agree."""
 
 from __future__ import annotations
 
@@ -29,12 +27,18 @@ from flighttest.reconstruction.quality.finding import (
 from flighttest.records.sensors.instruments import Instruments
 from flighttest.records.signals.delays import Delay, time_delay
 
-SLOW = 0.4  # s that air data and satellite receivers may be late without a specification
-FAST = 0.06  # s that may lie between attitude, rates and vanes
+SLOW = 0.4  # s: delay of air data and satellite receivers that needs no specification
+FAST = 0.06  # s: delay between attitude, rates and vanes that needs no specification
 _SHARE = 0.95  # correlation below which two channels differ in more than time
 _LONGEST = 60.0  # s of one stretch
 _SEARCHED = 2.0  # s of delay, either way
-_PAIRS = {  # relation -> the channel that is late when its first side is, against what
+_LEAST_SAMPLES = 256  # of a stretch
+_MOST_STRETCHES = 8
+_LEAST_STDERR = 1e-4  # s, in the weights of a mean delay
+_SIGMAS = 3.0  # standard errors of a delay, and of the delay of a specification
+# Relation -> the channel that is late if its first side is late, and the channels it is compared
+# with.
+_PAIRS = {
     "phi_rate": ("phi", "p q r"),
     "theta_rate": ("theta", "q r"),
     "psi_rate": ("psi", "q r"),
@@ -44,7 +48,8 @@ _PAIRS = {  # relation -> the channel that is late when its first side is, again
     "along": ("V", "ax_imu az_imu"),
     "climb": ("h_baro", "vd"),
 }
-_REVERSED = {"force_z", "climb"}  # the late channel stands on the second side
+# Relations with the late channel on the second side.
+_REVERSED = {"force_z", "climb"}
 _VANES = ("alpha_vane", "beta_vane")
 _SLOW_CHANNELS = ("vn", "V", "h_gps", "h_baro", "q_c")
 
@@ -54,141 +59,145 @@ def find_lags(signals: ResampledChannels, placed: Iterable[str] = ()) -> pd.Data
 
     Parameters
     ----------
-    signals : Signals
-        With right signs and units.
+    signals : ResampledChannels
+        With correct signs and units.
     placed : iterable of str
-        Channels whose place on the aeroplane was taken into account; a vane far ahead of the c.g.
-        seems to be early or late otherwise.
+        Channels that were moved to the c.g. Without this correction, a vane far ahead of the c.g.
+        seems to be early or late.
 
     Returns
     -------
     DataFrame
-        ``channel against delay stderr correlation bound``; positive when the channel is late [s].
-        Where `bound`, the delay lies at the end of the search: it is at least so long, and has no
-        standard error (infinite).
+        ``channel against delay stderr correlation bound``; positive if the channel is late [s]. A
+        delay with `bound` lies at the end of the search. It is a lower limit and has an infinite
+        standard error.
     """
-    table: list = []
+    placed = set(placed)
+    rows = []
     for relation in RELATIONS:
         if relation.name not in _PAIRS or relation.missing(signals):
             continue
-        if _PAIRS[relation.name][0] in _VANES and not {_PAIRS[relation.name][0], "ax_imu"} <= set(
-            placed
-        ):
+        channel, against = _PAIRS[relation.name]
+        if channel in _VANES and not {channel, "ax_imu"} <= placed:
             continue
         mask = signals.mask(relation.channels(signals))
-        first, second = relation.sides(signals.completed(relation.formed))
-        late, other = (second, first) if relation.name in _REVERSED else (first, second)
-        found = [
-            delay
-            for piece in _stretches(mask, late, signals.step)
-            if (delay := _delay(other[piece], late[piece], signals.step))
-        ]
-        if found:
-            table.append((*_PAIRS[relation.name], *_pooled(found)))
-    return pd.DataFrame(
-        table, columns=["channel", "against", "delay", "stderr", "correlation", "bound"]
-    )
+        late, reference = relation.sides(signals.completed(relation.formed))
+        if relation.name in _REVERSED:
+            late, reference = reference, late
+        delays = _stretch_delays(reference, late, mask=mask, step=signals.step)
+        if delays:
+            rows.append((channel, against, *_pool_delays(delays)))
+    columns = ["channel", "against", "delay", "stderr", "correlation", "bound"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def lag_findings(
     table: pd.DataFrame, specification: Instruments | None, record: xr.DataTree
 ) -> list[Finding]:
-    """Return delays that are longer than the aircraft file, or habit, allows."""
-    found = []
+    """Return findings on delays longer than the aircraft file, or a common installation, allows."""
+    findings = []
     for row in iterate_rows(table):
-        low, high, origin = _allowed(row.channel, specification)
-        margin = 0.0 if row.bound else 3.0 * row.stderr
-        if low - margin <= row.delay <= high + margin:
-            continue
-        measured = (
-            f"{1e3 * abs(row.delay):.0f} ms {'late' if row.delay > 0 else 'early'} "
-            f"against {row.against}"
-        )
-        allowed = f"{origin} allows {1e3 * low:.0f} to {1e3 * high:.0f} ms"
+        low, high, origin = _allowed_delays(row.channel, specification)
+        margin = _SIGMAS * row.stderr
         if row.bound:
-            text = f"{row.channel} is at least {measured}, the end of the search; {allowed}"
-            remedy = (
-                "compare the clocks of the two instruments, and put the time between them "
-                "into the name map"
-            )
-        else:
-            text = (
-                f"{row.channel} is {measured} (standard error {1e3 * row.stderr:.1f} ms); {allowed}"
-            )
-            remedy = (
-                f"{add_delay_line(record, row.channel, delay=row.delay)}, and the same "
-                f"delay for the other channels of that instrument"
-            )
-        evidence = {
-            "delay": row.delay,
-            "stderr": None if row.bound else row.stderr,
-            "bound": bool(row.bound),
-        }
-        found.append(Finding("warning", "lag", (row.channel,), text, remedy, evidence=evidence))
-    return found
+            margin = 0.0
+        if not low - margin <= row.delay <= high + margin:
+            allowed = f"{origin} allows {1e3 * low:.0f} to {1e3 * high:.0f} ms"
+            findings.append(_lag_finding(row, allowed, record))
+    return findings
 
 
-def _allowed(channel: str, specification: Instruments | None) -> tuple[float, float, str]:
-    given = specification.of(channel) if specification is not None else None
-    for pair in (given.delay, given.lag) if given is not None else ():
-        if pair is not None:
-            mean, sigma = pair
-            return (
-                min(0.0, mean - 3.0 * sigma) - FAST,
-                mean + 3.0 * sigma + FAST,
-                "the aircraft file",
-            )
-    limit = SLOW if channel in _SLOW_CHANNELS else FAST
+def _lag_finding(row, allowed: str, record: xr.DataTree) -> Finding:
+    direction = "early"
+    if row.delay > 0:
+        direction = "late"
+    measured = f"{1e3 * abs(row.delay):.0f} ms {direction} against {row.against}"
+    evidence = {"delay": row.delay, "stderr": row.stderr, "bound": bool(row.bound)}
+    if row.bound:
+        evidence["stderr"] = None
+        text = f"{row.channel} is at least {measured}, the end of the search; {allowed}"
+        remedy = (
+            "compare the clocks of the two instruments, and put the time between them "
+            "into the name map"
+        )
+    else:
+        text = f"{row.channel} is {measured} (standard error {1e3 * row.stderr:.1f} ms); {allowed}"
+        line = add_delay_line(record, row.channel, delay=row.delay)
+        remedy = f"{line}, and the same delay for the other channels of that instrument"
+    return Finding("warning", "lag", (row.channel,), text=text, remedy=remedy, evidence=evidence)
+
+
+def _allowed_delays(channel: str, specification: Instruments | None) -> tuple[float, float, str]:
+    """Return the range of delays without a finding, and its origin. [s]"""
+    if specification is not None:
+        instrument = specification.of(channel)
+        for prior in (instrument.delay, instrument.lag):
+            if prior is not None:
+                mean, sigma = prior
+                low = min(0.0, mean - _SIGMAS * sigma) - FAST
+                return low, mean + _SIGMAS * sigma + FAST, "the aircraft file"
+    limit = FAST
+    if channel in _SLOW_CHANNELS:
+        limit = SLOW
     return -limit, limit, "habit"
 
 
+def _stretch_delays(
+    reference: np.ndarray, late: np.ndarray, mask: np.ndarray, step: float
+) -> list[Delay]:
+    """Return the delays of single stretches in which the two signals differ in time only."""
+    delays = []
+    for stretch in _stretches(mask, late, step):
+        try:
+            delay = time_delay(reference[stretch], late[stretch], step, _SEARCHED)
+        except IdentificationError:
+            continue
+        if delay.correlation > _SHARE:
+            delays.append(delay)
+    return delays
+
+
 def _stretches(mask: np.ndarray, motion: np.ndarray, step: float) -> list[slice]:
-    """Return the whole stretches of at most a minute with the most motion in them, up to eight."""
+    """Return the stretches of the mask with the most motion, each at most a minute long."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     longest = round(_LONGEST / step)
-    pieces = [
-        slice(a, min(a + longest, b))
-        for start, b in zip(edges[::2], edges[1::2])
-        for a in range(start, b, longest)
-    ]
-    pieces = [piece for piece in pieces if piece.stop - piece.start >= 256]
-    return sorted(pieces, key=lambda piece: -float(np.var(motion[piece])))[:8]
+    stretches = []
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        for first in range(start, stop, longest):
+            last = min(first + longest, stop)
+            if last - first >= _LEAST_SAMPLES:
+                stretches.append(slice(first, last))
+    stretches.sort(key=lambda stretch: -float(np.var(motion[stretch])))
+    return stretches[:_MOST_STRETCHES]
 
 
-def _delay(reference: np.ndarray, late: np.ndarray, step: float) -> Delay | None:
-    try:
-        found = time_delay(reference, late, step, _SEARCHED)
-    except IdentificationError:
-        return None
-    return found if found.correlation > _SHARE else None
+def _pool_delays(delays: list[Delay]) -> tuple[float, float, float, bool]:
+    """Return the mean delay, its standard error, the median correlation, and whether it is a bound.
 
-
-def _pooled(found: list[Delay]) -> tuple[float, float, float, bool]:
-    """Return the weighted mean, its standard error inflated by the scatter, the median correlation,
-    and whether it is only a bound.
+    The mean is weighted. The scatter inflates its standard error (Birge ratio).
     """
-    correlation = float(np.median([one.correlation for one in found]))
-    inside = [one for one in found if not one.bound]
-    if 2 * len(inside) < len(found):
-        nearest = min((one.estimate for one in found if one.bound), key=abs)
-        return nearest, np.inf, correlation, True
-    values, errors = (
-        np.array([one.estimate for one in inside]),
-        np.array([one.stderr for one in inside]),
-    )
-    errors = np.maximum(errors, 1e-4)
+    correlation = float(np.median([delay.correlation for delay in delays]))
+    inside = [delay for delay in delays if not delay.bound]
+    if 2 * len(inside) < len(delays):
+        bounds = [delay.estimate for delay in delays if delay.bound]
+        return min(bounds, key=abs), np.inf, correlation, True
+    values = np.array([delay.estimate for delay in inside])
+    errors = np.maximum(np.array([delay.stderr for delay in inside]), _LEAST_STDERR)
     weight = errors**-2 / np.sum(errors**-2)
     mean = float(weight @ values)
     birge = np.sqrt(np.sum(((values - mean) / errors) ** 2) / max(len(values) - 1, 1))
-    return mean, float(max(1.0, birge) / np.sqrt(np.sum(errors**-2))), correlation, False
+    stderr = float(max(1.0, birge) / np.sqrt(np.sum(errors**-2)))
+    return mean, stderr, correlation, False
 
 
-SCALE = 0.005  # deviation of a slope from one that is reported
-GROSS_SCALE = 0.1  # and that is a warning
+SCALE = 0.005  # deviation of a slope from one above which it is a note
+GROSS_SCALE = 0.1  # deviation of a slope from one above which it is a warning
 _STRAIGHT = 0.9995  # correlation above which a slope of half a per cent is informative
-_CERTAIN = 2.5  # standard errors; they are wide, because few manoeuvres carry a slope
+# Standard errors of a slope that matters. They are wide, because few manoeuvres determine a slope.
+_CERTAIN = 2.5
 _SECONDS = 5.0  # of one block of the standard error of a slope
-_SCALED = {  # relation -> channels named when the slope is not one
+# Relation -> channels in the finding on its slope.
+_SCALED = {
     "phi_rate": ("phi", "p"),
     "theta_rate": ("theta", "q"),
     "psi_rate": ("psi", "r"),
@@ -196,38 +205,60 @@ _SCALED = {  # relation -> channels named when the slope is not one
     "vane": ("alpha_vane",),
 }
 _COLUMNS = (
-    "relation", "title", "units", "disagreement", "limit", "consistent", "moving", "correlation", "slope", "slope_stderr", "offset", "rms"
-)  # fmt: skip
+    "relation",
+    "title",
+    "units",
+    "disagreement",
+    "limit",
+    "consistent",
+    "moving",
+    "correlation",
+    "slope",
+    "slope_stderr",
+    "offset",
+    "rms",
+)
 _UPWASH = (0.8, 1.35)  # slopes of a vane that are not a warning
+_VANE_CORRELATION = 0.9  # above which the slope of a vane is informative
+_VANE_SLOPE = 0.02  # deviation of the slope of a vane from one that is reported
+_OUTSIDE = 0.001  # share of samples outside the plausible range that is reported
 
 
 def kinematic_table(signals: ResampledChannels) -> pd.DataFrame:
-    """Return how every relation holds.
+    """Return the agreement of the two sides of every relation.
 
     Parameters
     ----------
-    signals : Signals
-        Mistakes undone, sensors at the c.g.
+    signals : ResampledChannels
+        Without mistakes, sensors at the c.g.
 
     Returns
     -------
     DataFrame
         ``relation title units disagreement limit consistent moving correlation slope slope_stderr
-        offset rms``; slope of the first side over the second with its standard error between blocks
-        of five seconds, offset and rms difference in `units`.
+        offset rms``. The slope is of the first side over the second. Its standard error follows
+        from blocks of five seconds. Offset and rms difference are in `units`.
     """
-    found = []
-    for name, c in compare_all(signals).items():
-        slope, stderr = _slope(c, signals.step)
-        difference = (c.first - c.second)[c.mask]
-        found.append(
+    rows = []
+    for name, check in compare_all(signals).items():
+        difference = (check.first - check.second)[check.mask]
+        rows.append(
             {
-                "relation": name, "title": c.relation.title, "units": c.relation.units, "disagreement": c.disagreement,
-                "limit": c.relation.limit, "consistent": c.consistent, "moving": c.moving, "correlation": c.correlation,
-                "slope": slope, "slope_stderr": stderr, "offset": c.offset, "rms": float(np.std(difference)),
+                "relation": name,
+                "title": check.relation.title,
+                "units": check.relation.units,
+                "disagreement": check.disagreement,
+                "limit": check.relation.limit,
+                "consistent": check.consistent,
+                "moving": check.moving,
+                "correlation": check.correlation,
+                "slope": check.slope,
+                "slope_stderr": _slope_error(check, signals.step),
+                "offset": check.offset,
+                "rms": float(np.std(difference)),
             }
-        )  # fmt: skip
-    return pd.DataFrame(found, columns=_COLUMNS)
+        )
+    return pd.DataFrame(rows, columns=_COLUMNS)
 
 
 def kinematic_findings(
@@ -236,68 +267,66 @@ def kinematic_findings(
     signals: ResampledChannels,
     record: xr.DataTree,
 ) -> list[Finding]:
-    """Return the mistakes found, the relations that none of them resolves, and channels outside
-    what is possible.
-    """
-    found = [_mistake(explanation, record) for explanation in explanations]
-    for name, c in comparisons.items():
-        if not c.consistent:
-            text = (
-                f"{c.relation.title} do not agree (disagreement {c.disagreement:.2f}), and no "
-                f"single sign, unit or axis resolves it"
+    """Return findings on mistakes, on unresolved relations, and on implausible values."""
+    findings = [_mistake_finding(explanation, record) for explanation in explanations]
+    for name, check in comparisons.items():
+        if check.consistent:
+            continue
+        channels = check.relation.channels(signals)
+        text = (
+            f"{check.relation.title} do not agree (disagreement {check.disagreement:.2f}), and no "
+            f"single sign, unit or axis resolves it"
+        )
+        remedy = f"check {', '.join(channels)}; see the plot of {name}"
+        evidence = {"relation": name}
+        findings.append(
+            Finding(
+                "warning", "inconsistent", channels, text=text, remedy=remedy, evidence=evidence
             )
-            remedy = f"check {', '.join(c.relation.channels(signals))}; see the plot of {name}"
-            found.append(
-                Finding(
-                    "warning",
-                    "inconsistent",
-                    c.relation.channels(signals),
-                    text,
-                    remedy,
-                    evidence={"relation": name},
-                )
-            )
+        )
     for name in signals.values:
-        found += _outside(name, signals, record)
-    return found
+        findings += _range_findings(name, signals, record)
+    return findings
 
 
 def accuracy_findings(table: pd.DataFrame) -> list[Finding]:
-    """Return scale errors among channels that agree otherwise, and the upwash of the vane."""
-    found = []
+    """Return findings on scale errors of channels that agree otherwise, and on vane upwash."""
+    findings = []
     for row in iterate_rows(table):
         if row.relation not in _SCALED or not row.consistent:
             continue
-        off = abs(row.slope - 1.0)
         if row.relation == "vane":
-            found += _vane(row) if row.moving else []
-        elif row.correlation > _STRAIGHT and off > SCALE and off > _CERTAIN * row.slope_stderr:
-            names = _SCALED[row.relation]
-            text = (
-                f"{row.title}: the first is {row.slope:.3f} of the second (standard error "
-                f"{row.slope_stderr:.3f})"
-            )
-            remedy = (
-                f"a scale error of {' or '.join(names)}: let the reconstruction find it, or "
-                f"calibrate"
-            )
-            severity = "warning" if off > GROSS_SCALE else "note"
-            found.append(
-                Finding(
-                    severity,
-                    "scale",
-                    names,
-                    text,
-                    remedy,
-                    evidence={"slope": row.slope, "stderr": row.slope_stderr},
-                )
-            )
-    return found
+            if row.moving:
+                findings += _vane_findings(row)
+            continue
+        deviation = abs(row.slope - 1.0)
+        is_certain = deviation > SCALE and deviation > _CERTAIN * row.slope_stderr
+        if row.correlation > _STRAIGHT and is_certain:
+            findings.append(_scale_finding(row, deviation))
+    return findings
 
 
-def _vane(row) -> list[Finding]:
-    if row.correlation < 0.9 or not (abs(row.slope - 1.0) > max(0.02, _CERTAIN * row.slope_stderr)):
+def _scale_finding(row, deviation: float) -> Finding:
+    names = _SCALED[row.relation]
+    severity = "note"
+    if deviation > GROSS_SCALE:
+        severity = "warning"
+    text = (
+        f"{row.title}: the first is {row.slope:.3f} of the second (standard error "
+        f"{row.slope_stderr:.3f})"
+    )
+    remedy = f"a scale error of {' or '.join(names)}: let the reconstruction find it, or calibrate"
+    evidence = {"slope": row.slope, "stderr": row.slope_stderr}
+    return Finding(severity, "scale", names, text=text, remedy=remedy, evidence=evidence)
+
+
+def _vane_findings(row) -> list[Finding]:
+    limit = max(_VANE_SLOPE, _CERTAIN * row.slope_stderr)
+    if row.correlation < _VANE_CORRELATION or not abs(row.slope - 1.0) > limit:
         return []
+    severity = "warning"
+    if _UPWASH[0] < row.slope < _UPWASH[1]:
+        severity = "note"
     text = (
         f"alpha_vane shows {row.slope:.2f} of the angle that attitude and climb give "
         f"(standard error {row.slope_stderr:.2f}), "
@@ -307,78 +336,73 @@ def _vane(row) -> list[Finding]:
         "give factor and bias_sigma of the vane in the aircraft file; the reconstruction "
         "estimates them"
     )
-    severity = "note" if _UPWASH[0] < row.slope < _UPWASH[1] else "warning"
+    evidence = {"slope": row.slope, "offset": row.offset}
     return [
-        Finding(
-            severity,
-            "scale",
-            ("alpha_vane",),
-            text,
-            remedy,
-            evidence={"slope": row.slope, "offset": row.offset},
-        )
+        Finding(severity, "scale", ("alpha_vane",), text=text, remedy=remedy, evidence=evidence)
     ]
 
 
-def _mistake(explanation: Explanation, record: xr.DataTree) -> Finding:
+def _mistake_finding(explanation: Explanation, record: xr.DataTree) -> Finding:
     repair = explanation.repair
-    corrected = ", ".join(
-        f"{name} {before:.2f} to {after:.2f}"
-        for name, before, after in zip(explanation.resolves, explanation.before, explanation.after)
-    )
-    others = "".join(f"; or {other.mistake}" for other in explanation.instead)
-    text = f"{repair.mistake}{others} (disagreements that this resolves: {corrected})"
-    changes = dict(zip(explanation.resolves, zip(explanation.before, explanation.after)))
-    evidence = {"resolves": changes, "instead": [other.mistake for other in explanation.instead]}
+    # disagreement of each relation before and after the repair
+    changes = {}
+    resolved = []
+    for name, before, after in zip(
+        explanation.resolves, explanation.before, explanation.after, strict=False
+    ):
+        changes[name] = (before, after)
+        resolved.append(f"{name} {before:.2f} to {after:.2f}")
+    alternatives = [alternative.mistake for alternative in explanation.instead]
+    suffix = "".join(f"; or {mistake}" for mistake in alternatives)
+    text = f"{repair.mistake}{suffix} (disagreements that this resolves: {', '.join(resolved)})"
     if repair.kind == "axis":
         remedy = exchange_channels(record, *repair.channels)
     else:
-        remedy = map_entry(record, repair.channels[0], repair.slope, repair.shift)
-    return Finding("error", repair.kind, repair.channels, text, remedy, evidence=evidence)
+        remedy = map_entry(record, repair.channels[0], slope=repair.slope, shift=repair.shift)
+    evidence = {"resolves": changes, "instead": alternatives}
+    return Finding(
+        "error", repair.kind, repair.channels, text=text, remedy=remedy, evidence=evidence
+    )
 
 
-def _outside(name: str, signals: ResampledChannels, record: xr.DataTree) -> list[Finding]:
+def _range_findings(name: str, signals: ResampledChannels, record: xr.DataTree) -> list[Finding]:
+    """Return a finding on values outside the plausible range of a channel."""
     limits = plausible_range(name)
     good = signals.good[name] & signals.flying
     if limits is None or not good.any():
         return []
+    low, high = limits
     x = signals[name][good]
-    outside = (x < limits[0]) | (x > limits[1])
-    if outside.mean() < 0.001:
+    outside = (x < low) | (x > high)
+    if outside.mean() < _OUTSIDE:
         return []
+    # A wrong unit explains the range if all values are plausible in another unit.
     for wrong, right, factor in units_mistaken(name):
-        if limits[0] < factor * x.min() and factor * x.max() < limits[1]:
+        if low < factor * x.min() and factor * x.max() < high:
             text = (
                 f"{name} is in {wrong} and was taken as {right}: it reaches "
                 f"{np.abs(x).max():.4g} {right}, which is not possible"
             )
-            return [Finding("error", "unit", (name,), text, map_entry(record, name, factor))]
-    worst = float(x[np.argmax(np.abs(x - np.clip(x, *limits)))])
+            line = map_entry(record, name, factor)
+            return [Finding("error", "unit", (name,), text=text, remedy=line)]
+    worst = float(x[np.argmax(np.abs(x - np.clip(x, low, high)))])
     text = (
-        f"{name} reaches {worst:.4g}; possible are {limits[0]:g} to {limits[1]:g} (SI); "
+        f"{name} reaches {worst:.4g}; possible are {low:g} to {high:g} (SI); "
         f"{outside.mean():.1%} of the flight lies outside"
     )
-    return [
-        Finding(
-            "error",
-            "range",
-            (name,),
-            text,
-            "check unit, scale and column of the name map",
-            evidence={"worst": worst},
-        )
-    ]
+    remedy = "check unit, scale and column of the name map"
+    evidence = {"worst": worst}
+    return [Finding("error", "range", (name,), text=text, remedy=remedy, evidence=evidence)]
 
 
-def _slope(c: RelationCheck, step: float) -> tuple[float, float]:
-    """Return the slope and its standard error, from the scatter of what blocks of the record add to
-    it.
-    """
-    y, x = (side[c.mask] - side[c.mask].mean() for side in (c.first, c.second))
+def _slope_error(check: RelationCheck, step: float) -> float:
+    """Return the standard error of a slope, from the scatter between blocks of the record."""
+    y = check.first[check.mask] - check.first[check.mask].mean()
+    x = check.second[check.mask] - check.second[check.mask].mean()
     width = max(round(_SECONDS / step), 1)
     blocks = max(len(y) // width, 1)
-    residual = (x * (y - c.slope * x))[: blocks * width]
-    sums = residual.reshape(blocks, -1).sum(axis=1)
-    return c.slope, float(
-        np.sqrt((sums**2).sum() * blocks / max(blocks - 1, 1)) / max((x**2).sum(), 1e-30)
-    )
+    # sandwich formula: the sums of x times residual over blocks are independent
+    products = (x * (y - check.slope * x))[: blocks * width]
+    sums = products.reshape(blocks, -1).sum(axis=1)
+    variance = (sums**2).sum() * blocks / max(blocks - 1, 1)
+    return float(np.sqrt(variance) / max((x**2).sum(), 1e-30))

@@ -1,9 +1,8 @@
-"""The channels of a record on one slow clock, as the consistency checks read them, with the samples
-that count.
+"""Channels of a record on one slow clock, with masks of valid samples, for the checks.
 
-Kinematics tie channels together at low frequency, where delays and sensor positions matter little.
-So everything is low-passed without phase and brought to at most 20 samples per second; parts with
-missing or frozen samples, and parts on the ground, do not count.
+Kinematics relate channels at low frequency, where delays and sensor positions matter little. All
+channels are therefore low-passed without phase and resampled to at most 20 samples per second.
+Parts with missing or frozen samples and parts on the ground are not valid.
 """
 
 from __future__ import annotations
@@ -23,9 +22,11 @@ from flighttest.records.signals.resampling import is_control, lowpass
 
 RATE = 20.0  # Hz
 BAND = 2.0  # Hz
-AIRBORNE = 0.4  # of the speed that is exceeded for a tenth of the record
-_MARGIN = 1.0  # s around a fault that does not count either
-_TRANSIT = 2.0  # s before and after the ground that do not count either
+AIRBORNE = 0.4  # of the speed that is exceeded for a tenth of the record: on the ground below
+_MARGIN = 1.0  # s around a fault that are not valid
+_TRANSIT = 2.0  # s before and after the ground that are not valid
+_LEAST_SPEED = 1.0  # m/s, in the correction of vanes
+_RADIAN_LIMIT = 6.6  # heading above which the unit is degrees
 _DISCRETE = ("wow_", "gear", "speedbrake", "brake")
 _SPEEDS = ("V", "V_cas", "mach", "q_c", "vn")
 _CLOCKS = ("p", "q", "r", "theta", "phi", "V", "h_baro")
@@ -42,14 +43,13 @@ class ResampledChannels:
     values : dict of array (time,)
         Canonical name to channel, SI.
     good : dict of array of bool (time,)
-        Where a channel is whole.
+        Valid samples of a channel.
     flying : array of bool (time,)
-        Where the aeroplane is in the air.
+        Samples in the air.
     step : float
         [s]
     formed : dict of array (time,)
-        Channels formed so far from recorded ones (`completed`), kept because every relation needs
-        them. [SI]
+        Cache of the channels that `completed` formed from recorded ones. [SI]
     """
 
     time: np.ndarray
@@ -66,17 +66,17 @@ class ResampledChannels:
         return self.values[name]
 
     def mask(self, names: tuple[str, ...]) -> np.ndarray:
-        """Return the samples in flight at which all of `names` are whole."""
+        """Return the samples in flight at which all of `names` are valid."""
         return np.logical_and.reduce([self.flying, *(self.good[name] for name in names)])
 
     def with_values(self, changed: dict[str, np.ndarray]) -> ResampledChannels:
         """Return the same signals with some channels replaced."""
-        kept = {
-            name: x
-            for name, x in self.formed.items()
-            if not set(changed) & set(source_channels(name, self.values))
-        }
-        return replace(self, values={**self.values, **changed}, formed=kept)
+        # Formed channels remain valid if their sources did not change.
+        formed = {}
+        for name, x in self.formed.items():
+            if changed.keys().isdisjoint(source_channels(name, self.values)):
+                formed[name] = x
+        return replace(self, values={**self.values, **changed}, formed=formed)
 
     def without(self, names: Collection[str]) -> ResampledChannels:
         """Return the signals as if some channels had not been recorded."""
@@ -84,25 +84,21 @@ class ResampledChannels:
         return replace(self, values=values, formed={})
 
     def completed(self, names: Collection[str]) -> ResampledChannels:
-        """Return the signals with those of `names` that are not recorded formed from channels that
-        are, where that is possible.
-        """
-        wanted = [
-            name for name in names if name not in self.values and source_channels(name, self.values)
-        ]
-        if not wanted:
+        """Return the signals with missing channels formed from recorded ones, if possible."""
+        values, good = dict(self.values), dict(self.good)
+        for name in names:
+            sources = source_channels(name, self.values)
+            if name in self.values or not sources:
+                continue
+            if name not in self.formed:
+                formed = form_channel(name, self.values)
+                assert formed is not None  # it has sources
+                self.formed[name] = formed
+            values[name] = self.formed[name]
+            good[name] = np.logical_and.reduce([self.good[source] for source in sources])
+        if len(values) == len(self.values):
             return self
-        for name in wanted:
-            if name not in self.formed and (x := form_channel(name, self.values)) is not None:
-                self.formed[name] = x
-        values = {name: self.formed[name] for name in wanted}
-        whole = {
-            name: np.logical_and.reduce(
-                [self.good[one] for one in source_channels(name, self.values)]
-            )
-            for name in wanted
-        }
-        return replace(self, values={**self.values, **values}, good={**self.good, **whole})
+        return replace(self, values=values, good=good)
 
 
 def resample_channels(record: xr.DataTree, flags: pd.DataFrame) -> ResampledChannels:
@@ -113,132 +109,163 @@ def resample_channels(record: xr.DataTree, flags: pd.DataFrame) -> ResampledChan
     record : DataTree
         Flight record.
     flags : DataFrame
-        Faults of samples: ``leaf channel kind start stop``, see `flighttest.signals.flags`.
+        Faults of samples: ``leaf channel kind start stop``, see `faults_of`.
 
     Raises
     ------
     SchemaError
         The record holds no channel of motion.
     """
-    home = {str(name): leaf for leaf, node in record.children.items() for name in node.data_vars}
-    lead = next((home[name] for name in _CLOCKS if name in home), None)
+    leaf_of: dict[str, str] = {}
+    for leaf, node in record.children.items():
+        for name in node.data_vars:
+            leaf_of[str(name)] = leaf
+    lead = _first_present(_CLOCKS, leaf_of)
     if lead is None:
         raise SchemaError(
             "flight record",
             [f"none of {' '.join(_CLOCKS)} is there; a quality check needs channels of motion"],
         )
-    clock = record[lead].to_dataset()["time"].values
-    step = 1.0 / min(RATE, float(record[lead].attrs["rate"]))
+    lead_data = record[leaf_of[lead]].to_dataset()
+    clock = lead_data["time"].values
+    step = 1.0 / min(RATE, float(lead_data.attrs["rate"]))
     time = clock[0] + step * np.arange(max(int((clock[-1] - clock[0]) / step), 1) + 1)
+    # A duplicate time stamp does not make samples invalid.
+    flags = flags[flags["kind"] != "duplicate"]
     values, good = {}, {}
-    for name, leaf in home.items():
-        node = record[leaf].to_dataset()
-        spans = flags[
-            (flags["leaf"] == leaf)
-            & flags["channel"].isin(["", name])
-            & (flags["kind"] != "duplicate")
-        ]
-        values[name], good[name] = _on_clock(
-            node["time"].values,
-            node[name].values.astype(float),
-            name,
-            float(node.attrs["rate"]),
-            time,
-            spans,
-        )
-    return ResampledChannels(time, values, good, _flying(values, good, step), step)
+    for name, leaf in leaf_of.items():
+        of_channel = (flags["leaf"] == leaf) & flags["channel"].isin(["", name])
+        data = record[leaf].to_dataset()
+        good[name] = _valid_samples(data, name, time=time, faults=flags[of_channel])
+        values[name] = _resample(data, name, time)
+    flying = _in_flight(values, good, step)
+    return ResampledChannels(time, values, good=good, flying=flying, step=step)
 
 
 def at_cg(signals: ResampledChannels, positions: Mapping[str, np.ndarray]) -> ResampledChannels:
-    """Return the signals with accelerometers and vanes moved to the c.g., where the aircraft file
-    gives their places.
+    """Return the signals with accelerometers and vanes at the c.g.
 
     Parameters
     ----------
-    signals : Signals
-        With right signs and units of p, q, r and V.
+    signals : ResampledChannels
+        With correct signs and units of p, q, r and V.
     positions : mapping of str to array (3,)
-        Channel to its place from the c.g. [m]
+        Position of a sensor relative to the c.g. Other sensors are not moved. [m]
     """
-    if not {"p", "q", "r"} <= set(signals.values):
+    recorded = signals.values.keys()
+    if not {"p", "q", "r"} <= recorded:
         return signals
-    speed = signals.completed(("V",))
     omega = np.stack([signals[name] for name in "pqr"], axis=1)
-    changed: dict[str, np.ndarray] = {}
-    if "ax_imu" in positions and {"ax_imu", "ay_imu", "az_imu"} <= set(signals.values):
-        turn = np.stack([derivative(signals[name], signals.step, 5, 2) for name in "pqr"], axis=1)
-        force = np.stack([signals[name] for name in ("ax_imu", "ay_imu", "az_imu")], axis=1)
-        changed.update(
-            zip(
-                ("ax_imu", "ay_imu", "az_imu"),
-                force_at_cg(force, omega, turn, positions["ax_imu"]).T,
-            )
+    corrected: dict[str, np.ndarray] = {}
+    axes = ("ax_imu", "ay_imu", "az_imu")
+    if "ax_imu" in positions and recorded >= set(axes):
+        omega_dot = np.stack(
+            [derivative(signals[name], signals.step, 5, 2) for name in "pqr"], axis=1
         )
+        force = np.stack([signals[name] for name in axes], axis=1)
+        force = force_at_cg(force, omega, omega_dot, positions["ax_imu"])
+        corrected.update(zip(axes, force.T, strict=True))
+    speed = signals.completed(("V",))
     if "V" in speed:
+        # A vane at the position r moves with omega x r.
         p, q, r = omega.T
-        V = np.maximum(speed["V"], 1.0)
-        for name in {"alpha_vane", "beta_vane"} & set(positions) & set(signals.values):
+        V = np.maximum(speed["V"], _LEAST_SPEED)
+        for name in {"alpha_vane", "beta_vane"} & positions.keys() & recorded:
             x, y, z = positions[name]
-            moved = (q * x - p * y) / V if name == "alpha_vane" else (p * z - r * x) / V
-            changed[name] = signals[name] + moved
-    return signals.with_values(changed)
+            if name == "alpha_vane":
+                by_rotation = (q * x - p * y) / V
+            else:
+                by_rotation = (p * z - r * x) / V
+            corrected[name] = signals[name] + by_rotation
+    return signals.with_values(corrected)
 
 
 def unwrap_heading(name: str, x: np.ndarray) -> np.ndarray:
-    """Return a heading without its jumps, whether it is in radians or, by mistake, in degrees."""
+    """Return an angle without its jumps of a turn, in radians or, by mistake, in degrees.
+
+    Other channels are returned without a change.
+    """
     if name not in ("psi", "lon"):
         return x
-    return np.unwrap(x, period=360.0 if np.nanmax(np.abs(x), initial=0.0) > 6.6 else 2.0 * np.pi)
+    period = 2.0 * np.pi
+    if np.nanmax(np.abs(x), initial=0.0) > _RADIAN_LIMIT:
+        period = 360.0
+    return np.unwrap(x, period=period)
 
 
 def lowpass_if_possible(x: np.ndarray, step: float, cutoff: float) -> np.ndarray:
-    """Return `x` low-passed, or as it is when the clock is too slow or too short for that."""
+    """Return `x` after a low-pass, or `x` if the clock is too slow or too short for the filter."""
     if cutoff > 0.4 / step or len(x) * step < 2.0 / cutoff:
         return x
     return lowpass(x, 1.0 / step, cutoff)
 
 
-def _on_clock(own, x, name, rate, time, spans) -> tuple[np.ndarray, np.ndarray]:
-    whole = np.isfinite(x)
-    good = np.interp(time, own, whole.astype(float), left=0.0, right=0.0) == 1.0
-    for a, b in zip(spans["start"], spans["stop"]):
-        good &= (time < a - _MARGIN) | (time > b + _MARGIN)
-    if not whole.any():
-        return np.zeros_like(time), good
-    x = np.interp(own, own[whole], x[whole])
+def _first_present(names: Collection[str], present: Collection[str]) -> str | None:
+    """Return the first name that is present; None without one."""
+    for name in names:
+        if name in present:
+            return name
+    return None
+
+
+def _valid_samples(
+    data: xr.Dataset, name: str, time: np.ndarray, faults: pd.DataFrame
+) -> np.ndarray:
+    """Return the samples on the clock `time` that are finite and without a fault."""
+    finite = np.isfinite(data[name].values.astype(float))
+    clock = data["time"].values
+    # 1 only if both neighbours are finite
+    valid = np.interp(time, clock, finite.astype(float), left=0.0, right=0.0) == 1.0
+    for start, stop in zip(faults["start"], faults["stop"], strict=True):
+        valid &= (time < start - _MARGIN) | (time > stop + _MARGIN)
+    return valid
+
+
+def _resample(data: xr.Dataset, name: str, time: np.ndarray) -> np.ndarray:
+    """Return a channel on the clock `time`; zeros without a finite sample."""
+    clock, x = data["time"].values, data[name].values.astype(float)
+    finite = np.isfinite(x)
+    if not finite.any():
+        return np.zeros_like(time)
+    x = np.interp(clock, clock[finite], x[finite])
+    # Switches are not filtered, and neither are controls, whose steps are real.
     if name.rpartition(".")[2].startswith(_DISCRETE):
-        return np.interp(time, own, x), good
+        return np.interp(time, clock, x)
     x = unwrap_heading(name, x)
-    if not is_control(name):
-        x = lowpass_if_possible(
-            np.interp(uniform := np.arange(own[0], own[-1] + 0.5 / rate, 1.0 / rate), own, x),
-            1.0 / rate,
-            BAND,
-        )
-        own = uniform
-    return np.interp(time, own, x), good
+    if is_control(name):
+        return np.interp(time, clock, x)
+    step = 1.0 / float(data.attrs["rate"])
+    uniform = np.arange(clock[0], clock[-1] + 0.5 * step, step)
+    x = lowpass_if_possible(np.interp(uniform, clock, x), step, BAND)
+    return np.interp(time, uniform, x)
 
 
-def _flying(values: dict[str, np.ndarray], good: dict[str, np.ndarray], step: float) -> np.ndarray:
-    speed = next((name for name in _SPEEDS if name in values), None)
-    if speed is None:
-        return np.ones(len(next(iter(values.values()))), bool)
-    fast = (
-        np.hypot(values["vn"], values["ve"])
-        if speed == "vn" and "ve" in values
-        else np.abs(values[speed])
-    )
-    if speed == "q_c":
-        fast = np.sqrt(fast)
-    flying = fast > AIRBORNE * np.percentile(fast[good[speed]] if good[speed].any() else fast, 90.0)
-    for name in ("wow_nose", "wow_left", "wow_right"):
-        if name in values:
-            flying &= values[name] < 0.01
-    return _eroded(flying, round(_TRANSIT / step))
+def _in_flight(
+    values: dict[str, np.ndarray], good: dict[str, np.ndarray], step: float
+) -> np.ndarray:
+    """Return the samples in flight (time,); all samples without a speed."""
+    name = _first_present(_SPEEDS, values)
+    if name is None:
+        some_channel = next(iter(values.values()))
+        return np.ones(len(some_channel), bool)
+    speed = np.abs(values[name])
+    if name == "vn" and "ve" in values:
+        speed = np.hypot(values["vn"], values["ve"])
+    if name == "q_c":
+        # proportional to the speed
+        speed = np.sqrt(speed)
+    valid = speed
+    if good[name].any():
+        valid = speed[good[name]]
+    flying = speed > AIRBORNE * np.percentile(valid, 90.0)
+    for wheel in ("wow_nose", "wow_left", "wow_right"):
+        if wheel in values:
+            flying &= values[wheel] < 0.01
+    return _erode_mask(flying, round(_TRANSIT / step))
 
 
-def _eroded(mask: np.ndarray, samples: int) -> np.ndarray:
-    """Return the mask less `samples` next to every place where it is False."""
+def _erode_mask(mask: np.ndarray, samples: int) -> np.ndarray:
+    """Return the mask without the `samples` next to every sample where it is False."""
     width = 2 * min(samples, (len(mask) - 1) // 2) + 1
-    out = np.convolve(~mask, np.ones(width), mode="same") > 0.5
-    return mask & ~out
+    near_false = np.convolve(~mask, np.ones(width), mode="same") > 0.5
+    return mask & ~near_false

@@ -1,0 +1,215 @@
+"""Forces and moments on the airframe along a flight path, and their coefficients.
+
+Equation of motion of a rigid aeroplane with spinning rotors, solved for the aerodynamic force and
+moment::
+
+    F_A = m a - F_T
+    M_A = I omega_dot + omega x (I omega + h_e) - M_T           about the c.g.
+    M_ref = M_A + (r_cg - r_ref) x F_A                          about the moment reference point
+
+`a` is the specific force at the c.g., so gravity does not appear. Positions count from the moment
+reference point.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.errors import IdentificationError
+from flighttest.reconstruction.dynamics.reduced_rates import (
+    Columns,
+    read_column,
+    read_columns,
+    stack_columns,
+)
+from flighttest.records.signals.differentiation import derivative
+
+_RATES = ("p", "q", "r")
+_LEAST_QBAR = 1.0  # Pa, as in the simulation
+_UNIFORM = 0.01  # relative range of the steps of a clock that counts as uniform
+
+
+def external_load(states: xr.Dataset, aircraft: Aircraft) -> tuple[np.ndarray, np.ndarray]:
+    """Return force and moment on the airframe without weight and thrust.
+
+    They are the loads of the air and of the runway.
+
+    Parameters
+    ----------
+    states : Dataset (time,)
+        As for `coefficients`.
+    aircraft : Aircraft
+        Mass where the states have none, inertia, engines.
+
+    Returns
+    -------
+    F, M : array (time, 3)
+        Body axes, M about the c.g. [N, N m]
+    """
+    return air_load(read_columns(states), aircraft)
+
+
+def air_load(columns: Columns, aircraft: Aircraft) -> tuple[np.ndarray, np.ndarray]:
+    """Return `external_load` of plain columns."""
+    F, M = inertial_load(columns, aircraft)
+    F_thrust, M_thrust = sum_loads(engine_loads(columns, aircraft))
+    return F - F_thrust, M - M_thrust
+
+
+def known_moment(states: xr.Dataset, aircraft: Aircraft) -> np.ndarray:
+    """Return the moment of thrust and rotors on the airframe about the c.g.
+
+    The moment of the rotors is -omega x h_e.
+
+    Parameters
+    ----------
+    states : Dataset (time,)
+        `p q r`, and `engineN.thrust` of every engine; `x_cg_b`, `y_cg_b`, `z_cg_b` where they
+        change. [SI]
+    aircraft : Aircraft
+        Engines.
+
+    Returns
+    -------
+    array (time, 3)
+        Body axes. [N m]
+    """
+    columns = read_columns(states)
+    # M_T - omega x h_e
+    moment = -np.cross(stack_columns(columns, _RATES), _rotor_momentum(aircraft))
+    total = np.zeros(3)
+    for _, engine_moment in engine_loads(columns, aircraft):
+        total = total + engine_moment
+    return moment + total
+
+
+def inertia_matrix(aircraft: Aircraft) -> np.ndarray:
+    """Return the tensor of inertia about the c.g., body axes. [kg m2]"""
+    return np.array(
+        [
+            [aircraft.Ixx, -aircraft.Ixy, -aircraft.Ixz],
+            [-aircraft.Ixy, aircraft.Iyy, -aircraft.Iyz],
+            [-aircraft.Ixz, -aircraft.Iyz, aircraft.Izz],
+        ]
+    )
+
+
+def inertial_load(columns: Columns, aircraft: Aircraft) -> tuple[np.ndarray, np.ndarray]:
+    """Return m a and I omega_dot + omega x (I omega + h_e), body axes, about the c.g. [N, N m]"""
+    omega = stack_columns(columns, _RATES)
+    omega_dot = np.stack([_angular_acceleration(columns, name) for name in _RATES], axis=1)
+    inertia = inertia_matrix(aircraft)
+    mass = read_column(columns, "mass", aircraft.mass)
+    force = mass[:, None] * stack_columns(columns, ("ax", "ay", "az"))
+    gyroscopic = np.cross(omega, omega @ inertia + _rotor_momentum(aircraft))
+    return force, omega_dot @ inertia + gyroscopic
+
+
+def engine_loads(columns: Columns, aircraft: Aircraft) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the force of each engine and its moment about the c.g., body axes. [N, N m]"""
+    loads = []
+    for i, engine in enumerate(aircraft.engines):
+        thrust = read_column(columns, f"engine{i + 1}.thrust")
+        force = thrust[:, None] * np.asarray(engine.direction, float)
+        arm = np.asarray(engine.position, float) - _center_of_gravity(columns, aircraft)
+        loads.append((force, np.cross(arm, force)))
+    return loads
+
+
+def sum_loads(
+    loads: list[tuple[np.ndarray, np.ndarray]],
+) -> tuple[np.ndarray | int, np.ndarray | int]:
+    """Return the sum of forces and the sum of moments; zero without loads."""
+    return sum(force for force, _ in loads), sum(moment for _, moment in loads)
+
+
+def thrust_coefficient(
+    columns: Columns, aircraft: Aircraft, engine: int | None = None
+) -> np.ndarray:
+    """Return the net thrust of one engine, or of all, over qbar S (time,). [1]"""
+    engines = range(len(aircraft.engines))
+    if engine is not None:
+        engines = range(engine, engine + 1)
+    total = np.zeros(1)
+    for i in engines:
+        total = total + read_column(columns, f"engine{i + 1}.thrust")
+    return total / (np.maximum(read_column(columns, "qbar"), _LEAST_QBAR) * aircraft.S)
+
+
+def load_coefficients(
+    F: np.ndarray, M: np.ndarray, columns: Columns, aircraft: Aircraft
+) -> dict[str, np.ndarray]:
+    """Return the coefficients of a force and a moment about the c.g. (time, 3)."""
+    qbar_S = read_column(columns, "qbar") * aircraft.S
+    M_ref = M + np.cross(_center_of_gravity(columns, aircraft), F)
+    # No coefficient at standstill: NaN or infinity, which the mask of flight removes.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        C_force = F / qbar_S[:, None]
+        C_moment = M_ref / qbar_S[:, None]
+    CX, CY, CZ = C_force.T
+    # lengths: span, mean chord, span
+    Cl, Cm, Cn = (C_moment / np.array([aircraft.b, aircraft.cbar, aircraft.b])).T
+    # stability axes: turned by alpha about body y
+    al = read_column(columns, "alpha")
+    return {
+        "CL": CX * np.sin(al) - CZ * np.cos(al),
+        "CD": -CX * np.cos(al) - CZ * np.sin(al),
+        "CX": CX,
+        "CY": CY,
+        "CZ": CZ,
+        "Cl": Cl,
+        "Cm": Cm,
+        "Cn": Cn,
+    }
+
+
+def is_airborne(columns: Columns, margin: float) -> np.ndarray:
+    """Return the samples (time,) without a wheel on the ground within `margin` seconds.
+
+    Why a margin: a filter spreads the shock of a touch-down.
+    """
+    wheels = [values > 0.5 for name, values in columns.items() if name.startswith("wow_")]
+    if not wheels:
+        return np.ones(len(columns["time"]), bool)
+    time, on_ground = columns["time"], np.any(wheels, axis=0)
+    if not on_ground.any():
+        return ~on_ground
+    # nearest sample on the ground before and after each sample
+    ground_time = time[on_ground]
+    following = np.searchsorted(ground_time, time)
+    before = ground_time[np.maximum(following - 1, 0)]
+    after = ground_time[np.minimum(following, len(ground_time) - 1)]
+    distance = np.minimum(np.abs(time - before), np.abs(after - time))
+    return ~on_ground & (distance > margin)
+
+
+def _rotor_momentum(aircraft: Aircraft) -> np.ndarray:
+    """Return the angular momentum of all rotors, body axes (3,). [kg m2 s-1]"""
+    total = np.zeros(3)
+    for engine in aircraft.engines:
+        total = total + engine.angular_momentum * np.asarray(engine.direction, float)
+    return total
+
+
+def _center_of_gravity(columns: Columns, aircraft: Aircraft) -> np.ndarray:
+    """Return the position of the c.g. (time, 3). [m]"""
+    names = ("x_cg_b", "y_cg_b", "z_cg_b")
+    coordinates = []
+    for name, default in zip(names, aircraft.cg, strict=False):
+        coordinates.append(read_column(columns, name, default))
+    return np.stack(coordinates, axis=1)
+
+
+def _angular_acceleration(columns: Columns, name: str) -> np.ndarray:
+    """Return the derivative of a body rate (time,). [rad s-2]"""
+    if f"{name}_dot" in columns:
+        return columns[f"{name}_dot"]
+    steps = np.diff(columns["time"])
+    if np.ptp(steps) > _UNIFORM * np.median(steps):
+        raise IdentificationError(
+            f"{name}_dot is missing and {name} steps by {steps.min():.4g} ... "
+            f"{steps.max():.4g} s; cut and resample first"
+        )
+    return derivative(read_column(columns, name), float(np.median(steps)))

@@ -1,0 +1,189 @@
+"""Inputs of a reconstruction from one record: channels on the clock of the path, first path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from flightmech.air import pressure_altitude
+from flightmech.errors import OutOfRange
+from flighttest.reconstruction.dynamics.kinematics import body_to_ned_rotation
+from flighttest.records.sensors.instruments import SPEEDS, VANES, Instruments
+from flighttest.records.sensors.measurements import MEASURED, MeasuredChannels, air_readings
+from flighttest.records.signals.conditioning import resample_to_grid
+
+# m/s: standard deviation of the mean vertical wind of a run in air without thermals, the default
+WIND_DOWN_SIGMA = 0.2
+# Factor of vanes whose specification does not state one: value and standard deviation.
+EXACT_FACTOR = (1.0, 1e-6)
+_LEAST_SAMPLES = 10  # per window
+_STEEPEST = np.radians(80.0)  # pitch attitude up to which Euler angles serve
+_CLOCK_ROUNDING = 1e-6  # of a sample, at the end of a window
+
+
+class RecordInputs:
+    """Channels of one record, its windows and the clock of the path.
+
+    Parameters
+    ----------
+    record : DataTree
+        Flight record.
+    aircraft : Aircraft
+        For the c.g., where the record has none.
+    specification : Instruments
+    windows : sequence of (start, stop)
+        [s]
+    rate : float
+        Samples per second of the path. [Hz]
+
+    Attributes
+    ----------
+    time : array (N,)
+        Clock of the path, all windows. [s]
+    grids : list of array
+        Clock of the path in each window. [s]
+    air : AirReadings
+        Airspeed, pressures and temperature.
+    measured : tuple of str
+        Channels that a sensor may measure, with one airspeed only.
+    vanes : tuple of str
+        Vanes that can be used.
+    cg : array (3,)
+        Mean centre of gravity. [m]
+
+    Raises
+    ------
+    OutOfRange
+        A window has fewer than ten samples, or the pitch attitude exceeds 80 degrees.
+    """
+
+    def __init__(
+        self,
+        record: xr.DataTree,
+        aircraft: Any,
+        specification: Instruments,
+        windows: Sequence[tuple[float, float]],
+        rate: float,
+    ):
+        self.channels = MeasuredChannels(record, windows)
+        self.specification, self.windows, self.rate = specification, windows, rate
+        self.latitude = _number_or_none(record, "latitude")
+        self.runway = _number_or_none(record, "runway_elevation")
+        self.wind_down = float(record.attrs.get("wind_down_sigma", WIND_DOWN_SIGMA))
+        self.grids = [_window_clock(start, stop, rate) for start, stop in windows]
+        shortest = min(map(len, self.grids))
+        if shortest < _LEAST_SAMPLES:
+            raise OutOfRange(
+                f"a window holds {shortest} samples at {rate:g} Hz; at least {_LEAST_SAMPLES} "
+                f"are needed"
+            )
+        self.time = np.concatenate(self.grids)
+        self.air = air_readings(self.channels, specification)
+        steepest = float(np.abs(self.resample("theta")).max())
+        if steepest > _STEEPEST:
+            raise OutOfRange(
+                f"pitch attitude reaches {np.degrees(steepest):.0f} deg; Euler angles serve "
+                f"up to 80 deg; choose other windows"
+            )
+        # Airspeeds repeat each other, so one of them takes part.
+        repeated = {"q_c", *SPEEDS} - {self.air.channel}
+        self.measured = tuple(name for name in MEASURED if name not in repeated)
+        self.vanes = tuple(name for name in VANES if self.can_use(name))
+        default = dict(zip("xyz", aircraft.cg, strict=True))
+        self.cg = np.array([self.mean(f"{axis}_cg_b", default[axis]) for axis in "xyz"])
+
+    def can_use(self, *names: str) -> bool:
+        """Return whether the record has all channels and an instrument gives their noise."""
+        return all(name in self.channels and self.specification.name_of(name) for name in names)
+
+    def mean(self, name: str, default: float) -> float:
+        """Return the mean of a slow channel, or the default if the record does not have it."""
+        if name not in self.channels:
+            return float(default)
+        _, values = self.channels.get(name)
+        return float(np.mean(values))
+
+    def resample(self, name: str) -> np.ndarray:
+        """Return a channel on the clock of the path (N,)."""
+        clock, values = self.channels.get(name)
+        pieces = [resample_to_grid(clock, values, grid, name) for grid in self.grids]
+        return np.concatenate(pieces)
+
+    def resample_undelayed(self, name: str) -> np.ndarray:
+        """Return a channel on the clock of the path (N,), without its expected latency."""
+        clock, values = self.channels.get(name)
+        latency, _ = self.specification.of(name).delay or (0.0, 0.0)
+        return np.interp(self.time, clock - latency, values)
+
+    def split_windows(self, values: np.ndarray) -> list[np.ndarray]:
+        """Return the samples of each window of values (N, ...)."""
+        ends = np.cumsum([len(grid) for grid in self.grids])
+        return np.split(values, ends[:-1])
+
+    def arm(self, channel: str) -> np.ndarray:
+        """Return the position of a sensor relative to the c.g. (3,). [m]"""
+        return np.array(self.specification.of(channel).position) - self.cg
+
+    def lies_in_windows(self, clock: np.ndarray) -> np.ndarray:
+        """Return which instants (M,) lie in a window."""
+        return np.any([(clock >= a) & (clock <= b) for a, b in self.windows], axis=0)
+
+
+def first_path(inputs: RecordInputs) -> np.ndarray:
+    """Return a first trajectory (N, 7 + vanes) from the readings."""
+    x = np.zeros((len(inputs.time), 7 + len(inputs.vanes)))
+    for i, name in enumerate(("phi", "theta", "psi")):
+        if name in inputs.channels:
+            x[:, i] = inputs.resample(name)
+    if "psi" not in inputs.channels:
+        x[:, 2] = _integrated_heading(inputs, x)
+    alpha = np.zeros(len(inputs.time))
+    for i, name in enumerate(inputs.vanes):
+        factor, _ = inputs.specification.of(name).factor.get(name, EXACT_FACTOR)
+        x[:, 7 + i] = inputs.resample_undelayed(name) / factor
+        if name == "alpha_vane":
+            alpha = x[:, 7 + i]
+    x[:, 3:6] = _first_velocity(inputs, x, alpha)
+    if inputs.can_use("h_gps"):
+        x[:, 6] = inputs.resample_undelayed("h_gps")
+    else:
+        x[:, 6] = pressure_altitude(inputs.air.at(inputs.time, inputs.air.p_static))
+    return x
+
+
+def _first_velocity(inputs: RecordInputs, x: np.ndarray, alpha: np.ndarray) -> np.ndarray:
+    """Return the ground velocity (N, 3), or the air-relative one without wind and sideslip."""
+    ground = ("vn", "ve", "vd")
+    if inputs.can_use(*ground):
+        return np.stack([inputs.resample_undelayed(name) for name in ground], axis=1)
+    V = inputs.air.speed_at(inputs.time)
+    body = np.stack([V * np.cos(alpha), np.zeros_like(V), V * np.sin(alpha)], axis=1)
+    return (body_to_ned_rotation(x[:, :3]) @ body[..., None])[..., 0]
+
+
+def _integrated_heading(inputs: RecordInputs, x: np.ndarray) -> np.ndarray:
+    """Return the heading from the start of each window, integrated from the gyros."""
+    # psi_dot = (q sin phi + r cos phi)/cos theta, by the trapezoidal rule
+    phi, theta = x[:, 0], x[:, 1]
+    q, r = inputs.resample("q"), inputs.resample("r")
+    rate = (q * np.sin(phi) + r * np.cos(phi)) / np.cos(theta)
+    headings = []
+    for piece in inputs.split_windows(rate):
+        steps = np.append(0.0, (piece[1:] + piece[:-1]) / 2.0)
+        headings.append(np.cumsum(steps) / inputs.rate)
+    return np.concatenate(headings)
+
+
+def _number_or_none(record: xr.DataTree, attribute: str) -> float | None:
+    if attribute not in record.attrs:
+        return None
+    return float(record.attrs[attribute])
+
+
+def _window_clock(start: float, stop: float, rate: float) -> np.ndarray:
+    """Return the uniform clock of a window (n,). [s]"""
+    steps = int(np.floor((stop - start) * rate + _CLOCK_ROUNDING))
+    return start + np.arange(steps + 1) / rate
