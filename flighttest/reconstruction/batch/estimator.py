@@ -18,12 +18,9 @@ from flighttest.reconstruction.batch.unknowns import (
     path_sensitivities,
     window_slices,
 )
-<<<<<<< HEAD
-from flighttest.reconstruction.problem.trajectory import linearise_sensor, states_and_rates
-from flighttest.remarks import Convergence
-=======
 from flighttest.reconstruction.problem.problem import PathProblem, Sensor
 from flighttest.reconstruction.problem.readings import linearise_sensor, states_and_rates
+from flighttest.remarks import Convergence
 
 ITERATIONS = 30
 ROUNDS = 6  # largest number of estimates of the noise
@@ -38,7 +35,6 @@ _LEAST_NOISE = 1e-3
 _FIRST_DAMPING = 1e-3
 _NO_DAMPING = 1e-6
 _MULTIPLIERS = ("factor.", "lag.", "delay.", "scale.")
->>>>>>> wt-reco
 
 
 @dataclass(frozen=True)
@@ -268,10 +264,6 @@ def _order_constants(driving: np.ndarray, free: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class BatchSolution:
-<<<<<<< HEAD
-    """The last equations, the noise they are weighed with, the number of iterations, and the end of
-    the rounds of noise. Its change is the largest of a noise over its tolerance of 5 %.
-=======
     """Result of a batch fit.
 
     Attributes
@@ -281,7 +273,8 @@ class BatchSolution:
     sigma : dict of float
         Standard deviation of the noise of each channel in the equations.
     iterations : int
->>>>>>> wt-reco
+    convergence : Convergence
+        End of the rounds of noise. Its change is the largest of a noise over its tolerance of 5 %.
     """
 
     equations: BatchEquations
@@ -319,25 +312,6 @@ def fit_batch(equations: BatchEquations) -> BatchSolution:
     Raises
     ------
     IdentificationError
-<<<<<<< HEAD
-        No step lowers the cost, or the iteration at a given noise does not converge.
-
-    Notes
-    -----
-    J = 1/2 sum over channels [r'r/R + N ln R]: for given noise R the unknowns by Levenberg-Marquardt, then R = r'r/N,
-    until R changes by less than 5 %.  If it still does after the last round, the `convergence` of the
-    solution states it: the unknowns are those of the noise of the round before.
-    """
-    count = 0
-    for number in range(1, ROUNDS + 1):
-        equations, used = _settle(equations)
-        count += used
-        sigma = {
-            name: rms if n >= FEW else equations.sigma[name]
-            for name, (rms, n) in equations.rms().items()
-        }
-        sigma = {name: max(value, 1e-3 * equations.sigma[name]) for name, value in sigma.items()}
-=======
         No step lowers the cost, or the iteration does not converge.
 
     Notes
@@ -346,22 +320,16 @@ def fit_batch(equations: BatchEquations) -> BatchSolution:
     estimates the unknowns. Then R = r'r/N, until R changes by less than 5 %.
     """
     iterations = 0
-    for _ in range(ROUNDS):
+    for number in range(1, ROUNDS + 1):
         equations, count = _minimise_cost(equations)
         iterations += count
         sigma = _estimate_noise(equations)
->>>>>>> wt-reco
         change = max(abs(sigma[name] / equations.sigma[name] - 1.0) for name in sigma)
         convergence = Convergence(change < SAME, number, change / SAME)
         if convergence.converged:
             break
-<<<<<<< HEAD
-        equations = equations.weighed(sigma)
-    return BatchSolution(equations, equations.sigma, count, convergence)
-=======
         equations = equations.with_noise(sigma)
-    return BatchSolution(equations, equations.sigma, iterations)
->>>>>>> wt-reco
+    return BatchSolution(equations, equations.sigma, iterations, convergence)
 
 
 def _estimate_noise(equations: BatchEquations) -> dict[str, float]:

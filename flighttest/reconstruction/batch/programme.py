@@ -84,14 +84,11 @@ class Batch:
     def report(self) -> str:
         """Return estimates, noise and constants that the readings do not determine, as text."""
         names = ", ".join(path.states.attrs["record"] or "record" for path in self.paths)
-<<<<<<< HEAD
-        state = "converged" if self.convergence.converged else "NOT converged"
-=======
         is_free = self.estimates["free"].values
         remarks = identifiability_remarks(
             self.estimates.isel(parameter=is_free, parameter_=is_free)
         )
->>>>>>> wt-reco
+        state = "converged" if self.convergence.converged else "NOT converged"
         lines = [
             f"Batch reconstruction: {names}",
             f"{self.starts.sizes['segment']} segments, {self.iterations} iterations, {state}",
@@ -104,41 +101,9 @@ class Batch:
             "",
             "After the fit:",
         ]
-<<<<<<< HEAD
-        for i, name in enumerate(self.estimates["parameter"].values):
-            row = self.estimates.isel(parameter=i, parameter_=i)
-            if not bool(row["free"]):
-                lines.append(
-                    f"{name:22s}{float(row['estimate']):13.5g}{'held':>13s}{'':26s}  "
-                    f"{row['unit'].item()}"
-                )
-                continue
-            numbers = "".join(
-                f"{float(row[key]):13.5g}"
-                for key in ("estimate", "stderr", "stderr_white", "prior_stderr")
-            )
-            lines.append(f"{name:22s}{numbers}  {row['unit'].item()}")
-        lines += ["", f"{'channel':14s}{'noise given':>13s}{'estimated':>13s}"]
-        for name, row in self.noise.iterrows():
-            word = "  ! residual exceeds the noise" if row.estimated > ACCEPT * row.given else ""
-            lines.append(f"{name:14s}{row.given:13.4g}{row.estimated:13.4g}{word}")
-        free = self.estimates.isel(
-            parameter=self.estimates["free"].values, parameter_=self.estimates["free"].values
-        )
-        words = identifiability_remarks(free)
-        return "\n".join(
-            [
-                *lines,
-                "",
-                "After the fit:",
-                *(f"  - {word}" for word in words or ["every constant is identifiable"]),
-                *remark_lines(self.remarks),
-            ]
-        )
-=======
         for remark in remarks or ["every constant is identifiable"]:
             lines.append(f"  - {remark}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *remark_lines(self.remarks)])
 
 
 def _estimate_lines(estimates: xr.Dataset) -> list[str]:
@@ -167,7 +132,6 @@ def _noise_lines(noise: Any) -> list[str]:
             line += "  ! residual exceeds the noise"
         lines.append(line)
     return lines
->>>>>>> wt-reco
 
 
 def reconstruct_batch(
@@ -229,15 +193,10 @@ def reconstruct_batch(
     try:
         solution = fit_batch(first)
     except IdentificationError as error:
-<<<<<<< HEAD
-        raise IdentificationError("\n  - ".join([str(error), *seen.hidden()])) from error
-    batch = _batch(records, aircraft, fitted, seen)
+        raise IdentificationError("\n  - ".join([str(error), *observability.hidden()])) from error
+    batch = _make_batch(records, aircraft, solution=solution, observability=observability)
     warn_forbidden(batch.remarks, "batch reconstruction")
     return batch
-=======
-        raise IdentificationError("\n  - ".join([str(error), *observability.hidden()])) from error
-    return _make_batch(records, aircraft, solution=solution, observability=observability)
->>>>>>> wt-reco
 
 
 def observable_constants(
@@ -292,35 +251,10 @@ def _make_batch(records, aircraft, solution: BatchSolution, observability: Obser
         paths=paths,
         estimates=_estimates(equations.layout, equations.at.c, covariance=covariance, white=white),
         starts=_starts(equations, covariance, white),
-<<<<<<< HEAD
-        noise=pd.DataFrame(rows).set_index("channel"),
-        visibility=seen,
-        iterations=fitted.iterations,
-        convergence=fitted.convergence,
-    )
-
-
-def _path(record, aircraft, i: int, fitted: BatchSolution, covariance: np.ndarray) -> FlightPath:
-    """Return the path of one record with the common constants; those held keep the covariance of
-    their prior.
-    """
-    equations = fitted.equations
-    plan, setup = equations.layout, equations.layout.setups[i]
-    at = plan.places[i]
-    own = np.where(np.outer(plan.free[at], plan.free[at]), covariance[np.ix_(at, at)], 0.0)
-    held = ~plan.free[at]
-    own[np.ix_(held, held)] = setup.problem.constants.covariance[np.ix_(held, held)]
-    solution = Solution(
-        equations.paths[i],
-        equations.at.c[at],
-        own,
-        equations.cost,
-        fitted.iterations,
-        settled=fitted.convergence.converged,
-=======
         noise=_noise_table(equations),
         visibility=observability,
         iterations=solution.iterations,
+        convergence=solution.convergence,
     )
 
 
@@ -357,8 +291,7 @@ def _make_path(
         covariance=constants_covariance,
         cost=equations.cost,
         iterations=solution.iterations,
-        settled=True,
->>>>>>> wt-reco
+        settled=solution.convergence.converged,
     )
     names = tuple(np.array(constants.names)[fixed].tolist())
     return path_of_solution(record, aircraft, setup=replace(setup, held=names), solution=trajectory)

@@ -21,27 +21,6 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import OutOfRange
 from flightmech.names import quantity_attributes
 from flightmech.units import G0
-<<<<<<< HEAD
-from flighttest.records.sensors.instruments import SURFACES, surface_errors
-from flighttest.records.signals.differentiation import derivative
-from flighttest.records.signals.resampling import lowpass
-
-ERRORS = {"qbar": 0.01, "mass": 0.005, "inertia": 0.02, "thrust": 0.02, "timing": 0.002}
-# what regressors and tables are functions of: their errors go with them
-MOVED = (
-    "alpha",
-    "beta",
-    "mach",
-    "phat",
-    "qhat",
-    "rhat",
-    "alphadothat",
-    "betadothat",
-    "CT",
-    "h",
-    "h_agl",
-    *SURFACES,
-=======
 from flighttest.reconstruction.dynamics.coefficient_errors import (
     MOVED,
     Changes,
@@ -49,7 +28,6 @@ from flighttest.reconstruction.dynamics.coefficient_errors import (
     relevant_changes,
     state_changes,
     surface_changes,
->>>>>>> wt-reco
 )
 from flighttest.reconstruction.dynamics.loads import (
     air_load,

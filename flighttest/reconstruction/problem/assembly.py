@@ -22,15 +22,9 @@ from flighttest.reconstruction.problem.problem import (
 from flighttest.reconstruction.problem.record_inputs import RecordInputs, first_path
 from flighttest.reconstruction.problem.sensor_groups import group_sensors
 from flighttest.reconstruction.problem.trajectory import Solution
-<<<<<<< HEAD
-from flighttest.records.sensors.instruments import IMU, SPEEDS, VANES, Instruments
-from flighttest.records.sensors.measurements import MEASURED, MeasuredChannels, air_readings
-=======
 from flighttest.records.sensors.instruments import IMU, SPEEDS, Instruments
 from flighttest.records.sensors.measurements import MEASURED
->>>>>>> wt-reco
 from flighttest.records.signals.differentiation import derivative
-from flighttest.records.signals.resampling import resample_to_grid
 
 # Standard deviations of the state at the start of a window: angles [rad], velocity [m/s], height
 # [m], vane angles [rad]. They prevent drift of a start that no reading determines. Without a

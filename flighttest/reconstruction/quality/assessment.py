@@ -67,10 +67,6 @@ from flighttest.reconstruction.quality.result import Quality
 from flighttest.records.record import manoeuvres
 from flighttest.records.sensors.instruments import SPEEDS, Instruments, instruments_of
 from flighttest.records.sensors.measurements import MeasuredChannels, demand_air_data, order_windows
-<<<<<<< HEAD
-from flighttest.records.signals.resampling import GAP
-=======
->>>>>>> wt-reco
 
 RATE = 50.0  # Hz, of the path in the test of the reconstruction
 

@@ -12,13 +12,8 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.units import G0
 from flighttest.maximum_likelihood.result import OutputError
-<<<<<<< HEAD
-from flighttest.reconstruction.smoother import FlightPath
-from flighttest.submodels.landing_gear.explicit import ROLLING
-=======
 from flighttest.reconstruction.flight_path import FlightPath
-from flighttest.submodels.landing_gear.explicit import FRICTION, LOAD, ROLLING
->>>>>>> wt-reco
+from flighttest.submodels.landing_gear.explicit import ROLLING
 from flighttest.submodels.landing_gear.output_error import fly_gear, has_angle
 from flighttest.submodels.landing_gear.reconstructed_loads import (
     CUTOFF,

@@ -1,20 +1,11 @@
 """Draws of models and of instrument errors: differences between an aeroplane and its record.
 
 The constants of a reconstruction leave common errors in its states
-<<<<<<< HEAD
-(`flighttest.reconstruction.path_quantities`). Pick-ups of controls have a bias and a scale error.
-Mass, inertia and thrust have a relative error, as `flighttest.coefficients` uses them. All errors
-are linear, so a drawn flight is the recorded flight plus a sum of shifts. An error of one name is
-the same error in all records of a programme, and in the tables that were identified from them
-(`aerodb.update.draw`). Channels that are not smoothed have white noise of the size that it has in
-the record.
-=======
 (`flighttest.reconstruction.state_errors`). Pick-ups of controls have a bias and a scale; mass,
 inertia and thrust have a relative error, as `flighttest.coefficients` takes them.  All are linear,
 so that a draw of a flight is one with a sum of shifts.  An error of one name is one error in all
 records of a programme, and in the tables that were identified from them (`aerodb.update.draw`).
 Channels that are not smoothed have noise, which is that of the record.
->>>>>>> wt-reco
 """
 
 from __future__ import annotations
