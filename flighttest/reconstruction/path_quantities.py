@@ -13,7 +13,7 @@ import xarray as xr
 
 from flightmech.air import GAMMA, R_AIR, calibrated_airspeed
 from flightmech.errors import UnknownName
-from flightmech.names import quantity_attributes
+from flightmech.names import REDUCED_RATES, quantity_attributes
 from flightmech.support.figures import new_figure
 from flightmech.units import G0
 from flighttest.reconstruction.dynamics.kinematics import in_body, incidence_rates
@@ -250,11 +250,11 @@ def motion_quantities(
         temperature=T,
         alpha_dot=alpha_dot,
         beta_dot=beta_dot,
-        phat=p * aircraft.b * half,
-        qhat=q * aircraft.cbar * half,
-        rhat=r * aircraft.b * half,
-        alphadothat=alpha_dot * aircraft.cbar * half,
-        betadothat=beta_dot * aircraft.b * half,
+    )
+    for name, (rate, length) in REDUCED_RATES.items():
+        if rate in columns:
+            columns[name] = columns[rate] * getattr(aircraft, length) * half
+    columns.update(
         hdot=-vd,
         gamma=np.arctan2(-vd, np.sqrt(vn * vn + ve * ve)),
         nz=-az / G0,

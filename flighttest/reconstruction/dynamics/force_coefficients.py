@@ -28,7 +28,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError, OutOfRange, UnknownName
-from flightmech.names import quantity_attributes
+from flightmech.names import REDUCED_RATES, quantity_attributes
 from flightmech.units import G0
 from flighttest.records.sensors.instruments import SURFACES, surface_errors
 from flighttest.records.signals.conditioning import lowpass
@@ -40,24 +40,13 @@ MOVED = (
     "alpha",
     "beta",
     "mach",
-    "phat",
-    "qhat",
-    "rhat",
-    "alphadothat",
-    "betadothat",
+    *REDUCED_RATES,
     "CT",
     "h",
     "h_agl",
     *SURFACES,
 )
-_DERIVED = (
-    "phat",
-    "qhat",
-    "rhat",
-    "alphadothat",
-    "betadothat",
-    "CT",
-)  # formed anew from states that are moved
+_DERIVED = (*REDUCED_RATES, "CT")  # formed anew from states that are moved
 # share of the standard error of every coefficient and variable below which a source is left out
 _LEAST = 1e-3
 _REACH = 1.5  # periods of the cut-off over which the low-pass spreads a shock
@@ -326,8 +315,7 @@ def smooth_states(states: xr.Dataset, cutoff: float) -> xr.Dataset:
 
 
 def reduced_rates(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
-    """Return `states` with the reduced rates phat, qhat, rhat, alphadothat, betadothat that are
-    missing.
+    """Return `states` with those of `flightmech.names.REDUCED_RATES` that are missing.
 
     Parameters
     ----------
@@ -361,19 +349,10 @@ def _reduced_rates(data: _Columns, aircraft: Aircraft) -> _Columns:
         and _has(data, "alpha", "beta", "ax", "ay", "az", "phi", "theta")
     ):
         found = dict(zip(("alpha_dot", "beta_dot"), _incidence_rates(data)))
-    for name, rate, length in (
-        ("phat", "p", aircraft.b),
-        ("qhat", "q", aircraft.cbar),
-        ("rhat", "r", aircraft.b),
-        ("alphadothat", "alpha_dot", aircraft.cbar),
-        ("betadothat", "beta_dot", aircraft.b),
-    ):
+    for name, (rate, length) in REDUCED_RATES.items():
         if name not in data and (rate in found or rate in data):
-            found[name] = (
-                (found[rate] if rate in found else _column(data, rate))
-                * length
-                / (2.0 * _column(data, "V"))
-            )
+            values = found[rate] if rate in found else _column(data, rate)
+            found[name] = values * getattr(aircraft, length) / (2.0 * _column(data, "V"))
     return found
 
 
