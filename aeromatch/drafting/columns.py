@@ -17,7 +17,7 @@ from flighttest.records.readers.columns import split_heading, units_at_the_end, 
 
 # Names of channels in recorders, in lower case without separators. The symbols of the field are
 # known to `flightmech.errors.find_symbol`.
-_WORDS = {
+HEADING_WORDS = {
     "p": "p ratep rollrate bodyrollrate gyrox gyrp wx",
     "q": "q rateq pitchrate bodypitchrate gyroy gyrq wy",
     "r": "r rater yawrate bodyyawrate gyroz gyrr wz",
@@ -79,7 +79,7 @@ _WORDS = {
     "engine.itt": "itt",
     "engine.torque": "torque trq",
 }
-_NAME = {word: name for name, words in _WORDS.items() for word in words.split()}
+_NAME = {word: name for name, words in HEADING_WORDS.items() for word in words.split()}
 _RECORDED = {
     "x_cg": "x_cg_b",
     "alpha": "alpha_vane",
