@@ -11,7 +11,7 @@ ROWS = np.array([[1.0, 2.0]])
 
 
 class _InterruptedSetting(Mapping):
-    """Parameters that let a second thread ask for the same rows while they are being stored."""
+    """Parameters that let a second thread request the same rows while they are being stored."""
 
     def __init__(self, values: dict[str, float], ask: Thread):
         self.values_of_names, self.ask = values, ask
@@ -30,7 +30,7 @@ class _InterruptedSetting(Mapping):
 
 
 def test_a_second_thread_receives_all_parameters() -> None:
-    """A thread that asks for the same rows during their expansion must not get a part of them."""
+    """A thread that requests the same rows during their expansion must not get a part of them."""
     answers: list[dict[str, np.ndarray]] = []
     second = Thread(target=lambda: answers.append(dict(parameters(ROWS))))
     values = {"engine1.lag": 1.0, "engine1.rate": 2.0}
