@@ -32,22 +32,22 @@ KINDS = {  # title, file, where the examples come from
 LONGEST = 70  # letters of an example
 HEAD = """# Keys of the files of a project
 
-Every key of the files that a project consists of: type, unit, default, meaning and an example. A *quantity* is a number in the unit of its
-column, or a text that carries its own (`"182 ft2"`). Files are named relative to the file that names them. Words in capitals in a heading
-are names of your own, or canonical names of [the vocabulary](nomenclature.md). An unknown key is an error that lists the near ones.
+Every key of the files of a project. A *quantity* is a number in the unit in brackets, or a text that
+carries its own (`"182 ft2"`). Files are named relative to the file that names them. Words in capitals
+in a heading are your own names, or names of [the vocabulary](nomenclature.md). An unknown key is an
+error that lists the near ones. *below*: the key is a table of its own.
 
-`aeromatch schema` writes the same as JSON schemas, one for each kind of file, or `aeromatch schema aircraft` one of them. Editors with a
-TOML language server (Even Better TOML in VS Code, taplo elsewhere) complete, explain and check the keys of a file whose first line names
-its schema, as the files of `aeromatch init` and `aeromatch pom init` do:
+`aeromatch schema` writes the same as JSON schemas. Editors with a TOML language server complete and
+check the keys of a file whose first line names its schema, as the files of `aeromatch init` do:
 
 ```toml
 #:schema aircraft.schema.json
 ```
 
-What the keys do together is described in [project files](project-files.md),
+What the keys do together: [project files](project-files.md),
 [flight records](../explanation/flight-test/records.md),
 [cases](../explanation/proof-of-match/cases.md), [engine](../explanation/simulation/engine.md),
-[control system](../explanation/simulation/control-system.md) and
+[control system](../explanation/simulation/control-system.md),
 [landing gear](../explanation/simulation/landing-gear.md). `docs/scripts/make_project_keys.py`
 writes this page from the models that read the files; examples are those of the shipped aeroplanes.
 """
@@ -65,16 +65,16 @@ def _kind(kind: str) -> str:
     shipped += [read_toml(path) for path in sorted(MAPS.glob("*.toml"))] if kind == "names" else []
     where = file if " " in file else f"`{file}`"
     text = f"\n## {title}\n\n{where}; `aeromatch schema {kind}`. {schema['description']}\n"
-    seen: dict[str, str] = {}
+    places_of: dict[str, list[str]] = {}
+    sections: dict[str, str] = {}
     for place, table in _tables(schema):
-        content, heading = json.dumps(table["properties"]), _heading(place)
-        head = f"\n### {kind}: {heading}\n" if place else ""
-        text += head + (
-            f"\nThe keys of {seen[content]}.\n"
-            if content in seen
-            else _section(place, table, schema, shipped)
-        )
-        seen.setdefault(content, heading)
+        content = json.dumps(table["properties"])
+        places_of.setdefault(content, []).append(_heading(place) if place else "")
+        if content not in sections:
+            sections[content] = _section(place, table, schema, shipped)
+    for content, section in sections.items():
+        heading = ", ".join(places_of[content])
+        text += (f"\n### {kind}: {heading}\n" if heading else "") + section
     return text
 
 
@@ -113,8 +113,8 @@ def _section(
 ) -> str:
     lines = [
         "",
-        "| key | type | unit | default | meaning | example |",
-        "| --- | --- | --- | --- | --- | --- |",
+        "| key | type [unit] | default | meaning | example |",
+        "| --- | --- | --- | --- | --- |",
     ]
     for key, part in table["properties"].items():
         part = _resolved(schema, part)
@@ -124,18 +124,17 @@ def _section(
             if key in table.get("required", ())
             else _toml(part["default"])
             if given
-            else "-"
+            else ""
         )
-        unit = unit_of(part) or "-"
+        unit = unit_of(part)
         meaning = (
             re.sub(r" \[[^\]]*\](, or a text with its unit)?$", "", part["description"])
-            if unit != "-"
+            if unit
             else part["description"]
         )
         cells = (
             key,
-            _type(schema, part),
-            unit,
+            f"{_type(schema, part)} [{unit}]" if unit else _type(schema, part),
             default,
             meaning,
             _example(schema, place, key, part, shipped),
