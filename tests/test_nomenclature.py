@@ -1,5 +1,6 @@
 """Pages that programs write are those that the programs write, and name only what exists."""
 
+import re
 import runpy
 from pathlib import Path
 
@@ -7,11 +8,15 @@ import pytest
 
 from aeromatch.drafting.columns import HEADING_WORDS, guess_quantity
 from flightmech.names import VOCABULARY
+from pom.result import STATUSES
 
-DOCS = Path(__file__).parents[1] / "docs"
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
 
 
-@pytest.mark.parametrize("script", ["make_nomenclature.py", "make_column_headings.py"])
+@pytest.mark.parametrize(
+    "script", ["make_nomenclature.py", "make_column_headings.py", "make_gallery.py"]
+)
 def test_page_is_up_to_date(script):
     program = runpy.run_path(str(DOCS / "scripts" / script))
     text = program["PAGE"].read_text(encoding="utf-8")
@@ -32,3 +37,18 @@ def test_every_equivalent_belongs_to_a_quantity():
     program = runpy.run_path(str(DOCS / "scripts" / "make_nomenclature.py"))
     for table in ("LR743", "DATCOM", "SIDPAC"):
         assert set(program[table]) <= set(VOCABULARY), table
+
+
+def test_every_kind_of_remark_is_on_the_page_of_symptoms():
+    kinds = set()
+    for file in (ROOT / "flighttest").rglob("*.py"):
+        text = file.read_text(encoding="utf-8")
+        kinds.update(re.findall(r'\bRemark\(\s*"([a-z ]+)"', text))
+    page = (DOCS / "how-to" / "when-something-looks-wrong.md").read_text(encoding="utf-8")
+    assert len(kinds) > 15
+    assert {kind for kind in kinds if f"`{kind}`" not in page} == set()
+
+
+def test_every_status_that_is_not_a_pass_is_on_the_page_of_symptoms():
+    page = (DOCS / "how-to" / "when-something-looks-wrong.md").read_text(encoding="utf-8")
+    assert {status for status in STATUSES if f"`{status}`" not in page} == {"pass"}
