@@ -111,38 +111,41 @@ def _resolved(schema: dict[str, Any], part: dict[str, Any]) -> dict[str, Any]:
 def _section(
     place: tuple[str, ...], table: dict[str, Any], schema: dict[str, Any], shipped: list[Any]
 ) -> str:
+    # Keys with the same type, default and meaning share a row, such as the events of a case.
+    keys_of: dict[tuple[str, str, str], list[str]] = {}
+    examples: dict[tuple[str, str, str], str] = {}
+    for key, part in table["properties"].items():
+        part = _resolved(schema, part)
+        cells = (_type_and_unit(schema, part), _default(table, key, part), _meaning(part))
+        keys_of.setdefault(cells, []).append(f"`{key}`")
+        examples.setdefault(cells, _example(schema, place, key, part, shipped))
     lines = [
         "",
         "| key | type [unit] | default | meaning | example |",
         "| --- | --- | --- | --- | --- |",
     ]
-    for key, part in table["properties"].items():
-        part = _resolved(schema, part)
-        given = "default" in part and part["default"] not in ("", [])
-        default = (
-            "required"
-            if key in table.get("required", ())
-            else _toml(part["default"])
-            if given
-            else ""
-        )
-        unit = unit_of(part)
-        meaning = (
-            re.sub(r" \[[^\]]*\](, or a text with its unit)?$", "", part["description"])
-            if unit
-            else part["description"]
-        )
-        cells = (
-            key,
-            f"{_type(schema, part)} [{unit}]" if unit else _type(schema, part),
-            default,
-            meaning,
-            _example(schema, place, key, part, shipped),
-        )
-        lines.append(
-            f"| `{cells[0]}` | {' | '.join(cell.replace('|', '/') for cell in cells[1:])} |"
-        )
+    for cells, keys in keys_of.items():
+        row = (*cells, examples[cells])
+        lines.append(f"| {', '.join(keys)} | {' | '.join(c.replace('|', '/') for c in row)} |")
     return "\n".join(lines) + "\n"
+
+
+def _type_and_unit(schema: dict[str, Any], part: dict[str, Any]) -> str:
+    unit = unit_of(part)
+    return f"{_type(schema, part)} [{unit}]" if unit else _type(schema, part)
+
+
+def _default(table: dict[str, Any], key: str, part: dict[str, Any]) -> str:
+    if key in table.get("required", ()):
+        return "required"
+    is_given = "default" in part and part["default"] not in ("", [])
+    return _toml(part["default"]) if is_given else ""
+
+
+def _meaning(part: dict[str, Any]) -> str:
+    """Return the description without the unit, which has a column of its own."""
+    text = part["description"]
+    return re.sub(r" \[[^\]]*\](, or a text with its unit)?$", "", text) if unit_of(part) else text
 
 
 def _heading(place: tuple[str, ...]) -> str:
@@ -202,7 +205,9 @@ def _at(content: Any, place: tuple[str, ...]) -> Iterator[Any]:
             yield from _at(item, place[1:] if place[0] == "[]" else place)
     elif isinstance(content, dict):
         free = {"TABLE": [name for name in content if name not in TOP]}.get(place[0], list(content))
-        names = free if place[0].isupper() else place[0].split("/")
+        # V and S are keys; longer words in capitals stand for names
+        is_free = place[0].isupper() and len(place[0]) > 1
+        names = free if is_free else place[0].split("/")
         for name in names:
             if name in content:
                 yield from _at(content[name], place[1:])
