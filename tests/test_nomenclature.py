@@ -1,21 +1,54 @@
-"""The page of names is the one that its program writes, and names only what exists."""
+"""Pages that programs write are those that the programs write, and name only what exists."""
 
+import re
 import runpy
 from pathlib import Path
 
+import pytest
+
+from aeromatch.drafting.name_map.columns import HEADING_WORDS, guess_quantity
 from flightmech.names import VOCABULARY
+from pom.result import STATUSES
 
-DOCS = Path(__file__).parents[1] / "docs"
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
 
 
-def test_page_is_up_to_date():
-    program = runpy.run_path(str(DOCS / "scripts" / "make_nomenclature.py"))
-    assert (DOCS / "reference" / "nomenclature.md").read_text(encoding="utf-8") == program[
-        "page"
-    ](), "run: python docs/scripts/make_nomenclature.py"
+@pytest.mark.parametrize(
+    "script", ["make_nomenclature.py", "make_column_headings.py", "make_gallery.py"]
+)
+def test_page_is_up_to_date(script):
+    program = runpy.run_path(str(DOCS / "scripts" / script))
+    text = program["PAGE"].read_text(encoding="utf-8")
+    assert text == program["page"](), f"run: python docs/scripts/{script}"
+
+
+@pytest.mark.parametrize("name", HEADING_WORDS)
+def test_every_listed_heading_is_recognised(name):
+    """A canonical name is its own quantity, also among the words of another one."""
+    expected = name.replace("engine.", "engine1.")
+    guesses = {word: guess_quantity(word) for word in HEADING_WORDS[name].split()}
+    assert None not in guesses.values()
+    others = {word: guess.name for word, guess in guesses.items() if guess.name != expected}
+    assert others == {word: word for word in set(others) & set(VOCABULARY)}
 
 
 def test_every_equivalent_belongs_to_a_quantity():
     program = runpy.run_path(str(DOCS / "scripts" / "make_nomenclature.py"))
     for table in ("LR743", "DATCOM", "SIDPAC"):
         assert set(program[table]) <= set(VOCABULARY), table
+
+
+def test_every_kind_of_remark_is_on_the_page_of_symptoms():
+    kinds = set()
+    for file in (ROOT / "flighttest").rglob("*.py"):
+        text = file.read_text(encoding="utf-8")
+        kinds.update(re.findall(r'\bRemark\(\s*"([a-z ]+)"', text))
+    page = (DOCS / "how-to" / "when-something-looks-wrong.md").read_text(encoding="utf-8")
+    assert len(kinds) > 15
+    assert {kind for kind in kinds if f"`{kind}`" not in page} == set()
+
+
+def test_every_status_that_is_not_a_pass_is_on_the_page_of_symptoms():
+    page = (DOCS / "how-to" / "when-something-looks-wrong.md").read_text(encoding="utf-8")
+    assert {status for status in STATUSES if f"`{status}`" not in page} == {"pass"}

@@ -10,7 +10,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
-from test_chain import CHAIN, ORDER, circle, imported, modules  # noqa: E402  (the order is declared, and enforced, there)
+from test_chain import CHAIN, ORDER, imported, modules  # noqa: E402  (the order is declared, and enforced, there)
 
 PAGE = ROOT / "docs" / "design" / "folders.md"
 HEAD = """# Folders
@@ -23,48 +23,6 @@ listed once.
 Folders and loose modules have an order: each imports only from those above it in the tables below. `tests/test_chain.py` enforces that,
 counts circles over all imports (deferred and type-only ones too) and refuses a folder with more than twelve modules.
 `docs/scripts/make_folders.py` writes this page.
-
-| | before | now |
-| --- | ---: | ---: |
-| folders | 29 | {folders} |
-| modules of the largest | 65 | {largest} |
-| circles of imports | 11 | {circles} |
-| public names of `flighttest` itself | 131 | {flat} |
-"""
-BEFORE = """
-## Before
-
-| folder | modules |
-| --- | ---: |
-| `aerodb/` | 44 |
-| `aerodb/exchange/` | 18 |
-| `aerodb/exchange/daveml/` | 19 |
-| `aeromatch/` | 5 |
-| `datcom_io/` | 21 |
-| `datcom_io/decks/` | 14 |
-| `datcom_io/exchange/` | 11 |
-| `datcom_io/layouts/` | 12 |
-| `datcom_io/leaves/` | 9 |
-| `flightmech/` | 39 |
-| `flightmech/qualities/` | 11 |
-| `flightmech/submodels/` | 7 |
-| `flighttest/` | 65 |
-| `flighttest/batch/` | 7 |
-| `flighttest/evaluation/` | 8 |
-| `flighttest/ground_effect/` | 5 |
-| `flighttest/inputs/` | 9 |
-| `flighttest/likelihood/` | 16 |
-| `flighttest/quality/` | 15 |
-| `flighttest/readers/` | 15 |
-| `flighttest/readers/chapter10/` | 6 |
-| `flighttest/selection/` | 5 |
-| `flighttest/separable/` | 10 |
-| `flighttest/spin/` | 7 |
-| `pom/` | 58 |
-| `pom/measures/` | 9 |
-| `pom/paper/` | 6 |
-| `pom/sections/` | 20 |
-| `pom/worker/` | 8 |
 """
 
 
@@ -72,25 +30,7 @@ def page() -> str:
     """Return the page."""
     known = modules()
     graph = {name: imported(file, known) for name, file in known.items()}
-    folders = {file.parent for file in known.values()}
-    counts = {
-        "folders": len(folders),
-        "largest": max(
-            sum(file.name != "__init__.py" for file in folder.glob("*.py")) for folder in folders
-        ),
-        "circles": int(bool(circle(graph))),
-        "flat": sum(
-            "import" in line and not line.startswith("from . import")
-            for line in _stub("flighttest")
-        ),
-    }
-    return (
-        HEAD.format(**counts) + "".join(_table(package, known, graph) for package in CHAIN) + BEFORE
-    )
-
-
-def _stub(package: str) -> list[str]:
-    return (ROOT / package / "__init__.pyi").read_text(encoding="utf-8").splitlines()[1:]
+    return HEAD + "".join(_table(package, known, graph) for package in CHAIN)
 
 
 def _table(package: str, known: dict[str, Path], graph: dict[str, set[str]]) -> str:

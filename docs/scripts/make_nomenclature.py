@@ -84,20 +84,21 @@ SIDPAC = {
 
 HEAD = """# Nomenclature
 
-Every quantity of the product has one name, one unit and one positive sense: in files, tables, Python, FMUs and reports.
-Names are the symbols of the field in ASCII; angles are in radians. Quantities that exist once per engine or landing-gear
-leg take a prefix: `engine1.thrust`, `gear.nose.compression`; so do controls that only the tables of a database know:
-`device.body_flap.deflection` [rad], `device.spike.setting` [1]. In Python, `flightmech.names.lookup("delta_e")` returns a row.
-Other terms are in the [glossary](glossary.md). `docs/scripts/make_nomenclature.py` writes this page from `flightmech.names`.
+Every quantity has one name, one unit and one positive sense: in files, tables, Python, FMUs and
+reports. Names are the symbols of the field in ASCII; angles are in radians. Quantities of one engine
+or leg take a prefix: `engine1.thrust`, `gear.nose.compression`. Controls that only the tables of a
+database know are `device.body_flap.deflection` [rad], `device.spike.setting` [1]. In Python,
+`flightmech.names.lookup("delta_e")` returns a row. Other terms: [glossary](glossary.md), headings of
+recordings: [column headings](column-headings.md). `docs/scripts/make_nomenclature.py` writes this page.
 
-The right-hand columns give the equivalents elsewhere. LR-743 reduces the pitch rate by `c/V`, this product by `c/(2V)`: a
-pitch-rate derivative of LR-743 is half of ours. JSBSim's properties are in the unit that their names end with. SIDPAC's
-numbers are the columns of its data array. A blank means that no equivalent is known.
+The last column has equivalents elsewhere. LR-743 reduces the pitch rate by `c/V`, this product by
+`c/(2V)`: a pitch-rate derivative of LR-743 is half of ours. JSBSim's properties are in the unit that
+their names end with. SIDPAC's numbers are the columns of its data array.
 
 Signs: {signs}.
 
-| name | unit | positive | quantity | LR-743 | DATCOM | JSBSim | SIDPAC |
-|---|---|---|---|---|---|---|---|
+| name | unit | positive | quantity | elsewhere |
+|---|---|---|---|---|
 """
 
 
@@ -114,15 +115,18 @@ def _row(quantity: Quantity) -> str:
         if name in AXIS
         else " x ".join(f"`{part}`" for part in REGRESSOR.get(name, ()))
     )
+    elsewhere = {
+        "LR-743": LR743.get(name, ""),
+        "DATCOM": DATCOM.get(name, ""),
+        "JSBSim": jsbsim,
+        "SIDPAC": SIDPAC.get(name, ""),
+    }
     cells = [
         f"`{name}`",
         quantity.units,
         quantity.sign,
         quantity.long_name,
-        LR743.get(name, ""),
-        DATCOM.get(name, ""),
-        jsbsim,
-        SIDPAC.get(name, ""),
+        "; ".join(f"{program} {symbol}" for program, symbol in elsewhere.items() if symbol),
     ]
     return "| " + " | ".join(cells) + " |\n"
 

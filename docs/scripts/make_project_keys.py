@@ -32,22 +32,22 @@ KINDS = {  # title, file, where the examples come from
 LONGEST = 70  # letters of an example
 HEAD = """# Keys of the files of a project
 
-Every key of the files that a project consists of: type, unit, default, meaning and an example. A *quantity* is a number in the unit of its
-column, or a text that carries its own (`"182 ft2"`). Files are named relative to the file that names them. Words in capitals in a heading
-are names of your own, or canonical names of [the vocabulary](nomenclature.md). An unknown key is an error that lists the near ones.
+Every key of the files of a project. A *quantity* is a number in the unit in brackets, or a text that
+carries its own (`"182 ft2"`). Files are named relative to the file that names them. Words in capitals
+in a heading are your own names, or names of [the vocabulary](nomenclature.md). An unknown key is an
+error that lists the near ones. *below*: the key is a table of its own.
 
-`aeromatch schema` writes the same as JSON schemas, one for each kind of file, or `aeromatch schema aircraft` one of them. Editors with a
-TOML language server (Even Better TOML in VS Code, taplo elsewhere) complete, explain and check the keys of a file whose first line names
-its schema, as the files of `aeromatch init` and `aeromatch pom init` do:
+`aeromatch schema` writes the same as JSON schemas. Editors with a TOML language server complete and
+check the keys of a file whose first line names its schema, as the files of `aeromatch init` do:
 
 ```toml
 #:schema aircraft.schema.json
 ```
 
-What the keys do together is described in [project files](project-files.md),
+What the keys do together: [project files](project-files.md),
 [flight records](../explanation/flight-test/records.md),
 [cases](../explanation/proof-of-match/cases.md), [engine](../explanation/simulation/engine.md),
-[control system](../explanation/simulation/control-system.md) and
+[control system](../explanation/simulation/control-system.md),
 [landing gear](../explanation/simulation/landing-gear.md). `docs/scripts/make_project_keys.py`
 writes this page from the models that read the files; examples are those of the shipped aeroplanes.
 """
@@ -65,16 +65,16 @@ def _kind(kind: str) -> str:
     shipped += [read_toml(path) for path in sorted(MAPS.glob("*.toml"))] if kind == "names" else []
     where = file if " " in file else f"`{file}`"
     text = f"\n## {title}\n\n{where}; `aeromatch schema {kind}`. {schema['description']}\n"
-    seen: dict[str, str] = {}
+    places_of: dict[str, list[str]] = {}
+    sections: dict[str, str] = {}
     for place, table in _tables(schema):
-        content, heading = json.dumps(table["properties"]), _heading(place)
-        head = f"\n### {kind}: {heading}\n" if place else ""
-        text += head + (
-            f"\nThe keys of {seen[content]}.\n"
-            if content in seen
-            else _section(place, table, schema, shipped)
-        )
-        seen.setdefault(content, heading)
+        content = json.dumps(table["properties"])
+        places_of.setdefault(content, []).append(_heading(place) if place else "")
+        if content not in sections:
+            sections[content] = _section(place, table, schema, shipped)
+    for content, section in sections.items():
+        heading = ", ".join(places_of[content])
+        text += (f"\n### {kind}: {heading}\n" if heading else "") + section
     return text
 
 
@@ -111,39 +111,41 @@ def _resolved(schema: dict[str, Any], part: dict[str, Any]) -> dict[str, Any]:
 def _section(
     place: tuple[str, ...], table: dict[str, Any], schema: dict[str, Any], shipped: list[Any]
 ) -> str:
-    lines = [
-        "",
-        "| key | type | unit | default | meaning | example |",
-        "| --- | --- | --- | --- | --- | --- |",
-    ]
+    # Keys with the same type, default and meaning share a row, such as the events of a case.
+    keys_of: dict[tuple[str, str, str], list[str]] = {}
+    examples: dict[tuple[str, str, str], str] = {}
     for key, part in table["properties"].items():
         part = _resolved(schema, part)
-        given = "default" in part and part["default"] not in ("", [])
-        default = (
-            "required"
-            if key in table.get("required", ())
-            else _toml(part["default"])
-            if given
-            else "-"
-        )
-        unit = unit_of(part) or "-"
-        meaning = (
-            re.sub(r" \[[^\]]*\](, or a text with its unit)?$", "", part["description"])
-            if unit != "-"
-            else part["description"]
-        )
-        cells = (
-            key,
-            _type(schema, part),
-            unit,
-            default,
-            meaning,
-            _example(schema, place, key, part, shipped),
-        )
-        lines.append(
-            f"| `{cells[0]}` | {' | '.join(cell.replace('|', '/') for cell in cells[1:])} |"
-        )
+        cells = (_type_and_unit(schema, part), _default(table, key, part), _meaning(part))
+        keys_of.setdefault(cells, []).append(f"`{key}`")
+        examples.setdefault(cells, _example(schema, place, key, part, shipped))
+    lines = [
+        "",
+        "| key | type [unit] | default | meaning | example |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for cells, keys in keys_of.items():
+        row = (*cells, examples[cells])
+        lines.append(f"| {', '.join(keys)} | {' | '.join(c.replace('|', '/') for c in row)} |")
     return "\n".join(lines) + "\n"
+
+
+def _type_and_unit(schema: dict[str, Any], part: dict[str, Any]) -> str:
+    unit = unit_of(part)
+    return f"{_type(schema, part)} [{unit}]" if unit else _type(schema, part)
+
+
+def _default(table: dict[str, Any], key: str, part: dict[str, Any]) -> str:
+    if key in table.get("required", ()):
+        return "required"
+    is_given = "default" in part and part["default"] not in ("", [])
+    return _toml(part["default"]) if is_given else ""
+
+
+def _meaning(part: dict[str, Any]) -> str:
+    """Return the description without the unit, which has a column of its own."""
+    text = part["description"]
+    return re.sub(r" \[[^\]]*\](, or a text with its unit)?$", "", text) if unit_of(part) else text
 
 
 def _heading(place: tuple[str, ...]) -> str:
@@ -203,7 +205,9 @@ def _at(content: Any, place: tuple[str, ...]) -> Iterator[Any]:
             yield from _at(item, place[1:] if place[0] == "[]" else place)
     elif isinstance(content, dict):
         free = {"TABLE": [name for name in content if name not in TOP]}.get(place[0], list(content))
-        names = free if place[0].isupper() else place[0].split("/")
+        # V and S are keys; longer words in capitals stand for names
+        is_free = place[0].isupper() and len(place[0]) > 1
+        names = free if is_free else place[0].split("/")
         for name in names:
             if name in content:
                 yield from _at(content[name], place[1:])

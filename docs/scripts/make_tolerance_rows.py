@@ -23,17 +23,15 @@ SHOWN = {
 }
 HEAD = """# Which entry is judged on which record
 
-The {entries} entries of 14 CFR Part 60 App. A Table A2A (2014) and the verdict of the final model of the T-37 (`aeromatch demo`) on
-each. Every line is a test: `tests/pom/rows/test_rows.py` replays the record by the FMU, judges it and compares with this table,
-which `docs/scripts/make_tolerance_rows.py` writes. {judged} entries are judged, {beyond} are not, because the model does not have the
-quantity.
+The {entries} entries of 14 CFR Part 60 App. A Table A2A (2014) and the verdict of the final model of the
+T-37 (`aeromatch demo`) on each. Every line is a test, `tests/pom/rows/test_rows.py`;
+`docs/scripts/make_tolerance_rows.py` writes the page. {judged} entries are judged. {beyond} are not, because
+the model does not have the quantity. A judged criterion without a word passes.
 
-Records `t37_NN_...` are those of `data/t37/flight`, with instrument errors; the others are error-free states that
-`tests/pom/rows/fly_rows.py` flew with the same aeroplane (`tests/pom/rows/flights`, cases in `tests/pom/rows/cases`). Their purpose
-is to take each entry through all of its steps; a T-37 does not have everything that an entry speaks of, and its description states
-what stands for it: thrust reversers on its engines (1.e.2, 2.e.8, 2.e.9), a nose wheel linked to the pedals (2.a.5), protections
-that are in the recorded surfaces (2.h). A verdict that is not a pass is what the model of `aeromatch demo` gives; its reason stands
-in the last column.
+Records `t37_NN_...` are those of `data/t37/flight`, with instrument errors. The others are error-free states
+of the same aeroplane (`tests/pom/rows/fly_rows.py`). Where a T-37 does not have what an entry speaks of, the
+description of the case states the substitute: thrust reversers on its engines (1.e.2, 2.e.8, 2.e.9), a nose
+wheel linked to the pedals (2.a.5), protections that are in the recorded surfaces (2.h).
 
 | entry | | record | verdict | judged | why |
 |---|---|---|---|---|---|
@@ -49,6 +47,12 @@ TAIL = """
 
 The rows of these sections are not in `tolerances.csv`: a proof of match of the mathematical model cannot test them.
 """
+
+
+def _judged(text: str) -> str:
+    """Return the criteria of an entry; the verdict is written where it is not a pass."""
+    criteria = [item.removesuffix(" pass").replace("_", " ") for item in text.split("; ")]
+    return ", ".join(criteria)
 
 
 def page() -> str:
@@ -68,13 +72,10 @@ def page() -> str:
             titles[row["entry"]],
             f"`{row['record']}`",
             SHOWN[row["status"]],
-            row["judged"],
+            _judged(row["judged"]),
             row["reason"],
         )
-        text += (
-            f"| {' | '.join(cell.replace('_', ' ') if i in (4,) else cell for i, cell in enumerate(cells))} "
-            f"|\n"
-        )
+        text += f"| {' | '.join(cells)} |\n"
     return text + TAIL
 
 

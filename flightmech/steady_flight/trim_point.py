@@ -17,7 +17,7 @@ from flightmech import build_up, terms
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.axes import lift_drag
 from flightmech.errors import SimulationError
-from flightmech.names import COEFFICIENTS, REDUCED_RATES
+from flightmech.names import COEFFICIENTS, IMPLICIT, REDUCED_RATES
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.compiler import compile as compile_model
 from flightmech.simulation.kernel import Simulation
@@ -157,12 +157,14 @@ class Point:
         """Every model variable of the flight, by name. [SI]"""
         craft = self.aircraft
         values = {name: self[name] for name in _OUTPUT_VARIABLES}
-        # rates without dimension: p b / 2V, q cbar / 2V, r b / 2V
         half = 0.5 / self["V"]
-        values["phat"] = self["p"] * craft.b * half
-        values["qhat"] = self["q"] * craft.cbar * half
-        values["rhat"] = self["r"] * craft.b * half
-        values |= {"alphadothat": 0.0, "betadothat": 0.0, "dnz": self["nz"] - 1.0}
+        for name, (rate, length) in REDUCED_RATES.items():
+            if name in IMPLICIT:
+                # alpha_dot and beta_dot of a steady flight
+                values[name] = 0.0
+            elif rate in self.trimmed:
+                values[name] = self[rate] * getattr(craft, length) * half
+        values["dnz"] = self["nz"] - 1.0
         # positions of the controls as they act: input, bias and trim together
         for name, value in self.trimmed.items():
             if name.startswith("applied."):
@@ -327,10 +329,11 @@ class Point:
         lower = self.body_coefficients(x_cg_b, **{variable: low})
         return (upper - lower) / (2.0 * step)
 
-    def derivatives(self, variables: Sequence[str] = VARIABLES) -> xr.Dataset:
+    def derivatives(self, variables: Sequence[str] | None = None) -> xr.Dataset:
         """Return the derivatives of the six coefficients about the moment reference point.
 
-        CL and CD are in stability axes, the other coefficients in body axes.
+        CL and CD are in stability axes, the other coefficients in body axes. The default is every
+        variable of `VARIABLES` that the simulation has.
 
         Returns
         -------
@@ -338,6 +341,8 @@ class Point:
             ``value (coefficient, variable)``, per unit of the variable [SI]. Derivatives with
             respect to ``V`` contain the change with Mach number and dynamic pressure, per m/s.
         """
+        if variables is None:
+            variables = [name for name in VARIABLES if name in self.variables]
         columns = []
         for name in variables:
             low, high, step = self._step_around(name)

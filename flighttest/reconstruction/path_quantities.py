@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.air import GAMMA, R_AIR, calibrated_airspeed
-from flightmech.names import quantity_attributes
+from flightmech.names import REDUCED_RATES, quantity_attributes
 from flightmech.units import G0
 from flighttest.reconstruction.dynamics.kinematics import in_body, incidence_rates
 from flighttest.reconstruction.problem.assembly import Setup
@@ -129,14 +129,11 @@ def motion_quantities(
     free = [a + g * d for a, d in zip((ax, ay, az), down, strict=True)]
     alpha_dot, beta_dot = incidence_rates((u, v, w), (p, q, r), free)
     half = 1.0 / (2.0 * np.maximum(V, _LEAST_REDUCING_SPEED))
+    columns |= {"alpha_dot": alpha_dot, "beta_dot": beta_dot}
+    for name, (rate, length) in REDUCED_RATES.items():
+        if rate in columns:
+            columns[name] = columns[rate] * getattr(aircraft, length) * half
     columns.update(
-        alpha_dot=alpha_dot,
-        beta_dot=beta_dot,
-        phat=p * aircraft.b * half,
-        qhat=q * aircraft.cbar * half,
-        rhat=r * aircraft.b * half,
-        alphadothat=alpha_dot * aircraft.cbar * half,
-        betadothat=beta_dot * aircraft.b * half,
         hdot=-vd,
         gamma=np.arctan2(-vd, np.sqrt(vn * vn + ve * ve)),
         nz=-az / G0,

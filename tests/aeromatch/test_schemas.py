@@ -3,6 +3,7 @@ no fewer, and explain each.
 """
 
 import json
+import re
 import runpy
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +22,7 @@ from flightmech.errors import AeromatchError, SchemaError
 from flightmech.names import VOCABULARY
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_quantities import UNIT
-from flightmech.units import parse_quantity
+from flightmech.units import parse_quantity, parse_unit
 from flighttest.records.readers.name_map_reading import read_names
 from flighttest.records.sensors.instruments import parse_instruments
 from flighttest.submodels.engine.tables import read_structure
@@ -236,6 +237,20 @@ def test_the_page_of_keys_is_current_and_has_an_example_of_every_key():
     assert [
         line for line in text.splitlines() if line.startswith("| `") and line.endswith("| - |")
     ] == []
+
+
+def test_examples_of_quantities_are_of_the_dimension_of_their_key():
+    text = (ROOT / "docs" / "reference" / "project-keys.md").read_text(encoding="utf-8")
+    rows = re.findall(r'^\| (.+?) \| quantity \[(.+?)\] \|.*\| `"(.+?)"` \|$', text, re.M)
+    assert len(rows) > 50
+    wrong = []
+    for keys, unit, example in rows:
+        if " of " in f" {unit} ":
+            continue  # "of the control": the unit depends on the file
+        shown = example.partition(" ")[2]
+        if not shown or parse_unit(shown)[0] != parse_unit(unit)[0]:
+            wrong.append((keys, unit, example))
+    assert wrong == []
 
 
 @pytest.mark.parametrize("kind", SCHEMAS)

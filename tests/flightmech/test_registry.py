@@ -17,9 +17,8 @@ OWN_LISTS = {
     "aerodb/exchange/jsbsim/properties.py": "property of JSBSim for each variable",
     "aerodb/prior/prior_errors.py": "standard error of each derivative of DATCOM",
     "aerodb/store/evaluation.py": "range of each variable that is not suspect",
-    "flighttest/reconstruction/dynamics/coefficient_errors.py": "variables with errors of the path",
     "flighttest/special_tests/spin/rotation_rates.py": "variables along a spin",
-    "pom/report/presentation/term_words.py": "words of the cause of each increment",
+    "pom/report/presentation/quantities.py": "symbol of each variable on a page",
 }
 
 

@@ -185,7 +185,7 @@ def arguments(n: int = 20_000) -> dict[str, tuple[np.ndarray, ...]]:
 
 
 # measured over 10^5 to 10^6 arguments each against 113-bit arithmetic, with a margin for arguments
-# not met: see docs/explanation/simulation/kernel.md
+# not met: see docs/evidence/simulation.md
 BOUND = {
     "sin": 0.75,
     "cos": 0.78,

@@ -15,6 +15,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import UnknownName
+from flightmech.names import REDUCED_RATES
 from flighttest.reconstruction.dynamics.loads import (
     air_load,
     engine_loads,
@@ -32,7 +33,7 @@ from flighttest.records.sensors.instruments import SURFACES, surface_errors
 # Relative standard errors; of the timing in seconds.
 ERRORS = {"qbar": 0.01, "mass": 0.005, "inertia": 0.02, "thrust": 0.02, "timing": 0.002}
 # Variables of regressors and tables that follow from the states: errors of the states change them.
-_DERIVED = ("phat", "qhat", "rhat", "alphadothat", "betadothat", "CT")
+_DERIVED = (*REDUCED_RATES, "CT")
 # Variables of regressors and tables: errors of the states change them too.
 MOVED = ("alpha", "beta", "mach", *_DERIVED, "h", "h_agl", *SURFACES)
 # Share of the standard error of every coefficient and variable below which a source is omitted.

@@ -41,7 +41,7 @@ from flighttest.reconstruction.dynamics.reduced_rates import (
     read_columns,
     reduced_rates,
 )
-from flighttest.records.signals.conditioning import lowpass
+from flighttest.records.signals.resampling import lowpass
 
 NAMES = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
 _REACH = 1.5  # periods of the cut-off over which the low-pass spreads a shock

@@ -7,7 +7,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import UnknownName
-from flightmech.names import quantity_attributes
+from flightmech.names import REDUCED_RATES, quantity_attributes
 from flightmech.units import G0
 
 Columns = dict[str, np.ndarray]  # states by name, and time
@@ -50,7 +50,7 @@ def stack_columns(columns: Columns, names: tuple[str, ...]) -> np.ndarray:
 
 
 def reduced_rates(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
-    """Return `states` with phat, qhat, rhat, alphadothat and betadothat where they are missing.
+    """Return `states` with those of `flightmech.names.REDUCED_RATES` that are missing.
 
     Parameters
     ----------
@@ -82,13 +82,8 @@ def missing_reduced_rates(columns: Columns, aircraft: Aircraft) -> Columns:
     has_rate = "alphadothat" in columns or "alpha_dot" in columns
     if not has_rate and _has_incidence_rates(columns):
         rates["alpha_dot"], rates["beta_dot"] = _incidence_rates(columns)
-    for name, rate, length in (
-        ("phat", "p", aircraft.b),
-        ("qhat", "q", aircraft.cbar),
-        ("rhat", "r", aircraft.b),
-        ("alphadothat", "alpha_dot", aircraft.cbar),
-        ("betadothat", "beta_dot", aircraft.b),
-    ):
+    for name, (rate, reference) in REDUCED_RATES.items():
+        length = getattr(aircraft, reference)
         if name in columns:
             continue
         if rate in rates:

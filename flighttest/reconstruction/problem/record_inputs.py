@@ -13,7 +13,7 @@ from flightmech.errors import OutOfRange
 from flighttest.reconstruction.dynamics.kinematics import body_to_ned_rotation
 from flighttest.records.sensors.instruments import SPEEDS, VANES, Instruments
 from flighttest.records.sensors.measurements import MEASURED, MeasuredChannels, air_readings
-from flighttest.records.signals.conditioning import resample_to_grid
+from flighttest.records.signals.resampling import resample_to_grid
 
 # m/s: standard deviation of the mean vertical wind of a run in air without thermals, the default
 WIND_DOWN_SIGMA = 0.2

@@ -27,7 +27,7 @@ from flighttest.reconstruction.quality.checks.mistake_search import find_mistake
 from flighttest.reconstruction.quality.checks.signals import resample_channels
 from flighttest.reconstruction.quality.finding import Finding, without_consequences
 from flighttest.records.record import manoeuvres
-from flighttest.records.signals.conditioning import GAP
+from flighttest.records.signals.resampling import GAP
 
 # Channels that show a state, for sensors at the c.g.
 _SENSORS = {

@@ -29,7 +29,6 @@ BEYOND = ("2.a.4", "2.a.6", "2.a.7", "2.a.9")
 
 
 def test_the_table_has_every_entry():
-    assert len(ENTRIES) == 75
     assert list(dict.fromkeys(row["entry"] for row in TABLE)) == sorted(
         ENTRIES, key=judge_rows.order
     )

@@ -1,4 +1,4 @@
-"""All 320 rows of the tolerance table: which can be judged, and that a right model passes and a
+"""All rows of the tolerance table: which can be judged, and that a right model passes and a
 wrong one does not.
 
 For every row a flight is made that has what its measure needs: channels, events, ranges.  The right
@@ -25,6 +25,8 @@ SHOWN = {
     ("FAA 14 CFR Part 60 App A Table A2A", "2016-05-31 (Amdt 60-4)", "2.i", "demonstration"),
 }
 """Rows without a number and without a quantity: recordings that pilots judge.  All others can be judged."""
+ROWS_BY_PROVENANCE = {"verified": 268, "partial": 1, "memory": 51}
+"""The only count of rows in the tests: a new row changes one number here."""
 
 START, MIDDLE, END = 10.0, 40.0, 70.0
 
@@ -218,7 +220,6 @@ def test_only_demonstrations_can_never_be_judged():
             never[key(row)] = found.reason
     assert set(never) == SHOWN
     assert set(never.values()) == {rows.DEMONSTRATION}
-    assert len(rows.tolerance_rows()) == 320
 
 
 def test_a_right_model_passes_every_row():
@@ -238,7 +239,8 @@ def test_a_right_model_passes_every_row():
             remarks_text(got.remarks),
         )
         count[got.verdict] += 1
-    assert count == {"pass": 310, "advisory": 7, "not_tested": 2}
+    few = {"advisory": 7, "not_tested": 2}
+    assert count == {"pass": len(ROWS) - sum(few.values()), **few}
 
 
 def test_a_wrong_model_passes_none():
@@ -277,7 +279,7 @@ def test_a_row_without_what_it_needs_states_what(missing):
 
 def test_memory_rows_carry_their_mark():
     marks = Counter(case_of(row)[1].provenance for row in rows.tolerance_rows())
-    assert marks == {"verified": 268, "partial": 1, "memory": 51}
+    assert marks == ROWS_BY_PROVENANCE
 
 
 def test_all_tolerances_of_the_table_are_symmetric():
