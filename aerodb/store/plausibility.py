@@ -74,7 +74,7 @@ COEFFICIENTS = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
 _LEAST = 1e-9  # below it a derivative is absent
 
 
-class Loading(Protocol):
+class HasMass(Protocol):
     """The part of an aircraft that the manoeuvre margin needs: mass [kg]."""
 
     @property
@@ -83,7 +83,7 @@ class Loading(Protocol):
 
 
 @dataclass(frozen=True)
-class Finding:
+class PlausibilityFinding:
     """One quantity outside its range, or one that is missing.
 
     Attributes
@@ -133,9 +133,9 @@ class Finding:
 
 def check_plausibility(
     db: xr.DataTree,
-    aircraft: Loading | None = None,
+    aircraft: HasMass | None = None,
     acknowledged: Mapping[str, str] | None = None,
-) -> list[Finding]:
+) -> list[PlausibilityFinding]:
     """Return what a knowledgeable reader would question in a database.
 
     Parameters
@@ -161,7 +161,7 @@ def check_plausibility(
     findings += _find_missing(db, machs)
     if aircraft is None:
         why = "it needs the mass of the aircraft: give the aircraft file"
-        findings.append(Finding("manoeuvre margin", "not checked", source=why))
+        findings.append(PlausibilityFinding("manoeuvre margin", "not checked", source=why))
     reasons = acknowledged or {}
     return [replace(item, reason=reasons.get(item.subject, "")) for item in findings]
 
@@ -176,16 +176,16 @@ def _mach_numbers(db: xr.DataTree) -> np.ndarray:
     return np.array(positive or [0.0])
 
 
-def _check_lengths(db: xr.DataTree) -> Iterator[Finding]:
+def _check_lengths(db: xr.DataTree) -> Iterator[PlausibilityFinding]:
     """Yield a chord that does not belong to the area and the span."""
     ratio = float(db.attrs["cbar"]) * float(db.attrs["b"]) / float(db.attrs["S"])
     low, high = _CHORD
     if not low <= ratio <= high:
         why = "cbar b/S is 1 for a rectangular and 1.33 for a pointed wing"
-        yield Finding("reference lengths", "implausible", ratio, low, high, source=why)
+        yield PlausibilityFinding("reference lengths", "implausible", ratio, low, high, source=why)
 
 
-def _check_alphas(db: xr.DataTree) -> Iterator[Finding]:
+def _check_alphas(db: xr.DataTree) -> Iterator[PlausibilityFinding]:
     """Yield a database that does not depend on alpha, or knows one angle of attack only."""
     count, has_regressor = 0, False
     for name, leaf in terms(db).items():
@@ -195,12 +195,14 @@ def _check_alphas(db: xr.DataTree) -> Iterator[Finding]:
             has_regressor = has_regressor or "alpha" in list_regressors(leaf)
     if count < 2 and not has_regressor:
         why = "the lift of an aeroplane depends on alpha: its tables need several angles"
-        yield Finding("angles of attack", "implausible", float(count), 2.0, np.inf, source=why)
+        yield PlausibilityFinding(
+            "angles of attack", "implausible", float(count), 2.0, np.inf, source=why
+        )
 
 
 def _check_slopes(
-    db: xr.DataTree, machs: np.ndarray, aircraft: Loading | None
-) -> Iterator[tuple[Finding, float]]:
+    db: xr.DataTree, machs: np.ndarray, aircraft: HasMass | None
+) -> Iterator[tuple[PlausibilityFinding, float]]:
     """Yield lift slope, margins and drag outside their ranges, with the Mach number."""
     S, b, cbar = (float(db.attrs[name]) for name in ("S", "b", "cbar"))
     present = _present_coefficients(db)
@@ -234,7 +236,9 @@ def _check_slopes(
             yield from _outside("manoeuvre margin", manoeuvre, 0.0, 5.0, why, mach)
 
 
-def _check_derivatives(db: xr.DataTree, machs: np.ndarray) -> Iterator[tuple[Finding, float]]:
+def _check_derivatives(
+    db: xr.DataTree, machs: np.ndarray
+) -> Iterator[tuple[PlausibilityFinding, float]]:
     """Yield derivatives outside the widened spread of published ones, with the Mach number."""
     for (coefficient, variable), (lowest, highest) in _SPREAD.items():
         low, high = _widen(lowest, highest)
@@ -247,18 +251,20 @@ def _check_derivatives(db: xr.DataTree, machs: np.ndarray) -> Iterator[tuple[Fin
                 yield from _outside(f"{coefficient}/{variable}", slope, low, high, why, mach)
 
 
-def _find_missing(db: xr.DataTree, machs: np.ndarray) -> Iterator[Finding]:
+def _find_missing(db: xr.DataTree, machs: np.ndarray) -> Iterator[PlausibilityFinding]:
     """Yield coefficients without a term, and essential derivatives without a source."""
     present = _present_coefficients(db)
     for coefficient in database_coefficients(db):
         if coefficient not in present:
             # An aeroplane without lift, drag or pitching moment cannot be flown.
             kind = "missing" if coefficient in ("CY", "Cl", "Cn") else "implausible"
-            yield Finding(coefficient, kind, source="no term: the simulation takes it as zero")
+            yield PlausibilityFinding(
+                coefficient, kind, source="no term: the simulation takes it as zero"
+            )
     for coefficient, variable in _ESSENTIAL:
         if coefficient in present and _derivative(db, coefficient, variable, machs[0]) is None:
             why = "no term depends on it: the simulation takes it as zero"
-            yield Finding(f"{coefficient}/{variable}", "missing", source=why)
+            yield PlausibilityFinding(f"{coefficient}/{variable}", "missing", source=why)
 
 
 def _present_coefficients(db: xr.DataTree) -> set[str]:
@@ -268,14 +274,16 @@ def _present_coefficients(db: xr.DataTree) -> set[str]:
 
 def _outside(
     subject: str, value: float, low: float, high: float, why: str, mach: float
-) -> Iterator[tuple[Finding, float]]:
+) -> Iterator[tuple[PlausibilityFinding, float]]:
     if not low <= value <= high:
-        yield Finding(subject, "implausible", value, low, high, source=why), mach
+        yield PlausibilityFinding(subject, "implausible", value, low, high, source=why), mach
 
 
-def _merge(found: Iterable[tuple[Finding, float]], machs: np.ndarray) -> list[Finding]:
+def _merge(
+    found: Iterable[tuple[PlausibilityFinding, float]], machs: np.ndarray
+) -> list[PlausibilityFinding]:
     """Return one finding for each subject: the value farthest outside, with all Mach numbers."""
-    worst: dict[str, Finding] = {}
+    worst: dict[str, PlausibilityFinding] = {}
     places: dict[str, list[float]] = {}
     for finding, mach in found:
         places.setdefault(finding.subject, []).append(mach)
@@ -291,7 +299,7 @@ def _merge(found: Iterable[tuple[Finding, float]], machs: np.ndarray) -> list[Fi
     return merged
 
 
-def _excess(finding: Finding) -> float:
+def _excess(finding: PlausibilityFinding) -> float:
     """Return how far a value lies outside its range."""
     if np.isnan(finding.value):
         return np.inf

@@ -116,7 +116,7 @@ def _fault_texts(runs_by_fault: dict[str, list[str]]) -> list[str]:
     return texts
 
 
-class _Run(NamedTuple):
+class _DeckRun(NamedTuple):
     """One run of a study: its name, its device (empty for the clean aircraft), its plan."""
 
     name: str
@@ -129,7 +129,7 @@ class _Run(NamedTuple):
         return self.name.startswith("ground")
 
 
-def _planned_runs(study: DeckStudy, problems: list[str]) -> Iterator[_Run]:
+def _planned_runs(study: DeckStudy, problems: list[str]) -> Iterator[_DeckRun]:
     """Yield the runs of a study; wrong names are added to `problems`."""
     # Without a plan all runs of the deck are made.
     plans = study.plans or dict.fromkeys(_default_runs(study), RunPlan())
@@ -141,7 +141,7 @@ def _planned_runs(study: DeckStudy, problems: list[str]) -> Iterator[_Run]:
         device = ""
         if name not in ("clean", "build", "ground"):
             device = name.removeprefix("ground_")
-        yield _Run(name, device, plan)
+        yield _DeckRun(name, device, plan)
 
 
 def _default_runs(study: DeckStudy) -> Iterator[str]:
@@ -171,7 +171,7 @@ def _wrong_run(study: DeckStudy, name: str) -> str:
     return ""
 
 
-def _run_decks(study: DeckStudy, run: _Run, problems: list[str]) -> Iterator[tuple[str, Deck]]:
+def _run_decks(study: DeckStudy, run: _DeckRun, problems: list[str]) -> Iterator[tuple[str, Deck]]:
     """Yield label and deck of each program run that a run needs.
 
     It is one run, or one per flight condition and deflection where they must be apart.
@@ -203,7 +203,7 @@ def _run_decks(study: DeckStudy, run: _Run, problems: list[str]) -> Iterator[tup
             yield name, _with_caseid(part, _run_title(study, run, label))
 
 
-def _may_split_deflections(run: _Run, deck: Deck) -> bool:
+def _may_split_deflections(run: _DeckRun, deck: Deck) -> bool:
     """Return whether a run may have one deck per deflection.
 
     TRIM and CONTAB need all deflections, and a tail device in ground effect has no own pages.
@@ -213,7 +213,7 @@ def _may_split_deflections(run: _Run, deck: Deck) -> bool:
     return not (run.name.startswith("ground_") and is_on_tail(run.device))
 
 
-def _run_title(study: DeckStudy, run: _Run, label: str) -> str:
+def _run_title(study: DeckStudy, run: _DeckRun, label: str) -> str:
     """Return the CASEID of a run; `label` names flight condition and deflection."""
     part = label.replace("_", " ").upper()
     if run.plan.caseid:
@@ -232,7 +232,7 @@ def _parts(parts: Iterator[tuple[str, Deck]], deck: Deck) -> list[tuple[str, Dec
     return [("", deck)]
 
 
-def _aircraft_items(study: DeckStudy, run: _Run) -> Iterator[Item]:
+def _aircraft_items(study: DeckStudy, run: _DeckRun) -> Iterator[Item]:
     """Yield the cards of the study that belong to a run."""
     base = study.base
     # With a tail the program would put the device on it.
@@ -256,7 +256,7 @@ def _aircraft_items(study: DeckStudy, run: _Run) -> Iterator[Item]:
         yield from study.devices[run.device]
 
 
-def _is_namelist_of_run(namelist: str, study: DeckStudy, run: _Run) -> bool:
+def _is_namelist_of_run(namelist: str, study: DeckStudy, run: _DeckRun) -> bool:
     """Return whether a namelist of the study, other than its devices, belongs to a run."""
     if namelist in ("SYMFLP", "ASYFLP"):
         return False
@@ -269,7 +269,7 @@ def _is_namelist_of_run(namelist: str, study: DeckStudy, run: _Run) -> bool:
     return True
 
 
-def _is_card_of_run(card: Card, base: Deck, run: _Run) -> bool:
+def _is_card_of_run(card: Card, base: Deck, run: _DeckRun) -> bool:
     """Return whether a control card of the study belongs to a run."""
     if card.name == "NACA":
         has_tail = not run.device or is_on_tail(run.device)
@@ -354,7 +354,7 @@ _DESCRIPTIONS = {
 }
 
 
-def _run_description(run: _Run) -> str:
+def _run_description(run: _DeckRun) -> str:
     """Return the words of a CASEID about a run."""
     if run.name in _DESCRIPTIONS:
         return _DESCRIPTIONS[run.name]

@@ -72,7 +72,7 @@ class _AxisKey(NamedTuple):
     points: tuple[float, ...]
 
 
-class _Table(NamedTuple):
+class _TableNode(NamedTuple):
     """A table of a term, and the term."""
 
     term: str
@@ -186,12 +186,12 @@ class Packer:
     def _pack_bundles(self) -> tuple[list[bytes], list[float], dict[tuple[str, str], int]]:
         """Return the records, the nodes and the slot of each table; slot 0 is the constant 1."""
         # tables by stage and numbers of their axes
-        bundles: dict[tuple[int, tuple[int, ...]], list[_Table]] = {}
+        bundles: dict[tuple[int, tuple[int, ...]], list[_TableNode]] = {}
         for term in self.terms:
             for name, table in _list_tables(term.leaf).items():
                 numbers = tuple(self.numbers[axis] for axis in _list_axis_keys(term, table))
                 key = term.stage_of(table), numbers
-                bundles.setdefault(key, []).append(_Table(term.name, name, table.values))
+                bundles.setdefault(key, []).append(_TableNode(term.name, name, table.values))
         records: list[bytes] = []
         nodes: list[float] = []
         slots: dict[tuple[str, str], int] = {}

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from aerodb.store.plausibility import Finding, check_plausibility
+from aerodb.store.plausibility import PlausibilityFinding, check_plausibility
 
 NOTICES = "notices"
 INCOMPATIBLE = 1e-6
@@ -33,7 +33,9 @@ def with_notices(attributes: Mapping[Any, Any], more: Iterable[str]) -> dict[str
     return {NOTICES: "\n".join(dict.fromkeys(lines))}
 
 
-def note_plausibility(db: xr.DataTree, aircraft: Any) -> tuple[xr.DataTree, list[Finding]]:
+def note_plausibility(
+    db: xr.DataTree, aircraft: Any
+) -> tuple[xr.DataTree, list[PlausibilityFinding]]:
     """Return a database whose notices hold its implausible values, and all findings.
 
     Parameters

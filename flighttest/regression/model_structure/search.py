@@ -46,7 +46,7 @@ ENTER = 20.0
 LEAVE = 0.9  # of the threshold to enter
 
 
-class _Search:
+class _StructureSearch:
     """State of a selection: the basis, its steps, and the terms that must stay."""
 
     def __init__(
@@ -156,7 +156,7 @@ def select_orthogonal(
     noise but never less than the variance of the residual. For frequency see `Rating`.
     """
     problem = candidate_equations(coefficient, candidates, data, band=band, weights=weights)
-    search = _Search(problem, keep, gain=gain, noise=noise)
+    search = _StructureSearch(problem, keep, gain=gain, noise=noise)
     while _add_function(search) or _drop_void_term(search) or search.exchange():
         pass
     return fit_selected_terms(
@@ -171,7 +171,7 @@ def select_orthogonal(
     )
 
 
-def _add_function(search: _Search) -> bool:
+def _add_function(search: _StructureSearch) -> bool:
     """Add the function with the largest gain if it is worth it; return whether it is."""
     basis = search.basis
     gains = basis.gains()
@@ -182,7 +182,7 @@ def _add_function(search: _Search) -> bool:
     return True
 
 
-def _drop_void_term(search: _Search) -> bool:
+def _drop_void_term(search: _StructureSearch) -> bool:
     """Drop the weakest term if it is not worth its price; return whether it was dropped."""
     basis, rating = search.basis, search.rating
     losses = basis.losses()
@@ -265,7 +265,7 @@ def select_stepwise(
             f"terms would come and go for ever"
         )
     problem = candidate_equations(coefficient, candidates, data, band=band, weights=weights)
-    search = _Search(problem, keep, gain=gain)
+    search = _StructureSearch(problem, keep, gain=gain)
     parents = _list_parents(problem) if hierarchy else None
     while True:
         while _enter_term(search, enter, parents):
@@ -285,7 +285,7 @@ def select_stepwise(
     )
 
 
-def _enter_term(search: _Search, enter: float, parents: list[set[int]] | None) -> bool:
+def _enter_term(search: _StructureSearch, enter: float, parents: list[set[int]] | None) -> bool:
     """Enter the best candidate if its partial F is large enough; return whether it is."""
     basis, rating = search.basis, search.rating
     if search.is_full or basis.rss <= 0.0:
@@ -306,7 +306,7 @@ def _enter_term(search: _Search, enter: float, parents: list[set[int]] | None) -
     return True
 
 
-def _remove_weakest(search: _Search, leave: float) -> bool:
+def _remove_weakest(search: _StructureSearch, leave: float) -> bool:
     """Remove the term with the smallest partial F if it is too small; return whether it is."""
     basis = search.basis
     s2 = search.rating.variance(basis)
