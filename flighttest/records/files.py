@@ -21,7 +21,7 @@ from flighttest.records.readers.formats.chapter10.packets import index_packets
 from flighttest.records.readers.formats.chapter10.tables import chapter10_channels
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.name_map_reading import read_names
-from flighttest.records.readers.opening import FORMATS, open_recording, recognise_recording
+from flighttest.records.readers.opening import format_name, open_recording, recognise_recording
 from flighttest.records.readers.recording import RecordedTable, Recording
 from flighttest.records.signals.blank_cells import clocks_of_rows
 
@@ -63,7 +63,7 @@ def contents(path: str | Path, names: str | Path | NameMap | None = None) -> dic
     kind = recognise_recording(path)
     report: dict[str, Any] = {
         "file": path.name,
-        "format": FORMATS[kind][1],
+        "format": format_name(kind),
         "facts": {},
         "notes": [],
         "tables": [],

@@ -21,7 +21,7 @@ from flighttest.records.readers.clocks import Clocks
 from flighttest.records.readers.columns import is_canonical
 from flighttest.records.readers.name_map import Channel, NameMap
 from flighttest.records.readers.name_map_reading import read_names, shipped_maps
-from flighttest.records.readers.opening import FORMATS, open_recording
+from flighttest.records.readers.opening import format_name, open_recording
 from flighttest.records.readers.recording import Recording, clock_name, flight_mode_rows
 from flighttest.records.readers.utc_time import utc_facts
 
@@ -124,7 +124,7 @@ def _record_facts(
             instruments[name] = instrument.model_dump(exclude_defaults=True)
         facts["instruments"] = json.dumps(instruments)
     facts.setdefault("title", facts.get("record") or path.name.split(".")[0])
-    facts.update(source_file=path.name, format=FORMATS[recording.kind][1])
+    facts.update(source_file=path.name, format=format_name(recording.kind))
     return facts
 
 

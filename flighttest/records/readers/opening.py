@@ -11,6 +11,7 @@ from flightmech.errors import ParseError
 from flightmech.support.hdf5_seal import read_if_sealed
 from flightmech.support.input_files import demand_regular, file_kind, marked_encoding, packed_kind
 from flighttest.records.readers.columns import with_units_of_headings
+from flighttest.records.readers.foreign_readers import read_foreign, recognise_foreign
 from flighttest.records.readers.name_map import NameMap
 from flighttest.records.readers.recording import Recording, decoding_errors, without_short_tables
 
@@ -55,7 +56,7 @@ _OTHER_FILES = (
 
 
 def recognise_recording(path: str | Path) -> str:
-    """Return the format of a file, a key of `FORMATS`.
+    """Return the format of a file: a key of `FORMATS`, or the name of an entry point.
 
     The content of the file decides, not its name.
 
@@ -63,6 +64,8 @@ def recognise_recording(path: str | Path) -> str:
     ------
     ParseError
         The file is empty or of no known format, or a sealed record is damaged.
+    AeromatchError
+        A reader of another package fails.
     """
     demand_regular(path, "a recording")
     read_if_sealed(Path(path), "a recording; write or copy it again")
@@ -85,6 +88,9 @@ def recognise_recording(path: str | Path) -> str:
             return form
     if not head:
         raise ParseError(str(path), 0, found="an empty file", expected="a recording")
+    # Text may have a format of another package, so that it is asked before CSV.
+    if foreign := recognise_foreign(path, head, FORMATS):
+        return foreign
     if _is_text(head):
         _demand_record(path, "csv")
         return "csv"
@@ -92,6 +98,13 @@ def recognise_recording(path: str | Path) -> str:
     if _has_matlab_version(head):
         return "matlab5"
     raise ParseError(str(path), 0, f"bytes that begin with {head[:8]!r}", _known_formats())
+
+
+def format_name(form: str) -> str:
+    """Return the usual name of a format; an entry point has its own."""
+    if form in FORMATS:
+        return FORMATS[form][1]
+    return form
 
 
 def _has_matlab_version(head: bytes) -> bool:
@@ -166,6 +179,10 @@ def open_recording(path: str | Path, names: NameMap, form: str | None = None) ->
     AeromatchError
         The package that reads the format is not installed.
     """
-    module, _ = FORMATS[form or recognise_recording(path)]
-    recording = importlib.import_module(f".formats.{module}", __package__).read(Path(path), names)
+    form = form or recognise_recording(path)
+    if form in FORMATS:
+        reader = importlib.import_module(f".formats.{FORMATS[form][0]}", __package__)
+        recording = reader.read(Path(path), names)
+    else:
+        recording = read_foreign(Path(path), form)
     return with_units_of_headings(without_short_tables(recording))
