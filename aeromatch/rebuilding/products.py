@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,6 +14,8 @@ import numpy as np
 import aerodb
 import flightmech
 import pom
+from aerodb.update.cautions.notices import note_plausibility
+from flightmech.errors import AeromatchWarning
 from flightmech.support.kept_stages.content_hashes import FileContent
 from flightmech.support.kept_stages.stages import Kept, Stages, Values
 from flightmech.support.kept_stages.store import StageStore
@@ -92,14 +95,24 @@ def _case_record(result: Any) -> dict[str, Any]:
 def model_files(
     stages: Stages, name: str, database: Kept[Any], aircraft: Kept[Any]
 ) -> Kept[dict[str, bytes]]:
-    """Return database, aircraft and FMU of a model as files by name."""
+    """Return database, aircraft and FMU of a model as files by name.
+
+    Warns
+    -----
+    AeromatchWarning
+        A value of the database is implausible; its notices have it, too.
+    """
 
     def make() -> dict[str, bytes]:
+        tree, findings = note_plausibility(database.value, aircraft.value)
+        for finding in findings:
+            if finding.kind == "implausible":
+                warnings.warn(f"{name}: {finding}", AeromatchWarning, stacklevel=2)
         with TemporaryDirectory() as temporary:
             folder = Path(temporary)
-            aerodb.save(database.value, folder / f"{name}.nc")
+            aerodb.save(tree, folder / f"{name}.nc")
             flightmech.write_aircraft(aircraft.value, folder / f"{name}.toml")
-            model = flightmech.compile(aircraft.value, database.value)
+            model = flightmech.compile(aircraft.value, tree)
             flightmech.write_fmu(model, folder / f"{name}.fmu")
             # An aircraft writes further files, such as the tables of its engines.
             return {file.name: file.read_bytes() for file in sorted(folder.iterdir())}
