@@ -131,8 +131,9 @@ def _section(
 
 
 def _type_and_unit(schema: dict[str, Any], part: dict[str, Any]) -> str:
+    """Return the type with the unit; escaped brackets, or Markdown makes a reference of them."""
     unit = unit_of(part)
-    return f"{_type(schema, part)} [{unit}]" if unit else _type(schema, part)
+    return f"{_type(schema, part)} \\[{unit}\\]" if unit else _type(schema, part)
 
 
 def _default(table: dict[str, Any], key: str, part: dict[str, Any]) -> str:

@@ -99,6 +99,7 @@ def test_a_node_is_set_undone_and_compared(page, client):
     ]
 
 
+@pytest.mark.nightly
 def test_a_table_is_regridded_extended_blended_and_its_term_deleted(page, client):
     """Every one of them is a line of the history and of the log; what cannot be done is stated
     where it was asked.

@@ -118,6 +118,7 @@ def test_a_term_that_is_switched_off_and_what_is_saved(page, client):
     assert added.models == ("Cm = 1 + alpha + qhat + delta_e",)
 
 
+@pytest.mark.nightly
 def test_a_fit_in_frequency_and_with_a_ridge(page, client):
     """Both are shown as what they are, and saved as they are shown."""
     page.get_by_label("Fit of the project to start from").select_option(label=f"{FIT}: Cm")
@@ -182,6 +183,7 @@ sys.exit(coefficients._main(sys.argv[1]))
 """
 
 
+@pytest.mark.nightly
 def test_coefficients_are_cancelled_while_they_are_written(page, complaints, client, monkeypatch):
     """The page states it where the fit would stand; nothing is left of the file; the same fit is
     made when it is requested again.

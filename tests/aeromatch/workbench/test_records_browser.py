@@ -88,6 +88,7 @@ def test_a_mark_is_dragged_and_renamed(page, tmp_path):
         assert len(client.data("/api/actions")["actions"]) == 3  # mark, set, mark
 
 
+@pytest.mark.nightly
 def test_edges_of_adjoining_and_of_narrow_marks_are_dragged(page, tmp_path):
     """Pressed on the very line of the edge, and next to it; the neighbour stays, and the middle of
     a narrow mark still moves it.
@@ -162,6 +163,7 @@ def test_edges_of_adjoining_and_of_narrow_marks_are_dragged(page, tmp_path):
         ]
 
 
+@pytest.mark.nightly
 def test_what_is_typed_stays_when_the_page_is_drawn_anew(page, tmp_path):
     """A new manoeuvre, and one that is changed; what is written is no longer kept, and a change
     that is refused is still one.
@@ -213,6 +215,7 @@ def without_marks(project, record):
         del content.attrs["manoeuvres"]
 
 
+@pytest.mark.nightly
 def test_found_manoeuvres_are_accepted_one_by_one_and_together(page, tmp_path):
     """One that is corrected, one as it was found, then the rest; the table of the project has what
     is accepted, the rest stays offered.
