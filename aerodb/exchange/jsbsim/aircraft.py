@@ -183,10 +183,32 @@ def _read_tanks(root: Element) -> Iterator[_PointMass]:
     for element in read_section(root, "propulsion").all("tank"):
         contents, location = element.first("contents"), element.first("location")
         if contents is not None and location is not None:
-            # JSBSim takes the fuel of a tank as a sphere.
             mass = _read_number(contents, _MASS, "LBS")
-            inertia = _SPHERE * mass * _tank_radius(element) ** 2
-            yield _PointMass(mass, _read_position(location), (inertia, inertia, inertia))
+            grain = element.first("grain_config")
+            if grain is not None:
+                inertia = _grain_inertia(grain, element, mass)
+            else:
+                # JSBSim takes the fuel of a tank as a sphere.
+                inertia = (_SPHERE * mass * _tank_radius(element) ** 2,) * 3
+            yield _PointMass(mass, _read_position(location), inertia)
+
+
+def _grain_inertia(grain: Element, tank: Element, mass: float) -> tuple[float, float, float]:
+    """Return the inertia of a solid propellant about its centre and the body axes. [kg m2]"""
+    if grain.attributes.get("type", "") != "CYLINDRICAL":
+        raise grain.error(
+            f"<grain_config> of the type {grain.attributes.get('type', '')!r}",
+            "the type CYLINDRICAL; the inertia of others is not read",
+        )
+    capacity = _read_number(tank.need("capacity"), _MASS, "LBS")
+    radius = _read_number(tank.need("radius"), LENGTH_UNITS, "IN")
+    length = _read_number(grain.need("length"), LENGTH_UNITS, "IN")
+    bore = 0.5 * _read_number(grain.need("bore_diameter"), LENGTH_UNITS, "IN")
+    # The bore grows as the propellant burns: r^2 = R^2 - (R^2 - r0^2) contents / capacity.
+    inner_squared = radius**2 - (radius**2 - bore**2) * mass / capacity
+    along = 0.5 * mass * (radius**2 + inner_squared)
+    across = 0.5 * along + mass * length**2 / 12.0
+    return along, across, across
 
 
 def _tank_radius(tank: Element) -> float:

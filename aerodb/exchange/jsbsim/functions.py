@@ -187,41 +187,15 @@ class Functions:
         return variable, scale, -constant * scale
 
     def _expand_table(self, element: Element) -> Sum:
-        """Return a table, as a factor that is a function if an axis is one."""
+        """Return a table; one whose axis is a function of variables is a factor of its own."""
         names, grid, nodes = read_jsbsim_table(element)
-        # Errors of an unknown property come first; a function as an axis is not an error.
-        arguments = []
-        for name in names:
-            arguments.append(self._expand_property(MAGNITUDE.get(name, name)))
         try:
-            return [Product(tables=(self._read_table(names, grid, nodes),))]
+            axes = [self._read_axis(MAGNITUDE.get(name, name)) for name in names]
         except NotAProduct:
-            if all(part.monomial for part in itertools.chain.from_iterable(arguments)):
-                raise
-        # An axis needs a name of the vocabulary; it stands for the value of a function here.
-        axes = [f"{DEVICE}x{i}.setting" for i in range(len(names))]
-        leaf = make_term(nodes, dict(zip(axes, grid, strict=True)))
-        arguments = [self._expand_property(name) for name in names]
-        variables = frozenset[str]().union(
-            *(part.variables for part in itertools.chain.from_iterable(arguments))
-        )
-
-        def look_up(states: Values) -> np.ndarray:
-            at = {}
-            for axis, parts in zip(axes, arguments, strict=True):
-                at[axis] = evaluate_products(parts, states, self.sizes)
-            return evaluate_term(leaf, at, "clamp")
-
-        label = f"table({', '.join(names)})"
-        return [Product(opaque=(OpaqueFactor(label, variables, look_up),))]
-
-    def _read_table(
-        self, names: Sequence[str], grid: Sequence[np.ndarray], nodes: np.ndarray
-    ) -> xr.DataArray:
-        """Return a table in SI, axes from the outermost to the columns."""
+            return self._expand_composed_table(names, grid, nodes)
         table = xr.DataArray(nodes)
         for index, (name, points) in enumerate(zip(names, grid, strict=True)):
-            variable, scale, offset = self._read_axis(MAGNITUDE.get(name, name))
+            variable, scale, offset = axes[index]
             if variable in table.dims:
                 raise NotAProduct(f"a table with {variable} on two axes")
             table = table.rename({f"dim_{index}": variable}).assign_coords({variable: points})
@@ -232,7 +206,31 @@ class Functions:
             # A negative scale reverses the breakpoints.
             if scale < 0.0:
                 table = table.isel({variable: slice(None, None, -1)})
-        return table
+        return [Product(tables=(table,))]
+
+    def _expand_composed_table(
+        self, names: Sequence[str], grid: Sequence[np.ndarray], nodes: np.ndarray
+    ) -> Sum:
+        """Return a table over functions of variables as a factor that is a function of these."""
+        # A property that is unknown raises here with its own reason.
+        arguments = [self._expand_property(name) for name in names]
+        # An axis needs a name of the vocabulary; it stands for the value of a function here.
+        axes = [f"{DEVICE}x{i}.setting" for i in range(len(names))]
+        leaf = make_term(nodes, dict(zip(axes, grid, strict=True)))
+        variables: frozenset[str] = frozenset()
+        for part in itertools.chain.from_iterable(arguments):
+            variables |= part.variables
+
+        def look_up(states: Values) -> np.ndarray:
+            at = {}
+            for axis, parts in zip(axes, arguments, strict=True):
+                at[axis] = evaluate_products(parts, states, self.sizes)
+            return np.asarray(evaluate_term(leaf, at, "clamp"))
+
+        if not variables:
+            return [Product(float(look_up({})))]
+        label = f"table({', '.join(names)})"
+        return [Product(opaque=(OpaqueFactor(label, variables, look_up),))]
 
     def _join_tables(self, element: Element, parts: Sequence[Element]) -> Sum:
         """Return ``<interpolate1d>`` between tables of the same axes as one table."""

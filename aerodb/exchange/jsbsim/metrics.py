@@ -79,7 +79,7 @@ def read_tail_sizes(metrics: Element) -> dict[str, float]:
 
 def read_incidence(metrics: Element) -> float:
     """Return the incidence of the wing, zero if the file does not state it. [rad]"""
-    element = metrics.first("wingincidence")
+    element = metrics.first("wing_incidence")
     if element is None:
         return 0.0
     return element.number * unit_of_element(element, "RAD", _ANGLE_UNITS)
