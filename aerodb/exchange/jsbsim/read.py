@@ -316,7 +316,7 @@ def _read_axes(aerodynamics: Element) -> tuple[str, list[_JsbsimAxis]]:
     elements = aerodynamics.all("axis")
     names = {element.attributes.get("name", "") for element in elements}
     for element in elements:
-        if element.attributes.get("unit", "LBS") not in ("LBS", "LBSFT"):
+        if element.attributes.get("unit", "LBS") not in ("LBS", "LBSFT", "LBS*FT"):
             raise element.error(
                 f"unit {element.attributes['unit']!r}",
                 "forces in LBS and moments in LBSFT, as JSBSim takes them",

@@ -19,7 +19,7 @@ JSBSIM = """<fdm_config name="some"><metrics><wingarea unit="FT2">200</wingarea>
 <aerodynamics><axis name="LIFT"><function name="f/lift"><product><p>aero/qbar-psf</p>
 <p>metrics/Sw-sqft</p>{}</product></function></axis></aerodynamics></fdm_config>"""
 # A lift over the angle of attack and the height over the runway, which has no quantity.
-DAVEML = """<?xml version="1.0"?>
+_MODEL = """<?xml version="1.0"?>
 <DAVEfunc xmlns="http://daveml.org/2010/DAVEML"><fileHeader><author name="a" org="b"/>
 <creationDate date="2026-01-01"/></fileHeader>
 <variableDef name="angleOfAttack" varID="ALP" units="deg"><isInput/></variableDef>
@@ -31,7 +31,12 @@ DAVEML = """<?xml version="1.0"?>
 <independentVarRef varID="H_rwy" min="0" max="100" extrapolate="neither"/>
 <dependentVarRef varID="CL"/><functionDefn><griddedTable><breakpointRefs><bpRef bpID="a"/>
 <bpRef bpID="h"/></breakpointRefs><dataTable>0.2, 0.0, 1.4, 1.0</dataTable></griddedTable>
-</functionDefn></function></DAVEfunc>"""
+</functionDefn></function><checkData>{}</checkData></DAVEfunc>"""
+SHOT = """<staticShot name="at {0}"><checkInputs><signal><varID>ALP</varID><signalValue>5</signalValue>
+</signal><signal><varID>H_rwy</varID><signalValue>{0}</signalValue></signal></checkInputs>
+<checkOutputs><signal><varID>CL</varID><signalValue>{1}</signalValue><tol>1e-9</tol></signal>
+</checkOutputs></staticShot>"""
+DAVEML = _MODEL.format(SHOT.format(50, 0.65) + SHOT.format(100, 0.5))
 REFERENCE = ("--S", "20 m2", "--cbar", "5 ft", "--b", "6 m")
 
 
@@ -124,6 +129,9 @@ def test_an_input_of_a_daveml_file_is_named_or_fixed(run, tmp_path):
     assert lift_of(tmp_path, alpha=alpha) == pytest.approx(0.65, rel=1e-12)
     history = aerodb.open(tmp_path / "out.nc").attrs["history"]
     assert "inputs that are fixed: H_rwy = 50 ft" in history
+    # The check case at another height is left out, the other one is kept and run.
+    checks = aerodb.open(tmp_path / "out.nc")["checks"]
+    assert checks.attrs["names"] == "at 50"
     done = run("import", DAVEML, *REFERENCE, "--at", "H_runway=50")
     assert done.exit_code == 1
     assert "H_runway" in message_of(done)

@@ -200,6 +200,18 @@ def test_a_propellant_of_another_shape_is_refused(tmp_path):
         aerodb.exchange.import_jsbsim_aircraft(path)
 
 
+def test_a_moment_in_another_spelling_of_its_unit(tmp_path):
+    """JSBSim does not look at the unit of an axis: pound-feet in any case."""
+    roll = "<axis name='ROLL' unit='LBS*FT'><function name='f/r'><v>7</v></function></axis>"
+    path = write_file(tmp_path, "<v>1</v>", more=roll)
+    program = start_jsbsim(tmp_path, **{"vt-fps": 300.0})
+    db = aerodb.exchange.import_jsbsim(path)
+    qbar = program["aero/qbar-psf"] * POUND_FORCE / FOOT**2
+    moment = float(aerodb.evaluate(db, "Cl", qbar=qbar)) * qbar * db.attrs["S"] * db.attrs["b"]
+    assert program["f/r"] == 7.0
+    assert moment == pytest.approx(7.0 * POUND_FORCE * FOOT, rel=1e-12)
+
+
 def test_many_products(tmp_path):
     """More than 64 products, all of them terms whose sum is the function."""
     lift = "<sum><v>1</v><p>aero/beta-rad</p></sum><sum><v>2</v><p>aero/alpha-rad</p></sum>"
