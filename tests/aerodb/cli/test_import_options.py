@@ -54,7 +54,7 @@ def run(tmp_path):
 
 
 def message_of(done):
-    """Return what a command says: on stderr, and in the error that the program prints."""
+    """Return the messages of a command: on stderr, and in the error that the program prints."""
     return re.sub(r"\s+", " ", f"{done.stderr} {done.exception or ''}")
 
 

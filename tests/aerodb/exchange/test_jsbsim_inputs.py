@@ -113,6 +113,23 @@ def test_controls_and_systems_are_inputs(tmp_path):
     assert len(sim.terms) == 3
 
 
+def test_a_control_as_angle_and_as_fraction(tmp_path):
+    """Two properties that JSBSim does not tie to each other; the travel makes them one control."""
+    path = write_file(
+        tmp_path, "<sum><p>fcs/elevator-pos-rad</p><p>fcs/elevator-pos-norm</p></sum>"
+    )
+    with pytest.warns(AeromatchWarning, match="without it each moves on its own, as in JSBSim"):
+        db = aerodb.exchange.import_jsbsim(path)
+    fraction = "device.fcs_elevator_pos_norm.setting"
+    assert lift_of(db, delta_e=0.1, **{fraction: 0.5}) == pytest.approx(0.6, rel=1e-14)
+    db = aerodb.exchange.import_jsbsim(path, travel={"delta_e": 0.4})
+    assert lift_of(db, delta_e=0.1) == pytest.approx(0.1 + 0.25, rel=1e-14)
+    path = write_file(tmp_path, "<abs><p>fcs/elevator-pos-norm</p></abs>")
+    with pytest.warns(AeromatchWarning, match="fcs/elevator-pos-norm is device"):
+        db = aerodb.exchange.import_jsbsim(path)
+    assert lift_of(db, **{fraction: -0.5}) == pytest.approx(0.5, rel=1e-14)
+
+
 def test_inputs_whose_names_are_equal(tmp_path):
     path = write_file(tmp_path, "<sum><p>fcs/a-norm</p><p>fcs/a_norm</p></sum>")
     with pytest.raises(SchemaError, match=r"would both be device\.fcs_a_norm\.setting; name one"):
