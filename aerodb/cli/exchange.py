@@ -40,6 +40,19 @@ grid_option = click.option(
 )
 
 
+names_option = click.option(
+    "--names",
+    multiple=True,
+    help="Quantity of a variable of a daveml file or of a property of a jsbsim file, such as "
+    "'ALPHA_TOT_D=alpha [deg]' or 'fcs/posElev_rad=delta_e [rad]'.",
+)
+at_option = click.option(
+    "--at",
+    multiple=True,
+    help="Input of a daveml file that is fixed, in its units, such as CG_PCT_MAC=25.",
+)
+
+
 def reading_options(verb: Any) -> Any:
     """Return a verb with the options of `reader_options`."""
     without = click.option(
@@ -53,7 +66,15 @@ def reading_options(verb: Any) -> Any:
         help="Full deflection of a jsbsim control that moves as a fraction, such as 'delta_f=40 "
         "deg'.",
     )
-    return without(travel(sample_option(grid_option(verb))))
+    # Each option is below those that the help lists before it.
+    for name, text in (("b", "span"), ("cbar", "mean chord"), ("S", "reference area")):
+        example = "17 m2" if name == "S" else "5.6 ft"
+        verb = click.option(
+            f"--{name}",
+            name,
+            help=f"The {text} of a daveml file that does not state it, such as '{example}'.",
+        )(verb)
+    return names_option(without(travel(sample_option(grid_option(verb)))))
 
 
 @click.command("export")
@@ -92,6 +113,7 @@ def export_database_command() -> None:
 @click.argument("file", type=click.Path(exists=True))
 @click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
 @reading_options
+@at_option
 @json_option
 @performed_by("aerodb.cli.actions.exchange:import_database")
 def import_database_command() -> None:
@@ -110,19 +132,10 @@ def import_database_command() -> None:
     help="The database, NAME.nc; the aircraft file is NAME.toml next to it.",
 )
 @click.option(
-    "--names",
-    multiple=True,
-    help="Quantity of a variable of a daveml file, such as 'ALPHA_TOT_D=alpha [deg]'.",
-)
-@click.option(
     "--inertia", type=InputFile(), help="File of mass properties, which a daveml file needs."
 )
 @click.option("--propulsion", type=InputFile(), help="File of the thrust of a daveml aircraft.")
-@click.option(
-    "--at",
-    multiple=True,
-    help="Input of the daveml inertia file in its units, such as CG_PCT_MAC=25.",
-)
+@at_option
 @reading_options
 @click.option(
     "--x-ref-mac",

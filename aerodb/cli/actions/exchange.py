@@ -14,15 +14,18 @@ import flightmech
 from aerodb.edit.ground_effect import with_height_table
 from aerodb.edit.table_edits import replace_terms
 from aerodb.exchange.daveml.airframe import import_daveml_aircraft
+from aerodb.exchange.daveml.document.model import DaveModel
+from aerodb.exchange.daveml.document.reading import read as read_daveml
 from aerodb.exchange.formats import find_exporter, find_importer, recognise_format
 from aerodb.exchange.jsbsim.aircraft import import_jsbsim_aircraft
+from aerodb.exchange.spelling import command_spelling
 from aerodb.store.files import open as open_database
 from aerodb.store.files import save
 from aerodb.store.overview import describe_database, summary
 from aerodb.store.schema import terms
 from flightmech.aircraft.aircraft import Aircraft, read_aircraft
 from flightmech.aircraft.writing import write_aircraft
-from flightmech.errors import AeromatchWarning
+from flightmech.errors import AeromatchWarning, UnknownName
 from flightmech.names import lookup
 from flightmech.support.console import print_json, print_remark
 from flightmech.terms import power_factor
@@ -35,9 +38,13 @@ def reader_options(
     travel: tuple[str, ...],
     sample: float | None,
     grid: tuple[tuple[str, list[float]], ...],
+    names: tuple[str, ...] = (),
+    **reference: str | None,
 ) -> dict[str, Any]:
     """Return the options of the reader of a format; those that belong to another format are
     refused.
+
+    `reference` are ``S``, ``cbar`` and ``b``.
     """
     options: dict[str, Any] = {}
     if without:
@@ -46,21 +53,34 @@ def reader_options(
         options[_only("--travel", fmt, {"jsbsim": "travel"})] = dict(
             _deflection(text) for text in travel
         )
+    if names:
+        _only("--names", fmt, {"jsbsim": "names", "daveml": "names"})
+        options["names"] = dict(_pair(text, "--names", _NAME[fmt]) for text in names)
+    for name, text in reference.items():
+        if text is not None:
+            key = _only(f"--{name}", fmt, {"daveml": name})
+            options[key] = parse_quantity(text, lookup(name).units)
     if sample is not None or grid:
-        key = _only("--sample", fmt, {"jsbsim": "box", "daveml": "grid"})
-        if sample is None:
-            raise click.UsageError(
-                "--grid states where functions are sampled; give --sample, the largest "
-                "difference allowed, with it"
-            )
-        for name, points in grid:
-            if key == "box" and len(points) != 2:
-                raise click.UsageError(
-                    f"--grid {name} has {len(points)} numbers; for jsbsim give the two ends "
-                    f"of a range"
-                )
-        options |= {"sample": sample, key: dict(grid)}
+        options |= _sampling(fmt, sample, grid)
     return options
+
+
+def _sampling(
+    fmt: str, sample: float | None, grid: tuple[tuple[str, list[float]], ...]
+) -> dict[str, Any]:
+    """Return the options of the reader for ``--sample`` and ``--grid``."""
+    key = _only("--sample", fmt, {"jsbsim": "box", "daveml": "grid"})
+    if sample is None:
+        raise click.UsageError(
+            "--grid states where functions are sampled; give --sample, the largest "
+            "difference allowed, with it"
+        )
+    for name, points in grid:
+        if key == "box" and len(points) != 2:
+            raise click.UsageError(
+                f"--grid {name} has {len(points)} numbers; for jsbsim give the two ends of a range"
+            )
+    return {"sample": sample, key: dict(grid)}
 
 
 def import_with_remarks(fmt: str, file: str, options: Mapping[str, Any]) -> xr.DataTree:
@@ -69,7 +89,8 @@ def import_with_remarks(fmt: str, file: str, options: Mapping[str, Any]) -> xr.D
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", AeromatchWarning)
-        tree = find_importer(fmt)(file, **options)
+        with command_spelling():
+            tree = find_importer(fmt)(file, **options)
     for warning in caught:
         if issubclass(warning.category, AeromatchWarning):
             print_remark(f"warning: {warning.message}")
@@ -154,10 +175,15 @@ def _with_height_tables(db: xr.DataTree, height: str) -> xr.DataTree:
     )
 
 
-def import_database(file: str, output: str, as_json: bool, **options: Any) -> None:
+def import_database(
+    file: str, output: str, as_json: bool, at: tuple[str, ...], **given: Any
+) -> None:
     """Perform the command ``import``."""
     fmt = recognise_format(Path(file))
-    tree = import_with_remarks(fmt, file, reader_options(fmt, **options))
+    options = reader_options(fmt, **given)
+    if at:
+        options[_only("--at", fmt, {"daveml": "at"})] = _fixed_inputs(at)
+    tree = import_with_remarks(fmt, file, options)
     save(tree, output)
     if as_json:
         print_json(
@@ -192,21 +218,21 @@ def _deflection(text: str) -> tuple[str, float]:
     return name.strip(), parse_quantity(amount, "rad")
 
 
-_OF_DAVEML = ("inertia", "propulsion", "at", "names")
+_OF_DAVEML = ("inertia", "propulsion", "at")
+_NAME = {"jsbsim": "fcs/posElev_rad=delta_e [rad]", "daveml": "ALPHA_TOT_D=alpha [deg]"}
 
 
 def import_aircraft(
     file: str,
     output: str,
-    without: tuple[str, ...],
-    travel: tuple[str, ...],
-    sample: float | None,
-    grid: tuple[tuple[str, list[float]], ...],
+    inertia: str | None,
+    propulsion: str | None,
+    at: tuple[str, ...],
     x_ref_mac: float,
     name: str,
     force: bool,
     as_json: bool,
-    **daveml: Any,
+    **given: Any,
 ) -> None:
     """Perform the command ``import-aircraft``."""
     path = Path(output)
@@ -217,7 +243,8 @@ def import_aircraft(
             f"{file} is a file of the format {fmt}, which holds no aircraft; give a JSBSim "
             f"or DAVE-ML file"
         )
-    options = reader_options(fmt, without, travel, sample, grid)
+    options = reader_options(fmt, **given)
+    daveml = {"inertia": inertia, "propulsion": propulsion, "at": at}
     read = _jsbsim if fmt == "jsbsim" else _daveml
     tree, aircraft = read(file, options, daveml, {"name": name, "x_ref_mac": x_ref_mac})
     sim = flightmech.compile(aircraft, tree)
@@ -286,15 +313,29 @@ def _daveml(
             "--inertia is needed: a DAVE-ML file of aerodynamics holds no mass; without an "
             "aircraft use aeromatch db import"
         )
-    names = dict(_pair(text, "--names", "ALPHA_TOT_D=alpha [deg]") for text in daveml["names"])
-    inputs = {
-        key: _number(value)
-        for key, value in (_pair(text, "--at", "CG_PCT_MAC=25") for text in daveml["at"])
-    }
-    tree = import_with_remarks("daveml", file, {**options, "names": names})
+    inputs = _fixed_inputs(daveml["at"])
+    # An input that the inertia file does not have belongs to the file of aerodynamics.
+    mass_model = read_daveml(daveml["inertia"])
+    of_mass = {key: value for key, value in inputs.items() if _has_variable(mass_model, key)}
+    fixed = {key: value for key, value in inputs.items() if key not in of_mass}
+    tree = import_with_remarks("daveml", file, {**options, "at": fixed})
     return tree, import_daveml_aircraft(
-        tree, daveml["inertia"], daveml["propulsion"], inputs, **own
+        tree, daveml["inertia"], daveml["propulsion"], of_mass, **own
     )
+
+
+def _fixed_inputs(texts: tuple[str, ...]) -> dict[str, float]:
+    """Return the values of ``--at`` by variable."""
+    pairs = [_pair(text, "--at", "CG_PCT_MAC=25") for text in texts]
+    return {key: _number(value) for key, value in pairs}
+
+
+def _has_variable(model: DaveModel, name: str) -> bool:
+    try:
+        model.find(name)
+    except UnknownName:
+        return False
+    return True
 
 
 def _pair(text: str, option: str, example: str) -> tuple[str, str]:

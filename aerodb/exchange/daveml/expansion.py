@@ -16,6 +16,7 @@ from aerodb.exchange.daveml.document.tables import FunctionAxis, Gridded
 from aerodb.exchange.daveml.piecewise_linear import PiecewiseLinear
 from aerodb.exchange.daveml.polynomials import GridAxis, Inexact, MultilinearTable, Sum
 from aerodb.exchange.daveml.vocabulary import VALUE
+from aerodb.exchange.spelling import spell
 from flightmech.names import REDUCED_RATES
 
 _COMPARISONS = ("lt", "gt", "leq", "geq")
@@ -133,7 +134,8 @@ def _expand_variable(
     if variable.initial is None:
         raise Inexact(
             f"it is an input in {variable.units or 'no unit'} that no quantity of the "
-            f"vocabulary belongs to; state one with names="
+            f"vocabulary belongs to; state one with {spell('names=', '--names')}, or fix it with "
+            f"{spell('at=', '--at')}"
         )
     stderr = node_standard_errors(variable.uncertainty, np.asarray(variable.initial))
     if stderr is not None or variable.name.endswith(VALUE):

@@ -14,6 +14,7 @@ from aerodb.exchange.daveml.document.elements import Shot
 from aerodb.exchange.daveml.document.model import DaveModel
 from aerodb.exchange.daveml.imported_model import ImportedModel, is_own_file
 from aerodb.exchange.daveml.vocabulary import STORED, file_unit_conversion
+from aerodb.exchange.spelling import spell
 from aerodb.store.evaluation import contributions
 from aerodb.store.schema import terms
 from flightmech.errors import SchemaError, UnitError, UnknownName
@@ -86,8 +87,8 @@ def compare_with_model(
             )
     if problems and sampled:
         raise SchemaError(
-            f"{model.file}: sample={sample:g} is not kept; give more breakpoints with grid=, "
-            f"or a larger sample",
+            f"{model.file}: {spell('sample=', '--sample ')}{sample:g} is not kept; give more "
+            f"breakpoints with {spell('grid=', '--grid')}, or a larger difference",
             problems,
         )
     if problems:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aerodb.exchange.daveml.document.elements import DaveVariable
+from aerodb.exchange.daveml.document.elements import DaveVariable, Shot
 from aerodb.exchange.daveml.document.model import DaveModel
 from aerodb.exchange.daveml.polynomials import Sum, make_variable_sum
 from aerodb.exchange.daveml.vocabulary import (
@@ -17,8 +17,9 @@ from aerodb.exchange.daveml.vocabulary import (
     file_unit_conversion,
     quantity_of,
 )
+from aerodb.exchange.spelling import spell
 from aerodb.store.schema import FORCE_AXES
-from flightmech.errors import SchemaError, UnknownName
+from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
 
 REFERENCE_LENGTHS = ("S", "cbar", "b")
@@ -71,6 +72,39 @@ def apply_user_names(
     return replace(model, variables=variables), quantities
 
 
+def fix_inputs(model: DaveModel, values: Mapping[str, float]) -> tuple[DaveModel, str]:
+    """Return the model with inputs as constants, and a text that lists them.
+
+    Check cases at another value of such an input are left out.
+    """
+    variables = dict(model.variables)
+    fixed: dict[str, float] = {}
+    for key, value in values.items():
+        variable = model.find(key)
+        if variable.varID not in model.inputs:
+            raise UnknownName(key, model.inputs, "input")
+        variables[variable.varID] = replace(variable, initial=value, is_input=False)
+        fixed[variable.varID] = value
+    shots = tuple(shot for shot in model.shots if _has_values(model, shot, fixed))
+    parts = [
+        f"{varID} = {value:g} {model.variables[varID].units}" for varID, value in fixed.items()
+    ]
+    return replace(model, variables=variables, shots=shots), ", ".join(parts)
+
+
+def _has_values(model: DaveModel, shot: Shot, fixed: Mapping[str, float]) -> bool:
+    """Return whether a check case has these values of inputs, by varID."""
+    # An input that the case does not state has the initial value of the file.
+    values = {varID: model.variables[varID].initial for varID in fixed}
+    for signal in shot.inputs:
+        try:
+            values[model.signal(signal).varID] = model.converted(signal).value
+        except (UnknownName, UnitError):
+            # With checks="ignore" the reader accepts such a case; it is left out later.
+            continue
+    return all(values[varID] == value for varID, value in fixed.items())
+
+
 def identify_inputs(model: DaveModel, names: Mapping[str, str]) -> dict[str, str]:
     """Return the quantity of each input, by varID."""
     varID_of: dict[str, str] = {}
@@ -85,7 +119,7 @@ def identify_inputs(model: DaveModel, names: Mapping[str, str]) -> dict[str, str
                 model.file,
                 [
                     f"the inputs {varID_of[quantity]} and {varID} are both {quantity}; state which "
-                    f"with names="
+                    f"with {spell('names=', '--names')}"
                 ],
             )
         varID_of[quantity] = varID
@@ -113,12 +147,13 @@ def read_reference_quantities(
         if quantity in values and not np.isclose(value, values[quantity], rtol=1e-6):
             problems.append(
                 f"{quantity} is {values[quantity]:.9g} in the file and {value:.9g} in the "
-                f"call; leave it out"
+                f"{spell('call', 'command')}; leave it out"
             )
         values.setdefault(quantity, value)
     for quantity in REFERENCE_LENGTHS:
         if quantity not in values:
-            problems.append(f"the file does not state {quantity}; pass {quantity}=")
+            option = spell(f"pass {quantity}=", f"give --{quantity}")
+            problems.append(f"the file does not state {quantity}; {option}")
     if problems:
         raise SchemaError(f"reference quantities of {model.file}", problems)
     return values
@@ -175,7 +210,8 @@ def identify_coefficients(
             model.file,
             [
                 f"no output is a coefficient: {listed}; state which with "
-                f"names={{'{model.outputs[0]}': 'CL'}}, say"
+                + spell(f"names={{'{model.outputs[0]}': 'CL'}}", f"--names {model.outputs[0]}=CL")
+                + ", say"
             ],
         )
     return selected, axes
@@ -197,7 +233,7 @@ def _coefficient_outputs(model: DaveModel, names: Mapping[str, str]) -> dict[str
                 model.file,
                 [
                     f"the outputs {outputs[quantity]} and {varID} are both {quantity}; state "
-                    f"which with names="
+                    f"which with {spell('names=', '--names')}"
                 ],
             )
         outputs[quantity] = varID

@@ -25,6 +25,7 @@ from aerodb.exchange.daveml.imported_model import (
     REFERENCE_POINT,
     ImportedModel,
     apply_user_names,
+    fix_inputs,
     identify_coefficients,
     identify_inputs,
     input_sums,
@@ -34,6 +35,7 @@ from aerodb.exchange.daveml.imported_model import (
 from aerodb.exchange.daveml.sampler import Sampler
 from aerodb.exchange.daveml.terms import CoefficientPart, leaves_from_parts, parts_of
 from aerodb.exchange.daveml.vocabulary import file_unit_conversion, quantity_of, unpack_attributes
+from aerodb.exchange.spelling import spell
 from aerodb.store.schema import FORCE_AXES, make_database
 from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.support.netcdf_trees import CHECKS
@@ -49,6 +51,7 @@ def import_daveml(
     S: float | None = None,
     cbar: float | None = None,
     b: float | None = None,
+    at: Mapping[str, float] | None = None,
     force_axes: str | None = None,
     without: Collection[str] = (),
     checks: str = "raise",
@@ -75,6 +78,9 @@ def import_daveml(
         of the model by its varID, ``device.DBFLL.deflection`` or ``device.SPIKE.setting``.
     S, cbar, b : float, optional
         Reference area [m2], chord and span [m] of a file that does not state them.
+    at : mapping of str to float, optional
+        Inputs that are fixed, by varID or name: ``{"H_RWY": 1000.0}``.  The history states them.
+        [unit of the file]
     force_axes : {"stability", "wind", "body"}, optional
         Axes of the forces.  By default they follow from the coefficients of the file.  Lift and
         drag are in stability axes unless the file states wind axes.
@@ -114,6 +120,7 @@ def import_daveml(
     # Identify inputs, reference quantities and coefficients, and multiply the calculations out.
     path = Path(path)
     model, names = apply_user_names(read(path, checks), names or {})
+    model, fixed = fix_inputs(model, at or {})
     quantities = identify_inputs(model, names)
     geometry = read_reference_quantities(model, {"S": S, "cbar": cbar, "b": b})
     sums, reasons = expand_variables(model, input_sums(model, quantities), geometry)
@@ -133,6 +140,8 @@ def import_daveml(
         compare_with_model(make_tree(leaves), source, {}, 0.0)
     else:
         leaves, history = _sample_terms(source, make_tree, sample, grid or {})
+    if fixed:
+        history.insert(0, f"inputs that are fixed: {fixed}")
     # The attributes need the terms: they list unnamed inputs and the accuracy of the sampling.
     remark = _warn_unnamed_inputs(model, quantities, names, leaves)
     root = _root_attributes(source, path, axes, remark=remark, history=history)
@@ -155,11 +164,11 @@ def _build_terms(source: ImportedModel, sampler: Sampler | None) -> dict[str, xr
             problems.append(f"{coefficient}: {varID} ({name}): {error}")
     if problems:
         remedy = (
-            "leave them out with without=, or evaluate the model itself with "
-            "aerodb.exchange.daveml.read(path).evaluate"
+            f"leave them out with {spell('without=', '--without')}, or evaluate the model itself "
+            f"with aerodb.exchange.daveml.read(path).evaluate"
         )
         if sampler is None:
-            remedy = f"put them onto tables with sample=, {remedy}"
+            remedy = f"put them onto tables with {spell('sample=', '--sample')}, {remedy}"
         raise SchemaError(
             f"{Path(source.model.file).name} holds coefficients that are not an exact sum of "
             f"terms; {remedy}",
@@ -243,7 +252,7 @@ def _warn_unnamed_inputs(
         return ""
     text = f"inputs that are not a quantity of the vocabulary: {', '.join(unnamed)}"
     warnings.warn(
-        f"{text}; give a quantity with names= if one of them is meant",
+        f"{text}; give a quantity with {spell('names=', '--names')} if one of them is meant",
         AeromatchWarning,
         stacklevel=3,
     )

@@ -16,6 +16,7 @@ from aerodb.exchange.daveml.polynomials import GridAxis, Inexact, MultilinearTab
 from aerodb.exchange.daveml.terms import Factors, unify_rules
 from aerodb.exchange.daveml.vocabulary import file_unit_conversion
 from aerodb.exchange.sampling import Function, SamplingError, largest_difference, tabulate_function
+from aerodb.exchange.spelling import spell
 from flightmech.names import REDUCED_RATES
 from flightmech.terms import MAX_AXES, evaluate_term, make_term
 
@@ -235,7 +236,7 @@ class Sampler:
             if not np.isfinite(values).all():
                 raise Inexact(
                     f"{label} cannot be sampled: it is not finite everywhere; narrow the "
-                    f"range with grid="
+                    f"range with {spell('grid=', '--grid')}"
                 )
             return values
 
@@ -295,7 +296,7 @@ class Sampler:
         if len(ends) < 2 or not ends[0] < ends[1]:
             raise Inexact(
                 f"no table and no limit states how far {quantity} goes; give "
-                f"grid={{{quantity!r}: (low, high)}}"
+                + spell(f"grid={{{quantity!r}: (low, high)}}", f"--grid {quantity}='LOW HIGH UNIT'")
             )
         # The ends of the range are always breakpoints.
         inside = points[(points > ends[0]) & (points < ends[1])]

@@ -10,6 +10,7 @@ import numpy as np
 
 from aerodb.exchange.daveml.document.elements import DaveVariable
 from aerodb.exchange.daveml.document.units import unit_of_code
+from aerodb.exchange.spelling import spell
 from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY, lookup
@@ -187,9 +188,11 @@ def file_unit_conversion(variable: DaveVariable, quantity: str) -> tuple[float, 
         lacks_angle = "rad" in expected and "rad" not in unit and "deg" not in unit
         if dimension != parse_unit(expected)[0] or lacks_angle:
             problem = f"unit {variable.units!r}, where {quantity} needs one such as {expected}"
-            raise UnitError(
-                f"{problem}; name it with names={{'{variable.varID}': '{quantity} [deg]'}}, say"
+            name = spell(
+                f"names={{'{variable.varID}': '{quantity} [deg]'}}",
+                f"--names '{variable.varID}={quantity} [deg]'",
             )
+            raise UnitError(f"{problem}; name it with {name}, say")
     except UnitError as error:
         raise SchemaError(f"variable {variable.varID} ({variable.name})", [str(error)]) from None
     sense = -1.0 if has_opposite_sign(variable.sign, lookup(quantity).sign) else 1.0

@@ -23,17 +23,21 @@ from flightmech.units import FOOT, POUND, SLUG
 _MASS = {"LBS": POUND, "KG": 1.0}
 _INERTIA = {"SLUG*FT2": SLUG * FOOT**2, "KG*M2": 1.0}
 _SPHERE = 0.4  # inertia of a solid sphere over m r^2
+# Inertia over m r^2 by the shape of a point mass: solid and hollow sphere, about any axis;
+_ROUND = {"ball": _SPHERE, "sphere": 2.0 / 3.0}
+# solid and hollow cylinder, about the axis of the cylinder.
+_LONG = {"cylinder": 0.5, "tube": 1.0}
 
 
 class _PointMass(NamedTuple):
     """A mass [kg], its position from the drawing datum along body axes [m], its inertia [kg m2].
 
-    The inertia is about its own centre and equal about all axes.
+    The inertia is about its own centre and the body axes x, y, z.
     """
 
     mass: float
     position: np.ndarray
-    inertia: float = 0.0
+    inertia: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def import_jsbsim_aircraft(
@@ -78,8 +82,7 @@ def import_jsbsim_aircraft(
     metrics, balance = read_section(root, "metrics"), read_section(root, "mass_balance")
     sizes, reference = read_sizes(metrics), read_reference(metrics)
     datum = np.array([reference[f"{axis}_ref"] for axis in "xyz"])
-    empty_mass = _read_number(balance.need("emptywt"), _MASS, "LBS")
-    empty = _PointMass(empty_mass, _read_position(_find_cg(balance)))
+    empty = _read_empty(balance)
     points = [*_read_point_masses(balance), *_read_tanks(root)]
 
     # Centre of gravity of all masses, then inertia about it.
@@ -116,15 +119,26 @@ def _read_inertia(balance: Element) -> np.ndarray:
         products[key] = 0.0
         if element is not None:
             products[key] = _read_number(element, _INERTIA, "SLUG*FT2")
-    xx, yy, zz = (
-        _read_number(balance.need(key), _INERTIA, "SLUG*FT2") for key in ("ixx", "iyy", "izz")
-    )
+    keys = ("ixx", "iyy", "izz")
+    if balance.first("emptywt", *keys) is None:
+        # The point masses are the whole aircraft.
+        return np.zeros((3, 3))
+    xx, yy, zz = (_read_number(balance.need(key), _INERTIA, "SLUG*FT2") for key in keys)
     # Structural axes have x aft and z up. The reversal of one of them changes the sign of a
     # product, the reversal of both does not.
     is_negated = balance.attributes.get("negated_crossproduct_inertia", "true") == "true"
     sign = -1.0 if is_negated else 1.0
     xy, xz, yz = sign * products["ixy"], -sign * products["ixz"], sign * products["iyz"]
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _read_empty(balance: Element) -> _PointMass:
+    """Return the empty aircraft; without a mass, if the point masses are the whole aircraft."""
+    element = balance.first("emptywt")
+    if element is None and balance.all("pointmass"):
+        return _PointMass(0.0, np.zeros(3))
+    mass = _read_number(balance.need("emptywt"), _MASS, "LBS")
+    return _PointMass(mass, _read_position(_find_cg(balance)))
 
 
 def _find_cg(balance: Element) -> Element:
@@ -138,14 +152,28 @@ def _find_cg(balance: Element) -> Element:
 
 def _read_point_masses(balance: Element) -> Iterator[_PointMass]:
     for element in balance.all("pointmass"):
-        form = element.first("form")
-        if form is not None:
-            raise form.error(
-                "<form> of a point mass",
-                "point masses without an extent of their own; its inertia is not read",
-            )
         mass = _read_number(element.need("weight"), _MASS, "LBS")
-        yield _PointMass(mass, _read_position(element.need("location")))
+        form = element.first("form")
+        inertia = (0.0, 0.0, 0.0) if form is None else _form_inertia(form, mass)
+        yield _PointMass(mass, _read_position(element.need("location")), inertia)
+
+
+def _form_inertia(form: Element, mass: float) -> tuple[float, float, float]:
+    """Return the inertia of a body about its centre and the body axes. [kg m2]"""
+    shape = form.attributes.get("shape", "")
+    if shape not in (*_ROUND, *_LONG):
+        raise form.error(
+            f"shape {shape!r} of a point mass", f"one of {', '.join((*_ROUND, *_LONG))}"
+        )
+    radius = _read_number(form.need("radius"), LENGTH_UNITS, "FT")
+    if shape in _ROUND:
+        inertia = _ROUND[shape] * mass * radius**2
+        return inertia, inertia, inertia
+    # The axis of a tube or cylinder is the body axis x: Iyy = Ixx / 2 + m l^2 / 12.
+    length = _read_number(form.need("length"), LENGTH_UNITS, "FT")
+    along = _LONG[shape] * mass * radius**2
+    across = 0.5 * along + mass * length**2 / 12.0
+    return along, across, across
 
 
 def _read_tanks(root: Element) -> Iterator[_PointMass]:
@@ -155,10 +183,32 @@ def _read_tanks(root: Element) -> Iterator[_PointMass]:
     for element in read_section(root, "propulsion").all("tank"):
         contents, location = element.first("contents"), element.first("location")
         if contents is not None and location is not None:
-            # JSBSim takes the fuel of a tank as a sphere.
             mass = _read_number(contents, _MASS, "LBS")
-            inertia = _SPHERE * mass * _tank_radius(element) ** 2
+            grain = element.first("grain_config")
+            if grain is not None:
+                inertia = _grain_inertia(grain, element, mass)
+            else:
+                # JSBSim takes the fuel of a tank as a sphere.
+                inertia = (_SPHERE * mass * _tank_radius(element) ** 2,) * 3
             yield _PointMass(mass, _read_position(location), inertia)
+
+
+def _grain_inertia(grain: Element, tank: Element, mass: float) -> tuple[float, float, float]:
+    """Return the inertia of a solid propellant about its centre and the body axes. [kg m2]"""
+    if grain.attributes.get("type", "") != "CYLINDRICAL":
+        raise grain.error(
+            f"<grain_config> of the type {grain.attributes.get('type', '')!r}",
+            "the type CYLINDRICAL; the inertia of others is not read",
+        )
+    capacity = _read_number(tank.need("capacity"), _MASS, "LBS")
+    radius = _read_number(tank.need("radius"), LENGTH_UNITS, "IN")
+    length = _read_number(grain.need("length"), LENGTH_UNITS, "IN")
+    bore = 0.5 * _read_number(grain.need("bore_diameter"), LENGTH_UNITS, "IN")
+    # The bore grows as the propellant burns: r^2 = R^2 - (R^2 - r0^2) contents / capacity.
+    inner_squared = radius**2 - (radius**2 - bore**2) * mass / capacity
+    along = 0.5 * mass * (radius**2 + inner_squared)
+    across = 0.5 * along + mass * length**2 / 12.0
+    return along, across, across
 
 
 def _tank_radius(tank: Element) -> float:
@@ -189,4 +239,4 @@ def _inertia_about(point: _PointMass, cg: np.ndarray) -> np.ndarray:
     # Parallel axes: m (r^T r I - r r^T) + J_own.
     arm = point.position - cg
     steiner = arm @ arm * np.eye(3) - np.outer(arm, arm)
-    return point.mass * steiner + point.inertia * np.eye(3)
+    return point.mass * steiner + np.diag(point.inertia)

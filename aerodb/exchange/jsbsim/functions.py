@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -9,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
+from aerodb.exchange.jsbsim.inputs import Inputs
 from aerodb.exchange.jsbsim.products import (
     KNOWN,
     LENGTHS,
@@ -17,43 +19,21 @@ from aerodb.exchange.jsbsim.products import (
     OpaqueFactor,
     Product,
     Sum,
+    Values,
     absolute_value_table,
     combine_sums,
+    evaluate_products,
     reference_factor,
     scale_products,
 )
-from aerodb.exchange.jsbsim.properties import (
-    MAGNITUDE,
-    NORMALISED,
-    PROPERTY,
-    PropertyValue,
-    jsbsim_unit,
-    throttle_property,
-    thrust_property,
-)
+from aerodb.exchange.jsbsim.properties import MAGNITUDE, jsbsim_unit
 from aerodb.exchange.jsbsim.terms import read_jsbsim_table
-from aerodb.exchange.sampling import SamplingError, largest_difference, tabulate_function
 from aerodb.exchange.xml_reader import MAX_DEPTH, Element
-from flightmech.terms import MAX_AXES, evaluate_term, make_term
+from flightmech.aircraft.controls import DEVICE
+from flightmech.terms import evaluate_term, make_term
 
-_MOST_ENGINES = 8
 _LONGEST_CHAIN = 20  # functions that use each other by name
 _TEXT_TAGS = ("description", "documentation")
-_FIRST = 5  # initial breakpoints of an axis that no table has
-
-
-def _engine_properties() -> dict[str, str]:
-    """Return the variables of lever and thrust by property."""
-    variables = {"propulsion/engine/thrust-lbs": "engine1.thrust"}
-    for i in range(1, _MOST_ENGINES + 1):
-        variables[throttle_property(i)] = f"engine{i}.throttle"
-        variables[thrust_property(i)] = f"engine{i}.thrust"
-        # JSBSim counts the engines from 0.
-        variables[f"propulsion/engine[{i - 1}]/thrust-lbs"] = f"engine{i}.thrust"
-    return variables
-
-
-_ENGINES = _engine_properties()
 
 
 class Functions:
@@ -65,20 +45,17 @@ class Functions:
         Functions that others may use by their name.
     sizes : mapping of str to float
         ``S``, ``cbar``, ``b`` in square feet and feet.
-    travel : mapping of str to float
-        Deflection at which a normalised position is 1, by variable. [rad]
-    constants : mapping of str to float
-        Properties that are numbers.
+    inputs : Inputs
+        Meaning of the properties.
     """
 
     def __init__(
         self,
         named: Mapping[str, Element],
         sizes: Mapping[str, float],
-        travel: Mapping[str, float],
-        constants: Mapping[str, float],
+        inputs: Inputs,
     ):
-        self.named, self.sizes, self.travel, self.constants = named, sizes, travel, constants
+        self.named, self.sizes, self.inputs = named, sizes, inputs
         # Results of named functions, and the names whose expansion is in progress.
         self.expanded: dict[str, Sum] = {}
         self.in_progress: list[str] = []
@@ -123,7 +100,7 @@ class Functions:
         if tag in ("property", "p"):
             return self._expand_property(element.text)
         if tag in ("table", "t"):
-            return [Product(tables=(self._read_table(element),))]
+            return self._expand_table(element)
         if tag == "pi":
             return [Product(math.pi)]
         parts = _operands(element)
@@ -141,38 +118,22 @@ class Functions:
     def _expand_property(self, name: str) -> Sum:
         if name.startswith("-"):
             return scale_products(-1.0, self._expand_property(name[1:]))
-        value = self._property_value(name)
+        value = self.inputs.value(name)
         if value is not None:
             return [Product(value.factor, dict(value.symbols))]
         if name in MAGNITUDE:
             table = absolute_value_table(self._expand_property(MAGNITUDE[name]))
             assert table is not None
             return table
-        if name in self.constants:
-            return [Product(self.constants[name])]
+        derived = self.inputs.derived(name)
+        if derived is not None:
+            return derived
+        if name in self.inputs.constants:
+            return [Product(self.inputs.constants[name])]
         if name in self.named:
             return self._expand_function(name)
-        raise NotAProduct(self._explain_unknown(name))
-
-    def _property_value(self, name: str) -> PropertyValue | None:
-        """Return a property as powers of symbols, or None if it is not of this form."""
-        if name in PROPERTY:
-            return PROPERTY[name]
-        if name in _ENGINES:
-            return PropertyValue(1.0, {_ENGINES[name]: 1})
-        variable, sense = NORMALISED.get(name, ("", 1.0))
-        if variable in self.travel:
-            return PropertyValue(sense / self.travel[variable], {variable: 1})
-        return None
-
-    def _explain_unknown(self, name: str) -> str:
-        if name in NORMALISED:
-            variable = NORMALISED[name][0]
-            return (
-                f"{name} is a fraction and the file does not state of which angle; give "
-                f"travel = {{{variable!r}: angle where it is 1}}"
-            )
-        return f"{name} is not a variable of the model"
+        value = self.inputs.device(name)
+        return [Product(value.factor, dict(value.symbols))]
 
     def _expand_function(self, name: str) -> Sum:
         """Return a function that is used by its name, with its tables marked as shared."""
@@ -199,37 +160,77 @@ class Functions:
         self.expanded[name] = shared_parts
         return shared_parts
 
-    def _read_axis(self, name: str) -> tuple[str, float]:
-        """Return the variable of a table axis, and its value in SI per unit of the property."""
-        property_name = name.lstrip("-")
-        value = self._property_value(property_name)
-        if value is None:
-            raise NotAProduct(f"a table over {name}: {self._explain_unknown(property_name)}")
-        # The reference quantities are numbers, so one variable must remain.
-        powers = {symbol: power for symbol, power in value.symbols.items() if symbol not in LENGTHS}
-        if len(powers) != 1 or set(powers.values()) != {1}:
-            raise NotAProduct(f"a table over {name}, which is not a single variable of the model")
-        (variable,) = powers
-        sense = -1.0 if name.startswith("-") else 1.0
-        scale = value.factor * reference_factor(value.symbols, self.sizes)
-        return variable, sense * jsbsim_unit(variable) / scale
+    def _read_axis(self, name: str) -> tuple[str, float, float]:
+        """Return the variable of a table axis, and scale and offset of its value in SI.
 
-    def _read_table(self, element: Element) -> xr.DataArray:
-        """Return a table in SI, axes from the outermost to the columns."""
+        The value is scale * property + offset.
+        """
+        slope, constant = None, 0.0
+        for part in self._expand_property(name):
+            # The reference quantities are numbers, so one variable must remain.
+            powers = {key: n for key, n in part.symbols.items() if key not in LENGTHS}
+            number = part.factor * reference_factor(part.symbols, self.sizes)
+            is_variable = len(powers) == 1 and set(powers.values()) == {1}
+            if part.monomial and not powers:
+                constant += number
+            elif part.monomial and is_variable and slope is None and number != 0.0:
+                ((variable, _),) = powers.items()
+                slope = number
+            else:
+                raise NotAProduct(
+                    f"a table over {name}, which is not a single variable of the model"
+                )
+        if slope is None:
+            raise NotAProduct(f"a table over {name}, which is a number")
+        # property = slope * variable / unit + constant
+        scale = jsbsim_unit(variable) / slope
+        return variable, scale, -constant * scale
+
+    def _expand_table(self, element: Element) -> Sum:
+        """Return a table; one whose axis is a function of variables is a factor of its own."""
         names, grid, nodes = read_jsbsim_table(element)
+        try:
+            axes = [self._read_axis(MAGNITUDE.get(name, name)) for name in names]
+        except NotAProduct:
+            return self._expand_composed_table(names, grid, nodes)
         table = xr.DataArray(nodes)
         for index, (name, points) in enumerate(zip(names, grid, strict=True)):
-            variable, scale = self._read_axis(MAGNITUDE.get(name, name))
+            variable, scale, offset = axes[index]
             if variable in table.dims:
                 raise NotAProduct(f"a table with {variable} on two axes")
             table = table.rename({f"dim_{index}": variable}).assign_coords({variable: points})
             if name in MAGNITUDE:
                 table = _mirror_table(table, variable)
-            table = table.assign_coords({variable: table[variable].values * scale})
+            points = table[variable].values * scale
+            table = table.assign_coords({variable: points + offset if offset else points})
             # A negative scale reverses the breakpoints.
             if scale < 0.0:
                 table = table.isel({variable: slice(None, None, -1)})
-        return table
+        return [Product(tables=(table,))]
+
+    def _expand_composed_table(
+        self, names: Sequence[str], grid: Sequence[np.ndarray], nodes: np.ndarray
+    ) -> Sum:
+        """Return a table over functions of variables as a factor that is a function of these."""
+        # A property that is unknown raises here with its own reason.
+        arguments = [self._expand_property(name) for name in names]
+        # An axis needs a name of the vocabulary; it stands for the value of a function here.
+        axes = [f"{DEVICE}x{i}.setting" for i in range(len(names))]
+        leaf = make_term(nodes, dict(zip(axes, grid, strict=True)))
+        variables: frozenset[str] = frozenset()
+        for part in itertools.chain.from_iterable(arguments):
+            variables |= part.variables
+
+        def look_up(states: Values) -> np.ndarray:
+            at = {}
+            for axis, parts in zip(axes, arguments, strict=True):
+                at[axis] = evaluate_products(parts, states, self.sizes)
+            return np.asarray(evaluate_term(leaf, at, "clamp"))
+
+        if not variables:
+            return [Product(float(look_up({})))]
+        label = f"table({', '.join(names)})"
+        return [Product(opaque=(OpaqueFactor(label, variables, look_up),))]
 
     def _join_tables(self, element: Element, parts: Sequence[Element]) -> Sum:
         """Return ``<interpolate1d>`` between tables of the same axes as one table."""
@@ -248,10 +249,10 @@ class Functions:
         for table in tables[1:]:
             if not _have_same_axes(table, tables[0]):
                 raise NotAProduct("<interpolate1d> between tables of different axes")
-        variable, scale = self._read_axis(parts[0].text)
+        variable, scale, offset = self._read_axis(parts[0].text)
         if variable in tables[0].dims:
             raise NotAProduct(f"<interpolate1d> over {variable}, which is an axis of its tables")
-        joined = xr.concat(tables, xr.Variable(variable, points * scale))
+        joined = xr.concat(tables, xr.Variable(variable, points * scale + offset))
         return [Product(tables=(joined.sortby(variable),))]
 
 
@@ -286,95 +287,3 @@ def _single_table(parts: Sum) -> xr.DataArray:
     if part.symbols or part.opaque or len(tables) > 1:
         raise NotAProduct(message)
     return tables[0] * part.factor if tables else xr.DataArray(part.factor)
-
-
-def sample_product(
-    opaque: Sequence[OpaqueFactor],
-    tables: Sequence[xr.DataArray],
-    bound: float | None,
-    box: Mapping[str, tuple[float, float]],
-) -> tuple[xr.DataArray, str]:
-    """Return a product of functions and tables as one table, and a remark on its accuracy.
-
-    Parameters
-    ----------
-    opaque, tables : sequences
-        The factors.
-    bound : float, optional
-        Largest difference between the product and the table inside the box.  None refuses the
-        product.
-    box : mapping of str to (low, high)
-        Range of variables.  The default is the range of the tables that have the axis. [SI]
-
-    Raises
-    ------
-    NotAProduct
-        The bound or the range of a variable is missing, the table has too many axes or nodes, or
-        the product is not finite.
-    """
-    labels = [factor.what for factor in opaque]
-    variable_names: set[str] = set()
-    for table in tables:
-        labels.append(f"table({', '.join(map(str, table.dims))})")
-        variable_names.update(map(str, table.dims))
-    for factor in opaque:
-        variable_names |= factor.variables
-    label, variables = " x ".join(labels), sorted(variable_names)
-    if bound is None:
-        raise NotAProduct(
-            f"{label} is not a product of tables without common axes; give sample = largest "
-            f"difference to put it onto one table"
-        )
-    if len(variables) > MAX_AXES:
-        raise NotAProduct(
-            f"{label} depends on {', '.join(variables)}; a table has at most {MAX_AXES} axes"
-        )
-    leaves = []
-    for table in tables:
-        leaves.append(make_term(table.values, {str(d): table[d].values for d in table.dims}))
-
-    def evaluate(states: Mapping[str, np.ndarray]) -> np.ndarray:
-        value = np.ones(())
-        for leaf in leaves:
-            value = value * evaluate_term(leaf, states, "clamp")
-        for factor in opaque:
-            value = value * factor.value(states)
-        if not np.isfinite(value).all():
-            raise NotAProduct(
-                f"{label} is not finite inside its box; give box = {{variable: (low, high)}} "
-                f"to narrow it"
-            )
-        return value
-
-    starts = {name: _initial_points(name, tables, box) for name in variables}
-    try:
-        sampled = tabulate_function(evaluate, starts, bound)
-    except SamplingError as error:
-        raise NotAProduct(f"{label}: {error}") from None
-    # The refinement looks at one axis after the other, so the total difference is measured.
-    worst = largest_difference(evaluate, sampled)
-    if worst > bound:
-        raise NotAProduct(
-            f"{label} on {sampled.size} nodes differs by {worst:.2g}, more than {bound:.2g}; "
-            f"give a wider bound or a narrower box"
-        )
-    remark = f"{label} sampled on {sampled.size} nodes: largest difference seen {worst:.2g}"
-    return sampled, remark
-
-
-def _initial_points(
-    name: str, tables: Sequence[xr.DataArray], box: Mapping[str, tuple[float, float]]
-) -> np.ndarray:
-    """Return the breakpoints of all tables over an axis inside its range."""
-    axes = [table[name].values for table in tables if name in table.dims]
-    points = np.unique(np.concatenate(axes or [np.array([])]))
-    if name in box:
-        low, high = box[name]
-        points = np.union1d(points[(points > low) & (points < high)], [low, high])
-    if len(points) < 2:
-        raise NotAProduct(
-            f"no table states how far {name} goes; give box = {{{name!r}: (low, high)}}"
-        )
-    if len(points) == 2:
-        return np.linspace(points[0], points[-1], _FIRST)
-    return points

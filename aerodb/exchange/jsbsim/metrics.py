@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from aerodb.exchange.xml_reader import Element, read_xml
-from flightmech.units import FOOT, INCH
+from flightmech.units import DEGREE, FOOT, INCH
 
 LENGTH_UNITS = {"FT": FOOT, "M": 1.0, "IN": INCH}
 
 
 _AREA_UNITS = {"FT2": FOOT**2, "M2": 1.0}
+_ANGLE_UNITS = {"RAD": 1.0, "DEG": DEGREE}
 
 
 # Element of <metrics>: its property.
@@ -74,6 +75,14 @@ def read_tail_sizes(metrics: Element) -> dict[str, float]:
             units, default = _AREA_UNITS, "FT2"
         values[name] = element.number * unit_of_element(element, default, units) / units[default]
     return values
+
+
+def read_incidence(metrics: Element) -> float:
+    """Return the incidence of the wing, zero if the file does not state it. [rad]"""
+    element = metrics.first("wing_incidence")
+    if element is None:
+        return 0.0
+    return element.number * unit_of_element(element, "RAD", _ANGLE_UNITS)
 
 
 def _read_size(parent: Element, tag: str, default: str, units: Mapping[str, float]) -> float:

@@ -18,10 +18,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from aerodb.exchange.jsbsim.properties import RANGE, jsbsim_unit
+from aerodb.exchange.jsbsim.properties import jsbsim_unit, variable_range
 from flightmech.terms import evaluate_term, make_term
 
-MOST_PRODUCTS = 64
+# Each product becomes a term, and a few nested sums make millions of them. This many take 3 s to
+# import and 0.6 s to compile.
+MOST_PRODUCTS = 1024
 MOST_NODES = 5_000_000  # of one table
 LENGTHS = ("S", "cbar", "b")
 _EXPONENTS = (1.0, 2.0, 3.0, 4.0)  # powers that are multiplied out
@@ -158,10 +160,11 @@ def absolute_value_table(parts: Sum) -> Sum | None:
     if len(part.symbols) != 1:
         return None
     ((variable, power),) = part.symbols.items()
-    if power != 1 or variable not in RANGE:
+    ends = variable_range(variable)
+    if power != 1 or ends is None:
         return None
     # The nodes are the ends of the range and zero, where the magnitude has its bend.
-    points = np.unique([0.0, *RANGE[variable]])
+    points = np.unique([0.0, *ends])
     table = xr.DataArray(np.abs(points), {variable: points}, (variable,))
     return [Product(abs(part.factor), tables=(table,))]
 

@@ -21,6 +21,7 @@ import numpy as np
 import xarray as xr
 
 from aerodb.exchange.xml_reader import Element
+from flightmech.aircraft.controls import DEVICE
 from flightmech.errors import ParseError, SchemaError
 from flightmech.terms import list_regressors
 from flightmech.units import DEGREE, FOOT, POUND_FORCE
@@ -151,6 +152,8 @@ PROPERTY: dict[str, PropertyValue] = {
     "metrics/cbarw-ft": _multiple_of("cbar"),
     "metrics/bw-ft": _multiple_of("b"),
     "aero/qbar-area": PropertyValue(1.0, {"qbar": 1, "S": 1}),
+    # rho = 2 qbar / V^2, in slugs per cubic foot if pressure and speed are in pounds and feet
+    "atmosphere/rho-slugs_ft3": PropertyValue(2.0, {"qbar": 1, "V": -2}),
     "aero/bi2vel": PropertyValue(0.5, {"b": 1, "V": -1}),
     "aero/ci2vel": PropertyValue(0.5, {"cbar": 1, "V": -1}),
     "aero/h_b-mac-ft": PropertyValue(1.0 / FOOT, {"h_agl": 1, "b": -1}),
@@ -186,6 +189,14 @@ RANGE = {
     "gear": (0.0, 1.0),
     "speedbrake": (0.0, 1.0),
 }
+
+
+def variable_range(variable: str) -> tuple[float, float] | None:
+    """Return all values of a variable, or None if they are not limited."""
+    # A fraction of JSBSim is within -1 ... 1.
+    if variable.startswith(DEVICE) and variable.endswith("_norm.setting"):
+        return -1.0, 1.0
+    return RANGE.get(variable)
 
 
 # Values of the attribute ``lookup``, from the last dimension of a table backwards.

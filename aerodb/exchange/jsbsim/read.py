@@ -10,21 +10,35 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import xarray as xr
 
-from aerodb.exchange.jsbsim.functions import Functions, sample_product
-from aerodb.exchange.jsbsim.metrics import read_reference, read_section, read_sizes, read_tail_sizes
+from aerodb.exchange.jsbsim.functions import Functions
+from aerodb.exchange.jsbsim.inputs import Inputs, declared_constants
+from aerodb.exchange.jsbsim.metrics import (
+    read_incidence,
+    read_reference,
+    read_section,
+    read_sizes,
+    read_tail_sizes,
+)
 from aerodb.exchange.jsbsim.products import NotAProduct, OpaqueFactor, scale_products
 from aerodb.exchange.jsbsim.properties import COEFFICIENT, stated_travel
+from aerodb.exchange.jsbsim.remarks import (
+    describe_devices,
+    describe_repeated,
+)
+from aerodb.exchange.jsbsim.sampling import sample_product
 from aerodb.exchange.jsbsim.terms import term_of_product
+from aerodb.exchange.spelling import spell
 from aerodb.exchange.xml_reader import Element, read_xml
 from aerodb.store.schema import HINGE, make_database
-from flightmech.errors import SchemaError, UnknownName
-from flightmech.units import FOOT
+from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
+from flightmech.units import DEGREE, FOOT
 
 # Axis and frame of the file: force axes of the database, coefficient, sign of the coefficient.
 # JSBSim reverses X and Z of the stability and wind frames: they are drag and lift.
@@ -87,6 +101,7 @@ def import_jsbsim(
     path: str | os.PathLike[str],
     *,
     travel: Mapping[str, float] | None = None,
+    names: Mapping[str, str] | None = None,
     leave_out: Collection[str] = (),
     sample: float | None = None,
     box: Mapping[str, tuple[float, float]] | None = None,
@@ -101,6 +116,11 @@ def import_jsbsim(
         Deflection at which a normalised position is 1, ``{"delta_f": 0.698}`` for
         ``fcs/flap-pos-norm``.  A position that the control system of the file scales to its
         fraction needs no entry. [rad]
+    names : mapping of str to str, optional
+        Variable of the vocabulary by property, with its sign and unit in the file:
+        ``{"fcs/posElev_rad": "delta_e [rad]", "fcs/posAilR_rad": "-delta_a [rad]"}``.  Without a
+        unit it is that at the end of the property, or else that of JSBSim.  A property of controls
+        or systems without a name is an input, ``device.fcs_spoiler_pos_norm.setting``.
     leave_out : collection of str, optional
         Names of functions to leave out.  They are listed in ``absent``.
     sample : float, optional
@@ -124,7 +144,14 @@ def import_jsbsim(
     SchemaError
         Functions that are not terms; with the reason of each.
     UnknownName
-        A name in `leave_out` that the file does not have.
+        A name in `leave_out` or `names` that the file does not have, or a variable of `names` that
+        the vocabulary does not have.
+
+    Warns
+    -----
+    AeromatchWarning
+        Properties are not in the vocabulary and became inputs of the model, or a function is
+        defined twice.
 
     Notes
     -----
@@ -151,16 +178,32 @@ def import_jsbsim(
         "cbar": sizes["cbar"] / FOOT,
         "b": sizes["b"] / FOOT,
     }
+    incidence = read_incidence(metrics)
+    constants = {
+        **declared_constants([root, aerodynamics]),
+        **read_tail_sizes(metrics),
+        "metrics/iw-rad": incidence,
+        "metrics/iw-deg": incidence / DEGREE,
+    }
     all_travel = {**_stated_travel(root), **(travel or {})}
-    functions = Functions(named, sizes_in_feet, all_travel, constants=read_tail_sizes(metrics))
+    inputs = Inputs(all_travel, _check_names(aerodynamics, names or {}), constants, incidence)
+    functions = Functions(named, sizes_in_feet, inputs)
     options = _Options(leave_out, sample, box or {})
     leaves, problems = _convert_functions(axes, functions, options)
     if problems:
         raise SchemaError(
-            f"{path}: functions that are not terms; leave_out = [names] does without them, "
-            f"sample = bound tabulates what can be",
+            f"{path}: functions that are not terms; "
+            + spell(
+                "leave_out = [names] does without them, sample = bound tabulates what can be",
+                "--without NAME does without one, --sample BOUND tabulates what can be",
+            ),
             problems,
         )
+    remarks = [_AILERONS] if _uses_ailerons(axes) else []
+    for remark in (describe_repeated(aerodynamics), describe_devices(inputs, leaves)):
+        if remark:
+            warnings.warn(f"{path.name}: {remark}", AeromatchWarning, stacklevel=2)
+            remarks.append(remark)
     return make_database(
         leaves,
         title=_title(root),
@@ -170,7 +213,7 @@ def import_jsbsim(
         force_axes=force_axes,
         source=f"JSBSim aircraft file {path.name}",
         history=f"import_jsbsim: {path.name}",
-        comment=_AILERONS if _uses_ailerons(axes) else "",
+        comment="\n".join(remarks),
         absent=" ".join(_absent_terms(axes, leave_out)),
     )
 
@@ -182,6 +225,20 @@ def _named_functions(aerodynamics: Element) -> dict[str, Element]:
         if element.tag == "function" and name:
             named[name] = element
     return named
+
+
+def _check_names(aerodynamics: Element, names: Mapping[str, str]) -> Mapping[str, str]:
+    """Return the names of the caller; a property that the file does not use is an error."""
+    if not names:
+        return names
+    properties = set()
+    for element in aerodynamics.walk():
+        if element.tag in ("property", "p", "independentVar"):
+            properties.add(element.text.lstrip("-"))
+    for name in names:
+        if name.strip() not in properties:
+            raise UnknownName(name, properties, "property")
+    return names
 
 
 def _uses_ailerons(axes: list[_JsbsimAxis]) -> bool:
@@ -259,7 +316,7 @@ def _read_axes(aerodynamics: Element) -> tuple[str, list[_JsbsimAxis]]:
     elements = aerodynamics.all("axis")
     names = {element.attributes.get("name", "") for element in elements}
     for element in elements:
-        if element.attributes.get("unit", "LBS") not in ("LBS", "LBSFT"):
+        if element.attributes.get("unit", "LBS") not in ("LBS", "LBSFT", "LBS*FT"):
             raise element.error(
                 f"unit {element.attributes['unit']!r}",
                 "forces in LBS and moments in LBSFT, as JSBSim takes them",

@@ -23,10 +23,11 @@ from aerodb.exchange.jsbsim.products import (
     Product,
     reference_factor,
 )
-from aerodb.exchange.jsbsim.properties import AXIS, ENGINE, FUNCTION, RANGE, jsbsim_unit
+from aerodb.exchange.jsbsim.properties import AXIS, ENGINE, FUNCTION, jsbsim_unit, variable_range
 from aerodb.exchange.xml_reader import Element
+from flightmech.aircraft.controls import CONTROLS, DEVICE
 from flightmech.names import REDUCED_RATES
-from flightmech.terms import MAX_AXES, MAX_REGRESSORS, make_term
+from flightmech.terms import MAX_AXES, MAX_REGRESSORS, PowerFactor, make_term
 
 # Values of the attribute ``lookup``, from the outermost axis to the columns.
 _LOOKUPS = ("axis4", "table", "row", "column")
@@ -166,7 +167,9 @@ def _demand_rising(data: Element, points: np.ndarray, lines: Sequence[int]) -> N
 _MOST_TABLES = 3
 # Largest power of a symbol. Dynamic pressure and lengths may be there in addition to regressors.
 _HIGHEST = 2 * MAX_REGRESSORS
-_KNOWN = {*AXIS, *FUNCTION, "CL"}
+_KNOWN = {*AXIS, *FUNCTION, *CONTROLS, "CL"}
+# Below these values a power stays constant, so that it is finite at rest: 1 ft/s at sea level.
+_FLOOR = {"V": 0.3048, "qbar": 0.057}
 Sampler = Callable[[list[OpaqueFactor], list[xr.DataArray]], tuple[xr.DataArray, str]]
 
 
@@ -198,7 +201,7 @@ def term_of_product(
     NotAProduct
         The product is not a term; with the reason.
     """
-    factor, regressors = _split_regressors(product, per, sizes)
+    factor, regressors, power = _split_regressors(product, per, sizes)
     tables, note = _separate_tables(product, sampler)
     tables += _lines_for_excess(regressors, tables)
     if len(regressors) > MAX_REGRESSORS:
@@ -217,6 +220,7 @@ def term_of_product(
         (value * factor).values,
         _axis_points(value),
         regressors,
+        power=power,
         **{f"K{i}": _factor_table(table) for i, table in enumerate(factors, 1)},  # type: ignore[arg-type]
     )
     return leaf.assign_attrs(text)
@@ -224,12 +228,10 @@ def term_of_product(
 
 def _split_regressors(
     product: Product, per: Mapping[str, int], sizes: Mapping[str, float]
-) -> tuple[float, list[str]]:
-    """Return the number and the regressors of a product without its reference quantities."""
+) -> tuple[float, list[str], PowerFactor | None]:
+    """Return number, regressors and power factor of a product without its reference quantities."""
     symbols = Counter(product.symbols)
     symbols.subtract(per)
-    if symbols["qbar"] < 0:
-        raise NotAProduct("it is not proportional to the dynamic pressure")
     if max(symbols.values(), default=0) > _HIGHEST:
         raise NotAProduct(f"a variable to a power above {_HIGHEST}")
     factor = product.factor
@@ -247,17 +249,29 @@ def _split_regressors(
             regressors.append(reduced)
     lengths = {name: symbols[name] for name in LENGTHS if symbols[name]}
     factor *= reference_factor(lengths, sizes)
+    power_factor = None
     for symbol, power in symbols.items():
         if symbol in LENGTHS:
             continue
         if power < 0:
-            raise NotAProduct(f"it divides by {symbol}")
+            # A term has one power, with a lower limit of its variable.
+            if power_factor is not None or symbol not in _FLOOR:
+                raise NotAProduct(_explain_division(symbol))
+            factor /= jsbsim_unit(symbol) ** power
+            power_factor = PowerFactor(symbol, float(power), _FLOOR[symbol])
+            continue
         # The product is in the units of JSBSim, the term in SI.
         factor /= jsbsim_unit(symbol) ** power
         regressors += [symbol] * power
     for name in regressors:
         _demand_variable(name)
-    return factor, _sort_like_file(regressors, product)
+    return factor, _sort_like_file(regressors, product), power_factor
+
+
+def _explain_division(symbol: str) -> str:
+    if symbol == "qbar":
+        return "it is not proportional to the dynamic pressure"
+    return f"it divides by {symbol}"
 
 
 def _sort_like_file(regressors: list[str], product: Product) -> list[str]:
@@ -268,7 +282,7 @@ def _sort_like_file(regressors: list[str], product: Product) -> list[str]:
 
 
 def _demand_variable(name: str) -> None:
-    if name not in _KNOWN and not ENGINE.match(name):
+    if name not in _KNOWN and not ENGINE.match(name) and not name.startswith(DEVICE):
         raise NotAProduct(f"{name} is not a variable of the model")
 
 
@@ -309,12 +323,13 @@ def _lines_for_excess(regressors: list[str], tables: list[xr.DataArray]) -> list
     axes = set(_axis_names(tables))
     # Configuration variables become tables first, then the others by name.
     configuration = ("gear", "speedbrake", "delta_f")
-    candidates = sorted(set(regressors) & set(RANGE), key=lambda n: (n not in configuration, n))
+    bounded = {name for name in regressors if variable_range(name) is not None}
+    candidates = sorted(bounded, key=lambda n: (n not in configuration, n))
     for name in candidates:
         is_excess = len(regressors) > MAX_REGRESSORS
         if is_excess and regressors.count(name) == 1 and name not in axes:
             regressors.remove(name)
-            ends = list(RANGE[name])
+            ends = list(variable_range(name) or ())
             lines.append(xr.DataArray(ends, {name: ends}, (name,)))
     return lines
 

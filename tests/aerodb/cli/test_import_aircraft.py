@@ -178,8 +178,8 @@ def test_a_daveml_file_without_mass_properties_is_no_aircraft(tmp_path):
 
 
 def test_what_of_the_mass_cannot_be_read_is_refused(trainer):
-    trainer.write_text(JSBSIM.replace("<weight unit", '<form shape="tube"/><weight unit'))
-    with pytest.raises(ParseError, match="point masses without an extent of their own"):
+    trainer.write_text(JSBSIM.replace("<weight unit", '<form shape="cone"/><weight unit'))
+    with pytest.raises(ParseError, match="shape 'cone' of a point mass; expected one of ball, sph"):
         aerodb.exchange.import_jsbsim_aircraft(trainer)
     trainer.write_text(JSBSIM.replace("<propulsion>", "<buoyant_forces/><propulsion>"))
     with pytest.raises(ParseError, match="an aircraft without gas cells"):

@@ -222,20 +222,27 @@ UNFIT = {
     ),
     "explosion": (
         "<sum><v>1</v><p>aero/beta-rad</p></sum>" * 30,
-        "multiplies out to more than 64 products",
+        "multiplies out to more than 1024 products",
     ),
     "twice the same": (
         f"<table>{TWO.replace('beta', 'alpha')}<tableData>\n0 1\n0 1 2\n1 3 4\n</tableData></table>",
         "a table with alpha on two axes",
     ),
     "not of the air": (
-        "<quotient><v>1</v><p>aero/qbar-psf</p></quotient>",
+        "<quotient><v>1</v><product><p>velocities/vt-fps</p><p>aero/qbar-psf</p></product></quotient>",
         "it is not proportional to the dynamic pressure",
     ),
-    "unknown": ("<p>fcs/canard-pos-rad</p>", "fcs/canard-pos-rad is not a variable of the model"),
+    "unknown": (
+        "<p>aero/Re</p>",
+        "aero/Re is a quantity of the flight that the model does not have",
+    ),
+    "with a unit": (
+        "<p>systems/pump/pressure-psi</p>",
+        "systems/pump/pressure-psi has a unit, and a further input is an angle or a pure number",
+    ),
     "chance": ("<urandom/>", "<urandom> is not a function of model variables"),
     "over a rate": ("<quotient><v>1</v><p>velocities/q-rad_sec</p></quotient>", "it divides by q"),
-    "over the speed": ("<quotient><v>1</v><p>velocities/vt-fps</p></quotient>", "it divides by V"),
+    "over the height": ("<quotient><v>1</v><p>position/h-sl-ft</p></quotient>", "it divides by h"),
 }
 
 
