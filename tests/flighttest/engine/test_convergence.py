@@ -101,4 +101,4 @@ def test_a_pressure_altitude_that_does_not_converge_warns(monkeypatch):
     monkeypatch.setattr(records, "MOST_PASSES", 5)
     with pytest.warns(AeromatchWarning, match="height: not converged after 5 iterations"):
         stopped = engine_channels(states, height="h_baro")
-    assert stopped.attrs["height_change"] == pytest.approx(2.02, abs=0.01)
+    assert stopped.attrs["height_change"] == pytest.approx(2.04, abs=0.01)
