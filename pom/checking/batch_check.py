@@ -141,7 +141,7 @@ def _group_cases(cases: Sequence[PomCase]) -> dict[str, list[PomCase]]:
 
 
 def _check_name(key: str, case: PomCase) -> str:
-    """Return the name of a check in messages: the record, and what tells its checks apart."""
+    """Return the name of a check in messages: the record, and the files that differ."""
     name = Path(case.record).stem
     if key == case.record:
         return name
