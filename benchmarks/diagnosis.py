@@ -52,7 +52,7 @@ def timed(spent: dict[str, float], place, name: str) -> None:
 
 
 def alone(sim, job, choices, channels):
-    """Fly every choice by itself, as `pom.replaying.kernel_replay.fly` does together."""
+    """Fly every choice by itself, as `pom.replaying.kernel_replay.replay_choices` does together."""
     for choice in choices:
         fly_once(sim, replace(job, parameters={**job.parameters, **choice}), channels)
 
@@ -70,8 +70,8 @@ def main() -> None:
     cases = [pom.read_case(file) for file in files]
     models = swap_models(before, after, {case.name: final for case in cases}, apriori)
     spent: dict[str, float] = defaultdict(float)
-    timed(spent, swap_runs, "fly")
-    timed(spent, swap_runs, "judge_all")
+    for name in ("replay_choices", "judge_match"):
+        timed(spent, swap_runs, name)
     print(
         f"{'case':28} {'flights':>8} {'total':>8} {'flying':>8} {'judging':>8}   [s]   one "
         f"by one over together"
@@ -83,7 +83,7 @@ def main() -> None:
         bench = swap_runs.SwapBench.of(case, models[case.name], states)
         diagnose_bench(bench)
         total = time.process_time() - start
-        flights, flying, judging = len(bench._known), spent["fly"], spent["judge_all"]
+        flights, flying, judging = len(bench.known), spent["replay_choices"], spent["judge_match"]
         print(
             f"{case.name:28} {flights:8} {total:8.2f} {flying:8.2f} {judging:8.2f} "
             f"{ratio_alone(bench):20.2f}"

@@ -91,8 +91,8 @@ def proving(
         }
         with open(here / "paths.pickle", "wb") as file:
             pickle.dump(found, file)
-    with open(here / "paths.pickle", "rb") as file:
-        return pickle.load(file)
+    with open(here / "paths.pickle", "rb") as stored:
+        return pickle.load(stored)
 
 
 def identified(
@@ -124,13 +124,16 @@ def ratios(
         found = pom.replay_sampled(
             cases, {"final": fmu}, {"final": db}, draws, 0, given, errors=project.errors, jobs=1
         )
-    return {
-        r.case.name: {
-            "model": r.worst("final")["worst_ratio"],
-            "draws": r.samples["final"].decides.tolist(),
+    decided = {}
+    for result in found:
+        row = result.worst("final")
+        if row is None:
+            raise SystemExit(f"case {result.case.name}: the final model has no judged row")
+        decided[result.case.name] = {
+            "model": row["worst_ratio"],
+            "draws": result.samples["final"].decides.tolist(),
         }
-        for r in found
-    }
+    return decided
 
 
 def scores(

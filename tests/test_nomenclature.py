@@ -33,6 +33,11 @@ def test_every_listed_heading_is_recognised(name):
     assert others == {word: word for word in set(others) & set(VOCABULARY)}
 
 
+@pytest.mark.parametrize("heading", ["qbar", "Qbar_Pa", "QBAR (psf)", "qbar_meas"])
+def test_a_dynamic_pressure_is_never_an_impact_pressure(heading):
+    assert guess_quantity(heading).name == "qbar"
+
+
 def test_every_equivalent_belongs_to_a_quantity():
     program = runpy.run_path(str(DOCS / "scripts" / "make_nomenclature.py"))
     for table in ("LR743", "DATCOM", "SIDPAC"):

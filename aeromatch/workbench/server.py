@@ -73,6 +73,12 @@ def kept_token(file: Path) -> str:
     return token
 
 
+def _is_same_secret(given: str, secret: str) -> bool:
+    """Return whether a text is a secret, after the same time for every wrong text."""
+    # Of texts, `hmac` compares ASCII only; another page may send any character.
+    return hmac.compare_digest(given.encode("utf-8", "surrogatepass"), secret.encode())
+
+
 class Guard:
     """ASGI middleware that refuses requests of other pages and sets the security headers.
 
@@ -121,8 +127,7 @@ class Guard:
         if not self._is_same_site(path, headers):
             return "requests of other pages are refused"
         token = headers.get(TOKEN_HEADER, "")
-        # The comparison takes the same time for every wrong token.
-        if path.startswith("/api/") and not hmac.compare_digest(token, self.token):
+        if path.startswith("/api/") and not _is_same_secret(token, self.token):
             return "wrong token; open the address that aeromatch view printed"
         return ""
 
@@ -352,7 +357,7 @@ class Workbench:
         return f"{_REPORTS}{self.ticket}/{MATCH}/report/report.html"
 
     async def _report(self, request: Request) -> Response:
-        if not hmac.compare_digest(request.path_params["ticket"], self.ticket):
+        if not _is_same_secret(request.path_params["ticket"], self.ticket):
             return Response("wrong ticket", 403)
         return _send_file(self.opened.work, request.path_params["name"])
 

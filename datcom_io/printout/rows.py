@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import re
+import threading
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
@@ -204,14 +205,18 @@ class ColumnWindows:
 
 _WINDOWS_BY_COLUMNS: dict[tuple[int, int], ColumnWindows] = {}
 _MOST_KINDS = 1024
+# Threads read listings at the same time; one of them may clear the dict.
+_LOCK = threading.Lock()
 
 
 def cached_column_windows(columns: tuple[PrintedColumn, ...], keys: int) -> ColumnWindows:
     """Return the windows of a kind of table, the same object for all its tables."""
     # The windows keep a reference to the columns, so the identity of the columns stays unique.
     key = (id(columns), keys)
-    if key not in _WINDOWS_BY_COLUMNS:
-        if len(_WINDOWS_BY_COLUMNS) == _MOST_KINDS:
-            _WINDOWS_BY_COLUMNS.clear()
-        _WINDOWS_BY_COLUMNS[key] = ColumnWindows(columns, keys)
-    return _WINDOWS_BY_COLUMNS[key]
+    with _LOCK:
+        windows = _WINDOWS_BY_COLUMNS.get(key)
+        if windows is None:
+            if len(_WINDOWS_BY_COLUMNS) == _MOST_KINDS:
+                _WINDOWS_BY_COLUMNS.clear()
+            windows = _WINDOWS_BY_COLUMNS[key] = ColumnWindows(columns, keys)
+    return windows

@@ -155,9 +155,11 @@ def _convert_group(
     raw: Mapping[str, np.ndarray],
 ) -> RecordGroup:
     """Return the channels of `raw` on one clock, converted to SI, with their flags."""
-    # All tables of a leaf have the same clock, and the flags of the first one.
-    first_table = places[next(iter(raw))][0]
-    flags = [*read_stored_flags(tables[first_table].flags), *clock.flags]
+    # All tables of a leaf have the same clock, and each has its stored flags.
+    flags: list[Flag] = []
+    for table in dict.fromkeys(places[name][0] for name in raw):
+        flags += read_stored_flags(tables[table].flags)
+    flags += clock.flags
     converted: dict[str, ChannelSamples] = {}
     for name, samples in raw.items():
         source = places[name]
@@ -165,11 +167,13 @@ def _convert_group(
             channels[name], name, tables[source[0]], source=source, clock=clock, raw=samples
         )
         flags += faults
+    # A stored flag may be found again.
+    flags = list(dict.fromkeys(flags))
     _add_aileron(converted)
     attrs = {
         **clock.attributes,
         "missing": _describe_missing(flags),
-        "flags": as_text(dict.fromkeys(flags)),
+        "flags": as_text(flags),
     }
     return RecordGroup(clock.time, converted, attrs)
 

@@ -60,10 +60,10 @@ def read_arrays(path: str | Path, names: str | Path | NameMap | None = None) -> 
             [f"nothing that it names is in {path.name} ({requested}); see 'aeromatch flight info'"],
         )
     _add_constants(leaves, mapping)
-    unmapped = _unmapped_columns(mapped.places, clocks)
 
+    # The facts read the column of [utc], so they precede the list of columns that nothing reads.
     attrs = _record_facts(recording, mapping, clocks, path)
-    attrs["unmapped"] = ", ".join(unmapped)
+    attrs["unmapped"] = ", ".join(_unmapped_columns(mapped.places, clocks))
     attrs["absent"] = " ".join(mapped.absent)
     if recording.modes:
         attrs["modes"] = json.dumps(_flight_modes(recording, mapping, leaves))
@@ -140,8 +140,11 @@ def _flight_modes(
     first = min(
         float(table.time[0]) for table in recording.tables.values() if table.time is not None
     )
-    # Drift and offset of the common clock apply to the modes as to the channels.
-    clock = mapping.clock
+    # Drift and offset of the clock apply to the modes as to the channels.
+    clock = mapping.clock_of(recording.modes_table)
+    if recording.modes_table in mapping.clocks:
+        # The drift of the clock of one table counts from the first stamp of this table.
+        first = recording.modes[0][0]
     modes = []
     for time, name in recording.modes:
         modes.append((first + (time - first) / (1.0 + clock.drift) + clock.offset, name))

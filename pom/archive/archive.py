@@ -126,6 +126,14 @@ def read_archive(path: str | os.PathLike) -> Archive:
         raise FileNotFoundError(
             2, "no results here; give the folder of a report or its results.nc", str(path)
         )
+    if path.suffix == ".json":
+        raise SchemaError(
+            str(path),
+            [
+                f"a report is read from its results.nc, not from {path.name}; give the folder "
+                f"{path.parent}"
+            ],
+        )
     demand_self_contained(path)
     try:
         with h5py.File(path, "r") as file:

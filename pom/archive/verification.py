@@ -218,9 +218,9 @@ def _compare_rows(
         yield f"{name}: verdict {before['verdict']}, {where} {now['verdict']}"
     for column in NUMBERS:
         stored, present = _to_float(before[column]), _to_float(now[column])
-        is_close = math.isclose(stored, present, rel_tol=CLOSE, abs_tol=1e-12)
-        # Columns that a measure does not fill are NaN.
-        if math.isfinite(stored) and not is_close:
+        # Columns that a measure does not fill are NaN on both sides.
+        is_same = math.isnan(stored) and math.isnan(present)
+        if not is_same and not math.isclose(stored, present, rel_tol=CLOSE, abs_tol=1e-12):
             yield f"{name}: {column} {stored:.9g}, {where} {present:.9g}"
 
 

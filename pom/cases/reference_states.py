@@ -95,13 +95,18 @@ def _is_inside(window: tuple[float, float], time: np.ndarray) -> bool:
 
 
 def window_problem(case: PomCase) -> str:
-    """Return the problem of a window outside its record.
+    """Return the problem of a window outside its record, or of a record without a clock.
 
     Empty if the window lies inside the record, or if there is no record yet.
     """
     if not Path(case.record).is_file():
         return ""
     time = _fastest_clock(case)
+    if time is None:
+        return (
+            f"case {case.path}: the record {case.record} has fewer than two samples on every "
+            f"clock; give a record that covers the window"
+        )
     if _is_inside(case.window, time):
         return ""
     start, stop = case.window
@@ -111,8 +116,8 @@ def window_problem(case: PomCase) -> str:
     )
 
 
-def _fastest_clock(case: PomCase) -> np.ndarray:
-    """Return the clock of the states of a record. [s]
+def _fastest_clock(case: PomCase) -> np.ndarray | None:
+    """Return the clock of the states of a record, or None if no clock has two samples. [s]
 
     The states of a raw record are reconstructed on its fastest clock.
     """
@@ -123,7 +128,7 @@ def _fastest_clock(case: PomCase) -> np.ndarray:
         record = flighttest.read(case.record, names=case.names or None)
         leaves = [leaf.to_dataset() for leaf in record.children.values()]
     times = [leaf["time"].values.astype(float) for leaf in leaves if leaf.sizes.get("time", 0) > 1]
-    return min(times, key=lambda time: float(np.median(np.diff(time))))
+    return min(times, key=lambda time: float(np.median(np.diff(time))), default=None)
 
 
 def _window_source(case: PomCase, path: Any) -> xr.Dataset:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from flightmech.support.atomic_write import write_text
 from flighttest.reconstruction.states_at_start import start_states
 from pom.cases.case import PomCase
 from pom.cases.reference_states import read_path_states
-from pom.checking.case_check import RecordCheck, RecordError, case_problems
+from pom.checking.case_check import RecordCheck, RecordError, case_problems, check_key
 from pom.fmu.models import FmuModel, Models
 from pom.replaying.caches import KeptStates
 
@@ -80,12 +80,13 @@ def check_batch(
     jobs : int
         Processes; -1 for one per core.
     folder : path, optional
-        Folder of stored checks.  Cases of a record with a stored check are not checked again.
+        Folder of stored checks.  Cases of a stored check are not checked again.
 
     Returns
     -------
     dict of str to RecordCheck
-        By the path of the record, in the order of the cases.
+        By the path of the record, in the order of the cases.  A record that its cases read with
+        several name maps or aircraft has a check for each, by `check_key`.
 
     Raises
     ------
@@ -93,22 +94,20 @@ def check_batch(
         With every problem of every case of a raw record (`case_problems`).  `pom.replay_all` checks
         the cases of reconstructed paths itself.
     """
-    # All cases of a record share its check, so that each record is read once.
-    groups: dict[str, list[PomCase]] = {}
-    for case in cases:
-        groups.setdefault(case.record, []).append(case)
+    groups = _group_cases(cases)
     store = KeptChecks(Path(folder).resolve() if folder is not None else None)
     checks: dict[str, RecordCheck] = {}
     unchecked: dict[str, list[PomCase]] = {}
-    for record, group in groups.items():
+    for key, group in groups.items():
         check = store.read(group[0])
         if check is None:
-            unchecked[record] = group
+            unchecked[key] = group
         else:
-            checks[record] = check
+            checks[key] = replace(check, record=_check_name(key, group[0]))
     calls = []
-    for group in unchecked.values():
-        calls.append(delayed(check_record_and_cases)(group, _models_of(group, models)))
+    for key, group in unchecked.items():
+        name = _check_name(key, group[0])
+        calls.append(delayed(check_record_and_cases)(group, _models_of(group, models), name))
     # One record does not need a second process.
     if len(unchecked) <= 1:
         jobs = 1
@@ -118,10 +117,36 @@ def check_batch(
         problems += texts
     if problems:
         raise SchemaError("cases", list(dict.fromkeys(problems)))
-    for record, (check, _) in results.items():
-        checks[record] = check
-        store.write(unchecked[record][0], check)
-    return {record: checks[record] for record in groups}
+    for key, (check, _) in results.items():
+        checks[key] = check
+        store.write(unchecked[key][0], check)
+    return {key: checks[key] for key in groups}
+
+
+def _group_cases(cases: Sequence[PomCase]) -> dict[str, list[PomCase]]:
+    """Return the cases that share a check, so that each record is read once.
+
+    Name map and aircraft decide what a record means, so cases share them too.
+    """
+    by_record: dict[str, dict[str, list[PomCase]]] = {}
+    for case in cases:
+        by_record.setdefault(case.record, {}).setdefault(check_key(case), []).append(case)
+    groups: dict[str, list[PomCase]] = {}
+    for record, by_key in by_record.items():
+        if len(by_key) == 1:
+            groups[record] = next(iter(by_key.values()))
+        else:
+            groups |= by_key
+    return groups
+
+
+def _check_name(key: str, case: PomCase) -> str:
+    """Return the name of a check in messages: the record, and the files that differ."""
+    name = Path(case.record).stem
+    if key == case.record:
+        return name
+    files = [Path(file).name for file in (case.names, case.aircraft) if file]
+    return f"{name} ({', '.join(files) or 'no name map, no aircraft'})"
 
 
 def _models_of(cases: Sequence[PomCase], models: Models | None) -> list[Mapping[str, FmuModel]]:
@@ -132,20 +157,21 @@ def _models_of(cases: Sequence[PomCase], models: Models | None) -> list[Mapping[
 
 
 def check_record_and_cases(
-    cases: Sequence[PomCase], models: Sequence[Mapping[str, FmuModel]]
+    cases: Sequence[PomCase], models: Sequence[Mapping[str, FmuModel]], name: str = ""
 ) -> tuple[RecordCheck, list[str]]:
     """Return the check of a record, and the problems of its cases with their models.
 
     Parameters
     ----------
     cases : sequence of PomCase
-        Cases of one record.
+        Cases of one record, with one name map and aircraft.
     models : sequence of mapping of str to FmuModel
         Models of each case, by name.
+    name : str
+        Name of the check in messages; by default the file name of the record without extension.
     """
-    # The check uses the name map and the aircraft of the first case.
     first = cases[0]
-    name = Path(first.record).stem
+    name = name or Path(first.record).stem
     if read_path_states(first.record) is not None:
         return RecordCheck(name, PATH), []
     if not first.aircraft:

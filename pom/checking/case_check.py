@@ -245,6 +245,11 @@ def check_records(
     return dict(zip(records, Parallel(n_jobs=jobs)(calls), strict=True))
 
 
+def check_key(case: PomCase) -> str:
+    """Return the name of the check of a record as the case reads it: with its name map and aircraft."""
+    return " | ".join([case.record, case.names, case.aircraft])
+
+
 def with_record_checks(
     results: Iterable[PomResult], checks: Mapping[str, RecordCheck]
 ) -> list[PomResult]:
@@ -254,7 +259,7 @@ def with_record_checks(
     ----------
     results : iterable of PomResult
     checks : mapping of str to RecordCheck
-        By the path of a record, or by its file name without extension.
+        By `check_key`, by the path of a record, or by its file name without extension.
 
     Returns
     -------
@@ -267,7 +272,8 @@ def with_record_checks(
 
 def _add_record_remarks(result: PomResult, checks: Mapping[str, RecordCheck]) -> PomResult:
     case = result.case
-    check = checks.get(case.record) or checks.get(Path(case.record).stem)
+    keys = (check_key(case), case.record, Path(case.record).stem)
+    check = next((checks[key] for key in keys if key in checks), None)
     if check is None:
         return result
     remarks = []

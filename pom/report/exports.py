@@ -117,8 +117,8 @@ def _is_xml_char(char: str) -> bool:
     code = ord(char)
     if char in "\t\n":
         return True
-    # Control characters, halves of surrogate pairs, and U+FFFE and above are refused.
-    return code >= 32 and not 0xD800 <= code <= 0xDFFF and code < 0xFFFE
+    # Control characters, halves of surrogate pairs, U+FFFE and U+FFFF are refused.
+    return code >= 32 and not 0xD800 <= code <= 0xDFFF and code not in (0xFFFE, 0xFFFF)
 
 
 def case_csv(result: PomResult) -> Iterator[str]:

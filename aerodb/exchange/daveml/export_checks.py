@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import escape, quoteattr
@@ -13,6 +14,7 @@ from aerodb.exchange.daveml.document.units import code_of
 from aerodb.exchange.daveml.vocabulary import STORED, replace_illegal_characters
 from aerodb.store.evaluation import contributions
 from aerodb.store.schema import FORCE_AXES, terms
+from flightmech.errors import AeromatchWarning
 from flightmech.names import REDUCED_RATES, lookup
 from flightmech.support.netcdf_trees import CHECKS
 from flightmech.terms import list_model_variables
@@ -207,7 +209,13 @@ def draw_check_cases(
 def read_stored_cases(db: xr.DataTree) -> list[CheckShot]:
     """Return the cases of ``/checks`` with all inputs, with their expected values and tolerances.
 
-    A case whose expected values the database does not meet is left out.
+    An expected value of NaN is not stated, so its case is written without it.
+
+    Warns
+    -----
+    AeromatchWarning
+        Cases that are left out: an input is missing, or the database does not meet the expected
+        values.
     """
     if CHECKS not in db.children:
         return []
@@ -223,19 +231,38 @@ def read_stored_cases(db: xr.DataTree) -> list[CheckShot]:
         if table[variable].dims == ("case",):
             states[str(variable)] = table[variable].values.astype(float)
     # A reduced rate is written as rate and airspeed, so these must be stored with it.
+    needed = set(required)
     for name in required:
-        if name in REDUCED_RATES and not {"V", REDUCED_RATES[name][0]} <= set(states):
-            return []
+        if name in REDUCED_RATES:
+            needed |= {"V", REDUCED_RATES[name][0]}
+    if not needed <= set(states):
+        return []
     names = str(table.attrs.get("names", "")).split("\n")
     if len(names) != table.sizes["case"]:
         names = [str(number) for number in range(1, table.sizes["case"] + 1)]
-    cases = []
+    cases, without_input, not_met = [], [], []
     computed = _evaluate_cases(db, [STORED + name for name in names], states)
-    for index, case in enumerate(computed):
+    for index, (name, case) in enumerate(zip(names, computed, strict=True)):
+        if not all(np.isfinite(case.inputs[key]) for key in needed):
+            without_input.append(name)
+            continue
         stored = _with_stored_values(case, table, index)
-        if stored is not None:
+        if stored is None:
+            not_met.append(name)
+        else:
             cases.append(stored)
+    _warn_of_left_out(without_input, "an input is not a number")
+    _warn_of_left_out(not_met, "the database does not meet their expected values")
     return cases
+
+
+def _warn_of_left_out(names: Sequence[str], reason: str) -> None:
+    if names:
+        warnings.warn(
+            f"DAVE-ML file: check cases of {CHECKS} left out because {reason}: {', '.join(names)}",
+            AeromatchWarning,
+            stacklevel=4,
+        )
 
 
 def shot_lines(case: CheckShot, term_ids: Mapping[str, str], inputs: Sequence[str]) -> list[str]:
@@ -297,14 +324,16 @@ def _tolerance(parts: Iterable[float]) -> float:
 
 
 def _with_stored_values(case: CheckShot, table: xr.Dataset, index: int) -> CheckShot | None:
-    """Return a case with the values of ``/checks``, or None if it lacks an input or fails."""
-    if not np.isfinite(list(case.inputs.values())).all():
-        return None
+    """Return a case with the values of ``/checks``, or None if it fails."""
     outputs = dict(case.outputs)
     for name, (value, tolerance) in case.outputs.items():
         if name not in table:
             continue
         expected = float(table[name].values[index])
+        if np.isnan(expected):
+            # The case does not state this value.
+            del outputs[name]
+            continue
         if f"{name}_tolerance" in table:
             tolerance = float(table[f"{name}_tolerance"].values[index])
         # The comparison is negated so that a NaN fails.

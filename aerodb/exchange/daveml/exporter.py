@@ -79,6 +79,11 @@ def export_daveml(
     SchemaError
         A database with faults, one of another aircraft, or a term with a power factor or one that
         depends on a coefficient, such as ``CL``.
+
+    Warns
+    -----
+    AeromatchWarning
+        Cases in ``/checks`` that are left out, with the reason.
     """
     require_valid(db)
     if shots < 1:

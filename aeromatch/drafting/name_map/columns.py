@@ -30,7 +30,8 @@ HEADING_WORDS = {
     "V": "tas ktas vtas vtrue trueairspeed v airspeedtrue",
     "V_cas": "cas ias vcas vias kcas kias calibratedairspeed indicatedairspeed vc vi airspeed",
     "mach": "mach machnumber ma",
-    "q_c": "qc impactpressure pitotpressure diffpressure differentialpressure dynamicpressure qbar",
+    "q_c": "qc impactpressure pitotpressure diffpressure differentialpressure dynamicpressure",
+    "qbar": "qbar",
     "p_static": "ps pstat staticpress staticpressure pstatic baropressure ambientpressure",
     "temperature": "oat sat temperature outsideairtemperature outsidetemperature "
     "statictemperature airtemperature temp",

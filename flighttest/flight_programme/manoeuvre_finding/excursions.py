@@ -293,7 +293,8 @@ def named_oscillations(waves: Sequence[tuple[FoundManoeuvre, float]]) -> list[Fo
         group = [first, *(wave for wave, _ in together)]
         if len(group) > 1:
             kind = "multisine"
-            confidence = min(_common_share(first, wave) for wave in group)
+            # The share of an oscillation with itself is zero, so the first one takes no part.
+            confidence = min(_common_share(first, wave) for wave, _ in together)
         elif abs(trend) > _SWEEP_TREND:
             kind, confidence = "sweep", abs(trend)
         else:

@@ -142,7 +142,8 @@ def nodes_of(goal: Goal, items: Sequence[Item], database: xr.DataTree) -> pd.Dat
 
     The columns are those of `ProgrammePlan.nodes`.
     """
-    leaves, after, rows = terms(database), goal.stderr(items), []
+    leaves, after = terms(database), goal.stderr(items)
+    rows: list[dict[str, Any]] = []
     for name, bound in goal.bounds.items():
         leaf = leaves[name]
         unreachable = goal.unreachable.get(name, np.full(bound.shape, np.nan))
@@ -162,6 +163,8 @@ def nodes_of(goal: Goal, items: Sequence[Item], database: xr.DataTree) -> pd.Dat
             rows.append(row)
     # axes in the order in which the terms have them; terms without an axis have NaN there
     table = pd.DataFrame(rows)
+    if not rows:
+        return pd.DataFrame(columns=["term", *_NODE_COLUMNS])
     axes = [column for column in table.columns if column not in ("term", *_NODE_COLUMNS)]
     return table[["term", *axes, *_NODE_COLUMNS]]
 

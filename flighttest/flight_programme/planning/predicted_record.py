@@ -13,7 +13,13 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.names import quantity_attributes
 from flighttest.flight_programme.planning.catalogue import RATE
 from flighttest.flight_programme.planning.pilot import PredictedFlight
-from flighttest.records.sensors.instruments import IMU, Instrument, Instruments, parse_instruments
+from flighttest.records.sensors.instruments import (
+    IMU,
+    VANES,
+    Instrument,
+    Instruments,
+    parse_instruments,
+)
 from flighttest.records.signals.delays import remove_lag
 
 _ATTITUDE = ("phi", "theta", "psi")
@@ -107,11 +113,13 @@ def _measure(
     measured |= dict(zip(IMU[3:], force.T, strict=True))
     measured |= {name: y[name] for name in _ATTITUDE}
 
-    # velocity at the position of the angle-of-attack vane, for both vanes
     velocity = np.stack([y[name] for name in "uvw"], axis=1)
-    u, v, w = (velocity + np.cross(omega, _lever_arm(specification, "alpha_vane", cg))).T
-    for name, angle in (("alpha_vane", np.arctan2(w, u)), ("beta_vane", np.arctan2(v, u))):
+    for name in VANES:
         vane = specification.of(name)
+        # A vane shows the angle of the flow at its own position.
+        u, v, w = (velocity + np.cross(omega, _lever_arm(specification, name, cg))).T
+        crosswise = w if name == "alpha_vane" else v
+        angle = np.arctan2(crosswise, u)
         lagged = angle
         if vane.lag:
             # the inverse correction adds the lag

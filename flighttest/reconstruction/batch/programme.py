@@ -171,7 +171,8 @@ def reconstruct_batch(
     IdentificationError
         The readings do not determine constants of `free`, or the iteration does not converge.
     OutOfRange, SchemaError, UnknownName
-        As `reconstruct`; a name of `free` is not a constant.
+        As `reconstruct`; a name of `free` is not a constant; the instruments of two records give
+        different priors of a common constant.
 
     Warns
     -----
@@ -225,13 +226,12 @@ def _start_equations(records, aircraft, windows, free, prior, rate) -> BatchEqua
             "batch reconstruction",
             [f"{len(windows)} sets of windows for {len(records)} records; give one per record"],
         )
-    specification = instruments_of(aircraft, records[0].attrs)
     setups = []
     for record, record_windows in zip(records, windows, strict=True):
         setup = assemble_problem(
             record,
             aircraft,
-            specification=specification,
+            specification=instruments_of(aircraft, record.attrs),
             windows=order_windows(record, record_windows),
             rate=rate,
             prior=prior,

@@ -14,6 +14,9 @@ from flighttest.reconstruction.problem.assembly import Setup
 from flighttest.reconstruction.problem.problem import PER_RUN, PathProblem, invert_covariance
 from flighttest.reconstruction.problem.trajectory import driven_path, driving_constants
 
+# Relative difference up to which two priors are the same, for rounding.
+_SAME_PRIOR = 1e-9
+
 
 @dataclass(frozen=True)
 class BatchUnknowns:
@@ -97,12 +100,13 @@ def layout_unknowns(setups: Sequence[Setup], free: Sequence[str] | None) -> Batc
     UnknownName
         `free` holds a name that no record has.
     SchemaError
-        `free` holds no name.
+        `free` holds no name, or a common constant has different priors.
     """
     _check_free(setups, free)
     labels = []
     for run, setup in enumerate(setups):
         labels.append(_label_constants(setup, run, len(setups)))
+    _check_priors(setups, labels)
     names = tuple(dict.fromkeys(chain.from_iterable(labels)))
     nc = len(names)
     mean, covariance = np.zeros(nc), np.zeros((nc, nc))
@@ -142,6 +146,26 @@ def _check_free(setups: Sequence[Setup], free: Sequence[str] | None) -> None:
             "batch reconstruction",
             ["no constant to estimate; name some, or leave `free` out for all"],
         )
+
+
+def _check_priors(setups: Sequence[Setup], labels: Sequence[Sequence[str]]) -> None:
+    """Raise SchemaError if two records have different priors of a common constant."""
+    first: dict[str, tuple[int, float, float]] = {}
+    problems: dict[str, str] = {}
+    for run, (setup, run_labels) in enumerate(zip(setups, labels, strict=True), 1):
+        constants = setup.problem.constants
+        sigma = np.sqrt(np.diag(constants.covariance))
+        for name, mean, deviation in zip(run_labels, constants.mean, sigma, strict=True):
+            before = first.setdefault(name, (run, mean, deviation))
+            if not np.allclose(before[1:], (mean, deviation), rtol=_SAME_PRIOR, atol=0.0):
+                problems.setdefault(
+                    name,
+                    f"prior of {name}: {before[1]:.6g} with standard error {before[2]:.6g} in "
+                    f"record {before[0]}, {mean:.6g} with {deviation:.6g} in record {run}; give "
+                    f"both records the same [instruments], or reconstruct them separately",
+                )
+    if problems:
+        raise SchemaError("batch reconstruction", list(problems.values()))
 
 
 def _label_constants(setup: Setup, run: int, runs: int) -> list[str]:

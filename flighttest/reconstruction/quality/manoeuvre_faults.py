@@ -152,17 +152,21 @@ def report_faults(
     ------
     SchemaError
         A manoeuvre has an error. The message names all errors.
+    ValueError
+        The numbers of manoeuvres and names differ.
 
     Warns
     -----
     AeromatchWarning
         Each warning by name.
     """
+    if len(names) != len(flown):
+        raise ValueError(f"{len(names)} names for {len(flown)} manoeuvres; give one name for each")
     by_manoeuvre = [findings_of(states) for states in flown]
     common = _common_names(by_manoeuvre)
     problems = []
     reported = set()
-    for name, findings in zip(names, by_manoeuvre, strict=False):
+    for name, findings in zip(names, by_manoeuvre, strict=True):
         for finding in findings:
             if finding.severity == "error":
                 problems.append(

@@ -385,7 +385,10 @@ def _parse_table(model: type[T], content: Any, position: str, problems: list[str
     try:
         return validate_content(model, content, position)
     except SchemaError as error:
-        problems += [f"{position}.{problem}" for problem in error.problems]
+        for problem in error.problems:
+            # A problem of the whole table has no position inside the table.
+            separator = "" if problem.startswith(":") else "."
+            problems.append(f"{position}{separator}{problem}")
         return None
 
 

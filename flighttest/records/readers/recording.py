@@ -200,6 +200,8 @@ class Recording(NamedTuple):
         Flight modes in the log of an autopilot: start on the clock of the format [s], and name.
     left_out : tuple of LeftOut
         Parts of the file that are not in the tables.
+    modes_table : str
+        Table with the flight modes, of which the name map may describe the clock.
     """
 
     kind: str
@@ -208,6 +210,7 @@ class Recording(NamedTuple):
     notes: tuple[str, ...] = ()
     modes: tuple[tuple[float, str], ...] = ()
     left_out: tuple[LeftOut, ...] = ()
+    modes_table: str = ""
 
 
 @contextmanager

@@ -43,9 +43,21 @@ def pressure(h_baro) -> np.ndarray:
     >>> round(float(pressure(11000.0)))
     22632
     """
-    h = np.asarray(h_baro, float)
-    # The atmosphere is a function of the geometric height r h / (r - h).
-    return atmosphere(_EARTH_RADIUS * h / (_EARTH_RADIUS - h)).p_static
+    return atmosphere(geometric_height(h_baro)).p_static
+
+
+def geometric_height(geopotential) -> np.ndarray:
+    """Return the geometric height r H / (r - H) of a geopotential height. [m]
+
+    `flightmech.air.atmosphere` takes geometric heights.
+
+    Examples
+    --------
+    >>> round(float(geometric_height(11000.0)), 1)
+    11019.1
+    """
+    H = np.asarray(geopotential, float)
+    return _EARTH_RADIUS * H / (_EARTH_RADIUS - H)
 
 
 def derive_air_data(leaves: dict[str, xr.Dataset]) -> dict[str, xr.Dataset]:

@@ -20,7 +20,7 @@ from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.uncertainty import collinearity
 from flighttest.regression.uncertainty.residual_spectrum import HIDDEN
-from flighttest.remarks import Remark
+from flighttest.remarks import Convergence, Remark
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,6 +40,9 @@ SMOOTH = 0.1  # least scatter about the neighbours, of that of the residual
 NEIGHBOURS = 4  # samples on each side that determine the expected sample; spikes are shorter
 # standard error over that of a lag window: four fifths of real fits lie between 1 and 2
 APART = 3.0
+# Change of weights or spectrum, in tolerances, above which a fit must not be used: a hundredth of
+# a weight, or of the variance at a frequency.
+FAR = 100.0
 _EDGE = 0.5  # posterior probability of the largest roughness above which the spectrum is too rough
 _TO_SIGMA = 1.4826  # standard deviation of Gaussian noise over its median absolute deviation
 _ROUNDING = 1e-9  # residual, of the largest coefficient, that may be rounding
@@ -84,7 +87,9 @@ class FitData:
         intervals are those of `significance.add_tests` (``t``, ``p_value``, ``dof``, ``low``,
         ``high``; ``F``, ``F_terms``, ``F_dof``, ``F_probability``). The colour of the residual is
         that of `significance.residual_whiteness` (``portmanteau``, ``portmanteau_lags``,
-        ``portmanteau_probability``, ``correlation_time`` [s]).
+        ``portmanteau_probability``, ``correlation_time`` [s]). An iteration that did not converge
+        has its rounds and its last change over its tolerance (``weights_rounds``,
+        ``weights_change``, ``spectrum_rounds``, ``spectrum_change``).
     data : Dataset (sample,)
         The fitted samples: coefficient, model variables, other variables of tables, ``time`` and
         ``manoeuvre`` (from 0).
@@ -166,8 +171,44 @@ def remarks_of(fit: FitData) -> list[Remark]:
         *_remark_collinearity(fit),
         *_remark_offset(fit),
         *_remark_disturbance(fit),
+        *_remark_convergence(fit),
     ]
     return sorted(remarks, key=lambda remark: remark.severity != "error")
+
+
+def unsettled_attributes(iteration: str, convergence: Convergence) -> dict[str, float]:
+    """Return the attributes of an iteration that did not converge; none if it did.
+
+    Parameters
+    ----------
+    iteration : {"weights", "spectrum"}
+    convergence : Convergence
+    """
+    if convergence.converged:
+        return {}
+    return {
+        f"{iteration}_rounds": convergence.iterations,
+        f"{iteration}_change": convergence.change,
+    }
+
+
+def _remark_convergence(fit: FitData) -> list[Remark]:
+    """Return the iterations of the fit that did not converge."""
+    a = fit.estimates.attrs
+    advice = {
+        "weights": "estimates and standard errors belong to weights that still change; take equal "
+        "weights, or leave out the samples that the model does not explain",
+        "spectrum": "standard errors belong to a spectrum of the residual that still changes; "
+        "widen the band, or give longer manoeuvres",
+    }
+    remarks = []
+    for iteration, text in advice.items():
+        if f"{iteration}_change" not in a:
+            continue
+        rounds, change = int(a[f"{iteration}_rounds"]), float(a[f"{iteration}_change"])
+        severity = "error" if change > FAR else "warning"
+        remarks += Convergence(False, rounds, change).remarks(iteration, text, severity=severity)
+    return remarks
 
 
 def against_prior(terms, estimate, variance, dof, prior, prior_stderr) -> list[Remark]:

@@ -38,6 +38,7 @@ from flightmech.errors import IdentificationError
 from flightmech.support.arrays import rms
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
+from flighttest.regression.equation_error.fit_remarks import unsettled_attributes
 from flighttest.regression.equation_error.least_squares import ridge_penalty
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.samples import RegressionSamples, slopes_of, stack_samples
@@ -64,6 +65,7 @@ from flighttest.regression.equation_error.transformed_stretches import (
 )
 from flighttest.regression.uncertainty import collinearity, significance
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
+from flighttest.remarks import Convergence
 
 # least rms of a regressor inside the band, over its largest value: below, only rounding moves it
 _EXCITED = 1e-6
@@ -269,6 +271,8 @@ class _SlopeFit:
         Diagnostics of all terms, as variables of a Dataset.
     ridge : float
         Ridge parameter, zero without ridge.
+    weighting : Convergence
+        End of the alternation of weights and fit.
     """
 
     estimate: _LinearEstimate
@@ -276,6 +280,7 @@ class _SlopeFit:
     R2: float
     variables: dict[str, Any]
     ridge: float
+    weighting: Convergence
 
 
 def _fit_slopes(
@@ -329,6 +334,7 @@ def _fit_slopes(
         R2=1.0 - float((np.abs(v) ** 2).sum() / (np.abs(zf) ** 2).sum()),
         variables=variables,
         ridge=parameter,
+        weighting=whitened.convergence,
     )
 
 
@@ -362,6 +368,8 @@ def _solve(
         "weights": weights,
         "ridge": slope_fit.ridge,
         **significance.residual_whiteness(residual, *samples.pieces()),
+        **unsettled_attributes("weights", slope_fit.weighting),
+        **unsettled_attributes("spectrum", slope_fit.errors.convergence),
     }
     # A constant has the fewest degrees of freedom of all slopes, and no Student's factor.
     dof = np.full(len(is_constant), slope_fit.errors.freedom.min())

@@ -16,6 +16,7 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flighttest.regression.uncertainty import collinearity
+from flighttest.remarks import Convergence
 
 WEIGHTS = ("equal", "manoeuvre", "robust")
 RIDGE_BIAS = "bias of the ridge, from the estimates without it"
@@ -24,6 +25,7 @@ HUBER = 1.345
 _TO_SIGMA = 1.4826  # standard deviation of Gaussian noise over its median absolute deviation
 _ROUNDS = 20  # alternations of fit and weights
 _STILL = 1e-4  # change of the root of a weight that ends them
+_NOT_ITERATED = Convergence(True, 0, 0.0)
 _LEAST_RMS = 1e-6  # smallest rms of a manoeuvre that its weight uses, of the largest rms
 
 
@@ -180,8 +182,13 @@ def regression_estimates(
     )
 
 
-def weight_roots(kind: str, X: np.ndarray, z: np.ndarray, data: xr.Dataset) -> np.ndarray:
-    """Return the square roots of the weights, (samples,); their squares have the mean one.
+def weight_roots(
+    kind: str, X: np.ndarray, z: np.ndarray, data: xr.Dataset
+) -> tuple[np.ndarray, Convergence]:
+    """Return the square roots of the weights, (samples,), and the end of their iteration.
+
+    The squares of the roots have the mean one.  The change of the iteration is the largest of a
+    root over its tolerance.
 
     Parameters
     ----------
@@ -198,7 +205,7 @@ def weight_roots(kind: str, X: np.ndarray, z: np.ndarray, data: xr.Dataset) -> n
         Standard errors that are not positive.
     """
     if kind == "equal":
-        return np.ones(len(z))
+        return np.ones(len(z)), _NOT_ITERATED
     if kind not in WEIGHTS:
         sigma = data[kind].values
         if not (sigma > 0).all():
@@ -206,17 +213,20 @@ def weight_roots(kind: str, X: np.ndarray, z: np.ndarray, data: xr.Dataset) -> n
                 f"{kind} is not positive in {int((~(sigma > 0)).sum())} samples; a standard "
                 f"error is needed in each"
             )
-        return _scale_to_unit_mean(1.0 / sigma)
+        return _scale_to_unit_mean(1.0 / sigma), _NOT_ITERATED
     # The weights depend on the residual: iteratively reweighted least squares.
     rule = _manoeuvre_weights if kind == "manoeuvre" else _huber_weights
     root = np.ones(len(z))
-    for _ in range(_ROUNDS):
+    convergence = _NOT_ITERATED
+    for count in range(1, _ROUNDS + 1):
         theta = np.linalg.lstsq(X * root[:, None], z * root, rcond=None)[0]
         previous = root
         root = _scale_to_unit_mean(rule(z - X @ theta, data["manoeuvre"].values))
-        if np.abs(root - previous).max() < _STILL:
+        change = float(np.abs(root - previous).max())
+        convergence = Convergence(change < _STILL, count, change / _STILL)
+        if convergence.converged:
             break
-    return root
+    return root, convergence
 
 
 def ridge_penalty(

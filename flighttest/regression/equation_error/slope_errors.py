@@ -16,6 +16,7 @@ from flighttest.regression.equation_error.spectral_weights import (
     student_factor,
 )
 from flighttest.regression.equation_error.transformed_stretches import TransformedStretch, fill_rows
+from flighttest.remarks import Convergence
 
 
 @dataclass(frozen=True)
@@ -32,12 +33,15 @@ class SlopeErrors:
         Degrees of freedom of the variances.
     factor : array (slopes,)
         Student's factor, which the standard errors contain.
+    convergence : Convergence
+        End of the search of the spectrum.
     """
 
     covariance: np.ndarray
     white: np.ndarray
     freedom: np.ndarray
     factor: np.ndarray
+    convergence: Convergence
 
 
 def estimate_slope_errors(
@@ -77,13 +81,14 @@ def estimate_slope_errors(
         freedom = np.minimum(float(free), by_estimate)
         power = spectrum.power / root**2
     else:
-        power = residual_spectrum_of(v, E, parts).power
+        spectrum = residual_spectrum_of(v, E, parts)
+        power = spectrum.power
         freedom = np.full(slopes, float(free))
     # Student's factor: few frequencies determine the spectrum of the disturbance.
     factor = student_factor(freedom)
     covariance = (D * np.tile(power * dense, 2)) @ D.T * np.outer(factor, factor)
     white = np.sqrt(s2 * ((D**2) * np.tile(dense, 2)).sum(axis=1))
-    return SlopeErrors(covariance, white, freedom, factor)
+    return SlopeErrors(covariance, white, freedom, factor, spectrum.convergence)
 
 
 def _frequency_spacing(part: TransformedStretch) -> float:

@@ -23,6 +23,7 @@ from flighttest.regression.equation_error.transformed_stretches import (
     TransformedStretch,
     stack_complex,
 )
+from flighttest.remarks import Convergence
 
 _SHAPE = 2  # degree of the logarithm of the residual's spectrum over the logarithm of the frequency
 _PER_SHAPE = 6  # frequencies that each degree needs
@@ -30,6 +31,8 @@ _PER_SHAPE = 6  # frequencies that each degree needs
 _ROUNDS, _STILL = 30, 1e-4
 # alternations of fit and spectrum, and the change of the logarithm of the weights that ends them
 _WEIGHINGS, _WEIGHED = 50, 1e-6
+_SETTLED = 1e-4  # the same change up to which the weights have converged
+_NOT_ITERATED = Convergence(True, 0, 0.0)
 _LEAST_FREE = 0.05  # least share of a row that counts as free of the fit
 _LEAST_POWER = 1e-300  # keeps the division by the variance of an estimate finite
 
@@ -44,10 +47,14 @@ class Whitened:
         Root of the weight of every frequency; mean one.
     ends : array (2 rows, unknowns)
         Orthonormal basis of the weighted leakage from the ends of the stretches.
+    convergence : Convergence
+        End of the alternation of fit and spectrum. Its change is the largest of the logarithm of a
+        weight over its tolerance.
     """
 
     root: np.ndarray
     ends: np.ndarray
+    convergence: Convergence
 
     def equations(self, columns: np.ndarray) -> np.ndarray:
         """Return transformed columns as weighted real equations without the leakage of the ends.
@@ -83,7 +90,7 @@ class Whitened:
 
 def equal_weights(rows: int) -> Whitened:
     """Return equal weights of all rows, without leakage of the ends."""
-    return Whitened(np.ones(rows), np.zeros((2 * rows, 0)))
+    return Whitened(np.ones(rows), np.zeros((2 * rows, 0)), _NOT_ITERATED)
 
 
 def whitening_weights(
@@ -129,17 +136,23 @@ def whitening_weights(
             f"manoeuvres or take equal weights"
         )
     X, root = np.hstack([Xf, leaks]), np.ones(len(zf))
-    for _ in range(_WEIGHINGS):
+    convergence = _NOT_ITERATED
+    for count in range(1, _WEIGHINGS + 1):
         E, z = stack_complex(X * root[:, None]), stack_complex(zf * root)
         v = zf - X @ np.linalg.lstsq(E, z, rcond=None)[0]
         power = residual_power(v, E, parts)[: len(v)]
         if not power.all():
-            break  # an exact fit has no noise to weight by
+            # An exact fit has no noise to weight by.
+            convergence = Convergence(True, count, 0.0)
+            break
         previous, root = root, 1.0 / np.sqrt(power)
         root /= root.mean()
-        if np.abs(np.log(root / previous)).max() < _WEIGHED:
+        change = float(np.abs(np.log(root / previous)).max())
+        convergence = Convergence(change <= _SETTLED, count, change / _SETTLED)
+        if change < _WEIGHED:
             break
-    return Whitened(root, np.linalg.qr(stack_complex(leaks * root[:, None]))[0])
+    ends = np.linalg.qr(stack_complex(leaks * root[:, None]))[0]
+    return Whitened(root, ends, convergence)
 
 
 def _end_leakage(parts: Sequence[TransformedStretch], rows: int) -> np.ndarray:
@@ -191,11 +204,15 @@ class FrequencySpectrum(NamedTuple):
         Orthonormal functions of the frequency that form the logarithm of `power`.
     free : array (rows,)
         Share of each row that the fit has not absorbed.
+    convergence : Convergence
+        End of the scoring steps. Its change is the largest step of the logarithm of the spectrum
+        over its tolerance.
     """
 
     power: np.ndarray
     basis: np.ndarray
     free: np.ndarray
+    convergence: Convergence
 
 
 def residual_spectrum_of(
@@ -210,17 +227,20 @@ def residual_spectrum_of(
     degree = _spectrum_degree(len(v))
     basis = np.linalg.qr(np.vander((x - x.mean()) / max(np.ptp(x), 1e-9), degree + 1))[0]
     if not power.any():
-        return FrequencySpectrum(power, basis, free)
+        return FrequencySpectrum(power, basis, free, _NOT_ITERATED)
     # Scoring steps of Whittle's likelihood, from the spectrum that is the same everywhere.
     level = np.full(len(v), np.log((power * free).sum() / free.sum()))
     weighted_basis = basis * free[:, None]
-    for _ in range(_ROUNDS):
+    convergence = _NOT_ITERATED
+    for count in range(1, _ROUNDS + 1):
         change = power / np.exp(level) - 1.0
         step = basis @ np.linalg.solve(weighted_basis.T @ basis, weighted_basis.T @ change)
         level = level + np.clip(step, -1.0, 1.0)
-        if np.abs(step).max() < _STILL:
+        size = float(np.abs(step).max())
+        convergence = Convergence(size < _STILL, count, size / _STILL)
+        if convergence.converged:
             break
-    return FrequencySpectrum(np.exp(level), basis, free)
+    return FrequencySpectrum(np.exp(level), basis, free, convergence)
 
 
 def estimate_freedom(D: np.ndarray, spectrum: FrequencySpectrum) -> np.ndarray:

@@ -22,6 +22,7 @@ from flightmech.errors import IdentificationError
 from flightmech.names import lookup
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
+from flighttest.regression.equation_error.fit_remarks import unsettled_attributes
 from flighttest.regression.equation_error.least_squares import WEIGHTS, ridge_penalty, weight_roots
 from flighttest.regression.equation_error.model import RegressionModel, term_powers, variable_of
 from flighttest.regression.equation_error.samples import RegressionSamples, slopes_of, stack_samples
@@ -215,7 +216,7 @@ def _solve(
     z = samples.data[model.coefficient].values
     is_constant = least_squares.intercept_mask(terms)
     # Weighted least squares with a ridge: theta = (X'WX + K)^-1 X'W z, W the squares of `root`.
-    root = weight_roots(weights, X, z=z, data=samples.data)
+    root, weighting = weight_roots(weights, X, z=z, data=samples.data)
     Xw, zw = X * root[:, None], z * root
     penalty, parameter = ridge_penalty(ridge, Xw, z=zw, fixed=is_constant)
     theta, E = least_squares.solve_least_squares(Xw, zw, penalty)
@@ -255,6 +256,7 @@ def _solve(
         "weights": weights,
         "ridge": parameter,
         **significance.residual_whiteness(v * root, pieces, steps),
+        **unsettled_attributes("weights", weighting),
     }
     dof = significance.of_slopes(A, v, pieces=pieces, fixed=is_constant)
     not_inflated = np.ones(len(terms))

@@ -15,12 +15,15 @@ from flighttest.regression.equation_error.samples import stack_samples
 from flighttest.regression.expressions import Scope, parse_expression
 from flighttest.regression.separable.identifiability import assess_identifiability
 from flighttest.regression.separable.search import (
+    SAME,
+    WRONG,
     SeparableProblem,
     SeparableSolution,
     WeightedMinimum,
 )
 from flighttest.regression.separable_model import SeparableModel, ShapeParameter
 from flighttest.regression.uncertainty import collinearity
+from flighttest.remarks import Convergence, Remark, warn_forbidden
 
 _SINGULAR = 1e-14  # eigenvalue of the scaled normal matrix, over the largest, that counts as zero
 
@@ -44,6 +47,9 @@ class SeparableFit:
         The samples used, by quantity.
     residuals : dict of str to array (sample,)
         Measured minus fitted, by quantity.
+    convergence : Convergence
+        End of the rounds of weights of several quantities or of priors. Its change is that of an
+        estimate by the last round over a tenth of its standard error.
     """
 
     name: str
@@ -51,6 +57,7 @@ class SeparableFit:
     estimates: xr.Dataset
     data: Mapping[str, xr.Dataset]
     residuals: Mapping[str, np.ndarray]
+    convergence: Convergence
 
     def value(self, parameter: str) -> tuple[float, float]:
         """Return an estimate and its standard error.
@@ -106,15 +113,27 @@ class SeparableFit:
 
     @property
     def remarks(self) -> list[str]:
-        """Parameters that are not identified, and parameters that are hardly distinguishable."""
+        """Weights that did not converge, parameters that are not identified, and parameters that
+        are hardly distinguishable.
+        """
         e = self.estimates
-        remarks = []
+        remarks = [remark.text for remark in self.convergence_remarks]
         for term, why in zip(e["term"].values, e["why"].values):
             if why:
                 remarks.append(f"{term}: not identified: {why}")
         for index, terms in collinearity.collinear_terms(e):
             remarks.append(f"condition index {index:.0f}: hardly distinguishable are {terms}")
         return remarks
+
+    @property
+    def convergence_remarks(self) -> list[Remark]:
+        """A remark on weights that did not converge: an error above one standard error."""
+        advice = (
+            "estimates belong to weights that still change; give a prior or a quantity that fits "
+            "the others, or fit the quantities separately"
+        )
+        severity = "warning" if SAME * self.convergence.change <= WRONG else "error"
+        return self.convergence.remarks("weights", advice, severity=severity)
 
     def report(self) -> str:
         """Return the estimates as a text table."""
@@ -197,6 +216,11 @@ def regress_separable(
     OutOfRange
         A term that cannot be computed from the data at any start.
 
+    Warns
+    -----
+    AeromatchWarning
+        The last round of the weights moved an estimate by more than its standard error.
+
     Notes
     -----
     The covariance is that of least squares linearised at the solution, with the regressors
@@ -214,7 +238,8 @@ def regress_separable(
     _demand_models(models)
     samples = [stack_samples(item.target, item.variables, data, purpose=item) for item in models]
     problem = SeparableProblem(models, samples)
-    solution = WeightedMinimum(problem).iterate_weights(lag)
+    rounds = WeightedMinimum(problem).iterate_weights(lag)
+    solution = rounds.last
     estimates = _tabulate_estimates(problem, solution)
     residuals = problem.residuals(solution.values, solution.coefficients)
     estimates.attrs.update(_fit_attributes(problem, solution, residuals=residuals, name=name))
@@ -222,7 +247,16 @@ def regress_separable(
     for item, used, residual in zip(models, samples, residuals):
         data_of[item.target] = used.data.drop_dims("error", errors="ignore")
         residual_of[item.target] = residual
-    return SeparableFit(name, tuple(models), estimates, data=data_of, residuals=residual_of)
+    fit = SeparableFit(
+        name,
+        tuple(models),
+        estimates,
+        data=data_of,
+        residuals=residual_of,
+        convergence=rounds.convergence(problem, estimates["stderr"].values),
+    )
+    warn_forbidden(fit.convergence_remarks, name or str(models[0]))
+    return fit
 
 
 def _tabulate_estimates(problem: SeparableProblem, solution: SeparableSolution) -> xr.Dataset:

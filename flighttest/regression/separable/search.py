@@ -21,9 +21,14 @@ from flighttest.regression.separable.projection import (
 from flighttest.regression.separable_model import SeparableModel, ShapeParameter
 from flighttest.regression.uncertainty import collinearity
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
+from flighttest.remarks import Convergence
 
 SAMPLES_PER_PARAMETER = 5
 _ROUNDS = 4  # of the weights of several quantities, and of a prior against coloured residuals
+# Change of an estimate by the last round at which the weights have converged, and above which the
+# fit must not be used. [standard errors]
+SAME, WRONG = 0.1, 1.0
+_RELATIVE = 1e-6  # smallest tolerance of an estimate, by its effect on the fit
 _AT_BOUND = 1e-9  # distance from a bound over the range
 _RANK = 1e-10  # smallest singular value of the scaled regressors, over the largest
 _LEAST_RMS = np.finfo(float).tiny  # keeps the weight of an exact fit finite
@@ -166,6 +171,48 @@ class SeparableSolution:
     offset: float
 
 
+class WeightedSolutions(NamedTuple):
+    """End of the rounds of weights.
+
+    Attributes
+    ----------
+    last : SeparableSolution
+    before : SeparableSolution or None
+        Minimum of the round before; None if the weights need no rounds.
+    rounds : int
+    """
+
+    last: SeparableSolution
+    before: SeparableSolution | None
+    rounds: int
+
+    def convergence(self, problem: SeparableProblem, stderr: np.ndarray) -> Convergence:
+        """Return whether the last round moved the estimates within their tolerance.
+
+        Parameters
+        ----------
+        problem : SeparableProblem
+            With the weights of the last round.
+        stderr : array (parameters,)
+            Standard errors; NaN for a parameter at a bound.
+        """
+        if self.before is None:
+            return Convergence(True, 0, 0.0)
+        now, earlier = self.last, self.before
+        change = np.abs(
+            np.concatenate([*now.coefficients, now.values])
+            - np.concatenate([*earlier.coefficients, earlier.values])
+        )
+        # Without noise the standard errors are those of rounding. The floor is the change of an
+        # estimate that changes the fit by `_RELATIVE` of the measured values.
+        weighted = [w * np.linalg.norm(z) for w, z in zip(problem.weights, problem.z)]
+        length = np.sqrt(np.diag(now.products))
+        floor = _RELATIVE * np.linalg.norm(weighted) / np.maximum(length, _LEAST_RMS)
+        tolerance = np.fmax(SAME * stderr, floor)
+        ratio = float(np.max(change / tolerance))
+        return Convergence(ratio <= 1.0, self.rounds, ratio)
+
+
 class WeightedMinimum:
     """The minimum of a separable problem, and the weights that belong to it."""
 
@@ -178,8 +225,8 @@ class WeightedMinimum:
         # None becomes NaN: a parameter without start value
         self.start = np.array([item.start for item in items], dtype=float)
 
-    def iterate_weights(self, lag: float | None) -> SeparableSolution:
-        """Return the minimum after iterating the weights of quantities and priors."""
+    def iterate_weights(self, lag: float | None) -> WeightedSolutions:
+        """Return the minima of the last two rounds of the weights of quantities and priors."""
         problem, has_prior = self.problem, np.isfinite(self.sigma)
         weight = np.zeros(len(self.low))
         starts = spread_starts(self.low, self.high, self.start)
@@ -187,7 +234,9 @@ class WeightedMinimum:
         is_several = len(problem.models) > 1
         rounds = _ROUNDS if is_several or has_prior.any() else 0
         solution = self.solve(weight, starts, lag)
+        before = None
         for _ in range(rounds):
+            before = solution
             starts = solution.values[None, :]
             if is_several:
                 residuals = problem.residuals(solution.values, solution.coefficients)
@@ -198,7 +247,7 @@ class WeightedMinimum:
                 noise = np.sqrt(self.equivalent_noise_variance(solution))
                 weight = np.where(has_prior, noise / self.sigma, 0.0)
             solution = self.solve(weight, starts, lag)
-        return solution
+        return WeightedSolutions(solution, before, rounds)
 
     def solve(self, prior: np.ndarray, starts: np.ndarray, lag: float | None) -> SeparableSolution:
         """Return the minimum for given weights, from the best of the starts (starts, m)."""

@@ -68,12 +68,11 @@ def _check_columns(points: Collection[str], loads: list[str], path: str | Path) 
 
 def _find_times(recording: Recording, count: int) -> np.ndarray:
     """Return the recorded times of the points, or uniform times."""
-    tables = recording.tables
-    first = next(iter(tables.values()))
-    for table in tables.values():
+    for table in recording.tables.values():
         for name in CLOCK_NAMES:
-            if name in table.columns:
-                return np.asarray(first.columns[name], float)
+            # The clock of a table of another length is not that of the points.
+            if name in table.columns and len(table.columns[name]) == count:
+                return np.asarray(table.columns[name], float)
     return _CLOCK * np.arange(count)
 
 

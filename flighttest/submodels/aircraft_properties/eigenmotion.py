@@ -74,6 +74,9 @@ class Motion:
         Then its degrees of freedom, and the probability of a larger value by chance.
     moved : tuple of MovedWindow
         Fits of an oscillation in shorter windows; if they contradict it, a remark is an error.
+        A fit that did not converge is not among them.
+    unsettled : int
+        Number of shorter windows whose fit did not converge.
     convergence : Convergence
         End of the search and of its rounds of weights. Its change is that of the root by a further
         round over half its standard error; infinite if the search itself reached its limit.
@@ -94,6 +97,7 @@ class Motion:
     F_dof: float
     F_probability: float
     moved: tuple[MovedWindow, ...] = ()
+    unsettled: int = 0
     convergence: Convergence = field(kw_only=True)
 
     @property
@@ -104,6 +108,7 @@ class Motion:
             *_growth_remarks(self),
             *_window_remarks(self),
             *_convergence_remarks(self),
+            *_unsettled_remarks(self),
             *_significance_remarks(self),
         ]
 
@@ -198,14 +203,22 @@ def fit_motion(
     3.141593
     """
 
-    def fit_part(part: xr.Dataset) -> Figures:
-        return _fit_window(part, channels, kind=kind, inputs=inputs, trend=trend).values
+    unsettled = 0
+
+    def fit_part(part: xr.Dataset) -> Figures | None:
+        nonlocal unsettled
+        shorter = _fit_window(part, channels, kind=kind, inputs=inputs, trend=trend)
+        if shorter.convergence.converged:
+            return shorter.values
+        unsettled += 1
+        return None
 
     motion = _fit_window(data, channels, kind=kind, inputs=inputs, trend=trend)
     if kind == "aperiodic" or is_forbidden(motion.remarks):
         return motion
     period = motion.values["period"][0]
-    return replace(motion, moved=fits_in_moved_windows(data, period, inputs=inputs, fit=fit_part))
+    moved = fits_in_moved_windows(data, period, inputs=inputs, fit=fit_part)
+    return replace(motion, moved=moved, unsettled=unsettled)
 
 
 def _fit_window(
@@ -317,6 +330,23 @@ def _convergence_remarks(motion: Motion) -> list[Remark]:
     return motion.convergence.remarks(
         f"root of {channels}", advice, term=channels, severity=severity
     )
+
+
+def _unsettled_remarks(motion: Motion) -> list[Remark]:
+    """Return a remark on shorter windows whose fit did not converge; a note if others remain."""
+    if not motion.unsettled:
+        return []
+    count = motion.unsettled + len(motion.moved)
+    text = (
+        f"{motion.unsettled} of {count} shorter windows: the fit did not converge and is not "
+        f"compared with that of the whole window"
+    )
+    severity = "note"
+    if not motion.moved:
+        text += "; no window shows whether the motion is alone: give a longer or a quieter one"
+        severity = "warning"
+    channels = " ".join(motion.channels)
+    return [Remark("window", text, channels, motion.unsettled, 0.0, severity)]
 
 
 def _significance_remarks(motion: Motion) -> list[Remark]:

@@ -75,7 +75,10 @@ class MovedWindow:
 
 
 def fits_in_moved_windows(
-    data: xr.Dataset, period: float, inputs: Sequence[str], fit: Callable[[xr.Dataset], Figures]
+    data: xr.Dataset,
+    period: float,
+    inputs: Sequence[str],
+    fit: Callable[[xr.Dataset], Figures | None],
 ) -> tuple[MovedWindow, ...]:
     """Return the same fit in shorter windows.
 
@@ -88,7 +91,8 @@ def fits_in_moved_windows(
     inputs : sequence of str
         Controls that drive the oscillation. They must begin to move inside every window.
     fit : callable
-        Function that returns the figures of a Dataset, as `Motion.values`.
+        Function that returns the figures of a Dataset, as `Motion.values`; None if the fit did
+        not converge, whose figures show nothing about the window.
     """
     windows = []
     for start, stop in _shorter_windows(data, period, inputs):
@@ -97,6 +101,8 @@ def fits_in_moved_windows(
             values = fit(part)
         except (IdentificationError, SchemaError):
             # The window is too short for a fit.
+            continue
+        if values is None:
             continue
         windows.append(
             MovedWindow(

@@ -11,6 +11,7 @@ import xarray as xr
 
 from flightmech.air import atmosphere
 from flightmech.errors import IdentificationError, UnknownName
+from flighttest.records.sensors.measurements import geometric_height
 from flighttest.remarks import Convergence, warn_forbidden
 from flighttest.submodels.engine.schedule import SAME, find_lever_rest
 
@@ -65,9 +66,9 @@ def engine_channels(
     Dataset (time,)
         ``temperature`` is the standard temperature at the height plus the mean difference of the
         record from it at Mach numbers above 0.1, because a thermometer without flow does not show
-        the air temperature.  ``h`` is the height at which air with this difference has the pressure
-        of a pressure altitude ``h_baro``; other heights are not changed. ``pressure_ratio`` is that
-        pressure over the standard pressure at sea level.  Attribute ``height_change`` of a pressure
+        the air temperature.  ``h`` is geometric: the height at which air with this difference has
+        the pressure of a pressure altitude ``h_baro``, which is geopotential; other heights are not
+        changed. ``pressure_ratio`` is that pressure over the standard pressure at sea level.  Attribute ``height_change`` of a pressure
         altitude: the last change of the height over its tolerance of 1 m, at most 1 if it
         converged.
 
@@ -135,6 +136,9 @@ def _outside_air(
     if "h" not in channels:
         return {"temperature": reading}, Convergence(True, 0, 0.0)
     h = channels["h"]
+    if barometric:
+        # A pressure altitude is geopotential; `atmosphere` takes the geometric height.
+        h = geometric_height(h)
     log_pressure = np.log(np.asarray(atmosphere(h).p_static))
     flying = np.zeros(len(reading), bool)
     if "mach" in channels:

@@ -20,7 +20,7 @@ from aerodb.exchange.daveml.vocabulary import (
 )
 from aerodb.exchange.xml_reader import read_xml
 from flightmech import terms
-from flightmech.errors import SchemaError
+from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.names import quantity_attributes
 
 # Content models of the elements we write, from DAVEfunc.dtd 2.0.2 of 12 July 2011, as regular
@@ -308,7 +308,8 @@ def test_check_cases_of_the_database_travel_with_their_own_numbers(rich, tmp_pat
     }
     cases = xr.Dataset({**state, **measured}, {"case": [1, 2, 3]}, {"names": "one\ntwo\nmissed"})
     db = xr.DataTree.from_dict({**rich.to_dict(), "/checks": cases})
-    aerodb.exchange.export_daveml(db, tmp_path / "db.dml")
+    with pytest.warns(AeromatchWarning, match="does not meet their expected values: missed$"):
+        aerodb.exchange.export_daveml(db, tmp_path / "db.dml")
     stored = {
         shot.name: shot
         for shot in read(tmp_path / "db.dml").shots
@@ -324,6 +325,33 @@ def test_check_cases_of_the_database_travel_with_their_own_numbers(rich, tmp_pat
     kept = aerodb.open(tmp_path / "db.nc")["checks"].to_dataset()
     assert kept.attrs["names"] == "one\ntwo"
     assert kept["CL_tolerance"].values.tolist() == [0.005, 0.005]
+
+
+def test_a_check_case_with_a_missing_number_is_written_or_named(rich, tmp_path):
+    """A missing coefficient is not stated in the file; a case with a missing input is named."""
+    state = {name: column.copy() for name, column in states(3).items()}
+    V, b, cbar = state["V"], rich.attrs["b"], rich.attrs["cbar"]
+    lengths = {"p": b, "q": cbar, "r": b, "alpha_dot": cbar, "beta_dot": b}
+    reduced = {"p": "phat", "q": "qhat", "r": "rhat"}
+    reduced |= {"alpha_dot": "alphadothat", "beta_dot": "betadothat"}
+    for rate, length in lengths.items():
+        state[reduced[rate]] = state[rate] * length / (2.0 * V)
+    state["CL"] = aerodb.evaluate(rich, "CL", outside="clamp", **state)
+    state["CL"][1] = np.nan
+    state["alpha"][2] = np.nan
+    columns = {name: ("case", column) for name, column in state.items()}
+    cases = xr.Dataset(columns, {"case": [1, 2, 3]}, {"names": "one\nno lift\nno angle"})
+    db = xr.DataTree.from_dict({**rich.to_dict(), "/checks": cases})
+    with pytest.warns(AeromatchWarning, match="an input is not a number: no angle$"):
+        aerodb.exchange.export_daveml(db, tmp_path / "db.dml")
+    shots = {shot.name: shot for shot in read(tmp_path / "db.dml").shots}
+    stated = {}
+    for name in ("checks: one", "checks: no lift"):
+        stated[name] = "liftCoefficient" in [signal.key for signal in shots[name].outputs]
+    assert stated == {"checks: one": True, "checks: no lift": False}
+    assert "checks: no angle" not in shots
+    kept = aerodb.exchange.import_daveml(tmp_path / "db.dml")["checks"]
+    assert np.isfinite(kept["CL"].values).tolist() == [True, False]
 
 
 def test_an_aircraft_bounds_the_check_cases_and_must_be_the_same(rich, tmp_path):

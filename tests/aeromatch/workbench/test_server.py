@@ -31,7 +31,7 @@ def client(tmp_path_factory):
 
 def test_only_the_token_opens_data(client):
     assert client.ask("/api/project")[0] == 200
-    for token in (None, "", "x" * 43, client.bench.token[:-1]):
+    for token in (None, "", "x" * 43, client.bench.token[:-1], "\xe9" * 43):
         code, _, text = client.ask("/api/project", x_aeromatch_token=token)
         assert code == 403
         assert b"T-37" not in text

@@ -136,8 +136,9 @@ def test_a_record_of_the_command_gets_the_position_within_the_limits_found(limit
         "= 3.0 }\n",
         encoding="utf-8",
     )
-    with pytest.raises(SchemaError, match="lag is negative or zero"):
+    with pytest.raises(SchemaError, match="lag is negative or zero") as error:
         flighttest.read(tmp_path / "flight.csv", tmp_path / "bad.toml")
+    assert error.value.problems[0].startswith("controls.delta_e: rate_limit and stops belong")
 
 
 def test_limits_that_were_not_reached_are_bounded(servo):

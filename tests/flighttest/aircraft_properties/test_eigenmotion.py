@@ -264,3 +264,21 @@ def test_weights_that_still_move_the_root_are_remarked(monkeypatch):
     assert remark.value == pytest.approx(1.431, abs=0.01)
     # A single channel has no weights that matter.
     assert fit_motion(free(0.05, 1), ["r"]).convergence.change == 0.0
+
+
+def test_shorter_windows_that_did_not_converge_are_not_compared(monkeypatch):
+    """With few evaluations in short windows only the whole window converges."""
+    search = mode_response.ModeResponse.search_root
+
+    def stopped_in_short_windows(model):
+        limit = 1 if len(model.t) < 120 else 100
+        monkeypatch.setattr(mode_response, "_EVALUATIONS", limit)
+        return search(model)
+
+    monkeypatch.setattr(mode_response.ModeResponse, "search_root", stopped_in_short_windows)
+    found = fit_motion(free(0.05), ["r", "p"])
+    assert found.convergence.converged
+    assert (found.moved, found.unsettled) == ((), 6)
+    (remark,) = [remark for remark in found.remarks if remark.kind == "window"]
+    assert remark.severity == "warning"
+    assert remark.text.startswith("6 of 6 shorter windows: the fit did not converge")

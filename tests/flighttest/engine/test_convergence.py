@@ -96,9 +96,9 @@ def test_a_pressure_altitude_that_does_not_converge_warns(monkeypatch):
     states = xr.Dataset({name: ("time", x + 0.0 * t) for name, x in columns.items()}, {"time": t})
     converged = engine_channels(states, height="h_baro")
     # The fifth pass still moves the height by 2.0 m, so a sixth one follows.
-    assert converged.attrs["height_change"] == pytest.approx(0.452, abs=0.001)
+    assert converged.attrs["height_change"] == pytest.approx(0.4585, abs=0.0005)
     assert "height_change" not in engine_channels(states.rename(h_baro="h"), height="h").attrs
     monkeypatch.setattr(records, "MOST_PASSES", 5)
     with pytest.warns(AeromatchWarning, match="height: not converged after 5 iterations"):
         stopped = engine_channels(states, height="h_baro")
-    assert stopped.attrs["height_change"] == pytest.approx(2.02, abs=0.01)
+    assert stopped.attrs["height_change"] == pytest.approx(2.04, abs=0.01)

@@ -388,12 +388,23 @@ def test_height_of_the_record():
     states = xr.Dataset({name: ("time", x) for name, x in columns.items()}, {"time": t})
     for height in (None, "h_gps"):
         found = engine_channels(states, height=height)
-        np.testing.assert_allclose(found["h"], 6000.0, atol=25.0)
+        np.testing.assert_allclose(found["h"], 6000.0, atol=1.0)
         np.testing.assert_allclose(
-            found["pressure_ratio"], float(warm.p_static) / 101325.0, rtol=3e-3
+            found["pressure_ratio"], float(warm.p_static) / 101325.0, rtol=1e-6
         )
     with pytest.raises(UnknownName, match="h_radar"):
         engine_channels(states, height="h_radar")
+
+
+def test_height_of_a_pressure_altitude_is_geometric():
+    """11000 m of geopotential height in standard air are 11019 m of geometric height."""
+    t = np.arange(5.0)
+    standard = atmosphere(11019.07)
+    columns = {"h_baro": 11000.0, "mach": 0.7, "temperature": float(standard.temperature)}
+    states = xr.Dataset({name: ("time", x + 0.0 * t) for name, x in columns.items()}, {"time": t})
+    found = engine_channels(states)
+    np.testing.assert_allclose(found["h"], 11019.07, atol=0.1)
+    np.testing.assert_allclose(found["pressure_ratio"], 22632.06 / 101325.0, rtol=1e-5)
 
 
 def windmilling() -> xr.Dataset:

@@ -4,7 +4,7 @@ import xarray as xr
 from flown_lift import LIFT, TRUTH, record
 
 from flightmech.errors import IdentificationError, UnknownName
-from flighttest.regression.equation_error import least_squares
+from flighttest.regression.equation_error import least_squares, spectral_weights
 from flighttest.regression.equation_error.fit import open_fit, save_fit
 from flighttest.regression.equation_error.frequency_domain import regress_frequency
 from flighttest.regression.equation_error.model import RegressionModel
@@ -265,3 +265,25 @@ def test_a_small_term_is_chosen_where_its_noise_is_small():
         )
     with pytest.raises(ValueError, match="allowed: equal"):
         select_stepwise("CL", candidates, accelerations(0), weights="spectrum")
+
+
+def test_a_spectrum_that_still_changes_is_remarked(monkeypatch, tmp_path):
+    settled = regress_frequency(LIFT, record(np.random.default_rng(1)), BAND)
+    assert "spectrum_change" not in settled.estimates.attrs
+    monkeypatch.setattr(spectral_weights, "_ROUNDS", 2)
+    stopped = regress_frequency(LIFT, record(np.random.default_rng(1)), BAND)
+    (remark,) = [remark for remark in stopped.remarks if remark.kind == "convergence"]
+    assert remark.text.startswith("spectrum: not converged after 2 iterations, last change ")
+    save_fit(stopped, tmp_path / "fit.nc")
+    assert open_fit(tmp_path / "fit.nc").remarks == stopped.remarks
+
+
+def test_spectral_weights_that_still_change_are_remarked(monkeypatch):
+    model = RegressionModel("CL", ["1", "qhat", "alpha"])
+    settled = regress_frequency(model, accelerations(0), (0.7, 25.0), weights="spectrum")
+    assert "weights_change" not in settled.estimates.attrs
+    monkeypatch.setattr(spectral_weights, "_WEIGHINGS", 1)
+    stopped = regress_frequency(model, accelerations(0), (0.7, 25.0), weights="spectrum")
+    (remark,) = [remark for remark in stopped.remarks if remark.kind == "convergence"]
+    assert remark.severity == "error"
+    assert remark.text.startswith("weights: not converged after 1 iterations, last change ")

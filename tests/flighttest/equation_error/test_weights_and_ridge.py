@@ -71,6 +71,23 @@ def test_spikes_lose_their_weight():
     assert (np.abs(robust - clean) < 0.2 * np.abs(plain - clean)).all()
 
 
+def convergence_remarks(fit):
+    return [remark for remark in fit.remarks if remark.kind == "convergence"]
+
+
+def test_weights_that_still_change_are_remarked(monkeypatch):
+    rng = np.random.default_rng(3)
+    data = record(rng)
+    data["CL"][rng.choice(1500, 40, replace=False)] += 1.0
+    settled = regress(LIFT, data, weights="robust")
+    assert "weights_change" not in settled.estimates.attrs
+    assert convergence_remarks(settled) == []
+    monkeypatch.setattr(least_squares, "_ROUNDS", 2)
+    (remark,) = convergence_remarks(regress(LIFT, data, weights="robust"))
+    assert remark.severity == "error"
+    assert remark.text.startswith("weights: not converged after 2 iterations, last change ")
+
+
 def collinear(rng):
     data = record(rng)
     return data.assign(delta_e=data["alpha"] + 2e-4 * coloured_noise(rng, 1500))

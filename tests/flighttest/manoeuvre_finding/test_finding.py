@@ -155,8 +155,10 @@ def test_a_multisine_moves_several_controls_over_the_same_time():
         * DEGREE
         for harmonics in ((4, 7, 10), (5, 8, 11), (6, 9, 12))
     ]
-    names, _ = found(**dict(zip(("delta_e", "delta_a", "delta_r"), waves, strict=True)))
+    names, table = found(**dict(zip(("delta_e", "delta_a", "delta_r"), waves, strict=True)))
     assert names == [("multisine", "elevator aileron rudder")]
+    # The confidence is the smallest common time of the first control with another one.
+    assert table["confidence"].tolist() == [1.0]
 
 
 def test_pull_up_push_down_by_the_load_factor():

@@ -10,7 +10,7 @@ import xarray as xr
 from aerodb.store.schema import make_database
 from flightmech import terms
 from flightmech.errors import SchemaError
-from flighttest.flight_programme.planning.plan import plan_predicted_flights
+from flighttest.flight_programme.planning.plan import nodes_of, plan_predicted_flights
 from flighttest.flight_programme.planning.selection import (
     Goal,
     bounds_of,
@@ -122,3 +122,10 @@ def test_wanted_terms_that_are_not_there(prior):
     with pytest.raises(SchemaError) as caught:
         bounds_of(flights.catalogue, prior)
     assert len(caught.value.problems) == 3
+
+
+def test_without_a_wanted_node_the_table_is_empty(prior):
+    goal = SimpleNamespace(bounds={}, unreachable={}, stderr=lambda items: {})
+    table = nodes_of(goal, [], prior)
+    assert table.empty
+    assert list(table.columns) == ["term", "before", "expected", "bound", "state"]

@@ -118,6 +118,7 @@ def test_time_of_the_world_names_the_start_and_the_drift(tmp_path):
     assert record.attrs["clock_drift"] == pytest.approx(35e-6, abs=8.5e-7)
     assert record.attrs["clock_drift_stderr"] == pytest.approx(2.1e-7, rel=0.1)
     assert record.attrs["clock_scatter"] == pytest.approx(2e-3, rel=0.1)
+    assert record.attrs["unmapped"] == ""
     assert "4 stamps off the line were not used" in flighttest.records.faults(record)[0]
 
 

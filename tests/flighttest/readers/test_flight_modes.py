@@ -94,6 +94,17 @@ def test_modes_follow_the_clock_of_the_record(tmp_path):
     assert time[0] < start < end < time[-1]
 
 
+def test_modes_follow_the_clock_of_their_own_table(tmp_path):
+    (tmp_path / "own.toml").write_text(
+        'extends = "px4"\n[time.vehicle_status]\noffset = 0.5\ndrift = 0.01\n'
+    )
+    record = flighttest.read(px4(tmp_path / "a.ulg"), tmp_path / "own.toml")
+    # The drift counts from the first stamp of the topic, at 1 s.
+    start, end = spans(record)[1][1:]
+    np.testing.assert_allclose([start, end], [1.5 + 7.0 / 1.01, 1.5 + 10.0 / 1.01], atol=1e-6)
+    np.testing.assert_allclose(record["rates/time"].values[[0, -1]], [5.0, 14.98])
+
+
 def test_modes_of_ardupilot_by_the_vehicle_that_the_log_states(tmp_path):
     record = flighttest.read(ardupilot(tmp_path / "a.bin"), "ardupilot")
     assert [name for name, _, _ in spans(record)] == ["fbwa", "autotune", "mode_99"]

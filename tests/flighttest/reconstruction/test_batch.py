@@ -1,13 +1,14 @@
 """Batch reconstruction of simulated flights whose truth is known."""
 
 import copy
+import json
 
 import numpy as np
 import pytest
 
 import flighttest
 from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
-from flighttest.reconstruction.batch import estimator
+from flighttest.reconstruction.batch import estimator, programme
 from flighttest.remarks import is_forbidden
 
 RIGID = 0.05  # noise of the inertial unit over that of the conftest: a navigation-grade one
@@ -96,6 +97,37 @@ def test_records_share_their_constants(flown, precise):
     )
     biases = [path.biases["estimate"].sel(parameter=name) for path in both.paths]
     assert float(biases[0]) == float(biases[1])
+
+
+def with_vanes(record, craft, **changes):
+    """Return the record with its own table of the vanes, as a name map gives it."""
+    vanes = {**craft.instruments["vanes"], **changes}
+    made = record.copy()
+    made.attrs = {**record.attrs, "instruments": json.dumps({"vanes": vanes})}
+    return made
+
+
+def test_two_priors_of_a_common_constant_are_an_error(flown, precise):
+    records = [flown(seed, duration=10.0, inertial_noise=RIGID)[0] for seed in (1, 2)]
+    records[1] = with_vanes(records[1], precise, lag=[0.2, 0.015])
+    with pytest.raises(
+        SchemaError,
+        match=r"prior of lag.vanes: 0.05 with standard error 0.015 in record 1, 0.2 with 0.015 in "
+        r"record 2; give both",
+    ):
+        flighttest.reconstruction.observable_constants(records, precise)
+
+
+def test_instruments_of_every_record_are_its_own(flown, precise):
+    """The vanes of the second record stand elsewhere; the order of the records has no effect."""
+    records = [flown(seed, duration=10.0, inertial_noise=RIGID)[0] for seed in (1, 2)]
+    records[1] = with_vanes(records[1], precise, position=[1.0, 0.0, 0.15])
+    arms = []
+    for run in (records, records[::-1]):
+        equations = programme._start_equations(run, precise, None, None, None, 50.0)
+        arms.append([s.problem.vane_arms[0, 0] for s in equations.layout.setups])
+    assert arms[0] == arms[1][::-1]
+    assert arms[0][0] - arms[0][1] == pytest.approx(3.3)
 
 
 def test_steady_flight_hides_vertical_wind_behind_the_vane(flown, precise):

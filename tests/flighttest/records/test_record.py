@@ -210,3 +210,21 @@ def test_a_file_whose_name_is_no_text(tmp_path):
     record = flighttest.read(file)
     assert record.attrs["source_file"] == "fl?gel.csv"
     flighttest.save_record(record, tmp_path / "record.nc")
+
+
+def test_a_leaf_of_several_tables_keeps_the_flags_of_each(tmp_path):
+    """The second table has a stored spike; a missing sample is stored and found again."""
+    time = np.arange(0.0, 2.0, 0.1)
+    p = np.sin(time)
+    p[7] = np.nan
+    tables = {"/a": leaf(time, p=(p, "rad/s")), "/b": leaf(time, q=(np.cos(time), "rad/s"))}
+    tables["/a"].attrs["flags"] = json.dumps([["p", "missing", time[7], time[7], 1, ""]])
+    tables["/b"].attrs["flags"] = json.dumps([["q", "spike", 1.0, 1.0, 1, ""]])
+    file = netcdf(tmp_path / "two.nc", tables)
+    (tmp_path / "two.toml").write_text('[imu]\np = "a/p"\nq = "b/q"\n')
+    record = flighttest.read(file, tmp_path / "two.toml")
+    assert json.loads(record["imu"].attrs["flags"]) == [
+        ["p", "missing", time[7], time[7], 1, ""],
+        ["q", "spike", 1.0, 1.0, 1, ""],
+    ]
+    assert record["imu"].attrs["missing"] == "p 1 from 0.7 s"

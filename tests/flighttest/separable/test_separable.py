@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 
 import flighttest
 from flightmech.errors import (
+    AeromatchWarning,
     IdentificationError,
     OutOfRange,
     ParseError,
@@ -21,6 +22,7 @@ from flightmech.errors import (
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.expression_functions import Pieces
 from flighttest.regression.expressions import Scope, parse_expression, parse_terms
+from flighttest.regression.separable import search
 from flighttest.regression.separable.fit import regress_separable
 from flighttest.regression.separable.projection import LinearBlock, project_blocks
 from flighttest.regression.separable_model import SeparableModel, ShapeParameter
@@ -268,6 +270,33 @@ def test_a_prior_counts_by_its_standard_error():
     ).value("tau")
     assert joined[0] == pytest.approx(free[0] + 0.5 * free[1], abs=0.05 * free[1])
     assert joined[1] == pytest.approx(free[1] / np.sqrt(2.0), rel=0.05)
+
+
+def test_weights_that_still_move_an_estimate_are_remarked(monkeypatch):
+    """The only round goes from the estimate without prior to that with it."""
+    data = spool(0.8)
+    text, bounds = "n1 = 1 + lag(throttle, tau)", {"tau": (0.05, 5.0)}
+    free = regress_separable(RegressionModel.parse(text, bounds), data)
+    assert (free.convergence.converged, free.convergence.iterations) == (True, 0)
+    tau, stderr = free.value("tau")
+
+    def joined(apart):
+        prior = ShapeParameter(0.05, 5.0, tau + apart * stderr, stderr)
+        return regress_separable(RegressionModel.parse(text, {"tau": prior}), data)
+
+    settled = joined(1.0)
+    assert settled.convergence.converged
+    assert settled.convergence.iterations == 4
+    assert settled.convergence_remarks == []
+    monkeypatch.setattr(search, "_ROUNDS", 1)
+    moved = joined(1.0)
+    (remark,) = moved.convergence_remarks
+    assert remark.severity == "warning"
+    assert remark.text in moved.remarks
+    assert "! weights: not converged after 1 iterations" in moved.report()
+    with pytest.warns(AeromatchWarning, match="weights: not converged after 1 iterations"):
+        (remark,) = joined(4.0).convergence_remarks
+    assert remark.severity == "error"
 
 
 def test_what_the_data_cannot_see_is_named():

@@ -15,12 +15,14 @@ import tunnel
 
 from flightmech.errors import IdentificationError, SchemaError
 from flighttest.cli.group import flight
+from flighttest.records.readers.recording import RecordedTable, Recording
 from flighttest.regression.equation_error.fit import open_fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.time_domain import regress
 from flighttest.regression.model_structure.candidates import monomials
 from flighttest.regression.model_structure.search import select_stepwise
 from flighttest.special_tests.wind_tunnel.balance import read_setup
+from flighttest.special_tests.wind_tunnel.points import _find_times
 from flighttest.special_tests.wind_tunnel.reduction import balance_coefficients, without_nuisance
 
 WITHIN = 4.0  # standard errors: one estimate in 16 000 is outside by chance
@@ -175,6 +177,16 @@ def test_a_balance_fixed_in_the_tunnel_needs_no_turn_by_the_model(tmp_path, setu
     assert found["CD"].values == pytest.approx(1.0 / qS)
     assert "Cm" not in found  # no moment was measured
     assert found["time"].values.tolist() == [0.0, 1.0, 2.0]
+
+
+def test_the_clock_is_read_from_the_table_that_has_it():
+    """The first table has no clock, and the second one has a clock of other samples."""
+    loads = RecordedTable({"alpha": np.zeros(3)})
+    slow = RecordedTable({"time": np.array([7.0, 8.0])})
+    times = RecordedTable({"time": np.array([10.0, 12.0, 15.0])})
+    recording = Recording("hdf5", {"loads": loads, "slow": slow, "times": times})
+    assert _find_times(recording, 3).tolist() == [10.0, 12.0, 15.0]
+    assert _find_times(recording, 4).tolist() == [0.0, 1.0, 2.0, 3.0]
 
 
 def test_bad_input_is_refused(tmp_path, folder, setup):

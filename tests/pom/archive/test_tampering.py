@@ -1,17 +1,21 @@
 """Single bytes and single fields of a report, changed: each is found."""
 
 import json
+import math
 import random
 import shutil
+from dataclasses import replace as replaced
 
 import pytest
 
 import pom
 from flightmech.errors import AeromatchError
 from pom.archive import origins as manifest
+from pom.archive.archive import read_archive
 from pom.archive.origins import file_sha256
 from pom.cases.case import read_case
 from pom.replaying.replay_case import replay
+from pom.result import NUMBERS
 
 
 @pytest.fixture(scope="module")
@@ -108,9 +112,12 @@ def edited(folder, name, place):
     item = document
     for key in place[:-1]:
         item = item[key]
-    item[place[-1]] = (
-        item[place[-1]] + 0.25 if isinstance(item[place[-1]], float) else f"{item[place[-1]]}x"
-    )
+    if item[place[-1]] is None:
+        item[place[-1]] = 0.25
+    elif isinstance(item[place[-1]], float):
+        item[place[-1]] += 0.25
+    else:
+        item[place[-1]] = f"{item[place[-1]]}x"
     path.write_text(json.dumps(document), encoding="utf-8")
     if name != manifest.NAME:
         path = folder / "report" / manifest.NAME
@@ -135,3 +142,28 @@ def test_twenty_fields_with_the_hashes_put_right(folder):
             (folder / "report" / file).write_bytes(content)
     assert len(FIELDS) == 20
     assert missed == []
+
+
+def test_a_number_in_place_of_none_is_found(folder):
+    """A criterion of the whole window has no first exit if it passes."""
+    document = json.loads((folder / "report" / "results.json").read_text(encoding="utf-8"))
+    places = []
+    for i, row in enumerate(document["results"][0]["verdict"]):
+        places += [(*RESULT, "verdict", i, name) for name in NUMBERS if row[name] is None]
+    assert not found(folder)
+    assert places
+    edited(folder, "results.json", places[0])
+    details = [item.detail for item in pom.verify(folder / "report") if item.state != "same"]
+    assert any(f"{places[0][-1]} nan, results.json 0.25" in text for text in details)
+
+
+def test_a_removed_number_is_found(folder):
+    """A report whose tables have lost a number is judged again."""
+    (result,) = read_archive(folder / "report").results
+    verdict = result.verdict.copy()
+    verdict.loc[0, "worst_ratio"] = math.nan
+    changed = folder / "report2"
+    pom.write_report([replaced(result, verdict=verdict)], changed, title="Toy", paper=None)
+    details = [item.detail for item in pom.verify(changed) if item.kind == "verdict"]
+    assert len(details) == 1
+    assert "worst_ratio nan, judged again " in details[0]

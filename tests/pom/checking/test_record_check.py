@@ -19,6 +19,7 @@ from pom.checking.batch_check import KeptChecks, check_batch
 from pom.checking.case_check import (
     RecordCheck,
     RecordError,
+    check_key,
     check_records,
     checks_text,
     with_record_checks,
@@ -156,6 +157,25 @@ def test_batch_checks_cases_and_keeps_the_checks_of_records(spoilt, tmp_path, mo
     assert KeptChecks(tmp_path).read(case) == checks[case.record]
     monkeypatch.setattr(flighttest, "read", None)  # the kept check needs no record
     assert check_batch([case], None, 1, tmp_path) == checks
+
+
+def test_cases_of_one_record_are_checked_with_their_own_name_map(spoilt, tmp_path):
+    """The second case has a name map that turns the ailerons back; only the first has an error."""
+    names = (spoilt / "names.toml").read_text()
+    turned = spoilt / "turned.toml"
+    turned.write_text(names.replace('"Aileron", sign = -1', '"Aileron", sign = 1'))
+    first = read_case(spoilt / "case.toml")
+    second = replace(first, name="turned", names=str(turned))
+    for _ in range(2):
+        # The second time the checks are read from the folder.
+        checks = check_batch([first, second], None, 1, tmp_path)
+        errors = {check.record: len(check.errors) for check in checks.values()}
+        assert errors == {
+            "check_roll (names.toml, aircraft.toml)": 1,
+            "check_roll (turned.toml, aircraft.toml)": 0,
+        }
+        assert list(checks) == [check_key(first), check_key(second)]
+    assert list(checks_text(checks.values())) == ["check_roll (names.toml, aircraft.toml)"]
 
 
 def test_batch_states_all_problems_of_raw_records_before_the_first_flight(spoilt):

@@ -8,7 +8,7 @@ import xarray as xr
 import flighttest
 from flightmech.errors import IdentificationError, SchemaError
 from pom.cases.case import read_case
-from pom.cases.reference_states import flight_states, recorded_states
+from pom.cases.reference_states import flight_states, recorded_states, window_problem
 
 
 @pytest.fixture
@@ -54,6 +54,13 @@ def test_a_raw_record_needs_the_aircraft(write_case, tmp_path):
     )
     with pytest.raises(SchemaError, match=r"case.aircraft: missing"):
         recorded_states(read_case(path))
+
+
+def test_a_path_of_one_sample_is_a_problem_of_the_window(write_case, lag_states, tmp_path):
+    path = write_case()
+    lag_states.isel(time=[0]).to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
+    problem = window_problem(read_case(path))
+    assert problem.startswith(f"case {path}: the record {tmp_path / 'record.nc'} has fewer than")
 
 
 def with_wind(path, word):

@@ -158,10 +158,15 @@ def test_a_trim_beyond_its_limits_is_a_failed_test_of_its_own():
     assert test.find("failure").get("message") == remark.text
 
 
+def test_the_json_of_a_report_is_refused_with_its_folder(folder):
+    with pytest.raises(SchemaError, match=r"not from results.json; give the folder "):
+        pom.read_archive(folder / "results.json")
+
+
 def test_control_characters_do_not_break_the_xml():
-    result = fixture.short_period_result(title="a\x00b \ud800 <&>")
+    result = fixture.short_period_result(title="a\x00b \ud800 <&> \ufffe\U0001f6e9")
     root = ElementTree.fromstring(exports.junit_xml([result], "\x1b").split("\n", 1)[1].encode())
-    assert root.find("testsuite").get("name") == "2.c.10 a?b ? <&>"
+    assert root.find("testsuite").get("name") == "2.c.10 a?b ? <&> ?\U0001f6e9"
 
 
 def test_csv_has_all_samples_in_si(folder):

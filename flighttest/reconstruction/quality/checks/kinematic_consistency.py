@@ -348,7 +348,7 @@ def _mistake_finding(explanation: Explanation, record: xr.DataTree) -> Finding:
     changes = {}
     resolved = []
     for name, before, after in zip(
-        explanation.resolves, explanation.before, explanation.after, strict=False
+        explanation.resolves, explanation.before, explanation.after, strict=True
     ):
         changes[name] = (before, after)
         resolved.append(f"{name} {before:.2f} to {after:.2f}")

@@ -64,6 +64,7 @@ _DESCRIBING_COLUMNS = {
     "MULT": ("Id", "Mult"),
 }
 _SECONDS = {"TimeUS": 1e-6, "TimeMS": 1e-3}  # s, one count of a clock
+_MODE = "MODE"  # message with the flight modes
 _REMEDY = "map a column of one number in each message"
 _UNITS = {
     "m/s/s": "m/s2",
@@ -133,6 +134,7 @@ def read(path: Path, names: NameMap) -> Recording:
         notes=tuple(notes),
         modes=_flight_modes(tables, vehicle),
         left_out=tuple(left_out),
+        modes_table=_MODE,
     )
 
 
@@ -153,7 +155,7 @@ def _flight_modes(tables: dict[str, RecordedTable], vehicle: str) -> tuple[tuple
 
     Only the numbers of aeroplanes have names here.
     """
-    mode = tables.get("MODE")
+    mode = tables.get(_MODE)
     if mode is None or mode.time is None:
         return ()
     column = first_present(("ModeNum", "Mode"), mode.columns)

@@ -75,7 +75,8 @@ def read(path: Path, names: NameMap) -> Recording:
     for key in ("sys_name", "ver_hw", "ver_sw_release"):
         if key in log.msg_info_dict:
             facts[f"px4_{key}"] = str(log.msg_info_dict[key])
-    return Recording("ulog", tables, facts, notes=tuple(_damage_notes(log)), modes=modes)
+    notes = tuple(_damage_notes(log))
+    return Recording("ulog", tables, facts, notes=notes, modes=modes, modes_table=_STATUS)
 
 
 def _flight_modes(status: RecordedTable | None) -> tuple[tuple[float, str], ...]:
