@@ -23,6 +23,7 @@ import xarray as xr
 
 from aerodb.store.evaluation import evaluate_any
 from aerodb.store.schema import database_coefficients, terms
+from flightmech.names import VOCABULARY
 from flightmech.terms import list_model_variables, list_regressors
 from flightmech.units import DEGREE
 
@@ -68,6 +69,8 @@ _DRAG = (0.005, 0.2)
 _MARGIN = (0.0, 1.0)  # chords
 _SLOPE = (0.5, 1.35)  # of the slope of a straight wing
 _TRANSONIC = (0.9, 1.2)
+_LARGEST_TRAVEL = 1.6  # 90 deg and a little [rad]
+_REFERENCE = (-0.5, 1.5)  # chords
 _RHO_0 = 1.225  # sea level [kg/m3]
 _HIGH = 1000.0  # height above ground without ground effect, where no table ends [m]
 COEFFICIENTS = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
@@ -75,11 +78,15 @@ _LEAST = 1e-9  # below it a derivative is absent
 
 
 class HasMass(Protocol):
-    """The part of an aircraft that the manoeuvre margin needs: mass [kg]."""
+    """The part of an aircraft that the margins need."""
 
     @property
     def mass(self) -> float:
         """Mass. [kg]"""
+
+    @property
+    def cg(self) -> tuple[float, float, float]:
+        """Centre of gravity from the moment reference point, body axes. [m]"""
 
 
 @dataclass(frozen=True)
@@ -143,7 +150,8 @@ def check_plausibility(
     db : DataTree
         The database.
     aircraft : Aircraft, optional
-        With its mass the manoeuvre margin is checked.
+        With its mass the manoeuvre margin is checked, and both margins about its centre of gravity.
+        Limits of its controls and its reference point in the chord are checked, too.
     acknowledged : mapping of str to str, optional
         Reasons by the subject of a finding; an acknowledged finding stays in the list.
 
@@ -159,8 +167,10 @@ def check_plausibility(
         findings += _merge(_check_slopes(db, machs, aircraft), machs)
     findings += _merge(_check_derivatives(db, machs), machs)
     findings += _find_missing(db, machs)
-    if aircraft is None:
-        why = "it needs the mass of the aircraft: give the aircraft file"
+    if aircraft is not None:
+        findings += _check_aircraft(aircraft)
+    else:
+        why = "it needs mass and centre of gravity of the aircraft: give the aircraft file"
         findings.append(PlausibilityFinding("manoeuvre margin", "not checked", source=why))
     reasons = acknowledged or {}
     return [replace(item, reason=reasons.get(item.subject, "")) for item in findings]
@@ -225,14 +235,17 @@ def _check_slopes(
             yield from _outside("CD", float(CD.min()), *_DRAG, why, mach)
         if abs(CL_alpha) < _LEAST or "Cm" not in present:
             continue
-        margin = -Cm_alpha / CL_alpha
-        why = "a stable aeroplane about its reference point; an unstable one is acknowledged"
+        margin, point = -Cm_alpha / CL_alpha, "moment reference point"
+        if aircraft is not None:
+            # The lift acts at the reference point, x_cg behind the centre of gravity.
+            margin, point = margin + aircraft.cg[0] / cbar, "centre of gravity of the aircraft file"
+        why = f"a stable aeroplane about the {point}; an unstable one is acknowledged"
         yield from _outside("static margin", margin, *_MARGIN, why, mach)
         damping = _derivative(db, "Cm", "qhat", mach)
         if aircraft is not None and damping is not None:
             # h_m = h_n - (rho S cbar / 4 m) Cm_qhat, at sea level.
             manoeuvre = margin - _RHO_0 * S * cbar / (4.0 * aircraft.mass) * damping
-            why = "positive elevator per g at sea level, centre of gravity at the reference point"
+            why = "positive elevator per g at sea level about the centre of gravity"
             yield from _outside("manoeuvre margin", manoeuvre, 0.0, 5.0, why, mach)
 
 
@@ -249,6 +262,22 @@ def _check_derivatives(
             slope = _derivative(db, coefficient, variable, mach)
             if slope is not None:
                 yield from _outside(f"{coefficient}/{variable}", slope, low, high, why, mach)
+
+
+def _check_aircraft(aircraft: Any) -> Iterator[PlausibilityFinding]:
+    """Yield numbers of an aircraft file that are in another unit than SI."""
+    for name, ends in getattr(aircraft, "limits", {}).items():
+        largest = max(map(abs, ends))
+        if name in VOCABULARY and VOCABULARY[name].units == "rad" and largest > _LARGEST_TRAVEL:
+            why = "travel of a surface; a bare number is in rad, write '20 deg'"
+            yield PlausibilityFinding(
+                f"limits {name}", "implausible", largest, 0.0, _LARGEST_TRAVEL, source=why
+            )
+    fraction = float(getattr(aircraft, "x_ref_mac", 0.25))
+    low, high = _REFERENCE
+    if not low <= fraction <= high:
+        why = "chords behind the leading edge of the mean chord; 27 % is 0.27"
+        yield PlausibilityFinding("x_ref_mac", "implausible", fraction, low, high, source=why)
 
 
 def _find_missing(db: xr.DataTree, machs: np.ndarray) -> Iterator[PlausibilityFinding]:

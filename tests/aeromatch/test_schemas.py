@@ -241,7 +241,7 @@ def test_the_page_of_keys_is_current_and_has_an_example_of_every_key():
 
 def test_examples_of_quantities_are_of_the_dimension_of_their_key():
     text = (ROOT / "docs" / "reference" / "project-keys.md").read_text(encoding="utf-8")
-    rows = re.findall(r'^\| (.+?) \| quantity \[(.+?)\] \|.*\| `"(.+?)"` \|$', text, re.M)
+    rows = re.findall(r'^\| (.+?) \| quantity \\\[(.+?)\\\] \|.*\| `"(.+?)"` \|$', text, re.M)
     assert len(rows) > 50
     wrong = []
     for keys, unit, example in rows:

@@ -45,7 +45,7 @@ def note_plausibility(
         Its ``mass`` and the reasons in ``acknowledged`` are used where it has them.
     """
     loading = None
-    if hasattr(aircraft, "mass"):
+    if hasattr(aircraft, "mass") and hasattr(aircraft, "cg"):
         loading = aircraft
     findings = check_plausibility(db, loading, getattr(aircraft, "acknowledged", {}))
     notices = [str(item) for item in findings if item.kind == "implausible"]

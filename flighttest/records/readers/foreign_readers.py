@@ -11,13 +11,14 @@ An entry point of the group ``aeromatch.record_readers`` names an object with tw
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flightmech.errors import AeromatchError, ParseError
+from flightmech.errors import AeromatchError, AeromatchWarning, ParseError
 from flightmech.plugins import RECORD_READERS, find_plugins, load_plugin
 from flighttest.records.readers.recording import RecordedTable, Recording
 
@@ -35,17 +36,23 @@ def recognise_foreign(path: str | Path, head: bytes, own: Mapping[str, Any]) -> 
     own : mapping
         Formats of the product by name, which an entry point cannot replace.
 
-    Raises
-    ------
-    AeromatchError
-        An entry point cannot be loaded, or fails while it looks at the file.
+    Warns
+    -----
+    AeromatchWarning
+        An entry point cannot be loaded, or fails while it looks at the file. It is left out, so
+        that one broken package does not stop the reading of every recording.
     """
     for name, point in find_plugins(RECORD_READERS, own).items():
-        reader = load_plugin(point)
         try:
-            is_recognised = bool(reader.recognise(Path(path), head))
+            is_recognised = bool(load_plugin(point).recognise(Path(path), head))
+        except AeromatchError as error:
+            warnings.warn(f"left out: {error}", AeromatchWarning, stacklevel=2)
+            continue
         except Exception as error:
-            raise _failure(name, path, error) from error
+            warnings.warn(
+                f"left out: {_failure(name, path, error)}", AeromatchWarning, stacklevel=2
+            )
+            continue
         if is_recognised:
             return name
     return ""

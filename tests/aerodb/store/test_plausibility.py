@@ -48,7 +48,12 @@ def aeroplane(root) -> xr.DataTree:
 
 @dataclasses.dataclass(frozen=True)
 class Mass:
+    """The part of an aircraft that is checked."""
+
     mass: float
+    cg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    limits: dict[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
+    x_ref_mac: float = 0.25
 
 
 def subjects(found) -> set[str]:
@@ -116,6 +121,20 @@ def test_an_aeroplane_that_damping_alone_makes_unstable(aeroplane) -> None:
     aeroplane["Cm/qhat"]["value"][...] *= 0.1
     found = check_plausibility(aeroplane, Mass(1200.0))
     assert {"static margin", "manoeuvre margin"} <= subjects(found)
+
+
+def test_margins_are_about_the_centre_of_gravity(aeroplane) -> None:
+    """0.5 m aft of the reference point is 0.3 of the chord of 1.667 m; the margin was 0.14."""
+    assert check_plausibility(aeroplane, Mass(1200.0, cg=(0.2, 0.0, 0.0))) == []
+    (item,) = check_plausibility(aeroplane, Mass(1200.0, cg=(-0.3, 0.0, 0.0)))
+    assert item.subject == "static margin"
+    assert item.value == pytest.approx(0.7 / 4.9 - 0.3 / 1.667, abs=2e-3)
+
+
+def test_degrees_and_percent_in_an_aircraft_file(aeroplane) -> None:
+    travel = {"delta_e": (-20.0, 17.0), "delta_a": (-0.3, 0.3), "delta_s": (0.0, 5.0)}
+    found = check_plausibility(aeroplane, Mass(1200.0, limits=travel, x_ref_mac=27.0))
+    assert subjects(found) == {"limits delta_e", "x_ref_mac"}
 
 
 def test_a_coefficient_without_terms(aeroplane) -> None:
