@@ -246,7 +246,8 @@ def _check_derivatives(
         low, high = _widen(lowest, highest)
         why = f"{_PUBLISHED}, {lowest:g} to {highest:g} per radian"
         if coefficient in ("Cm", "CL") and variable == "qhat":
-            why += "; a value far outside means a wrong chord or reference point"
+            why += "; a value far outside means a wrong chord or reference point; an aeroplane "
+            why += "without tail damps less, and its value is acknowledged"
         for mach in machs:
             if variable == "alphadothat" and mach >= _SUPERSONIC:
                 continue

@@ -36,8 +36,8 @@ _LEAST_SLOPE = 0.05
 _MOMENT_ABOVE, _MOMENT_BELOW, _MOMENT_AMOUNT = 0.10, 0.25, 2.5
 _LIFT_PART, _LIFT_AMOUNT = 1.0, 5.0
 # Lift from which the rolling moment due to yaw has the sign of the lift, but for the share of a
-# vertical tail.
-_LIFTING, _TAIL_CLR = 0.2, 0.2
+# vertical tail. A fin above the axis adds a positive share, 0.24 of a fighter with two fins.
+_LIFTING, _TAIL_CLR_BELOW, _TAIL_CLR_ABOVE = 0.2, 0.2, 0.4
 # Largest sizes of a derivative of an aeroplane; beyond them its reference length is wrong. [1/rad]
 LARGEST = {
     "CL_qhat": 50.0,
@@ -50,7 +50,15 @@ LARGEST = {
     "Cn_phat": 1.5,
 }
 # Sign in attached flow: damping opposes its rate; a late downwash lifts the tail down.
-_SIGNS = {"Cm_qhat": -1, "Cl_phat": -1, "Cn_rhat": -1, "Cm_alphadothat": -1, "CL_alphadothat": 1}
+_SIGNS = {
+    "Cm_qhat": -1,
+    "Cl_phat": -1,
+    "Cn_rhat": -1,
+    "Cm_alphadothat": -1,
+    "CL_alphadothat": 1,
+}  # A wing without fin damps yaw by its drag alone: +-0.003 per radian, of either sign at low lift.
+_SIGN_MARGIN = {"Cn_rhat": 0.01}
+
 # What to do about a suspect derivative: the pole concerns the pitch rate alone.
 _POLE = (
     "the program's method of the damping of a wing-body has a pole over XCG, so move XCG by a "
@@ -139,9 +147,12 @@ def find_inconsistent(
             continue
         # CMQ and CLQ are printed once, in the first row, for all angles.
         rows = is_linear | (name == "Cm_qhat")
-        wrong[name] = wrong[name] | (rows & (sign * derivatives[name] < 0.0))
+        margin = _SIGN_MARGIN.get(name, 0.0)
+        wrong[name] = wrong[name] | (rows & (sign * derivatives[name] < -margin))
     # A wing that lifts more on the advancing side rolls away from it: Clr has the sign of CL.
-    is_reversed = (np.abs(lift) > _LIFTING) & (derivatives["Cl_rhat"] * np.sign(lift) < -_TAIL_CLR)
+    Cl_r = derivatives["Cl_rhat"]
+    is_reversed = (lift > _LIFTING) & (Cl_r < -_TAIL_CLR_BELOW)
+    is_reversed |= (lift < -_LIFTING) & (Cl_r > _TAIL_CLR_ABOVE)
     wrong["Cl_rhat"] = wrong["Cl_rhat"] | (is_linear & is_reversed)
     # The yaw of a rolling aeroplane is a part of its roll damping.
     wrong["Cn_phat"] = wrong["Cn_phat"] | (

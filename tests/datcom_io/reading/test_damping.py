@@ -75,6 +75,21 @@ def test_roll_due_to_yaw_has_the_sign_of_the_lift() -> None:
     }
 
 
+def test_high_fins_roll_an_aeroplane_of_negative_lift() -> None:
+    """Two fins of a fighter add 0.24: CLR of 0.23 where CL is -0.3."""
+    lift = np.array([-0.3, 0.1, 0.5, 0.9, 1.2])
+    printed = derivatives(Cl_rhat=[0.23, 0.25, 0.27, 0.3, 0.3])
+    assert find_inconsistent(printed, ALPHA, lift, SLOPE, 0.3) == {}
+    reversed_sign = derivatives(Cl_rhat=[0.45, 0.25, 0.27, 0.3, 0.3])
+    assert list(find_inconsistent(reversed_sign, ALPHA, lift, SLOPE, 0.3)) == ["Cl_rhat"]
+
+
+def test_yaw_damping_of_a_wing_without_fin_is_small_and_of_either_sign() -> None:
+    row = [0.002, -0.0005, -0.002, -0.003, -0.01]
+    assert wrong(np.full(5, np.nan), Cn_rhat=row) == {}
+    assert list(wrong(Cn_rhat=[0.02, *row[1:]])) == ["Cn_rhat"]
+
+
 def test_beyond_the_linear_range_signs_are_free() -> None:
     """A stalled wing autorotates: Cl_phat is positive at 16 deg of the sound page."""
     assert SOUND["Cl_phat"][-1] > 0.0
