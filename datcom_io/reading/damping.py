@@ -36,8 +36,10 @@ _LEAST_SLOPE = 0.05
 _MOMENT_ABOVE, _MOMENT_BELOW, _MOMENT_AMOUNT = 0.10, 0.25, 2.5
 _LIFT_PART, _LIFT_AMOUNT = 1.0, 5.0
 # Lift from which the rolling moment due to yaw has the sign of the lift, but for the share of a
-# vertical tail. A fin above the axis adds a positive share, 0.24 of a fighter with two fins.
-_LIFTING, _TAIL_CLR_BELOW, _TAIL_CLR_ABOVE = 0.2, 0.2, 0.4
+# vertical tail.
+_LIFTING, _TAIL_CLR = 0.2, 0.2
+# A fin at height z and arm l adds -CNR z / l to CLR, and a part of it to CNP. Parts of |CNR|.
+_FIN_CLR, _FIN_CNP = 0.5, 0.25
 # Largest sizes of a derivative of an aeroplane; beyond them its reference length is wrong. [1/rad]
 LARGEST = {
     "CL_qhat": 50.0,
@@ -151,13 +153,13 @@ def find_inconsistent(
         wrong[name] = wrong[name] | (rows & (sign * derivatives[name] < -margin))
     # A wing that lifts more on the advancing side rolls away from it: Clr has the sign of CL.
     Cl_r = derivatives["Cl_rhat"]
-    is_reversed = (lift > _LIFTING) & (Cl_r < -_TAIL_CLR_BELOW)
-    is_reversed |= (lift < -_LIFTING) & (Cl_r > _TAIL_CLR_ABOVE)
+    fin = np.abs(np.nan_to_num(derivatives["Cn_rhat"]))
+    is_reversed = (lift > _LIFTING) & (Cl_r < -_TAIL_CLR)
+    is_reversed |= (lift < -_LIFTING) & (Cl_r > _TAIL_CLR + _FIN_CLR * fin)
     wrong["Cl_rhat"] = wrong["Cl_rhat"] | (is_linear & is_reversed)
-    # The yaw of a rolling aeroplane is a part of its roll damping.
-    wrong["Cn_phat"] = wrong["Cn_phat"] | (
-        is_linear & (np.abs(derivatives["Cn_phat"]) > np.abs(derivatives["Cl_phat"]))
-    )
+    # The yaw of a rolling aeroplane is a part of its roll damping, but for the share of the fin.
+    largest_Cn_p = np.abs(derivatives["Cl_phat"]) + _FIN_CNP * fin
+    wrong["Cn_phat"] |= is_linear & (np.abs(derivatives["Cn_phat"]) > largest_Cn_p)
     for name, share in estimate_tail_share(derivatives, alpha, downwash_slope, mach).items():
         rest = derivatives[name] - share
         if name == "Cm_qhat":

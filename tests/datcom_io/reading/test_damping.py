@@ -75,13 +75,26 @@ def test_roll_due_to_yaw_has_the_sign_of_the_lift() -> None:
     }
 
 
-def test_high_fins_roll_an_aeroplane_of_negative_lift() -> None:
-    """Two fins of a fighter add 0.24: CLR of 0.23 where CL is -0.3."""
+# An F-104-like fighter: a fin as high as the wing panel is wide, CNR of -1.5.
+FIN = {"Cn_rhat": 5 * [-1.5]}
+
+
+def test_a_high_fin_rolls_an_aeroplane_of_negative_lift() -> None:
     lift = np.array([-0.3, 0.1, 0.5, 0.9, 1.2])
-    printed = derivatives(Cl_rhat=[0.23, 0.25, 0.27, 0.3, 0.3])
-    assert find_inconsistent(printed, ALPHA, lift, SLOPE, 0.3) == {}
-    reversed_sign = derivatives(Cl_rhat=[0.45, 0.25, 0.27, 0.3, 0.3])
-    assert list(find_inconsistent(reversed_sign, ALPHA, lift, SLOPE, 0.3)) == ["Cl_rhat"]
+    row = [0.58, 0.5, 0.48, 0.45, 0.4]
+    assert find_inconsistent(derivatives(Cl_rhat=row, **FIN), ALPHA, lift, SLOPE, 0.3) == {}
+    # without the fin, CLR of that size has the wrong sign
+    found = find_inconsistent(derivatives(Cl_rhat=row), ALPHA, lift, SLOPE, 0.3)
+    assert {name: mask.tolist() for name, mask in found.items()} == {
+        "Cl_rhat": [True, *4 * [False]]
+    }
+
+
+def test_the_fin_of_a_slender_wing_yaws_more_than_the_wing_damps() -> None:
+    """A delta of aspect ratio 0.9: CLP -0.088, CNP -0.106 at 4 deg."""
+    slender = {"Cl_phat": 5 * [-0.088], "Cn_phat": [-0.04, -0.05, -0.106, -0.1, -0.1]}
+    assert wrong(**slender, **FIN) == {}
+    assert list(wrong(**slender, Cn_rhat=5 * [-0.02])) == ["Cn_phat"]
 
 
 def test_yaw_damping_of_a_wing_without_fin_is_small_and_of_either_sign() -> None:
