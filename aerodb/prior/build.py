@@ -19,7 +19,7 @@ from aerodb.prior.effect_to_terms import fill_unprinted_cells, terms_of_effect
 from aerodb.prior.power import power_effect, with_idle_engines, with_power_in_it
 from aerodb.prior.prior_errors import errors_with
 from aerodb.prior.reference_quantities import Point, find_reference_point, refer_to_aircraft
-from aerodb.prior.roles import ADVICE_ON_MISFIT, describe_misfit
+from aerodb.prior.roles import advise_on_misfit, describe_misfit
 from aerodb.prior.sources import Source, collect_source, split_powered, warn_user
 from aerodb.store.effects import Effect
 from aerodb.store.schema import SCHEME, make_database
@@ -35,7 +35,20 @@ _ROLL_CONTROLS = {
     "differential_tail": devices.differential_tail,
 }
 # Roles whose increments are those of a control device.
-_DEVICE_ROLES = ("flaps", "elevator", "aileron", "spoilers", "ground_flap", "aileron_hinge", "tabs")
+_DEVICE_ROLES = (
+    "flaps",
+    "elevator",
+    "aileron",
+    "spoilers",
+    "ground_flap",
+    "ground_elevator",
+    "aileron_hinge",
+    "tabs",
+)
+_FLAP_OR_ELEVATOR = (
+    "the program computed it on the horizontal tail: run the flap of a wing without HTPLNF, or "
+    "give an elevator its upward deflections"
+)
 _INCOMPRESSIBLE = 0.3  # tables that begin below this Mach number are extended to Mach 0
 
 
@@ -210,18 +223,34 @@ def _collect_sources(listings: Mapping[str, Any], powered: bool) -> dict[str, So
             use_power = not split_powered(cases[role])[0]
         sources[role] = collect_source(role, cases[role], use_power)
         if role in _DEVICE_ROLES:
-            _require_device_on_surface(sources[role])
+            require_device_on_surface(sources[role])
     return sources
 
 
-def _require_device_on_surface(source: Source) -> None:
-    """Raise if a device lies beyond the tip of its surface; warn if it does so by a little."""
+def require_device_on_surface(source: Source) -> None:
+    """Raise if a device does not fit its surface; warn if it misses that by a little."""
     for deck in source.decks:
         if misfit := describe_misfit(deck):
-            raise SchemaError(source.role, [f"{source.file}: {misfit}; {ADVICE_ON_MISFIT}"])
+            advice = advise_on_misfit(deck)
+            raise SchemaError(source.role, [f"{source.file}: {misfit}; {advice}"])
     for misfit in dict.fromkeys(describe_misfit(deck, ROUNDED_SPAN) for deck in source.decks):
         if misfit:
-            warn_user(f"{source.role}: {misfit}; it counts as a device to the tip")
+            warn_user(f"{source.role}: {misfit}; it counts as a device of that surface")
+    if source.role == "elevator":
+        _warn_of_one_sided_elevator(source)
+
+
+def _warn_of_one_sided_elevator(source: Source) -> None:
+    """Warn if an elevator moves down only, as the flap of a wing does that fits inside the tail."""
+    deflections: set[float] = set()
+    for deck in source.decks:
+        deflections.update(deck.schedule("SYMFLP", "DELTA", "NDELTA"))
+    if len(deflections) > 1 and min(deflections) >= 0.0:
+        degrees = " ".join(f"{delta:g}" for delta in sorted(deflections))
+        warn_user(
+            f"{source.role}: all deflections of SYMFLP point down ({degrees} deg), as those of the "
+            f"flap of a wing; {_FLAP_OR_ELEVATOR}"
+        )
 
 
 def _assemble_database(

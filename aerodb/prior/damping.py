@@ -83,7 +83,7 @@ def _tail_share(clean: Source, grid: xr.Dataset, name: str, h_ref: float) -> xr.
         derivatives = {
             key: row[key].transpose("alpha").values for key in ("CL_alphadothat", "Cm_alphadothat")
         }
-        estimate = estimate_tail_share(derivatives, alpha, slope.sel(mach=mach).values)
+        estimate = estimate_tail_share(derivatives, alpha, slope.sel(mach=mach).values, mach)
         shares.append(estimate.get(name, np.nan))
     return xr.DataArray(shares, {"mach": grid["mach"].values}, "mach").broadcast_like(grid[name])
 

@@ -7,7 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from datcom_io.arrays.conditions import control_surface
-from datcom_io.decks.aircraft_rules import describe_span_beyond_tip, has_thrust
+from datcom_io.decks.aircraft_rules import (
+    describe_chord_beyond_surface,
+    describe_span_beyond_tip,
+    has_thrust,
+)
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.namelists import COUNTS
 from datcom_io.listing import Case
@@ -30,10 +34,11 @@ _RUN_NAMELISTS = ("FLTCON", "GRNDEF")  # namelists that do not change the aircra
 # The elevator of a public deck passes it by 0.05 %, an aileron by 1.8 %; a flap of the wing that the
 # program computes on the tail passes it by half the span and more.
 _CARELESS_SPAN = 0.05
-ADVICE_ON_MISFIT = (
+_FLAP_ON_TAIL = (
     "with a wing and a horizontal tail the program computes a SYMFLP on the tail, so run the flap "
     "of a wing without HTPLNF"
 )
+_WRONG_CARDS = "correct the stations and chords of the device"
 _DEVICE_NAMELISTS = ("SYMFLP", "CONTAB", "JETPWR", "PROPWR")
 
 
@@ -80,10 +85,9 @@ def assign_roles(given: Iterable[Any]) -> list[CaseRole]:
     list of CaseRole
         In the order of the cases.  The whole aeroplane is the configuration with the most
         components.  If several cases have the same conditions in one role, the first is used; with
-        SYMFLP that of the shortest run.  A device beyond the tip of its surface has no role.  If every
-    case of the whole aeroplane has a deflection, the
-        static pages of the elevator cases are the clean ones: the program prints them without
-        deflection.
+        SYMFLP that of the shortest run.  A device beyond the tip of its surface, or with a larger
+        chord, has no role.  If every case of the whole aeroplane has a deflection, the static
+        pages of the elevator cases are the clean ones: the program prints them without deflection.
 
     Raises
     ------
@@ -98,12 +102,11 @@ def assign_roles(given: Iterable[Any]) -> list[CaseRole]:
     hinges = {_span_stations(case, "ASYFLP") for case in cases if _style(case) == _AILERON}
     assigned = []
     for case in cases:
-        roles: tuple[str, ...] = ()
         misfit = describe_misfit(case.deck)
-        if misfit and not _has_power(case):
-            reason = f"not used: {misfit}; {ADVICE_ON_MISFIT}"
-        else:
-            roles, reason = _find_roles(case, aeroplane, hinges)
+        roles, reason = _find_roles(case, aeroplane, hinges)
+        # Pages with power effects, and without a table of the device, do not contain it.
+        if misfit and "power" not in roles:
+            roles, reason = (), f"not used: {misfit}; {advise_on_misfit(case.deck)}"
         assigned.append(CaseRole(case, roles, reason))
     if not _cases_of_role(assigned, "clean"):
         assigned = _assign_clean(assigned, aeroplane)
@@ -136,21 +139,26 @@ def describe_misfit(deck: Deck, tolerance: float = _CARELESS_SPAN) -> str:
     ----------
     deck : Deck
     tolerance : float
-        Part of the semispan that the device may reach beyond the tip.
+        Part of the semispan that the device may reach beyond the tip, and of the chord of the
+        surface by which its chord may be larger.
     """
+    name, surface = "ASYFLP", "WGPLNF"
     if "SYMFLP" in deck.namelists:
-        if control_surface(deck) == "wing":
-            return describe_span_beyond_tip(deck, "SYMFLP", "WGPLNF", tolerance)
-        return describe_span_beyond_tip(deck, "SYMFLP", "HTPLNF", tolerance)
-    is_on_tail = round(deck.value("ASYFLP", "STYPE") or 0.0) == _DIFFERENTIAL_TAIL
-    if "ASYFLP" in deck.namelists and not is_on_tail:
-        return describe_span_beyond_tip(deck, "ASYFLP", "WGPLNF", tolerance)
-    return ""
+        name = "SYMFLP"
+        if control_surface(deck) == "tail":
+            surface = "HTPLNF"
+    elif round(deck.value(name, "STYPE") or 0.0) == _DIFFERENTIAL_TAIL:
+        return ""
+    return describe_span_beyond_tip(
+        deck, name, surface, tolerance
+    ) or describe_chord_beyond_surface(deck, name, surface, tolerance)
 
 
-def _has_power(case: Case) -> bool:
-    """Return whether a page of a case has power effects."""
-    return has_thrust(case.deck) and any(page.power != "off" for page in case.pages)
+def advise_on_misfit(deck: Deck) -> str:
+    """Return what to do about a device that does not fit its surface."""
+    if "SYMFLP" in deck.namelists and control_surface(deck) == "tail":
+        return _FLAP_ON_TAIL
+    return _WRONG_CARDS
 
 
 def _cases_of_role(assigned: Iterable[CaseRole], role: str) -> list[CaseRole]:

@@ -157,7 +157,13 @@ def rates_to_body(roll: Effect, yaw: Effect) -> tuple[Effect, Effect]:
     """
     lp, np_ = roll.tables.get("Cl", _ZERO), roll.tables.get("Cn", _ZERO)
     lr, nr = yaw.tables.get("Cl", _ZERO), yaw.tables.get("Cn", _ZERO)
-    sin, cos = _sin_cos(lp + np_ + lr + nr)
+    printed = lp + np_ + lr + nr
+    # Supersonic pages print neither rolling nor yawing moments, at most a side force.
+    if "alpha" not in printed.dims:
+        printed = roll.tables.get("CY", printed)
+    if "alpha" not in printed.dims:
+        return roll, yaw
+    sin, cos = _sin_cos(printed)
     # T D T' with D = [[lp, lr], [np, nr]].
     rolling = {
         "CY": roll.tables.get("CY", 0.0) * cos,

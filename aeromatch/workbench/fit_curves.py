@@ -59,7 +59,7 @@ def added_variable_residuals(
         terms = [terms[j] for j in slopes]
         X, z = in_frequency(fit, band, X[:, slopes], z)
     else:
-        root = weight_roots(fit.estimates.attrs["weights"], X, z, fit.data)
+        root, _ = weight_roots(fit.estimates.attrs["weights"], X, z, fit.data)
         X, z = X * root[:, None], z * root
     if term not in terms:
         raise UnknownName(term, terms, "term")

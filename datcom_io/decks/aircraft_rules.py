@@ -135,7 +135,10 @@ def check_reference_quantities(deck: Deck) -> Iterator[DeckFinding]:
 
 
 def flap_span(deck: Deck) -> Iterator[DeckFinding]:
-    """Yield a flap that begins inside the body, as the program tests it in single precision."""
+    """Yield a flap that begins inside the body, or does not fit its surface.
+
+    The program tests the body in single precision.
+    """
     name = _device_namelist(deck)
     if not name or round(deck.value("ASYFLP", "STYPE") or 0) == _DIFFERENTIAL_TAIL:
         return
@@ -162,10 +165,13 @@ def flap_span(deck: Deck) -> Iterator[DeckFinding]:
             WARNING,
             f"{text}; the program prints ERROR and computes with {side:g}: write it",
         )
-    if text := describe_span_beyond_tip(deck, name, surface):
+    text, variable = describe_span_beyond_tip(deck, name, surface), "SPANFO"
+    if not text:
+        text, variable = describe_chord_beyond_surface(deck, name, surface), "CHRDFI"
+    if text:
         if surface == "HTPLNF":
             text += "; with a wing and a horizontal tail the program puts the device on the tail"
-        yield DeckFinding(deck.line_of(name, "SPANFO"), WARNING, text)
+        yield DeckFinding(deck.line_of(name, variable), WARNING, text)
 
 
 def describe_span_beyond_tip(
@@ -188,6 +194,52 @@ def describe_span_beyond_tip(
     if outer is None or tip is None or outer <= tip * (1.0 + tolerance):
         return ""
     return f"${name}: SPANFO={outer:g} lies beyond the tip, SSPN={tip:g} of ${surface}"
+
+
+def describe_chord_beyond_surface(
+    deck: Deck, name: str, surface: str, tolerance: float = ROUNDED_SPAN
+) -> str:
+    """Return a clause on a device with a larger chord than its surface, empty if none has.
+
+    The flap of a wing may end inside the tip of the tail, and is yet no device of the tail.
+
+    Parameters
+    ----------
+    deck : Deck
+    name : str
+        Namelist of the device, ``SYMFLP`` or ``ASYFLP``.
+    surface : str
+        Namelist of the planform, ``WGPLNF`` or ``HTPLNF``.
+    tolerance : float
+        Part of the chord of the surface by which the device may be larger.
+    """
+    for end in "IO":
+        chord, station = deck.value(name, f"CHRDF{end}"), deck.value(name, f"SPANF{end}")
+        if chord is None or station is None:
+            continue
+        local = _local_chord(deck, surface, station)
+        if local is not None and chord > local * (1.0 + tolerance):
+            return (
+                f"${name}: CHRDF{end}={chord:g} is larger than the chord {local:.4g} of "
+                f"${surface} at SPANF{end}={station:g}"
+            )
+    return ""
+
+
+def _local_chord(deck: Deck, surface: str, station: float) -> float | None:
+    """Return the chord of a planform at a span station, None if the deck does not give it."""
+    tip = deck.value(surface, "SSPN")
+    chords = [deck.value(surface, "CHRDR"), deck.value(surface, "CHRDTP")]
+    if not tip or None in chords:
+        return None
+    stations = [0.0, tip]
+    outboard, crank = deck.value(surface, "SSPNOP"), deck.value(surface, "CHRDBP")
+    # A straight planform ignores a break.
+    is_broken = round(deck.value(surface, "TYPE") or 1.0) != 1
+    if is_broken and outboard and crank is not None:
+        stations.insert(1, tip - outboard)
+        chords.insert(1, crank)
+    return float(np.interp(station, stations, np.array(chords, float)))
 
 
 def has_thrust(deck: Deck) -> bool:

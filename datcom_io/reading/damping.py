@@ -7,6 +7,9 @@ aeroplanes with a tail CMQ differs from that share by at most 3 %. The wing-body
 pole over the position of the centre of gravity, near which the printed CMQ of the aeroplane is
 wrong in size and sign: an own light aircraft of two engines prints -27 to +101 per radian over 0.8 chord of XCG, where the
 tail's share goes from -28 to -22.
+
+At supersonic Mach numbers a wing has CLAD and CMAD of its own, of either sign, and the page prints
+the sum. Neither the share of the tail nor a sign follows from them there.
 """
 
 from __future__ import annotations
@@ -24,6 +27,8 @@ from datcom_io.reading.suspects import with_suspects
 
 # Range in which the signs of attached flow hold. [deg]
 _LINEAR = 6.0
+# From this Mach number on the printed CLAD and CMAD contain those of the wing.
+_SUPERSONIC = 1.0
 # Least slope of the downwash that can divide.
 _LEAST_SLOPE = 0.05
 # Wing-body share of CMQ and CLQ: part of the tail's share, and amount per radian. A wing-body has
@@ -33,6 +38,8 @@ _LIFT_PART, _LIFT_AMOUNT = 1.0, 5.0
 # Lift from which the rolling moment due to yaw has the sign of the lift, but for the share of a
 # vertical tail.
 _LIFTING, _TAIL_CLR = 0.2, 0.2
+# A fin at height z and arm l adds -CNR z / l to CLR, and a part of it to CNP. Parts of |CNR|.
+_FIN_CLR, _FIN_CNP = 0.5, 0.25
 # Largest sizes of a derivative of an aeroplane; beyond them its reference length is wrong. [1/rad]
 LARGEST = {
     "CL_qhat": 50.0,
@@ -45,13 +52,30 @@ LARGEST = {
     "Cn_phat": 1.5,
 }
 # Sign in attached flow: damping opposes its rate; a late downwash lifts the tail down.
-_SIGNS = {"Cm_qhat": -1, "Cl_phat": -1, "Cn_rhat": -1, "Cm_alphadothat": -1, "CL_alphadothat": 1}
+_SIGNS = {
+    "Cm_qhat": -1,
+    "Cl_phat": -1,
+    "Cn_rhat": -1,
+    "Cm_alphadothat": -1,
+    "CL_alphadothat": 1,
+}  # A wing without fin damps yaw by its drag alone: +-0.003 per radian, of either sign at low lift.
+_SIGN_MARGIN = {"Cn_rhat": 0.01}
+
+# What to do about a suspect derivative: the pole concerns the pitch rate alone.
+_POLE = (
+    "the program's method of the damping of a wing-body has a pole over XCG, so move XCG by a "
+    "tenth of a chord and compare"
+)
+_ADVICE = {"CL_qhat": _POLE, "Cm_qhat": _POLE}
+_OTHER_ADVICE = (
+    "compare with a neighbouring Mach number, and check CBARR, BLREF and the planforms of the deck"
+)
 
 Derivatives = Mapping[str, np.ndarray]
 
 
 def estimate_tail_share(
-    derivatives: Derivatives, alpha: np.ndarray, downwash_slope: np.ndarray
+    derivatives: Derivatives, alpha: np.ndarray, downwash_slope: np.ndarray, mach: float
 ) -> dict[str, float]:
     """Return CLQ and CMQ of the tail from CLAD and CMAD and the downwash.
 
@@ -63,18 +87,24 @@ def estimate_tail_share(
         Angle of attack. [deg]
     downwash_slope : array (alpha,)
         d epsilon / d alpha, NaN where it is not printed.
+    mach : float
+        Mach number of the page.
 
     Returns
     -------
     dict of str to float
-        ``CL_qhat`` and ``Cm_qhat``: medians over the linear range. A derivative without a number
-        there is absent. [1/rad]
+        ``CL_qhat`` and ``Cm_qhat``: medians over the linear range. A derivative without a sound
+        number there is absent, as are both at supersonic Mach numbers. [1/rad]
     """
-    shares = {}
+    shares: dict[str, float] = {}
+    if mach >= _SUPERSONIC:
+        return shares
     is_usable = (np.abs(alpha) <= _LINEAR) & (downwash_slope > _LEAST_SLOPE)
     for name in ("CL", "Cm"):
         lag = derivatives[f"{name}_alphadothat"]
-        rows = is_usable & np.isfinite(lag)
+        # A lag of the wrong sign or size says nothing about the tail; NaN compares false.
+        is_sound = _SIGNS[f"{name}_alphadothat"] * lag > 0.0
+        rows = is_usable & is_sound & (np.abs(lag) <= LARGEST[f"{name}_alphadothat"])
         if rows.any():
             shares[f"{name}_qhat"] = float(np.median(lag[rows] / downwash_slope[rows]))
     return shares
@@ -85,6 +115,7 @@ def find_inconsistent(
     alpha: np.ndarray,
     lift: np.ndarray,
     downwash_slope: np.ndarray,
+    mach: float,
 ) -> dict[str, np.ndarray]:
     """Return masks of the numbers that contradict their sign, their size or each other.
 
@@ -99,6 +130,8 @@ def find_inconsistent(
         Lift coefficient, NaN where it is not printed.
     downwash_slope : array (alpha,)
         d epsilon / d alpha, NaN without a tail behind the wing.
+    mach : float
+        Mach number of the page.
 
     Returns
     -------
@@ -111,20 +144,23 @@ def find_inconsistent(
     for name, largest in LARGEST.items():
         wrong[name] = np.abs(derivatives[name]) > largest
     for name, sign in _SIGNS.items():
-        # Without a tail the lag of the downwash has no sign of its own.
-        if name.endswith("alphadothat") and not has_tail:
+        # Without a tail, or with the share of a supersonic wing, the lag has no sign of its own.
+        if name.endswith("alphadothat") and (not has_tail or mach >= _SUPERSONIC):
             continue
         # CMQ and CLQ are printed once, in the first row, for all angles.
         rows = is_linear | (name == "Cm_qhat")
-        wrong[name] = wrong[name] | (rows & (sign * derivatives[name] < 0.0))
+        margin = _SIGN_MARGIN.get(name, 0.0)
+        wrong[name] = wrong[name] | (rows & (sign * derivatives[name] < -margin))
     # A wing that lifts more on the advancing side rolls away from it: Clr has the sign of CL.
-    is_reversed = (np.abs(lift) > _LIFTING) & (derivatives["Cl_rhat"] * np.sign(lift) < -_TAIL_CLR)
+    Cl_r = derivatives["Cl_rhat"]
+    fin = np.abs(np.nan_to_num(derivatives["Cn_rhat"]))
+    is_reversed = (lift > _LIFTING) & (Cl_r < -_TAIL_CLR)
+    is_reversed |= (lift < -_LIFTING) & (Cl_r > _TAIL_CLR + _FIN_CLR * fin)
     wrong["Cl_rhat"] = wrong["Cl_rhat"] | (is_linear & is_reversed)
-    # The yaw of a rolling aeroplane is a part of its roll damping.
-    wrong["Cn_phat"] = wrong["Cn_phat"] | (
-        is_linear & (np.abs(derivatives["Cn_phat"]) > np.abs(derivatives["Cl_phat"]))
-    )
-    for name, share in estimate_tail_share(derivatives, alpha, downwash_slope).items():
+    # The yaw of a rolling aeroplane is a part of its roll damping, but for the share of the fin.
+    largest_Cn_p = np.abs(derivatives["Cl_phat"]) + _FIN_CNP * fin
+    wrong["Cn_phat"] |= is_linear & (np.abs(derivatives["Cn_phat"]) > largest_Cn_p)
+    for name, share in estimate_tail_share(derivatives, alpha, downwash_slope, mach).items():
         rest = derivatives[name] - share
         if name == "Cm_qhat":
             below = _MOMENT_BELOW * abs(share) + _MOMENT_AMOUNT
@@ -142,8 +178,8 @@ def flag_damping(case: Case) -> None:
         for page in case.pages
         if page.kind == "static" and math.isinf(page.ground_height)
     }
-    # Reported once by derivative, with the first line and number and all Mach numbers.
-    reports: dict[str, tuple[int, str, list[float]]] = {}
+    # Reported once by configuration and derivative, with the first number and all Mach numbers.
+    reports: dict[tuple[str, str], tuple[int, str, list[float]]] = {}
     for i, page in enumerate(case.pages):
         table = page.table("dynamic")
         if table is None or "WING" not in page.configuration:
@@ -157,8 +193,9 @@ def flag_damping(case: Case) -> None:
         derivatives = {name: per_radian * columns[name] for name in LARGEST}
         lift = _column_of_page(static, "static", "CL", alpha)
         slope = _column_of_page(static, "downwash", "epsilon_alpha", alpha)
-        wrong = find_inconsistent(derivatives, alpha, lift, slope)
-        shares = estimate_tail_share(derivatives, alpha, slope)
+        mach = page.condition("mach")
+        wrong = find_inconsistent(derivatives, alpha, lift, slope, mach)
+        shares = estimate_tail_share(derivatives, alpha, slope, mach)
         for name, mask in wrong.items():
             page = with_suspects(page, "dynamic", (name,), mask)
             row = int(np.argmax(mask))
@@ -166,20 +203,16 @@ def flag_damping(case: Case) -> None:
             if name in shares:
                 text += ", where the derivatives of alpha-dot and the downwash of the page give "
                 text += f"{shares[name]:.4g} for the tail alone"
-            _, _, machs = reports.setdefault(name, (table.lines[row], text, []))
-            machs.append(page.condition("mach"))
-        case.pages[i] = page
-    for name, (line, text, machs) in reports.items():
-        at = " ".join(f"{mach:g}" for mach in dict.fromkeys(machs))
-        case.messages.append(
-            ListingMessage(
-                line,
-                f"{name} is inconsistent in sign or size at Mach {at} ({text}) and is flagged "
-                f"suspect; the program's method of the damping of a wing-body has a pole over "
-                f"XCG, so move XCG by a tenth of a chord and compare",
-                "reader",
+            _, _, machs = reports.setdefault(
+                (page.configuration, name), (table.lines[row], text, [])
             )
-        )
+            machs.append(mach)
+        case.pages[i] = page
+    for (configuration, name), (line, text, machs) in reports.items():
+        at = " ".join(f"{mach:g}" for mach in dict.fromkeys(machs))
+        sentence = f"{name} of {configuration} is inconsistent in sign or size at Mach {at} "
+        sentence += f"({text}) and is flagged suspect; {_ADVICE.get(name, _OTHER_ADVICE)}"
+        case.messages.append(ListingMessage(line, sentence, "reader"))
 
 
 def _columns(table: PrintedTable) -> dict[str, np.ndarray]:

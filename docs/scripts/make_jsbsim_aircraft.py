@@ -55,11 +55,15 @@ forces after {rest} evaluations of the same state without a step, when the contr
 
 *Mass*: largest relative difference of mass and moments of inertia from those with which JSBSim starts (its pounds per slug are rounded).
 """
-NOTES = """
-- {late}: the control system does not come to rest, so that JSBSim's step before is another state.
-- paraglider: the first step of JSBSim, without further evaluations, at those of the {states} states at which it does not diverge.
-- The file of the F450 is in metres, and JSBSim takes 3.2808399 ft for one: 3e-9 of an area; its unit of inertia is rounded to 9e-5. ball and ballx have no forces.
-"""
+NOTES = (
+    "\n"
+    "- {late}: the control system does not come to rest, so that JSBSim's step before is another "
+    "state.\n"
+    "- paraglider: the first step of JSBSim, without further evaluations, at those of the {states} "
+    "states at which it does not diverge.\n"
+    "- The file of the F450 is in metres, and JSBSim takes 3.2808399 ft for one: 3e-9 of an area; "
+    "its unit of inertia is rounded to 9e-5. ball and ballx have no forces.\n"
+)
 
 
 def main() -> None:

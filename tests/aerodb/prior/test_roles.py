@@ -4,6 +4,7 @@
 
 import dataclasses
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,9 @@ from click.testing import CliRunner
 import aerodb
 import datcom_io
 from aerodb.cli.group import db as group
+from aerodb.prior.build import require_device_on_surface
 from aerodb.prior.roles import assign_roles, by_role
+from aerodb.prior.sources import collect_source
 from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.units import DEGREE, FOOT
 
@@ -308,6 +311,68 @@ def test_a_device_beyond_the_tip_of_its_surface_has_no_role(listing_with_span, l
     assert "SPANFO=8.5 lies beyond the tip, SSPN=5.4 of $HTPLNF" in found[2].reason
     with pytest.raises(SchemaError, match=r"(?s)elevator.*SPANFO=8.5 lies beyond the tip"):
         aerodb.from_datcom(light, clean=listing[0], elevator=listing[2])
+
+
+@pytest.fixture
+def listing_with(tmp_path):
+    """Return a reader of the listing with other cards; a role says in which case."""
+
+    def with_cards(*changes: tuple[str, str]):
+        text = (LISTINGS / "multi.out").read_text()
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        file = tmp_path / "cards.out"
+        file.write_text(text)
+        return datcom_io.read(file)
+
+    return with_cards
+
+
+def test_a_device_with_a_larger_chord_than_its_surface_has_no_role(listing_with, light):
+    """A flap of the wing that ends inside the tip of the tail, whose chord is 3.3 ft there."""
+    listing = listing_with(("CHRDFI=1.3,CHRDFO=0.9", "CHRDFI=3.6,CHRDFO=0.9"))
+    found = assign_roles([listing])
+    assert [item.roles for item in found] == [("clean",), ("flaps",), (), ("aileron",)]
+    assert "CHRDFI=3.6 is larger than the chord 3.319 of $HTPLNF" in found[2].reason
+    assert "run the flap of a wing without HTPLNF" in found[2].reason
+    with pytest.raises(SchemaError, match=r"(?s)elevator.*CHRDFI=3.6 is larger"):
+        aerodb.from_datcom(light, clean=listing[0], elevator=listing[2])
+
+
+def test_a_flap_beyond_the_tail_has_no_role_with_running_engines_either(listing_with):
+    """Pages of a device contain no power, so that power does not excuse the device."""
+    card = "  $SYMFLP FTYPE=1.0,NDELTA=5.0"
+    engine = f"  $PROPWR NENGSP=1.0,THSTCP=0.1$\n{card}"
+    case = listing_with((ELEVATOR_SPAN, "SPANFI=0.4,SPANFO=8.5"), (card, engine))[2]
+    assert case.deck.value("PROPWR", "THSTCP") == 0.1
+    for number, page in enumerate(case.pages):
+        if page.kind == "static":
+            case.pages[number] = dataclasses.replace(page, power="propeller")
+    (found,) = assign_roles([case])
+    assert (found.roles, "SPANFO=8.5 lies beyond the tip" in found.reason) == ((), True)
+
+
+def test_the_advice_on_a_device_of_the_wing_does_not_mention_the_tail(listing_with):
+    listing = listing_with(("SPANFO=8.5", "SPANFO=18.5"))
+    (reason,) = [item.reason for item in assign_roles([listing]) if not item.roles]
+    assert "SPANFO=18.5 lies beyond the tip, SSPN=16.5 of $WGPLNF" in reason
+    assert "correct the stations" in reason
+    assert "HTPLNF" not in reason
+
+
+@pytest.mark.parametrize(("deltas", "warned"), [("0.0,10.0,20.0", 1), ("-10.0,0.0,10.0", 0)])
+def test_an_elevator_that_moves_down_only_is_reported(read, deltas: str, warned: int):
+    """The flap of a wing that fits inside the tip of the tail."""
+    cards = f" $SYMFLP FTYPE=1.0,NDELTA=3.0,DELTA(1)={deltas},SPANFI=2.0,SPANFO=5.0$"
+    (deck,) = datcom_io.read_deck(["DIM FT", cards, "NEXT CASE"])
+    source = collect_source("elevator", read("multi")[2])
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", AeromatchWarning)
+        require_device_on_surface(dataclasses.replace(source, decks=(deck,)))
+    texts = [str(item.message) for item in caught]
+    assert len(texts) == warned
+    assert all("elevator: all deflections of SYMFLP point down (0 10 20 deg)" in x for x in texts)
 
 
 def test_of_several_devices_the_one_that_fits_is_used(listing_with_span, read):

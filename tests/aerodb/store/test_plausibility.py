@@ -96,6 +96,23 @@ def test_a_wrong_sign_or_size_is_named(aeroplane, term: str, factor: float, subj
     assert item.source
 
 
+def test_alpha_dot_of_a_supersonic_wing_has_either_sign(aeroplane) -> None:
+    """Digital DATCOM prints CMAD from -0.5 to +0.3 for a swept fighter at Mach 1.6 and 2."""
+    values = np.outer([-5.0, 0.3], np.ones(4))
+    leaf = make_term(
+        values, {"mach": [0.2, 1.6], "alpha": ALPHA}, regressors=["alphadothat"], stderr=0.1
+    )
+    aeroplane["Cm/alphadothat"] = xr.DataTree(leaf)
+    # the tables of the lift give the Mach numbers
+    for name in ("CL/basic", "CD/basic", "Cm/basic"):
+        table = aeroplane[name].to_dataset().assign_coords(mach=[0.2, 1.6])
+        aeroplane[name] = xr.DataTree(table)
+    assert "Cm/alphadothat" not in subjects(check_plausibility(aeroplane))
+    aeroplane["Cm/alphadothat"]["value"][...] *= -1.0
+    found = {item.subject: item for item in check_plausibility(aeroplane)}
+    assert found["Cm/alphadothat"].place == "Mach 0.2"
+
+
 def test_one_wrong_mach_number_is_named(aeroplane) -> None:
     aeroplane["Cm/basic"]["value"][1] *= -1.0
     (item,) = [item for item in check_plausibility(aeroplane) if item.stops]

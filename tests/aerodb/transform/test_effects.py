@@ -58,6 +58,16 @@ def test_a_derivative_without_method_counts_as_zero_and_stays_absent():
     np.testing.assert_allclose(yaw_b.tables["Cn"].values[1], -0.09)  # alpha zero: as it was
 
 
+def test_rates_without_a_printed_moment_stay_as_they_are():
+    """Supersonic pages print no lateral damping of an aeroplane with a vertical tail."""
+    roll_b, yaw_b = rates_to_body(Effect("phat", {}, "phat"), Effect("rhat", {}, "rhat"))
+    assert (roll_b.tables, yaw_b.tables) == ({}, {})
+    # without a fin the side force alone is printed
+    roll = Effect("phat", {"CY": table(0.046)}, "phat")
+    roll_b, _ = rates_to_body(roll, Effect("rhat", {}, "rhat"))
+    np.testing.assert_allclose(roll_b.tables["CY"].values, 0.046 * np.cos(ALPHA.values))
+
+
 @pytest.mark.parametrize("d", [(0.3, 0.0, 0.0), (0.0, 0.0, -0.2), (-0.4, 0.0, 0.15)])
 def test_moment_transfer_is_a_cross_product(d):
     cbar, b = 1.6, 10.0

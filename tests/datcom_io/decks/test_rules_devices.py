@@ -38,6 +38,7 @@ def findings(*changes: tuple[str, str]) -> list[str]:
         ([("TOVC=0.12", "TOVC=1.0")], "TOVC=1 is a section as thick"),
         ([("CLAMO=0.105", "CLAMO=1.0")], "CLAMO=1 per degree"),
         ([("DIM FT", "DIM IN")], "JETPWR with DIM IN"),
+        ([("CHRDFO=1.0", "CHRDFO=5.1")], "CHRDFO=5.1 is larger than the chord 5 of $WGPLNF"),
         ([("TYPE=1.0", "TYPE=3.0")], "cranked wing (TYPE=3) of SAVSI=0"),
     ],
 )
@@ -58,3 +59,17 @@ def test_a_crank_without_damping_or_with_sweep_is_no_fault() -> None:
     crank = ("TYPE=1.0", "TYPE=3.0")
     assert not any("cranked" in text for text in findings(crank, ("DAMP\n", "")))
     assert not any("cranked" in text for text in findings(crank, ("SAVSI=0.0", "SAVSI=5.0")))
+
+
+def test_the_chord_of_a_cranked_surface_is_that_of_its_panel() -> None:
+    """Chord 5 at the root, 2 at the crank of 8 ft and 2 at the tip: 3.5 at 4 ft, 2 from 8 ft on."""
+    crank = ("CHRDTP=5.0", "CHRDTP=2.0,CHRDBP=2.0,SSPNOP=8.0")
+    kind = ("TYPE=1.0", "TYPE=2.0")
+    station = ("SPANFI=2.0", "SPANFI=4.0")
+    large = [text for text in findings(crank, kind, station, ("CHRDFI=1.0", "CHRDFI=3.6"))]
+    assert any("CHRDFI=3.6 is larger than the chord 3.5 of" in text for text in large)
+    fits = findings(crank, kind, station, ("CHRDFI=1.0", "CHRDFI=3.4"))
+    assert not any("larger than the chord" in text for text in fits)
+    # a straight planform has no crank: 5 - 3 / 16 * 4
+    straight = findings(crank, station, ("CHRDFI=1.0", "CHRDFI=4.2"))
+    assert not any("larger than the chord" in text for text in straight)

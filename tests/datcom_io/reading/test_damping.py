@@ -25,8 +25,10 @@ def derivatives(**changes: list[float]) -> dict[str, np.ndarray]:
     return {name: np.array(row, float) for name, row in {**SOUND, **changes}.items()}
 
 
-def wrong(slope: np.ndarray = SLOPE, **changes: list[float]) -> dict[str, list[bool]]:
-    found = find_inconsistent(derivatives(**changes), ALPHA, LIFT, slope)
+def wrong(
+    slope: np.ndarray = SLOPE, mach: float = 0.2, **changes: list[float]
+) -> dict[str, list[bool]]:
+    found = find_inconsistent(derivatives(**changes), ALPHA, LIFT, slope, mach)
     return {name: mask.tolist() for name, mask in found.items()}
 
 
@@ -35,7 +37,7 @@ def test_a_sound_page_has_no_suspect() -> None:
 
 
 def test_the_share_of_the_tail_is_alpha_dot_over_the_slope_of_the_downwash() -> None:
-    shares = estimate_tail_share(derivatives(), ALPHA, SLOPE)
+    shares = estimate_tail_share(derivatives(), ALPHA, SLOPE, 0.2)
     # medians of the rows up to 6 deg
     assert shares == {"CL_qhat": pytest.approx(3.0 / 0.45), "Cm_qhat": pytest.approx(-9.9 / 0.45)}
 
@@ -73,7 +75,60 @@ def test_roll_due_to_yaw_has_the_sign_of_the_lift() -> None:
     }
 
 
+# An F-104-like fighter: a fin as high as the wing panel is wide, CNR of -1.5.
+FIN = {"Cn_rhat": 5 * [-1.5]}
+
+
+def test_a_high_fin_rolls_an_aeroplane_of_negative_lift() -> None:
+    lift = np.array([-0.3, 0.1, 0.5, 0.9, 1.2])
+    row = [0.58, 0.5, 0.48, 0.45, 0.4]
+    assert find_inconsistent(derivatives(Cl_rhat=row, **FIN), ALPHA, lift, SLOPE, 0.3) == {}
+    # without the fin, CLR of that size has the wrong sign
+    found = find_inconsistent(derivatives(Cl_rhat=row), ALPHA, lift, SLOPE, 0.3)
+    assert {name: mask.tolist() for name, mask in found.items()} == {
+        "Cl_rhat": [True, *4 * [False]]
+    }
+
+
+def test_the_fin_of_a_slender_wing_yaws_more_than_the_wing_damps() -> None:
+    """A delta of aspect ratio 0.9: CLP -0.088, CNP -0.106 at 4 deg."""
+    slender = {"Cl_phat": 5 * [-0.088], "Cn_phat": [-0.04, -0.05, -0.106, -0.1, -0.1]}
+    assert wrong(**slender, **FIN) == {}
+    assert list(wrong(**slender, Cn_rhat=5 * [-0.02])) == ["Cn_phat"]
+
+
+def test_yaw_damping_of_a_wing_without_fin_is_small_and_of_either_sign() -> None:
+    row = [0.002, -0.0005, -0.002, -0.003, -0.01]
+    assert wrong(np.full(5, np.nan), Cn_rhat=row) == {}
+    assert list(wrong(Cn_rhat=[0.02, *row[1:]])) == ["Cn_rhat"]
+
+
 def test_beyond_the_linear_range_signs_are_free() -> None:
     """A stalled wing autorotates: Cl_phat is positive at 16 deg of the sound page."""
     assert SOUND["Cl_phat"][-1] > 0.0
     assert wrong() == {}
+
+
+# A swept fighter at Mach 1.4 and 1.6: CMQ of -3.3 and -5.0 is right, CMAD holds the wing's share.
+SUPERSONIC = {
+    "Cm_qhat": [-5.04, *4 * [np.nan]],
+    "CL_alphadothat": [-0.85, -0.73, -0.85, -1.0, np.nan],
+    "Cm_alphadothat": [0.0002, -0.19, 0.0002, 0.3, np.nan],
+}
+
+
+def test_a_supersonic_wing_has_derivatives_of_alpha_dot_of_either_sign() -> None:
+    assert wrong(mach=1.6, **SUPERSONIC) == {}
+    assert estimate_tail_share(derivatives(**SUPERSONIC), ALPHA, SLOPE, 1.6) == {}
+    # its size counts at any speed
+    huge = {**SUPERSONIC, "Cm_alphadothat": [175.0, -0.19, 0.0, 0.3, np.nan]}
+    assert list(wrong(mach=1.4, **huge)) == ["Cm_alphadothat"]
+
+
+@pytest.mark.parametrize("lag", [9.9, -175.0])
+def test_a_lag_of_wrong_sign_or_size_gives_no_share_of_the_tail(lag: float) -> None:
+    """The share takes the place of a suspect CMQ: a wrong one would be stored as a number."""
+    row = 5 * [lag]
+    shares = estimate_tail_share(derivatives(Cm_alphadothat=row), ALPHA, SLOPE, 0.2)
+    assert list(shares) == ["CL_qhat"]
+    assert list(wrong(Cm_alphadothat=row)) == ["Cm_alphadothat"]
