@@ -36,7 +36,9 @@ def simulate(
         vocabulary, such as the states of a manoeuvre, are ignored. [SI]
     parameters : mapping of str to float, optional
         Parameters, and constant values of inputs that are not in `inputs`. The default of an input
-        is its start value. ``mode.step`` has priority over `step`. [SI]
+        is its start value. ``mode.step`` has priority over `step`.  ``init.gamma`` acts in the trim
+        (``mode.trim``) only: without one ``init.theta`` and ``init.alpha`` give the climb angle.
+        [SI]
     hold : {"linear", "zero"}
         Inputs are linear between samples, or constant from each sample to the next.
     step : float

@@ -91,8 +91,8 @@ def trim(
         at the lower or upper limit; ``wanted left`` over ``residual``; ``start`` over
         ``quantity``, for `start_of`.  Attributes: ``converged`` (1 or 0), ``at_limit``,
         ``without_effect`` (unknowns that change no residual), ``alike`` (unknowns that cannot be
-        distinguished), ``rank``, ``verdict``, a text that states all this, and ``advice`` for
-        unknowns without effect.  A trim that does not converge is a result: its residuals are as
+        distinguished), ``rank``, ``tables_left`` (variables beyond their tables), ``verdict``, a
+        text that states all this, and ``advice`` for unknowns without effect.  A trim that does not converge is a result: its residuals are as
         small as the limits allow.
 
     Raises
@@ -143,7 +143,9 @@ def trim(
     )
     residual = np.where(np.array(goals) < 0, weighted, y[goals] - request.targets)
     result = TrimResult(request, solution, residual, weighted=weighted, jacobian=jacobian)
-    return _make_dataset(sim, y, variables=result.variables(sim, run), attrs=result.attributes())
+    return _make_dataset(
+        sim, y, variables=result.variables(sim, run), attrs=result.attributes(sim, run)
+    )
 
 
 def _list_movers(sim: SimModel, movers: Sequence[Sequence[str]]) -> list[tuple[int, int, int]]:
