@@ -197,6 +197,7 @@ def run_simulate(
         "samples": found.sizes["time"],
         "outputs": len(sim.outputs),
         "out_of_range": found.attrs["out_of_range"],
+        "below_runway": found.attrs["below_runway"],
     }
     if as_json:
         print_json(summary)
@@ -205,6 +206,8 @@ def run_simulate(
         f"{summary['samples']} samples of {summary['outputs']} outputs; tables left: "
         f"{summary['out_of_range'] or 'none'}"
     )
+    if summary["below_runway"]:
+        click.echo(summary["below_runway"])
     click.echo(f"written: {output}")
 
 
