@@ -13,6 +13,7 @@ from flightmech.errors import SchemaError
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, STATE
 from flightmech.simulation.run import constant_inputs, initialise_run, output_attributes
+from flightmech.steady_flight.table_ends import describe_tables_left
 from flightmech.steady_flight.trim_kinds import CLIMB
 from flightmech.steady_flight.trim_request import make_trim_request
 from flightmech.steady_flight.trim_result import TrimResult
@@ -86,13 +87,14 @@ def trim(
     Dataset
         All outputs in the trimmed state, without dimension: ``alpha``, ``theta``,
         ``applied.delta_e``. ``trim.u_dot ... trim.r_dot`` are the remaining accelerations.
+        Attribute ``tables_left`` names the variables beyond their tables.
 
         With more than parameters also: ``found low high`` over ``unknown``, with ``limit`` -1 or 1
         at the lower or upper limit; ``wanted left`` over ``residual``; ``start`` over
         ``quantity``, for `start_of`.  Attributes: ``converged`` (1 or 0), ``at_limit``,
         ``without_effect`` (unknowns that change no residual), ``alike`` (unknowns that cannot be
-        distinguished), ``rank``, ``tables_left`` (variables beyond their tables), ``verdict``, a
-        text that states all this, and ``advice`` for unknowns without effect.  A trim that does not converge is a result: its residuals are as
+        distinguished), ``rank``, ``verdict``, a text that states all this, and ``advice`` for
+        unknowns without effect.  A trim that does not converge is a result: its residuals are as
         small as the limits allow.
 
     Raises
@@ -119,7 +121,10 @@ def trim(
        rate-of-climb and turn-coordination constraints.
     """
     if kind is None and unknowns is None and fixed is None and residuals is None:
-        return _make_dataset(sim, trimmed_outputs(sim, parameters or {}))
+        y = trimmed_outputs(sim, parameters or {})
+        state = dict(zip(sim.outputs, map(float, y), strict=True))
+        texts = describe_tables_left(sim, state).values()
+        return _make_dataset(sim, y, attrs={"tables_left": "; ".join(texts)})
     request = make_trim_request(
         sim,
         parameters=parameters or {},

@@ -72,6 +72,14 @@ def test_an_elevator_beyond_its_table_is_named():
     assert "delta_e: nothing in database" not in found.attrs["advice"]
 
 
+def test_the_trim_at_the_start_of_a_run_names_the_table_too():
+    sim = flightmech.compile(make_aircraft(), make_database(Cm_0=-0.5))
+    found = flightmech.trim(sim, {**START, "mode.engine": 2.0})
+    assert found.attrs["tables_left"].endswith("is beyond its table, which ends at -25 deg")
+    inside = flightmech.compile(make_aircraft(), make_database())
+    assert flightmech.trim(inside, {**START, "mode.engine": 2.0}).attrs["tables_left"] == ""
+
+
 def test_limits_inside_the_table_keep_the_trim_inside():
     found = trim_level(Cm_0=-0.5, low=-25.0)
     assert found.attrs["tables_left"] == ""
