@@ -65,12 +65,12 @@ NUMBERS = (
     "first_exit",
     "inside",
 )
-NOTICES = ("record", "watch", "far_from_evidence", "tables_left", "waived")
+NOTICES = ("record", "watch", "far_from_evidence", "tables_left", "below_runway", "waived")
 """Kinds of remarks that index, page and terminal show next to the verdict.
 
 ``record`` is an error of the flight record, ``watch`` a watched channel beyond its limit.
 ``far_from_evidence`` names terms far from their flight estimate, ``tables_left`` tables that the
-flight left.
+flight left, ``below_runway`` a model that sank through the runway.
 """
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
 STATUSES = ("pass", "limits_exceeded", "record_error", "fail", "invalid", "not_tested")

@@ -55,6 +55,8 @@ class Characteristics:
         Thrust required and available, lift over drag, climb over speed; empty without engines.
     title, condition : str
         Aircraft and condition in words.
+    tables_left : tuple of str
+        A text for each variable of the flight that is beyond its tables.
     """
 
     table: pd.DataFrame
@@ -66,10 +68,11 @@ class Characteristics:
     performance: xr.Dataset = field(repr=False)
     title: str
     condition: str
+    tables_left: tuple[str, ...] = ()
 
     def report(self) -> str:
         """Return the table and the modes as text, angles in degrees."""
-        lines = [f"{self.title}: {self.condition}"]
+        lines = [f"{self.title}: {self.condition}", *self.tables_left]
         for group, part in self.table.groupby("group", sort=False):
             lines += ["", str(group)]
             for name, row in part.iterrows():
@@ -145,6 +148,7 @@ def characteristics(
         performance=curves,
         title=aircraft.name,
         condition=_describe_condition(point),
+        tables_left=tuple(point.tables_left),
     )
 
 

@@ -13,8 +13,10 @@ from flightmech.errors import OutOfRange, UnknownName
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import INPUT
 from flightmech.simulation.run import (
+    RUNWAY,
     axes_left,
     check_hold,
+    describe_below_runway,
     initialise_run,
     output_attributes,
     output_columns,
@@ -109,7 +111,9 @@ def simulate_closed_loop(
     # the record gives all inputs that the law does not command
     loop = _ControlLaw(sim, law, delay, record=_InputRecord(time, u, hold == "zero"))
     run = initialise_run(sim, values, u[0], time=float(time[0]))
-    y = np.empty((len(time), len(chosen)))
+    # the height is judged, also if the caller does not want it
+    seen = np.append(chosen, sim.outputs.index("h"))
+    y = np.empty((len(time), len(seen)))
     commands: list[dict[str, float]] = []
     for instant in _list_instants(time, period):
         # the new command acts from this instant, also on the outputs of a sample here
@@ -117,14 +121,15 @@ def simulate_closed_loop(
             loop.call(instant.time, run.outputs())
             run.set_inputs(loop.inputs_at(instant.time))
         if instant.sample is not None:
-            y[instant.sample] = run.outputs()[chosen]
+            y[instant.sample] = run.outputs()[seen]
             commands.append(dict(loop.acting))
         if instant.step:
             end = instant.time + instant.step
             # inputs that are constant between samples change at the next instant, not before it
             last = loop.inputs_at(end, before=True)
             run.step(instant.time, instant.step, loop.inputs_at(instant.time), u1=last)
-    columns = output_columns(sim, y, chosen) | _command_columns(sim, commands, u)
+    columns = output_columns(sim, y[:, :-1], chosen) | _command_columns(sim, commands, u)
+    runway = run.parameter(sim.parameters.index(RUNWAY))
     attributes = {
         "title": sim.title,
         "step": float(values["mode.step"]),
@@ -132,6 +137,7 @@ def simulate_closed_loop(
         "period": period,
         "delay": delay,
         "out_of_range": axes_left(sim, run),
+        "below_runway": describe_below_runway(time, y[:, -1] - runway),
     }
     return xr.Dataset(columns, {"time": ("time", time, {"units": "s"})}, attributes)
 

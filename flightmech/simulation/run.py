@@ -13,6 +13,7 @@ from flightmech.names import lookup
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import AXIS, INPUT, OUTPUT, PARAMETER, CatalogueEntry, Simulation
 
+RUNWAY = "env.runway_elevation"  # parameter [m]
 _CONTRIBUTION = {"long_name": "contribution of each term to its coefficient"}
 
 
@@ -36,7 +37,9 @@ def simulate(
         vocabulary, such as the states of a manoeuvre, are ignored. [SI]
     parameters : mapping of str to float, optional
         Parameters, and constant values of inputs that are not in `inputs`. The default of an input
-        is its start value. ``mode.step`` has priority over `step`. [SI]
+        is its start value. ``mode.step`` has priority over `step`.  ``init.gamma`` acts in the trim
+        (``mode.trim``) only: without one ``init.theta`` and ``init.alpha`` give the climb angle.
+        [SI]
     hold : {"linear", "zero"}
         Inputs are linear between samples, or constant from each sample to the next.
     step : float
@@ -51,7 +54,8 @@ def simulate(
     Dataset (time,)
         The outputs. With `terms` also ``contribution`` (time, term), which sums to the coefficients
         (with ``bias.*``) and to the targets of the submodels.  Attribute ``out_of_range`` names the
-        axes that the run left, with the number of internal steps, or is empty.
+        axes that the run left, with the number of internal steps, or is empty.  Attribute
+        ``below_runway`` states when and how far the c.g. is below the runway, or is empty.
 
     Raises
     ------
@@ -69,12 +73,16 @@ def simulate(
     u = read_inputs(sim, inputs, values, len(time))
     chosen = output_indices(sim, outputs)
     run = initialise_run(sim, values, u[0], time=float(time[0]))
-    y, contributions = run.record(time, u, hold == "zero", outputs=chosen, terms=terms)
-    columns = output_columns(sim, y, chosen)
+    # the height is judged, also if the caller does not want it
+    seen = np.append(chosen, sim.outputs.index("h"))
+    y, contributions = run.record(time, u, hold == "zero", outputs=seen, terms=terms)
+    columns = output_columns(sim, y[:, :-1], chosen)
     if terms:
         columns["contribution"] = (("time", "term"), contributions, _CONTRIBUTION)
     attributes = {"title": sim.title, "step": float(values["mode.step"]), "hold": hold}
     attributes["out_of_range"] = axes_left(sim, run)
+    runway = run.parameter(sim.parameters.index(RUNWAY))
+    attributes["below_runway"] = describe_below_runway(time, y[:, -1] - runway)
     return xr.Dataset(columns, _make_coordinates(sim, time, terms), attributes)
 
 
@@ -226,6 +234,27 @@ def _is_in_vocabulary(name: str) -> bool:
     except UnknownName:
         return False
     return True
+
+
+def describe_below_runway(time: np.ndarray, height: np.ndarray) -> str:
+    """Return when and how far the c.g. is below the runway; empty if it is not.
+
+    Contacts hold an aircraft from below only, and one without a contact that touches sinks through.
+
+    Parameters
+    ----------
+    time, height : array (time,)
+        Time, and height of the c.g. above the runway. [s, m]
+    """
+    is_below = height < 0.0
+    if not is_below.any():
+        return ""
+    # NaN after the end of a run that failed
+    depth = -float(np.nanmin(height))
+    return (
+        f"c.g. below the runway from {time[is_below][0]:.1f} s on, by up to {depth:.2g} m; give "
+        f"the aircraft contacts that touch, such as skids at belly and wing tips"
+    )
 
 
 def axes_left(sim: SimModel, run: Simulation) -> str:

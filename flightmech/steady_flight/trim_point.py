@@ -25,6 +25,11 @@ from flightmech.simulation.run import constant_inputs
 from flightmech.steady_flight.compiled_aircraft import CompiledAircraft
 from flightmech.steady_flight.flight_condition import condition_parameters, flight_condition_text
 from flightmech.steady_flight.glide_angle import find_glide_angle
+from flightmech.steady_flight.table_ends import (
+    alpha_grid,
+    describe_greatest_lift,
+    describe_tables_left,
+)
 from flightmech.units import G0
 
 VARIABLES = (
@@ -141,6 +146,11 @@ class Point:
     def is_trimmed(self) -> bool:
         """Whether speed, path and pitch are steady."""
         return self.excess < _STEADY
+
+    @property
+    def tables_left(self) -> list[str]:
+        """A text for each variable of the flight that is beyond its tables."""
+        return list(describe_tables_left(self.sim, self.trimmed).values())
 
     @property
     def _engine_names(self) -> list[str]:
@@ -421,7 +431,18 @@ def _describe_residual(point: Point) -> str:
     state = f"alpha {np.degrees(point['alpha']):.3g} deg"
     if _is_at_limit(point, "delta_e"):
         state += f", delta_e {np.degrees(point['applied.delta_e']):.3g} deg"
-    return f"accelerations of {', '.join(rates)} (m/s2, rad/s2) remain at {state}"
+    text = f"accelerations of {', '.join(rates)} (m/s2, rad/s2) remain at {state}"
+    return ", ".join([text, *point.tables_left, *_describe_lift(point)])
+
+
+def _describe_lift(point: Point) -> list[str]:
+    """Return a text if the lift coefficient is at its maximum."""
+    angles = alpha_grid(point.sim)
+    if not angles.size:
+        return []
+    lift = point.coefficients(alpha=angles)[0]
+    text = describe_greatest_lift(point["CL"], point["alpha"], (angles, lift))
+    return [text] if text else []
 
 
 def _is_at_limit(point: Point, control: str) -> bool:

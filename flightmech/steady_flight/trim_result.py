@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,12 @@ import numpy as np
 
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, STATE, Simulation
+from flightmech.simulation.run import constant_inputs, initialise_run
+from flightmech.steady_flight.table_ends import (
+    alpha_grid,
+    describe_greatest_lift,
+    describe_tables_left,
+)
 from flightmech.steady_flight.trim_kinds import CLIMB, ON_GROUND
 from flightmech.steady_flight.trim_request import Request
 
@@ -75,8 +81,13 @@ class TrimResult:
             "start": ("quantity", np.array(list(start.values()))),
         }
 
-    def attributes(self) -> dict[str, str | int]:
-        """Return the attributes of the result: each finding, and all of them as a text."""
+    def attributes(self, sim: SimModel, run: Simulation) -> dict[str, str | int]:
+        """Return the attributes of the result: each finding, and all of them as a text.
+
+        `run` is in the state of the solution.
+        """
+        state = dict(zip(sim.outputs, map(float, run.outputs()), strict=True))
+        tables_left = describe_tables_left(sim, state)
         converged = bool(np.abs(self.weighted).max() <= _TRIMMED)
         idle, alike, rank = self._rank_effects()
         at_limit = []
@@ -92,6 +103,9 @@ class TrimResult:
         for text, names in findings.items():
             if names:
                 verdict.append(f"{text}: {', '.join(names)}")
+        verdict += tables_left.values()
+        if not converged:
+            verdict += self._describe_lift(sim, run, state)
         return {
             "kind": self.request.kind,
             "converged": int(converged),
@@ -99,9 +113,25 @@ class TrimResult:
             "without_effect": " ".join(idle),
             "alike": " ".join(alike),
             "rank": rank,
+            "tables_left": "; ".join(tables_left.values()),
             "verdict": "; ".join(verdict),
-            "advice": self._advise(idle, converged),
+            "advice": self._advise(idle, converged, tables_left),
         }
+
+    def _describe_lift(self, sim: SimModel, run: Simulation, state: dict[str, float]) -> list[str]:
+        """Return a text if the lift coefficient is at its maximum, from flights over alpha."""
+        angles = alpha_grid(sim)
+        if self.request.path == ON_GROUND or not angles.size:
+            return []
+        start = self._start_values(sim, run) | {"mode.trim": 0.0}
+        inputs = constant_inputs(sim, start)
+        index = sim.outputs.index("CL")
+        lift = []
+        for angle in angles:
+            flight = initialise_run(sim, start | {"init.alpha": float(angle)}, inputs)
+            lift.append(flight.outputs()[index])
+        text = describe_greatest_lift(state["CL"], state["alpha"], (angles, np.array(lift)))
+        return [text] if text else []
 
     def _describe_limits(self) -> list[str]:
         """Return a text for each unknown at a limit."""
@@ -123,11 +153,23 @@ class TrimResult:
                 texts.append(f"{name} {self.residual[k]:.3g}")
         return texts
 
-    def _advise(self, idle: list[str], converged: bool) -> str:
+    def _advise(self, idle: list[str], converged: bool, tables_left: Mapping[str, str]) -> str:
         """Return what to do about unknowns without effect; empty if there are none."""
-        if not idle:
-            return ""
-        problem = f"{', '.join(idle)}: nothing in database and aircraft depends on it here"
+        beyond = [name for name in idle if name in tables_left]
+        rest = [name for name in idle if name not in tables_left]
+        texts = []
+        if beyond:
+            texts.append(
+                f"{', '.join(beyond)}: held at the end of its table, where it has no effect; "
+                f"narrow its limit in the aircraft file, or give a table up to the limit"
+            )
+        if rest:
+            texts.append(self._advise_absent(rest, idle, converged))
+        return "; ".join(texts)
+
+    def _advise_absent(self, absent: list[str], idle: list[str], converged: bool) -> str:
+        """Return what to do about unknowns that nothing depends on."""
+        problem = f"{', '.join(absent)}: nothing in database and aircraft depends on it here"
         if converged:
             return f"{problem}; the flight is steady without it"
         advice = f"{problem}; add a term that has it, such as Cn/rudder for delta_r"

@@ -13,6 +13,7 @@ from flightmech.errors import SchemaError
 from flightmech.simulation.compiler import SimModel
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, STATE
 from flightmech.simulation.run import constant_inputs, initialise_run, output_attributes
+from flightmech.steady_flight.table_ends import describe_tables_left
 from flightmech.steady_flight.trim_kinds import CLIMB
 from flightmech.steady_flight.trim_request import make_trim_request
 from flightmech.steady_flight.trim_result import TrimResult
@@ -86,6 +87,7 @@ def trim(
     Dataset
         All outputs in the trimmed state, without dimension: ``alpha``, ``theta``,
         ``applied.delta_e``. ``trim.u_dot ... trim.r_dot`` are the remaining accelerations.
+        Attribute ``tables_left`` names the variables beyond their tables.
 
         With more than parameters also: ``found low high`` over ``unknown``, with ``limit`` -1 or 1
         at the lower or upper limit; ``wanted left`` over ``residual``; ``start`` over
@@ -119,7 +121,10 @@ def trim(
        rate-of-climb and turn-coordination constraints.
     """
     if kind is None and unknowns is None and fixed is None and residuals is None:
-        return _make_dataset(sim, trimmed_outputs(sim, parameters or {}))
+        y = trimmed_outputs(sim, parameters or {})
+        state = dict(zip(sim.outputs, map(float, y), strict=True))
+        texts = describe_tables_left(sim, state).values()
+        return _make_dataset(sim, y, attrs={"tables_left": "; ".join(texts)})
     request = make_trim_request(
         sim,
         parameters=parameters or {},
@@ -143,7 +148,9 @@ def trim(
     )
     residual = np.where(np.array(goals) < 0, weighted, y[goals] - request.targets)
     result = TrimResult(request, solution, residual, weighted=weighted, jacobian=jacobian)
-    return _make_dataset(sim, y, variables=result.variables(sim, run), attrs=result.attributes())
+    return _make_dataset(
+        sim, y, variables=result.variables(sim, run), attrs=result.attributes(sim, run)
+    )
 
 
 def _list_movers(sim: SimModel, movers: Sequence[Sequence[str]]) -> list[tuple[int, int, int]]:

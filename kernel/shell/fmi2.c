@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "fmu.h"
-#include "resource.h"
 
 typedef int fmi2Boolean;
 typedef int fmi2Status;
@@ -51,7 +50,6 @@ AM_FMI fmu *fmi2Instantiate(const char *name, int type, const char *guid, const 
                             const callback_functions *callbacks, fmi2Boolean visible,
                             fmi2Boolean logging) {
     fmu_logger logger = {.report = report_fmi2};
-    char folder[4096];
     (void)visible;
     (void)logging; /* only errors are logged, and they always are */
     if (callbacks) {
@@ -65,12 +63,7 @@ AM_FMI fmu *fmi2Instantiate(const char *name, int type, const char *guid, const 
             "unknown type of instance; FMI 2.0 knows model exchange (0) and co-simulation (1)");
         return NULL;
     }
-    if (resource_path(resources, folder, sizeof folder) != 0) {
-        report_fmi2(&logger, FMU_ERROR,
-                    "the resource location is not a file URI; give file:///<folder>/resources");
-        return NULL;
-    }
-    return fmu_open(folder, guid, type == CO_SIMULATION ? FMU_CO_SIMULATION : FMU_MODEL_EXCHANGE,
+    return fmu_open(resources, guid, type == CO_SIMULATION ? FMU_CO_SIMULATION : FMU_MODEL_EXCHANGE,
                     &logger);
 }
 

@@ -55,8 +55,8 @@ typedef struct fmu_logger {
 
 /* ---- life.c ---------------------------------------------------------------------------------- */
 
-/* Read <resources>/model.bin, check it against the token (its SHA-256) and make an instance; NULL
- * after a message to the logger.  Free it with fmu_close. */
+/* Read model.bin in the folder `resources` (a path or a file URI), check it against the token (its
+ * SHA-256) and make an instance; NULL after a message to the logger.  Free it with fmu_close. */
 fmu *fmu_open(const char *resources, const char *token, fmu_kind kind, const fmu_logger *logger);
 void fmu_close(fmu *f);
 

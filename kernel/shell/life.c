@@ -30,19 +30,22 @@ static int allocate(fmu *f) {
 
 static am_model *load(const char *resources, const char *token, char digest[65], char *text,
                       size_t ntext) {
+    static const char file[] = "model.bin";
     char path[4096];
     const char *why;
-    size_t n = resources ? strlen(resources) : 0;
     size_t size = 0;
-    int ended = n && (resources[n - 1] == '/' || resources[n - 1] == '\\');
-    if (!n
-        || snprintf(path, sizeof path, "%s%smodel.bin", resources, ended ? "" : "/")
-               >= (int)sizeof path) {
+    /* room for a slash and the name of the file */
+    if (!resources || resource_path(resources, path, sizeof path - sizeof file - 1) != 0) {
         snprintf(text, ntext,
-                 "the folder of the resources is missing or too long; give the unpacked FMU's "
-                 "resources folder");
+                 "the resource location %.80s is neither a path nor a file URI, or is too long; "
+                 "give the resources folder of the unpacked FMU, as a path or as "
+                 "file:///<folder>/resources",
+                 resources && *resources ? resources : "(none)");
         return NULL;
     }
+    size_t n = strlen(path);
+    if (path[n - 1] != '/' && path[n - 1] != '\\') path[n++] = '/';
+    memcpy(path + n, file, sizeof file);
     unsigned char *bytes = resource_read(path, &size, &why);
     if (!bytes) {
         snprintf(text, ntext, "%.800s: %s; unpack the whole FMU before it is instantiated", path,

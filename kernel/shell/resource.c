@@ -15,18 +15,34 @@ static int hex(char c) {
     return -1;
 }
 
-int resource_path(const char *uri, char *path, size_t n) {
-    if (!uri || strncmp(uri, "file:", 5) != 0) return -1;
-    const char *from = uri + 5;
+/* Whether the text begins with "file:"; the scheme of a URI may be in capitals (RFC 3986). */
+static int is_file_uri(const char *text) {
+    static const char scheme[] = "file:";
+    for (size_t i = 0; scheme[i]; i++) {
+        if ((text[i] | 0x20) != (scheme[i] | 0x20)) return 0;
+    }
+    return 1;
+}
+
+/* What follows the scheme, from the first character of the path on. */
+static const char *skip_host(const char *from) {
     if (strncmp(from, "///", 3) == 0) from += 2;
     else if (strncmp(from, "//localhost/", 12) == 0) from += 11;
 #ifdef _WIN32
     if (from[0] == '/' && from[1] && from[2] == ':') from++; /* /C:/folder */
 #endif
+    return from;
+}
+
+int resource_path(const char *location, char *path, size_t n) {
+    const int encoded = is_file_uri(location);
+    const char *from = encoded ? skip_host(location + 5) : location;
     size_t k = 0;
+    /* a path of another scheme is not on this machine */
+    if (!encoded && strstr(location, "://")) return -1;
     for (; *from; from++) {
         char c = *from;
-        if (c == '%') {
+        if (encoded && c == '%') {
             int high = hex(from[1]);
             int low = high < 0 ? -1 : hex(from[2]);
             if (low < 0) return -1;

@@ -27,7 +27,7 @@ from pom.replaying.replay_channels import (
     shown_channels,
 )
 from pom.replaying.result_assembly import assemble_result
-from pom.replaying.run_remarks import table_ranges, tables_left
+from pom.replaying.run_remarks import below_runway, table_ranges, tables_left
 from pom.replaying.trim import OBSERVED, solve_trim_surfaces
 from pom.result import PomResult
 from pom.tolerances.bands import RowRemark
@@ -168,7 +168,11 @@ def perform_plan(
         outputs, failure = fly_job(model, job, requested, timeout=timeout, store=store)
         outputs_by_run[name] = outputs
         failures[name] = refused or failure
-        remarks[name] = (*trim_remarks, *tables_left(plan.job.time, outputs, ranges))
+        remarks[name] = (
+            *trim_remarks,
+            *tables_left(plan.job.time, outputs, ranges),
+            *below_runway(plan.job.time, outputs, job.parameters),
+        )
     distances = _compare_with_evidence(evidence, plan, models)
     # Further remarks follow those of the run.
     for name, model in models.items():

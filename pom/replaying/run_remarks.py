@@ -1,4 +1,4 @@
-"""Remarks on a run: calibration, drift, activity of the math pilot, and tables that it left."""
+"""Remarks on a run: calibration, drift, activity of the math pilot, tables left, the runway."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import pandas as pd
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
 from flightmech.simulation.kernel import AXIS
+from flightmech.simulation.run import RUNWAY, describe_below_runway
 from flightmech.support.arrays import rms
 from flightmech.units import from_si, parse_unit
 from pom.cases.pilot import Pilot, PilotLoop, shortest_error
@@ -261,6 +262,30 @@ def tables_left(
         return tuple(remarks)
     text = f"tables left in {steps:.0f} internal steps"
     return (RowRemark("tables_left", text, values={"steps": steps}, unit="1"),)
+
+
+def below_runway(
+    time: np.ndarray, outputs: Mapping[str, np.ndarray], parameters: Mapping[str, float]
+) -> tuple[RowRemark, ...]:
+    """Return a remark of kind ``below_runway`` if the c.g. of a run is below the runway.
+
+    Parameters
+    ----------
+    time : array (time,)
+        [s]
+    outputs : mapping of str to array (time,)
+        Of one run; ``h`` is the height of the c.g. [SI]
+    parameters : mapping of str to float
+        Of the run; the elevation of the runway is 0 if they do not give it. [SI]
+    """
+    if "h" not in outputs:
+        return ()
+    height = outputs["h"] - parameters.get(RUNWAY, 0.0)
+    text = describe_below_runway(time, height)
+    if not text:
+        return ()
+    values = {"depth": -float(np.nanmin(height))}
+    return (RowRemark("below_runway", text, "h", values=values, unit="m"),)
 
 
 def _range_remark(time: np.ndarray, values: np.ndarray, item: TableRange) -> RowRemark | None:

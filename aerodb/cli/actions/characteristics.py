@@ -60,6 +60,7 @@ def run_characteristics(
         {
             "title": found.title,
             "condition": found.condition,
+            "tables_left": found.tables_left,
             "characteristics": found.table,
             "modes": found.modes,
             "derivatives": found.derivatives["value"].to_pandas().to_dict(),

@@ -17,6 +17,7 @@ from flightmech.names import lookup
 from flightmech.simulation.compiler import SimModel, compile_files
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
 from flightmech.simulation.run import simulate as fly
+from flightmech.steady_flight.table_ends import describe_limits_beyond_tables
 from flightmech.steady_flight.trim_search import start_of
 from flightmech.steady_flight.trim_search import trim as search
 from flightmech.support.atomic_write import written_atomically
@@ -196,6 +197,7 @@ def run_simulate(
         "samples": found.sizes["time"],
         "outputs": len(sim.outputs),
         "out_of_range": found.attrs["out_of_range"],
+        "below_runway": found.attrs["below_runway"],
     }
     if as_json:
         print_json(summary)
@@ -204,6 +206,8 @@ def run_simulate(
         f"{summary['samples']} samples of {summary['outputs']} outputs; tables left: "
         f"{summary['out_of_range'] or 'none'}"
     )
+    if summary["below_runway"]:
+        click.echo(summary["below_runway"])
     click.echo(f"written: {output}")
 
 
@@ -269,6 +273,7 @@ def run_write(aircraft: str, database: str, output: str, version: str, as_json: 
     with show_progress("compile the model, write the FMU"):
         sim = compile_files(aircraft, database)
         path = write_fmu(sim, output, version)
+    beyond = describe_limits_beyond_tables(sim)
     counts = {
         "inputs": len(sim.inputs),
         "outputs": len(sim.outputs),
@@ -276,11 +281,14 @@ def run_write(aircraft: str, database: str, output: str, version: str, as_json: 
         "terms": len(sim.terms),
     }
     if as_json:
-        print_json({"file": str(path), "fmi": version, "bytes": path.stat().st_size, **counts})
+        summary = {"file": str(path), "fmi": version, "bytes": path.stat().st_size}
+        print_json({**summary, **counts, "limits_beyond_tables": beyond})
     else:
         click.echo(
             f"FMI {version}, "
             f"{', '.join(f'{count} {what}' for what, count in counts.items())}, "
             f"{path.stat().st_size} bytes"
         )
+        for text in beyond:
+            click.echo(f"{text}; the effect of the control stays as it is there")
         click.echo(f"written: {path}")

@@ -49,7 +49,8 @@ def test_all_parts_make_the_other_aircraft_and_one_part_only_itself(pair):
     one = flightmech.aircraft.swap_parts(before, after, ["gear/nose", "CL/basic"])
     assert flightmech.aircraft.different_parts(one, before) == ["gear/nose"]
     assert one.gear.contacts[0].position == after.gear.contacts[0].position
-    assert [contact.name for contact in one.gear.contacts] == ["nose", "left", "right", "tail"]
+    skids = ["tail", "belly_front", "belly_rear", "tip_left", "tip_right"]
+    assert [contact.name for contact in one.gear.contacts] == ["nose", "left", "right", *skids]
 
 
 def test_parts_that_only_one_has(pair):
@@ -58,12 +59,16 @@ def test_parts_that_only_one_has(pair):
     bare = replace(after, gear=replace(gear, contacts=gear.contacts[:3]), circuits={}, fuel=None)
     assert flightmech.aircraft.different_parts(bare, after) == [
         "gear/tail",
+        "gear/belly_front",
+        "gear/belly_rear",
+        "gear/tip_left",
+        "gear/tip_right",
         "circuit/column",
         "circuit/wheel",
         "circuit/pedal",
         "fuel/load",
     ]
-    assert len(flightmech.aircraft.swap_parts(after, bare, ["gear/tail"]).gear.contacts) == 3
+    assert len(flightmech.aircraft.swap_parts(after, bare, ["gear/tail"]).gear.contacts) == 7
     assert set(flightmech.aircraft.swap_parts(bare, after, ["circuit/column"]).circuits) == {
         "column"
     }

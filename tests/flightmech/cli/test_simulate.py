@@ -35,6 +35,22 @@ def run(files, *arguments: str):
     )
 
 
+def test_a_run_below_the_runway_is_stated(files):
+    folder = files[2]
+    (folder / "low.csv").write_text("time, delta_e [deg]\n0,5\n4.0,5\n")
+    arguments = [
+        "--inputs",
+        str(folder / "low.csv"),
+        "-o",
+        str(folder / "y.nc"),
+        "--set",
+        "init.V=40",
+    ]
+    low = run(files, *arguments, "--set", "init.h=2").output
+    assert "\nc.g. below the runway from 4.0 s on, by up to " in low
+    assert "below the runway" not in run(files, *arguments, "--set", "init.h=500").output
+
+
 @pytest.mark.slow
 def test_csv_in_degrees_to_netcdf_with_terms(files):
     folder = files[2]

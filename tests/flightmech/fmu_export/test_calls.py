@@ -5,10 +5,13 @@ from __future__ import annotations
 import ctypes
 import re
 from pathlib import Path
+from urllib.parse import quote
 
 import fmpy
 import pytest
 from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy.fmi3 import fmi3LogMessageCallback
 
 from flightmech.fmu_export.fmu_file import write_fmu
 
@@ -132,6 +135,59 @@ def test_a_wrong_token_is_refused(fmus, version, third_party):
         slave.open()
     (message,) = slave.messages
     assert message.startswith("token {wrong} does not belong to model.bin, whose SHA-256 is ")
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("form", ["{path}", "{path}/", "file://{quoted}", "FILE:{quoted}"])
+def test_resources_are_found_by_path_and_by_uri(trainer, tmp_path, version, form):
+    """FMI 2.0 passes a file URI and FMI 3.0 a path; importers of either pass both."""
+    folder = Path(
+        fmpy.extract(str(write_fmu(trainer, tmp_path / "x.fmu", version)), str(tmp_path / "a %20b"))
+    )
+    made, messages = instantiate_at(folder, version, form)
+    assert made, messages
+    assert messages == []
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("location", ["", "http://host/resources", "file:///%zz", "/" + 5000 * "x"])
+def test_a_resource_location_of_another_kind_is_refused(fmus, version, location):
+    made, (message,) = instantiate_at(fmus[version], version, location)
+    assert not made
+    assert message.endswith(
+        "is neither a path nor a file URI, or is too long; give the resources folder of the "
+        "unpacked FMU, as a path or as file:///<folder>/resources"
+    )
+
+
+def instantiate_at(folder: Path, version: str, form: str) -> tuple[bool, list[str]]:
+    """Instantiate for co-simulation at a resource location; return success and the messages."""
+    path = folder / "resources"
+    location = form.format(path=path, quoted=quote(str(path))).encode()
+    model = fmpy.read_model_description(str(folder))
+    (binary,) = (folder / "binaries").glob("*linux*/*.so")
+    library, messages = ctypes.CDLL(str(binary)), []
+    token = model.guid.encode()
+    if version == "2.0":
+        logger = fmi2CallbackLoggerTYPE(lambda *message: messages.append(message[4].decode()))
+        callbacks = fmi2CallbackFunctions(logger=logger)
+        library.fmi2Instantiate.restype = ctypes.c_void_p
+        made = library.fmi2Instantiate(
+            b"x", 1, token, location, ctypes.byref(callbacks), False, False
+        )
+        if made:
+            library.fmi2FreeInstance(ctypes.c_void_p(made))
+    else:
+        logger = fmi3LogMessageCallback(lambda *message: messages.append(message[3].decode()))
+        create = library.fmi3InstantiateCoSimulation
+        create.restype = ctypes.c_void_p
+        flags = [ctypes.c_bool(False)] * 4
+        nothing = ctypes.c_void_p(None)
+        count = ctypes.c_size_t(0)
+        made = create(b"x", token, location, *flags, nothing, count, nothing, logger, nothing)
+        if made:
+            library.fmi3FreeInstance(ctypes.c_void_p(made))
+    return bool(made), messages
 
 
 @pytest.mark.parametrize("version", VERSIONS)

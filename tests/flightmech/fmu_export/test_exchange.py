@@ -65,17 +65,40 @@ def stepped(fmus, condition):
 @pytest.mark.parametrize("version", VERSIONS)
 def test_cvode_flies_the_trajectory_of_co_simulation(fmus, condition, stepped, version):
     found = fly(fmus[version], condition, fmi_type="ModelExchange", output_interval=0.02)
-    # both methods have errors of their own; with CVode at the tolerance of the description they
-    # stay below 1e-6
-    assert max(differences(found, stepped).values()) < 1e-6
+    # both methods have errors of their own; with CVode at the tolerance of the description the
+    # largest is 5.9e-6
+    assert max(differences(found, stepped).values()) < 1e-5
     finer = fly(
         fmus[version],
         condition,
         fmi_type="ModelExchange",
         output_interval=0.02,
-        relative_tolerance=1e-11,
+        relative_tolerance=1e-9,
     )
+    assert max(differences(finer, stepped).values()) < 1e-6
     assert differences(finer, stepped)["q"] < 0.2 * differences(found, stepped)["q"]
+
+
+# FMPy holds the inputs over an output interval and does not start CVode afresh at its end: full
+# steps of a control within one are the hardest case. At 1e-7 CVode gives up.
+@pytest.mark.parametrize("control", ["delta_e", "delta_a", "delta_r"])
+@pytest.mark.parametrize("interval", [0.02, 0.1])
+def test_cvode_flies_moving_controls_at_the_default_tolerance(fmus, condition, control, interval):
+    time = np.arange(0.0, 10.0, interval)
+    wave = np.sin(np.pi * time)
+    for signal in (0.1 * wave, 0.3 * np.sign(wave)):
+        found = fmpy.simulate_fmu(
+            str(fmus["2.0"]),
+            stop_time=time[-1],
+            start_values=condition,
+            input=np.array(
+                list(zip(time, signal, strict=True)), [("time", float), (control, float)]
+            ),
+            output=TRACE,
+            output_interval=interval,
+            fmi_type="ModelExchange",
+        )
+        assert found["time"][-1] == pytest.approx(time[-1])
 
 
 @pytest.mark.parametrize("version", VERSIONS)

@@ -1,10 +1,13 @@
-"""Tables that a run left: named with variable, end of the range, amount and time."""
+"""Tables that a run left: named with variable, end of the range, amount and time; a run below its
+runway.
+"""
 
 import numpy as np
 import pytest
 
 import flightmech
-from pom.replaying.run_remarks import TableRange, table_ranges, tables_left
+from pom.replaying.run_remarks import TableRange, below_runway, table_ranges, tables_left
+from pom.result import NOTICES
 
 TIME = np.arange(0.0, 10.0, 0.02)
 DEG = np.pi / 180.0
@@ -58,3 +61,20 @@ def test_the_ranges_are_read_from_the_fmu(trainer, toy, tmp_path):
     assert found.variable == "alpha"
     np.testing.assert_allclose((found.low, found.high), np.radians([-10.0, 20.0]))
     assert table_ranges(toy(), "0") == ()
+
+
+def test_an_aeroplane_below_its_runway_is_named():
+    h = np.where(TIME > 5.0, 98.5, 103.0)
+    (remark,) = below_runway(TIME, {"h": h}, {"env.runway_elevation": 100.0})
+    assert remark.kind in NOTICES
+    assert remark.text.startswith("c.g. below the runway from 5.0 s on, by up to 1.5 m; give ")
+    assert remark.values == pytest.approx({"depth": 1.5})
+    assert below_runway(TIME, {"h": h}, {"env.runway_elevation": 98.0}) == ()
+    assert below_runway(TIME, {"h": h}, {}) == ()
+    assert below_runway(TIME, {}, {}) == ()
+
+
+def test_a_run_that_failed_below_its_runway_is_named():
+    h = np.where(TIME > 5.0, np.nan, -0.5)
+    (remark,) = below_runway(TIME, {"h": h}, {})
+    assert remark.values == pytest.approx({"depth": 0.5})

@@ -1,0 +1,136 @@
+"""Ends of the tables of a model: a state or a limit of a control beyond them, in words.
+
+Beyond its first and last breakpoint a table holds its value, so that its variable has no effect
+there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from flightmech.simulation.compiler import SimModel
+from flightmech.simulation.kernel import AXIS, INPUT
+from flightmech.units import from_si
+
+# Distance beyond a table that counts, of its range: rounding, and what a limit may stand over.
+_ROUNDING, _SLIGHT = 1e-6, 0.01
+# Airspeed below which flow angles have no meaning. [m s-1]
+_SLOWEST = 15.0
+_FLOW = ("alpha", "beta")
+# The effect of the ground ends with its table, on either side, by design; below the first Mach
+# number the air counts as incompressible.
+_GROUND, _MACH = "h_agl", "mach"
+_AT_MAXIMUM = 0.98  # of the greatest lift coefficient: at the maximum
+
+
+class TableEnds(NamedTuple):
+    """Range that all tables over a variable share. [SI]"""
+
+    low: float
+    high: float
+    unit: str
+
+
+def shared_ranges(sim: SimModel) -> dict[str, TableEnds]:
+    """Return the range that all tables of the coefficients share, by variable.
+
+    A table with one breakpoint has no range. Tables of engines and legs are left out.
+    """
+    ranges: dict[str, TableEnds] = {}
+    for row in sim.entries(AXIS):
+        if row.low == row.high or "." in row.name or row.name == _GROUND:
+            continue
+        ends = ranges.get(row.name, TableEnds(-np.inf, np.inf, row.display_units))
+        ranges[row.name] = ends._replace(low=max(ends.low, row.low), high=min(ends.high, row.high))
+    return ranges
+
+
+def describe_tables_left(sim: SimModel, state: Mapping[str, float]) -> dict[str, str]:
+    """Return a text for each variable of a state that is beyond its tables, by variable.
+
+    Parameters
+    ----------
+    sim : SimModel
+        The model.
+    state : mapping of str to float
+        Outputs of the model; ``applied.delta_e`` is the deflection that its tables see. [SI]
+    """
+    texts = {}
+    for name, ends in shared_ranges(sim).items():
+        value = state.get(f"applied.{name}", state.get(name))
+        if value is None or (name in _FLOW and state.get("V", np.inf) < _SLOWEST):
+            continue
+        if name == _MACH and value < ends.low:
+            continue
+        text = _describe_beyond(name, value, ends, _ROUNDING)
+        if text:
+            texts[name] = text
+    return texts
+
+
+def describe_limits_beyond_tables(sim: SimModel) -> list[str]:
+    """Return a text for each limit of a control that is beyond the tables over the control.
+
+    Up to 1 % of the range beyond a table is left out. This is not a warning: many tables end before
+    the stop of the control, and no flight needs to go there.
+    """
+    ranges = shared_ranges(sim)
+    texts = []
+    for row in sim.entries(INPUT):
+        if row.name not in ranges:
+            continue
+        for limit in (row.low, row.high):
+            # a control without limits has those of the numbers
+            if abs(limit) < np.sqrt(np.finfo(float).max):
+                texts.append(
+                    _describe_beyond(f"limit of {row.name}", limit, ranges[row.name], _SLIGHT)
+                )
+    return [text for text in texts if text]
+
+
+def _describe_beyond(name: str, value: float, ends: TableEnds, slack: float) -> str:
+    """Return ``delta_e -27 deg is beyond its table, which ends at -25 deg``; empty if it is not."""
+    margin = slack * (ends.high - ends.low)
+    if ends.low - margin <= value <= ends.high + margin:
+        return ""
+    end = ends.low if value < ends.low else ends.high
+    return (
+        f"{name} {_show(value, ends.unit)} is beyond its table, which ends at "
+        f"{_show(end, ends.unit)}"
+    )
+
+
+def _show(value: float, unit: str) -> str:
+    number = f"{from_si(value, unit):.4g}"
+    return number if unit == "1" else f"{number} {unit}"
+
+
+def describe_greatest_lift(CL: float, alpha: float, curve: tuple[np.ndarray, np.ndarray]) -> str:
+    """Return ``CL 1.52 is at its maximum, near alpha 16 deg``; empty if it is below.
+
+    Parameters
+    ----------
+    CL, alpha : float
+        Lift coefficient and angle of attack of the flight. [1, rad]
+    curve : tuple of array (alpha,)
+        Angles of attack over the tables, and the lift coefficient there with all else as in the
+        flight. [rad, 1]
+    """
+    angles, lift = curve
+    top = int(np.argmax(lift))
+    is_there = _AT_MAXIMUM * lift[top] <= CL or alpha > angles[top]
+    if not (lift[top] > 0.0 and is_there):
+        return ""
+    return f"CL {CL:.3f} is at its maximum, near alpha {np.degrees(angles[top]):.3g} deg"
+
+
+def alpha_grid(sim: SimModel) -> np.ndarray:
+    """Return angles of attack over the tables, every quarter of a degree; none without tables."""
+    ends = shared_ranges(sim).get("alpha")
+    if ends is None:
+        return np.empty(0)
+    count = int(np.ceil(np.degrees(ends.high - ends.low) * 4.0)) + 1
+    return np.linspace(ends.low, ends.high, count)
