@@ -63,6 +63,10 @@ class Branch:
         return float(min(self.time[-1], partner.time[-1]) - max(self.time[0], partner.time[0]))
 
 
+# Spread of the cycles over the mean dead band from which a remark states it.
+_LARGEST_SPREAD = 0.25
+
+
 def judge_curve(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge y over x of a slow sweep, at equal x on the same branch.
 
@@ -278,20 +282,30 @@ def _first_force(x: np.ndarray, force: np.ndarray, direction: int, *, least: flo
 def judge_dead_band(criterion: Criterion, match: Comparison) -> Judgement:
     """Judge the dead band of the nose-wheel steering.
 
-    It is the difference of the wheel angle between the two directions, at neutral pedals.
+    It is the difference of the wheel angle between the two directions, at neutral pedals. Several
+    cycles are averaged; a remark states how far they differ.
     """
     mask = inside_window(match.time, criterion.window)
     bands = []
+    remarks = []
     for who, branches in zip(WHO, _split_branches(criterion, match, mask), strict=True):
-        # by direction: the wheel angle at neutral pedals
-        angles = {}
+        # by direction: the wheel angles at neutral pedals
+        angles: dict[int, list[float]] = {-1: [], 1: []}
         for branch in branches:
             angle = float(branch.at(np.zeros(1))[0])
             if np.isfinite(angle):
-                angles[branch.direction] = angle
-        if len(angles) < 2:
+                angles[branch.direction].append(angle)
+        if not all(angles.values()):
             raise Invalid(
                 f"{who} does not bring {criterion.abscissa} through neutral in both directions"
             )
-        bands.append(abs(angles[-1] - angles[1]))
-    return judge_number(criterion, bands[0], bands[1], at=criterion.window[0])
+        bands.append(abs(float(np.mean(angles[-1])) - float(np.mean(angles[1]))))
+        spread = max(max(group) - min(group) for group in angles.values())
+        if spread > _LARGEST_SPREAD * bands[-1]:
+            text = (
+                f"{who}: the cycles differ by {np.degrees(spread):.2f} deg at neutral, their mean "
+                f"band is {np.degrees(bands[-1]):.2f} deg"
+            )
+            remarks.append(RowRemark("method", text, criterion.channel))
+    judged = judge_number(criterion, bands[0], bands[1], at=criterion.window[0])
+    return replace(judged, remarks=(*judged.remarks, *remarks))

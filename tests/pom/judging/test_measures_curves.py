@@ -217,3 +217,24 @@ def test_dead_band_of_the_steering(judged):
     ) == pytest.approx((0.8, 1.4))
     assert got["nosewheel_deadband"]["worst_ratio"] == pytest.approx(1.2)
     assert got["nosewheel_angle"]["worst_ratio"] == pytest.approx(0.3 / 2.0)
+
+
+def test_cycles_of_unequal_dead_bands_are_averaged_and_stated(judged):
+    """Half of the cycles of the model lag 0.7 deg, the others 0.1 deg: the mean band is 0.8 deg."""
+    phase = 4.0 * np.pi * (TIME - TIME[0]) / (TIME[-1] - TIME[0])
+    pedal = 0.08 * np.sin(phase)
+
+    def run(lag):
+        steering = np.radians(50.0 * pedal / 0.08 - lag * np.sign(np.gradient(pedal)))
+        return {"pedal": pedal, "gear.steering": steering}
+
+    standard = {"standard": "CAAC CCAR-60 App A aeroplane simulator tests", "edition": "2005-09-01"}
+    halves = np.where(phase < 2.0 * np.pi, 0.7, 0.1)
+    got = judged("2.a(5)", TIME, run(0.4), run(halves), drive=COCKPIT, **standard)
+    row = got["nosewheel_deadband"]
+    alone = [
+        judged("2.a(5)", TIME, run(0.4), run(lag), drive=COCKPIT, **standard) for lag in (0.7, 0.1)
+    ]
+    bands = [item["nosewheel_deadband"]["model_value"] for item in alone]
+    assert min(bands) < row["model_value"] < max(bands)
+    assert "the cycles differ by" in remarks_text(row["remarks"])

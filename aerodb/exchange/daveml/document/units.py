@@ -99,6 +99,8 @@ def unit_of_code(code: str) -> str:
         return "1"
     numerator, _, denominator = text.partition("_")
     parts = [_split_code(part, code) for part in (numerator, denominator) if part]
+    if not parts:
+        raise UnitError(f"{code!r} is not a unit of S-119; write a code such as rad_s2, or nd")
     return "/".join(parts) if numerator else "1/" + parts[0]
 
 
