@@ -48,10 +48,12 @@ def plot_file(file: str, listing: str | None, output: str | None, as_json: bool)
     places = {child.attrs["case"]: name for name, child in fine.children.items()}
     for case in printed:
         written = plot_case(printed, case, tree)
-        if written is not None:
-            name = places[case.name]
-            finer = refine(fine.children[name], written)
-            fine[name], refined[name] = finer, _refined(finer)
+        # A case without pages is in the plot file, but not in the tree.
+        if written is None or case.name not in places:
+            continue
+        name = places[case.name]
+        finer = refine(fine.children[name], written)
+        fine[name], refined[name] = finer, _refined(finer)
     if output:
         write_tree(fine, output)
     if as_json:
