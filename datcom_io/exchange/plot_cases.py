@@ -137,7 +137,10 @@ def _begins_case(lines: PlotLines, index: int) -> bool:
     coefficients of a page are no such numbers.
     """
     last = index + _LINES_OF_CASE - 1
-    if lines.count_fields(index + 1) != 10 or lines.number(last, 10) not in (1.0, 2.0, 3.0):
+    # A heading has a shorter second line, a control device a shorter fourteenth one.
+    if {lines.count_fields(index + 1), lines.count_fields(index + 13)} != {10}:
+        return False
+    if lines.number(last, 10) not in (1.0, 2.0, 3.0):
         return False
     counts = range(MOST_ANGLES + 1)
     return lines.number(index, 1) in counts and lines.number(last, 9) in counts

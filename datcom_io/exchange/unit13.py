@@ -110,7 +110,10 @@ def _case_tree(case: PlotCase, file: str, name: str) -> xr.DataTree:
     pages = [condition.page | condition.control for condition in case.conditions]
     # The logicals state which configurations are real.
     if not case.logicals:
-        message = f"line {case.line}: no static page in the first condition of this case"
+        message = (
+            f"line {case.line}: no static page in the first condition of this case, so the file "
+            f"does not state its parts"
+        )
         attrs = {"case": name, "file": file, "line": case.line, "messages": message}
         nodes = {"/": xr.Dataset(attrs=attrs), "records": _record_leaf(case, "condition", pages)}
         return xr.DataTree.from_dict(nodes, name=name)
