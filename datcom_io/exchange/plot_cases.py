@@ -212,7 +212,7 @@ def _possible_switches(case: PlotCase, parts: Sequence[_Part]) -> Iterator[_Swit
         counts = range(1, _MOST_DELTAS + 1)
     for deflections in counts:
         for switches in itertools.product(*choices):
-            yield _Switches(*switches, deflections)
+            yield _Switches._make((*switches, deflections))
 
 
 def _written_parts(case: PlotCase, condition: ScheduledCondition, switches: _Switches) -> list[str]:
@@ -274,9 +274,8 @@ def _place_parts(case: PlotCase, parts: list[_Part], file: str, *, is_last: bool
             raise ParseError(
                 file,
                 case.line,
-                f"a case without logicals and {len(parts)} records that {len(found)} sets of "
-                f"switches allow",
-                "records that state their flight condition; put a subsonic Mach number first",
+                f"{len(parts)} parts that fit the flight conditions of the case in {len(found)} ways",
+                "parts that fit in one way; run the program with a subsonic Mach number first",
             )
     raise _misplaced(case, parts, file, possible)
 
@@ -286,7 +285,8 @@ def _misplaced(
 ) -> ParseError:
     """Return the error of parts that are not those of the switches of the case."""
     kinds = "".join(_LETTERS[part.kind] for part in parts)
-    farthest, texts = max(((_match(kinds, item, False)[1], item) for item in possible), key=_first)
+    reached = [(_match(kinds, texts, False)[1], texts) for texts in possible]
+    farthest, texts = max(reached, key=lambda pair: pair[0])
     found, line = "the end of the case", case.line
     if farthest < len(parts):
         found, line = f"a {_WORDS[kinds[farthest]]}", parts[farthest].line
@@ -294,14 +294,10 @@ def _misplaced(
     return ParseError(
         file,
         line,
-        f"{found} after {farthest} parts of the case at line {case.line}",
+        f"{found} as part {farthest + 1} of the case at line {case.line}",
         f"{allowed}, as MACH, LOOP, NGH, NDELTA and the logicals of the case state; run the "
         f"program again",
     )
-
-
-def _first(pair: tuple[int, _Texts]) -> int:
-    return pair[0]
 
 
 def _match(kinds: str, texts: _Texts, allow_cut: bool) -> tuple[tuple[int, ...] | None, int]:

@@ -148,12 +148,16 @@ def test_a_condition_without_page_is_absent(tmp_path):
 
 
 MISPLACED = {
-    "a page is missing": ("HP", "", "found the end of the case after 2 parts .* a static page"),
-    "a page is too many": ("HPPP", "", "line 485: found a static page after 3 parts"),
+    "a page is missing": ("HP", "", "found the end of the case as part 3 .* a static page"),
+    "a page is too many": (
+        "HPPP",
+        "",
+        "line 485: found a static page as part 4 of the case at line 1",
+    ),
     "a device is missing": ("HPP", "SYMFP", "line 253: found a static page .* a control device"),
     "a device is too many": ("HPCP", "", "line 253: found a control device .* a static page"),
-    "a heading is too many": ("HPHP", "", "line 253: found a heading after 2 parts"),
-    "a device comes first": ("CHPP", "SYMFP", "line 17: found a control device after 0 parts"),
+    "a heading is too many": ("HPHP", "", "line 253: found a heading as part 3"),
+    "a device comes first": ("CHPP", "SYMFP", "line 17: found a control device as part 1"),
 }
 
 
