@@ -75,7 +75,7 @@ class PlotCondition:
 class PlotCase:
     """One case: records of the case, logicals and flight conditions.
 
-    A case without a heading has no logicals.  `is_cut` tells that the file ends before its last
+    A case without a heading has no logicals.  `is_cut` states that the file ends before its last
     condition.
     """
 
