@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _NUMBERS = (FLAGS[OK], FLAGS[FILLED], FLAGS[SUSPECT])
 _HEAD = 4096
+_REFUSED = "THIS CASE NOT RUN"
 _CSV_HEADING = re.compile(r"^ *(?:Alpha|Delta\w+) *, *[A-Za-z]\w* *,? *$", re.MULTILINE)
 
 
@@ -116,8 +117,7 @@ def plot_case(listing: Listing, case: Case, plot: xr.DataTree) -> xr.DataTree | 
     SchemaError
         The plot file holds another number of cases.
     """
-    # A case without a page is not written.
-    plotted = [item.ordinal for item in listing if item.deck.has("PLOT") and item.pages]
+    plotted = [item.ordinal for item in listing if item.deck.has("PLOT") and not _is_refused(item)]
     if len(plotted) != len(plot.children):
         problem = (
             f"cases in the plot file: {len(plot.children)}; cases with card PLOT in the "
@@ -128,3 +128,8 @@ def plot_case(listing: Listing, case: Case, plot: xr.DataTree) -> xr.DataTree | 
     if case.ordinal not in plotted:
         return None
     return list(plot.children.values())[plotted.index(case.ordinal)]
+
+
+def _is_refused(case: Case) -> bool:
+    """Return whether the program refused the cards of a case, so that nothing was written."""
+    return any(_REFUSED in message.text for message in case.messages)

@@ -1,15 +1,8 @@
 """The records of a plot file (unit 13), as the program wrote them.
 
 FORMAT (1P10E12.4): ten fields of twelve columns, five significant digits, the common blocks of the
-program in feet, pounds, degrees Rankine and degrees.  Nothing in the file names the next record,
-but the records differ in length:
-
-* a case opens with sixteen lines of ten numbers, and holds nothing else when it prints no static
-  page (hypersonic flap, transverse jet);
-* lines of 10, 9 and 4 numbers and a line of logicals stand before the first page of the case, and
-  before its pages over ground;
-* a static page has 231 lines of ten numbers and one of one;
-* a control device behind it has eight numbers in its fourteenth line.
+program in feet, pounds, degrees Rankine and degrees.  The sizes of all records are fixed; which of
+them a case has is the subject of `datcom_io.exchange.plot_cases`.
 """
 
 from __future__ import annotations
@@ -17,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -66,23 +59,24 @@ LOGICALS = (
 CONFIGURATIONS = ("BODY", "WING", "HT", "VT", "VF", "BW", "BH", "BV", "BWH", "BWV", "BWHV")
 _WIDTH = 12
 _PER_LINE = 10
-_MOST_MACHS = 20
-# Records of the case, its heading, a static page and a control device: name and size.
-_CASE = {"FLC": 160}
-_HEADING = {"SYNA": 19, "OPT": 4}
-# What begins at a line, by the size of the first line behind it that does not have ten numbers.
-_KIND_OF_LAST_LINE = {1: "page", 8: "control", 9: "heading"}
 _TEN_NUMBERS = re.compile(
     r"(?: {1,2}-?\d\.\d{4}E[-+]\d\d| {12}|\*{12}|[ +-]*(?:NaN|Infinity)){10} *"
 )
-# Eleven configurations of ten blocks of twenty angles, downwash, factors, drag at zero lift.
-_CONDITION = {**dict.fromkeys(CONFIGURATIONS, 200), "DWASH": 60, "FACT": 40, "CDO": 11}
-_CONTROL = {
-    "F": 138,
-    "BODY_CONTROL": 200,
-    "WING_CONTROL": 200,
-    "HT_CONTROL": 180,
-    "VT_CONTROL": 180,
+# Sizes of the records of each part of the file.
+SIZES: dict[str, dict[str, int]] = {
+    # Flight conditions of the case, in check of the cards.
+    "case": {"FLC": 160},
+    # Positions and reference quantities.
+    "heading": {"SYNA": 19, "OPT": 4},
+    # Ten blocks of twenty angles for each configuration, downwash, factors, drag at zero lift.
+    "page": {**dict.fromkeys(CONFIGURATIONS, 200), "DWASH": 60, "FACT": 40, "CDO": 11},
+    "control": {
+        "F": 138,
+        "BODY_CONTROL": 200,
+        "WING_CONTROL": 200,
+        "HT_CONTROL": 180,
+        "VT_CONTROL": 180,
+    },
 }
 # Codes of the program for a missing number.
 _MARKS = {1.0e-30: NDM, 2.0e-30: NA, -1.0e-30: BLANK}
@@ -120,106 +114,59 @@ class PlotRecord:
         return int(number)
 
 
-@dataclass(eq=False)
-class PlotCase:
-    """One case: its records, and a dict of records per static page.
-
-    A case without a static page has no logicals.  Page by page the program overwrites the blocks,
-    so those of a page over ground hold the coefficients over ground.
-    """
-
-    line: int
-    records: dict[str, PlotRecord]
-    logicals: dict[str, bool] = field(default_factory=dict)
-    pages: list[dict[str, PlotRecord]] = field(default_factory=list)
-
-
-def read_records(path: str | os.PathLike[str]) -> list[PlotCase]:
-    """Return the cases of a plot file.
-
-    Raises
-    ------
-    ParseError
-        The file is not a plot file, or ends within a record.
-    """
-    lines = read_bytes(path, "a plot file (unit 13)").decode("latin-1").splitlines()
-    while lines and not lines[-1].strip("\x1a "):
-        lines.pop()
-    file = Path(path).name
-    cases: list[PlotCase] = []
-    if not lines or not is_line_of_plot(lines[0]):
-        problem = (
-            f"a file of {len(lines)} lines whose first is not a line of ten numbers of "
-            f"twelve columns"
-        )
-        raise ParseError(file, 0, problem, "a plot file (unit 13, written with card PLOT)")
-    index = 0
-    while index < len(lines):
-        kind = _next_kind(lines, index, cases)
-        if kind == "case":
-            records, after = _read_sizes(file, lines, index, _CASE)
-            cases.append(PlotCase(index + 1, records))
-        elif kind == "heading":
-            # The logicals follow the heading, in a line of letters.
-            heading, logicals_line = _read_sizes(file, lines, index, _HEADING)
-            cases[-1].records.update(heading)
-            cases[-1].logicals = _read_logicals(file, lines, logicals_line)
-            after = logicals_line + 1
-        elif kind == "page":
-            page, after = _read_sizes(file, lines, index, _CONDITION)
-            cases[-1].pages.append(page)
-        else:
-            control, after = _read_sizes(file, lines, index, _CONTROL)
-            cases[-1].pages[-1].update(control)
-        index = after
-    for case in cases:
-        if case.pages and not case.logicals:
-            raise ParseError(
-                file,
-                case.line,
-                "static pages without a line of logicals",
-                "34 logicals before the first of them; run again",
-            )
-    return cases
-
-
-def _next_kind(lines: Sequence[str], index: int, cases: list[PlotCase]) -> str:
-    """Return what begins at a line: ``case heading page control``."""
-    if not cases:
-        return "case"
-    # Logicals without a page come before the first page.
-    if cases[-1].logicals and not cases[-1].pages:
-        return "page"
-    return _kind_by_length(lines, index)
-
-
 def is_line_of_plot(line: str) -> bool:
     """Return whether a line is ten numbers as the program writes them."""
     return _TEN_NUMBERS.fullmatch(line.rstrip("\r\n\x1a")) is not None
 
 
-def _kind_by_length(lines: Sequence[str], index: int) -> str:
-    """Return what begins at a line by the lines with ten numbers that follow."""
-    end = index
-    while end < len(lines) and len(_split_fields(lines[end])) == _PER_LINE:
-        end += 1
-    last_size = 0
-    if end < len(lines):
-        last_size = len(_split_fields(lines[end]))
-    # A heading has one line of ten numbers; a case stands before it.
-    if last_size == 9 and end - index > 1:
-        return "case"
-    if last_size in _KIND_OF_LAST_LINE:
-        return _KIND_OF_LAST_LINE[last_size]
-    if _counts_machs(lines[index]):
-        return "case"
-    return "page"
+class PlotLines:
+    """Lines of a plot file.
 
+    Parameters
+    ----------
+    path : path
 
-def _counts_machs(line: str) -> bool:
-    """Return whether a line begins with a count of Mach numbers, not with a coefficient."""
-    cell = read_cell(line[:_WIDTH])
-    return cell is not None and cell[0] in range(1, _MOST_MACHS + 1)
+    Raises
+    ------
+    ParseError
+        The first line is not one of ten numbers.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]):
+        self.lines = read_bytes(path, "a plot file (unit 13)").decode("latin-1").splitlines()
+        while self.lines and not self.lines[-1].strip("\x1a "):
+            self.lines.pop()
+        self.file = Path(path).name
+        if not self.lines or not is_line_of_plot(self.lines[0]):
+            problem = (
+                f"a file of {len(self.lines)} lines whose first is not a line of ten numbers of "
+                f"twelve columns"
+            )
+            raise ParseError(self.file, 0, problem, "a plot file (unit 13, written with card PLOT)")
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def count_fields(self, index: int) -> int:
+        """Return the number of fields of a line, 0 behind the end of the file."""
+        if index >= len(self.lines):
+            return 0
+        return len(_split_fields(self.lines[index]))
+
+    def number(self, index: int, place: int) -> float:
+        """Return a number of a line, counted from 1; NaN where there is none."""
+        if index >= len(self.lines):
+            return float("nan")
+        cell = read_cell(self.lines[index][(place - 1) * _WIDTH : place * _WIDTH])
+        return float("nan") if cell is None else cell[0]
+
+    def read_records(self, start: int, part: str) -> tuple[dict[str, PlotRecord], int]:
+        """Return the records of a part of the file, and the index of the line after them."""
+        return _read_sizes(self.file, self.lines, start, SIZES[part])
+
+    def read_logicals(self, index: int) -> dict[str, bool]:
+        """Return the logicals of a line by their names."""
+        return _read_logicals(self.file, self.lines, index)
 
 
 def _read_logicals(file: str, lines: Sequence[str], index: int) -> dict[str, bool]:

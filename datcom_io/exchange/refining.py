@@ -34,6 +34,8 @@ _DECIMALS = {
 }
 _DIGITS = {"dCDi": 3}  # significant ones; four in all other columns
 _ROUNDING = 1e-9  # of the unit conversions, in half units
+# Half of the last digit of a Mach number and of an altitude [m] in the print.
+_MACH, _HEIGHT = 5.1e-4, 0.31
 _MOST_FAULTS = 5  # of a variable, in a message
 
 Index = dict[Any, Any]
@@ -75,6 +77,7 @@ def refine(tree: xr.DataTree, plot: xr.DataTree) -> xr.DataTree:
         if name not in leaves or name not in plot.children:
             continue
         written = _drop_missing_angles(plot.children[name].to_dataset(inherit=False), leaves[name])
+        written = _select_conditions(written, leaves[name])
         faults = _compare_axes(name, leaves[name], written)
         if not faults:
             # Slopes of control pages are printed per degree whatever card DERIV states.
@@ -101,6 +104,40 @@ def _drop_missing_angles(written: xr.Dataset, printed: xr.Dataset) -> xr.Dataset
     return written.isel(alpha=np.flatnonzero(np.isfinite(written["alpha"].values)))
 
 
+def _select_conditions(written: xr.Dataset, printed: xr.Dataset) -> xr.Dataset:
+    """Return a leaf of the plot file with the conditions of the print, in their order.
+
+    The file has all conditions of the run, the print has no page of some.  The leaf is returned as
+    it is when a printed condition is not among them.
+    """
+    if "mach" not in written.coords or "mach" not in printed.coords:
+        return written
+    machs, heights = np.atleast_1d(written["mach"].values), np.atleast_1d(written["h"].values)
+    places: list[int] = []
+    for mach, height in zip(np.atleast_1d(printed["mach"].values), _printed_heights(printed)):
+        # A condition comes once more with the same numbers, so each stands behind the last one.
+        later = np.arange(len(machs)) > (places[-1] if places else -1)
+        is_same = _agrees(machs, mach, _MACH) & _agrees(heights, height, _HEIGHT)
+        found = np.flatnonzero(later & is_same)
+        if not len(found):
+            return written
+        places.append(int(found[0]))
+    return written.isel(condition=places)
+
+
+def _printed_heights(printed: xr.Dataset) -> np.ndarray:
+    """Return the altitude of each printed condition, NaN where there is none. [m]"""
+    if "h" in printed.coords:
+        return np.atleast_1d(printed["h"].values)
+    return np.full(np.atleast_1d(printed["mach"].values).shape, np.nan)
+
+
+def _agrees(written: np.ndarray, printed: float, tolerance: float) -> np.ndarray:
+    """Return where written numbers are the printed one, or one of both is missing."""
+    is_close = np.abs(written - printed) <= tolerance + 1e-4 * abs(printed)
+    return is_close | np.isnan(written) | np.isnan(printed)
+
+
 def _compare_axes(name: str, printed: xr.Dataset, written: xr.Dataset) -> list[str]:
     """Return the axes of a leaf that differ between print and plot file."""
     differences = []
@@ -108,11 +145,10 @@ def _compare_axes(name: str, printed: xr.Dataset, written: xr.Dataset) -> list[s
         if axis not in printed.coords or axis not in written.coords:
             continue
         a, b = printed[axis].values, written[axis].values
-        # With speeds given by VINF the plot file has no Mach number.
-        if axis == "mach" and a.shape == b.shape and np.isnan(b).all():
-            continue
         # Axes have five digits, but a deflection of zero is written as 0.01 deg.
         tolerance = 1e-4
+        if axis == "mach":
+            tolerance = _MACH
         if axis == "delta":
             tolerance = 0.011 * DEGREE
         if a.shape != b.shape or not np.allclose(a, b, rtol=1e-4, atol=tolerance, equal_nan=True):

@@ -15,20 +15,15 @@ import xarray as xr
 
 from datcom_io.arrays.leaves import LONG_NAMES, LeafBuilder, empty_cells
 from datcom_io.cells import BLANK, FILLED, OK, SUSPECT
+from datcom_io.exchange.plot_cases import PlotCase, PlotPage, read_cases
 from datcom_io.exchange.plot_conditions import (
-    MOST_ANGLES,
-    PlotPage,
     alpha_coord,
-    angles_of_attack,
     condition_coords,
-    free_air_pages,
-    ground_heights,
-    pages_by_condition,
     real_configurations,
-    run_schedule,
     transonic_conditions,
 )
-from datcom_io.exchange.plot_records import CONFIGURATIONS, PlotCase, read_records
+from datcom_io.exchange.plot_records import CONFIGURATIONS
+from datcom_io.exchange.plot_schedule import MOST_ANGLES, angles_of_attack, ground_heights
 from datcom_io.printout.layouts import BY_NAME
 from datcom_io.printout.rows import PrintedColumn
 from flightmech.units import DEGREE, FOOT
@@ -90,28 +85,37 @@ def read_plot(path: str | os.PathLike[str]) -> xr.DataTree:
         (configuration, condition, deflection, ground_height, alpha): the coefficients over ground,
         from the second deflection on flagged ``suspect`` as in the print; ``records`` and
         ``ground_records``: all numbers as written, in feet, pounds, degrees Rankine and degrees,
-        each with its flag.  A deflection of zero is written as 0.01 deg, as the program uses it. A
-        case without a static page (hypersonic flap, transverse jet) has ``records`` of its flight
-        conditions alone.
+        each with its flag.  A deflection of zero is written as 0.01 deg, as the program uses it.
+
+        Conditions are all of the run in their order; a number that the file does not have of a
+        condition is flagged ``absent``.  A case without logicals has ``records`` alone: its first
+        condition has no static page, which is so with a hypersonic flap, a transverse jet, and
+        ground heights or engines at a supersonic Mach number.
 
     Raises
     ------
     ParseError
-        The file is not a plot file, or ends within a record.
+        The file is not a plot file, ends within a record, or does not have the records that
+        the switches of its cases state.
     """
     file = Path(path).name
     root = xr.DataTree(xr.Dataset(attrs={"file": file}))
-    for number, case in enumerate(read_records(path), 1):
+    for number, case in enumerate(read_cases(path), 1):
         root[f"case {number}"] = _case_tree(case, file, f"case {number}")
     return root
 
 
 def _case_tree(case: PlotCase, file: str, name: str) -> xr.DataTree:
     """Return the tree of one case."""
-    if not case.pages:
-        message = f"line {case.line}: no static page in this case"
+    pages = [condition.page | condition.control for condition in case.conditions]
+    # The logicals state which configurations are real.
+    if not case.logicals:
+        message = (
+            f"line {case.line}: no static page in the first condition of this case, so the file "
+            f"does not state its parts"
+        )
         attrs = {"case": name, "file": file, "line": case.line, "messages": message}
-        nodes = {"/": xr.Dataset(attrs=attrs), "records": _record_leaf(case, "condition", [])}
+        nodes = {"/": xr.Dataset(attrs=attrs), "records": _record_leaf(case, "condition", pages)}
         return xr.DataTree.from_dict(nodes, name=name)
     nodes = {"/": xr.Dataset(attrs=_case_attrs(case, file, name))}
     leaves = {
@@ -125,11 +129,11 @@ def _case_tree(case: PlotCase, file: str, name: str) -> xr.DataTree:
         if leaf is not None:
             nodes[key] = leaf.to_dataset()
     # All numbers as written, for users who need other blocks.
-    nodes["records"] = _record_leaf(case, "condition", free_air_pages(case))
+    nodes["records"] = _record_leaf(case, "condition", pages)
     if "ground" in nodes:
         over_ground: list[PlotPage] = []
-        for pages in pages_by_condition(case):
-            over_ground += pages[1:]
+        for condition in case.conditions:
+            over_ground += condition.ground
         nodes["ground_records"] = _record_leaf(case, "page", over_ground)
     return xr.DataTree.from_dict(nodes, name=name)
 
@@ -160,12 +164,11 @@ def _case_attrs(case: PlotCase, file: str, name: str) -> dict[str, str | float]:
         if word in _ANGLES:
             unit = DEGREE
         attrs[word] = value * unit
-    count, scheduled = len(free_air_pages(case)), len(run_schedule(case))
-    if scheduled != count:
+    if case.is_cut:
+        written = sum(condition.line > 0 for condition in case.conditions)
         attrs["messages"] = (
-            f"line {case.line}: {count} flight conditions are written, "
-            f"{scheduled} are specified by NMACH, NALT and LOOP; "
-            "Mach number and altitude are left open"
+            f"line {case.line}: the file ends within this case, behind {written} of "
+            f"{len(case.conditions)} flight conditions; run the program again"
         )
     return attrs
 
@@ -199,20 +202,19 @@ def _stack_coefficient(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return a coefficient in SI and its flags (configuration, condition, page, alpha).
 
-    `pages` holds the pages of each condition.
+    `pages` holds the pages of each condition; where one is empty or has none, cells are absent.
     """
-    blocks, count, transonic = (
-        real_configurations(case),
-        len(angles_of_attack(case)),
-        transonic_conditions(case),
-    )
+    blocks, count = real_configurations(case), len(angles_of_attack(case.flight))
+    transonic = transonic_conditions(case)
     column = _COLUMNS[name]
     first = MOST_ANGLES * _STATIC.index(name)
-    shape = (len(blocks), len(pages), len(pages[0]), count)
-    value, flag = np.empty(shape), np.empty(shape, np.uint8)
+    most = max(map(len, pages))
+    value, flag = empty_cells((len(blocks), len(pages), most, count))
     for i, block in enumerate(blocks):
         for j, pages_of_condition in enumerate(pages):
             for k, page in enumerate(pages_of_condition):
+                if block not in page:
+                    continue
                 numbers, codes = page[block].numbers(first + 1, first + count)
                 _fill_constant(column, numbers, codes, transonic[j])
                 value[i, j, k], flag[i, j, k] = _to_si(column, numbers), codes
@@ -234,7 +236,7 @@ def _static_leaf(case: PlotCase) -> LeafBuilder | None:
     }
     leaf = LeafBuilder(coords)
     dims = ("configuration", "condition", "alpha")
-    pages = [pages[:1] for pages in pages_by_condition(case)]
+    pages = [[condition.page] for condition in case.conditions]
     for name in _STATIC:
         value, flag = _stack_coefficient(case, name, pages)
         leaf.add(_COLUMNS[name], dims, value[:, :, 0], flag[:, :, 0])
@@ -246,9 +248,9 @@ def _ground_leaf(case: PlotCase) -> LeafBuilder | None:
 
     Those of the second and later deflections hold the ground effect of the deflections before.
     """
-    names, heights = real_configurations(case), ground_heights(case)
-    pages = [pages[1:] for pages in pages_by_condition(case)]
-    if not names or not pages[0]:
+    names, heights = real_configurations(case), ground_heights(case.flight)
+    pages = [condition.ground for condition in case.conditions]
+    if not names or not any(pages):
         return None
     height_attrs = {"units": "m", "long_name": LONG_NAMES["ground_height"]}
     coords = {
@@ -259,9 +261,11 @@ def _ground_leaf(case: PlotCase) -> LeafBuilder | None:
     }
     leaf = LeafBuilder(coords)
     dims = ("configuration", "condition", "deflection", "ground_height", "alpha")
-    # Pages over ground have height in the inner loop.
-    deflections = len(pages[0]) // len(heights)
-    shape = (len(names), len(pages), deflections, len(heights), len(angles_of_attack(case)))
+    # Pages over ground have height in the inner loop; only subsonic conditions have them, and the
+    # last condition of a file that was cut may lack some.
+    deflections = -(-max(map(len, pages)) // len(heights))
+    shape = (len(names), len(pages), deflections, len(heights), len(angles_of_attack(case.flight)))
+    pages = [[*written, *[{}] * (deflections * len(heights) - len(written))] for written in pages]
     for name in _STATIC:
         value, flag = _stack_coefficient(case, name, pages)
         value, flag = value.reshape(shape), flag.reshape(shape)
@@ -280,12 +284,12 @@ def _zero_lift_leaf(case: PlotCase) -> LeafBuilder | None:
     leaf = LeafBuilder({**condition_coords(case), "configuration": configurations})
     # The record CDO has one number per configuration.
     indices = [CONFIGURATIONS.index(block) for block in names]
-    values, flags = [], []
-    for page in free_air_pages(case):
-        numbers, codes = page["CDO"].numbers(1, len(CONFIGURATIONS))
-        values.append(numbers[indices])
-        flags.append(codes[indices])
-    leaf.add(_CD0, ("configuration", "condition"), np.array(values).T, np.array(flags).T)
+    values, flags = empty_cells((len(case.conditions), len(names)))
+    for j, condition in enumerate(case.conditions):
+        if condition.page:
+            numbers, codes = condition.page["CDO"].numbers(1, len(CONFIGURATIONS))
+            values[j], flags[j] = numbers[indices], codes[indices]
+    leaf.add(_CD0, ("configuration", "condition"), values.T, flags.T)
     leaf["CD0"].attrs["long_name"] = "drag coefficient at zero lift"
     return leaf
 
@@ -295,11 +299,13 @@ def _downwash_leaf(case: PlotCase) -> LeafBuilder | None:
     if not (case.logicals["WGPL"] and case.logicals["HTPL"]):
         return None
     leaf = LeafBuilder({**condition_coords(case), "alpha": alpha_coord(case)})
-    count = len(angles_of_attack(case))
+    count = len(angles_of_attack(case.flight))
     for k, name in enumerate(_DOWNWASH):
         first = MOST_ANGLES * k
-        parts = [page["DWASH"].numbers(first + 1, first + count) for page in free_air_pages(case)]
-        value, flag = (np.array(arrays) for arrays in zip(*parts))
+        value, flag = empty_cells((len(case.conditions), count))
+        for j, condition in enumerate(case.conditions):
+            if condition.page:
+                value[j], flag[j] = condition.page["DWASH"].numbers(first + 1, first + count)
         leaf.add(_COLUMNS[name], ("condition", "alpha"), _to_si(_COLUMNS[name], value), flag)
     return leaf
 
@@ -310,8 +316,8 @@ def _symflp_leaf(case: PlotCase) -> LeafBuilder | None:
     WING(201...) holds one block of ten deflections per column, BODY(201...) holds D(CDI) with alpha
     in the inner loop.
     """
-    pages = free_air_pages(case)
-    written = [page["F"] for page in pages if "F" in page]
+    pages = [condition.control for condition in case.conditions]
+    written = [page["F"] for page in pages if page]
     if not written or not case.logicals["SYMFP"]:
         return None
     # F: 1 DELTA(10), 16 NDELTA.
@@ -321,19 +327,19 @@ def _symflp_leaf(case: PlotCase) -> LeafBuilder | None:
         "alpha": alpha_coord(case),
         "delta": xr.Variable("delta", deltas * DEGREE, {"units": "rad"}),
     }
-    leaf, alphas = LeafBuilder(coords), len(angles_of_attack(case))
+    leaf, alphas = LeafBuilder(coords), len(angles_of_attack(case.flight))
     for k, name in enumerate(_SYMFLP):
         first = _MOST_DELTAS * k
         value, flag = empty_cells((len(pages), len(deltas)))
         for j, page in enumerate(pages):
-            if "F" in page:
+            if page:
                 numbers, codes = page["WING_CONTROL"].numbers(first + 1, first + len(deltas))
                 _fill_constant(_COLUMNS[name], numbers, codes, transonic=False)
                 value[j], flag[j] = numbers, codes
         leaf.add(_COLUMNS[name], ("condition", "delta"), _to_si(_COLUMNS[name], value), flag)
     value, flag = empty_cells((len(pages), len(deltas), alphas))
     for j, page in enumerate(pages):
-        if "F" in page:
+        if page:
             numbers, codes = page["BODY_CONTROL"].numbers(1, len(deltas) * alphas)
             value[j] = numbers.reshape(len(deltas), alphas)
             flag[j] = codes.reshape(len(deltas), alphas)
@@ -360,7 +366,7 @@ def _record_leaf(case: PlotCase, dim: str, pages: list[PlotPage]) -> xr.Dataset:
     for page in pages:
         names |= dict.fromkeys(page)
     for name in names:
-        # A control device is written with some pages only.
+        # Some conditions have no page, or no control device.
         sizes = [len(page[name].values) for page in pages if name in page]
         value, flag = empty_cells((len(pages), sizes[0]))
         for j, page in enumerate(pages):

@@ -45,7 +45,8 @@ def _stack_pages(stacker: Stacker, name: str) -> LeafBuilder | None:
     for axis in axes:
         if axis not in dims:
             leaf.coords[axis.name] = stacker.make_coordinate(axis).squeeze()
-    if not deck.values("SYMFLP", "DELTA"):
+    # Without SYMFLP the deflection is that of a hypersonic flap, or there is none.
+    if not deck.values("SYMFLP", "DELTA") and device not in {axis.name for axis in dims}:
         leaf.coords.pop(device, None)
     return leaf
 

@@ -44,14 +44,19 @@ def plot_file(file: str, listing: str | None, output: str | None, as_json: bool)
         return
     printed = read(listing)
     fine = printed.to_datatree()
-    refined = {}
+    refined: dict[str, dict[str, dict[str, str]]] = {}
+    open_cases: dict[str, str] = {}
     places = {child.attrs["case"]: name for name, child in fine.children.items()}
     for case in printed:
         written = plot_case(printed, case, tree)
-        if written is not None:
-            name = places[case.name]
-            finer = refine(fine.children[name], written)
-            fine[name], refined[name] = finer, _refined(finer)
+        # A case without pages is in the plot file, but not in the tree.
+        if written is None or case.name not in places:
+            continue
+        name = places[case.name]
+        finer = refine(fine.children[name], written)
+        fine[name], refined[name] = finer, _refined(finer)
+        if not refined[name]:
+            open_cases[name] = str(written.attrs.get("messages", "no table that both files have"))
     if output:
         write_tree(fine, output)
     if as_json:
@@ -64,6 +69,8 @@ def plot_file(file: str, listing: str | None, output: str | None, as_json: bool)
         for variable, text in found.items()
     ]
     console.print_table(["case", "leaf", "variable", "numbers"], rows)
+    for name, text in open_cases.items():
+        click.echo(f"{name}: nothing is refined: {text}")
     if output:
         click.echo(f"written: {output}")
 
