@@ -181,7 +181,8 @@ class _CoefficientIdentification:
                 continue
             closed[found.name] = found
             if len(found.terms) > 1:
-                common = search.fit(found.terms, common=True)
+                starts = search.first_values(found.terms)
+                common = search.fit(found.terms, common=True, starts=starts)
                 closed[common.name] = common
         for form, fit in closed.items():
             forms[form] = fit.residual, fit.parameters
@@ -217,14 +218,15 @@ class _CoefficientIdentification:
         """
         searches = []
         for law in LAWS:
-            search = LawSearch(
-                law, law.bounds(lowest, self.exponents), self.model, self.records, self.hold
-            )
+            bounds = law.bounds(lowest, self.exponents)
+            search = LawSearch(law, bounds, self.model, self.records, self.hold, lowest)
             try:
-                searches.append((search, search.fit(self.ground)))
+                full = search.fit(self.ground, starts=search.first_values(self.ground))
             except IdentificationError:
                 if law is POWER:
                     raise
+                continue
+            searches.append((search, full))
         return searches
 
     def richest_form(self, samples: RegressionSamples, full: Sequence[ClosedForm]) -> RichestForm:

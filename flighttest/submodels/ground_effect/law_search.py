@@ -9,7 +9,12 @@ import numpy as np
 import xarray as xr
 
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.regression.separable.fit import SeparableFit, regress_separable
+from flighttest.regression.separable.fit import (
+    SeparableFit,
+    minimum_residual,
+    regress_separable,
+)
+from flighttest.regression.separable_model import SeparableModel
 from flighttest.submodels.ground_effect.evidence import NEAR, schwarz_criterion
 from flighttest.submodels.ground_effect.laws import HeightLaw, model_over_ground
 
@@ -80,19 +85,27 @@ class LawSearch:
         model: RegressionModel,
         records: Sequence[xr.Dataset],
         held: bool,
+        lowest: float,
     ):
         self.law, self.bounds, self.model, self.held = law, bounds, model, held
-        self.records = records
+        self.records, self.start = records, law.start(lowest)
 
-    def fit(
+    def first_values(self, ground: Sequence[str]) -> dict[str, float]:
+        """Return the first value of each shape parameter, for a search without an earlier one."""
+        if self.start is None:
+            return {}
+        names = [self.law.symbol, *map(self.law.shape_name, ground)]
+        return dict.fromkeys(names, self.start)
+
+    def separable(
         self, ground: Sequence[str], common: bool = False, starts: Mapping[str, float] | None = None
-    ) -> ClosedForm:
-        """Return the fit of ground terms.
+    ) -> SeparableModel:
+        """Return the model of ground terms.
 
         `common` is whether all terms have one shape parameter, and `starts` has first values of
         shape parameters.
         """
-        separable = model_over_ground(
+        return model_over_ground(
             self.model,
             ground,
             law=self.law,
@@ -101,10 +114,17 @@ class LawSearch:
             common=common,
             starts=starts,
         )
-        name = f"{self.model.coefficient} over the ground"
-        return ClosedForm(
-            self.law, tuple(ground), common, regress_separable(separable, self.records, name)
+
+    def fit(
+        self, ground: Sequence[str], common: bool = False, starts: Mapping[str, float] | None = None
+    ) -> ClosedForm:
+        """Return the fit of ground terms; the arguments are those of `separable`."""
+        fit = regress_separable(
+            self.separable(ground, common, starts),
+            self.records,
+            f"{self.model.coefficient} over the ground",
         )
+        return ClosedForm(self.law, tuple(ground), common, fit)
 
     def delete_terms(
         self, full: ClosedForm, none: np.ndarray, free_terms: int, n: float
@@ -151,8 +171,12 @@ class LawSearch:
             return least, reasons[least]
         rises = {}
         for term in found.terms:
-            trial = self._without(found, term)
-            value = nothing if trial is None else trial.criterion(n)
+            ground, starts = self._remaining(found, term)
+            value = nothing
+            if ground:
+                model = self.separable(ground, starts=starts)
+                v = minimum_residual(model, self.records)
+                value = schwarz_criterion(v, len(model.terms) + len(model.parameters), n)
             rises[term] = value - found.criterion(n)
         least = min(rises, key=lambda term: rises[term])
         if rises[least] > NEAR:
@@ -164,12 +188,14 @@ class LawSearch:
 
     def _without(self, found: ClosedForm, term: str) -> ClosedForm | None:
         """Return the fit without a term; None without any term is left."""
+        ground, starts = self._remaining(found, term)
+        return self.fit(ground, starts=starts) if ground else None
+
+    def _remaining(self, found: ClosedForm, term: str) -> tuple[list[str], dict[str, float]]:
+        """Return the other terms, and the shape parameters from which their search starts."""
         ground = [name for name in found.terms if name != term]
-        if not ground:
-            return None
-        # The next search starts from the shape parameters of this fit.
         names = [self.law.shape_name(name) for name in ground]
-        return self.fit(ground, starts={name: found.fit.value(name)[0] for name in names})
+        return ground, {name: found.fit.value(name)[0] for name in names}
 
 
 def _significance(found: ClosedForm, term: str) -> float:

@@ -15,6 +15,7 @@ References
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -72,6 +73,14 @@ class HeightLaw:
         if self.symbol == "s":
             return exponents
         return _SCALES[0] * lowest, _SCALES[1] * lowest
+
+    def start(self, lowest: float) -> float | None:
+        """Return the first value of the shape parameter; None for several between the bounds."""
+        if self.symbol == "s":
+            return None
+        # The effect changes smoothly with h0, so that one start suffices.
+        low, high = self.bounds(lowest, EXPONENTS)
+        return math.sqrt(low * high)
 
     def common_form(self) -> str:
         """Return the name of the form in which all terms have one shape parameter."""

@@ -3,6 +3,7 @@
 References
 ----------
 .. [LR743] Report LR-743, 1993, section 4.5.1, eq. (11), (13), (14), table 2.
+.. [Kass1995] Kass, Raftery, Bayes factors, J. American Statistical Association 90, 1995.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ ORDER = (
     *(law.name for law in LAWS),
     "table",
 )
+# Difference of Schwarz's criterion from which on a law is refused, strong evidence in [Kass1995].
+_REFUSED = 6.0
 # Default heights of a report, over the lowest height of the records.
 _HEIGHTS = (1.0, 2.0, 5.0)
 
@@ -153,8 +156,10 @@ class CoefficientOverGround:
         """
         one = self._closed_form(term, form)
         h = np.asarray(h, float)
-        values, C = self._estimate(one, term, np.maximum(h, self.heights[0]).tolist())
-        return _make_factors(h, values, np.sqrt(np.diag(C)))
+        heights = np.maximum(h, self.heights[0]).tolist()
+        values, C = self._estimate(one, term, heights)
+        law_error = self._law_error(one, term, values, heights)
+        return _make_factors(h, values, np.hypot(np.sqrt(np.diag(C)), law_error))
 
     def taken_factor(self, term: str, h) -> xr.Dataset:
         """Return K(h) of a term by the form that is taken, as `factor`."""
@@ -216,6 +221,21 @@ class CoefficientOverGround:
             apart, _ = self._estimate(self.closed[one.law.name], term, heights)
             C = C + np.outer(values - apart, values - apart)
         return values, C
+
+    def _law_error(self, one: ClosedForm, term: str, K: np.ndarray, heights: list) -> np.ndarray:
+        """Return the standard error of K(h) by the choice of the law.
+
+        It is the largest difference from a law that the samples do not refuse.
+        """
+        differences = [np.zeros(len(K))]
+        for law in LAWS:
+            names = [name for name in (law.name, law.common_form()) if name in self.closed]
+            if law is one.law or not names or term not in self.closed[names[0]].terms:
+                continue
+            other = min(names, key=lambda name: self.evidence["BIC"][name])
+            if self.evidence["BIC"][other] - self.evidence["BIC"][one.name] < _REFUSED:
+                differences.append(self._estimate(self.closed[other], term, heights)[0] - K)
+        return np.abs(differences).max(axis=0)
 
     def _ratio_expression(self, one: ClosedForm, term: str) -> tuple[str, float]:
         """Return k as an expression of the estimates, and the free-air coefficient."""
