@@ -159,7 +159,12 @@ class CoefficientOverGround:
         heights = np.maximum(h, self.heights[0]).tolist()
         values, C = self._estimate(one, term, heights)
         law_error = self._law_error(one, term, values, heights)
-        return _make_factors(h, values, np.hypot(np.sqrt(np.diag(C)), law_error))
+        stderr = np.hypot(np.sqrt(np.diag(C)), law_error)
+        if one.common and one.law.name in self.closed:
+            # An assumption does not make a factor more certain.
+            apart = self.factor(term, h, one.law.name)
+            stderr = np.maximum(stderr, apart["stderr"].values)
+        return _make_factors(h, values, stderr)
 
     def taken_factor(self, term: str, h) -> xr.Dataset:
         """Return K(h) of a term by the form that is taken, as `factor`."""
