@@ -79,7 +79,7 @@ Vector = tuple[float, float, float]
 
 
 class DefaultNumber(float):
-    """A default value, which is equal to the same number in a file and can be told from it."""
+    """A default value: equal to the same number in a file, of another type."""
 
 
 X_REF_MAC = DefaultNumber(0.25)

@@ -26,7 +26,7 @@ from flighttest.regression.uncertainty.coloured_residuals import coloured_covari
 
 # Difference of the criterion below which two forms are equal.
 NEAR = 2.0
-# Probability that a form that fits is said to leave more than the noise.
+# Probability that a form that fits is reported to leave more than the noise.
 _FALSE_ALARM = 1e-3
 # Smallest singular value of the regressors of the richest form, over the largest.
 _RANK = 1e-8
@@ -108,7 +108,7 @@ class Misfit:
 def misfit_of(form: str, v: np.ndarray, parameters: int, richest: RichestForm) -> Misfit | None:
     """Return what a form with residual `v` leaves, or None where nothing can be left.
 
-    The F test of [Schwarz1978]_'s model: both residuals have n independent samples.
+    An F test, in which both residuals have n independent samples.
     """
     extra, free = richest.parameters - parameters, richest.n - richest.parameters
     if extra < 1 or free < 1.0:

@@ -56,7 +56,8 @@ def identify_ground_effect(
 ) -> GroundEffect:
     """Identify the ground effect of coefficients.
 
-    The form is C_free (1 + k h^s) for each derivative, and k h^s (CL phi) for Cl.
+    The form is C_free (1 + K(h)) for each derivative, and K(h) (CL phi) for Cl, with K = k h^s or
+    one of the other laws of `laws`, or a table.
 
     Parameters
     ----------

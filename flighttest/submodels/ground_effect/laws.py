@@ -51,7 +51,7 @@ class HeightLaw:
     template: str
 
     def shape_name(self, term: str) -> str:
-        """Return the shape parameter of a term: ``s_alpha`` of ``alpha``, ``s_0`` of the constant."""
+        """Return the shape parameter of a term: ``s_alpha`` of alpha, ``s_0`` of 1."""
         if term == "1":
             return f"{self.symbol}_0"
         return f"{self.symbol}_" + re.sub(r"\W+", "_", term.replace("**", "")).strip("_")

@@ -80,7 +80,7 @@ class CoefficientOverGround:
     evidence : DataFrame
         Index form; ``parameters``, ``rms``, ``BIC``.
     misfit : Misfit or None
-        What the form leaves beyond the noise; None where the samples do not tell.
+        What the form leaves beyond the noise; None where the samples do not show it.
     """
 
     model: RegressionModel
@@ -308,8 +308,8 @@ class GroundEffect:
         """
         free_air = "held at the database" if self.held else "estimated along"
         lines = [
-            "Ground effect y = y_inf K(h); y = K(h) where there is no y_inf; K by the law of the row, "
-            "h in metres",
+            "Ground effect y = y_inf K(h); y = K(h) where there is no y_inf; K by the law of the "
+            "row, h in metres",
             f"free-air terms {free_air}",
             f"{'':<14}{'law':<15}{'y_inf':>10}{'k':>10}{'stderr':>9}{'s, h0':>9}{'stderr':>9}"
             f"{'corr.':>8}   K(h)",

@@ -301,7 +301,7 @@ def test_points_of_figure_14_are_flight_less_all_other_terms(rich, flown):
     assert any("less all other terms" in note for note in chart.notes)
 
 
-def test_a_band_is_whole_in_its_axes_or_the_figure_says_so():
+def test_a_band_is_whole_in_its_axes_or_the_figure_states_it():
     """The band of a flat line was cut on both sides: it has no range of its own."""
     x = np.linspace(0.0, 1.0, 11)
     flat = ChartLine("flat", x, np.full(11, 0.7), np.full(11, 0.1))

@@ -108,7 +108,7 @@ def test_one_shape_parameter_has_the_error_of_that_assumption():
     assert (together["stderr"].values >= difference).all()
 
 
-def test_a_form_that_leaves_more_than_the_noise_says_so():
+def test_a_form_that_leaves_more_than_the_noise_is_named():
     """A step at 5 m: no law and no table linear between breakpoints has it."""
 
     def step(h):
