@@ -45,12 +45,13 @@ def mean_chord_of(deck: Deck) -> MeanChord | None:
     share = deck.value("WGPLNF", "CHSTAT") or 0.0
     outer = deck.value("WGPLNF", "SSPNOP") or 0.0
     kink = deck.value("WGPLNF", "CHRDBP")
-    kinked = kink is not None and 0.0 < outer < span
-    outer_sweep = deck.value("WGPLNF", "SAVSO") if kinked else None
-    stations = (
-        [(0.0, root), (span - outer, kink), (span, tip)] if kinked else [(0.0, root), (span, tip)]
-    )
-    sweeps = [sweep, sweep if outer_sweep is None else outer_sweep]
+    if kink is None or not 0.0 < outer < span:
+        kink = None
+    stations, sweeps = [(0.0, root), (span, tip)], [sweep]
+    if kink is not None:
+        outer_sweep = deck.value("WGPLNF", "SAVSO")
+        stations.insert(1, (span - outer, kink))
+        sweeps.append(sweep if outer_sweep is None else outer_sweep)
     area = moment = square = 0.0
     line = apex + share * root
     for (y0, c0), (y1, c1), angle in zip(stations[:-1], stations[1:], sweeps):

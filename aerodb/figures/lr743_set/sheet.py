@@ -362,5 +362,5 @@ def _band_edges(curves: Sequence[ChartLine | FlightPoints]) -> list[np.ndarray]:
 def _is_cut(chart: Chart) -> bool:
     """Return whether a band or bar ends beyond the axes."""
     _, (low, high) = _chart_limits(chart)
-    edges = np.concatenate([np.ravel(edge) for edge in _band_edges(_all_curves(chart))] or [[]])
+    edges = np.concatenate([np.zeros(0), *map(np.ravel, _band_edges(_all_curves(chart)))])
     return bool(((edges < low) | (edges > high)).any())
