@@ -279,7 +279,7 @@ class _CoefficientIdentification:
             values = term_regressors((term,), samples.data).T
             regressors[term] = table_regressors(values, h, heights)
         # The triangular factor has the same sums of squares as the samples, with few rows.
-        R: np.ndarray = np.linalg.qr(np.column_stack([X, *regressors.values(), z]), mode="r")
+        R: Any = np.linalg.qr(np.column_stack([X, *regressors.values(), z]), mode="r")
         nodes, free_terms = len(heights) - 1, X.shape[1]
         best: tuple[str, ...] = ()
         least = schwarz_criterion(none, free_terms, n)
