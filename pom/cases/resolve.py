@@ -23,7 +23,7 @@ from pom.cases.pilot import PilotLoop
 from pom.tolerances import rows as table
 from pom.tolerances.conditions import missing_claims
 from pom.tolerances.criteria import Criterion
-from pom.tolerances.overrides import apply_override
+from pom.tolerances.overrides import apply_override, replaced_rows
 from pom.tolerances.rows import required_signals
 
 T = TypeVar("T")
@@ -248,6 +248,7 @@ def resolve_criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
         )
         if overridden is not None:
             criteria = overridden
+    problems += replaced_rows(criteria)
     return criteria
 
 

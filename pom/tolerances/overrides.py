@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -114,6 +114,28 @@ def _new_criterion(
         window=entry.window or window,
         kind="time_history",
     )
+
+
+def replaced_rows(criteria: Iterable[Criterion]) -> list[str]:
+    """Return a problem for every band of the case file in the group of a row of the rule.
+
+    The band would be an alternative of the row and hide that the row is invalid or not tested.
+    """
+    rows: dict[str, list[str]] = {}
+    own: dict[str, list[str]] = {}
+    for criterion in criteria:
+        # a band that the case file adds has no parameter of the table
+        members = rows if criterion.parameter else own
+        members.setdefault(criterion.group, []).append(criterion.name)
+    problems = []
+    for group in own.keys() & rows.keys():
+        for name in own[group]:
+            problems.append(
+                f"tolerance.{name}.group: {group!r} is the group of {', '.join(rows[group])}; a "
+                f"band of the case file never replaces a row of the rule: leave the group out, "
+                f"and the band is judged beside the row"
+            )
+    return problems
 
 
 def _override_band(criterion: Criterion, entry: ToleranceOverride) -> Criterion:

@@ -106,6 +106,10 @@ def _print_criteria(case: PomCase) -> None:
     print_table(columns, rows, title)
 
 
+_REASONS = ("reason", "no_value", "failure")
+"""Kinds of remarks that state why a row has no judgement."""
+
+
 @dataclass(frozen=True)
 class _Batch:
     """Cases and files of the command ``run``.
@@ -412,12 +416,26 @@ def _verdict_text(result: PomResult, run: str) -> str:
         )
         if status in ("limits_exceeded", "record_error"):
             text += "".join(f"; {remark}" for remark in trim_remarks(result, run))
+        elif status in ("invalid", "not_tested"):
+            # the ratio is that of another row than the one that has no judgement
+            text += f"; {_unjudged_text(result, run, status)}"
     elif status not in PASSED:
         # without a judged row, the first row with the status gives the reason
         for row in result.rows:
             if row["run"] == run and row["verdict"] == status:
                 return f"{text}  {remarks_text(row['remarks'])}"
     return text
+
+
+def _unjudged_text(result: PomResult, run: str, status: str) -> str:
+    """Return the first row whose group has a status of a case without judgement, and why."""
+    groups = result.groups(run)
+    for row in result.rows:
+        is_of_status = groups.get(row["group"]) == row["verdict"] == status
+        if row["run"] == run and is_of_status:
+            reasons = [item for item in row["remarks"] if item.kind in _REASONS]
+            return f"{row['criterion']} {status.replace('_', ' ')}: {remarks_text(reasons)}"
+    return ""
 
 
 def _summary(result: PomResult) -> dict[str, Any]:
