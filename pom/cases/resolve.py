@@ -337,12 +337,7 @@ def tolerance_fraction(file: CaseFile) -> float:
     """
     if file.case.fraction is not None:
         return file.case.fraction
-    if file.case.reference != "engineering":
-        return 1.0
-    # R9: 20 % in editions before 2016, 40 % from then on
-    if file.case.edition[:4] < "2016":
-        return 0.2
-    return 0.4
+    return table.usual_fraction(file.case.reference, file.case.edition)
 
 
 def resolve_pilot_loops(file: CaseFile, problems: list[str]) -> tuple[PilotLoop, ...]:

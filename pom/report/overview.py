@@ -82,14 +82,14 @@ def list_runs(results: Sequence[PomResult]) -> list[str]:
 def shown_statuses(results: Sequence[PomResult]) -> list[str]:
     """Return the statuses that have a column in the counts of a report.
 
-    ``record_error`` has one only if a case has this status.
+    ``record_error`` and ``pass_with_departures`` have one only if a case has this status.
     """
     statuses: set[str] = set()
     for result in results:
         statuses.update(result.status(run) for run in result.runs)
-    # A report without faulty records does not need a column for them.
-    rare = "record_error"
-    return [status for status in STATUSES if status != rare or rare in statuses]
+    # A report without faulty records or departures does not need a column for them.
+    rare = {"record_error", "pass_with_departures"}
+    return [status for status in STATUSES if status not in rare or status in statuses]
 
 
 def chapter_of_test(test: str) -> str:
