@@ -65,13 +65,15 @@ NUMBERS = (
     "first_exit",
     "inside",
 )
-NOTICES = ("departure", "record", "watch", "far_from_evidence", "tables_left", "waived")
+DEPARTURES = ("departure", "trim_allowed")
+"""Kinds of remarks that make a pass a ``pass_with_departures``."""
+NOTICES = (*DEPARTURES, "record", "watch", "far_from_evidence", "tables_left", "waived")
 """Kinds of remarks that index, page and terminal show next to the verdict.
 
-``departure`` is a departure of the case from the printed row (`pom.judging.departures`), ``record``
-an error of the flight record, ``watch`` a watched channel beyond its limit.
-``far_from_evidence`` names terms far from their flight estimate, ``tables_left`` tables that the
-flight left.
+``departure`` is a departure of the case from the printed row (`pom.judging.departures`),
+``trim_allowed`` a trim beyond its limits that the case file allows, ``record`` an error of the
+flight record, ``watch`` a watched channel beyond its limit. ``far_from_evidence`` names terms far
+from their flight estimate, ``tables_left`` tables that the flight left.
 """
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
 STATUSES = (
@@ -428,7 +430,7 @@ def record_remarks(result: PomResult, run: str) -> list[str]:
 
 def departure_remarks(result: PomResult, run: str) -> list[str]:
     """Return the departures of a result from the printed row, each once."""
-    return _collect_texts(result, run, ("departure",))
+    return _collect_texts(result, run, DEPARTURES)
 
 
 def run_notices(result: PomResult, run: str) -> list[str]:
@@ -455,7 +457,7 @@ def has_trim_remark(row: Mapping[Hashable, Any]) -> bool:
 
 def has_departure(row: Mapping[Hashable, Any]) -> bool:
     """Return whether a row of the verdict table has a departure from the printed row."""
-    return any(remark.kind == "departure" for remark in row["remarks"])
+    return any(remark.kind in DEPARTURES for remark in row["remarks"])
 
 
 def is_on_faulty_record(row: Mapping[Hashable, Any]) -> bool:

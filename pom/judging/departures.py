@@ -138,7 +138,7 @@ def _width_ratio(criterion: Criterion, printed: Band) -> float | None:
 
 
 def _asked_window(case: PomCase, criterion: Criterion) -> tuple[float, float]:
-    """Return the window that a row asks for between its events. [s]"""
+    """Return the window that a row requires between its events. [s]"""
     times = []
     defaults = case.window
     if criterion.measure in SEGMENTS:
@@ -177,7 +177,7 @@ def record_departures(case: PomCase, states: xr.Dataset) -> tuple[RowRemark, ...
 
 
 def _shortened_departure(case: PomCase, span: Iterable[float] | None) -> Iterator[RowRemark]:
-    """Yield a departure if a record that is called short holds what the rows ask for."""
+    """Yield a departure if a record that is called short holds what the rows require."""
     if not case.shortened or span is None:
         return
     asked = [_asked_window(case, c) for c in case.criteria if c.applies]
@@ -191,6 +191,6 @@ def _shortened_departure(case: PomCase, span: Iterable[float] | None) -> Iterato
     text = (
         f"the window {case.window[0]:g} ... {case.window[1]:g} s is called short "
         f"({case.shortened}), but the record holds {held[0]:.4g} ... {held[1]:.4g} s of the "
-        f"{start:.4g} ... {stop:.4g} s that the rows ask for"
+        f"{start:.4g} ... {stop:.4g} s that the rows require"
     )
     yield _departure(text, "window")

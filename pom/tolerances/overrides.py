@@ -136,7 +136,7 @@ def replaced_rows(criteria: Iterable[Criterion]) -> list[str]:
             problems.append(
                 f"tolerance.{name}.group: {group!r} is the group of {', '.join(rows[group])}; a "
                 f"band of the case file never replaces a row of the rule: leave the group out, "
-                f"and the band is judged beside the row"
+                f"and the band is judged in addition to the row"
             )
     return problems
 

@@ -47,7 +47,7 @@ def test_a_band_that_may_be_wider_is_a_departure(write_case, entry, text):
         'pitch_angle = "1 deg"',
         # the smaller of two is at most the narrow one
         'pitch_angle = { abs = "1 deg", percent = 50, rule = "lesser_of" }',
-        # a band beside the rows
+        # a band in addition to the rows
         'beta = "9 deg"',
     ],
 )
