@@ -67,7 +67,15 @@ NUMBERS = (
 )
 DEPARTURES = ("departure", "trim_allowed")
 """Kinds of remarks that make a pass a ``pass_with_departures``."""
-NOTICES = (*DEPARTURES, "record", "watch", "far_from_evidence", "tables_left", "waived")
+NOTICES = (
+    *DEPARTURES,
+    "record",
+    "watch",
+    "far_from_evidence",
+    "edited_evidence",
+    "tables_left",
+    "waived",
+)
 """Kinds of remarks that index, page and terminal show next to the verdict.
 
 ``departure`` is a departure of the case from the printed row (`pom.judging.departures`),
@@ -436,6 +444,23 @@ def departure_remarks(result: PomResult, run: str) -> list[str]:
 def run_notices(result: PomResult, run: str) -> list[str]:
     """Return the remarks of the kinds `NOTICES`, which no criterion judges, each once."""
     return _collect_texts(result, run, NOTICES)
+
+
+NO_EVIDENCE = (
+    "no evidence given: a pass without evidence from flight does not exclude compensating errors"
+)
+"""Notice on results of which `lacks_evidence` is true."""
+
+
+def lacks_evidence(result: PomResult) -> bool:
+    """Return whether a model of a result passes and was not compared with flight evidence."""
+    for run in result.runs:
+        if result.status(run) not in PASSED:
+            continue
+        kinds = {item.kind for row in result.rows if row["run"] == run for item in row["remarks"]}
+        if "evidence" not in kinds:
+            return True
+    return False
 
 
 def _collect_texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[str]:

@@ -13,7 +13,7 @@ from pom.cases.case_file import signature_rows
 from pom.report.case.page import run_line_classes
 from pom.report.presentation.quantities import quantity_label
 from pom.report.presentation.verdict_text import Verdict, criterion_words, reason_text
-from pom.result import STATUSES, PomResult, results_name
+from pom.result import NO_EVIDENCE, STATUSES, PomResult, lacks_evidence, results_name
 
 # Statuses by which the reader may filter the table of verdicts.
 _FAILED = {"fail", "limits_exceeded", "record_error"}
@@ -209,6 +209,7 @@ def provenance_page(
         "inputs": sorted(provenance.get("inputs", {}).items()),
         "models": list(provenance.get("models", {}).items()),
         "records": list(provenance.get("records", {}).items()),
+        "no_evidence": NO_EVIDENCE if any(map(lacks_evidence, results)) else "",
         "record_errors": list(provenance.get("record_errors", {}).items()),
         "signatures": signature_rows(signatures, date, name) if signatures else [],
         "absent": absent,

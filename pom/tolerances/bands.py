@@ -37,7 +37,9 @@ class RowRemark:
         (a trim surface that the trim solved for), ``tables_left``, ``waived`` (inputs that the
         model does not have), ``record`` (an error of the flight record), ``watch`` (a channel
         without a tolerance beyond its band), ``evidence`` (distance of the model from the flight
-        estimates), ``far_from_evidence`` (terms beyond three standard errors), ``row`` (note of the
+        estimates), ``far_from_evidence`` (terms beyond three standard errors),
+        ``edited_evidence`` (terms of the evidence that are edited), ``departure`` (from the printed
+        row), ``row`` (note of the
         tolerance table), ``note`` (text of a report from before remarks had kinds).
     text : str
         The remark for a reader, with its numbers.

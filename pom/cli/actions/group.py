@@ -43,7 +43,15 @@ from pom.replaying.run_remarks import calibration, drift, pilot_activity
 from pom.report.case.remarks import run_notes, sampled_line
 from pom.report.exports import write_junit
 from pom.report.writer import write_report
-from pom.result import PASSED, PomResult, run_notices, status_text, trim_remarks
+from pom.result import (
+    NO_EVIDENCE,
+    PASSED,
+    PomResult,
+    lacks_evidence,
+    run_notices,
+    status_text,
+    trim_remarks,
+)
 from pom.tolerances.bands import remarks_text
 
 
@@ -220,6 +228,8 @@ def _print_results(
         return
     models, cases = _size_texts(batch)
     click.echo(f"{models} x {cases}: {_counts_text(_statuses(batch, results))}")
+    if any(map(lacks_evidence, results)):
+        click.echo(f"notice {NO_EVIDENCE} (--evidence DATABASE.nc)")
     if report is not None:
         click.echo(f"written: {report}")
 
