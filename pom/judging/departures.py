@@ -13,7 +13,11 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import AeromatchError, UnknownName
+from flightmech.names import lookup
+from flightmech.units import from_si
 from pom.cases.case import PomCase
+from pom.cases.case_file import INITIAL, MASS, WIND
+from pom.cases.pilot import shortest_error
 from pom.cases.reference_states import RECORD_SPAN
 from pom.cases.resolve import SEGMENTS
 from pom.tolerances import rows
@@ -21,6 +25,11 @@ from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import limit_to_si_factor
 from pom.tolerances.criteria import PARTS, Band, Criterion, Limit
 
+SAME = 1e-3  # relative difference of a condition from the record that is rounding
+_LEAST = {"rad": 0.1, "rad s-1": 0.1, "m": 1.0, "m s-1": 1.0, "kg m2": 1.0}
+"""By unit: sizes below which `SAME` is of this size, not of the recorded value. [SI]"""
+# latitude and longitude change no response
+_WATCHED = {*INITIAL, *MASS, *WIND} - {"lat", "lon"}
 SLACK = 0.5  # [s] a case may stop that much before the end of the record
 _ROUNDING = 1e-9  # relative: conversions of units round
 _SAME_TIME = 1e-9  # [s]
@@ -173,7 +182,32 @@ def record_departures(case: PomCase, states: xr.Dataset) -> tuple[RowRemark, ...
     states : Dataset (time)
         Of `flight_states`, with the attribute `RECORD_SPAN`.
     """
-    return tuple(_shortened_departure(case, states.attrs.get(RECORD_SPAN)))
+    shortened = _shortened_departure(case, states.attrs.get(RECORD_SPAN))
+    return (*shortened, *_overrides(case, states))
+
+
+def _overrides(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
+    """Yield the conditions of the case file that contradict the record or add a wind to it."""
+    for name, value in case.conditions.items():
+        if name not in _WATCHED:
+            continue
+        recorded = 0.0
+        if name in states:
+            values = np.atleast_1d(states[name].values).astype(float)
+            # the wind acts all the time, a state or a mass at the start
+            recorded = float(np.nanmean(values) if name in WIND else values[0])
+        elif name not in WIND:
+            continue
+        size = max(abs(recorded), _LEAST.get(lookup(name).units, 0.0))
+        if abs(shortest_error(name, value - recorded)) <= SAME * size:
+            continue
+        unit = lookup(name).display_units
+        shown = [f"{float(from_si(item, unit)):.5g} {unit}" for item in (value, recorded)]
+        text = (
+            f"{name} ({lookup(name).long_name}) is {shown[0]} by the conditions of the case, the "
+            f"record has {shown[1]}"
+        )
+        yield _departure(text, name)
 
 
 def _shortened_departure(case: PomCase, span: Iterable[float] | None) -> Iterator[RowRemark]:

@@ -1,5 +1,7 @@
 """Departures from the printed row: found from the case, stated as remarks, never a plain pass."""
 
+import math
+
 import pytest
 import xarray as xr
 
@@ -92,6 +94,31 @@ def test_a_record_called_short_must_be_short(write_case):
     assert found(*case.window) == []
     (text,) = found(0.0, 60.0)
     assert "is called short (the record ends), but the record holds" in text
+
+
+def overrides(path, **recorded):
+    states = xr.Dataset({name: ("time", [value, value]) for name, value in recorded.items()})
+    return [remark.text for remark in record_departures(read_case(path), states)]
+
+
+def test_a_mass_or_a_state_against_the_record_is_a_departure(write_case):
+    path = write_case(more='[conditions]\nmass = 1900.0\ntheta = "361 deg"\nlat = "45 deg"')
+    (text,) = overrides(path, mass=2099.0, theta=math.radians(361.0), lat=0.0)
+    assert "mass" in text
+    assert "is 1900 kg by the conditions of the case, the record has 2099 kg" in text
+    assert overrides(path, mass=1900.1, theta=math.radians(361.0)) == []
+    # what the record does not have is no override
+    assert overrides(path) == []
+    (text,) = overrides(path, mass=1900.0, theta=0.0)
+    assert text.startswith("departure: theta")
+
+
+def test_a_wind_that_the_record_does_not_have_is_a_departure(write_case):
+    path = write_case(more="[conditions]\nwind_d = 0.6")
+    (text,) = overrides(path)
+    assert text.startswith("departure: wind_d")
+    assert len(overrides(path, wind_d=0.1)) == 1
+    assert overrides(path, wind_d=0.6) == []
 
 
 FLAPS = {
