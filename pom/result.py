@@ -65,22 +65,44 @@ NUMBERS = (
     "first_exit",
     "inside",
 )
-NOTICES = ("record", "watch", "far_from_evidence", "tables_left", "below_runway", "waived")
+DEPARTURES = ("departure", "trim_allowed")
+"""Kinds of remarks that make a pass a ``pass_with_departures``."""
+NOTICES = (
+    *DEPARTURES,
+    "record",
+    "watch",
+    "far_from_evidence",
+    "edited_evidence",
+    "tables_left",
+    "below_runway",
+    "waived",
+)
 """Kinds of remarks that index, page and terminal show next to the verdict.
 
-``record`` is an error of the flight record, ``watch`` a watched channel beyond its limit.
-``far_from_evidence`` names terms far from their flight estimate, ``tables_left`` tables that the
-flight left, ``below_runway`` a model that sank through the runway.
+``departure`` is a departure of the case from the printed row (`pom.judging.departures`),
+``trim_allowed`` a trim beyond its limits that the case file allows, ``record`` an error of the
+flight record, ``watch`` a watched channel beyond its limit. ``far_from_evidence`` names terms far
+from their flight estimate, ``tables_left`` tables that the flight left, ``below_runway`` a model
+that sank through the runway.
 """
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
-STATUSES = ("pass", "limits_exceeded", "record_error", "fail", "invalid", "not_tested")
+STATUSES = (
+    "pass",
+    "pass_with_departures",
+    "limits_exceeded",
+    "record_error",
+    "fail",
+    "invalid",
+    "not_tested",
+)
 """Statuses of a case and one model, from best to worst.
 
+``pass_with_departures`` is a pass of a case that departs from the printed row.
 ``limits_exceeded`` is a pass with a trim beyond its limits.  ``record_error`` is a pass against a
 flight record in which a check found an error.
 """
 
-PASSED = STATUSES[:3]
+PASSED = STATUSES[:4]
 """Statuses of a case in which every criterion passes."""
 
 
@@ -182,7 +204,8 @@ class PomResult:
     def status(self, run: str) -> str:
         """Return one of `STATUSES`.
 
-        ``pass``: every group has a passing alternative.  ``limits_exceeded``: as ``pass``, but the
+        ``pass``: every group has a passing alternative.  ``pass_with_departures``: as ``pass``, but
+        the case departs from the printed row or from normal practice.  ``limits_exceeded``: as ``pass``, but the
         trim of the model is beyond its limits and the case file does not state why that is
         allowed.  ``record_error``: as ``pass``, but the flight record has an error
         (`pom.checking.with_record_checks`).  A group of advisory rows only (correct trend) waits
@@ -194,10 +217,11 @@ class PomResult:
             self.groups(run),
             limits_exceeded=any(map(has_trim_remark, rows)),
             record_error=any(map(is_on_faulty_record, rows)),
+            departures=any(map(has_departure, rows)),
         )
 
     def passed(self, run: str) -> bool:
-        """Return whether every group passes and the trim of `run` is within its limits."""
+        """Return whether the status of `run` is a plain pass."""
         return self.status(run) == "pass"
 
     def worst(self, run: str) -> Mapping[Hashable, Any] | None:
@@ -339,7 +363,10 @@ def group_verdicts(case: PomCase, verdicts: Mapping[str, str]) -> dict[str, str]
 
 
 def status_of(
-    groups: Mapping[str, str], limits_exceeded: bool = False, record_error: bool = False
+    groups: Mapping[str, str],
+    limits_exceeded: bool = False,
+    record_error: bool = False,
+    departures: bool = False,
 ) -> str:
     """Return the status of a case as `PomResult.status` defines it.
 
@@ -351,6 +378,8 @@ def status_of(
         The trim is beyond its limits.
     record_error : bool
         The flight record has an error.
+    departures : bool
+        The case departs from the printed row.
     """
     verdicts = set(groups.values())
     # the worst verdict of a group decides
@@ -363,6 +392,8 @@ def status_of(
         return "record_error"
     if limits_exceeded:
         return "limits_exceeded"
+    if departures:
+        return "pass_with_departures"
     return "pass"
 
 
@@ -387,8 +418,13 @@ def results_name(results: Sequence[PomResult]) -> str:
 
 
 def status_text(status: str) -> str:
-    """Return a status as a terminal prints it: in capitals unless it is a plain pass."""
-    short_texts = {"pass": "pass", "limits_exceeded": "LIMITS", "record_error": "RECORD"}
+    """Return a status as a terminal prints it: in capitals unless it is a kind of pass."""
+    short_texts = {
+        "pass": "pass",
+        "pass_with_departures": "pass with departures",
+        "limits_exceeded": "LIMITS",
+        "record_error": "RECORD",
+    }
     return short_texts.get(status, status.upper())
 
 
@@ -402,9 +438,31 @@ def record_remarks(result: PomResult, run: str) -> list[str]:
     return _collect_texts(result, run, ("record",))
 
 
+def departure_remarks(result: PomResult, run: str) -> list[str]:
+    """Return the departures of a result from the printed row, each once."""
+    return _collect_texts(result, run, DEPARTURES)
+
+
 def run_notices(result: PomResult, run: str) -> list[str]:
     """Return the remarks of the kinds `NOTICES`, which no criterion judges, each once."""
     return _collect_texts(result, run, NOTICES)
+
+
+NO_EVIDENCE = (
+    "no evidence given: a pass without evidence from flight does not exclude compensating errors"
+)
+"""Notice on results of which `lacks_evidence` is true."""
+
+
+def lacks_evidence(result: PomResult) -> bool:
+    """Return whether a model of a result passes and was not compared with flight evidence."""
+    for run in result.runs:
+        if result.status(run) not in PASSED:
+            continue
+        kinds = {item.kind for row in result.rows if row["run"] == run for item in row["remarks"]}
+        if "evidence" not in kinds:
+            return True
+    return False
 
 
 def _collect_texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[str]:
@@ -422,6 +480,11 @@ def _collect_texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[
 def has_trim_remark(row: Mapping[Hashable, Any]) -> bool:
     """Return whether a row of the verdict table has a remark on a trim beyond its limits."""
     return any(remark.kind == "trim" for remark in row["remarks"])
+
+
+def has_departure(row: Mapping[Hashable, Any]) -> bool:
+    """Return whether a row of the verdict table has a departure from the printed row."""
+    return any(remark.kind in DEPARTURES for remark in row["remarks"])
 
 
 def is_on_faulty_record(row: Mapping[Hashable, Any]) -> bool:

@@ -170,8 +170,12 @@ def select_windows(
     for position, selections in project.submodels.items():
         submodels[position] = spans_of(position, selections, tables, problems)
         overlaps += find_case_overlaps(position, submodels[position], cases)
+    windows = IdentificationWindows(fits, submodels)
+    positions = [f"fit {fit.name!r}" for fit in project.fit]
+    named = [*zip(positions, fits, strict=True), *submodels.items()]
+    overlaps += find_copied_records(named, records, cases)
     raise_problems(project, [*problems, *overlaps])
-    return IdentificationWindows(fits, submodels)
+    return windows
 
 
 def rests_on(
@@ -270,6 +274,50 @@ def find_case_overlaps(position: str, spans: Spans, cases: Iterable[Any]) -> lis
                 f"{position}: record {record} proves case {case.name} from {start:g} to {end:g} s; "
                 f"it cannot identify too"
             )
+    return problems
+
+
+def find_copied_records(
+    named: Sequence[tuple[str, Spans]],
+    records: Mapping[str, xr.DataTree],
+    cases: Iterable[Any],
+) -> list[str]:
+    """Return a line for every window whose samples are those of a case under another name.
+
+    Parameters
+    ----------
+    named : sequence of (str, Spans)
+        Position in the project file and windows of every fit and submodel.
+    records : mapping of str to DataTree
+        Of the fits, submodels and cases.
+    cases : iterable of PomCase
+    """
+    identifying: dict[str, None] = {}
+    for _, spans in named:
+        identifying |= dict.fromkeys(spans)
+    proofs = {case.name: Path(case.record).stem for case in cases}
+    channels = {}
+    for name in {*identifying, *proofs.values()}:
+        if name in records:
+            channels[name] = flighttest.records.inertial_channels(records[name])
+    problems = []
+    for case in cases:
+        proving = proofs[case.name]
+        for name in identifying:
+            if name == proving or proving not in channels:
+                continue
+            shared = flighttest.records.find_shared_samples(channels[proving], channels[name])
+            if shared is None:
+                continue
+            # the replayed part of the shared samples, on the clock of the identifying record
+            start = max(case.window[0], shared.start) + shared.shift
+            stop = min(case.window[1], shared.stop) + shared.shift
+            for position, spans in named:
+                if any(span[0] < stop and start < span[1] for span in spans.get(name, [])):
+                    problems.append(
+                        f"{position}: record {name} holds samples of record {proving} "
+                        f"({shared.how}), which proves case {case.name}; it cannot identify too"
+                    )
     return problems
 
 

@@ -18,6 +18,7 @@ SHOWN = {
     "fail": "FAIL",
     "invalid": "invalid",
     "not_tested": "not tested",
+    "pass_with_departures": "pass with departures",
     "limits_exceeded": "pass with limits exceeded",
     "record_error": "pass on a record with errors",
 }

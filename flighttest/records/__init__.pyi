@@ -14,5 +14,7 @@ from .record import merge as merge
 from .record import needs_names as needs_names
 from .record import overview as overview
 from .record import read as read
+from .shared_samples import find_shared_samples as find_shared_samples
+from .shared_samples import inertial_channels as inertial_channels
 from .time_histories import record_figure as record_figure
 from .time_histories import states_figure as states_figure

@@ -18,6 +18,7 @@ from pom.archive.archive import read_archive
 from pom.archive.origins import dependency_path, read_report_manifest
 from pom.archive.statements import CLOSE, compare_statements, run_of
 from pom.judging.beyond_the_bands import watch_channels
+from pom.judging.departures import case_departures
 from pom.judging.signals import traces_of
 from pom.judging.verdict import judge_all, verdict_row
 from pom.replaying.trim import beyond_limits, result_trim_limits
@@ -173,7 +174,7 @@ def _is_refused(result: PomResult, run: str) -> bool:
 
 
 def _find_missing_remarks(result: PomResult, run: str) -> Iterator[str]:
-    """Yield the remarks on trim and watched channels that the rows of a run do not state."""
+    """Yield the remarks on trim, watched channels and departures that no row of a run states."""
     if _is_refused(result, run):
         return
     stated: set[str] = set()
@@ -182,6 +183,7 @@ def _find_missing_remarks(result: PomResult, run: str) -> Iterator[str]:
             stated.update(remark.text for remark in row["remarks"])
     flight, model = traces_of(result.signals, "flight"), traces_of(result.signals, run)
     expected = (
+        *case_departures(result.case),
         *_trim_remarks(result, run, demanded=False),
         *watch_channels(result.case, result.signals["time"].values, flight, model),
     )

@@ -389,8 +389,8 @@ class CaseFile(Strict):
         **{"stick shaker": "J. Smith, 2024-05-17, seen"},
     )
     rationale: Texts = _free_table(
-        "By criterion or channel: why it is as it is. trim.<quantity>: why its bias may be "
-        "beyond the usual limit.",
+        "By criterion or channel: why it is as it is. trim.<quantity>: name, date and reason "
+        "for a bias beyond the usual limit, at most three times.",
         theta="gust at 40 s",
     )
     source: Texts = _free_table(

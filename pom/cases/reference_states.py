@@ -17,6 +17,7 @@ from pom.cases.case_file import WIND
 from pom.tolerances.channels import WRAPPED
 
 CALIBRATION = "calibration"  # attribute of flight states and of the signals of a result: JSON
+RECORD_SPAN = "record_span"  # attribute of flight states: start and end of their record [s]
 ERROR = "error."
 """Prefix of the change of a channel by one standard error of each instrument constant.
 
@@ -60,7 +61,8 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
     -------
     Dataset (time)
         States, controls, thrust, mass properties; the attribute ``calibration`` gives the
-        corrections of the instruments. [SI]
+        corrections of the instruments, the attribute ``record_span`` start and end of the record.
+        [SI]
 
     Raises
     ------
@@ -83,6 +85,7 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
     end = np.searchsorted(time, stop + _TIME_ROUNDING, side="right")
     # A slice is a view: a batch holds the states of all its cases.
     inside = unwrap_angles(states.isel(time=slice(first, end)))
+    inside = inside.assign_attrs({RECORD_SPAN: (float(time[0]), float(time[-1]))})
     if case.wind == "measured":
         return inside.assign(measured_wind(case, inside["time"].values))
     return inside

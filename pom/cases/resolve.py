@@ -23,7 +23,7 @@ from pom.cases.pilot import PilotLoop
 from pom.tolerances import rows as table
 from pom.tolerances.conditions import missing_claims
 from pom.tolerances.criteria import Criterion
-from pom.tolerances.overrides import apply_override
+from pom.tolerances.overrides import apply_override, replaced_rows
 from pom.tolerances.rows import required_signals
 
 T = TypeVar("T")
@@ -248,6 +248,7 @@ def resolve_criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
         )
         if overridden is not None:
             criteria = overridden
+    problems += replaced_rows(criteria)
     return criteria
 
 
@@ -336,12 +337,7 @@ def tolerance_fraction(file: CaseFile) -> float:
     """
     if file.case.fraction is not None:
         return file.case.fraction
-    if file.case.reference != "engineering":
-        return 1.0
-    # R9: 20 % in editions before 2016, 40 % from then on
-    if file.case.edition[:4] < "2016":
-        return 0.2
-    return 0.4
+    return table.usual_fraction(file.case.reference, file.case.edition)
 
 
 def resolve_pilot_loops(file: CaseFile, problems: list[str]) -> tuple[PilotLoop, ...]:

@@ -37,6 +37,9 @@ SAMPLES = 200  # largest number of samples of a case, roughly
 LEAST = dict.fromkeys(("CL", "CD", "CY", "CX", "CZ"), 1e-3)
 LEAST_MOMENT = 2e-4
 BLOCK = "resources/model.bin"
+EDITS = ("scale:", "shift:", "set_nodes:", "pom tune")
+"""Starts of the lines of a term's history that state an edit by hand or by a tuning."""
+IDENTIFIED = "identified from flight"
 
 
 class Evidence:
@@ -58,13 +61,17 @@ class Evidence:
     estimates : dict of str to (array, array, array)
         By term: contribution, its standard error, and the mask of samples whose nodes are from
         flight, each (samples,).
+    edited : tuple of str
+        Terms that the case uses and that the database has from a judgement or an edit: they are no
+        evidence, and a model with the same numbers shows no distance from them.
     """
 
     def __init__(self, database: xr.DataTree, states: xr.Dataset, hinges: bool = True):
         leaves = {}
         for name, leaf in terms(database).items():
             is_hinge = name.split("/")[0] in HINGE
-            if _from_flight(leaf).any() and (hinges or not is_hinge):
+            has_evidence = _from_flight(leaf).any() or _is_edited(leaf)
+            if has_evidence and (hinges or not is_hinge):
                 leaves[name] = leaf
         # every n-th state, so that at least SAMPLES remain of a longer record
         step = max(1, states.sizes["time"] // SAMPLES)
@@ -73,8 +80,15 @@ class Evidence:
         if leaves:
             self.samples, *_ = select_covered_samples(thinned, leaves.values())
         self.estimates: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        edited = []
         for name, leaf in leaves.items():
-            self.estimates[name] = self._estimate(leaf)
+            if _from_flight(leaf).any():
+                self.estimates[name] = self._estimate(leaf)
+            value = np.asarray(_terms.evaluate_term(leaf, self.samples, "clamp"))
+            is_used = rms(value) >= LEAST.get(name.split("/")[0], LEAST_MOMENT)
+            if is_used and _is_edited(leaf):
+                edited.append(name)
+        self.edited = tuple(edited)
 
     def _estimate(self, leaf: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return contribution, standard error and flight mask of a term (samples,)."""
@@ -131,9 +145,20 @@ def evidence_remarks(evidence: Evidence, fmu: str | Path) -> tuple[RowRemark, ..
         model = flown_model(fmu)
         if model is None:
             return _not_compared("the FMU holds no tables of this program")
-        return distance_remarks(evidence.distances(model))
+        return (*distance_remarks(evidence.distances(model)), *_edited_remarks(evidence.edited))
     except AeromatchError as error:
         return _not_compared(str(error))
+
+
+def _edited_remarks(edited: tuple[str, ...]) -> tuple[RowRemark, ...]:
+    """Return the remark on terms of the evidence that are edited; empty without one."""
+    if not edited:
+        return ()
+    text = (
+        f"no evidence for {', '.join(edited)}: edited after the identification; give the database "
+        f"as identified, or a pass does not exclude compensating errors"
+    )
+    return (RowRemark("edited_evidence", text),)
 
 
 def _not_compared(reason: str) -> tuple[RowRemark, ...]:
@@ -175,6 +200,20 @@ def _from_flight(leaf: xr.Dataset) -> np.ndarray:
     if not {"source", "stderr"} <= set(leaf):
         return np.zeros(leaf["value"].shape, bool)
     return leaf["source"].values == _terms.SOURCES.index("flight")
+
+
+def _is_edited(leaf: xr.Dataset) -> bool:
+    """Return whether a term was scaled, shifted, set or tuned after its last identification.
+
+    The history shows it even if the source of the edit is stated as flight.
+    """
+    lines = str(leaf.attrs.get("history", "")).splitlines()
+    found = [number for number, line in enumerate(lines) if IDENTIFIED in line]
+    # a term that was never identified claims no evidence
+    if not found:
+        return False
+    later = lines[found[-1] + 1 :]
+    return any(line.startswith(EDITS) for line in later)
 
 
 BANDS = {

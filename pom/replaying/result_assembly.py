@@ -15,6 +15,7 @@ from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob, initial_configuration
 from pom.cases.reference_states import CALIBRATION
 from pom.judging.beyond_the_bands import watch_channels
+from pom.judging.departures import case_departures, record_departures
 from pom.judging.signals import Comparison, RunSignals, signals_of_run, traces_of
 from pom.judging.verdict import band_widths, formed_channels, judge_match, verdict_row
 from pom.replaying.replay_channels import (
@@ -69,6 +70,7 @@ def assemble_result(
     signals = _join_signals(channels, flight, applied)
     # What depends on the flight alone is computed once for all models.
     match = Comparison(case, job.time, flight, flight)
+    departures = (*case_departures(case), *record_departures(case, states))
     rows: list[dict[str, Any]] = []
     for name, outputs in applied.items():
         rows += _verdict_rows(
@@ -77,7 +79,7 @@ def assemble_result(
             outputs,
             signals=signals,
             failure=failures.get(name, ""),
-            more=(more or {}).get(name, ()),
+            more=(*departures, *(more or {}).get(name, ())),
         )
     return PomResult(
         case=case,

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from datetime import date
 from typing import NamedTuple
 
 import numpy as np
@@ -55,6 +56,10 @@ DEFAULT_LIMITS = {
 # service
 THRUST_SHARE = 0.05
 _THRUST = re.compile(r"^engine\d+\.thrust$")
+MOST_LIFTED = 3.0  # times a limit; our number: a larger bias is an error of model or record
+# name, date, reason
+_SIGNED = re.compile(r"^\s*[^\W\d].*?,\s*(?P<date>\d{4}-\d{2}-\d{2})\s*,(?P<text>.*)$", re.DOTALL)
+_WORD = re.compile(r"[^\W\d_]{2,}")
 SHOWN_UNITS = {"N": "lbf", "rad": "deg", "rad s-2": "deg/s2", "m s-2": "m/s2"}
 # Accelerations with a limit for a start on the wheels.
 _LIMITED_ON_GROUND = ("w_dot", "p_dot", "q_dot")
@@ -139,7 +144,8 @@ def beyond_limits(
     Returns
     -------
     tuple of RowRemark
-        Of kind ``trim``, or ``trim_allowed`` if the case file states why a bias beyond the usual
+        Of kind ``trim``, or ``trim_allowed`` if the case file states who allows it, when and why, and
+        the bias is at most `MOST_LIFTED` times the usual
         limit is allowed.
     """
     remarks = []
@@ -150,8 +156,8 @@ def beyond_limits(
         size = _compared_size(limit, demanded)
         # NaN is beyond every finite limit.
         if math.isfinite(size) and not abs(value) <= size:
-            allowed = "" if demanded else limit.allowed
-            remarks.append(_limit_remark(name, value, size, allowed=allowed))
+            reason = "" if demanded else limit.allowed
+            remarks.append(_limit_remark(name, value, size, reason=reason))
     return tuple(remarks)
 
 
@@ -164,17 +170,47 @@ def _compared_size(limit: TrimLimit, demanded: bool) -> float:
     return np.inf
 
 
-def _limit_remark(name: str, value: float, size: float, *, allowed: str) -> RowRemark:
-    """Return the remark on a trim quantity beyond a limit; `allowed` is the rationale."""
+def _limit_remark(name: str, value: float, size: float, *, reason: str) -> RowRemark:
+    """Return the remark on a trim quantity beyond a limit; `reason` is the rationale."""
     unit = SHOWN_UNITS.get(LIMIT_UNITS[name], LIMIT_UNITS[name])
     suffix = "" if unit == "1" else f" {unit}"
     values = {"found": float(from_si(value, unit)), "limit": float(from_si(size, unit))}
     text = f"trim.{name} {values['found']:+.3g}{suffix} is beyond {values['limit']:.3g}{suffix}"
-    if allowed:
-        return RowRemark(
-            "trim_allowed", f"{text}{ALLOWED}{allowed}", name, values=values, unit=unit
-        )
-    return RowRemark("trim", text, name, values=values, unit=unit)
+    if not reason:
+        return RowRemark("trim", text, name, values=values, unit=unit)
+    refusal = rationale_problem(reason)
+    # NaN is beyond every limit
+    if not abs(value) <= MOST_LIFTED * size:
+        refusal = f"a rationale allows at most {MOST_LIFTED:g} times the limit"
+    if refusal:
+        text = f"{text}; not allowed by its rationale: {refusal}"
+        return RowRemark("trim", text, name, values=values, unit=unit)
+    return RowRemark("trim_allowed", f"{text}{ALLOWED}{reason}", name, values=values, unit=unit)
+
+
+def rationale_problem(reason: str) -> str:
+    """Return what a rationale lacks; empty if it has a name, a date and a reason.
+
+    Examples
+    --------
+    >>> rationale_problem("J. Smith, 2024-05-17, calibrated to 1.5 deg only")
+    ''
+    >>> rationale_problem("ok")
+    "write who allows it, when and why: 'J. Smith, 2024-05-17, calibrated to 1.5 deg only'"
+    """
+    match = _SIGNED.match(reason)
+    if match and _is_date(match["date"]) and len(_WORD.findall(match["text"])) > 1:
+        return ""
+    example = "J. Smith, 2024-05-17, calibrated to 1.5 deg only"
+    return f"write who allows it, when and why: {example!r}"
+
+
+def _is_date(text: str) -> bool:
+    try:
+        date.fromisoformat(text)
+    except ValueError:
+        return False
+    return True
 
 
 def trim_table(

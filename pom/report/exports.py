@@ -16,7 +16,7 @@ import xarray as xr
 from flightmech.support.atomic_write import write_text
 from pom.report.case.page import case_keys
 from pom.report.csv_lines import csv_lines
-from pom.result import PomResult, record_remarks, trim_remarks
+from pom.result import PomResult, departure_remarks, record_remarks, trim_remarks
 from pom.tolerances.bands import remarks_text
 
 # Verdict of a group to its element in JUnit.  A pass has no element.
@@ -28,7 +28,7 @@ def junit_xml(results: Sequence[PomResult], title: str) -> str:
 
     Criteria of one group are alternatives, so a group is one test.  It fails only if none of its
     criteria passes.  A trim beyond its limits is a failed test, and so is a flight record with
-    errors.
+    errors.  Departures from the printed row are a skipped test, since the rows themselves pass.
 
     Parameters
     ----------
@@ -62,14 +62,15 @@ def _add_tests(suite: ElementTree.Element, classname: str, result: PomResult, ru
         )
         if verdict in _ELEMENTS:
             ElementTree.SubElement(test, _ELEMENTS[verdict], message=_clean_text(reason))
-    # These two remarks concern the whole run, not a criterion.
-    for name, remarks in (
-        ("trim within its limits", trim_remarks(result, run)),
-        ("flight record without errors", record_remarks(result, run)),
+    # These remarks concern the whole run, not a criterion.
+    for name, outcome, remarks in (
+        ("trim within its limits", "failure", trim_remarks(result, run)),
+        ("flight record without errors", "failure", record_remarks(result, run)),
+        ("no departure from the printed row", "skipped", departure_remarks(result, run)),
     ):
         if remarks:
             test = ElementTree.SubElement(suite, "testcase", classname=classname, name=name)
-            ElementTree.SubElement(test, "failure", message=_clean_text("; ".join(remarks)))
+            ElementTree.SubElement(test, outcome, message=_clean_text("; ".join(remarks)))
 
 
 def _group_verdicts(result: PomResult, run: str) -> Iterator[tuple[str, str, str]]:

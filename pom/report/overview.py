@@ -13,7 +13,7 @@ from pom.cases.case_file import signature_rows
 from pom.report.case.page import run_line_classes
 from pom.report.presentation.quantities import quantity_label
 from pom.report.presentation.verdict_text import Verdict, criterion_words, reason_text
-from pom.result import STATUSES, PomResult, results_name
+from pom.result import NO_EVIDENCE, STATUSES, PomResult, lacks_evidence, results_name
 
 # Statuses by which the reader may filter the table of verdicts.
 _FAILED = {"fail", "limits_exceeded", "record_error"}
@@ -82,14 +82,14 @@ def list_runs(results: Sequence[PomResult]) -> list[str]:
 def shown_statuses(results: Sequence[PomResult]) -> list[str]:
     """Return the statuses that have a column in the counts of a report.
 
-    ``record_error`` has one only if a case has this status.
+    ``record_error`` and ``pass_with_departures`` have one only if a case has this status.
     """
     statuses: set[str] = set()
     for result in results:
         statuses.update(result.status(run) for run in result.runs)
-    # A report without faulty records does not need a column for them.
-    rare = "record_error"
-    return [status for status in STATUSES if status != rare or rare in statuses]
+    # A report without faulty records or departures does not need a column for them.
+    rare = {"record_error", "pass_with_departures"}
+    return [status for status in STATUSES if status not in rare or status in statuses]
 
 
 def chapter_of_test(test: str) -> str:
@@ -209,6 +209,7 @@ def provenance_page(
         "inputs": sorted(provenance.get("inputs", {}).items()),
         "models": list(provenance.get("models", {}).items()),
         "records": list(provenance.get("records", {}).items()),
+        "no_evidence": NO_EVIDENCE if any(map(lacks_evidence, results)) else "",
         "record_errors": list(provenance.get("record_errors", {}).items()),
         "signatures": signature_rows(signatures, date, name) if signatures else [],
         "absent": absent,

@@ -35,10 +35,12 @@ class RowRemark:
         ``precondition``, ``certified``, ``no_value`` (a sample is NaN), ``trim`` (a trim quantity
         beyond its limit), ``trim_allowed`` (the same, allowed by the case file), ``trim_surface``
         (a trim surface that the trim solved for), ``tables_left``, ``below_runway``, ``waived``
-        (inputs that the model does not have), ``record`` (an error of the flight record), ``watch``
-        (a channel without a tolerance beyond its band), ``evidence`` (distance of the model from
-        the flight estimates), ``far_from_evidence`` (terms beyond three standard errors), ``row``
-        (note of the tolerance table), ``note`` (text of a report from before remarks had kinds).
+        (inputs that the model does not have), ``record`` (an error of the flight record), ``watch`` (a channel
+        without a tolerance beyond its band), ``evidence`` (distance of the model from the flight
+        estimates), ``far_from_evidence`` (terms beyond three standard errors),
+        ``edited_evidence`` (terms of the evidence that are edited), ``departure`` (from the printed
+        row), ``row`` (note of the
+        tolerance table), ``note`` (text of a report from before remarks had kinds).
     text : str
         The remark for a reader, with its numbers.
     quantity : str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 from flightmech.errors import OutOfRange, UnitError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.toml_models import Strict, validate_content
+from flightmech.units import parse_unit
 from pom.tolerances.channels import limit_to_si_factor, si_unit
 from pom.tolerances.criteria import Band, Criterion, Limit
 
@@ -25,7 +26,9 @@ class ToleranceOverride(Strict):
     """One entry of the table, written out."""
 
     abs: float | str | None = Field(
-        default=None, description="Half width: SI, or with its unit.", examples=["2 deg/s"]
+        default=None,
+        description="Half width with its unit; a bare number only for a ratio.",
+        examples=["2 deg/s"],
     )
     percent: float | None = Field(
         default=None, description="Half width as a percentage of base.", examples=[10.0]
@@ -116,13 +119,35 @@ def _new_criterion(
     )
 
 
+def replaced_rows(criteria: Iterable[Criterion]) -> list[str]:
+    """Return a problem for every band of the case file in the group of a row of the rule.
+
+    The band would be an alternative of the row and hide that the row is invalid or not tested.
+    """
+    rows: dict[str, list[str]] = {}
+    own: dict[str, list[str]] = {}
+    for criterion in criteria:
+        # a band that the case file adds has no parameter of the table
+        members = rows if criterion.parameter else own
+        members.setdefault(criterion.group, []).append(criterion.name)
+    problems = []
+    for group in own.keys() & rows.keys():
+        for name in own[group]:
+            problems.append(
+                f"tolerance.{name}.group: {group!r} is the group of {', '.join(rows[group])}; a "
+                f"band of the case file never replaces a row of the rule: leave the group out, "
+                f"and the band is judged in addition to the row"
+            )
+    return problems
+
+
 def _override_band(criterion: Criterion, entry: ToleranceOverride) -> Criterion:
     """Return a criterion with the band, group and window of an entry."""
     limits = []
     if entry.percent is not None:
         limits.append(Limit("percent", entry.percent, "%"))
     if entry.abs is not None:
-        value, unit = _split_quantity(entry.abs, si_unit(criterion.measure, criterion.channel))
+        value, unit = _split_quantity(entry.abs, criterion)
         # A unit that does not fit the channel raises UnitError.
         limit_to_si_factor(criterion.measure, criterion.channel, unit)
         limits.append(Limit("absolute", value, unit))
@@ -143,11 +168,30 @@ def _override_band(criterion: Criterion, entry: ToleranceOverride) -> Criterion:
     )
 
 
-def _split_quantity(item: float | str, si: str) -> tuple[float, str]:
-    """Return number and unit as written; a number without a unit is SI."""
-    if not isinstance(item, str):
+def _split_quantity(item: float | str, criterion: Criterion) -> tuple[float, str]:
+    """Return number and unit as written; only a ratio or a count has no unit."""
+    si = si_unit(criterion.measure, criterion.channel)
+    match = _NUMBER.match(str(item))
+    # TOML has inf and nan as numbers, which the caller refuses with a clearer text
+    if not match and not isinstance(item, str):
         return float(item), si
-    match = _NUMBER.match(item)
     if not match:
         raise UnitError(f"found {item!r}; expected a number and a unit such as '1.5 {si}'")
-    return float(match.group(1)), (match.group(2) or si).strip()
+    value, unit = float(match.group(1)), (match.group(2) or "").strip()
+    if not unit and parse_unit(si)[0] != parse_unit("1")[0]:
+        raise UnitError(_bare_number_text(value, si, criterion))
+    return value, unit or si
+
+
+def _bare_number_text(value: float, si: str, criterion: Criterion) -> str:
+    """Return the text on a width without a unit, with its ratio to the printed width."""
+    unit, compared = si, ""
+    for limit in criterion.band.limits:
+        if limit.quantity == "absolute" and limit.value:
+            unit = limit.unit
+            width = limit.value * limit_to_si_factor(criterion.measure, criterion.channel, unit)
+            compared = f", {value / width:.3g} times the printed {limit.text}"
+    return (
+        f"{value:g} has no unit: in {si} it would be a half width of {value:g} {si}{compared}; "
+        f"write the number with its unit, such as '{value:g} {unit}'"
+    )

@@ -158,6 +158,16 @@ def window_events() -> set[str]:
     return events
 
 
+def usual_fraction(reference: str, edition: str) -> float:
+    """Return the share of the tolerance that the rule applies to a reference (rule R9)."""
+    if reference != "engineering":
+        return 1.0
+    # R9: 20 % in editions before 2016, 40 % from then on
+    if edition[:4] < "2016":
+        return 0.2
+    return 0.4
+
+
 def band_of(row: Row) -> Band:
     """Return the tolerance of a row as printed."""
     if row["quantity"] in ("none", ""):

@@ -93,9 +93,10 @@ def test_the_final_model_flies_by_force(demo):
 def test_the_final_model_brakes_and_turns_on_the_runway(demo):
     folder, run = demo
     cases = {case["name"]: case["status"] for case in json.loads(run.stdout)["cases"]}
-    assert cases["brake_stop"]["final"] == cases["taxi_turn"]["final"] == "pass"
+    assert cases["brake_stop"]["final"] == "pass"
     assert cases["brake_stop"]["datcom"] != "pass"
-    assert cases["taxi_turn"]["datcom"] != "pass"
+    # the rate of turn of the record is never steady: no band of the case file replaces the row
+    assert set(cases["taxi_turn"].values()) == {"invalid"}
     gear = {
         contact.name: contact
         for contact in flightmech.read_aircraft(folder / "final.toml").gear.contacts

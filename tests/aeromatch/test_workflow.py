@@ -25,6 +25,7 @@ from aeromatch.workflow.aerodynamics import (
 )
 from aeromatch.workflow.windows import (
     IdentificationWindows,
+    find_copied_records,
     inputs_of,
     marks_of,
     records_of,
@@ -376,3 +377,17 @@ def test_fits_name_the_flight_modes_of_a_log():
     found = spans_of("fit", taken, tables, problems)
     assert problems == []
     assert found == {"log": [(5.0, 8.0), (12.5, 15.0)], "other": [(4.0, 6.0)]}
+
+
+def test_a_copy_of_a_record_of_the_proof_does_not_identify(shipped):
+    """The samples decide, not the name of the file."""
+    proof = "t37_21_val_short_period_full_flaps_gear_down"
+    folder = shipped.file.parent
+    copied = flighttest.read(folder / "flight" / f"{proof}.nc", folder / "names.toml")
+    case = SimpleNamespace(name="short", record=f"x/{proof}.nc", window=(0.5, 16.5))
+    records = {"pull_ups": copied, proof: copied}
+    (line,) = find_copied_records([("fit 'pitch'", {"pull_ups": [(1.0, 9.0)]})], records, [case])
+    assert line.startswith(f"fit 'pitch': record pull_ups holds samples of record {proof} (")
+    assert line.endswith("proves case short; it cannot identify too")
+    # another part of the same flight may identify
+    assert find_copied_records([("fit", {"pull_ups": [(17.0, 19.0)]})], records, [case]) == []

@@ -354,8 +354,10 @@ def _summary(outcome: Any) -> dict[str, Any]:
     lines = []
     for run in runs:
         statuses = [result.status(run) for result in outcome.results]
+        departing = statuses.count("pass_with_departures")
+        more = f", {departing} more with departures" if departing else ""
         beyond = statuses.count("limits_exceeded")
-        more = f", {beyond} more with a trim beyond its limits (LIMITS)" if beyond else ""
+        more += f", {beyond} more with a trim beyond its limits (LIMITS)" if beyond else ""
         faulty = statuses.count("record_error")
         more += f", {faulty} more on a record with errors (RECORD)" if faulty else ""
         lines.append(f"{run:>10}: {statuses.count('pass')} of {len(statuses)} pass{more}")

@@ -18,6 +18,7 @@ from pom.report.presentation.verdict_text import (
 )
 from pom.result import (
     PomResult,
+    has_departure,
     has_trim_remark,
     is_on_faulty_record,
 )
@@ -74,6 +75,7 @@ def _verdict_rows(result: PomResult) -> list[dict[str, Any]]:
                 "verdict": row["verdict"],
                 "exceeds": has_trim_remark(row),
                 "faulty": is_on_faulty_record(row),
+                "departs": has_departure(row),
                 "ratio": ratio if math.isfinite(ratio) else None,
                 "fraction": fraction if math.isfinite(fraction) else 1.0,
             }

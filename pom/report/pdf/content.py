@@ -103,6 +103,7 @@ def front_content(
         "kinds": list(kinds),
         "airplanes": list(airplanes),
         "index": _matrix_content(keys, results, outcomes),
+        "no_evidence": origin["no_evidence"],
         "record_errors": origin["record_errors"],
         "coverage": table_coverage(results, tolerance_rows()),
         "references": _references_content(results, origin, databases),

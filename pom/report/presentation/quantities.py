@@ -22,6 +22,7 @@ from flightmech.support.figures import MINUS
 MISSING = "\N{EN DASH}"
 SYMBOLS = {
     "pass": "✓",
+    "pass_with_departures": "✓*",
     "limits_exceeded": "✓!",
     "record_error": "✓?",
     "fail": "✗",

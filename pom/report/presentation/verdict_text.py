@@ -25,6 +25,7 @@ from pom.tolerances.bands import ALLOWED, RowRemark
 
 WORDS = {
     "pass": "pass",
+    "pass_with_departures": "pass with departures",
     "limits_exceeded": "pass with limits exceeded",
     "record_error": "pass on a record with errors",
     "fail": "FAIL",

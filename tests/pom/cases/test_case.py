@@ -102,6 +102,20 @@ def test_a_tolerance_on_another_channel_adds_a_criterion(write_case):
 
 
 @pytest.mark.parametrize(
+    "more",
+    [
+        '[tolerance]\nbeta = { abs = "1 deg", group = "pitch" }',
+        # the row may not join the group of the band either
+        '[tolerance]\nbeta = { abs = "1 deg", group = "mine" }\n'
+        'pitch_angle = { abs = "1.5 deg", group = "mine" }',
+    ],
+)
+def test_a_band_of_the_case_never_replaces_a_row(write_case, more):
+    with pytest.raises(SchemaError, match=r"tolerance\.beta\.group: .* never replaces a row"):
+        read_case(write_case(more=more))
+
+
+@pytest.mark.parametrize(
     ("entry", "text"),
     [
         ('theta = "1.5 ft"', "unit 'ft' cannot be converted to 'rad'"),

@@ -40,6 +40,9 @@ def test_run_passes_with_code_0_and_writes_the_report(aeromatch, case, toy, tmp_
     assert "2.c.10  A case" in done.stdout
     assert "toy          pass  0.00 x tolerance" in done.stdout
     assert "1 model x 1 case: 1 pass" in done.stdout
+    assert "no evidence given: a pass without evidence" in done.stdout
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "no evidence given: a pass without evidence" in page
     assert (tmp_path / "out" / "report.html").is_file()
     found = json.loads((tmp_path / "out" / "results.json").read_text())
     assert found["results"][0]["status"] == {"toy": "pass"}

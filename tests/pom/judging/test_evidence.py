@@ -66,6 +66,36 @@ def test_the_evidence_is_at_no_distance_from_itself(compared, trainer):
     assert max(distances(compared, trainer).values()) < 1e-9
 
 
+@pytest.mark.parametrize("source", ["judgement", "flight"])
+def test_an_edited_term_is_no_evidence(evidence, states, source):
+    """Even where the edit calls itself flight."""
+    leaves = {
+        name: leaf.assign_attrs(history="replace_terms: replaced (identified from flight)")
+        for name, leaf in aerodb.terms(evidence).items()
+    }
+    identified = aerodb.replace_terms(evidence, leaves)
+    assert Evidence(identified, states).edited == ()
+    edited = aerodb.edit.scale(identified, "Cm/qhat", 0.4, note="a test", source=source)
+    assert Evidence(edited, states).edited == ("Cm/qhat",)
+    # a new identification makes it evidence again
+    again = {"Cm/qhat": aerodb.terms(edited)["Cm/qhat"]}
+    again["Cm/qhat"].attrs["history"] += "\nreplace_terms: replaced (identified from flight)"
+    assert Evidence(aerodb.replace_terms(edited, again), states).edited == ()
+
+
+def test_the_remark_names_the_edited_terms(evidence, states, trainer, tmp_path):
+    leaf = aerodb.terms(evidence)["Cm/qhat"].assign_attrs(
+        history="tabulate: joined (identified from flight)"
+    )
+    db = aerodb.replace_terms(evidence, {"Cm/qhat": leaf})
+    db = aerodb.edit.scale(db, "Cm/qhat", 0.4, note="a test")
+    model = flightmech.compile(trainer.AIRCRAFT, db)
+    flightmech.write_fmu(model, tmp_path / "m.fmu")
+    remarks = evidence_remarks(Evidence(db, states), tmp_path / "m.fmu")
+    assert [item.kind for item in remarks][-1] == "edited_evidence"
+    assert "no evidence for Cm/qhat: edited after the identification" in remarks[-1].text
+
+
 def test_a_term_off_by_a_share_lies_that_share_over_its_standard_error_away(compared, trainer):
     """0.4 of Cm/qhat and 0.75 of Cm/elevator compensate each other in a short period; 60 and 25 %
     over 5 %.

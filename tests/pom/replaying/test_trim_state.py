@@ -15,7 +15,7 @@ from pom.replaying.result_assembly import assemble_result
 from pom.replaying.run_remarks import calibration, drift
 from pom.replaying.trim import beyond_limits, trim_limits, trim_table
 from pom.report.case.remarks import run_notes
-from pom.result import trim_remarks
+from pom.result import run_notices, trim_remarks
 from pom.tolerances.bands import remarks_text
 
 DEGREE = np.radians(1.0)
@@ -82,14 +82,31 @@ def test_a_bias_beyond_the_limit_of_the_case_file_makes_the_run_invalid(flown):
     assert (
         flown(wide, trim_delta_e=2.0 * DEGREE).status("model") == "limits_exceeded"
     )  # wider than usual, without a reason
-    reason = '\n[rationale]\n"trim.delta_e" = "pick-up of the elevator, calibrated to 2 deg"'
+    reason = '\n[rationale]\n"trim.delta_e" = "J. Smith, 2026-11-28, calibrated to 2 deg"'
     stated = flown(wide + reason, trim_delta_e=2.0 * DEGREE)
-    assert stated.passed("model")
-    text = (
-        "trim.delta_e +2 deg is beyond 1 deg; allowed: pick-up of the elevator, calibrated to 2 deg"
-    )
+    assert stated.status("model") == "pass_with_departures"
+    text = "trim.delta_e +2 deg is beyond 1 deg; allowed: J. Smith, 2026-11-28, calibrated to 2 deg"
+    assert run_notices(stated, "model") == [text]
     assert stated.verdict["remarks"].map(remarks_text).str.contains(text, regex=False).all()
     assert flown(wide + reason, trim_delta_e=4.0 * DEGREE).status("model") == "invalid"
+
+
+@pytest.mark.parametrize(
+    ("reason", "bias", "text"),
+    [
+        ("ok", 2.0, "write who allows it, when and why"),
+        ("calibrated to 2 deg", 2.0, "write who allows it, when and why"),
+        ("J. Smith, 2026-11-28, ok", 2.0, "write who allows it, when and why"),
+        ("J. Smith, 2026-13-28, calibrated to 2 deg", 2.0, "write who allows it, when and why"),
+        ("J. Smith, 2026-11-28, calibrated to 2 deg", 3.1, "at most 3 times the limit"),
+    ],
+)
+def test_a_rationale_needs_text_name_and_date_and_does_not_lift_every_bias(
+    flown, reason, bias, text
+):
+    result = flown(f'[rationale]\n"trim.delta_e" = "{reason}"', trim_delta_e=bias * DEGREE)
+    assert result.status("model") == "limits_exceeded"
+    assert text in trim_remarks(result, "model")[0]
 
 
 def test_thrust_is_limited_by_a_share_of_what_was_recorded(flown):

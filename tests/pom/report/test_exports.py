@@ -163,6 +163,18 @@ def test_the_json_of_a_report_is_refused_with_its_folder(folder):
         pom.read_archive(folder / "results.json")
 
 
+def test_departures_are_a_skipped_test_of_their_own():
+    result = fixture.short_period_result()
+    remark = RowRemark("departure", "departure: tolerance of pitch_angle 9 deg, printed 1.5 deg")
+    for index in result.verdict.index[result.verdict["run"] == "final"]:
+        result.verdict.at[index, "remarks"] = (remark,)
+    assert result.status("final") == "pass_with_departures"
+    suite = ElementTree.fromstring(exports.junit_xml([result], "x").split("\n", 1)[1])
+    (test,) = suite.findall("testsuite/testcase[@name='no departure from the printed row']")
+    assert test.find("failure") is None
+    assert test.find("skipped").get("message") == remark.text
+
+
 def test_control_characters_do_not_break_the_xml():
     result = fixture.short_period_result(title="a\x00b \ud800 <&> \ufffe\U0001f6e9")
     root = ElementTree.fromstring(exports.junit_xml([result], "\x1b").split("\n", 1)[1].encode())

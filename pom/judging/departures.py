@@ -1,0 +1,230 @@
+"""Departures of a case from the printed row and from normal practice.
+
+A pass of a case that departs is a ``pass_with_departures``.  Every departure is a remark of the kind
+``departure``, so that terminal, page, index and files state it.  All are found from the criteria of
+the case and the tolerance table, so a stored report shows those of an older case as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import AeromatchError, UnknownName
+from flightmech.names import lookup
+from flightmech.units import from_si
+from pom.cases.case import PomCase
+from pom.cases.case_file import INITIAL, MASS, WIND
+from pom.cases.pilot import shortest_error
+from pom.cases.reference_states import RECORD_SPAN
+from pom.cases.resolve import SEGMENTS
+from pom.tolerances import rows
+from pom.tolerances.bands import RowRemark
+from pom.tolerances.channels import limit_to_si_factor
+from pom.tolerances.criteria import PARTS, Band, Criterion, Limit
+
+SAME = 1e-3  # relative difference of a condition from the record that is rounding
+_LEAST = {"rad": 0.1, "rad s-1": 0.1, "m": 1.0, "m s-1": 1.0, "kg m2": 1.0}
+"""By unit: sizes below which `SAME` is of this size, not of the recorded value. [SI]"""
+# latitude and longitude change no response
+_WATCHED = {*INITIAL, *MASS, *WIND} - {"lat", "lon"}
+SLACK = 0.5  # [s] a case may stop that much before the end of the record
+_ROUNDING = 1e-9  # relative: conversions of units round
+_SAME_TIME = 1e-9  # [s]
+
+
+def case_departures(case: PomCase) -> tuple[RowRemark, ...]:
+    """Return the departures that the case file alone shows: bands, windows, groups and share."""
+    remarks: list[RowRemark] = []
+    usual = rows.usual_fraction(case.reference, case.edition)
+    if case.fraction > usual:
+        text = f"{case.fraction:g} of the tolerance is applied, the rule has {usual:g}"
+        remarks.append(_departure(text, "fraction"))
+    printed = _printed_criteria(case)
+    for criterion in case.criteria:
+        row = printed.get(criterion.name)
+        is_own = criterion.provenance == "case file" and criterion.applies
+        if row is not None and is_own:
+            remarks += _row_departures(case, criterion, row)
+    return tuple(remarks)
+
+
+def _departure(text: str, quantity: str) -> RowRemark:
+    return RowRemark("departure", f"departure: {text}", quantity)
+
+
+def _printed_criteria(case: PomCase) -> dict[str, Criterion]:
+    """Return the rows of the table as criteria with the printed window, by name."""
+    try:
+        table_rows = rows.rows_of_test(case.id, case.standard, case.edition)
+    except UnknownName:
+        return {}
+    printed = {}
+    for row, name in zip(table_rows, rows.names_of(table_rows), strict=True):
+        printed[name] = rows.make_criterion(row, name, case.window, case.features)
+    return printed
+
+
+def _row_departures(case: PomCase, own: Criterion, row: Criterion) -> Iterator[RowRemark]:
+    """Yield the departures of a row with a band, window or group of the case file."""
+    if not is_within(own, row.band):
+        times = _width_ratio(own, row.band)
+        ratio = "" if times is None else f", {times:.3g} times as wide"
+        text = f"tolerance of {own.name} {own.band.text}, printed {row.band.text}{ratio}"
+        yield _departure(text, own.name)
+    start, stop = _clip(_asked_window(case, own), case.window)
+    if own.window[0] > start + _SAME_TIME or own.window[1] < stop - _SAME_TIME:
+        text = (
+            f"{own.name} is judged in {own.window[0]:g} ... {own.window[1]:g} s, the row in "
+            f"{start:g} ... {stop:g} s"
+        )
+        yield _departure(text, own.name)
+    if own.group != row.group:
+        others = [c.name for c in case.criteria if c.group == own.group and c.name != own.name]
+        if others:
+            text = f"{own.name} is an alternative of {', '.join(others)}, in the table it is not"
+            yield _departure(text, own.name)
+
+
+def is_within(criterion: Criterion, printed: Band) -> bool:
+    """Return whether the band of a criterion is never wider than a printed one.
+
+    A percentage and a width in a unit cannot be compared without the flight: false.
+    """
+    band = criterion.band
+
+    def least(own: Limit) -> list[bool]:
+        # for every printed limit: whether `own` is within it
+        return [_is_smaller(criterion, own, limit, printed) for limit in printed.limits]
+
+    table = [least(own) for own in band.limits]
+    if not table or not table[0]:
+        return False
+    # w = max or min of the limits; own width <= printed width for every flight value:
+    # max <= max: every own limit is within a printed one;  min <= max: one is within one;
+    # max <= min: all within all;  min <= min: every printed limit has an own one within it.
+    own_least = band.rule == "lesser_of"
+    if printed.rule == "lesser_of":
+        columns = list(zip(*table, strict=True))
+        return all(map(any if own_least else all, columns))
+    rows_within = map(any, table)
+    return any(rows_within) if own_least else all(rows_within)
+
+
+def _is_smaller(criterion: Criterion, own: Limit, limit: Limit, printed: Band) -> bool:
+    """Return whether a limit is of the same kind as a printed one and not larger."""
+    ratio = _limit_ratio(criterion, own, limit, printed)
+    return ratio is not None and ratio <= 1.0 + _ROUNDING
+
+
+def _limit_ratio(criterion: Criterion, own: Limit, limit: Limit, printed: Band) -> float | None:
+    """Return own over printed limit; None if they are of different kinds."""
+    if own.quantity != limit.quantity or not limit.value:
+        return None
+    if own.quantity == "absolute":
+        try:
+            own_size = limit_to_si_factor(criterion.measure, criterion.channel, own.unit)
+            size = limit_to_si_factor(criterion.measure, criterion.channel, limit.unit)
+        except AeromatchError:
+            return None
+        return own.value * own_size / (limit.value * size)
+    if criterion.band.base != printed.base:
+        return None
+    return own.value / limit.value
+
+
+def _width_ratio(criterion: Criterion, printed: Band) -> float | None:
+    """Return the largest ratio of limits of the same kind; None without one."""
+    ratios = []
+    for own in criterion.band.limits:
+        for limit in printed.limits:
+            ratio = _limit_ratio(criterion, own, limit, printed)
+            if ratio is not None:
+                ratios.append(ratio)
+    return max(ratios, default=None)
+
+
+def _asked_window(case: PomCase, criterion: Criterion) -> tuple[float, float]:
+    """Return the window that a row requires between its events. [s]"""
+    times = []
+    defaults = case.window
+    if criterion.measure in SEGMENTS:
+        defaults = (
+            case.events.get("segment_start", defaults[0]),
+            case.events.get("segment_end", defaults[1]),
+        )
+    for bound, default in zip(criterion.bounds, defaults, strict=True):
+        try:
+            times.append(float(rows.bound_time(bound, case.events, default)))
+        except UnknownName:
+            times.append(default)
+    start, stop = times
+    for word in criterion.condition.split(";"):
+        # a part of a manoeuvre ends at its events
+        first, last = (case.events.get(event) for event in PARTS.get(word, ("", "")))
+        start = start if first is None else max(start, first)
+        stop = stop if last is None else min(stop, last)
+    return start, stop
+
+
+def _clip(window: tuple[float, float], limits: tuple[float, float]) -> tuple[float, float]:
+    return max(window[0], limits[0]), min(window[1], limits[1])
+
+
+def record_departures(case: PomCase, states: xr.Dataset) -> tuple[RowRemark, ...]:
+    """Return the departures that need the record.
+
+    Parameters
+    ----------
+    case : PomCase
+    states : Dataset (time)
+        Of `flight_states`, with the attribute `RECORD_SPAN`.
+    """
+    shortened = _shortened_departure(case, states.attrs.get(RECORD_SPAN))
+    return (*shortened, *_overrides(case, states))
+
+
+def _overrides(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
+    """Yield the conditions of the case file that contradict the record or add a wind to it."""
+    for name, value in case.conditions.items():
+        if name not in _WATCHED:
+            continue
+        recorded = 0.0
+        if name in states:
+            values = np.atleast_1d(states[name].values).astype(float)
+            # the wind acts all the time, a state or a mass at the start
+            recorded = float(np.nanmean(values) if name in WIND else values[0])
+        elif name not in WIND:
+            continue
+        size = max(abs(recorded), _LEAST.get(lookup(name).units, 0.0))
+        if abs(shortest_error(name, value - recorded)) <= SAME * size:
+            continue
+        unit = lookup(name).display_units
+        shown = [f"{float(from_si(item, unit)):.5g} {unit}" for item in (value, recorded)]
+        text = (
+            f"{name} ({lookup(name).long_name}) is {shown[0]} by the conditions of the case, the "
+            f"record has {shown[1]}"
+        )
+        yield _departure(text, name)
+
+
+def _shortened_departure(case: PomCase, span: Iterable[float] | None) -> Iterator[RowRemark]:
+    """Yield a departure if a record that is called short holds what the rows require."""
+    if not case.shortened or span is None:
+        return
+    asked = [_asked_window(case, c) for c in case.criteria if c.applies]
+    if not asked:
+        return
+    start, stop = np.min(asked, axis=0)[0], np.max(asked, axis=0)[1]
+    first, last = span
+    held = max(start, first), min(stop, last)
+    if case.window[0] <= held[0] + SLACK and case.window[1] >= held[1] - SLACK:
+        return
+    text = (
+        f"the window {case.window[0]:g} ... {case.window[1]:g} s is called short "
+        f"({case.shortened}), but the record holds {held[0]:.4g} ... {held[1]:.4g} s of the "
+        f"{start:.4g} ... {stop:.4g} s that the rows require"
+    )
+    yield _departure(text, "window")

@@ -1,0 +1,143 @@
+"""Departures from the printed row: found from the case, stated as remarks, never a plain pass."""
+
+import math
+
+import pytest
+import xarray as xr
+
+from flightmech.errors import SchemaError
+from pom.cases.case import PomCase, read_case
+from pom.cases.reference_states import RECORD_SPAN
+from pom.judging.departures import case_departures, record_departures
+from pom.result import status_of
+
+
+def departures(path):
+    case = read_case(path)
+    texts = [remark.text for remark in case_departures(case)]
+    # a stored case shows the same departures
+    assert [item.text for item in case_departures(PomCase.from_dict(case.to_dict()))] == texts
+    return texts
+
+
+def test_the_printed_rows_are_no_departure(write_case):
+    assert departures(write_case()) == []
+
+
+@pytest.mark.parametrize(
+    ("entry", "text"),
+    [
+        ('pitch_angle = "9 deg"', "pitch_angle 9 deg, printed 1.5 deg, 6 times as wide"),
+        ('theta = "0.0525 rad"', "pitch_angle 0.0525 rad, printed 1.5 deg, 2.01 times as wide"),
+        # the greater of a wide and a narrow limit is wide
+        (
+            'pitch_angle = { abs = "1 deg", percent = 50 }',
+            "pitch_angle 50 % of the flight value or 1 deg, the greater, printed 1.5 deg",
+        ),
+        ("pitch_angle = { percent = 1 }", "pitch_angle 1 % of the flight value, printed 1.5 deg"),
+    ],
+)
+def test_a_band_that_may_be_wider_is_a_departure(write_case, entry, text):
+    (found,) = departures(write_case(more=f"[tolerance]\n{entry}"))
+    assert text in found
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        'pitch_angle = "1.5 deg"',
+        'pitch_angle = "1 deg"',
+        # the smaller of two is at most the narrow one
+        'pitch_angle = { abs = "1 deg", percent = 50, rule = "lesser_of" }',
+        # a band in addition to the rows
+        'beta = "9 deg"',
+    ],
+)
+def test_a_band_that_is_never_wider_is_none(write_case, entry):
+    assert departures(write_case(more=f"[tolerance]\n{entry}")) == []
+
+
+def test_a_narrowed_window_is_a_departure(write_case):
+    case = read_case(write_case())
+    (row,) = [c for c in case.criteria if c.name == "pitch_angle"]
+    start, stop = row.window
+    entry = f'[tolerance]\npitch_angle = {{ abs = "1.5 deg", window = [{start}, {stop - 1.0}] }}'
+    (found,) = departures(write_case(more=entry))
+    assert found == (
+        f"departure: pitch_angle is judged in {start:g} ... {stop - 1.0:g} s, the row in "
+        f"{start:g} ... {stop:g} s"
+    )
+    whole = f'[tolerance]\npitch_angle = {{ abs = "1.5 deg", window = [{start}, {stop}] }}'
+    assert departures(write_case(more=whole)) == []
+
+
+def test_a_row_that_becomes_an_alternative_is_a_departure(write_case):
+    entry = '[tolerance]\nnormal_acceleration = { abs = "0.1 g", group = "pitch" }'
+    (found,) = departures(write_case(more=entry))
+    assert "normal_acceleration is an alternative of pitch_angle" in found
+
+
+def test_a_larger_share_of_the_tolerance_is_a_departure(write_case):
+    engineering = 'reference = "engineering"'
+    assert departures(write_case(case=engineering)) == []
+    (found,) = departures(write_case(case=f"{engineering}\nfraction = 0.5"))
+    assert "0.5 of the tolerance is applied, the rule has 0.2" in found
+
+
+def test_a_record_called_short_must_be_short(write_case):
+    case = read_case(write_case("2.c.2", **FLAPS))
+
+    def found(first, last):
+        states = xr.Dataset(attrs={RECORD_SPAN: (first, last)})
+        return [remark.text for remark in record_departures(case, states)]
+
+    assert found(*case.window) == []
+    (text,) = found(0.0, 60.0)
+    assert "is called short (the record ends), but the record holds" in text
+
+
+def overrides(path, **recorded):
+    states = xr.Dataset({name: ("time", [value, value]) for name, value in recorded.items()})
+    return [remark.text for remark in record_departures(read_case(path), states)]
+
+
+def test_a_mass_or_a_state_against_the_record_is_a_departure(write_case):
+    path = write_case(more='[conditions]\nmass = 1900.0\ntheta = "361 deg"\nlat = "45 deg"')
+    (text,) = overrides(path, mass=2099.0, theta=math.radians(361.0), lat=0.0)
+    assert "mass" in text
+    assert "is 1900 kg by the conditions of the case, the record has 2099 kg" in text
+    assert overrides(path, mass=1900.1, theta=math.radians(361.0)) == []
+    # what the record does not have is no override
+    assert overrides(path) == []
+    (text,) = overrides(path, mass=1900.0, theta=0.0)
+    assert text.startswith("departure: theta")
+
+
+def test_a_wind_that_the_record_does_not_have_is_a_departure(write_case):
+    path = write_case(more="[conditions]\nwind_d = 0.6")
+    (text,) = overrides(path)
+    assert text.startswith("departure: wind_d")
+    assert len(overrides(path, wind_d=0.1)) == 1
+    assert overrides(path, wind_d=0.6) == []
+
+
+FLAPS = {
+    "case": 'shortened = "the record ends"',
+    "more": "[events]\nchange_start = 6.0\nchange_end = 7.0",
+}
+
+
+def test_a_width_without_its_unit_is_refused(write_case):
+    with pytest.raises(SchemaError) as caught:
+        read_case(write_case("2.d.2", more="[tolerance]\nroll_rate = 0.5"))
+    text = "0.5 has no unit: in rad s-1 it would be a half width of 0.5 rad s-1, 14.3 times the"
+    assert text in str(caught.value)
+    # a load factor counts in g and has no unit
+    read_case(write_case(more="[tolerance]\nnormal_acceleration = 0.1"))
+
+
+def test_departures_are_weaker_than_a_pass_and_stronger_than_limits():
+    groups = {"g": "pass"}
+    assert status_of(groups, departures=True) == "pass_with_departures"
+    assert status_of(groups, departures=True, limits_exceeded=True) == "limits_exceeded"
+    assert status_of({"g": "fail"}, departures=True) == "fail"
