@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from datcom_io.cells import FILLED, FLAGS, OK, SUSPECT
-from datcom_io.exchange.plot_records import is_line_of_plot
+from datcom_io.exchange.plot_files.plot_records import is_line_of_plot
 from datcom_io.listing import Case, Listing
 from flightmech.errors import SchemaError, UnitError
 from flightmech.support.input_files import demand_regular

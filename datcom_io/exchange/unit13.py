@@ -15,15 +15,19 @@ import xarray as xr
 
 from datcom_io.arrays.leaves import LONG_NAMES, LeafBuilder, empty_cells
 from datcom_io.cells import BLANK, FILLED, OK, SUSPECT
-from datcom_io.exchange.plot_cases import PlotCase, PlotPage, read_cases
-from datcom_io.exchange.plot_conditions import (
+from datcom_io.exchange.plot_files.plot_cases import PlotCase, PlotPage, read_cases
+from datcom_io.exchange.plot_files.plot_conditions import (
     alpha_coord,
     condition_coords,
     real_configurations,
     transonic_conditions,
 )
-from datcom_io.exchange.plot_records import CONFIGURATIONS
-from datcom_io.exchange.plot_schedule import MOST_ANGLES, angles_of_attack, ground_heights
+from datcom_io.exchange.plot_files.plot_records import CONFIGURATIONS
+from datcom_io.exchange.plot_files.plot_schedule import (
+    MOST_ANGLES,
+    angles_of_attack,
+    ground_heights,
+)
 from datcom_io.printout.layouts import BY_NAME
 from datcom_io.printout.rows import PrintedColumn
 from flightmech.units import DEGREE, FOOT

@@ -102,7 +102,7 @@ def estimate_tail_share(
     is_usable = (np.abs(alpha) <= _LINEAR) & (downwash_slope > _LEAST_SLOPE)
     for name in ("CL", "Cm"):
         lag = derivatives[f"{name}_alphadothat"]
-        # A lag of the wrong sign or size says nothing about the tail; NaN compares false.
+        # A lag of the wrong sign or size states nothing about the tail; NaN compares false.
         is_sound = _SIGNS[f"{name}_alphadothat"] * lag > 0.0
         rows = is_usable & is_sound & (np.abs(lag) <= LARGEST[f"{name}_alphadothat"])
         if rows.any():

@@ -315,7 +315,7 @@ def test_a_device_beyond_the_tip_of_its_surface_has_no_role(listing_with_span, l
 
 @pytest.fixture
 def listing_with(tmp_path):
-    """Return a reader of the listing with other cards; a role says in which case."""
+    """Return a reader of the listing with other cards; a role names the case."""
 
     def with_cards(*changes: tuple[str, str]):
         text = (LISTINGS / "multi.out").read_text()

@@ -13,8 +13,8 @@ import datcom_io
 from datcom_io.cells import ABSENT, OK
 from datcom_io.cli.actions.exchange import plot_file
 from datcom_io.exchange.file_types import plot_case
-from datcom_io.exchange.plot_cases import read_cases
-from datcom_io.exchange.plot_records import LOGICALS, SIZES
+from datcom_io.exchange.plot_files.plot_cases import read_cases
+from datcom_io.exchange.plot_files.plot_records import LOGICALS, SIZES
 from flightmech.errors import ParseError, SchemaError
 
 LISTINGS = Path(__file__).parents[1] / "listings"

@@ -24,8 +24,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from datcom_io.exchange.plot_records import PlotLines, PlotRecord
-from datcom_io.exchange.plot_schedule import (
+from datcom_io.exchange.plot_files.plot_records import PlotLines, PlotRecord
+from datcom_io.exchange.plot_files.plot_schedule import (
     MOST_ANGLES,
     ScheduledCondition,
     ground_heights,

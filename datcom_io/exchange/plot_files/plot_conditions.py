@@ -6,8 +6,8 @@ import numpy as np
 import xarray as xr
 
 from datcom_io.arrays.conditions import printed_name
-from datcom_io.exchange.plot_cases import PlotCase
-from datcom_io.exchange.plot_schedule import angles_of_attack
+from datcom_io.exchange.plot_files.plot_cases import PlotCase
+from datcom_io.exchange.plot_files.plot_schedule import angles_of_attack
 from flightmech.units import DEGREE, FOOT
 
 # Logical of a surface to the part of the aeroplane.

@@ -2,7 +2,7 @@
 
 FORMAT (1P10E12.4): ten fields of twelve columns, five significant digits, the common blocks of the
 program in feet, pounds, degrees Rankine and degrees.  The sizes of all records are fixed; which of
-them a case has is the subject of `datcom_io.exchange.plot_cases`.
+them a case has is the subject of `datcom_io.exchange.plot_files.plot_cases`.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from datcom_io.cells import OK
-from datcom_io.exchange.plot_records import PlotRecord
+from datcom_io.exchange.plot_files.plot_records import PlotRecord
 
 MOST_ANGLES = 20  # in a block, and Mach numbers and altitudes in a case
 _MOST_HEIGHTS = 10

@@ -1,0 +1,1 @@
+"""Records, cases and flight conditions of a plot file (unit 13)."""
