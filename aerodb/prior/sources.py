@@ -15,6 +15,7 @@ import datcom_io
 from aerodb.prior.prior_errors import STMACH, TSMACH
 from datcom_io.decks.aircraft_rules import has_thrust
 from datcom_io.decks.deck import Deck
+from datcom_io.reading.suspects import FILLED_BY_POWER
 from flightmech.errors import AeromatchWarning, SchemaError
 
 REFERENCES = ("S", "cbar", "b", "x_cg", "z_cg")
@@ -269,11 +270,6 @@ def _kind_of_power(tree: xr.DataTree) -> str:
     return min(kinds, default="")
 
 
-# A slope that is printed without power, and the numbers to which the program adds the increment of
-# power whether it printed them or not.
-_FILLED_BY_POWER = {"Cm_alpha": ("Cm", "xcp"), "CL_alpha": ("CD", "CL", "CN", "CA", "xcp")}
-
-
 def _without_idle_power(tree: xr.DataTree) -> xr.DataTree:
     """Return the tables of engines without thrust as those without power.
 
@@ -287,7 +283,7 @@ def _without_idle_power(tree: xr.DataTree) -> xr.DataTree:
         if "power" not in dataset.coords or "power" in dataset.dims:
             continue
         dataset = dataset.drop_vars("power")
-        for slope, filled in _FILLED_BY_POWER.items():
+        for slope, filled in FILLED_BY_POWER:
             if name != "static" or slope not in dataset:
                 continue
             for quantity in filled:

@@ -138,7 +138,7 @@ def flag_flap_moments(case: Case, before: int) -> int:
 
 
 # Slopes without a method or not applicable, and the numbers of their rows that power fills.
-_FILLED_BY_POWER = (
+FILLED_BY_POWER = (
     ("Cm_alpha", ("Cm", "xcp")),
     ("CL_alpha", ("CD", "CL", "CN", "CA", "xcp")),
 )
@@ -156,7 +156,7 @@ def flag_power_increments(case: Case) -> None:
         if page.power == "off" or static is None:
             continue
         quantities = [column.quantity for column in static.columns]
-        for slope, filled in _FILLED_BY_POWER:
+        for slope, filled in FILLED_BY_POWER:
             is_missing = np.isin(static.flags[:, quantities.index(slope)], (NA, NDM))
             page = with_suspects(page, "static", filled, is_missing)
         case.pages[i] = page
