@@ -54,17 +54,27 @@ FITS += [
 ]
 
 
+def _place_in_the_run(item):
+    """Return the rank of a test in the order of a run; see `pytest_collection_modifyitems`."""
+    if item.path.name == "test_demo.py":
+        return 0
+    if item.path.name == "test_docs.py":
+        page = item.callspec.params["page"] if hasattr(item, "callspec") else None
+        return 2 if page and "./run demo" in page.read_text(encoding="utf-8") else 1
+    return 1 if item.path.parent == ROOT / "tests" else 3
+
+
 @pytest.hookimpl(tryfirst=True)  # before -m selects
 def pytest_collection_modifyitems(items):
     """Mark what follows from the place of a test: its group of `--dist loadgroup`, by default its
     file, and the fits.
 
-    Each page of the documentation is a group.  The pages and the tests next to this file come
-    first: they are the longest, and a process that begins one of them last keeps the other waiting.
+    Each page of the documentation is a group.  A process that begins a long group last keeps the
+    other waiting, so the order is stated: the demo, which takes longest, then what does not wait
+    for it among the pages and the tests next to this file, then the pages that read it, then all
+    else (``--no-loadscope-reorder`` keeps this order).
     """
-    items.sort(
-        key=lambda item: (item.path.name != "test_docs.py", item.path.parent != ROOT / "tests")
-    )
+    items.sort(key=_place_in_the_run)
     for item in items:
         if item.get_closest_marker("xdist_group") is None:
             group = (

@@ -61,9 +61,13 @@ NOT_RUN = {
     "tests/aeromatch/rebuilding/test_store_verb.py calls it",
     "ruff": "style and types: run by .ci/run",
 }
-# pages of half a minute and more, whose verbs have tests of their own in the suite: for .ci/nightly
+# pages of ten seconds and more, whose verbs have tests of their own in the suite: for .ci/nightly
 # the overview of the commands repeats what the how-to pages run
 NIGHTLY_PAGES = (
+    "add-a-submodel.md",
+    "certify-a-report.md",
+    "data-package.md",
+    "fits-into-tables.md",
     "flapping-vehicle.md",
     "compare-databases.md",
     "real-flights.md",

@@ -37,17 +37,22 @@ class Quiet(http.server.SimpleHTTPRequestHandler):
         pass
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    """Build the site and serve it; its address."""
+def _build_site(folder):
+    """Build the site in a folder, with warnings as errors, and return the folder."""
     pytest.importorskip("mkdocs", reason="needs the docs extra: pip install -e '.[docs]'")
-    folder = tmp_path_factory.mktemp("site")
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "NO_MKDOCS_2_WARNING": "1"}
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
     built = subprocess.run(
         command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=3000
     )
     assert built.returncode == 0, built.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """Serve the site and return its address; ``AEROMATCH_SITE`` names one that is built already."""
+    folder = os.environ.get("AEROMATCH_SITE") or _build_site(tmp_path_factory.mktemp("site"))
     handler = functools.partial(Quiet, directory=folder)
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
