@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import SchemaError
+from flightmech.errors import IdentificationError, SchemaError
 from flighttest.maximum_likelihood.residual_covariance import (
     coloured_likelihood_covariance,
     effect_on_motion,
@@ -52,6 +52,8 @@ from flighttest.regression.equation_error.samples import list_manoeuvres
 _POSITIVE = ("process", "noise")  # kinds of unknowns that are standard deviations
 _LEAST = 1e-6  # smallest start of a noise, of the spread of the output
 _LEAST_NOISE = 1e-12  # smallest start of a noise
+_START_FACTORS = (1e-3, 1e3)  # of the variance of an intensity, for further starts of the search
+_SAME_COST = 0.01  # ends of a search that differ by less are one maximum
 _CALM = 1e-4  # lower bound of intensities and noises, of their start: below, they count as zero
 
 
@@ -111,7 +113,9 @@ def filter_error(
     pieces = []
     for record, names, columns in zip(records, layout.bases, layout.columns):
         pieces.append(_FilteredRecord(model, record, names=names, starts=natural.start[columns]))
-    maximum = maximise_likelihood(_InnovationLikelihood(pieces, layout), iterations)
+    maximum, worse = _search_from_several_starts(
+        _InnovationLikelihood(pieces, layout), layout, iterations=iterations
+    )
     white = _whiten_innovations(maximum)
     covariance, colours = coloured_likelihood_covariance(
         white, layout.columns, [piece.step for piece in pieces]
@@ -124,7 +128,10 @@ def filter_error(
     size = np.outer(scale, scale)
     in_deviations = replace(white, theta=theta, information=maximum.information / size)
     estimates = estimates_dataset(
-        in_deviations, natural, covariance=covariance * size, about={"method": "filter error"}
+        in_deviations,
+        natural,
+        covariance=covariance * size,
+        about={"method": "filter error", "worse_starts": worse},
     )
 
     # The noise is reported in the unit of the outputs, the effect in white units.
@@ -142,6 +149,39 @@ def filter_error(
         warnings = warn_of_turbulence(scatter)
     residuals = tuple(piece.residual(e) for piece, e in zip(pieces, innovations))
     return OutputError(estimates, residuals, noise=scatter, warnings=warnings)
+
+
+def _search_from_several_starts(
+    likelihood: _InnovationLikelihood, layout: UnknownVector, iterations: int
+) -> tuple[LikelihoodMaximum, int]:
+    """Return the lowest cost of several starts, and the number of starts that ended above it.
+
+    The cost of the intensities has several minima: motion can be explained by a disturbance of one
+    state or of another, or by noise. Each intensity starts from its own value and from a large and
+    a small one in turn.
+    """
+    starts = [layout.start]
+    is_intensity = np.array([name.startswith("process.") for name in layout.names])
+    for k in np.flatnonzero(is_intensity):
+        for factor in _START_FACTORS:
+            start = layout.start.copy()
+            start[k] = np.clip(factor * start[k], layout.low[k], layout.high[k])
+            starts.append(start)
+    ends = []
+    for start in starts:
+        # The error of the given start is raised; another start may have no filter.
+        try:
+            ends.append(maximise_likelihood(likelihood, iterations, start=start))
+        except IdentificationError:
+            if start is layout.start:
+                raise
+    best = min(ends, key=lambda end: end.cost)
+    # Of equal ends a proven one is taken.
+    for end in ends:
+        if end.converged and end.cost < best.cost + _SAME_COST:
+            best = end
+            break
+    return best, sum(end.cost > best.cost + _SAME_COST for end in ends)
 
 
 def _noise_starts(measured: Sequence[np.ndarray]) -> np.ndarray:
@@ -318,7 +358,13 @@ class _FilteredRecord:
             return filter_innovations(run, self.u, self.z), S
 
     def slopes(self, values: np.ndarray, steps: np.ndarray) -> _InnovationSlopes:
-        """Return their slopes; NaN if a step does not have a filter."""
+        """Return their slopes; NaN if a step does not have a filter.
+
+        A variance does not become negative: near zero, the differences are those about one step
+        above it.
+        """
+        is_variance = np.array([name.split(".")[0] in _POSITIVE for name in self.names])
+        values = np.where(is_variance, np.maximum(values, steps), values)
         shifts = np.diag(steps)
         try:
             run, _ = self._make_run(values)

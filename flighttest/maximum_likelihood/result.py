@@ -13,7 +13,11 @@ import xarray as xr
 
 from flightmech.support.atomic_write import written_atomically
 from flighttest.maximum_likelihood.residual_covariance import ResidualNoise, innovation_coupling
-from flighttest.maximum_likelihood.search import LikelihoodMaximum, invert_information
+from flighttest.maximum_likelihood.search import (
+    STALLED,
+    LikelihoodMaximum,
+    invert_information,
+)
 from flighttest.maximum_likelihood.unknowns import UnknownVector
 from flighttest.regression.equation_error.fit import open_tree
 from flighttest.remarks import Remark, remark_lines
@@ -43,7 +47,8 @@ class OutputError:
         ``stderr_white`` (Cramer-Rao bound), ``covariance`` and ``correlation`` (coloured),
         ``information`` (Fisher, prior included), ``start``, ``prior_stderr``, ``low``, ``high`` and
         ``active``: at a bound, without a standard error. Attributes: ``method``, ``cost``,
-        ``iterations``, ``converged``, ``samples``, ``manoeuvres``.
+        ``iterations``, ``converged``, ``stop`` (why the search ended: ``converged``, ``stalled``
+        or ``iterations``), ``samples``, ``manoeuvres``.
     residuals : tuple of Dataset
         Per manoeuvre measured minus predicted outputs over ``time``, or over ``frequency`` as
         complex numbers.
@@ -159,6 +164,7 @@ def estimates_dataset(
         "cost": maximum.cost,
         "iterations": maximum.iterations,
         "converged": int(maximum.converged),
+        "stop": maximum.stop,
         "samples": sum(len(v) for v in maximum.residuals),
         "manoeuvres": len(maximum.residuals),
     }
@@ -224,6 +230,11 @@ def _list_remarks(fit: OutputError) -> list[Remark]:
     remarks = [Remark("disturbance", text) for text in fit.warnings]
     if not e.attrs["converged"]:
         text = f"not converged after {e.attrs['iterations']} iterations"
+        if e.attrs.get("stop") == STALLED:
+            text = (
+                f"stalled after {e.attrs['iterations']} iterations: no step lowers the cost "
+                f"although its gradient is not zero; start from other values"
+            )
         remarks.append(Remark("convergence", text, severity="error"))
     for name, is_active, value in zip(names, e["active"].values, e["estimate"].values):
         if is_active:

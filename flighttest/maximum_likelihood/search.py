@@ -9,6 +9,10 @@ Its gradient is that of weighted least squares with the present R. The Gauss-New
 M = sum S'R^-1 S + P^-1 is its Fisher information. One Levenberg-Marquardt search therefore replaces
 the usual relaxation between parameters and R [Jategaonkar]_, and J falls in every step.
 
+A small step alone proves nothing: strong damping makes every step small. The search has converged
+when the step *without* damping, M^-1 times the gradient, is below `CLOSE` standard errors of every
+unknown. When no step lowers J although that step is larger than `ROUNDED`, the search has stalled.
+
 References
 ----------
 .. [Maine1985] Maine, Iliff, Identification of dynamic systems: theory and formulation, NASA
@@ -37,11 +41,14 @@ SMALL, LARGE = 1e-6, 1e-2  # its limits, in sizes of the parameter
 _FIRST_STEP = 1e-4  # step of the first differences, in sizes of the parameter
 _LEAST_SIZE = 1e-2  # smallest size of a parameter without prior and bounds
 CLOSE = 1e-2  # a step of so many standard errors is the last one
+ROUNDED = 0.1  # where rounding hides a fall of J, the step that remains, in standard errors
 RANK = 1e-12  # smallest eigenvalue of the information scaled to unit diagonal
 _LEAST_EIGENVALUE = 1e-14  # of the scaled information that is inverted
 # damping of Levenberg and Marquardt: first value, factors of a change, and limits
 _DAMPING, _RAISE, _LOWER = 1e-3, 10.0, 0.1
 _LEAST_DAMPING, _STUCK = 1e-12, 1e12
+# why a search ended
+CONVERGED, STALLED, EXHAUSTED = "converged", "stalled", "iterations"
 
 
 class Piece(Protocol):
@@ -86,7 +93,8 @@ class LikelihoodMaximum:
     cost : float
         J.
     iterations : int
-    converged : bool
+    stop : str
+        Why the search ended: `CONVERGED`, `STALLED` or `EXHAUSTED`.
     """
 
     theta: np.ndarray
@@ -97,7 +105,12 @@ class LikelihoodMaximum:
     active: np.ndarray
     cost: float
     iterations: int
-    converged: bool
+    stop: str
+
+    @property
+    def converged(self) -> bool:
+        """Whether gradient and step prove the maximum."""
+        return self.stop == CONVERGED
 
 
 class Target(Protocol):
@@ -239,7 +252,9 @@ class _Trial(NamedTuple):
     is_first: bool
 
 
-def maximise_likelihood(likelihood: Target, iterations: int) -> LikelihoodMaximum:
+def maximise_likelihood(
+    likelihood: Target, iterations: int, start: np.ndarray | None = None
+) -> LikelihoodMaximum:
     """Return the maximum of a likelihood by Levenberg-Marquardt steps inside bounds.
 
     Parameters
@@ -247,6 +262,8 @@ def maximise_likelihood(likelihood: Target, iterations: int) -> LikelihoodMaximu
     likelihood : Target
     iterations : int
         Largest number of iterations.
+    start : array (unknown,), optional
+        First parameters, instead of ``likelihood.layout.start``, which stays the prior.
 
     Raises
     ------
@@ -254,12 +271,13 @@ def maximise_likelihood(likelihood: Target, iterations: int) -> LikelihoodMaximu
         The start cannot be simulated, an unknown has no effect, or a combination of unknowns has
         none.
     """
-    search = _Search(likelihood, iterations)
+    search = _Search(likelihood, iterations, likelihood.layout.start if start is None else start)
     search.simulate_start()
     search.form_equations()
-    while not search.is_finished:
+    while not search.stop:
         search.take_step()
         search.form_equations()
+        search.judge()
     return search.result()
 
 
@@ -278,25 +296,20 @@ class _Search:
         Unknowns at a bound against which the likelihood pushes.
     """
 
-    def __init__(self, likelihood: Target, iterations: int):
+    def __init__(self, likelihood: Target, iterations: int, start: np.ndarray):
         self.likelihood, self.iterations = likelihood, iterations
         self.layout = likelihood.layout
-        self.theta, self.size = self.layout.start.copy(), _parameter_sizes(self.layout)
+        self.theta, self.size = start.copy(), _parameter_sizes(self.layout)
         self.steps = _FIRST_STEP * self.size
-        self.damping, self.converged, self.count = _DAMPING, False, 0
+        self.damping, self.count = _DAMPING, 0
+        self.stop = "" if iterations else EXHAUSTED
         self.last_was_first = True  # the last accepted step was the first trial
-
-    @property
-    def is_finished(self) -> bool:
-        """Whether no further step follows.
-
-        Before the last iteration, one-sided differences over part of a standard error suffice.
-        """
-        return self.converged or self.count == self.iterations
+        # Of the last step: it was small; no step lowered J, now and in the step before.
+        self.is_near = self.is_stuck = self.was_stuck = False
 
     def simulate_start(self) -> None:
         """Simulate the start values and their slopes."""
-        likelihood, is_last = self.likelihood, self.iterations == 0
+        likelihood, is_last = self.likelihood, bool(self.stop)
         likelihood.expect(self.steps, central=is_last)
         self.residuals = likelihood.residuals(self.theta)
         self.cost = likelihood.cost(self.theta, self.residuals)
@@ -319,9 +332,10 @@ class _Search:
     def take_step(self) -> None:
         """Accept the first trial that does not raise the cost, and simulate its slopes.
 
-        If there is none, the search has converged.
+        One-sided differences over part of a standard error suffice until a step is small.
         """
         self.count += 1
+        self.was_stuck, self.is_stuck, self.is_near = self.is_stuck, False, False
         likelihood, free = self.likelihood, ~self.active
         stderr = np.where(free, np.sqrt(np.diag(invert_information(self.M, free))), np.inf)
         for trial in _damped_trials(
@@ -334,14 +348,42 @@ class _Search:
             residuals = likelihood.residuals(trial.theta)
             cost = likelihood.cost(trial.theta, residuals)
             if cost <= self.cost:
-                self.converged = is_near and self.cost - cost < CLOSE
+                self.is_near = is_near and self.cost - cost < CLOSE
                 self.last_was_first = trial.is_first
                 self.theta, self.residuals, self.cost = trial.theta, residuals, cost
                 self.damping = max(_LOWER * trial.damping, _LEAST_DAMPING)
                 break
         else:
-            self.converged = True
-        self.slopes = likelihood.slopes(self.theta, self.steps, central=self.is_finished)
+            self.is_stuck = True
+        central = self.is_near or self.is_stuck or self.count == self.iterations
+        self.slopes = likelihood.slopes(self.theta, self.steps, central=central)
+
+    def judge(self) -> None:
+        """Decide whether the search ends here, and why.
+
+        The normal equations are those of central differences if the last step was small or none
+        was possible.
+        """
+        if self.is_near or self.is_stuck:
+            remaining = self._undamped_step()
+            if remaining < CLOSE or (self.is_stuck and remaining < ROUNDED):
+                self.stop = CONVERGED
+            elif self.is_stuck and self.was_stuck:
+                self.stop = STALLED
+            # A small step may be one of strong damping: try the full step again.
+            self.damping = min(self.damping, _DAMPING)
+        if not self.stop and self.count == self.iterations:
+            self.stop = EXHAUSTED
+
+    def _undamped_step(self) -> float:
+        """Return the largest element of the step without damping, in standard errors."""
+        free = ~self.active
+        covariance = invert_information(self.M, free)
+        step = np.where(free, covariance @ np.where(free, self.g, 0.0), 0.0)
+        # A bound that the step would pass is as far as it can go.
+        step = np.clip(self.theta + step, self.layout.low, self.layout.high) - self.theta
+        stderr = np.where(free, np.sqrt(np.diag(covariance)), np.inf)
+        return float(np.max(np.abs(step) / stderr, initial=0.0))
 
     def result(self) -> LikelihoodMaximum:
         """Return the maximum, after a check that the records determine all free unknowns."""
@@ -359,7 +401,7 @@ class _Search:
             active=self.active,
             cost=self.cost,
             iterations=self.count,
-            converged=self.converged,
+            stop=self.stop,
         )
 
 

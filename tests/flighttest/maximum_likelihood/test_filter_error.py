@@ -12,6 +12,7 @@ from scipy.linalg import expm
 
 import flighttest
 from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
+from flighttest.maximum_likelihood.search import maximise_likelihood
 from flighttest.maximum_likelihood.state_space import (
     Matrices,
     Predictor,
@@ -21,7 +22,7 @@ from flighttest.maximum_likelihood.state_space import (
     solve_recursion,
     steady_filter,
 )
-from flighttest.maximum_likelihood.unknowns import Unknown
+from flighttest.maximum_likelihood.unknowns import Unknown, lay_out
 
 A = np.array([[-1.2, 0.98], [-6.0, -1.8]])
 B = np.array([[-0.1], [-9.0]])
@@ -345,3 +346,76 @@ def test_gusts_show_on_a_recorder_of_ten_samples_a_second(model):
         flighttest.maximum_likelihood.filter_error(
             model, flight(0, duration=40.0, step=0.1, gust=2.0), STARTS
         )
+
+
+def gusty_flight(seed, time_constant=1.7, level=0.012, duration=20.0, step=0.04):
+    """A record in a gust of first order that the vane sees: alpha of the record is that of the
+    airflow.
+    """
+    rng, fine = np.random.default_rng(seed), 10
+    h, t = step / fine, np.arange(0.0, duration + step / 2, step)
+    u = 0.03 * np.interp(t, [1, 1.2, 2.5, 2.7, 4.2, 4.4, 6, 6.2], [0, 1, 1, -1, -1, 1, 1, 0])
+    # states alpha, q, gust; the inertial motion responds to alpha + gust
+    F = np.zeros((3, 3))
+    F[:2, :2], F[:2, 2], F[2, 2] = A, A[:, 0], -1.0 / time_constant
+    whole = expm(h * np.block([[F, np.r_[B[:, 0], 0.0][:, None]], [np.zeros((1, 4))]]))
+    x, states = np.zeros(3), []
+    for k in range((len(t) - 1) * fine + 1):
+        if k % fine == 0:
+            states.append(x)
+        x = whole[:3, :3] @ x + whole[:3, 3] * np.interp((k + 0.5) * h, t, u)
+        x[2] += level * np.sqrt(2.0 * h / time_constant) * rng.standard_normal()
+    states = np.array(states)
+    states[:, 0] += states[:, 2]
+    y = states[:, :2] @ C.T + NOISE * rng.standard_normal((len(t), 3))
+    return xr.Dataset(
+        {"delta_e": ("time", u)} | {name: ("time", y[:, k]) for k, name in enumerate(OUTPUTS)},
+        {"time": t},
+    )
+
+
+@pytest.mark.slow
+def test_all_starts_of_the_noise_end_at_one_maximum(model):
+    """The search once ended up to 150 above it, with a step made small by damping alone."""
+    record, costs = gusty_flight(1), []
+    for alpha, q in ((0.005, 0.01), (0.02, 0.001), (0.0006, 0.0006), (0.04, 0.04)):
+        wanted = {**STARTS, "process.alpha": alpha, "process.q": q}
+        found = flighttest.maximum_likelihood.filter_error(model, record, wanted).estimates
+        assert found.attrs["stop"] == "converged"
+        costs.append(found.attrs["cost"])
+    assert np.ptp(costs) < 0.01
+
+
+class Valley:
+    """A cost with a gradient that is wrong: nothing lowers it, though its slope is not zero."""
+
+    def __init__(self, error):
+        self.layout = lay_out({"a": Unknown(0.0, 1e9), "b": Unknown(0.0, 1e9)}, [{}])
+        self.error = error
+
+    def residuals(self, theta):
+        return theta
+
+    def scatter(self, residuals):
+        return np.ones((1, 1))
+
+    def cost(self, theta, residuals):
+        return 0.5 * float(residuals @ residuals)
+
+    def expect(self, steps, central):
+        pass
+
+    def slopes(self, theta, steps, central):
+        return theta
+
+    def normal(self, theta, residuals, slopes):
+        return np.eye(2), -theta + np.array([self.error, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("error", "stop"), [(0.0, "converged"), (0.05, "converged"), (5.0, "stalled")]
+)
+def test_a_search_that_cannot_move_has_converged_only_where_its_gradient_is_small(error, stop):
+    found = maximise_likelihood(Valley(error), 20)
+    assert found.stop == stop
+    assert found.converged == (stop == "converged")
