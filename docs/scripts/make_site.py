@@ -30,6 +30,7 @@ SCRIPTS = {
     "reference/project-keys.md": "make_project_keys.py",
     "reference/column-headings.md": "make_column_headings.py",
     "reference/tolerance-rows.md": "make_tolerance_rows.py",
+    "reference/terms.md": "make_terms.py",
     "reference/gallery.md": "make_gallery.py",
 }  # page of the site: script whose function page() returns it
 
