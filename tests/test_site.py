@@ -6,6 +6,7 @@ import functools
 import http.server
 import os
 import re
+import runpy
 import subprocess
 import sys
 import threading
@@ -27,6 +28,7 @@ PAGES = [
 def test_every_page_is_in_the_table_of_contents():
     listed = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     pages = [page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")]
+    pages += runpy.run_path(str(ROOT / "docs" / "scripts" / "make_site.py"))["SCRIPTS"]
     assert [page for page in pages if page not in listed] == [], "add it to nav in mkdocs.yml"
 
 

@@ -57,7 +57,7 @@ def aircraft_text(
         "# Aircraft, drafted by `aeromatch init`.  Bare numbers are SI, texts carry their "
         "unit; positions in body axes (forward, right,",
         "# down) from the moment reference point, `reference` alone from the drawing datum.  "
-        "Keys: docs/reference/project-keys.md",
+        "Keys: `aeromatch schema`, page reference/project-keys of `./run docs`.",
         "",
         f"name = {json.dumps(name, ensure_ascii=False)}",
         *_reference_lines(geometry, remarks),

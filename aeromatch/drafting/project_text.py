@@ -44,7 +44,7 @@ def project_text(
     lines = [
         *schema_lines("project"),
         "# Project, drafted by `aeromatch init`: aeromatch match aeromatch.toml -o out.  "
-        "Keys: docs/reference/project-keys.md",
+        "Keys: `aeromatch schema`, page reference/project-keys of `./run docs`.",
         f"title = {quote(title)}",
         'aircraft = "aircraft.toml"',
         *_map_lines(folder, names),

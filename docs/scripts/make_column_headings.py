@@ -1,21 +1,18 @@
-"""Write ``column-headings.md``, the headings of recordings that are recognised: ``python
-docs/scripts/make_column_headings.py``.
+"""Page ``column-headings.md``, the headings of recordings that are recognised. The site has the page
+(`make_site`); ``python docs/scripts/make_column_headings.py`` prints it.
 
 The words come from `aeromatch.drafting.name_map.columns`, quantities and units from `flightmech.names`.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from aeromatch.drafting.name_map.columns import HEADING_WORDS, guess_quantity
 from flightmech.names import lookup
 
-PAGE = Path(__file__).parents[1] / "reference" / "column-headings.md"
 HEAD = """# Recognised column headings
 
 `aeromatch init` proposes a quantity for each column of a recording. It compares the heading with
-the words of this table, which `docs/scripts/make_column_headings.py` writes. Canonical names and
+the words of this table, which are those of the program. Canonical names and
 symbols of the [nomenclature](nomenclature.md) are recognised too.
 
 - Upper and lower case, spaces, dots, hyphens and underscores do not matter.
@@ -53,4 +50,4 @@ def page() -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    print(page(), end="")

@@ -1,4 +1,5 @@
-"""Write ``gallery.md``, all figures of the documentation: ``python docs/scripts/make_gallery.py``.
+"""Page ``gallery.md``, all figures of the documentation. The site has the page (`make_site`);
+``python docs/scripts/make_gallery.py`` prints it.
 
 Captions are the alternative texts on the pages that show the figures. A figure that no page shows
 is an error.
@@ -16,8 +17,8 @@ PAGE = DOCS / "reference" / "gallery.md"
 IMAGE = re.compile(r"!\[(?P<caption>[^\]]*)\]\((?P<file>[^)\s]+)\)")
 HEAD = """# Gallery
 
-Every figure of these pages, with the page that explains it. `docs/scripts/make_gallery.py` writes this
-page; the scripts that draw the figures are next to it.
+Every figure of these pages, with the page that explains it. The scripts that draw the
+figures are in `docs/scripts`.
 """
 
 
@@ -64,4 +65,4 @@ def page() -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    print(page(), end="")

@@ -1,5 +1,5 @@
-"""Write ``project-keys.md``, every key of every file of a project, from the JSON schemas: ``python
-docs/scripts/make_project_keys.py``.
+"""Page ``project-keys.md``, every key of every file of a project, from the JSON schemas. The site
+has the page (`make_site`); ``python docs/scripts/make_project_keys.py`` prints it.
 
 The schemas come from the models that read the files (`aeromatch.project.schemas`).  An example is
 the first use in the shipped files, else the one that the model states.
@@ -20,7 +20,6 @@ from flightmech.support.toml_models import unit_of
 from flighttest.records.readers.name_map import TOP
 
 ROOT = Path(__file__).parents[2]
-PAGE = Path(__file__).parents[1] / "reference" / "project-keys.md"
 DATA, MAPS = ROOT / "data", ROOT / "flighttest" / "records" / "readers" / "maps"
 KINDS = {  # title, file, where the examples come from
     "project": ("Project file", "aeromatch.toml", ("*/aeromatch.toml",)),
@@ -48,8 +47,8 @@ What the keys do together: [project files](project-files.md),
 [flight records](../explanation/flight-test/records.md),
 [cases](../explanation/proof-of-match/cases.md), [engine](../explanation/simulation/engine.md),
 [control system](../explanation/simulation/control-system.md),
-[landing gear](../explanation/simulation/landing-gear.md). `docs/scripts/make_project_keys.py`
-writes this page from the models that read the files; examples are those of the shipped aeroplanes.
+[landing gear](../explanation/simulation/landing-gear.md). Examples are those of the shipped
+aeroplanes.
 """
 
 
@@ -242,4 +241,4 @@ def _key(name: str) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8", newline="\n")
+    print(page(), end="")

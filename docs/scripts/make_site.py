@@ -2,14 +2,16 @@
 ``docs``.
 
 Generated are the reference of the Python interface, from the stubs that list the public names and
-the docstrings, and the reference of the command line, from the commands. ``mkdocs build --strict``
-writes the site to ``build/site``.
+the docstrings, the reference of the command line, from the commands, and the pages that a script
+of this folder makes from tables of the product. ``mkdocs build --strict`` writes the site to
+``build/site``.
 """
 
 from __future__ import annotations
 
 import ast
 import re
+import runpy
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -24,6 +26,13 @@ OUTSIDE = {
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changes.md",
 }  # file of the repository: page of the site
+SCRIPTS = {
+    "reference/project-keys.md": "make_project_keys.py",
+    "reference/column-headings.md": "make_column_headings.py",
+    "reference/tolerance-rows.md": "make_tolerance_rows.py",
+    "reference/terms.md": "make_terms.py",
+    "reference/gallery.md": "make_gallery.py",
+}  # page of the site: script whose function page() returns it
 
 
 def on_files(files, config):
@@ -33,7 +42,8 @@ def on_files(files, config):
     for source, page in OUTSIDE.items():
         text = (ROOT / source).read_text(encoding="utf-8").replace("](docs/", "](")
         files.append(File.generated(config, page, content=text))
-    for page, text in {**python_pages(), "reference/verbs.md": verbs()}.items():
+    made = {**python_pages(), "reference/verbs.md": verbs(), **script_pages()}
+    for page, text in made.items():
         files.append(File.generated(config, page, content=text))
     return files
 
@@ -44,6 +54,12 @@ def on_page_markdown(markdown, page, config, files):
         up = "../" * page.file.src_uri.count("/")
         markdown = re.sub(rf"\]\((?:\.\./)+{re.escape(source)}", f"]({up}{target}", markdown)
     return markdown
+
+
+def script_pages() -> dict[str, str]:
+    """Return the pages that the scripts of this folder make."""
+    folder = Path(__file__).parent
+    return {page: runpy.run_path(str(folder / name))["page"]() for page, name in SCRIPTS.items()}
 
 
 def python_pages() -> dict[str, str]:

@@ -1,5 +1,5 @@
-"""Write tolerance-rows.md, the entries of Table A2A and the record on which each is judged:
-``python docs/scripts/make_tolerance_rows.py``.
+"""Page ``tolerance-rows.md``, the entries of Table A2A and the record on which each is judged. The
+site has the page (`make_site`); ``python docs/scripts/make_tolerance_rows.py`` prints it.
 
 The verdicts are those of the table of the test, ``tests/pom/rows/verdicts.csv``.
 """
@@ -11,7 +11,6 @@ from pathlib import Path
 
 from pom.tolerances import rows
 
-PAGE = Path(__file__).parents[1] / "reference" / "tolerance-rows.md"
 TEST = Path(__file__).parents[2] / "tests" / "pom" / "rows" / "judge_rows.py"
 SHOWN = {
     "pass": "pass",
@@ -25,8 +24,8 @@ SHOWN = {
 HEAD = """# Which entry is judged on which record
 
 The {entries} entries of 14 CFR Part 60 App. A Table A2A (2014) and the verdict of the final model of the
-T-37 (`aeromatch demo`) on each. Every line is a test, `tests/pom/rows/test_rows.py`;
-`docs/scripts/make_tolerance_rows.py` writes the page. {judged} entries are judged. {beyond} are not, because
+T-37 (`aeromatch demo`) on each. Every line is a test, `tests/pom/rows/test_rows.py`.
+{judged} entries are judged. {beyond} are not, because
 the model does not have the quantity. A judged criterion without a word passes.
 
 Records `t37_NN_...` are those of `data/t37/flight`, with instrument errors. The others are error-free states
@@ -81,4 +80,4 @@ def page() -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    print(page(), end="")

@@ -36,7 +36,7 @@ def names_text(draft: NamesDraft, files: Sequence[Path]) -> str:
         "# Drafted by `aeromatch init` from the names and sizes of the columns: confirm "
         "units, signs, then run `aeromatch flight check`.",
         "# Keys of a channel: column, unit, sign, scale, offset, polynomial, table, delay, "
-        "lag, optional (docs/reference/project-keys.md).",
+        "lag, optional (`aeromatch schema names`).",
     ]
     if draft.extends:
         lines += [f'extends = "{draft.extends}"', ""]

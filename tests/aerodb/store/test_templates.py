@@ -1,5 +1,6 @@
 """The scheme of LR-743 against the equations of the report, and leaves made by it."""
 
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -152,13 +153,12 @@ def test_wrong_axes_are_errors():
         make("CL/gaer")
 
 
-def test_the_page_of_the_model_names_every_contribution():
-    page = (
-        Path(__file__).parents[3] / "docs" / "explanation" / "database" / "aero-model.md"
-    ).read_text(encoding="utf-8")
-    assert {name.split("/")[1] for name in lr743()} == {
-        name.split("/")[1] for name in lr743() if f"`{name.split('/')[1]}`" in page
-    }
+def test_the_page_of_terms_has_every_term_in_the_order_of_the_scheme():
+    script = Path(__file__).parents[3] / "docs" / "scripts" / "make_terms.py"
+    lines = runpy.run_path(str(script))["page"]().splitlines()
+    rows = [line for line in lines if line.startswith("| `")]
+    assert [row.split("`")[1] for row in rows] == list(lr743())
+    assert {row.count(" | ") for row in rows} == {7}
 
 
 def test_the_scheme_as_a_table_and_on_the_command_line():

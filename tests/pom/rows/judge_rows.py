@@ -2,7 +2,7 @@
 final model of the demo.
 
 ``python tests/pom/rows/judge_rows.py DEMO`` writes ``verdicts.csv`` from the output folder of
-`aeromatch demo`; the page ``docs/reference/tolerance-rows.md`` is made of it
+`aeromatch demo`; the page ``tolerance-rows.md`` of the site is made of it
 (``docs/scripts/make_tolerance_rows.py``).
 """
 
