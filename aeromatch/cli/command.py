@@ -7,16 +7,20 @@ from __future__ import annotations
 import atexit
 import gc
 import importlib
+import json
 import os
 import platform
 import sys
+import traceback
 import warnings
 from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import NoReturn, TextIO
 
 import click
 
-from flightmech.support.console import find_command
+from flightmech.errors import AeromatchError, AeromatchWarning
+from flightmech.support.console import escape_control_characters, find_command
 
 # group or verb: (module, one line for --help); nothing heavy is imported to print the
 # help
@@ -55,8 +59,6 @@ class RootGroup(click.Group):
     def resolve_command(self, ctx: click.Context, args: list[str]):
         """Name the near members when the name is unknown."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            from difflib import get_close_matches
-
             near = get_close_matches(args[0], COMMANDS, n=1)
             ctx.fail(
                 f"no command {args[0]!r}; "
@@ -105,14 +107,9 @@ def main() -> None:
         error.show()
         _fail("usage", error.format_message(), 2)
     except Exception as error:
-        from flightmech.errors import AeromatchError
-        from flightmech.support.console import escape_control_characters
-
         if isinstance(error, AeromatchError | OSError):
             click.echo(f"error: {escape_control_characters(_text(error))}", err=True)
             _fail(type(error).__name__, _text(error), 2, getattr(error, "problems", ()))
-        import traceback
-
         traceback.print_exc()
         click.echo(
             "internal fault: please report the lines above with the command and its input", err=True
@@ -137,8 +134,6 @@ def _fail(kind: str, text: str, code: int, problems: Sequence[str] = ()) -> NoRe
     {kind, text, problems}}``.
     """
     if "--json" in sys.argv[1:]:
-        import json
-
         click.echo(
             json.dumps(
                 {"error": {"kind": kind, "text": text, "problems": list(problems)}},
@@ -175,8 +170,6 @@ def _warn(
     """Print a warning of the package as one line for the user, any other as Python does, for the
     developer.
     """
-    from flightmech.errors import AeromatchWarning
-
     own = issubclass(category, AeromatchWarning)
     text = (
         f"warning: {message}"

@@ -19,6 +19,10 @@ from importlib.metadata import version as installed
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import fmpy
+from fmpy.model_description import ValidationError
+from fmpy.validation import validate_fmu
+
 from flightmech.errors import ParseError, SchemaError
 from flightmech.fmu_export.description import Description, describe_model
 from flightmech.fmu_export.documentation import PageAxis, render_documentation
@@ -149,8 +153,6 @@ def read_fmu(path: str | os.PathLike[str]) -> dict[str, Any]:
     ParseError
         The file is not an FMU.
     """
-    import fmpy
-
     try:
         model = fmpy.read_model_description(str(path), validate=False)
         platforms = sorted(fmpy.supported_platforms(str(path)))
@@ -175,15 +177,11 @@ def read_fmu(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 def _validate(path: str, names: Iterable[str]) -> list[str]:
     """Return the problems of FMPy's validation, without its slow check of plain names."""
-    from fmpy import read_model_description
-    from fmpy.model_description import ValidationError
-    from fmpy.validation import validate_fmu
-
     # FMPy parses every name by a grammar. A plain name follows this grammar.
     if _has_backslashes(path) or not all(map(_PLAIN_NAME.fullmatch, names)):
         return validate_fmu(path)
     try:
-        read_model_description(
+        fmpy.read_model_description(
             path, validate=True, validate_variable_names=False, validate_model_structure=True
         )
     except ValidationError as error:
