@@ -14,7 +14,7 @@ import pytest
 import aerodb
 from flightmech import terms
 
-HEAVY = {"numpy", "scipy", "pandas", "xarray", "fmpy", "pydantic", "rich", "h5py"}
+HEAVY = {"numpy", "scipy", "pandas", "xarray", "fmpy", "pydantic", "h5py"}
 
 
 def run(*arguments, cwd=None):
@@ -75,7 +75,6 @@ def test_a_look_at_a_database_makes_no_dataset(tmp_path, options):
         "xarray",
         "pandas",
         "scipy",
-        "rich",
         "pydantic",
     }
 
@@ -86,7 +85,6 @@ def test_a_look_at_a_record_imports_no_package_that_it_does_not_use(tmp_path):
     )
     assert not modules_after("flight", "show", str(tmp_path / "flight.csv")) & {
         "scipy",
-        "rich",
         "dask",
         "matplotlib",
     }
