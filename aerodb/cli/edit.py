@@ -258,7 +258,7 @@ def replace_command() -> None:
 @click.command("history")
 @click.argument("file", type=_FILE)
 @json_option
-@performed_by("aerodb.cli.actions.edit:run_history")
+@performed_by("aerodb.cli.actions.show:print_history")
 def history_command() -> None:
     """Show the edits of a database; numbered ones can be undone."""
 

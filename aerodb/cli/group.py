@@ -134,7 +134,7 @@ def build_command() -> None:
 @click.argument("file", type=_LISTING)
 @click.option("--term", help="One term with its numbers, such as CL/basic.")
 @json_option
-@performed_by("aerodb.cli.actions.show:show_database")
+@performed_by("aerodb.cli.actions.show:print_database")
 def show_database_command() -> None:
     """Show what a database holds, or the numbers of one term."""
 

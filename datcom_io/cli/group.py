@@ -28,7 +28,7 @@ def datcom() -> None:
 @_CASE
 @_PARTIAL
 @console.json_option
-@performed_by("datcom_io.cli.actions.show:show_listing")
+@performed_by("datcom_io.cli.actions.show:print_listing")
 def show_listing_command() -> None:
     """Show cases, conditions, tables, missing values and messages of a listing; with --case its
     pages too.

@@ -120,7 +120,7 @@ def write_command() -> None:
 @fmu.command("show")
 @click.argument("path", metavar="FMU", type=InputFile())
 @json_option
-@performed_by("flightmech.cli.actions.show:show_fmu")
+@performed_by("flightmech.cli.actions.show:print_fmu")
 def show_fmu_command() -> None:
     """Show the variables of an FMU of any vendor, and what the standard's check finds."""
 

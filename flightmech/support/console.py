@@ -46,7 +46,7 @@ class LazyGroup(click.Group):
     Parameters
     ----------
     package : str
-        Package of the modules.
+        Package of the modules; empty: their names are complete.
     elsewhere : mapping of str to str
         Module of each verb.
     aliases : mapping of str to str, optional
@@ -73,8 +73,8 @@ class LazyGroup(click.Group):
         cmd_name = self._aliases.get(cmd_name, cmd_name)
         if cmd_name not in self._elsewhere:
             return super().get_command(ctx, cmd_name)
-        module = importlib.import_module(f"{self._package}.{self._elsewhere[cmd_name]}")
-        return find_command(module, cmd_name)
+        module = f"{self._package}.{self._elsewhere[cmd_name]}".lstrip(".")
+        return find_command(importlib.import_module(module), cmd_name)
 
 
 class InputFile(click.Path):
@@ -333,6 +333,13 @@ def _aligned_line(line: Sequence[str], widths: Sequence[int], is_right: Sequence
         blank = " " * (width - _text_width(text.rstrip()))
         cells.append(blank + text.rstrip() if right else text.rstrip() + blank)
     return _GAP.join(cells).rstrip()
+
+
+def count_text(count: int, noun: str) -> str:
+    """Return a number and its noun, ``1 case`` or ``2 cases``."""
+    if count == 1:
+        return f"1 {noun}"
+    return f"{count} {noun}s"
 
 
 def print_remark(text: str) -> None:

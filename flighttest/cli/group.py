@@ -92,7 +92,7 @@ def flight() -> None:
 @_RECORD
 @_NAMES
 @json_option
-@performed_by("flighttest.cli.actions.show:show_record")
+@performed_by("flighttest.cli.actions.show:print_record")
 def show_record_command() -> None:
     """Show channels, clocks, faults and manoeuvres of a record."""
 

@@ -179,15 +179,3 @@ def test_a_worker_that_joblib_replaces_is_no_message(capsys, monkeypatch):
     printed = capsys.readouterr().err
     assert "another matter" in printed
     assert "A worker stopped" not in printed
-
-
-@pytest.mark.skipif(
-    sys.platform != "linux", reason="other systems state the processor without a program"
-)
-def test_no_program_is_started_to_find_the_processor():
-    code = (
-        "import sys; from aeromatch.cli import main; sys.argv = ['aeromatch', "
-        "'--version']\ntry: main()\nexcept SystemExit: pass\n"
-    )
-    code += "import h5py; sys.exit('subprocess' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], stdout=subprocess.DEVNULL).returncode == 0

@@ -1,4 +1,4 @@
-"""Function that performs the command ``db show``."""
+"""Functions that perform the commands ``db show`` and ``db history``, without xarray."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ from typing import Any
 
 import click
 
-from aerodb.store.files import list_terms, read_overview
+from aerodb.store.files import list_edits, list_terms, read_overview
 from aerodb.store.files import open as open_database
 from aerodb.store.overview import OVERVIEW, leaf_rows, summary_text
 from aerodb.store.schema import find_leaf
 from aerodb.store.seal import read_database_seal
+from aerodb.store.undo_history import COLUMNS
 from flightmech.errors import UnknownName
 from flightmech.support.console import print_json, print_table
 from flightmech.terms import power_factor
 
 
-def show_database(file: str, term: str | None, as_json: bool) -> None:
+def print_database(file: str, term: str | None, as_json: bool) -> None:
     """Perform the command ``show``."""
     if term is None:
         attributes, rows = _overview(file)
@@ -65,3 +66,18 @@ def _term_document(file: str, term: str) -> None:
     from aerodb.update.posterior import without_posterior
 
     print_json({"term": term, **without_posterior(find_leaf(open_database(file), term)).to_dict()})
+
+
+def print_history(file: str, as_json: bool) -> None:
+    """Perform the command ``history``."""
+    rows = list_edits(file)
+    if as_json:
+        print_json(
+            [{"line": line, **dict(zip(COLUMNS, row))} for line, row in enumerate(rows, start=1)]
+        )
+        return
+    print_table(
+        ("edit", "what was done"),
+        [("" if number is None else number, text) for number, *_, text in rows],
+        right=("edit",),
+    )

@@ -6,13 +6,14 @@ from typing import Any
 
 import click
 
-from datcom_io.cli.summary import case_summary_rows, count_text, page_row
+from datcom_io.cli.summary import case_summary_rows, page_row
 from datcom_io.exchange.file_types import read_other
 from datcom_io.reading.reader import read
 from flightmech.support import console
+from flightmech.support.console import count_text
 
 
-def show_listing(file: str, name: str | None, partial: bool, as_json: bool) -> None:
+def print_listing(file: str, name: str | None, partial: bool, as_json: bool) -> None:
     """Perform the command ``show``."""
     if (tree := read_other(file, "DEG")) is not None:
         # a listing is shown without xarray

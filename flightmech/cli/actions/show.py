@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from flightmech.fmu_export.fmu_file import read_fmu
+from flightmech.fmu_export.fmu_reading import read_fmu
 from flightmech.support.console import print_json, print_remark, print_table
 
 
-def show_fmu(path: str, as_json: bool) -> None:
+def print_fmu(path: str, as_json: bool) -> None:
     """Perform the command ``show``."""
     found = read_fmu(path)
     if as_json:

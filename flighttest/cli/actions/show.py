@@ -11,7 +11,7 @@ from flighttest.records.listing import record_listing
 from flighttest.records.reading import read_arrays
 
 
-def show_record(record_file: str, names: str | None, as_json: bool) -> None:
+def print_record(record_file: str, names: str | None, as_json: bool) -> None:
     """Perform the command ``show``."""
     found = record_listing(read_arrays(record_file, names))
     facts, channels, flown = found["facts"], found["channels"], found["manoeuvres"]

@@ -14,6 +14,7 @@ from flightmech.errors import AeromatchError, SchemaError, SimulationError
 from flightmech.support.console import (
     InputFile,
     command_line,
+    count_text,
     print_json,
     print_table,
     show_progress,
@@ -27,7 +28,6 @@ from pom.checking.batch_check import check_batch
 from pom.checking.case_check import RecordCheck, checks_text, with_record_checks
 from pom.cli.actions.report import (
     case_files,
-    count_text,
     print_record_errors,
     read_biases,
     signatures_of,
