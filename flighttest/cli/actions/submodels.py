@@ -23,7 +23,6 @@ from flighttest.records.record import manoeuvres, read
 from flighttest.records.sensors.instruments import pick_up_errors
 from flighttest.records.signals.conditioning import cut
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.remarks import remarks_to_json
 from flighttest.submodels.actuators.figure import draw_actuator
 from flighttest.submodels.actuators.identification import identify_actuator, read_bench_log
 from flighttest.submodels.control_loading.identification import identify_control_loading
@@ -152,23 +151,7 @@ def run_controls(
     if into:
         aerodb.save(replace_hinge_moments(aerodb.open(database_file), found), into)
     if as_json:
-        rows = {str(name): found.value(str(name)) for name in found.estimates["term"].values}
-        totals = {
-            name: found.total(name)
-            for name in ("friction", "damping", "mass")
-            if name in loading.constants
-        }
-        print_json(
-            {
-                "item": item,
-                "order": found.order,
-                "estimates": rows,
-                "both_ends": totals,
-                "collinear": found.collinear,
-                "remarks": remarks_to_json(found.remarks),
-                "file": output,
-            }
-        )
+        print_json(found.as_dict() | {"file": output})
         return
     click.echo(found.report())
     for file in filter(None, (output, into)):
@@ -319,25 +302,8 @@ def ground_effect(
     if output and database is not None:
         aerodb.save(replace_ground_effect(database, found, tables), output)
     if as_json:
-        print_json({**_as_dict(found), "file": output})
+        print_json(found.as_dict() | {"file": output})
         return
     click.echo(found.report(heights))
     if output:
         click.echo(f"written: {output}")
-
-
-def _as_dict(found) -> dict:
-    """The result as a document."""
-    return {
-        "held": found.held,
-        "not_identified": found.not_identified,
-        "coefficients": {
-            name: {
-                "form": one.form,
-                "heights": one.heights,
-                "terms": [row._asdict() for row in one.rows()],
-                "evidence": one.evidence.to_dict("index"),
-            }
-            for name, one in found.coefficients.items()
-        },
-    }
