@@ -8,6 +8,7 @@ import click
 
 from datcom_io.cli.summary import case_summary_rows, page_row
 from datcom_io.exchange.file_types import read_other
+from datcom_io.listing import Listing
 from datcom_io.reading.reader import read
 from flightmech.support import console
 from flightmech.support.console import count_text
@@ -36,15 +37,25 @@ def print_listing(file: str, name: str | None, partial: bool, as_json: bool) -> 
             "lines": listing.line_count,
             "cases": found,
             "messages": remarks,
+            "unread": listing.unread,
         }
-        console.print_json(
-            {
-                **document,
-                "unread": listing.unread,
-                **({"pages": pages} if pages is not None else {}),
-            }
-        )
+        if pages is not None:
+            document["pages"] = pages
+        console.print_json(document)
         return
+    _print_cases(listing, found)
+    if pages is not None:
+        _print_pages(pages)
+    _print_messages([message for row in found for message in row["messages"]] + remarks)
+    if listing.unread:
+        numbers = " ".join(map(str, listing.unread[:20]))
+        if len(listing.unread) > 20:
+            numbers += " ..."
+        click.echo(f"{count_text(len(listing.unread), 'line')} not understood: {numbers}")
+
+
+def _print_cases(listing: Listing, found: list[dict[str, Any]]) -> None:
+    """Print a table of cases."""
     console.print_table(
         [
             "no",
@@ -63,22 +74,19 @@ def print_listing(file: str, name: str | None, partial: bool, as_json: bool) -> 
         f"{count_text(listing.line_count, 'line')}",
         right=["no"],
     )
-    if pages is not None:
-        rows = [
-            (i, p["kind"], p["configuration"], *_place(p), " ".join(p["tables"]), p["lines"])
-            for i, p in enumerate(pages, 1)
-        ]
-        console.print_table(
-            ["page", "kind", "configuration", "Mach", "altitude", "over ground", "tables", "lines"],
-            rows,
-            right=["page"],
-        )
-    _print_messages([message for row in found for message in row["messages"]] + remarks)
-    if listing.unread:
-        numbers = " ".join(map(str, listing.unread[:20])) + (
-            " ..." if len(listing.unread) > 20 else ""
-        )
-        click.echo(f"{count_text(len(listing.unread), 'line')} not understood: {numbers}")
+
+
+def _print_pages(pages: list[dict[str, Any]]) -> None:
+    """Print a table of the pages of a case."""
+    rows = [
+        (i, p["kind"], p["configuration"], *_place(p), " ".join(p["tables"]), p["lines"])
+        for i, p in enumerate(pages, 1)
+    ]
+    console.print_table(
+        ["page", "kind", "configuration", "Mach", "altitude", "over ground", "tables", "lines"],
+        rows,
+        right=["page"],
+    )
 
 
 def _range(values: list[float], unit: str = "") -> str:

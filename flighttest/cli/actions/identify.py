@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
+import pandas as pd
 
 import aerodb
 from flightmech.aircraft.aircraft import read_aircraft
@@ -264,68 +265,60 @@ def run_tabulate(fits, database_file, held, way, unplaced, output, as_json) -> N
         join = aerodb.tabulate if way == "tabulate" else aerodb.update.join_submodels
         found = join(given, prior, held, unplaced=unplaced)
     aerodb.save(aerodb.replace_terms(prior, found, note="identified from flight"), output)
-    report = found.report
-    points = found.points.reset_index()
     if as_json:
-        terms = {str(name): row.to_dict() for name, row in report.iterrows()}
-        compatibility, lost = found.compatibility.reset_index(), found.unplaced.reset_index()
+        terms = {str(name): row.to_dict() for name, row in found.report.iterrows()}
         print_json(
             {
                 "terms": terms,
-                "fits": points,
-                "compatibility": compatibility,
-                "unplaced": lost,
+                "fits": found.points.reset_index(),
+                "compatibility": found.compatibility.reset_index(),
+                "unplaced": found.unplaced.reset_index(),
                 "warnings": list(found.notices),
                 "file": output,
             }
         )
         return
-    formats = [f".{2 if key.startswith('ratio') else 0}f" for key in _TABULATED]
-    rows = [
-        (name, *(f"{row[key]:{form}}" for key, form in zip(_TABULATED, formats)), row["decision"])
-        for name, row in report.iterrows()
-    ]
-    print_table(["term", *_TABULATED.values(), "decision"], rows, right=list(_TABULATED.values()))
+    _print_decisions(found.report)
     click.echo()
-    rows = [
-        (
-            row.coefficient,
-            row.fit,
-            f"{row.rms_prior:.4g}",
-            f"{row.rms:.4g}",
-            f"{row.distance:.1f}",
-            "suspect" if row.suspect else "",
-        )
-        for row in points.itertuples()
-    ]
-    columns = ["coefficient", "fit", "rms before", "rms after", "distance", ""]
-    print_table(
-        columns, rows, "Measured less tables", right=["rms before", "rms after", "distance"]
-    )
+    _print_distances(found.points)
     if len(found.unplaced):
         click.echo()
-        rows = [
-            (
-                coefficient,
-                fit,
-                row.term,
-                f"{row.estimate:.4g}",
-                f"{row.stderr:.2g}",
-                f"{row.t:.1f}",
-                row.reason,
-            )
-            for (coefficient, fit), row in zip(
-                found.unplaced.index, found.unplaced.itertuples(index=False), strict=True
-            )
-        ]
-        columns = ["coefficient", "fit", "term", "estimate", "stderr", "t", "reason"]
-        print_table(
-            columns,
-            rows,
-            "Terms without a place in the database",
-            right=["estimate", "stderr", "t"],
-        )
+        _print_unplaced(found.unplaced)
     click.echo(f"\nwritten: {output}")
+
+
+def _print_decisions(report: pd.DataFrame) -> None:
+    """Print the figures of each term and the decision about it."""
+    rows = []
+    for name, row in report.iterrows():
+        cells = [f"{row[key]:.{2 if key.startswith('ratio') else 0}f}" for key in _TABULATED]
+        rows.append((name, *cells, row["decision"]))
+    right = list(_TABULATED.values())
+    print_table(["term", *right, "decision"], rows, right=right)
+
+
+def _print_distances(points: pd.DataFrame) -> None:
+    """Print how far the measured estimates are from the tables, before and after."""
+    rows = []
+    for row in points.reset_index().itertuples():
+        rms = f"{row.rms_prior:.4g}", f"{row.rms:.4g}"
+        suspect = "suspect" if row.suspect else ""
+        rows.append((row.coefficient, row.fit, *rms, f"{row.distance:.1f}", suspect))
+    right = ["rms before", "rms after", "distance"]
+    print_table(["coefficient", "fit", *right, ""], rows, "Measured less tables", right=right)
+
+
+def _print_unplaced(unplaced: pd.DataFrame) -> None:
+    """Print the estimates of terms that the database does not have."""
+    rows = []
+    for (coefficient, fit), row in zip(
+        unplaced.index, unplaced.itertuples(index=False), strict=True
+    ):
+        numbers = f"{row.estimate:.4g}", f"{row.stderr:.2g}", f"{row.t:.1f}"
+        rows.append((coefficient, fit, row.term, *numbers, row.reason))
+    right = ["estimate", "stderr", "t"]
+    columns = ["coefficient", "fit", "term", *right, "reason"]
+    print_table(columns, rows, "Terms without a place in the database", right=right)
 
 
 def _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()) -> list:

@@ -109,15 +109,11 @@ def run_controls(
     as_json,
 ) -> None:
     """Perform the command ``controls``."""
-    pairs = {
-        "--database and --into": (database_file, into),
-        "--records and --free-manoeuvre": (records, free_names),
-    }
-    problems = [
-        f"{names} go together; give both or none"
-        for names, (a, b) in pairs.items()
-        if bool(a) != bool(b)
-    ]
+    problems = []
+    if bool(database_file) != bool(into):
+        problems.append("--database and --into go together; give both or none")
+    if bool(records) != bool(free_names):
+        problems.append("--records and --free-manoeuvre go together; give both or none")
     aircraft = read_aircraft(aircraft_file)
     if prior is not None and item not in aircraft.circuits:
         problems.append(f"--prior needs [circuit.{item}] in {aircraft_file}; it is missing")
@@ -126,17 +122,14 @@ def run_controls(
     loading: ControlLoading = loading_of(aircraft, item, model, constants, arm)
     states, free = ([open_states(path) for path in group] for group in (paths, free_files))
     if records:
-        divided = [
-            _divided(one, Path(records) / Path(path).name, free_names)
-            for one, path in zip(states, paths)
-        ]
-        states, free = (
-            [x for driven, _ in divided for x in driven],
-            [*free, *(x for _, own in divided for x in own)],
-        )
-    drawings = (
-        {} if prior is None else {"drawings": aircraft.circuits[item], "drawings_error": prior}
-    )
+        whole, states = states, []
+        for one, path in zip(whole, paths):
+            driven, own = _divided(one, Path(records) / Path(path).name, free_names)
+            states += driven
+            free += own
+    drawings = {}
+    if prior is not None:
+        drawings = {"drawings": aircraft.circuits[item], "drawings_error": prior}
     with show_progress(f"identify the loading of the {item}"):
         found = identify_control_loading(
             loading,
