@@ -169,22 +169,15 @@ def steady_table(
     z = np.concatenate([block.values for block in blocks])
     first, sigma, source = _prior(prior, grid, z)
     # Estimate the difference d from the a-priori nodes.
-    differences = []
-    for block in blocks:
-        differences.append(block._replace(values=block.values - block.weights @ first))
+    differences = [block._replace(values=block.values - block.weights @ first) for block in blocks]
     # An a-priori standard error that is not given has an unknown size.
-    has_stderr = prior is not None and "stderr" in prior
-    fit = _smooth(
-        differences,
-        sigma,
-        grid=list(grid.values()),
-        spreads=(1.0,) if has_stderr else SPREADS,
-    )
-    residuals = [block.values - block.weights @ fit.nodes for block in differences]
-    residual = np.concatenate(residuals)
+    spreads: tuple[float, ...] = SPREADS
+    if prior is not None and "stderr" in prior:
+        spreads = (1.0,)
+    fit = _smooth(differences, sigma, grid=list(grid.values()), spreads=spreads)
+    residual = np.concatenate([block.values - block.weights @ fit.nodes for block in differences])
     value, variance = first + fit.nodes, np.diag(fit.covariance)
-    stderr = np.sqrt(variance + (scale * value) ** 2)
-    leaf = _make_leaf(value, stderr, target=target, grid=grid)
+    leaf = _make_leaf(value, np.sqrt(variance + (scale * value) ** 2), target=target, grid=grid)
     # The source of a node is flight only if the samples reduce its a-priori standard error.
     seen = np.sqrt(variance) < LEFT * fit.spread * sigma
     sources = np.where(seen, leaf["source"].values.ravel(), source).astype(np.uint8)

@@ -220,7 +220,7 @@ class GroundEffect:
 
     def as_dict(self) -> dict[str, Any]:
         """Return form, terms and evidence of each coefficient for JSON."""
-        coefficients = {}
+        coefficients: dict[str, Any] = {}
         for name, result in self.coefficients.items():
             coefficients[name] = {
                 "form": result.form,
