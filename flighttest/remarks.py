@@ -1,14 +1,13 @@
-"""One thing that a reader of estimates must know, as data: what kind, of which term, how large,
-beyond which threshold.
-"""
+"""Remarks on estimates as data, and the text of a result with its remarks."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
+from html import escape
 from math import nan
-from typing import Any
+from typing import Any, Protocol
 
 from flightmech.errors import AeromatchWarning
 
@@ -136,3 +135,29 @@ def remark_lines(remarks: Iterable[Remark]) -> list[str]:
 def remarks_to_json(remarks: Iterable[Remark]) -> list[dict[str, Any]]:
     """Return the remarks for JSON."""
     return [remark.as_dict() for remark in remarks]
+
+
+class HasRemarks(Protocol):
+    """A result from whose lines and remarks all its texts are formed."""
+
+    @property
+    def remarks(self) -> Iterable[Remark]:
+        """Remarks that forbid or restrict the use of the figures."""
+
+    def report_lines(self) -> list[str]:
+        """Return heading and tables as lines."""
+
+    def report(self) -> str:
+        """Return the text."""
+
+
+class PrintedResult:
+    """Base of a result that defines `HasRemarks.remarks` and `HasRemarks.report_lines`."""
+
+    def report(self: HasRemarks) -> str:
+        """Return the result as text, with one line for each remark at the end."""
+        return "\n".join([*self.report_lines(), *remark_lines(self.remarks)]).rstrip()
+
+    def _repr_html_(self: HasRemarks) -> str:
+        """Return the text for a notebook."""
+        return f"<pre>{escape(self.report())}</pre>"

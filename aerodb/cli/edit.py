@@ -8,12 +8,15 @@ from typing import Any
 
 import click
 
+from flightmech.errors import UnitError
+from flightmech.names import lookup
 from flightmech.support.console import (
     InputFile,
     NewFile,
     json_option,
     performed_by,
 )
+from flightmech.units import to_si
 
 _FILE = InputFile()
 _note = click.option("--note", default="", help="Reason for the change; stored in the history.")
@@ -40,8 +43,6 @@ class AxisOption(click.ParamType):  # type: ignore[type-arg]
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[str, list[float]]:
         """Return the axis and its breakpoints in SI."""
-        from flightmech.names import lookup
-
         axis, sign, text = str(value).partition("=")
         if not sign:
             self.fail(
@@ -257,7 +258,7 @@ def replace_command() -> None:
 @click.command("history")
 @click.argument("file", type=_FILE)
 @json_option
-@performed_by("aerodb.cli.actions.edit:run_history")
+@performed_by("aerodb.cli.actions.show:print_history")
 def history_command() -> None:
     """Show the edits of a database; numbered ones can be undone."""
 
@@ -284,9 +285,6 @@ def forget_command() -> None:
 
 def _numbers(text: str, units: str) -> list[float]:
     """Return numbers with one unit behind them, '0 4 8 deg', in SI."""
-    from flightmech.errors import UnitError
-    from flightmech.units import to_si
-
     match = _NUMBERS.match(text)
     if not match:
         raise UnitError(

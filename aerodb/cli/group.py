@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -14,8 +12,6 @@ from flightmech.support.console import (
     NewFile,
     json_option,
     performed_by,
-    print_json,
-    print_table,
 )
 
 if TYPE_CHECKING:
@@ -138,66 +134,9 @@ def build_command() -> None:
 @click.argument("file", type=_LISTING)
 @click.option("--term", help="One term with its numbers, such as CL/basic.")
 @json_option
-def show_database_command(file: str, term: str | None, as_json: bool) -> None:
+@performed_by("aerodb.cli.actions.show:print_database")
+def show_database_command() -> None:
     """Show what a database holds, or the numbers of one term."""
-    if term is None:
-        attributes, rows = _overview(file)
-        if as_json:
-            print_json({"attributes": attributes, "terms": rows})
-        else:
-            from aerodb.store.overview import summary_text
-
-            click.echo(summary_text(attributes, rows))
-    elif as_json:
-        _term_document(file, term)
-    else:
-        _print_term(file, term)
-
-
-def _overview(file: str) -> tuple[Mapping[str, Any], list[dict[str, Any]]]:
-    """Return the root attributes and a row per term, from the overview that a sealed file carries
-    where it has one.
-    """
-    from aerodb.store.overview import OVERVIEW
-    from aerodb.store.seal import read_database_seal
-
-    whole = read_database_seal(Path(file))
-    if found := whole.overview(OVERVIEW):
-        attributes, rows = found
-        return attributes, rows
-    from aerodb.store.files import list_terms
-
-    return list_terms(file, whole)
-
-
-def _print_term(file: str, term: str) -> None:
-    """Print the numbers of one term."""
-    from aerodb.store.files import read_overview
-    from aerodb.store.overview import leaf_rows
-    from flightmech.errors import UnknownName
-    from flightmech.terms import power_factor
-
-    _, leaves = read_overview(file, ["value"], names=[term])
-    if term not in leaves:
-        raise UnknownName(term, read_overview(file, ["value"])[1], "term")
-    leaf = leaves[term]
-    head, rows = leaf_rows(leaf)
-    print_table(head, rows, title=term, right=head)
-    texts = {
-        key: leaf.attrs.get(key)
-        for key in ("regressors", "decision", "reason", "comment", "references", "history")
-    }
-    for key, text in {"power": power_factor(leaf), **texts}.items():
-        if text:
-            click.echo(f"{key}: {text}")
-
-
-def _term_document(file: str, term: str) -> None:
-    from aerodb.store.files import open
-    from aerodb.store.schema import find_leaf
-    from aerodb.update.posterior import without_posterior
-
-    print_json({"term": term, **without_posterior(find_leaf(open(file), term)).to_dict()})
 
 
 @db.command("decisions")

@@ -166,21 +166,7 @@ def with_height_table(leaf: xr.Dataset, top: float, tolerance: float = 1e-3) -> 
         No power factor, no room for a factor over that variable, a `top` below the floor, a
         `tolerance` out of 0 ... 1.
     """
-    factor = _terms.power_factor(leaf)
-    if factor is None:
-        raise SchemaError("height table", ["the term has no power factor"])
-    problems = []
-    if not top > factor.floor:
-        problems.append(f"top is {top!r}; give more than the floor of {factor.floor:g}")
-    if not 0.0 < tolerance < 1.0:
-        problems.append(f"tolerance is {tolerance!r}; give a share between 0 and 1")
-    if factor.variable in leaf.dims or {"K1", "K2"} <= set(leaf):
-        problems.append(
-            f"the term has no room for a factor over {factor.variable}; it has the tables "
-            f"{' '.join(map(str, leaf.data_vars))}"
-        )
-    if problems:
-        raise SchemaError("height table", problems)
+    factor = _demand_power_factor(leaf, top, tolerance)
     # A power law has the same relative error in all cells of one ratio of breakpoints.
     ratio = _breakpoint_ratio(factor.exponent, tolerance)
     # Number of equal ratios between floor and top, one at least.
@@ -201,6 +187,26 @@ def with_height_table(leaf: xr.Dataset, top: float, tolerance: float = 1e-3) -> 
         attributes.pop(name, None)
     new.attrs = attributes
     return _require_valid_term(new)
+
+
+def _demand_power_factor(leaf: xr.Dataset, top: float, tolerance: float) -> PowerFactor:
+    """Return the power factor of a term that a table with these limits can replace."""
+    factor = _terms.power_factor(leaf)
+    if factor is None:
+        raise SchemaError("height table", ["the term has no power factor"])
+    problems = []
+    if not top > factor.floor:
+        problems.append(f"top is {top!r}; give more than the floor of {factor.floor:g}")
+    if not 0.0 < tolerance < 1.0:
+        problems.append(f"tolerance is {tolerance!r}; give a share between 0 and 1")
+    if factor.variable in leaf.dims or {"K1", "K2"} <= set(leaf):
+        problems.append(
+            f"the term has no room for a factor over {factor.variable}; it has the tables "
+            f"{' '.join(map(str, leaf.data_vars))}"
+        )
+    if problems:
+        raise SchemaError("height table", problems)
+    return factor
 
 
 def _breakpoint_ratio(exponent: float, tolerance: float) -> float:

@@ -293,16 +293,7 @@ def set_nodes(
     _demand_valid_number(name, leaf, value, stderr)
     for axis in at:
         demand_axis(name, leaf, axis)
-    # An axis without an entry selects all of its breakpoints.
-    node: list[int | slice] = []
-    location = []
-    for axis in value_breakpoints(leaf):
-        if axis in at:
-            node.append(_find_breakpoint(name, leaf, axis, at[axis]))
-            location.append(f"{axis} {display_text(axis, at[axis])}")
-        else:
-            node.append(slice(None))
-    selected = tuple(node)
+    selected, location = _select_nodes(name, leaf, at)
     # Values, standard errors and sources of the selected nodes.
     before = leaf["value"].values
     values, codes = before.copy(), known_source(leaf).copy()
@@ -310,19 +301,29 @@ def set_nodes(
     errors, error_text = None, ""
     if "stderr" in leaf:
         errors = leaf["stderr"].values.copy()
-    if errors is not None and stderr is not None:
-        errors[selected] = stderr
-        error_text = f" +- {stderr:g}"
+        if stderr is not None:
+            errors[selected] = stderr
+            error_text = f" +- {stderr:g}"
     codes[values != before] = _terms.SOURCES.index(source)
-    points = value_breakpoints(leaf)
-    edited = with_table(leaf, points, value=values, stderr=errors, source=codes)
-    summary = (
-        f"at {', '.join(location) or 'all nodes'} to {value:g}{error_text}, "
-        f"was {_format_range(before[selected])}"
-    )
+    edited = with_table(leaf, value_breakpoints(leaf), value=values, stderr=errors, source=codes)
+    summary = f"at {location} to {value:g}{error_text}, was {_format_range(before[selected])}"
     line = f"set_nodes: {summary}{note_suffix(note)}"
     leaves = terms(db) | {name: add_history_line(_carry_if_valid(leaf, edited), line)}
     return record_edit(db, leaves, "set_nodes", summary=f"{name} {summary}", note=note)
+
+
+def _select_nodes(
+    name: str, leaf: xr.Dataset, at: Mapping[str, float]
+) -> tuple[tuple[int | slice, ...], str]:
+    """Return the index of nodes and their place in words."""
+    node, location = list[int | slice](), list[str]()
+    for axis in value_breakpoints(leaf):
+        # An axis without an entry selects all of its breakpoints.
+        node.append(slice(None))
+        if axis in at:
+            node[-1] = _find_breakpoint(name, leaf, axis, at[axis])
+            location.append(f"{axis} {display_text(axis, at[axis])}")
+    return tuple(node), ", ".join(location) or "all nodes"
 
 
 def _demand_valid_number(name: str, leaf: xr.Dataset, value: float, stderr: float | None) -> None:

@@ -274,21 +274,7 @@ def tab_effects(given: Source, h_ref: float, with_page: bool) -> list[Effect]:
         if name.startswith(("Ch_", "delta_")):
             planes[name] = _fit_plane(grid[name], grid["one_decimal"])
     references = _stream_lines(given)
-    effects = []
-    # B4 of the trim tab.
-    tab = _tab_effectiveness(planes)
-    if np.isfinite(tab):
-        comment = (
-            "per deflection of the trim tab; the engineer's own B4 of CONTAB, from hinge "
-            "moment over tab for no stick force"
-        )
-        table = {"Ch_e": xr.DataArray(tab)}
-        effects.append(Effect("tab", table, "delta_t", references=references, comment=comment))
-    else:
-        warn_user(
-            f"{given.role}: hinge moment and tab for no stick force do not fit each other; "
-            f"Ch_e/tab is left absent"
-        )
+    effects = _trim_tab_effects(_tab_effectiveness(planes), given.role, references)
     # A slope of zero means that the deck has no geared tab.
     per_alpha, per_delta = planes.get("Ch_tab_gearing", _NO_PLANE)
     if np.isfinite(per_delta) and abs(per_delta) > _LEAST_SLOPE:
@@ -301,17 +287,36 @@ def tab_effects(given: Source, h_ref: float, with_page: bool) -> list[Effect]:
         )
         effects.append(gearing)
     # B1 and B3, if no SYMFLP page has the moments of the elevator.
-    locked = planes.get("Ch_tab_locked", _NO_PLANE)
-    if not with_page and np.isfinite(locked).all():
-        comment = (
-            "tab locked; the engineer's own B1 and B3 of CONTAB, angle of attack of the aeroplane"
+    if not with_page:
+        effects += _locked_tab_effects(planes.get("Ch_tab_locked", _NO_PLANE), references)
+    return effects
+
+
+def _trim_tab_effects(value: float, role: str, references: str) -> list[Effect]:
+    """Return the effect ``tab`` on Ch_e of B4 of the trim tab, or warn if B4 is not known."""
+    if not np.isfinite(value):
+        warn_user(
+            f"{role}: hinge moment and tab for no stick force do not fit each other; "
+            f"Ch_e/tab is left absent"
         )
-        for name, value, regressor in (
-            ("alpha", locked[0], "alpha"),
-            ("delta", locked[1], "delta_e"),
-        ):
-            table = {"Ch_e": xr.DataArray(value)}
-            effects.append(Effect(name, table, regressor, references=references, comment=comment))
+        return []
+    comment = (
+        "per deflection of the trim tab; the engineer's own B4 of CONTAB, from hinge "
+        "moment over tab for no stick force"
+    )
+    table = {"Ch_e": xr.DataArray(value)}
+    return [Effect("tab", table, "delta_t", references=references, comment=comment)]
+
+
+def _locked_tab_effects(plane: tuple[float, float], references: str) -> list[Effect]:
+    """Return the effects ``alpha`` and ``delta`` on Ch_e of a plane (B3, B1), if it is known."""
+    if not np.isfinite(plane).all():
+        return []
+    comment = "tab locked; the engineer's own B1 and B3 of CONTAB, angle of attack of the aeroplane"
+    effects = []
+    for name, value, regressor in (("alpha", plane[0], "alpha"), ("delta", plane[1], "delta_e")):
+        table = {"Ch_e": xr.DataArray(value)}
+        effects.append(Effect(name, table, regressor, references=references, comment=comment))
     return effects
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from aerodb.store.schema import terms
 from flightmech import terms as _terms
 from flightmech.names import lookup
 from flightmech.units import from_si
 
 if TYPE_CHECKING:
-    import numpy as np
     import xarray as xr
 
     from flightmech.support.netcdf_trees import StoredGroup
@@ -172,8 +173,6 @@ def _source_shares(leaf: xr.Dataset | StoredGroup) -> dict[str, float]:
     """Return the share of the nodes of each source, by its name."""
     if "source" not in leaf:
         return {}
-    import numpy as np
-
     codes, counts = np.unique(leaf["source"].values, return_counts=True)
     shares = {}
     for code, count in zip(codes, counts):
@@ -223,8 +222,6 @@ def leaf_rows(leaf: xr.Dataset | StoredGroup) -> tuple[list[str], list[tuple[str
     Each row belongs to a node of all axes but the last.  The breakpoints of the last axis are in
     the head of the columns.
     """
-    import numpy as np
-
     values = leaf["value"].values
     if not values.ndim:
         return ["value"], [(f"{float(values):.6g}",)]

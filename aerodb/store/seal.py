@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
+
 from flightmech.errors import ParseError
 from flightmech.support import hdf5_seal as seal
 from flightmech.support.hdf5_seal import SIGNATURE, Unbroken
@@ -43,6 +45,4 @@ def _is_hdf5(path: Path) -> bool:
         if file.read(len(SIGNATURE)) == SIGNATURE:
             return True
     # The signature may also be further inside the file; h5py searches for it.
-    import h5py
-
     return bool(h5py.is_hdf5(path))

@@ -4,19 +4,19 @@ called.
 
 from __future__ import annotations
 
-import atexit
-import gc
-import importlib
+import json
 import os
-import platform
 import sys
+import traceback
 import warnings
 from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import NoReturn, TextIO
 
 import click
 
-from flightmech.support.console import find_command
+from flightmech.errors import AeromatchError, AeromatchWarning
+from flightmech.support.console import LazyGroup, escape_control_characters
 
 # group or verb: (module, one line for --help); nothing heavy is imported to print the
 # help
@@ -38,25 +38,12 @@ COMMANDS = {
 }
 
 
-class RootGroup(click.Group):
-    """A group whose members are imported when they are called."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names in the order of the work."""
-        return list(COMMANDS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import and return one member."""
-        if cmd_name not in COMMANDS:
-            return None
-        module, _ = COMMANDS[cmd_name]
-        return find_command(importlib.import_module(module), cmd_name)
+class RootGroup(LazyGroup):
+    """The commands in the order of the work. Their help imports none of them."""
 
     def resolve_command(self, ctx: click.Context, args: list[str]):
         """Name the near members when the name is unknown."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            from difflib import get_close_matches
-
             near = get_close_matches(args[0], COMMANDS, n=1)
             ctx.fail(
                 f"no command {args[0]!r}; "
@@ -70,7 +57,12 @@ class RootGroup(click.Group):
             formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
 
 
-@click.command(cls=RootGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.command(
+    cls=RootGroup,
+    package="",
+    elsewhere={name: module for name, (module, _) in COMMANDS.items()},
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.version_option(package_name="aeromatch")
 def cli() -> None:
     """Make a proven flight model from Digital DATCOM and flight test.
@@ -86,10 +78,6 @@ def main() -> None:
     # the matrices of flight records are small: threads of the linear algebra would wait for each
     # other, and sum in an order of their own
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when NumPy is imported, below
-    # at the end of a process Python searches all objects of all modules for circles, a fifth of the
-    # time of a verb that only shows
-    atexit.register(gc.freeze)
-    _state_processor()
     try:
         _demand_own_packages()
         with warnings.catch_warnings():
@@ -105,14 +93,9 @@ def main() -> None:
         error.show()
         _fail("usage", error.format_message(), 2)
     except Exception as error:
-        from flightmech.errors import AeromatchError
-        from flightmech.support.console import escape_control_characters
-
         if isinstance(error, AeromatchError | OSError):
             click.echo(f"error: {escape_control_characters(_text(error))}", err=True)
             _fail(type(error).__name__, _text(error), 2, getattr(error, "problems", ()))
-        import traceback
-
         traceback.print_exc()
         click.echo(
             "internal fault: please report the lines above with the command and its input", err=True
@@ -121,24 +104,11 @@ def main() -> None:
     sys.exit(code if isinstance(code, int) else 0)
 
 
-def _state_processor() -> None:
-    """Keep h5py from starting the program ``uname``, which costs as much as a third of its import.
-
-    It looks for machines of the kind ppc64le by `platform.processor`, for which Python starts
-    ``uname -p`` on Linux: that prints the kind of machine, which Python knows without it, or that
-    it is unknown.
-    """
-    if sys.platform == "linux":
-        vars(platform.uname()).setdefault("processor", platform.machine())
-
-
 def _fail(kind: str, text: str, code: int, problems: Sequence[str] = ()) -> NoReturn:
     """End with an exit code; with ``--json`` the output is a JSON document as well, ``{"error":
     {kind, text, problems}}``.
     """
     if "--json" in sys.argv[1:]:
-        import json
-
         click.echo(
             json.dumps(
                 {"error": {"kind": kind, "text": text, "problems": list(problems)}},
@@ -175,8 +145,6 @@ def _warn(
     """Print a warning of the package as one line for the user, any other as Python does, for the
     developer.
     """
-    from flightmech.errors import AeromatchWarning
-
     own = issubclass(category, AeromatchWarning)
     text = (
         f"warning: {message}"

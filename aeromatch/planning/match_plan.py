@@ -210,10 +210,8 @@ def make_plan(
     problems = plan.problems
     # Every check collects its problems, so that one run shows all of them.
     _check_folders(Path(folder), options, problems)
-    for file in project.cases:
-        case = run_collecting_problems(problems, "", pom.read_case, file)
-        if case is not None:
-            plan.cases.append(case)
+    cases = [run_collecting_problems(problems, "", pom.read_case, file) for file in project.cases]
+    plan.cases += filter(None, cases)
     problems += model_checks.name_problems(project)
     aircraft = run_collecting_problems(problems, "", flightmech.read_aircraft, project.aircraft)
     apriori: Aircraft | None = None

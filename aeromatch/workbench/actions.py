@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from flightmech.errors import AeromatchError, ParseError
+from flightmech.support.input_files import file_sha256
 
 PROJECT, WORK = "{project}", "{work}"
 """Placeholders of the folder of the project file and of the working folder, in commands and log."""
@@ -145,14 +146,13 @@ def hash_named_files(words: Sequence[str], places: PlaceholderFolders) -> dict[s
 def _hash_path(path: Path) -> str:
     """Return the SHA-256 of a file, or of the names and digests of the files of a folder."""
     if path.is_file():
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        return file_sha256(path)
     if not path.is_dir():
         return ""
     total = hashlib.sha256()
     for file in sorted([item for item in path.rglob("*") if item.is_file()]):
         name = file.relative_to(path).as_posix()
-        digest = hashlib.sha256(file.read_bytes()).hexdigest()
-        total.update(f"{name}\0{digest}\n".encode())
+        total.update(f"{name}\0{file_sha256(file)}\n".encode())
     return total.hexdigest()
 
 

@@ -27,6 +27,7 @@ from aeromatch.workbench.processes import WorkbenchJob
 from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import AeromatchError
 from flightmech.support.atomic_write import remove_leftovers, written_atomically
+from flightmech.support.input_files import file_sha256
 from pom.replaying.caches import reconstruction_digest
 
 FOLDER = "coefficients"
@@ -202,7 +203,7 @@ def _hash_inputs(
     file: Path, aircraft: Path, errors: Mapping[str, float], cutoff: float | None
 ) -> str:
     """Return a digest of all that determines coefficients: program, files, errors, low-pass."""
-    hashes = [hashlib.sha256(source.read_bytes()).hexdigest() for source in (file, aircraft)]
+    hashes = [file_sha256(source) for source in (file, aircraft)]
     inputs = (reconstruction_digest(), hashes, sorted(errors.items()), cutoff)
     return hashlib.sha256(repr(inputs).encode()).hexdigest()[:16]
 

@@ -84,8 +84,3 @@ def page_row(page: Page) -> dict[str, Any]:
         "tables": [item.name for item in page.printed],
         "lines": f"{page.first}-{page.last}",
     }
-
-
-def count_text(number: int, word: str) -> str:
-    """Return a number with its noun, in the plural unless the number is one."""
-    return f"{number} {word}{'' if number == 1 else 's'}"

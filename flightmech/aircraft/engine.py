@@ -9,9 +9,10 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
+import xarray as xr
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from flightmech.aircraft.engine_deck import (
@@ -28,9 +29,6 @@ from flightmech.support.hdf5_seal import demand_self_contained
 from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import InUnits
 from flightmech.terms import check_term
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 # largest double, the bound of a limit that does not act
 MOST = sys.float_info.max
@@ -202,8 +200,6 @@ def _thrust_table(table: Mapping[str, Any]) -> xr.Dataset:
 
 
 def _thrust_file(path: Path) -> xr.Dataset:
-    import xarray as xr
-
     demand_self_contained(path)
     with xr.open_dataset(path, engine="h5netcdf") as dataset:
         leaf = dataset.load()

@@ -23,9 +23,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
+import xarray as xr
 from pydantic import ConfigDict, Field
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
@@ -36,9 +37,6 @@ from flightmech.support.toml_models import Strict
 from flightmech.support.toml_quantities import InUnits
 from flightmech.terms import check_term, make_term
 from flightmech.units import parse_quantity
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Vector = tuple[float, float, float]
 _SPOOLS = ("n1", "n2")
@@ -360,8 +358,6 @@ def open_tables(path: Path) -> dict[str, xr.Dataset]:
 
 def write_tables(tables: Mapping[str, xr.Dataset], path: Path, **attributes: str) -> None:
     """Write the leaves of a deck to a netCDF file, one group per target."""
-    import xarray as xr
-
     tree = xr.DataTree.from_dict({f"/{name}": leaf for name, leaf in tables.items()})
     tree.attrs.update(attributes)
     tree.to_netcdf(path, engine="h5netcdf")

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from flightmech.support.console import InputFile, NewFile, json_option, performed_by
-
-if TYPE_CHECKING:
-    pass
 
 _FILE = InputFile()
 
@@ -123,33 +120,9 @@ def write_command() -> None:
 @fmu.command("show")
 @click.argument("path", metavar="FMU", type=InputFile())
 @json_option
-def show_fmu_command(path: str, as_json: bool) -> None:
+@performed_by("flightmech.cli.actions.show:print_fmu")
+def show_fmu_command() -> None:
     """Show the variables of an FMU of any vendor, and what the standard's check finds."""
-    from flightmech.fmu_export.fmu_file import read_fmu
-    from flightmech.support.console import print_json, print_remark, print_table
-
-    found = read_fmu(path)
-    if as_json:
-        print_json(found)
-        return
-    columns = ("name", "causality", "variability", "unit", "start", "description")
-    rows = [
-        ["" if row[column] is None else row[column] for column in columns]
-        for row in found["variables"]
-    ]
-    print_table(
-        columns,
-        rows,
-        title=f"{found['model']}  FMI {found['fmi']}  {' '.join(found['platforms'])}",
-        right=("start",),
-    )
-    if not found["runs_here"]:
-        print_remark(
-            f"no library for this platform, {found['platform']}; the FMU runs on "
-            f"{', '.join(found['platforms']) or 'none'}"
-        )
-    for finding in found["findings"]:
-        print_remark(f"finding: {finding}")
 
 
 fmu.add_command(trim_command)

@@ -1,4 +1,4 @@
-"""Functional Mock-up Units: writing of a compiled model, and reading of any FMU.
+"""Writer of a compiled model as a Functional Mock-up Unit.
 
 An FMU contains the libraries of the kernel, the model block and the files of the standard.  Writing
 does not need a compiler: the libraries come from the installed package, and the aircraft is
@@ -9,17 +9,16 @@ from __future__ import annotations
 
 import io
 import os
-import re
 import struct
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, distribution
 from importlib.metadata import version as installed
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from flightmech.errors import ParseError, SchemaError
+from flightmech.errors import SchemaError
 from flightmech.fmu_export.description import Description, describe_model
 from flightmech.fmu_export.documentation import PageAxis, render_documentation
 from flightmech.fmu_export.model_description import render_model_description
@@ -27,7 +26,6 @@ from flightmech.fmu_export.term_plots import make_term_figures
 from flightmech.simulation.kernel import AXIS, LINEAR
 from flightmech.simulation.kernel_library import FOLDER, SUFFIX
 from flightmech.support.atomic_write import written_atomically
-from flightmech.support.input_files import file_kind
 
 if TYPE_CHECKING:
     from flightmech.simulation.compiler import SimModel
@@ -126,92 +124,6 @@ def join_universal(libraries: Mapping[str, bytes]) -> bytes:
 
 def _suffix(name: str) -> str:
     return SUFFIX[name.split("-")[1]]
-
-
-# Part of a structured name without quotes (FMI 2.0.2, section 2.2.9).
-_PART = r"[A-Za-z_]\w*(?:\[\d+(?:,\d+)*\])?"
-_PLAIN_NAME = re.compile(rf"{_PART}(?:\.{_PART})*|der\({_PART}(?:\.{_PART})*(?:,\d+)?\)", re.ASCII)
-
-
-def read_fmu(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return the contents of the model description of an FMU of any vendor.
-
-    Returns
-    -------
-    dict
-        ``model``, ``fmi``, ``token``, ``platforms`` (with a library in the FMU), ``platform`` of
-        this machine, ``runs_here``, ``variables`` (list of dict: ``name causality variability type
-        unit display_unit start description``) and ``findings``, the problems from FMPy's
-        validation.
-
-    Raises
-    ------
-    ParseError
-        The file is not an FMU.
-    """
-    import fmpy
-
-    try:
-        model = fmpy.read_model_description(str(path), validate=False)
-        platforms = sorted(fmpy.supported_platforms(str(path)))
-    except Exception as error:  # FMPy raises plain exceptions
-        kind = file_kind(path)
-        if kind.startswith("a zip"):
-            kind = f"a damaged FMU ({error})"
-        allowed = "an FMU: a zip archive with a modelDescription.xml of FMI 1.0, 2.0 or 3.0"
-        raise ParseError(str(path), 0, kind, allowed) from error
-    names = [variable.name for variable in model.modelVariables]
-    return {
-        "model": model.modelName,
-        "fmi": model.fmiVersion,
-        "token": model.guid,
-        "platforms": platforms,
-        "platform": fmpy.platform,
-        "runs_here": fmpy.platform in platforms,
-        "variables": [_variable_row(variable) for variable in model.modelVariables],
-        "findings": _validate(str(path), names),
-    }
-
-
-def _validate(path: str, names: Iterable[str]) -> list[str]:
-    """Return the problems of FMPy's validation, without its slow check of plain names."""
-    from fmpy import read_model_description
-    from fmpy.model_description import ValidationError
-    from fmpy.validation import validate_fmu
-
-    # FMPy parses every name by a grammar. A plain name follows this grammar.
-    if _has_backslashes(path) or not all(map(_PLAIN_NAME.fullmatch, names)):
-        return validate_fmu(path)
-    try:
-        read_model_description(
-            path, validate=True, validate_variable_names=False, validate_model_structure=True
-        )
-    except ValidationError as error:
-        return error.problems
-    except Exception as error:  # as `validate_fmu` does
-        return [str(error)]
-    return []
-
-
-def _has_backslashes(path: str) -> bool:
-    """Return whether names of files in an archive have the separator of Windows."""
-    if not os.path.isfile(path):
-        return False
-    with zipfile.ZipFile(path) as archive:
-        return any("\\" in file.orig_filename for file in archive.filelist)
-
-
-def _variable_row(variable: Any) -> dict[str, Any]:
-    return {
-        "name": variable.name,
-        "causality": variable.causality,
-        "variability": variable.variability,
-        "type": variable.type,
-        "unit": variable.unit,
-        "display_unit": variable.displayUnit,
-        "start": variable.start,
-        "description": variable.description,
-    }
 
 
 VERSIONS = ("2.0", "3.0")

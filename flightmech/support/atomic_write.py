@@ -23,6 +23,9 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
+if sys.platform != "win32":
+    import fcntl
+
 
 def temporary_name(prefix: str, ending: str = "part") -> str:
     """Return a name that is unique to this process and call.
@@ -393,10 +396,7 @@ def _locked(folder: Path) -> Iterator[None]:
 
 
 def _lock_folder(folder: Path) -> int | None:
-    try:
-        # not available on Windows
-        import fcntl
-    except ImportError:
+    if sys.platform == "win32":
         return None
     handle = os.open(folder, os.O_RDONLY)
     with suppress(OSError):

@@ -11,9 +11,11 @@ import shlex
 import shutil
 import sys
 import time
+import unicodedata
 import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from itertools import zip_longest
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -44,7 +46,7 @@ class LazyGroup(click.Group):
     Parameters
     ----------
     package : str
-        Package of the modules.
+        Package of the modules; empty: their names are complete.
     elsewhere : mapping of str to str
         Module of each verb.
     aliases : mapping of str to str, optional
@@ -71,8 +73,8 @@ class LazyGroup(click.Group):
         cmd_name = self._aliases.get(cmd_name, cmd_name)
         if cmd_name not in self._elsewhere:
             return super().get_command(ctx, cmd_name)
-        module = importlib.import_module(f"{self._package}.{self._elsewhere[cmd_name]}")
-        return find_command(module, cmd_name)
+        module = f"{self._package}.{self._elsewhere[cmd_name]}".lstrip(".")
+        return find_command(importlib.import_module(module), cmd_name)
 
 
 class InputFile(click.Path):
@@ -193,9 +195,6 @@ def escape_control_characters(text: str) -> str:
     return text.translate(_ESCAPES)
 
 
-# width in columns for output to a file or another program, so that no line is broken
-_UNLIMITED = 100_000
-
 _JSON_TYPES = (str, int, bool, type(None))
 
 
@@ -246,79 +245,101 @@ def print_table(
     cells = [list(map(_cell_text, row)) for row in rows]
     # only a terminal has a width, a file or a pipe gets whole lines
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    lines = _plain_lines(columns, cells, right, width)
-    if lines is None:
-        lines = _rich_lines(columns, cells, right, width)
+    lines = _table_lines([list(columns), *cells], [name in right for name in columns], width)
     if title:
         click.echo(escape_control_characters(title))
     click.echo("\n".join(lines))
 
 
 def _cell_text(cell: Any) -> str:
-    return "" if cell is None else escape_control_characters(str(cell))
+    return "" if cell is None else escape_control_characters(str(cell)).expandtabs()
 
 
 _GAP = "  "
+# least width of a column that is broken to fit the terminal [columns]
+_NARROW = 8
 
 
-def _plain_lines(
-    columns: Sequence[str], cells: list[list[str]], right: Sequence[str], width: int | None
-) -> list[str] | None:
-    """Return the lines of a table of ASCII text, None if the table requires the package rich.
+def _table_lines(
+    rows: Sequence[Sequence[str]], is_right: Sequence[bool], width: int | None
+) -> list[str]:
+    """Return the lines of a table whose first row is its head, broken at `width`.
 
-    The lines are the same as the lines of rich, without its import.
+    Notes
+    -----
+    The first column, which names the row, is not broken. A table with many columns can be wider.
     """
-    lines = [list(columns), *cells]
-    if not all(len(line) == len(columns) and all(map(_is_plain, line)) for line in lines):
-        return None
-    widths = [max(map(len, column)) for column in zip(*lines)]
-    if not widths:
-        return None
-    if width is not None and sum(widths) + len(_GAP) * (len(widths) - 1) > width:
-        return None
-    is_right = [column in right for column in columns]
-    head, *body = [_aligned_line(line, widths, is_right) for line in lines]
+    widths = [max(map(_cell_width, column)) for column in zip(*rows, strict=True)]
     if width is not None:
-        head = click.style(head, bold=True)
-    return [head, *body]
+        widths = _narrow_columns(widths, width - len(_GAP) * (len(widths) - 1))
+    head, *body = [[_break_cell(*item) for item in zip(row, widths)] for row in rows]
+    # texts of the head stand on its last line
+    height = max(map(len, head), default=1)
+    head = [[""] * (height - len(lines)) + lines for lines in head]
+    heading = [_aligned_line(line, widths, is_right) for line in zip(*head)]
+    if width is not None:
+        heading = [click.style(line, bold=True) for line in heading]
+    lines = []
+    for row in body:
+        for line in zip_longest(*row, fillvalue=""):
+            lines.append(_aligned_line(line, widths, is_right))
+    return [*heading, *lines]
 
 
-def _is_plain(text: str) -> bool:
-    """Return whether each character of a text takes one column."""
-    return not text or (text.isascii() and text.isprintable())
+def _narrow_columns(widths: Sequence[int], width: int) -> list[int]:
+    """Return widths with the widest columns behind the first narrowed, until the sum is `width`."""
+    narrowed = list(widths)
+    for _ in range(sum(widths) - width):
+        widest = max(narrowed[1:], default=0)
+        if widest <= _NARROW:
+            break
+        narrowed[narrowed.index(widest, 1)] -= 1
+    return narrowed
+
+
+def _text_width(text: str) -> int:
+    """Return the columns of a terminal that a line takes: two for each letter of East Asia."""
+    if text.isascii():
+        return len(text)
+    widths = (2 if unicodedata.east_asian_width(letter) in "WF" else 1 for letter in text)
+    # a combining mark stands above the letter before it
+    return sum(widths) - sum(map(bool, map(unicodedata.combining, text)))
+
+
+def _cell_width(text: str) -> int:
+    return max(map(_text_width, text.split("\n")))
+
+
+def _break_cell(text: str, width: int) -> list[str]:
+    """Return the lines of a cell, broken between words where a line is wider than `width`."""
+    lines = []
+    for line in text.split("\n"):
+        while _text_width(line) > width:
+            end = 1
+            while _text_width(line[: end + 1]) <= width:
+                end += 1
+            blank = line.rfind(" ", 1, end + 1)
+            end = blank if blank > 0 else end
+            lines.append(line[:end].rstrip())
+            line = line[end:].lstrip()
+        lines.append(line)
+    return lines
 
 
 def _aligned_line(line: Sequence[str], widths: Sequence[int], is_right: Sequence[bool]) -> str:
     """Return the cells of a line in columns of these widths, without spaces at the end."""
     cells = []
     for text, width, right in zip(line, widths, is_right):
-        cells.append(text.rstrip().rjust(width) if right else text.ljust(width))
+        blank = " " * (width - _text_width(text.rstrip()))
+        cells.append(blank + text.rstrip() if right else text.rstrip() + blank)
     return _GAP.join(cells).rstrip()
 
 
-def _rich_lines(
-    columns: Sequence[str], cells: list[list[str]], right: Sequence[str], width: int | None
-) -> list[str]:
-    """Return the lines of any table, also with wide letters, broken at `width`."""
-    # deferred: the import of rich takes longer than a short command
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    sheet = Table(box=None, pad_edge=False, header_style="bold")
-    for column in columns:
-        sheet.add_column(
-            Text(column),
-            justify="right" if column in right else "left",
-            no_wrap=column == columns[0],
-        )
-    for row in cells:
-        sheet.add_row(*map(Text, row))
-    # without a width rich uses the width of the terminal
-    console = Console(width=None if width is not None else _UNLIMITED)
-    with console.capture() as capture:
-        console.print(sheet)
-    return [line.rstrip() for line in capture.get().splitlines()]
+def count_text(count: int, noun: str) -> str:
+    """Return a number and its noun, ``1 case`` or ``2 cases``."""
+    if count == 1:
+        return f"1 {noun}"
+    return f"{count} {noun}s"
 
 
 def print_remark(text: str) -> None:

@@ -3,7 +3,7 @@
 HDF5 has no checksum of texts and numbers. A changed byte changes a value without an error. In the
 heap of the texts it leads to an endless loop of the library (HDF5 2.0). Therefore the last line of
 a file is the SHA-256 of all bytes above. The overview is the printed summary of the file as JSON,
-which is printed without an import of HDF5 and NumPy. It is covered by the seal. A program that
+which is printed without reading the HDF5 content. It is covered by the seal. A program that
 changes the file in place removes both, because HDF5 truncates a file at the end of its content.
 """
 
@@ -15,6 +15,9 @@ from collections.abc import Iterator
 from hashlib import sha256
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
+
+import h5py
+from h5py import h5d, h5g, h5l, h5o
 
 from flightmech.errors import ParseError
 
@@ -183,8 +186,6 @@ def demand_self_contained(path: str | os.PathLike[str]) -> None:
         An external or symbolic link, external storage, a virtual dataset, a circle of groups, or
         more than `MOST_GROUPS` groups.
     """
-    import h5py
-
     try:
         # in the same mode as all readers: HDF5 cannot open a file in two modes at once
         with h5py.File(path, "r") as file:
@@ -198,8 +199,6 @@ def demand_self_contained(path: str | os.PathLike[str]) -> None:
 
 def _find_foreign_storage(file: Any) -> str:
     """Return the first fault of the links and datasets of a file, an empty text without one."""
-    from h5py import h5d, h5g, h5l, h5o
-
     # The low-level functions of h5py do not follow links. Groups are identified by their address.
     stack = [("", file.id)]
     addresses = {h5o.get_info(file.id).addr}
@@ -231,8 +230,6 @@ def _find_foreign_storage(file: Any) -> str:
 
 
 def _is_stored_outside(dataset: Any) -> bool:
-    from h5py import h5d
-
     # with an offset the numbers are at that position of this file
     if dataset.get_offset() is not None:
         return False

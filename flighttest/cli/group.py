@@ -15,8 +15,6 @@ from flightmech.support.console import (
     jobs_option,
     json_option,
     performed_by,
-    print_json,
-    print_table,
 )
 
 _MAPS = Path(__file__).parents[1] / "records" / "readers" / "maps"
@@ -94,57 +92,9 @@ def flight() -> None:
 @_RECORD
 @_NAMES
 @json_option
-def show_record_command(record_file: str, names: str | None, as_json: bool) -> None:
+@performed_by("flighttest.cli.actions.show:print_record")
+def show_record_command() -> None:
     """Show channels, clocks, faults and manoeuvres of a record."""
-    found = _listing(record_file, names)
-    facts, channels, flown = found["facts"], found["channels"], found["manoeuvres"]
-    if as_json:
-        rest = {key: found[key] for key in ("faults", "unmapped")}
-        print_json(
-            {**facts, "channels": _numbered(channels), "manoeuvres": _numbered(flown), **rest}
-        )
-        return
-    rows = [
-        (
-            *(f"{c['leaf']}/{c['channel']}", f"{c['rate']:g}", f"{c['start']:g} ... {c['stop']:g}"),
-            *(f"{c['min']:.5g}", f"{c['max']:.5g}", c["units"], c["calibration"]),
-        )
-        for c in channels
-    ]
-    title = str(facts.get("title", record_file))
-    print_table(
-        ["channel", "Hz", "time [s]", "min", "max", "unit", "from"],
-        rows,
-        title,
-        right=["Hz", "min", "max"],
-    )
-    if flown:
-        click.echo()
-        print_table(
-            ["manoeuvre", "control", "start [s]", "end [s]", "note"],
-            [
-                (m["manoeuvre"], m["control"], f"{m['start']:g}", f"{m['end']:g}", m["note"])
-                for m in flown
-            ],
-            right=["start [s]", "end [s]"],
-        )
-    for text in found["faults"]:
-        click.echo(f"! {text}")
-    if found["unmapped"]:
-        click.echo(f"columns the name map leaves out: {', '.join(found['unmapped'])}")
-
-
-def _listing(file: str, names: str | None) -> dict[str, Any]:
-    """Return facts, channels, manoeuvres, faults and unmapped columns of a record."""
-    from flighttest.records.listing import record_listing
-    from flighttest.records.reading import read_arrays
-
-    return record_listing(read_arrays(file, names))
-
-
-def _numbered(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return rows as `print_json` prints a table: with their number."""
-    return [{"index": number, **row} for number, row in enumerate(rows)]
 
 
 @flight.command("cut")

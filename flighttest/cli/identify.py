@@ -259,7 +259,7 @@ def inertia_command() -> None:
     "-o", "--output", required=True, type=NewFile(), help="Write the database with the new tables."
 )
 @json_option
-@performed_by("flighttest.cli.actions.identify:run_tabulate")
+@performed_by("flighttest.cli.actions.tabulate:run_tabulate")
 def tabulate_command() -> None:
     """Join FITS of any coefficients (files of identify, select or join; CSV files of published
     models) with the tables of a database.

@@ -19,14 +19,14 @@ from flighttest.maximum_likelihood.time_domain import output_error, uniform_step
 from flighttest.reconstruction.dynamics.force_coefficients import select_time
 from flighttest.reconstruction.dynamics.saved_paths import open_states
 from flighttest.reconstruction.quality.manoeuvre_faults import report_faults
-from flighttest.remarks import Remark, remark_lines, remarks_to_json
+from flighttest.remarks import PrintedResult, Remark, remarks_to_json
 
 POOR = 0.5  # share of the variance of an output about its mean that the model must explain
 PULLED = 3.0  # prior standard errors by which an estimate may depart before it is reported
 
 
 @dataclass(frozen=True)
-class FitJobResult:
+class FitJobResult(PrintedResult):
     """A fit with its specification, model and records.
 
     Attributes
@@ -90,8 +90,8 @@ class FitJobResult:
                 remarks.append(Remark("prior", text, str(name), distance, PULLED))
         return remarks
 
-    def report(self) -> str:
-        """Return estimates, noise, explained shares and remarks as text."""
+    def report_lines(self) -> list[str]:
+        """Return estimates, noise and explained shares as lines."""
         lines = []
         if self.specification.title:
             lines.append(self.specification.title)
@@ -103,7 +103,7 @@ class FitJobResult:
             for share in explained.sel(output=name):
                 line += f"{float(share):9.1%}"
             lines.append(line)
-        return "\n".join([*lines, *remark_lines(self.remarks)])
+        return lines
 
     def as_dict(self) -> dict[str, Any]:
         """Return estimates and remarks as JSON types."""

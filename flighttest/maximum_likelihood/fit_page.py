@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import xarray as xr
 
 from flightmech.names import lookup
 from flightmech.support.console import command_line
+from flightmech.support.input_files import file_sha256
 from flightmech.units import from_si
 from flighttest.maximum_likelihood.fit_job import FitJobResult
 from flighttest.reconstruction.quality.page import draw_time_chart, read_style_sheet, template_of
@@ -88,5 +88,4 @@ def _draw_signals(time: np.ndarray, signals: list[np.ndarray], name: str):
 
 def _file_digest(path: Path) -> dict[str, str]:
     """Return name and SHA-256 digest of a file."""
-    with path.open("rb") as file:
-        return {"name": path.name, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
+    return {"name": path.name, "sha256": file_sha256(path)}

@@ -20,7 +20,7 @@ from flighttest.maximum_likelihood.search import (
 )
 from flighttest.maximum_likelihood.unknowns import UnknownVector
 from flighttest.regression.equation_error.fit import open_tree
-from flighttest.remarks import Remark, remark_lines
+from flighttest.remarks import PrintedResult, Remark
 
 HIGH = 0.9  # correlation that is reported
 # standard error over the a-priori one, above which a record contains hardly any information
@@ -37,7 +37,7 @@ _COLUMNS = (
 
 
 @dataclass(frozen=True)
-class OutputError:
+class OutputError(PrintedResult):
     """Maximum-likelihood estimates from full responses.
 
     Attributes
@@ -109,9 +109,9 @@ class OutputError:
         """Remarks on the validity of the estimates."""
         return _list_remarks(self)
 
-    def report(self) -> str:
-        """Return estimates, noise and remarks as text."""
-        return _format_report(self)
+    def report_lines(self) -> list[str]:
+        """Return estimates and noise as lines."""
+        return _report_lines(self)
 
 
 def estimates_dataset(
@@ -259,8 +259,8 @@ def _list_remarks(fit: OutputError) -> list[Remark]:
     return remarks
 
 
-def _format_report(fit: OutputError) -> str:
-    """Return estimates, noise and remarks as text."""
+def _report_lines(fit: OutputError) -> list[str]:
+    """Return estimates and noise as lines of text."""
     e, a = fit.estimates, fit.estimates.attrs
     names = [str(name) for name in e["parameter"].values]
     width = max(12, *map(len, names))
@@ -282,7 +282,7 @@ def _format_report(fit: OutputError) -> str:
         for stderr in fit.noise["stderr"].sel(output=name):
             line += f"{float(stderr):13.4g}"
         lines.append(line)
-    return "\n".join([*lines, "", *remark_lines(fit.remarks)]).rstrip()
+    return [*lines, ""]
 
 
 def save_output_error(fit: OutputError, path: str | os.PathLike) -> None:

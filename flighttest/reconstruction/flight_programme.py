@@ -113,12 +113,8 @@ def reconstructed_paths(
     )
     information: dict[str, Kept[RunInformation]] = {}
     for name in records:
-        information[name] = stages.one(
-            "instruments",
-            {"solution": solved[name]},
-            partial(_solved_information, solved[name]),
-            name,
-        )
+        work = partial(_solved_information, solved[name])
+        information[name] = stages.one("instruments", {"solution": solved[name]}, work, name)
 
     # second pass: every run with the information of all other records
     priors: dict[tuple[str, ...], xr.Dataset] = {}

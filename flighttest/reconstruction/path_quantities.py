@@ -128,11 +128,8 @@ def motion_quantities(
     g = problem.gravity_at(h)
     free = [a + g * d for a, d in zip((ax, ay, az), down, strict=True)]
     alpha_dot, beta_dot = incidence_rates((u, v, w), (p, q, r), free)
-    half = 1.0 / (2.0 * np.maximum(V, _LEAST_REDUCING_SPEED))
     columns |= {"alpha_dot": alpha_dot, "beta_dot": beta_dot}
-    for name, (rate, length) in REDUCED_RATES.items():
-        if rate in columns:
-            columns[name] = columns[rate] * getattr(aircraft, length) * half
+    columns |= _reduce_rates(columns, aircraft)
     columns.update(
         hdot=-vd,
         gamma=np.arctan2(-vd, np.sqrt(vn * vn + ve * ve)),
@@ -144,6 +141,16 @@ def motion_quantities(
         below = down[0] * x_cg + down[1] * y_cg + down[2] * z_cg
         columns["h_agl"] = h + below - float(record.attrs["runway_elevation"])
     return columns
+
+
+def _reduce_rates(columns: dict[str, np.ndarray], aircraft: Any) -> dict[str, np.ndarray]:
+    """Return the reduced rates, such as q cbar / 2 V, of all rates that there are. [1]"""
+    half = 1.0 / (2.0 * np.maximum(columns["V"], _LEAST_REDUCING_SPEED))
+    reduced = {}
+    for name, (rate, length) in REDUCED_RATES.items():
+        if rate in columns:
+            reduced[name] = columns[rate] * getattr(aircraft, length) * half
+    return reduced
 
 
 def _air_columns(

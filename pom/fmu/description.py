@@ -5,14 +5,13 @@ An FMU is untrusted: its description is read, and its code is not run here.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
-from flightmech.support.input_files import file_kind
+from flightmech.support.input_files import file_kind, file_sha256
 from flightmech.units import parse_unit
 from pom.fmu.run_cache import FileState
 from pom.fmu.variable_map import Fmu, Link, Links, canonical_unit
@@ -57,7 +56,7 @@ def read_fmu_interface(path: str | Path) -> Fmu:
     units = _units_by_causality(description)
     is_even, step = _required_step(description)
     # Description and hash must belong to the same content.
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    digest = file_sha256(path)
     if FileState.of(path) != state:
         raise ParseError(
             str(path), 0, "the file changed while it was read", "an FMU that stays as it is"

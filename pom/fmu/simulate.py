@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from flightmech.errors import OutOfRange, SchemaError
+from flightmech.support.input_files import file_sha256
 from flightmech.support.kept_stages.content_hashes import content_hash
 from pom.cases.job import ReplayJob, is_recorded
 from pom.fmu.description import check_interface
@@ -100,7 +101,7 @@ def _state_if_unchanged(fmu: Fmu) -> FileState | None:
     state = _file_state(fmu)
     if state is None or state == fmu.state:
         return state
-    if hashlib.sha256(fmu.path.read_bytes()).hexdigest() != fmu.sha256:
+    if file_sha256(fmu.path) != fmu.sha256:
         return None
     return state
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +11,7 @@ from pydantic import BeforeValidator, Field
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.input_files import read_toml
+from flightmech.support.input_files import file_sha256, read_toml
 from flightmech.support.toml_models import Strict, validate_content
 from flightmech.units import parse_quantity, parse_unit
 from pom.fmu.run_cache import FileState
@@ -177,7 +176,7 @@ def links_of(fmu: Fmu, table: str | Path | None = None) -> Links:
     _check_driven(file, fmu, inputs=links["input"], problems=problems)
     if problems:
         raise SchemaError(f"names {table} for FMU {fmu.path}", problems)
-    digest = hashlib.sha256(Path(table).read_bytes()).hexdigest()
+    digest = file_sha256(table)
     return Links(
         inputs=links["input"],
         outputs=links["output"],

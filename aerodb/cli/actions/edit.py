@@ -17,15 +17,13 @@ from aerodb.edit.table_edits import regrid as regridded
 from aerodb.edit.table_edits import scale as scaled
 from aerodb.edit.table_edits import set_nodes as with_nodes
 from aerodb.edit.table_edits import shift as shifted
-from aerodb.store.files import list_edits, save
 from aerodb.store.files import open as open_database
+from aerodb.store.files import save
 from aerodb.store.schema import terms
-from aerodb.store.undo_history import COLUMNS
 from aerodb.store.undo_history import drop_undo_history as forgotten
 from aerodb.store.undo_history import undo_edits as before
 from flightmech.errors import AeromatchWarning
 from flightmech.support.console import (
-    print_json,
     print_remark,
     print_table,
 )
@@ -166,21 +164,6 @@ def run_replace(file: str, other: str, names: tuple[str, ...], note: str, output
         lambda db: replace_terms(
             db, {name: theirs[name] for name in match_names(second, names)}, note
         ),
-    )
-
-
-def run_history(file: str, as_json: bool) -> None:
-    """Perform the command ``history``."""
-    rows = list_edits(file)
-    if as_json:
-        print_json(
-            [{"line": line, **dict(zip(COLUMNS, row))} for line, row in enumerate(rows, start=1)]
-        )
-        return
-    print_table(
-        ("edit", "what was done"),
-        [("" if number is None else number, text) for number, *_, text in rows],
-        right=("edit",),
     )
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import xarray as xr
 
 from aerodb.prior.build import from_datcom
 from aerodb.prior.roles import CaseRole, assign_roles, by_role
@@ -20,7 +21,7 @@ from aerodb.store.schema import terms
 from aerodb.update.cautions.notices import note_plausibility, notices_of
 from aerodb.update.term_decisions import DECISIONS, decision_rows
 from datcom_io.reading.reader import ListingCase, listings_in, read, read_place
-from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.aircraft import Aircraft, read_aircraft
 from flightmech.errors import AeromatchWarning
 from flightmech.support.console import (
     print_json,
@@ -100,28 +101,14 @@ def run_build(
     if rows and not as_json:
         print_table(["file", "no", "case", "taken as", "why"], rows, right=["no"])
         click.echo()
-    if "clean" not in given:
-        raise click.UsageError(
-            "no case of the whole aeroplane (clean); give one with --clean FILE:CASE, or "
-            "PLACES that hold one"
-        )
-    count = sum(map(len, given.values()))
-    with (
-        show_progress(f"build a database from {count} cases"),
-        warnings.catch_warnings(record=True) as caught,
-    ):
-        warnings.simplefilter("always", AeromatchWarning)
-        tree = from_datcom(
-            craft,
-            altitude=None if altitude is None else parse_quantity(altitude, "m"),
-            powered=powered,
-            tailless=tailless,
-            move_reference=move_reference,
-            **given,
-        )
-    messages = [
-        str(warning.message) for warning in caught if issubclass(warning.category, AeromatchWarning)
-    ]
+    options: dict[str, Any] = {
+        "powered": powered,
+        "tailless": tailless,
+        "move_reference": move_reference,
+    }
+    if altitude is not None:
+        options["altitude"] = parse_quantity(altitude, "m")
+    tree, messages = _build(craft, given, options)
     save(tree, output)
     for text in messages:
         print_remark(f"warning: {text}")
@@ -138,6 +125,29 @@ def run_build(
     else:
         click.echo(summary(tree))
         click.echo(f"\nwritten: {output}")
+
+
+def _build(
+    craft: Aircraft, cases: Mapping[str, Any], options: Mapping[str, Any]
+) -> tuple[xr.DataTree, list[str]]:
+    """Return the database of the cases of all roles, and the warnings of its making."""
+    if "clean" not in cases:
+        raise click.UsageError(
+            "no case of the whole aeroplane (clean); give one with --clean FILE:CASE, or "
+            "PLACES that hold one"
+        )
+    count = sum(map(len, cases.values()))
+    with (
+        show_progress(f"build a database from {count} cases"),
+        warnings.catch_warnings(record=True) as caught,
+    ):
+        warnings.simplefilter("always", AeromatchWarning)
+        tree = from_datcom(craft, **options, **cases)
+    messages = []
+    for warning in caught:
+        if issubclass(warning.category, AeromatchWarning):
+            messages.append(str(warning.message))
+    return tree, messages
 
 
 def run_decisions(file: str, as_json: bool) -> None:

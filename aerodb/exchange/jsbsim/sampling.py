@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import xarray as xr
@@ -39,14 +39,7 @@ def sample_product(
         The bound or the range of a variable is missing, the table has too many axes or nodes, or
         the product is not finite.
     """
-    labels = [factor.what for factor in opaque]
-    variable_names: set[str] = set()
-    for table in tables:
-        labels.append(f"table({', '.join(map(str, table.dims))})")
-        variable_names.update(map(str, table.dims))
-    for factor in opaque:
-        variable_names |= factor.variables
-    label, variables = " x ".join(labels), sorted(variable_names)
+    label, variables = _describe_product(opaque, tables)
     if bound is None:
         raise NotAProduct(
             f"{label} is not a product of tables without common axes; give "
@@ -56,6 +49,41 @@ def sample_product(
         raise NotAProduct(
             f"{label} depends on {', '.join(variables)}; a table has at most {MAX_AXES} axes"
         )
+    evaluate = _product_function(opaque, tables, label)
+    starts = {name: _initial_points(name, tables, box) for name in variables}
+    try:
+        sampled = tabulate_function(evaluate, starts, bound)
+    except SamplingError as error:
+        raise NotAProduct(f"{label}: {error}") from None
+    # The refinement looks at one axis after the other, so the total difference is measured.
+    worst = largest_difference(evaluate, sampled)
+    if worst > bound:
+        raise NotAProduct(
+            f"{label} on {sampled.size} nodes differs by {worst:.2g}, more than {bound:.2g}; "
+            f"give a wider bound or a narrower range with {spell('box', '--grid')}"
+        )
+    remark = f"{label} sampled on {sampled.size} nodes: largest difference seen {worst:.2g}"
+    return sampled, remark
+
+
+def _describe_product(
+    opaque: Sequence[OpaqueFactor], tables: Sequence[xr.DataArray]
+) -> tuple[str, list[str]]:
+    """Return a product in words, and the variables of all its factors."""
+    labels = [factor.what for factor in opaque]
+    variables: set[str] = set()
+    for table in tables:
+        labels.append(f"table({', '.join(map(str, table.dims))})")
+        variables.update(map(str, table.dims))
+    for factor in opaque:
+        variables |= factor.variables
+    return " x ".join(labels), sorted(variables)
+
+
+def _product_function(
+    opaque: Sequence[OpaqueFactor], tables: Sequence[xr.DataArray], label: str
+) -> Callable[[Mapping[str, np.ndarray]], np.ndarray]:
+    """Return the function of states that multiplies all factors."""
     leaves = []
     for table in tables:
         leaves.append(make_term(table.values, {str(d): table[d].values for d in table.dims}))
@@ -74,20 +102,7 @@ def sample_product(
             )
         return value
 
-    starts = {name: _initial_points(name, tables, box) for name in variables}
-    try:
-        sampled = tabulate_function(evaluate, starts, bound)
-    except SamplingError as error:
-        raise NotAProduct(f"{label}: {error}") from None
-    # The refinement looks at one axis after the other, so the total difference is measured.
-    worst = largest_difference(evaluate, sampled)
-    if worst > bound:
-        raise NotAProduct(
-            f"{label} on {sampled.size} nodes differs by {worst:.2g}, more than {bound:.2g}; "
-            f"give a wider bound or a narrower range with {spell('box', '--grid')}"
-        )
-    remark = f"{label} sampled on {sampled.size} nodes: largest difference seen {worst:.2g}"
-    return sampled, remark
+    return evaluate
 
 
 def _initial_points(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import webbrowser
+from collections.abc import Mapping
 from math import isnan
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -76,6 +78,15 @@ def compare_packages(
         print_json(found)
         return
     names = f"{one.name}, {model} -> {other.name}, {against or model}"
+    _print_felt(found, names)
+    _print_terms(found, names)
+    _print_verdicts(found)
+    for row in found["files"]:
+        click.echo(f"{row['state']:>8}: {row['file']}")
+
+
+def _print_felt(found: Mapping[str, Any], names: str) -> None:
+    """Print what a pilot feels of a difference."""
     if found["felt"]:
         at = found["condition"]
         where = (
@@ -93,6 +104,10 @@ def compare_packages(
             f"{names}: at {where}, gear {gear}",
             right=["before", "after"],
         )
+
+
+def _print_terms(found: Mapping[str, Any], names: str) -> None:
+    """Print the coefficients, terms and parts that differ."""
     head = [
         "",
         "state",
@@ -119,6 +134,10 @@ def compare_packages(
         head, rows, f"{names}: {len(found['terms'])} terms differ", right=[*head[2:4], *head[5:7]]
     )
     click.echo(f"parts of the aircraft that differ: {', '.join(found['parts']) or 'none'}")
+
+
+def _print_verdicts(found: Mapping[str, Any]) -> None:
+    """Print the verdicts of both packages."""
     cases = [
         (
             r["row"],
@@ -132,8 +151,6 @@ def compare_packages(
     ]
     head = ["row", "case", "before", "after", "worst before", "worst after"]
     print_table(head, cases, "Verdicts, worst difference / tolerance", right=head[4:])
-    for row in found["files"]:
-        click.echo(f"{row['state']:>8}: {row['file']}")
 
 
 def _digits(value: float, digits: int = 4) -> str:

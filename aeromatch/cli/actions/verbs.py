@@ -13,6 +13,7 @@ from typing import Any
 
 import click
 
+from aeromatch.cli.actions.plan import print_plan
 from aeromatch.rebuilding.finished import Finished, Watched
 from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.support.console import (
@@ -410,66 +411,8 @@ def _plan(
         print_json(plan.to_dict())
         return
     if not as_json:
-        _print_plan(plan)
+        print_plan(plan)
     plan.demand()
-
-
-def _print_plan(plan: Any) -> None:
-    print_table(
-        ("", "step"),
-        list(enumerate(plan.steps, 1)),
-        title=f"{plan.project.title}: {plan.project.file}",
-        right=("",),
-    )
-    rows = [
-        (row["record"], f"{row['start']:g} ... {row['end']:g}", row["channels"], row["for"])
-        for row in plan.record_rows()
-    ]
-    print_table(
-        ("record", "time [s]", "channels", "for"),
-        rows,
-        title="\nFlight records",
-        right=("channels",),
-    )
-    fits = [
-        (
-            row["fit"],
-            row["records"],
-            row["windows"],
-            f"{row['seconds']:.0f}",
-            "; ".join(row["models"]),
-        )
-        for row in plan.fit_rows()
-    ]
-    print_table(
-        ("fit", "records", "windows", "time [s]", "models"),
-        fits,
-        title="\nFits",
-        right=("records", "windows", "time [s]"),
-    )
-    cases = [
-        (
-            row["id"],
-            row["case"],
-            row["record"],
-            f"{row['start']:g} ... {row['end']:g}",
-            row["drive"],
-            row["criteria"],
-        )
-        for row in plan.case_rows()
-    ]
-    print_table(
-        ("row", "case", "record", "window [s]", "drive", "criteria"),
-        cases,
-        title="\nCases",
-        right=("criteria",),
-    )
-    click.echo("\nProducts\n" + "\n".join(plan.products))
-    count = len(plan.problems)
-    click.echo(
-        f"\n{count} problem{'' if count == 1 else 's'}"
-        + ("" if count else "; nothing was computed or written")
-    )
 
 
 def _print(shown: Mapping[str, Any]) -> None:

@@ -7,12 +7,12 @@ from typing import Any
 
 import click
 
-from datcom_io.cli.summary import count_text
 from datcom_io.decks.check import check_deck
 from datcom_io.decks.deck_file import read_deck, write_deck
 from datcom_io.runs.running import ProgramRun, run_deck, run_folder
 from datcom_io.runs.splitting import split_deck
 from flightmech.support import console
+from flightmech.support.console import count_text
 
 
 def show_deck(deck: str, output: str | None, resolved: bool, as_json: bool) -> None:

@@ -8,13 +8,14 @@ import click
 
 from datcom_io.arrays.frames import printed_units, write_cells, write_tree
 from datcom_io.arrays.grid import join
-from datcom_io.cli.summary import count_text, page_row
+from datcom_io.cli.summary import page_row
 from datcom_io.exchange.file_types import read_other
 from datcom_io.printout.content import Page
 from datcom_io.printout.tables import Printed, PrintedTable
 from datcom_io.reading.reader import iterate, read
 from flightmech.errors import UnknownName
 from flightmech.support import console
+from flightmech.support.console import count_text
 
 
 def show_table(file: str, name: str | None, number: int, partial: bool, as_json: bool) -> None:

@@ -13,6 +13,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from flightmech.support.input_files import file_sha256
+
 
 def content_hash(*items: Any) -> str:
     """Return the SHA-256 of the content of items.
@@ -53,8 +55,7 @@ class FileContent:
     @classmethod
     def of(cls, path: str | Path) -> FileContent:
         """Return a file with the hash of its present bytes."""
-        with Path(path).open("rb") as content:
-            return cls(Path(path), hashlib.file_digest(content, "sha256").hexdigest())
+        return cls(Path(path), file_sha256(path))
 
     @property
     def content_digest(self) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import click
 
 from flightmech.support.console import (
@@ -11,10 +9,6 @@ from flightmech.support.console import (
     print_table,
 )
 from flighttest.records.files import contents
-
-if TYPE_CHECKING:
-    pass
-
 
 _NAMED = 12  # names of one reason on the terminal; --json has all
 

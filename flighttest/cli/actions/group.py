@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path as File
+from typing import Any, NoReturn
 
 import click
 
@@ -10,6 +11,7 @@ from flightmech.aircraft.aircraft import read_aircraft
 from flightmech.errors import SchemaError
 from flightmech.support.console import (
     NewFile,
+    count_text,
     print_json,
     print_remark,
     show_progress,
@@ -67,27 +69,17 @@ def run_reconstruct(
     as_json,
 ) -> None:
     """Perform the command ``reconstruct``."""
-    if (windows or biases_file) and len(record_files) > 1:
-        raise SchemaError(
-            "flight reconstruct",
-            ["--window and --biases go with one record; give the records one at a time"],
-        )
-    if figure and len(record_files) > 1:
-        raise SchemaError(
-            "flight reconstruct", ["--figure goes with one record; give the records one at a time"]
-        )
+    if len(record_files) > 1 and (windows or biases_file):
+        _refuse("--window and --biases go with one record; give the records one at a time")
+    if len(record_files) > 1 and figure:
+        _refuse("--figure goes with one record; give the records one at a time")
     if free and method != "batch":
-        raise SchemaError(
-            "flight reconstruct",
-            ["--free goes with --method batch; the smoother estimates all constants"],
-        )
+        _refuse("--free goes with --method batch; the smoother estimates all constants")
     if len(record_files) == 1:
         NewFile().convert(output, None, click.get_current_context())
-    aircraft, prior = (
-        read_aircraft(aircraft_file),
-        open_biases(biases_file) if biases_file else None,
-    )
-    with show_progress(f"read {len(record_files)} record{'s' if len(record_files) > 1 else ''}"):
+    aircraft = read_aircraft(aircraft_file)
+    prior = open_biases(biases_file) if biases_file else None
+    with show_progress(f"read {count_text(len(record_files), 'record')}"):
         records = [read(file, names) for file in record_files]
     targets = [File(output)]
     batch = None
@@ -116,13 +108,23 @@ def run_reconstruct(
     if batch is not None and not as_json:
         click.echo(batch.report() + "\n")
     if as_json:
-        documents = []
-        for path, target in zip(paths, targets, strict=True):
-            document = {"file": str(target), **path.summary()}
-            if batch is not None:
-                document["remarks"] += remarks_to_json(batch.remarks)
-            documents.append(document)
-        print_json(documents)
+        print_json(_path_documents(paths, targets, batch))
         return
     for path, target in zip(paths, targets, strict=True):
         click.echo(f"{path.report()}\n\n{compatibility_report(path)}\n\nwritten: {target}\n")
+
+
+def _refuse(text: str) -> NoReturn:
+    """Raise that options do not go together."""
+    raise SchemaError("flight reconstruct", [text])
+
+
+def _path_documents(paths, targets, batch) -> list[dict[str, Any]]:
+    """Return the summary of each path for JSON, with the remarks of a batch."""
+    documents = []
+    for path, target in zip(paths, targets, strict=True):
+        document = {"file": str(target), **path.summary()}
+        if batch is not None:
+            document["remarks"] += remarks_to_json(batch.remarks)
+        documents.append(document)
+    return documents

@@ -27,7 +27,6 @@ from flighttest.reconstruction.quality.manoeuvre_faults import report_faults
 from flighttest.regression.combining.data_partition import fit_bins
 from flighttest.regression.combining.joined_fits import join_fits
 from flighttest.regression.combining.mixed_estimation import mix_with_prior, prior_of
-from flighttest.regression.combining.published_table import read_published
 from flighttest.regression.equation_error.fit import (
     correlation_lines,
     open_fit,
@@ -74,14 +73,6 @@ def run_fit(
         if left:
             click.echo(f"not in the database: {' '.join(left)}")
     ctx.exit(1 if is_forbidden([*done.fit.remarks, *done.remarks]) else 0)
-
-
-_TABULATED = {
-    "nodes": "nodes",
-    "flight": "from flight",
-    "identified": "identified",
-    "ratio_median": "std. error / a priori",
-}
 
 
 def run_identify(
@@ -250,82 +241,6 @@ def run_inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_js
     else:
         click.echo(found.report())
     ctx.exit(1 if is_forbidden(found.remarks) else 0)
-
-
-def run_tabulate(fits, database_file, held, way, unplaced, output, as_json) -> None:
-    """Perform the command ``tabulate``."""
-    prior = aerodb.open(database_file)
-    given = [
-        fit
-        for path in fits
-        for fit in (read_published(path) if path.lower().endswith(".csv") else [open_fit(path)])
-    ]
-    with show_progress(f"join {len(given)} fits with the tables"):
-        join = aerodb.tabulate if way == "tabulate" else aerodb.update.join_submodels
-        found = join(given, prior, held, unplaced=unplaced)
-    aerodb.save(aerodb.replace_terms(prior, found, note="identified from flight"), output)
-    report = found.report
-    points = found.points.reset_index()
-    if as_json:
-        terms = {str(name): row.to_dict() for name, row in report.iterrows()}
-        compatibility, lost = found.compatibility.reset_index(), found.unplaced.reset_index()
-        print_json(
-            {
-                "terms": terms,
-                "fits": points,
-                "compatibility": compatibility,
-                "unplaced": lost,
-                "warnings": list(found.notices),
-                "file": output,
-            }
-        )
-        return
-    formats = [f".{2 if key.startswith('ratio') else 0}f" for key in _TABULATED]
-    rows = [
-        (name, *(f"{row[key]:{form}}" for key, form in zip(_TABULATED, formats)), row["decision"])
-        for name, row in report.iterrows()
-    ]
-    print_table(["term", *_TABULATED.values(), "decision"], rows, right=list(_TABULATED.values()))
-    click.echo()
-    rows = [
-        (
-            row.coefficient,
-            row.fit,
-            f"{row.rms_prior:.4g}",
-            f"{row.rms:.4g}",
-            f"{row.distance:.1f}",
-            "suspect" if row.suspect else "",
-        )
-        for row in points.itertuples()
-    ]
-    columns = ["coefficient", "fit", "rms before", "rms after", "distance", ""]
-    print_table(
-        columns, rows, "Measured less tables", right=["rms before", "rms after", "distance"]
-    )
-    if len(found.unplaced):
-        click.echo()
-        rows = [
-            (
-                coefficient,
-                fit,
-                row.term,
-                f"{row.estimate:.4g}",
-                f"{row.stderr:.2g}",
-                f"{row.t:.1f}",
-                row.reason,
-            )
-            for (coefficient, fit), row in zip(
-                found.unplaced.index, found.unplaced.itertuples(index=False), strict=True
-            )
-        ]
-        columns = ["coefficient", "fit", "term", "estimate", "stderr", "t", "reason"]
-        print_table(
-            columns,
-            rows,
-            "Terms without a place in the database",
-            right=["estimate", "stderr", "t"],
-        )
-    click.echo(f"\nwritten: {output}")
 
 
 def _manoeuvres(paths, aircraft_file, windows, cutoff, own_windows=(), errors=()) -> list:

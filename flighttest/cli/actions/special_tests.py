@@ -253,12 +253,8 @@ def run_multibody(
     """Perform the command ``multibody``."""
     vehicle = read_vehicle(vehicle_file)
     wanted = [RegressionModel.parse(text) for text in models]
-    data = {}
-    for path in dict.fromkeys([*recordings, *([predict] if predict else [])]):
-        with show_progress(f"fit the bodies to the markers of {Path(path).name}"):
-            positions, commands = read_flight(path, vehicle)
-            data[path] = air_loads(fit_tree_motion(vehicle, positions), commands)
-            data[path].attrs["record"] = Path(path).stem
+    paths = dict.fromkeys(filter(None, (*recordings, predict)))
+    data = {path: _read_air_loads(path, vehicle) for path in paths}
     fitted = [data[path] for path in recordings]
     with show_progress("fit the coefficients"):
         fits, spectral = coefficient_fits(
@@ -274,66 +270,21 @@ def run_multibody(
     averages = averages_of(fits, spectral)
     tests = {}
     if predict:
-        for fit in fits:
-            name = fit.model.coefficient
-            with warnings.catch_warnings():
-                warnings.simplefilter(
-                    "ignore", AeromatchWarning
-                )  # the range left is in the report of the fit's own use
-                rest = data[predict][name].values - fit.predict(data[predict])[name].values
-            spread = data[predict][name].values - data[predict][name].values.mean()
-            tests[name] = {
-                "R2": float(1.0 - (rest**2).sum() / (spread**2).sum()),
-                "rms": float(np.sqrt(np.mean(rest**2))),
-            }
+        tests = {fit.model.coefficient: _predict(fit, data[predict]) for fit in fits}
     if figure and fits:
         draw_wing_models(fits, data[predict or recordings[-1]], figure)
     if output:
         Path(output).mkdir(parents=True, exist_ok=True)
         for path, one in data.items():
-            named = one[
-                [
-                    name
-                    for name in map(str, one.data_vars)
-                    if one[name].dims == ("time",) and "stderr" in one[name].attrs
-                ]
-            ]
-            save_record(
-                motion_record({vehicle.base: named}, Path(path).stem),
-                Path(output) / f"{Path(path).stem}.nc",
-            )
-            _save_loads(one, Path(output) / f"{Path(path).stem}_loads.csv")
+            _save_motion(one, Path(output) / Path(path).stem, vehicle)
         save_fits(fits, output)
-    facts = {
-        Path(path).stem: {
-            "samples": one.sizes["time"], "noise": one.attrs["noise"], **{name: one[name].attrs["stderr"] for name in _STATES},
-            **{name: float(np.sqrt(np.mean(one[f"{name}_stderr"].values ** 2))) for name in ("CL", "CD")},
-        }
-        for path, one in data.items()
-    }  # fmt: skip
+    facts = {Path(path).stem: _record_facts(one) for path, one in data.items()}
     if as_json:
         print_json(
             {"records": facts, **as_rows(fits, averages), "predicted": tests, "folder": output}
         )
         return
-    rows = [
-        (name, *(f"{x:.3g}" if key != "samples" else str(x) for key, x in one.items()))
-        for name, one in facts.items()
-    ]
-    heads = [
-        "record",
-        "samples",
-        "noise [m]",
-        "V [m/s]",
-        "u [m/s]",
-        "w [m/s]",
-        "q [rad/s]",
-        "CL",
-        "CD",
-    ]
-    print_table(
-        heads, rows, f"standard errors, cut-off {vehicle.markers.cutoff:g} Hz", right=heads[1:]
-    )
+    _print_record_facts(facts, vehicle)
     click.echo()
     print_fits(fits, spectral, averages)
     for name, test in tests.items():
@@ -342,6 +293,61 @@ def run_multibody(
         )
     if output:
         click.echo(f"written: {len(data)} records and {len(fits)} fits in {output}")
+
+
+def _read_air_loads(path: str, vehicle: Any) -> Any:
+    """Return the air loads of a recording of markers."""
+    with show_progress(f"fit the bodies to the markers of {Path(path).name}"):
+        positions, commands = read_flight(path, vehicle)
+        data = air_loads(fit_tree_motion(vehicle, positions), commands)
+        data.attrs["record"] = Path(path).stem
+    return data
+
+
+def _predict(fit: Any, data: Any) -> dict[str, float]:
+    """Return R2 and rms of a coefficient that a fit of other records predicts."""
+    measured = data[fit.model.coefficient].values
+    with warnings.catch_warnings():
+        # a range that is left is in the report of the fit's own use
+        warnings.simplefilter("ignore", AeromatchWarning)
+        rest = measured - fit.predict(data)[fit.model.coefficient].values
+    spread = measured - measured.mean()
+    return {
+        "R2": float(1.0 - (rest**2).sum() / (spread**2).sum()),
+        "rms": float(np.sqrt(np.mean(rest**2))),
+    }
+
+
+def _save_motion(data: Any, target: Path, vehicle: Any) -> None:
+    """Write the motion of the base as a record, and the air loads as CSV."""
+    names = []
+    for name in map(str, data.data_vars):
+        if data[name].dims == ("time",) and "stderr" in data[name].attrs:
+            names.append(name)
+    record = motion_record({vehicle.base: data[names]}, target.name)
+    save_record(record, target.with_name(f"{target.name}.nc"))
+    _save_loads(data, target.with_name(f"{target.name}_loads.csv"))
+
+
+def _record_facts(data: Any) -> dict[str, Any]:
+    """Return the number of samples, the noise of the markers and standard errors of a record."""
+    facts = {"samples": data.sizes["time"], "noise": data.attrs["noise"]}
+    facts |= {name: data[name].attrs["stderr"] for name in _STATES}
+    for name in ("CL", "CD"):
+        facts[name] = float(np.sqrt(np.mean(data[f"{name}_stderr"].values ** 2)))
+    return facts
+
+
+def _print_record_facts(facts: dict[str, dict[str, Any]], vehicle: Any) -> None:
+    """Print a table of `_record_facts`."""
+    rows = []
+    for name, row in facts.items():
+        samples, *numbers = row.values()
+        rows.append((name, str(samples), *(f"{x:.3g}" for x in numbers)))
+    states = ("V [m/s]", "u [m/s]", "w [m/s]", "q [rad/s]")
+    right = ["samples", "noise [m]", *states, "CL", "CD"]
+    title = f"standard errors, cut-off {vehicle.markers.cutoff:g} Hz"
+    print_table(["record", *right], rows, title, right=right)
 
 
 def _save_loads(data: Any, path: Path) -> None:

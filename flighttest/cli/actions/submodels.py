@@ -23,7 +23,6 @@ from flighttest.records.record import manoeuvres, read
 from flighttest.records.sensors.instruments import pick_up_errors
 from flighttest.records.signals.conditioning import cut
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.remarks import remarks_to_json
 from flighttest.submodels.actuators.figure import draw_actuator
 from flighttest.submodels.actuators.identification import identify_actuator, read_bench_log
 from flighttest.submodels.control_loading.identification import identify_control_loading
@@ -110,15 +109,11 @@ def run_controls(
     as_json,
 ) -> None:
     """Perform the command ``controls``."""
-    pairs = {
-        "--database and --into": (database_file, into),
-        "--records and --free-manoeuvre": (records, free_names),
-    }
-    problems = [
-        f"{names} go together; give both or none"
-        for names, (a, b) in pairs.items()
-        if bool(a) != bool(b)
-    ]
+    problems = []
+    if bool(database_file) != bool(into):
+        problems.append("--database and --into go together; give both or none")
+    if bool(records) != bool(free_names):
+        problems.append("--records and --free-manoeuvre go together; give both or none")
     aircraft = read_aircraft(aircraft_file)
     if prior is not None and item not in aircraft.circuits:
         problems.append(f"--prior needs [circuit.{item}] in {aircraft_file}; it is missing")
@@ -127,17 +122,14 @@ def run_controls(
     loading: ControlLoading = loading_of(aircraft, item, model, constants, arm)
     states, free = ([open_states(path) for path in group] for group in (paths, free_files))
     if records:
-        divided = [
-            _divided(one, Path(records) / Path(path).name, free_names)
-            for one, path in zip(states, paths)
-        ]
-        states, free = (
-            [x for driven, _ in divided for x in driven],
-            [*free, *(x for _, own in divided for x in own)],
-        )
-    drawings = (
-        {} if prior is None else {"drawings": aircraft.circuits[item], "drawings_error": prior}
-    )
+        whole, states = states, []
+        for one, path in zip(whole, paths):
+            driven, own = _divided(one, Path(records) / Path(path).name, free_names)
+            states += driven
+            free += own
+    drawings = {}
+    if prior is not None:
+        drawings = {"drawings": aircraft.circuits[item], "drawings_error": prior}
     with show_progress(f"identify the loading of the {item}"):
         found = identify_control_loading(
             loading,
@@ -152,23 +144,7 @@ def run_controls(
     if into:
         aerodb.save(replace_hinge_moments(aerodb.open(database_file), found), into)
     if as_json:
-        rows = {str(name): found.value(str(name)) for name in found.estimates["term"].values}
-        totals = {
-            name: found.total(name)
-            for name in ("friction", "damping", "mass")
-            if name in loading.constants
-        }
-        print_json(
-            {
-                "item": item,
-                "order": found.order,
-                "estimates": rows,
-                "both_ends": totals,
-                "collinear": found.collinear,
-                "remarks": remarks_to_json(found.remarks),
-                "file": output,
-            }
-        )
+        print_json(found.as_dict() | {"file": output})
         return
     click.echo(found.report())
     for file in filter(None, (output, into)):
@@ -319,25 +295,8 @@ def ground_effect(
     if output and database is not None:
         aerodb.save(replace_ground_effect(database, found, tables), output)
     if as_json:
-        print_json({**_as_dict(found), "file": output})
+        print_json(found.as_dict() | {"file": output})
         return
     click.echo(found.report(heights))
     if output:
         click.echo(f"written: {output}")
-
-
-def _as_dict(found) -> dict:
-    """The result as a document."""
-    return {
-        "held": found.held,
-        "not_identified": found.not_identified,
-        "coefficients": {
-            name: {
-                "form": one.form,
-                "heights": one.heights,
-                "terms": [row._asdict() for row in one.rows()],
-                "evidence": one.evidence.to_dict("index"),
-            }
-            for name, one in found.coefficients.items()
-        },
-    }

@@ -26,10 +26,7 @@ from flighttest.flight_programme.evaluation.figures_of_merit import (
     series_windows,
     window_means,
 )
-from flighttest.flight_programme.evaluation.mass_and_thrust import (
-    add_computed_mass,
-    channel_leaves,
-)
+from flighttest.flight_programme.evaluation.mass_and_thrust import add_computed_mass
 from flighttest.flight_programme.evaluation.plan import (
     EvaluationPlan,
     FitTable,
@@ -44,7 +41,7 @@ from flighttest.reconstruction.dynamics.force_coefficients import coefficients, 
 from flighttest.reconstruction.flight_path import FlightPath
 from flighttest.reconstruction.quality.assessment import assess
 from flighttest.reconstruction.smoother import reconstruct
-from flighttest.records.record import read
+from flighttest.records.record import channel_leaves, read
 from flighttest.records.signals.conditioning import cut
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel

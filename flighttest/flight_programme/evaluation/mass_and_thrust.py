@@ -10,6 +10,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.names import quantity_attributes
 from flighttest.flight_programme.evaluation.plan import Loading, PointSheet, ThrustPoints
+from flighttest.records.record import channel_leaves
 
 # Largest residual of the points of a deck, as a share of the largest thrust. Points with a larger
 # residual do not depend on corrected fuel flow and Mach number alone.
@@ -168,12 +169,3 @@ def add_computed_mass(
     variables = {name: ("time", x, quantity_attributes(name)) for name, x in computed.items()}
     data = xr.Dataset(variables, {"time": clock["time"]})
     return record.assign({"computed": xr.DataTree(data.assign_attrs(clock.attrs))})
-
-
-def channel_leaves(record: xr.DataTree) -> dict[str, str]:
-    """Return the leaf of every channel of a record."""
-    leaves = {}
-    for leaf, node in record.children.items():
-        for name in node.data_vars:
-            leaves[str(name)] = leaf
-    return leaves

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import re
 from collections.abc import Mapping
@@ -19,6 +18,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import UnknownName
 from flightmech.names import lookup
 from flightmech.support.console import command_line, to_json_types
+from flightmech.support.input_files import file_sha256
 from flightmech.units import from_si
 from flighttest.flight_programme.evaluation.figures_of_merit import (
     INSIDE,
@@ -371,5 +371,4 @@ def _motion_section(name: str, motion: Motion) -> dict[str, Any]:
 
 
 def _file_row(path: Path) -> dict[str, str]:
-    with path.open("rb") as file:
-        return {"name": path.name, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
+    return {"name": path.name, "sha256": file_sha256(path)}

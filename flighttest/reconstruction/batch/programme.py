@@ -32,7 +32,7 @@ from flighttest.reconstruction.problem.trajectory import Solution
 from flighttest.reconstruction.smoother import path_of_solution
 from flighttest.records.sensors.instruments import instruments_of
 from flighttest.records.sensors.measurements import order_windows
-from flighttest.remarks import Convergence, Remark, remark_lines, warn_forbidden
+from flighttest.remarks import Convergence, PrintedResult, Remark, warn_forbidden
 
 Windows = Sequence[tuple[float, float]]
 # State variables of a start; a record without a vane does not have its angle.
@@ -41,7 +41,7 @@ _START_STATES = (*_RIGID_STATES, "alpha_vane", "beta_vane")
 
 
 @dataclass(frozen=True)
-class Batch:
+class Batch(PrintedResult):
     """A batch reconstruction.
 
     Attributes
@@ -81,8 +81,8 @@ class Batch:
         )
         return self.convergence.remarks("noise of the channels", advice)
 
-    def report(self) -> str:
-        """Return estimates, noise and constants that the readings do not determine, as text."""
+    def report_lines(self) -> list[str]:
+        """Return estimates, noise and constants that the readings do not determine, as lines."""
         names = ", ".join(path.states.attrs["record"] or "record" for path in self.paths)
         is_free = self.estimates["free"].values
         remarks = identifiability_remarks(
@@ -103,7 +103,7 @@ class Batch:
         ]
         for remark in remarks or ["every constant is identifiable"]:
             lines.append(f"  - {remark}")
-        return "\n".join([*lines, *remark_lines(self.remarks)])
+        return lines
 
 
 def _estimate_lines(estimates: xr.Dataset) -> list[str]:

@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flightmech.support.arrays import median
+from flightmech.support.arrays import median, true_runs
 
 ENDLESS = ("psi", "phi", "lon")
 """Angles that continue at zero after a full turn."""
@@ -117,22 +117,21 @@ def flag_runs(
     """Return the runs of a mask as flags."""
     if not bad.any():
         return []
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(np.int8)))
-    starts, stops = edges[::2], edges[1::2]
+    runs = true_runs(bad)
     flags = []
-    for first, end in zip(starts[:MOST], stops[:MOST], strict=True):
+    for first, end in runs[:MOST]:
         start, stop = float(time[first]), float(time[end - 1])
-        flags.append(Flag(channel, kind, start, stop=stop, samples=int(end - first), note=note))
-    if len(starts) > MOST:
+        flags.append(Flag(channel, kind, start, stop=stop, samples=end - first, note=note))
+    if len(runs) > MOST:
         # The last flag covers all the rest.
-        first = starts[MOST - 1]
+        first = runs[MOST - 1][0]
         flags[-1] = Flag(
             channel,
             kind,
             float(time[first]),
-            stop=float(time[stops[-1] - 1]),
+            stop=float(time[runs[-1][1] - 1]),
             samples=int(bad[first:].sum()),
-            note=f"{len(starts) - MOST + 1} spans",
+            note=f"{len(runs) - MOST + 1} spans",
         )
     return flags
 

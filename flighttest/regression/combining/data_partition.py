@@ -20,6 +20,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
+from flightmech.support.arrays import true_runs
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.regression.equation_error.samples import list_manoeuvres
@@ -189,9 +190,7 @@ def _select_inside(manoeuvre: xr.Dataset, limits: Limits) -> xr.Dataset:
     if size > 1:
         step = float(np.median(np.diff(manoeuvre["time"].values)))
     shortest = max(1, round(LEAST_STRETCH / step))
-    # Padded with zeros, the mask changes at the start and at the end of every stretch.
-    changes = np.flatnonzero(np.diff(np.concatenate([[0], is_inside.astype(int), [0]])))
-    for start, stop in zip(changes[::2], changes[1::2]):
+    for start, stop in true_runs(is_inside):
         if stop - start < shortest:
             is_inside[start:stop] = False
     return manoeuvre.isel(time=is_inside)

@@ -30,7 +30,7 @@ from flighttest.regression.equation_error.samples import (
     stack_samples,
 )
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
-from flighttest.remarks import Remark, remark_lines
+from flighttest.remarks import PrintedResult, Remark
 
 _DISAGREEMENT = 3.0  # combined standard errors between two fits that are remarked
 # standard deviation of a scaled median absolute deviation over its value, times the root of the
@@ -110,7 +110,7 @@ def coloured_covariance(samples: xr.Dataset, X: np.ndarray, v: np.ndarray) -> np
 
 
 @dataclass(frozen=True)
-class Joined:
+class Joined(PrintedResult):
     """Joint estimates from several fits of one coefficient.
 
     Attributes
@@ -152,8 +152,8 @@ class Joined:
                 remarks.append(Remark("scatter", text, str(term), ratio, limit))
         return remarks
 
-    def report(self) -> str:
-        """Return the joint estimates as a text table."""
+    def report_lines(self) -> list[str]:
+        """Return the joint estimates as lines."""
         e = self.estimates
         lines = [
             f"{self.name or self.coefficient}: {e.attrs['fits']} fits joined by "
@@ -168,7 +168,7 @@ class Joined:
                 f"{float(e['scatter_ratio'][k]):>7.2f}{float(e['birge'][k]):>7.2f}"
                 f"{float(e['disagreement'][k]):>7.1f}{float(e['count'][k]):>6.0f}"
             )
-        return "\n".join([*lines, *remark_lines(self.remarks)])
+        return lines
 
 
 def join_fits(fits: Sequence[Fit], method: str = "inverse_variance", name: str = "") -> Joined:

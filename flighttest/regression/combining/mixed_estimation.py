@@ -22,7 +22,7 @@ from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.fit import Fit
 from flighttest.regression.equation_error.fit_remarks import against_prior
 from flighttest.regression.equation_error.model import term_powers, variable_of
-from flighttest.remarks import Remark, remark_lines
+from flighttest.remarks import PrintedResult, Remark
 
 Prior = Mapping[str, tuple[float, float]] | xr.Dataset
 
@@ -32,7 +32,7 @@ _UNMOVED = 0.81  # share of the prior's variance above which a term is hardly mo
 
 
 @dataclass(frozen=True)
-class Mixed:
+class Mixed(PrintedResult):
     """A fit combined with a-priori values.
 
     Attributes
@@ -93,8 +93,8 @@ class Mixed:
             prior_stderr=e["prior_stderr"].values,
         )
 
-    def report(self) -> str:
-        """Return flight, prior and their combination as a text table."""
+    def report_lines(self) -> list[str]:
+        """Return flight, prior and their combination as lines."""
         e, flight = self.estimates, self.fit.estimates
         name = f"{self.fit.name}: " if self.fit.name else ""
         lines = [
@@ -115,7 +115,7 @@ class Mixed:
                 line += f"{float(value[k]):>11.5g}{float(stderr[k]):>10.2g}"
             line += f"{float(e['distance'][k]):>7.1f}{float(e['prior_share'][k]):>7.2f}"
             lines.append(line.replace("nan", "  -"))
-        return "\n".join([*lines, *remark_lines(self.remarks)])
+        return lines
 
 
 def mix_with_prior(fit: Fit, prior: Prior) -> Mixed:

@@ -105,9 +105,7 @@ def pool(
     if method == "inverse_variance":
         value, error = mean, max(1.0, birge) / np.sqrt(w.sum())
     elif method == "median":
-        value, error = float(np.median(theta)), _OF_MEDIAN * scatter / np.sqrt(n)
-        if n <= 2:  # the scatter of two estimates is not meaningful
-            error = float(np.sqrt((s**2).mean() / n))
+        value, error = _median_with_error(theta, s, scatter)
     else:
         value, error = float((theta / s).sum() / (1.0 / s).sum()), np.sqrt(n) / (1.0 / s).sum()
     # differences of all pairs in combined standard errors
@@ -122,6 +120,15 @@ def pool(
         disagreement=float(differences.max()),
         count=n,
     )
+
+
+def _median_with_error(theta: np.ndarray, s: np.ndarray, scatter: float) -> tuple[float, float]:
+    """Return the median of estimates and its standard error."""
+    value, n = float(np.median(theta)), len(theta)
+    # the scatter of two estimates is not meaningful
+    if n <= 2:
+        return value, float(np.sqrt((s**2).mean() / n))
+    return value, _OF_MEDIAN * scatter / np.sqrt(n)
 
 
 def common_coefficient(fits: Sequence[Fit], verb: str) -> str:

@@ -246,9 +246,7 @@ def _solve(
     estimates.attrs = {
         "coefficient": model.coefficient,
         "domain": "time",
-        "R2": 1.0 - float(v @ v) / float(((z - z.mean()) ** 2).sum()),
-        "residual_rms": float(np.sqrt(v @ v / len(v))),
-        "samples": len(z),
+        **_quality_of_fit(z, v),
         "manoeuvres": len(samples.steps),
         "offset": coloured.offset,
         "hidden": coloured.hidden,
@@ -264,6 +262,15 @@ def _solve(
     if weights == "equal":
         return estimates, E, errors
     return estimates, least_squares.equivalent_regressors(A), errors
+
+
+def _quality_of_fit(z: np.ndarray, v: np.ndarray) -> dict[str, float | int]:
+    """Return R2, rms of the residuals v, and number of the samples z."""
+    return {
+        "R2": 1.0 - float(v @ v) / float(((z - z.mean()) ** 2).sum()),
+        "residual_rms": float(np.sqrt(v @ v / len(v))),
+        "samples": len(z),
+    }
 
 
 def _term_variables(

@@ -17,7 +17,7 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flighttest.maximum_likelihood.result import OutputError
-from flighttest.remarks import Remark, remark_lines, warn_forbidden
+from flighttest.remarks import PrintedResult, Remark, warn_forbidden
 from flighttest.submodels.actuators.estimation import Estimates
 from flighttest.submodels.actuators.remarks import (
     contradiction_remarks,
@@ -34,7 +34,7 @@ _FAST = 0.1
 
 
 @dataclass(frozen=True)
-class IdentifiedActuator:
+class IdentifiedActuator(PrintedResult):
     """An identified actuator.
 
     Attributes
@@ -320,9 +320,9 @@ class IdentifiedActuator:
             "remarks": [remark.as_dict() for remark in self.remarks],
         }
 
-    def report(self) -> str:
-        """Return the result as text."""
-        return _report(self)
+    def report_lines(self) -> list[str]:
+        """Return equation, estimates of both methods and derived quantities as lines."""
+        return [*_equation_lines(self), *_table_lines(self), "", *_quantity_lines(self), ""]
 
 
 def _remarks(actuator: IdentifiedActuator) -> list[Remark]:
@@ -364,19 +364,24 @@ def _instruments(spectral: Estimates) -> dict[str, Any] | None:
 _CELLS = ("frequency", "frequency_stderr", "time", "time_stderr", "average", "average_stderr")
 
 
-def _report(actuator: IdentifiedActuator) -> str:
-    """Return the result as text."""
+def _equation_lines(actuator: IdentifiedActuator) -> list[str]:
+    """Return the equation and the figures of the fit as lines of text."""
     attrs = actuator.response.estimates.attrs
-    servo = actuator.structure.stiffness
     state = "converged" if attrs["converged"] else "NOT converged"
-    kind, spring = ("servo", "+ Ka p ") if servo else ("motor", "")
+    kind, spring = ("servo", "+ Ka p ") if actuator.structure.stiffness else ("motor", "")
     scale = "absolute coefficients" if actuator.absolute else "ratios to Ma"
-    text = [
+    return [
         f"{kind}: Ma v' + Ca v {spring}+ G tau = B (u - neutral); {scale}",
         f"logs {len(actuator.logs)}, samples {attrs['samples']}, R2 of the response "
         f"{actuator.fit:.4f}, of the spectra {actuator.spectral.R2:.4f}, "
         f"iterations {attrs['iterations']}, {state}",
         "",
+    ]
+
+
+def _table_lines(actuator: IdentifiedActuator) -> list[str]:
+    """Return the table of the parameters by both methods as lines of text."""
+    lines = [
         f"{'parameter':14s}{'frequency':>13s}{'std. error':>11s}{'time':>13s}{'std. error':>11s}"
         f"{'average 1/s':>13s}{'std. error':>11s}{'apart':>8s}",
     ]
@@ -387,20 +392,8 @@ def _report(actuator: IdentifiedActuator) -> str:
             width, digits = (11, 3) if cell.endswith("_stderr") else (13, 5)
             cells += _cell(row[cell], width, f".{digits}g")
         mark = " !" if row["contradictory"] else ""
-        text.append(f"{name:14s}{cells}{_cell(row['disagreement'], 8, '.1f')}{mark}")
-    text += ["", "used: the output error in time"]
-    text += _quantity_lines(actuator)
-    for name, part in actuator.reached.items():
-        limit = ValueWithError(actuator.parameters[name], actuator.stderr[name])
-        text.append(
-            f"  {name.replace('_', ' '):18s} {limit}, held in {100.0 * part:.1f} % of samples"
-        )
-    if servo:
-        text.append(
-            f"  the first-order lag holds to {actuator.valid_to:.2g} Hz (10 % of amplitude, 0.1 "
-            f"rad of phase)"
-        )
-    return "\n".join([*text, "", *remark_lines(actuator.remarks)]).rstrip()
+        lines.append(f"{name:14s}{cells}{_cell(row['disagreement'], 8, '.1f')}{mark}")
+    return lines
 
 
 def _cell(value: float, width: int, style: str) -> str:
@@ -409,7 +402,7 @@ def _cell(value: float, width: int, style: str) -> str:
 
 
 def _quantity_lines(actuator: IdentifiedActuator) -> list[str]:
-    """Return derived quantities and dead time with their units as lines of text."""
+    """Return derived quantities, dead time and limits with their units as lines of text."""
     units = {
         "natural_frequency": "rad/s",
         "damping_ratio": "",
@@ -419,11 +412,20 @@ def _quantity_lines(actuator: IdentifiedActuator) -> list[str]:
     }
     if not actuator.structure.stiffness:
         units |= {"gain": "rad/s per unit of command", "offset": "rad/s"}
-    lines = [
-        f"  {name.replace('_', ' '):18s} {value} {units[name]}".rstrip()
-        for name, value in actuator.derived().items()
-    ]
+    lines = ["used: the output error in time"]
+    for name, value in actuator.derived().items():
+        lines.append(f"  {name.replace('_', ' '):18s} {value} {units[name]}".rstrip())
     if "delay" in actuator.parameters:
         delay = ValueWithError(actuator.parameters["delay"], actuator.stderr["delay"])
         lines.append(f"  {'dead time':18s} {delay} s")
+    for name, part in actuator.reached.items():
+        limit = ValueWithError(actuator.parameters[name], actuator.stderr[name])
+        lines.append(
+            f"  {name.replace('_', ' '):18s} {limit}, held in {100.0 * part:.1f} % of samples"
+        )
+    if actuator.structure.stiffness:
+        lines.append(
+            f"  the first-order lag holds to {actuator.valid_to:.2g} Hz (10 % of amplitude, 0.1 "
+            f"rad of phase)"
+        )
     return lines

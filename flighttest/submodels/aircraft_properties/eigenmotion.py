@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flighttest.remarks import Convergence, Remark, is_forbidden, remark_lines
+from flighttest.remarks import Convergence, PrintedResult, Remark, is_forbidden
 from flighttest.submodels.aircraft_properties.mode_response import SAME, WRONG, ModeResponse
 from flighttest.submodels.aircraft_properties.moved_windows import (
     SHIFT,
@@ -49,7 +49,7 @@ _FEWEST, _UNEVEN = 12, 1e-3
 
 
 @dataclass(frozen=True)
-class Motion:
+class Motion(PrintedResult):
     """One mode as a record shows it.
 
     Attributes
@@ -140,8 +140,8 @@ class Motion:
             figures[name] = value, math.sqrt(max(variance, 0.0)), unit
         return figures
 
-    def report(self) -> str:
-        """Return the figures as text."""
+    def report_lines(self) -> list[str]:
+        """Return the figures as lines."""
         state = "converged" if self.convergence.converged else "NOT converged"
         lines = [
             f"{self.kind} in {' '.join(self.channels)}, {self.time[0]:g} ... "
@@ -152,7 +152,7 @@ class Motion:
         ]
         for name, (value, stderr, unit) in self.values.items():
             lines.append(f"  {name:14s}{value:12.5g}{stderr:12.2g} {unit}")
-        return "\n".join([*lines, *remark_lines(self.remarks)])
+        return lines
 
 
 def fit_motion(

@@ -45,7 +45,7 @@ from flighttest.regression.equation_error.model import RegressionModel, term_reg
 from flighttest.regression.equation_error.samples import stack_samples
 from flighttest.regression.uncertainty.collinearity import demand_rank
 from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
-from flighttest.remarks import Remark, remark_lines
+from flighttest.remarks import PrintedResult, Remark
 
 MOMENTS = ("Ixx", "Iyy", "Izz", "Ixz")
 # Products of the rates in each equation, and coefficients whose regressors it contains.
@@ -73,7 +73,7 @@ _COLUMNS = (("estimate", 12, 6), ("stderr", 11, 2), ("stderr_white", 11, 2), ("s
 
 
 @dataclass(frozen=True)
-class Inertia:
+class Inertia(PrintedResult):
     """Moments of inertia estimated from flight.
 
     Attributes
@@ -97,8 +97,8 @@ class Inertia:
         """Remarks on physical inequalities, contradictions, and moments without information."""
         return list(_list_remarks(self.estimates))
 
-    def report(self) -> str:
-        """Return the moments as a text table."""
+    def report_lines(self) -> list[str]:
+        """Return the moments as lines."""
         e = self.estimates
         lines = [
             f"moments of inertia, {e.attrs['scale']} given; chi2 {e.attrs['chi2']:.1f} of "
@@ -110,7 +110,7 @@ class Inertia:
             for key, width, digits in _COLUMNS:
                 line += f"{float(e[key].sel(term=name)):>{width}.{digits}g}"
             lines.append(line)
-        return "\n".join([*lines, *remark_lines(self.remarks)])
+        return lines
 
 
 def _list_remarks(e: xr.Dataset) -> Iterator[Remark]:

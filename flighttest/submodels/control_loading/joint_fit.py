@@ -212,9 +212,8 @@ def joint_fit(
     X, z, noise = _stack_equations([*samples, *windows], constraints, len(names))
     fixed = np.array([constraint.stderr**2 for constraint in constraints])
     # Source of every row: 0 samples, 1 windows, 2 constraints.
-    sample_count = sum(len(record.z) for record in samples)
-    window_count = sum(len(record.z) for record in windows)
-    source = np.repeat([0, 1, 2], [sample_count, window_count, len(constraints)])
+    counts = [_count_rows(samples), _count_rows(windows), len(constraints)]
+    source = np.repeat([0, 1, 2], counts)
     # A low-pass leaves two independent samples per period of its cut-off.
     step = float(np.median([record.step for record in samples]))
     worth = np.array([min(1.0, 2.0 * cutoff * step), 1.0, 1.0])[source]
@@ -233,23 +232,35 @@ def joint_fit(
         v = z - X @ theta
         variances = _variances(v, noise @ theta**2, source=source, fixed=fixed)
         weight = worth / variances
-    lengths: list[int] = []
-    steps: list[float] = []
-    for record in samples:
-        lengths += record.lengths
-        steps += [record.step] * len(record.lengths)
+    lengths, steps = _stretches(samples)
     return JointFit(
         theta,
         X=root[:, None] * X,
         estimator=least_squares.estimator_matrix(equivalent) * root,
         residual=v,
-        samples=sample_count,
-        windows=window_count,
+        samples=counts[0],
+        windows=counts[1],
         variances=variances,
-        lengths=tuple(lengths),
-        steps=tuple(steps),
+        lengths=lengths,
+        steps=steps,
         last_change=theta - before,
     )
+
+
+def _count_rows(records: Sequence[RecordEquations]) -> int:
+    return sum(len(record.z) for record in records)
+
+
+def _stretches(
+    records: Sequence[RecordEquations],
+) -> tuple[tuple[int, ...], tuple[float, ...]]:
+    """Return number of samples and sampling step [s] of all stretches without a gap."""
+    lengths: list[int] = []
+    steps: list[float] = []
+    for record in records:
+        lengths += record.lengths
+        steps += [record.step] * len(record.lengths)
+    return tuple(lengths), tuple(steps)
 
 
 def _stack_equations(

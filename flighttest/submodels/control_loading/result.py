@@ -21,7 +21,7 @@ from flightmech.errors import SchemaError, UnknownName
 from flightmech.units import G0
 from flighttest.regression.equation_error import least_squares
 from flighttest.regression.equation_error.model import term_powers
-from flighttest.remarks import Convergence, Remark, remark_lines, warn_forbidden
+from flighttest.remarks import Convergence, PrintedResult, Remark, remarks_to_json, warn_forbidden
 from flighttest.submodels.control_loading.joint_fit import convergence_remarks
 from flighttest.submodels.control_loading.loading import ControlLoading
 from flighttest.submodels.control_loading.regression import SlidingFit
@@ -73,7 +73,7 @@ _NEEDED = ("mass", "inertia", "cable_stiffness")
 
 
 @dataclass(frozen=True)
-class IdentifiedLoading:
+class IdentifiedLoading(PrintedResult):
     """Constants of one control circuit and its hinge moments.
 
     Attributes
@@ -314,8 +314,21 @@ class IdentifiedLoading:
     def _rows(self) -> list[tuple[str, float, float]]:
         return [(str(name), *self.value(str(name))) for name in self.estimates["term"].values]
 
-    def report(self) -> str:
-        """Return the estimates as a text table."""
+    def as_dict(self) -> dict[str, Any]:
+        """Return estimates with standard errors, and remarks, for JSON."""
+        names = [str(name) for name in self.estimates["term"].values]
+        shared = [name for name in SHARED if name in self.loading.constants]
+        return {
+            "item": self.loading.item,
+            "order": self.order,
+            "estimates": {name: self.value(name) for name in names},
+            "both_ends": {name: self.total(name) for name in shared},
+            "collinear": self.collinear,
+            "remarks": remarks_to_json(self.remarks),
+        }
+
+    def report_lines(self) -> list[str]:
+        """Return the estimates as lines."""
         loading, attrs = self.loading, self.slid.estimates.attrs
         is_wheel = loading.item == "wheel"
         # The travel of a wheel is an angle, the others are distances.
@@ -347,7 +360,7 @@ class IdentifiedLoading:
                 f"! {first} and {second} go together in every manoeuvre; only differences between "
                 f"them separate the two"
             )
-        return "\n".join([*lines, *remark_lines(self.remarks)])
+        return lines
 
 
 def hinge_terms(identified: IdentifiedLoading) -> dict[str, xr.Dataset]:

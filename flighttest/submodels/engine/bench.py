@@ -362,9 +362,5 @@ def fly_deck(deck: EngineDeck, record: xr.Dataset) -> xr.Dataset:
         rows.append(simulation.outputs()[columns])
         if k + 1 < len(levers):
             simulation.step(time[k], time[k + 1] - time[k], lever, levers[k + 1])
-    outputs = dict(zip(OUTPUTS, np.array(rows).T))
-    return xr.Dataset(
-        {name: ("time", values) for name, values in outputs.items()},
-        {"time": time},
-        dict(record.attrs),
-    )
+    outputs = {name: ("time", x) for name, x in zip(OUTPUTS, np.array(rows).T)}
+    return xr.Dataset(outputs, {"time": time}, dict(record.attrs))

@@ -164,40 +164,18 @@ def steady_table(
     Samples are averaged over a second.  The variance of these means is the larger of two values:
     their own, and that of means over 20 s, scaled.  A lasting disturbance has its full weight.
     """
-    if target not in TARGETS:
-        raise UnknownName(target, TARGETS, "table of an engine deck")
-    for axis in axes:
-        if axis not in AXES:
-            raise UnknownName(axis, AXES, "axis of an engine table")
-    grid = {}
-    for name, points in axes.items():
-        speeds = _speeds_at_rest(flights, name)
-        grid[name] = cover_settled_range(np.asarray(points, float), speeds)
-    blocks = []
-    for flight in flights:
-        block = _samples(flight, target, grid)
-        if len(block.values):
-            blocks.append(block)
-    if not blocks:
-        raise IdentificationError(
-            f"{target}: no sample inside {_range(grid)}; look at the units, or extend the axes"
-        )
+    grid = _cover_flights(flights, target, axes)
+    blocks = _collect_samples(flights, target, grid)
     z = np.concatenate([block.values for block in blocks])
     first, sigma, source = _prior(prior, grid, z)
     # Estimate the difference d from the a-priori nodes.
-    differences = []
-    for block in blocks:
-        differences.append(block._replace(values=block.values - block.weights @ first))
+    differences = [block._replace(values=block.values - block.weights @ first) for block in blocks]
     # An a-priori standard error that is not given has an unknown size.
-    has_stderr = prior is not None and "stderr" in prior
-    fit = _smooth(
-        differences,
-        sigma,
-        grid=list(grid.values()),
-        spreads=(1.0,) if has_stderr else SPREADS,
-    )
-    residuals = [block.values - block.weights @ fit.nodes for block in differences]
-    residual = np.concatenate(residuals)
+    spreads: tuple[float, ...] = SPREADS
+    if prior is not None and "stderr" in prior:
+        spreads = (1.0,)
+    fit = _smooth(differences, sigma, grid=list(grid.values()), spreads=spreads)
+    residual = np.concatenate([block.values - block.weights @ fit.nodes for block in differences])
     value, variance = first + fit.nodes, np.diag(fit.covariance)
     leaf = _make_leaf(value, np.sqrt(variance + (scale * value) ** 2), target=target, grid=grid)
     # The source of a node is flight only if the samples reduce its a-priori standard error.
@@ -213,6 +191,38 @@ def steady_table(
         samples=len(z),
         convergence=fit.convergence,
     )
+
+
+def _cover_flights(
+    flights: Sequence[xr.Dataset], target: str, axes: Mapping[str, Sequence[float]]
+) -> dict[str, np.ndarray]:
+    """Return the breakpoints of the axes, which cover the speeds of the flights at rest."""
+    if target not in TARGETS:
+        raise UnknownName(target, TARGETS, "table of an engine deck")
+    for axis in axes:
+        if axis not in AXES:
+            raise UnknownName(axis, AXES, "axis of an engine table")
+    grid = {}
+    for name, points in axes.items():
+        speeds = _speeds_at_rest(flights, name)
+        grid[name] = cover_settled_range(np.asarray(points, float), speeds)
+    return grid
+
+
+def _collect_samples(
+    flights: Sequence[xr.Dataset], target: str, grid: Mapping[str, np.ndarray]
+) -> list[_Samples]:
+    """Return the samples of each flight that has some inside the axes."""
+    blocks = []
+    for flight in flights:
+        block = _samples(flight, target, grid)
+        if len(block.values):
+            blocks.append(block)
+    if not blocks:
+        raise IdentificationError(
+            f"{target}: no sample inside {_range(grid)}; look at the units, or extend the axes"
+        )
+    return blocks
 
 
 def _make_leaf(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -217,6 +217,22 @@ class GroundEffect:
             for term, reason in result.not_identified.items():
                 reasons[f"{name}:{term}"] = reason
         return reasons
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return form, terms and evidence of each coefficient for JSON."""
+        coefficients: dict[str, Any] = {}
+        for name, result in self.coefficients.items():
+            coefficients[name] = {
+                "form": result.form,
+                "heights": result.heights,
+                "terms": [row._asdict() for row in result.rows()],
+                "evidence": result.evidence.to_dict("index"),
+            }
+        return {
+            "held": self.held,
+            "not_identified": self.not_identified,
+            "coefficients": coefficients,
+        }
 
     def report(self, heights: Sequence[float] = ()) -> str:
         """Return table 2 of [LR743], K(h), terms without information, and compared forms as text.

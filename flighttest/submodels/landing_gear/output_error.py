@@ -21,6 +21,7 @@ from flightmech.aircraft.aircraft import Aircraft
 from flightmech.axes import matrix_from_euler
 from flightmech.simulation.batch import fly_batch
 from flightmech.simulation.run import read_inputs
+from flightmech.support.arrays import true_runs
 from flighttest.maximum_likelihood.residual_covariance import coloured_likelihood_covariance
 from flighttest.maximum_likelihood.result import OutputError, estimates_dataset, noise_dataset
 from flighttest.maximum_likelihood.search import Likelihood, maximise_likelihood
@@ -235,9 +236,8 @@ def turning_stretches(
         loads["force"].values[:, : loads.sizes["wheel"]].sum(axis=1), 1.0
     )
     step = float(np.median(np.diff(states["time"].values)))
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], rolls.astype(int), [0]])))
     stretches = []
-    for begin, end in zip(edges[::2], edges[1::2]):
+    for begin, end in true_runs(rolls):
         count = max(1, round((end - begin) * step / length))
         parts = np.linspace(begin, end, count + 1).astype(int)
         for a, b in pairwise(parts):

@@ -269,8 +269,8 @@ def regress_gear(
         else:
             undetermined[name] = reason
         del unknowns[name]
+    # Air forces grow with the square of the wind: fit once more about the estimated wind.
     if any(name.startswith("wind") for name in inputs):
-        # Air forces grow with the square of the wind: fit once more about the estimated wind.
         winds = _estimated_winds(fit, len(records))
         loads, runs = _make_runs(records, aircraft, database=database, winds=winds, cutoff=cutoff)
         inputs = _input_errors(records, database, errors=errors, winds=winds)

@@ -17,7 +17,7 @@ from flightmech.aircraft.landing_gear import Contact
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.terms import make_term
 from flighttest.maximum_likelihood.result import OutputError
-from flighttest.remarks import Remark, remark_lines, remarks_to_json, warn_forbidden
+from flighttest.remarks import PrintedResult, Remark, remarks_to_json, warn_forbidden
 from flighttest.submodels.landing_gear.explicit import FRICTION, LOAD, ROLLING
 from flighttest.submodels.landing_gear.regression import (
     LoadFit,
@@ -86,7 +86,7 @@ class GearConstant(NamedTuple):
 
 
 @dataclass(frozen=True)
-class IdentifiedGear:
+class IdentifiedGear(PrintedResult):
     """Struts, tyres, brakes and steering as the records determine them.
 
     Attributes
@@ -276,8 +276,8 @@ class IdentifiedGear:
             for name in names
         }
 
-    def report(self) -> str:
-        """Return the constants as a text table."""
+    def report_lines(self) -> list[str]:
+        """Return the constants as lines."""
         wide = max(len(name) for name in (*self.constants, *self.undetermined)) + 2
         lines = [
             f"landing gear from {len(self.loads.loads)} records",
@@ -296,7 +296,7 @@ class IdentifiedGear:
         if self.flown is not None:
             count = len(self.flown.residuals)
             lines.append(f"flown through {count} stretches, rms: {_rms_text(self.flown)}")
-        return "\n".join([*lines, *remark_lines(self.remarks)])
+        return lines
 
 
 def _rms_text(fit: OutputError) -> str:

@@ -16,12 +16,12 @@ import aerodb
 from flightmech.aircraft.aircraft import Aircraft, read_aircraft
 from flightmech.aircraft.writing import write_aircraft
 from flightmech.errors import SchemaError
-from flightmech.support.console import print_json, print_table, show_progress
+from flightmech.support.console import count_text, print_json, print_table, show_progress
 from flightmech.support.input_files import file_sha256
 from pom.cases.case import PomCase, read_case
 from pom.cases.reference_states import recorded_states
 from pom.checking.batch_check import check_batch
-from pom.cli.actions.report import case_files, count_text, print_record_errors, read_biases
+from pom.cli.actions.report import case_files, print_record_errors, read_biases
 from pom.diagnosis.corrected_model import corrected_aircraft, corrected_database, joint_terms
 from pom.diagnosis.joint_correction import rank_all, swap_models
 from pom.diagnosis.joint_search import join_tables

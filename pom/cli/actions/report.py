@@ -15,6 +15,7 @@ import aerodb
 from flightmech.support.atomic_write import write_text
 from flightmech.support.console import (
     command_line,
+    count_text,
     print_json,
     print_remark,
     print_table,
@@ -55,13 +56,6 @@ def case_files(paths: Iterable[Path]) -> list[Path]:
     if not files:
         raise click.UsageError(f"no case file (*.toml) in {', '.join(map(str, paths))}")
     return files
-
-
-def count_text(count: int, noun: str) -> str:
-    """Return a number and its noun, ``1 case`` or ``2 cases``."""
-    if count == 1:
-        return f"1 {noun}"
-    return f"{count} {noun}s"
 
 
 def print_record_errors(checks: Mapping[str, RecordCheck]) -> None:

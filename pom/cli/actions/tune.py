@@ -20,6 +20,7 @@ from flightmech.simulation.node_values import nodes_digest
 from flightmech.support.atomic_write import folder_written_atomically, write_text
 from flightmech.support.console import (
     InputFile,
+    count_text,
     print_json,
     print_table,
     show_progress,
@@ -27,7 +28,7 @@ from flightmech.support.console import (
 from flightmech.support.input_files import read_toml
 from pom.archive.archive import Custody
 from pom.cases.case import PomCase, read_case
-from pom.cli.actions.report import case_files, count_text, read_biases
+from pom.cli.actions.report import case_files, read_biases
 from pom.diagnosis.tuning.demands import demand_cases, demand_evidence
 from pom.diagnosis.tuning.search import tune as search
 from pom.diagnosis.tuning.tuning_log import (

@@ -20,6 +20,9 @@ import numpy as np
 from pom.fmu.worker import UnpackedFmu, replay_job
 from pom.fmu.worker.messages import reply_bytes, reply_columns
 
+if sys.platform != "win32":
+    import resource
+
 
 def answer_jobs(
     path: str, folder: str, parent: str, memory: str, written: str, unpacked: str
@@ -68,11 +71,7 @@ def _send(handle: int, content: bytes) -> None:
 
 def _limit(kind: str, size: int) -> None:
     """Set a limit of the process if the system supports it; 0: no limit. [byte]"""
-    try:
-        import resource
-    except ImportError:
-        return
-    if size and hasattr(resource, kind):
+    if sys.platform != "win32" and size and hasattr(resource, kind):
         limit = getattr(resource, kind)
         # A process cannot raise its hard limit.
         hard = resource.getrlimit(limit)[1]

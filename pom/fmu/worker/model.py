@@ -5,10 +5,13 @@ from __future__ import annotations
 import zipfile
 from collections import deque
 from copy import copy
-from ctypes import byref, cdll
+from ctypes import byref, c_char_p, c_int, cdll
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
+
+import fmpy
+from fmpy import extract, fmi1, fmi2, fmi3, read_model_description
 
 _CAPABILITIES = (
     "canHandleVariableCommunicationStepSize",
@@ -49,8 +52,6 @@ def platform_problem(path: str | Path, description: Any) -> str:
     description : ModelDescription
         From `read_description`.
     """
-    import fmpy
-
     # FMI 3.0 names platforms by architecture and system, such as x86_64-linux.
     here = fmpy.platform
     if description.fmiVersion.startswith("3"):
@@ -81,8 +82,6 @@ def read_description(path: str | Path) -> Any:
 
     FMPy 0.3 does not read the capabilities of a slave of FMI 1.0. They are added here.
     """
-    from fmpy import read_model_description
-
     with zipfile.ZipFile(path) as file:
         size = file.getinfo("modelDescription.xml").file_size
     if size > _LARGEST:
@@ -132,8 +131,6 @@ class UnpackedFmu:
     """
 
     def __init__(self, path: str, folder: str, most: int = 0):
-        from fmpy import extract
-
         demand_size(path, most)
         self.most = most
         self.description = read_description(path)
@@ -169,17 +166,15 @@ class UnpackedFmu:
         RuntimeError
             The FMU refuses.
         """
-        from fmpy import fmi1, fmi2
-
         if self.takes_records:
             instance = self._copy_bound_class()
         else:
             instance = self._bind_class()
         if self.version == 1:
             _repair_status(instance)
-            instance.instantiate(functions=self._callbacks1(fmi1), loggingOn=True)
+            instance.instantiate(functions=self._callbacks1(), loggingOn=True)
         elif self.version == 2:
-            instance.instantiate(callbacks=self._callbacks2(fmi2), loggingOn=True)
+            instance.instantiate(callbacks=self._callbacks2(), loggingOn=True)
         else:
             instance.instantiate(loggingOn=True, logMessage=self._log3)
         if not instance.component:
@@ -188,8 +183,6 @@ class UnpackedFmu:
 
     def _bind_class(self) -> Any:
         """Return an object of FMPy's class with the functions of the library, not instantiated."""
-        from fmpy import fmi1, fmi2, fmi3
-
         classes = {
             1: (fmi1.FMU1Slave, fmi1.FMU1Model),
             2: (fmi2.FMU2Slave, fmi2.FMU2Model),
@@ -230,7 +223,7 @@ class UnpackedFmu:
             return 0
         return columns.start or 0
 
-    def _callbacks1(self, fmi1) -> Any:
+    def _callbacks1(self) -> Any:
         callbacks = fmi1.fmi1CallbackFunctions()
         callbacks.logger = fmi1.fmi1CallbackLoggerTYPE(
             lambda _, name, status, category, message: self._log(status, message)
@@ -240,7 +233,7 @@ class UnpackedFmu:
         callbacks.stepFinished = None
         return _with_formatted_messages(callbacks)
 
-    def _callbacks2(self, fmi2) -> Any:
+    def _callbacks2(self) -> Any:
         callbacks = fmi2.fmi2CallbackFunctions()
         callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(
             lambda _, name, status, category, message: self._log(status, message)
@@ -262,6 +255,7 @@ def _with_formatted_messages(callbacks: Any) -> Any:
 
     The native proxy of FMPy inserts the variadic arguments of a message.
     """
+    # not every platform has this library of FMPy
     from fmpy.logging import addLoggerProxy
 
     addLoggerProxy(byref(callbacks))
@@ -274,8 +268,6 @@ def _repair_status(instance: Any) -> None:
     FMPy 0.3 declares the result of most of them as a text. A status other than zero would be read
     as an address.
     """
-    from ctypes import c_char_p, c_int
-
     for name, function in instance._functions.items():
         if function.restype is c_char_p and not name.endswith(("Version", "TypesPlatform")):
             function.restype = c_int

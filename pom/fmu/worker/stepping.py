@@ -6,7 +6,7 @@ FMPy's CVode integrates the states of an FMU in model exchange of FMI 1.0, 2.0 a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import POINTER, c_double, c_uint
+from ctypes import POINTER, c_double, c_int, c_uint
 from typing import Any
 
 import numpy as np
@@ -78,8 +78,6 @@ class CoSimulation:
         if self.model.version == 2:
             self.instance.setRealInputDerivatives(self.references, [1] * len(slopes), slopes)
             return
-        from ctypes import c_double, c_int, c_uint
-
         # The method of FMPy 0.3 calls fmiInitializeSlave in place of fmiSetRealInputDerivatives.
         n = len(slopes)
         arguments = (
@@ -158,6 +156,7 @@ class Exchange:
 
     def _make_solver(self) -> Any:
         """Return the integrator of FMPy with the functions of the instance."""
+        # not every platform has this library of FMPy
         from fmpy.sundials import CVodeSolver
 
         description, fmu = self.model.description, self.instance

@@ -17,7 +17,8 @@ from fmpy.validation import validate_fmu
 import flightmech
 from flightmech.errors import ParseError, SchemaError
 from flightmech.fmu_export.description import CHOICES
-from flightmech.fmu_export.fmu_file import read_fmu, write_fmu
+from flightmech.fmu_export.fmu_file import write_fmu
+from flightmech.fmu_export.fmu_reading import read_fmu
 from flightmech.simulation.kernel import INTEGER, PARAMETER
 
 VERSIONS = ("2.0", "3.0")

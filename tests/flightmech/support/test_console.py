@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from flightmech.support.console import (
     LazyGroup,
     NewFile,
-    _plain_lines,
-    _rich_lines,
+    _table_lines,
+    _text_width,
     print_remark,
     print_table,
     show_progress,
@@ -97,27 +97,33 @@ def test_control_characters_of_a_name_are_printed_as_codes(capsys):
 _CELLS = st.text("ab c1.-[/]\\~{}µ汉", max_size=12)
 
 
-@given(
-    st.integers(1, 4).flatmap(
-        lambda n: st.tuples(
-            st.lists(_CELLS, min_size=n, max_size=n, unique=True),
-            st.lists(st.tuples(*n * [_CELLS])),
-        )
-    ),
-    st.sets(st.integers(0, 3)),
-)
-def test_a_table_set_without_the_package_rich_is_the_one_that_it_sets(content, numbers):
-    columns, rows = content
-    right = [name for i, name in enumerate(columns) if i in numbers]
-    cells = [list(row) for row in rows]
-    plainly = _plain_lines(columns, cells, right, None)
-    assert plainly is None or plainly == _rich_lines(columns, cells, right, None)
-    assert (plainly is None) == any(
-        not text.isascii() for line in [columns, *cells] for text in line
-    )
+@given(st.lists(st.tuples(_CELLS, _CELLS, _CELLS), min_size=1), st.integers(1, 60))
+def test_a_broken_table_holds_every_letter_inside_the_terminal(rows, width):
+    lines = _table_lines(rows, [False, True, False], width)
+    letters = "".join(map(click.unstyle, lines)).replace(" ", "")
+    assert sorted(letters) == sorted("".join(map("".join, rows)).replace(" ", ""))
+    # the first column is whole, and no column is made narrower than eight places
+    first = max(_text_width(row[0]) for row in rows)
+    assert max(map(_text_width, map(click.unstyle, lines))) <= max(width, first + 2 * (2 + 8))
 
 
-def test_only_a_table_wider_than_the_terminal_is_left_to_the_package_rich(capsys, monkeypatch):
+def test_letters_of_two_columns_and_marks_keep_a_table_aligned(capsys):
+    rows = [("汉字", 1, "x"), ("e\u0301", 22, "y"), ("abcd", 333, "z")]
+    print_table(["name", "no", ""], rows, right=["no"])
+    assert capsys.readouterr().out.splitlines() == [
+        "name   no",
+        "汉字    1  x",
+        "e\u0301      22  y",
+        "abcd  333  z",
+    ]
+
+
+def test_lines_of_a_head_stand_at_its_foot(capsys):
+    print_table(["a", "two\nlines"], [("x\ny", 1)])
+    assert capsys.readouterr().out.splitlines() == ["   two", "a  lines", "x  1", "y"]
+
+
+def test_only_a_table_wider_than_the_terminal_is_broken(capsys, monkeypatch):
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     monkeypatch.setenv("COLUMNS", "20")
     print_table(["a", "b"], [("x", "one two three")])
@@ -126,7 +132,11 @@ def test_only_a_table_wider_than_the_terminal_is_left_to_the_package_rich(capsys
         "x  one two three",
     ]
     print_table(["a", "b"], [("x", "one two three four five")])
-    assert len(capsys.readouterr().out.splitlines()) == 3  # the line is broken
+    assert [click.unstyle(line) for line in capsys.readouterr().out.splitlines()] == [
+        "a  b",
+        "x  one two three",
+        "   four five",
+    ]
 
 
 def test_a_group_imports_the_modules_of_its_verbs_when_they_are_called(monkeypatch):

@@ -1,0 +1,65 @@
+"""Tables of ``match --plan``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from flightmech.support.console import count_text, print_table
+
+
+def print_plan(plan: Any) -> None:
+    """Print steps, records, fits, cases, products and number of problems."""
+    print_table(
+        ("", "step"),
+        list(enumerate(plan.steps, 1)),
+        title=f"{plan.project.title}: {plan.project.file}",
+        right=("",),
+    )
+    rows = [
+        (row["record"], f"{row['start']:g} ... {row['end']:g}", row["channels"], row["for"])
+        for row in plan.record_rows()
+    ]
+    print_table(
+        ("record", "time [s]", "channels", "for"),
+        rows,
+        title="\nFlight records",
+        right=("channels",),
+    )
+    fits = [
+        (
+            row["fit"],
+            row["records"],
+            row["windows"],
+            f"{row['seconds']:.0f}",
+            "; ".join(row["models"]),
+        )
+        for row in plan.fit_rows()
+    ]
+    print_table(
+        ("fit", "records", "windows", "time [s]", "models"),
+        fits,
+        title="\nFits",
+        right=("records", "windows", "time [s]"),
+    )
+    cases = [
+        (
+            row["id"],
+            row["case"],
+            row["record"],
+            f"{row['start']:g} ... {row['end']:g}",
+            row["drive"],
+            row["criteria"],
+        )
+        for row in plan.case_rows()
+    ]
+    print_table(
+        ("row", "case", "record", "window [s]", "drive", "criteria"),
+        cases,
+        title="\nCases",
+        right=("criteria",),
+    )
+    click.echo("\nProducts\n" + "\n".join(plan.products))
+    ending = "" if plan.problems else "; nothing was computed or written"
+    click.echo(f"\n{count_text(len(plan.problems), 'problem')}{ending}")
