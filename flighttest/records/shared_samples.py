@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 import xarray as xr
 
 INERTIAL = ("p", "q", "r", "ax", "ay", "az", "ax_imu", "ay_imu", "az_imu")
@@ -168,9 +167,9 @@ def _sliding_correlation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     variance_a = overlap_mean(a * a, 0) - mean_a**2
     variance_b = overlap_mean(b * b, lags) - mean_b**2
     # sum over the overlap of a(t + lag) b(t), by the convolution theorem
-    size = scipy.fft.next_fast_len(lags.size, real=True)
-    product = scipy.fft.rfft(a, size) * scipy.fft.rfft(b[:, ::-1], size)
-    covariance = scipy.fft.irfft(product, size)[:, : lags.size] / count - mean_a * mean_b
+    size = 1 << lags.size.bit_length()
+    product = np.fft.rfft(a, size) * np.fft.rfft(b[:, ::-1], size)
+    covariance = np.fft.irfft(product, size)[:, : lags.size] / count - mean_a * mean_b
     # below a share of the variance of the whole series, the difference is rounding
     least = 1e-9 * np.maximum(a.var(axis=1), b.var(axis=1))[:, np.newaxis]
     is_valid = (count * STEP >= LEAST_OVERLAP) & (variance_a > least) & (variance_b > least)
