@@ -46,7 +46,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import ConfigDict, Field, WithJsonSchema, field_validator, model_validator
+from pydantic import (
+    ConfigDict,
+    Field,
+    StringConstraints,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
 
 from flightmech.aircraft.controls import (
     CONTROLS,
@@ -218,8 +225,10 @@ def read_aircraft(path: str | Path) -> Aircraft:
     return Aircraft(**parts)
 
 
-# a reason that a reader can judge has more than a word
-Reason = Annotated[str, Field(min_length=15)]
+# a reason that a reader can judge has more than a word; blanks and dots are none
+Reason = Annotated[
+    str, StringConstraints(strip_whitespace=True, min_length=15, pattern=r"[^\W_]\W+[^\W_]")
+]
 _Length = Annotated[float, InUnits("m")]
 _Vector = tuple[_Length, _Length, _Length]
 # JSON schema of a quantity whose unit depends on the control

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,8 @@ _POWER = {"thrust": ("thrust",), "n1": ("n1",), "throttle": ("throttle", "pla")}
 """By drive of the engines: the quantities that it sets.  The angle of a lever is its position."""
 
 _MOST_ENGINES = 8
+# fields of a case that only its page prints
+_TEXTS = ("title", "description", "objective", "procedure", "manual", "evaluation", "notes")
 
 
 @dataclass(frozen=True)
@@ -192,6 +194,14 @@ class PomCase:
         names = (*inputs, *self.models.values(), self.law, self.law_names)
         # a file that the case does not name is an empty text
         return [name for name in names if name]
+
+    def without_texts(self) -> PomCase:
+        """Return the case without the texts that only its page prints.
+
+        Simulations and verdicts do not depend on them, so that a change of a title repeats none.
+        """
+        empty: dict[str, Any] = dict.fromkeys(_TEXTS, "")
+        return replace(self, source={}, signatures={}, **empty)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the case as plain data."""

@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import pytest
@@ -21,6 +22,16 @@ def test_short_period_has_one_group_of_alternatives(write_case):
     assert found["pitch_angle"].band.text == "1.5 deg"
     assert found["normal_acceleration"].band.text == "0.1 g"
     assert found["pitch_angle"].window == (1.0, 9.0)
+
+
+def test_texts_of_the_page_are_separate_from_what_is_computed(write_case):
+    case = read_case(write_case())
+    texts = {"title": "Another", "notes": "late", "signatures": {"pilot": {"name": "A"}}}
+    assert dataclasses.replace(case, **texts).without_texts() == case.without_texts()
+    for other in ({"fraction": 0.5}, {"window": (1.0, 8.0)}, {"rationale": {"theta": "wide"}}):
+        assert dataclasses.replace(case, **other).without_texts() != case.without_texts()
+    # the page still has them
+    assert case.title
 
 
 def test_every_problem_at_once(write_case):
