@@ -1,0 +1,121 @@
+"""Delays of ground velocity, airspeed and vanes against inertial motion."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+import pandas as pd
+
+from flighttest.reconstruction.quality.checks.signals import ResampledChannels
+from flighttest.reconstruction.quality.navigation.inertial_fit import InertialFit
+from flighttest.reconstruction.quality.navigation.inertial_motion import MotionFits
+
+EXPLAINED = 0.9
+"""Share of a channel that inertial motion must explain; gusts and noise remain below."""
+
+_AGAINST = {
+    "vn": "ax ay az, attitude",
+    "ve": "ax ay az, attitude",
+    "vd": "ax ay az, attitude",
+    "alpha_vane": "q az_imu",
+    "beta_vane": "r p ay_imu",
+}
+_AGAINST_AIR = "ax_imu az_imu"
+_VANES = ("alpha_vane", "beta_vane")
+# s of a vane whose place is not known: a boom of 12 m at 80 m/s looks as much early
+_PLACE = 0.15
+# s, and standard errors, between the delays of two airspeeds that are reported both
+_APART, _SIGMAS = 0.1, 3.0
+
+Unchecked = list[tuple[str, str, tuple[str, ...], str]]
+
+
+def motion_delays(fits: MotionFits, placed: Collection[str] = ()) -> pd.DataFrame:
+    """Return the delays that inertial motion determines.
+
+    Parameters
+    ----------
+    fits : MotionFits
+    placed : collection of str
+        Channels that were moved to the c.g.
+
+    Returns
+    -------
+    DataFrame
+        ``channel against delay stderr correlation bound margin``, as `find_lags` returns it. The
+        margin is added to the delays that an instrument may have. [s]
+    """
+    rows = []
+    for name, fit in {**fits.ground, **_distinct(fits.air), **fits.flow}.items():
+        if not is_determined(fit):
+            continue
+        margin = 0.0
+        if name in _VANES and not {name, "ax_imu"} <= set(placed):
+            margin = _PLACE
+        against = _AGAINST.get(name, _AGAINST_AIR)
+        correlation = float(np.sqrt(fit.explained))
+        rows.append((name, against, fit.delay, fit.stderr, correlation, fit.bound, margin))
+    columns = ["channel", "against", "delay", "stderr", "correlation", "bound", "margin"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def merge_delays(usual: pd.DataFrame, inertial: pd.DataFrame) -> pd.DataFrame:
+    """Return the table of `find_lags` with its rows replaced where inertial motion gives a delay."""
+    kept = usual[~usual["channel"].isin(inertial["channel"])].assign(margin=0.0)
+    if inertial.empty:
+        return kept
+    if kept.empty:
+        return inertial
+    return pd.concat([kept, inertial], ignore_index=True)
+
+
+def delays_not_checked(fits: MotionFits, signals: ResampledChannels) -> Unchecked:
+    """Return the channels whose delay the motion does not show, with the reason."""
+    rows: Unchecked = []
+    for name in ("vn", "ve", "vd", *_first_airspeed(fits, signals), *_VANES):
+        if name not in signals:
+            continue
+        fit = fits.all.get(name)
+        if fit is not None and is_determined(fit):
+            continue
+        reason = "too little motion, or accelerometers, attitude or rates are absent"
+        if fit is not None:
+            reason = (
+                f"inertial motion explains {max(fit.explained, 0.0):.0%} of it, {EXPLAINED:.0%} "
+                f"are needed: a manoeuvre in calm air shows it"
+            )
+        rows.append((f"delay_{name}", f"delay of {name}", (), reason))
+    return rows
+
+
+def is_determined(fit: InertialFit) -> bool:
+    """Return whether a fit explains enough of its channel."""
+    return fit.explained > EXPLAINED and bool(fit.scales[0] > 0.0)
+
+
+def _first_airspeed(fits: MotionFits, signals: ResampledChannels) -> list[str]:
+    """Return the first airspeed with a fit, or else the first one of the record."""
+    fitted = list(fits.air)
+    recorded = [name for name in ("V", "q_c", "V_cas", "mach") if name in signals]
+    return (fitted or recorded)[:1]
+
+
+def _distinct(fits: dict[str, InertialFit]) -> dict[str, InertialFit]:
+    """Return the fit of the first airspeed, and of those that are later or earlier than it."""
+    distinct: dict[str, InertialFit] = {}
+    for name, fit in fits.items():
+        if not is_determined(fit):
+            continue
+        first = next(iter(distinct.values()), None)
+        if first is None or _is_apart(first, fit):
+            distinct[name] = fit
+    return distinct
+
+
+def _is_apart(first: InertialFit, second: InertialFit) -> bool:
+    if first.bound or second.bound:
+        return first.bound != second.bound
+    # both fits have the same reference, so their errors are nearly the same
+    limit = _APART + _SIGMAS * min(first.stderr, second.stderr)
+    return abs(first.delay - second.delay) > limit
