@@ -54,9 +54,14 @@ from flighttest.reconstruction.quality.declarations.air_temperature import (
     climb_findings,
     temperature_findings,
 )
+from flighttest.reconstruction.quality.declarations.centre_of_gravity import centre_findings
 from flighttest.reconstruction.quality.declarations.columns import (
     column_findings,
     pressure_height_findings,
+)
+from flighttest.reconstruction.quality.declarations.engines import (
+    lever_findings,
+    thrust_findings,
 )
 from flighttest.reconstruction.quality.declarations.geometry import geometry_findings
 from flighttest.reconstruction.quality.declarations.headings import heading_findings, with_headings
@@ -64,6 +69,7 @@ from flighttest.reconstruction.quality.declarations.inertia import (
     inertia_findings,
     product_findings,
 )
+from flighttest.reconstruction.quality.declarations.inertia_scale import exchange_findings
 from flighttest.reconstruction.quality.declarations.weight import weight_findings
 from flighttest.reconstruction.quality.finding import Finding, by_severity, without_consequences
 from flighttest.reconstruction.quality.navigation.air_data_closure import (
@@ -146,6 +152,7 @@ def assess(
     for explanation in explanations:
         mistaken += explanation.repair.channels
     findings += shared
+    findings += lever_findings(record, signals)
     findings += heading_findings(record, corrected, mistaken)
     findings += pressure_height_findings(corrected)
     findings += temperature_findings(corrected, record)
@@ -273,7 +280,7 @@ def _aircraft_findings(
     aircraft: Aircraft,
     record: xr.DataTree,
     database: xr.DataTree | None,
-) -> tuple[list[Finding], list[tuple[str, str, tuple[()], str]]]:
+) -> tuple[list[Finding], Unchecked]:
     """Return findings on the aircraft file, and the checks of it that are not possible."""
     weight, no_weight = weight_findings(signals, aircraft, record, database)
     product, no_product = product_findings(signals, aircraft)
@@ -281,12 +288,17 @@ def _aircraft_findings(
     # The checks of the weight use S and b, which may be wrong.
     if any(finding.severity != "note" for finding in geometry):
         weight = []
-    unchecked: list[tuple[str, str, tuple[()], str]] = []
+    unchecked: Unchecked = []
     if no_weight:
         unchecked.append(("weight", "mass, and lift", (), no_weight))
     if no_product:
         unchecked.append(("Ixz", "sign of Ixz, and pitching in rolls", (), no_product))
-    return [*geometry, *inertia_findings(aircraft), *weight, *product], unchecked
+    findings = [*geometry, *inertia_findings(aircraft), *weight, *product]
+    for check in (exchange_findings, centre_findings, thrust_findings):
+        found, reasons = check(signals, aircraft)
+        findings += found
+        unchecked += reasons
+    return findings, unchecked
 
 
 def _append_rows(table: pd.DataFrame, rows: list[Any]) -> pd.DataFrame:

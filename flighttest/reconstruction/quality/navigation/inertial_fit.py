@@ -9,7 +9,7 @@ after a separate removal of biases is wrong if the biases have absorbed a part o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -93,10 +93,32 @@ def fit_inertial(
     -----
     y(t + d) = sum_i c_i r_i(t) + polynomial of each stretch. The sum of squares is minimized over c
     and the polynomials for each d of a grid. The standard errors are the larger ones of the
-    coloured residuals and of the jackknife over stretches.
+    coloured residuals and of the jackknife over stretches. With fewer than four stretches they
+    include the differences from drifts of other orders.
     """
     shifts = _possible_shifts(step, min(longest, _SEARCH_SHARE * stretch))
     slices = _choose_stretches(mask, references[0], step=step, stretch=stretch, edge=shifts[-1])
+    fit = _fit_stretches(channel, references, slices, shifts, step=step, order=order)
+    if fit is None or len(slices) >= _JACKKNIFE:
+        return fit
+    # A few stretches show no scatter. Another order of the drift shows what the drift absorbs.
+    for other in (order - 1, order + 1):
+        compared = _fit_stretches(channel, references, slices, shifts, step=step, order=other)
+        if compared is not None:
+            fit = _with_difference(fit, compared)
+    return fit
+
+
+def _fit_stretches(
+    channel: np.ndarray,
+    references: Sequence[np.ndarray],
+    slices: list[slice],
+    shifts: np.ndarray,
+    *,
+    step: float,
+    order: int,
+) -> InertialFit | None:
+    """Return the fit of some stretches; None if they do not determine it."""
     pieces = [_detrended(channel, references, one, shifts, order=order) for one in slices]
     if not pieces:
         return None
@@ -117,6 +139,13 @@ def fit_inertial(
     if bound:
         stderr = np.inf
     return InertialFit(delay, stderr, scales, errors, explained=explained, bound=bound)
+
+
+def _with_difference(fit: InertialFit, other: InertialFit) -> InertialFit:
+    """Return a fit whose standard errors include the difference from another fit."""
+    stderr = max(fit.stderr, abs(fit.delay - other.delay))
+    errors = np.maximum(fit.errors, np.abs(fit.scales - other.scales))
+    return replace(fit, stderr=stderr, errors=errors)
 
 
 def _possible_shifts(step: float, longest: float) -> np.ndarray:

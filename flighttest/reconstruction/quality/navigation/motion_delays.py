@@ -14,6 +14,9 @@ from flighttest.reconstruction.quality.navigation.inertial_motion import MotionF
 EXPLAINED = 0.9
 """Share of a channel that inertial motion must explain; gusts and noise remain below."""
 
+LARGEST_ERROR = 0.3
+"""Standard error beyond which a delay is not determined. [s]"""
+
 _AGAINST = {
     "vn": "ax ay az, attitude",
     "ve": "ax ay az, attitude",
@@ -91,7 +94,8 @@ def delays_not_checked(fits: MotionFits, signals: ResampledChannels) -> Unchecke
 
 def is_determined(fit: InertialFit) -> bool:
     """Return whether a fit explains enough of its channel."""
-    return fit.explained > EXPLAINED and bool(fit.scales[0] > 0.0)
+    known = fit.bound or fit.stderr < LARGEST_ERROR
+    return known and fit.explained > EXPLAINED and bool(fit.scales[0] > 0.0)
 
 
 def _first_airspeed(fits: MotionFits, signals: ResampledChannels) -> list[str]:
