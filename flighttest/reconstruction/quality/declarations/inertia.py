@@ -196,6 +196,8 @@ def _reason_not_checked(fit: _Coupling, aircraft: Aircraft) -> str:
 
 def fit_coupling(signals: ResampledChannels, aircraft: Aircraft) -> _Coupling | None:
     """Return the estimates of the pitch equation; None if they are not determined."""
+    if not set(_COUPLING_CHANNELS) <= set(signals.values):
+        return None
     signals = signals.completed(("V",))
     lateral = [name for name in _LATERAL if name in signals and np.ptp(signals[name]) > 0.0]
     mask = signals.mask((*_COUPLING_CHANNELS, *lateral))

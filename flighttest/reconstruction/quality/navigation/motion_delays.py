@@ -14,6 +14,7 @@ from flighttest.reconstruction.quality.navigation.inertial_motion import MotionF
 EXPLAINED = 0.9
 """Share of a channel that inertial motion must explain; gusts and noise remain below."""
 
+_EXPLAINED_FLOW = 0.85  # the same share of a vane, whose own delay is in its reference
 LARGEST_ERROR = 0.3
 """Standard error beyond which a delay is not determined. [s]"""
 
@@ -28,6 +29,8 @@ _AGAINST_AIR = "ax_imu az_imu"
 _VANES = ("alpha_vane", "beta_vane")
 # s of a vane whose place is not known: a boom of 12 m at 80 m/s looks as much early
 _PLACE = 0.15
+# s of an airspeed: gusts are in it and not in the accelerations, and a few of them look like a delay
+_GUSTS = 0.15
 # s, and standard errors, between the delays of two airspeeds that are reported both
 _APART, _SIGMAS = 0.1, 3.0
 
@@ -51,11 +54,13 @@ def motion_delays(fits: MotionFits, placed: Collection[str] = ()) -> pd.DataFram
     """
     rows = []
     for name, fit in {**fits.ground, **_distinct(fits.air), **fits.flow}.items():
-        if not is_determined(fit):
+        if not is_determined(fit, _least_share(name)):
             continue
         margin = 0.0
         if name in _VANES and not {name, "ax_imu"} <= set(placed):
             margin = _PLACE
+        if name in fits.air:
+            margin = _GUSTS
         against = _AGAINST.get(name, _AGAINST_AIR)
         correlation = float(np.sqrt(fit.explained))
         rows.append((name, against, fit.delay, fit.stderr, correlation, fit.bound, margin))
@@ -80,22 +85,27 @@ def delays_not_checked(fits: MotionFits, signals: ResampledChannels) -> Unchecke
         if name not in signals:
             continue
         fit = fits.all.get(name)
-        if fit is not None and is_determined(fit):
+        if fit is not None and is_determined(fit, _least_share(name)):
             continue
         reason = "too little motion, or accelerometers, attitude or rates are absent"
         if fit is not None:
             reason = (
-                f"inertial motion explains {max(fit.explained, 0.0):.0%} of it, {EXPLAINED:.0%} "
-                f"are needed: a manoeuvre in calm air shows it"
+                f"inertial motion explains {max(fit.explained, 0.0):.0%} of it, "
+                f"{_least_share(name):.0%} are needed: a manoeuvre in calm air shows it"
             )
         rows.append((f"delay_{name}", f"delay of {name}", (), reason))
     return rows
 
 
-def is_determined(fit: InertialFit) -> bool:
+def is_determined(fit: InertialFit, least: float = EXPLAINED) -> bool:
     """Return whether a fit explains enough of its channel."""
     known = fit.bound or fit.stderr < LARGEST_ERROR
-    return known and fit.explained > EXPLAINED and bool(fit.scales[0] > 0.0)
+    return known and fit.explained > least and bool(fit.scales[0] > 0.0)
+
+
+def _least_share(name: str) -> float:
+    """Return the share of a channel that inertial motion must explain."""
+    return _EXPLAINED_FLOW if name in _VANES else EXPLAINED
 
 
 def _first_airspeed(fits: MotionFits, signals: ResampledChannels) -> list[str]:
