@@ -78,6 +78,6 @@ def _size_row(aircraft: Aircraft) -> Unchecked:
     reason = (
         f"{' and '.join(possible)} change all three by {_SLUG:.3g}, and the radii of gyration "
         f"({listed} of half the span) remain those of an aeroplane; motion shows ratios only: "
-        f"compare with a swing test or a mass breakdown"
+        f"compare with a pendulum test or a mass breakdown"
     )
     return [(*_SIZE_ROW, (), reason)]

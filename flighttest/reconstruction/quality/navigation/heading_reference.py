@@ -98,7 +98,7 @@ def compass_findings(signals: ResampledChannels) -> list[Finding]:
             text = (
                 f"psi wanders by {wander / DEGREE:.1f} deg rms against the gyros within "
                 f"{length:.0f} s, beyond a drift and a scale error of the gyros: a compass that is "
-                f"disturbed or swings"
+                f"disturbed or sticks"
             )
             remedy = (
                 "give psi a noise of this size, or leave it out; the reconstruction integrates the "
