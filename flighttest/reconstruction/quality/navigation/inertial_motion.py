@@ -87,8 +87,8 @@ def _fit_ground(signals: ResampledChannels) -> dict[str, InertialFit]:
     heading is not taken for a delay.
     """
     ahead, right, down = velocity_axes(signals, tuple(signals[name] for name in _FORCES))
-    needs = (*_ATTITUDE, *_FORCES)
-    references = {}
+    needs: tuple[str, ...] = (*_ATTITUDE, *_FORCES)
+    references: dict[str, tuple[np.ndarray, ...]] = {}
     if "psi" in signals:
         sp, cp = np.sin(signals["psi"]), np.cos(signals["psi"])
         north = integrate(cp * ahead - sp * right, signals.step)
