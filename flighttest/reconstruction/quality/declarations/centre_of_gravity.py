@@ -19,7 +19,7 @@ _CHORD, _CHORD_CERTAIN = (0.0, 0.6), (-0.5, 1.2)
 _AGREE = 0.05  # chords along x by which file and record may differ: fuel and load
 _AGREE_ACROSS = 0.15  # the same along y and z, which fuel and load move more
 _RECORDED = ("x_cg_b", "y_cg_b", "z_cg_b")
-_ROW = ("cg", "centre of gravity along x, to a tenth of the chord")
+_ROW = ("cg", "c.g. along x, to a tenth of the chord")
 
 Unchecked = list[tuple[str, str, tuple[str, ...], str]]
 

@@ -18,7 +18,7 @@ _SLUG = SLUG * FOOT**2
 _APART, _AGREE = 4.0, 2.0  # standard errors off the file, and around the exchanged moments
 _SHARPNESS = 0.25  # standard error over the difference of both coefficients
 _EXCHANGE_ROW = ("inertia_exchange", "Ixx and Iyy in their places")
-_SIZE_ROW = ("inertia_size", "size of the moments of inertia: slug ft2 or kg m2")
+_SIZE_ROW = ("inertia_size", "moments of inertia: slug ft2 or kg m2")
 
 Unchecked = list[tuple[str, str, tuple[str, ...], str]]
 

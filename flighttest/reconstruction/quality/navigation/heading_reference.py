@@ -27,7 +27,7 @@ _LEAST_ERROR = 0.1 * DEGREE
 _WANDER = ((60.0, 0.6 * DEGREE), (150.0, 1.0 * DEGREE), (400.0, 1.6 * DEGREE))
 _SHORTEST = 15.0  # s
 _TURN = 0.2  # rad of turning in a stretch, from which on a scale error of the gyro is removed too
-_TITLE = "reference of the heading: true or magnetic north"
+_TITLE = "heading: true or magnetic north"
 _ROW = ("heading_reference", _TITLE)
 
 

@@ -19,9 +19,9 @@ LARGEST_ERROR = 0.3
 """Standard error beyond which a delay is not determined. [s]"""
 
 _AGAINST = {
-    "vn": "ax ay az, attitude",
-    "ve": "ax ay az, attitude",
-    "vd": "ax ay az, attitude",
+    "vn": "ax ay az_imu",
+    "ve": "ax ay az_imu",
+    "vd": "ax ay az_imu",
     "alpha_vane": "q az_imu",
     "beta_vane": "r p ay_imu",
 }
