@@ -230,7 +230,9 @@ def _reference_findings(
     closure = closure_findings(comparisons, signals, late)
     airspeed, no_airspeed = airspeed_findings(motion, signals, record)
     temperature, no_temperature = climb_findings(signals)
-    findings = [*heading, *compass_findings(signals), *closure, *airspeed, *temperature]
+    compass, no_compass = compass_findings(signals)
+    findings = [*heading, *compass, *closure, *airspeed, *temperature]
+    no_heading += no_compass
     unchecked = delays_not_checked(motion, signals) + no_heading + no_airspeed + no_temperature
     return findings, unchecked + level_not_checked(comparisons, signals)
 

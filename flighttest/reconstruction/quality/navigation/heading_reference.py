@@ -73,8 +73,8 @@ def heading_reference_findings(
     ], []
 
 
-def compass_findings(signals: ResampledChannels) -> list[Finding]:
-    """Return the finding on a heading that wanders against the gyros.
+def compass_findings(signals: ResampledChannels) -> tuple[list[Finding], Unchecked]:
+    """Return the finding on a heading that wanders against the gyros, and what was not checked.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def compass_findings(signals: ResampledChannels) -> list[Finding]:
     """
     needs = ("psi", "phi", "theta", "q", "r")
     if not set(needs) <= set(signals.values):
-        return []
+        return [], []
     mask = signals.mask(needs)
     turned = integrate(heading_rate(signals)[1], signals.step)
     difference = signals["psi"] - turned
@@ -106,8 +106,13 @@ def compass_findings(signals: ResampledChannels) -> list[Finding]:
             )
             evidence = {"rms": wander, "length": length}
             channels = ("psi", "q", "r")
-            return [Finding("warning", "inconsistent", channels, text, remedy, evidence=evidence)]
-    return []
+            finding = Finding("warning", "inconsistent", channels, text, remedy, evidence=evidence)
+            return [finding], []
+    seconds = float(mask.sum()) * signals.step
+    if seconds > _WANDER[0][0]:
+        return [], []
+    reason = f"{seconds:.0f} s of flight; a compass that wanders more slowly looks like a drift"
+    return [], [("compass", "heading that wanders slowly", (), reason)]
 
 
 def _heading_error(fits: MotionFits) -> tuple[float, float] | None:

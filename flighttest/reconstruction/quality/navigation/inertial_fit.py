@@ -41,6 +41,8 @@ class InertialFit:
         Share of the variance of the channel that the references explain. [1]
     bound : bool
         Whether the delay lies at the end of the search.
+    seconds : float
+        Length of all stretches. [s]
     """
 
     delay: float
@@ -49,6 +51,7 @@ class InertialFit:
     errors: np.ndarray
     explained: float
     bound: bool
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -138,7 +141,8 @@ def _fit_stretches(
         errors = np.maximum(errors, by_stretch[1:])
     if bound:
         stderr = np.inf
-    return InertialFit(delay, stderr, scales, errors, explained=explained, bound=bound)
+    seconds = step * sum(one.stop - one.start for one in slices)
+    return InertialFit(delay, stderr, scales, errors, explained, bound=bound, seconds=seconds)
 
 
 def _with_difference(fit: InertialFit, other: InertialFit) -> InertialFit:

@@ -14,6 +14,8 @@ from flighttest.reconstruction.quality.navigation.inertial_motion import MotionF
 EXPLAINED = 0.9
 """Share of a channel that inertial motion must explain; gusts and noise remain below."""
 
+_KNOWN, _KNOWN_FLOW = 0.15, 0.03  # s of standard error up to which a delay counts as checked
+_SHORTEST = 10.0  # s of motion; the drift of a shorter stretch absorbs too much of it
 _EXPLAINED_FLOW = 0.85  # the same share of a vane, whose own delay is in its reference
 LARGEST_ERROR = 0.3
 """Standard error beyond which a delay is not determined. [s]"""
@@ -85,10 +87,12 @@ def delays_not_checked(fits: MotionFits, signals: ResampledChannels) -> Unchecke
         if name not in signals:
             continue
         fit = fits.all.get(name)
-        if fit is not None and is_determined(fit, _least_share(name)):
-            continue
         reason = "too little motion, or accelerometers, attitude or rates are absent"
-        if fit is not None:
+        if fit is not None and is_determined(fit, _least_share(name)):
+            if fit.bound or fit.stderr < _known_to(name):
+                continue
+            reason = f"known with a standard error of {1e3 * fit.stderr:.0f} ms only"
+        elif fit is not None:
             reason = (
                 f"inertial motion explains {max(fit.explained, 0.0):.0%} of it, "
                 f"{_least_share(name):.0%} are needed: a manoeuvre in calm air shows it"
@@ -100,7 +104,14 @@ def delays_not_checked(fits: MotionFits, signals: ResampledChannels) -> Unchecke
 def is_determined(fit: InertialFit, least: float = EXPLAINED) -> bool:
     """Return whether a fit explains enough of its channel."""
     known = fit.bound or fit.stderr < LARGEST_ERROR
+    if fit.seconds < _SHORTEST:
+        return False
     return known and fit.explained > least and bool(fit.scales[0] > 0.0)
+
+
+def _known_to(name: str) -> float:
+    """Return the standard error up to which a delay counts as checked. [s]"""
+    return _KNOWN_FLOW if name in _VANES else _KNOWN
 
 
 def _least_share(name: str) -> float:
