@@ -5,6 +5,7 @@ The checks run in order. Each check works on channels without the mistakes that 
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -180,7 +181,7 @@ def assess(
     findings += accuracy_findings(kinematics)
     findings += lags
     references, reasons = _reference_findings(
-        motion, comparisons, on_time, record=record, late=_late_channels(lags)
+        motion, comparisons, on_time, record=record, late=_late_channels(lags), placed=positions
     )
     findings += references
     unchecked = _append_rows(unchecked, reasons)
@@ -220,6 +221,7 @@ def _reference_findings(
     *,
     record: xr.DataTree,
     late: set[str],
+    placed: Collection[str],
 ) -> tuple[list[Finding], Unchecked]:
     """Return findings on heading, airspeed and air data, and what of them was not checked.
 
@@ -233,7 +235,9 @@ def _reference_findings(
     compass, no_compass = compass_findings(signals)
     findings = [*heading, *compass, *closure, *airspeed, *temperature]
     no_heading += no_compass
-    unchecked = delays_not_checked(motion, signals) + no_heading + no_airspeed + no_temperature
+    unchecked = (
+        delays_not_checked(motion, signals, placed) + no_heading + no_airspeed + no_temperature
+    )
     return findings, unchecked + level_not_checked(comparisons, signals)
 
 

@@ -21,9 +21,9 @@ from flighttest.reconstruction.quality.navigation.inertial_motion import (
 from flighttest.reconstruction.quality.navigation.motion_delays import Unchecked, is_determined
 
 # deviations from one that are a note and a warning: position errors reach 2 % of the airspeed
-_NOTE, _WARNING, _SIGMAS = 0.015, 0.025, 3.0
+_NOTE, _WARNING, _SIGMAS = 0.01, 0.025, 3.0
 _LEAST_ERROR = 0.002  # of one estimate
-_KNOWN = 0.01  # standard error up to which the scale counts as checked
+_KNOWN = 0.006  # standard error up to which the scale counts as checked
 _BAND = 0.2  # Hz, of air and ground velocity
 _CLOCK = 0.5  # s between the samples of the wind triangle
 _BLOCKS, _FEWEST = 12, 60  # of the jackknife; samples of a wind triangle
@@ -73,7 +73,7 @@ def airspeed_findings(
     scale, stderr = _combine(estimates)
     if not stderr < _KNOWN:
         missing = tuple(name for name in ("vn", "ve", "psi") if name not in signals)
-        known = f"known to {stderr:.0%} only" if np.isfinite(stderr) else "not determined"
+        known = f"known to {stderr:.1%} only" if np.isfinite(stderr) else "not determined"
         reason = f"{known}: acceleration and deceleration, or a turn, in calm air"
         if missing:
             reason += f"; {', '.join(missing)} would show it in a turn"

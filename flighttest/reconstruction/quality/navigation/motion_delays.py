@@ -80,7 +80,9 @@ def merge_delays(usual: pd.DataFrame, inertial: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([kept, inertial], ignore_index=True)
 
 
-def delays_not_checked(fits: MotionFits, signals: ResampledChannels) -> Unchecked:
+def delays_not_checked(
+    fits: MotionFits, signals: ResampledChannels, placed: Collection[str] = ()
+) -> Unchecked:
     """Return the channels whose delay the motion does not show, with the reason."""
     rows: Unchecked = []
     for name in ("vn", "ve", "vd", *_first_airspeed(fits, signals), *_VANES):
@@ -89,9 +91,12 @@ def delays_not_checked(fits: MotionFits, signals: ResampledChannels) -> Unchecke
         fit = fits.all.get(name)
         reason = "too little motion, or accelerometers, attitude or rates are absent"
         if fit is not None and is_determined(fit, _least_share(name)):
-            if fit.bound or fit.stderr < _known_to(name):
+            unplaced = name in _VANES and not {name, "ax_imu"} <= set(placed)
+            if fit.bound or (fit.stderr < _known_to(name) and not unplaced):
                 continue
             reason = f"known with a standard error of {1e3 * fit.stderr:.0f} ms only"
+            if unplaced:
+                reason = f"known to {_PLACE:g} s only: its place (instruments) is not stated"
         elif fit is not None:
             reason = (
                 f"inertial motion explains {max(fit.explained, 0.0):.0%} of it, "
