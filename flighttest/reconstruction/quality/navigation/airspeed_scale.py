@@ -27,6 +27,7 @@ _KNOWN = 0.006  # standard error up to which the scale counts as checked
 _BAND = 0.2  # Hz, of air and ground velocity
 _CLOCK = 0.5  # s between the samples of the wind triangle
 _BLOCKS, _FEWEST = 12, 60  # of the jackknife; samples of a wind triangle
+_CLIMB = 20.0  # m of height, from which on the wind may change with it
 _UNIT = 0.03  # logarithm within which a factor of units explains a scale
 _MPH = 1609.344 / 3600.0
 _SPEED_UNITS = (
@@ -139,7 +140,7 @@ def _wind_triangle(signals: ResampledChannels) -> tuple[float, float] | None:
 
     (vn, ve) = k R(d) (n, e) + wind, with the horizontal air velocity (n, e) of airspeed, vanes and
     attitude, turned by a constant error d of heading or sideslip. Linear in k cos(d), k sin(d) and
-    the wind.
+    the wind, which may change linearly with height.
     """
     needs = ("vn", "ve", "V", "psi", "phi", "theta")
     if not set(needs) <= set(signals.values):
@@ -157,8 +158,12 @@ def _wind_triangle(signals: ResampledChannels) -> tuple[float, float] | None:
     if len(samples) < _FEWEST:
         return None
     n, e, vn, ve = (lowpass_if_possible(x, signals.step, _BAND)[samples] for x in tracks)
-    one, zero = np.ones_like(n), np.zeros_like(n)
-    X = np.stack([np.stack([n, -e, one, zero], axis=1), np.stack([e, n, zero, one], axis=1)])
+    winds = [np.ones_like(n)]
+    height = signals.values.get("h_baro", signals.values.get("h_gps"))
+    if height is not None and np.ptp(height[samples]) > _CLIMB:
+        winds.append((height[samples] - height[samples].mean()) / np.ptp(height[samples]))
+    wind, still = np.stack(winds, axis=1), np.zeros((len(n), len(winds)))
+    X = np.stack([np.column_stack([n, -e, wind, still]), np.column_stack([e, n, still, wind])])
     y = np.stack([vn, ve])
     if not np.linalg.cond(np.concatenate(X)) < 1e4:
         return None

@@ -138,12 +138,14 @@ def _accelerations(signals: ResampledChannels) -> tuple[np.ndarray, ...]:
 def _fit_airspeeds(signals: ResampledChannels) -> Iterator[tuple[str, InertialFit]]:
     """Yield the fit of each airspeed against the acceleration along the path.
 
-    V_dot = (ax cos(alpha) + az sin(alpha)) cos(beta) + ay sin(beta), in air of constant wind.
+    V_dot = (ax cos(alpha) + az sin(alpha)) cos(beta) + ay sin(beta), in air of constant wind. A
+    wind that changes linearly with height adds terms of the height: a phugoid exchanges height and
+    speed, and a shear of 0.01/s would look like a scale error of 9 %.
     """
     ax, ay, az = _accelerations(signals)
     alpha, beta = _flow_angles(signals)
     along = (ax * np.cos(alpha) + az * np.sin(alpha)) * np.cos(beta) + ay * np.sin(beta)
-    reference = integrate(along, signals.step)
+    references = (integrate(along, signals.step), *_wind_shear(signals))
     stretch = _length(signals, _AIR)
     if stretch < _SHORTEST_AIR:
         return
@@ -157,7 +159,7 @@ def _fit_airspeeds(signals: ResampledChannels) -> Iterator[tuple[str, InertialFi
             continue
         fit = fit_inertial(
             alone["V"],
-            (reference,),
+            references,
             mask=alone.mask((*_ATTITUDE, *_FORCES, "V")),
             step=signals.step,
             stretch=stretch,
@@ -165,6 +167,16 @@ def _fit_airspeeds(signals: ResampledChannels) -> Iterator[tuple[str, InertialFi
         )
         if fit is not None:
             yield name, fit
+
+
+def _wind_shear(signals: ResampledChannels) -> tuple[np.ndarray, ...]:
+    """Return the terms of a wind that changes with height; none without a height."""
+    height = signals.values.get("h_baro", signals.values.get("h_gps"))
+    if height is None:
+        return ()
+    if "psi" not in signals:
+        return (height,)
+    return height * np.cos(signals["psi"]), height * np.sin(signals["psi"])
 
 
 def alone_names(signals: ResampledChannels) -> set[str]:
