@@ -78,6 +78,9 @@ def find_lags(signals: ResampledChannels, placed: Iterable[str] = ()) -> pd.Data
         if relation.name not in _PAIRS or relation.missing(signals):
             continue
         channel, against = _PAIRS[relation.name]
+        # a formed airspeed has no entry in a name map; `fit_motion` times its source
+        if channel not in signals:
+            continue
         if channel in _VANES and not {channel, "ax_imu"} <= placed:
             continue
         mask = signals.mask(relation.channels(signals))
