@@ -65,25 +65,25 @@ NUMBERS = (
     "first_exit",
     "inside",
 )
-DEPARTURES = ("departure", "trim_allowed")
+DEPARTURES = ("departure", "trim_allowed", "waived", "tables_left", "below_runway")
 """Kinds of remarks that make a pass a ``pass_with_departures``."""
 NOTICES = (
     *DEPARTURES,
+    "additional",
     "record",
+    "record_warning",
     "watch",
     "far_from_evidence",
     "edited_evidence",
-    "tables_left",
-    "below_runway",
-    "waived",
 )
 """Kinds of remarks that index, page and terminal show next to the verdict.
 
 ``departure`` is a departure of the case from the printed row (`pom.judging.departures`),
-``trim_allowed`` a trim beyond its limits that the case file allows, ``record`` an error of the
-flight record, ``watch`` a watched channel beyond its limit. ``far_from_evidence`` names terms far
-from their flight estimate, ``tables_left`` tables that the flight left, ``below_runway`` a model
-that sank through the runway.
+``trim_allowed`` a trim beyond its limits that the case file allows, ``waived`` inputs that the
+model does not have, ``tables_left`` tables that the flight left, ``below_runway`` a model that sank
+through the runway.  ``additional`` is a case in another configuration that states itself so,
+``record`` an error and ``record_warning`` a warning of the flight record, ``watch`` a watched
+channel beyond its limit, ``far_from_evidence`` terms far from their flight estimate.
 """
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
 STATUSES = (

@@ -29,6 +29,7 @@ from flightmech.support.atomic_write import resolve_folder
 from flightmech.support.kept_stages.sharing import demand_scheduler
 from flightmech.support.kept_stages.stages import Kept, Stages
 from pom.cases.case import PomCase
+from pom.cases.case_facts import contradictions
 
 
 @dataclass(frozen=True)
@@ -214,6 +215,7 @@ def make_plan(
         case = run_collecting_problems(problems, "", pom.read_case, file)
         if case is not None:
             plan.cases.append(case)
+    problems += contradictions(plan.cases)
     problems += model_checks.name_problems(project)
     aircraft = run_collecting_problems(problems, "", flightmech.read_aircraft, project.aircraft)
     apriori: Aircraft | None = None

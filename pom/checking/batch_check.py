@@ -16,6 +16,7 @@ from flightmech.errors import AeromatchError, SchemaError
 from flightmech.support.atomic_write import write_text
 from flighttest.reconstruction.states_at_start import start_states
 from pom.cases.case import PomCase
+from pom.cases.case_facts import demand_agreement
 from pom.cases.reference_states import read_path_states
 from pom.checking.case_check import RecordCheck, RecordError, case_problems, check_key
 from pom.fmu.models import FmuModel, Models
@@ -91,9 +92,11 @@ def check_batch(
     Raises
     ------
     SchemaError
-        With every problem of every case of a raw record (`case_problems`).  `pom.replay_all` checks
+        With every problem of every case of a raw record (`case_problems`), or every contradiction
+        between cases on facts of the aircraft.  `pom.replay_all` checks
         the cases of reconstructed paths itself.
     """
+    demand_agreement(cases)
     groups = _group_cases(cases)
     store = KeptChecks(Path(folder).resolve() if folder is not None else None)
     checks: dict[str, RecordCheck] = {}

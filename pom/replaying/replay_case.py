@@ -12,6 +12,7 @@ import xarray as xr
 
 from flightmech.errors import AeromatchError, SchemaError
 from pom.cases.case import PomCase
+from pom.cases.case_facts import check_record_facts
 from pom.cases.job import ReplayJob, job_of
 from pom.cases.reference_states import flight_states
 from pom.fmu.description import check_interface
@@ -104,6 +105,7 @@ def replay(
 def plan_of(case: PomCase, path: Any = None) -> ReplayPlan:
     """Return the plan for `perform_plan`; parameters and errors as `replay`."""
     states = flight_states(case, path)
+    check_record_facts(case, states)
     job = job_of(case, states)
     return ReplayPlan(settle_case(case, job.time, sampled_channels(states)), states, job)
 

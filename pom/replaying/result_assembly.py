@@ -16,6 +16,7 @@ from pom.cases.job import ReplayJob, initial_configuration
 from pom.cases.reference_states import CALIBRATION
 from pom.judging.beyond_the_bands import watch_channels
 from pom.judging.departures import case_departures, record_departures
+from pom.judging.row_conditions import condition_remarks
 from pom.judging.signals import Comparison, RunSignals, signals_of_run, traces_of
 from pom.judging.verdict import band_widths, formed_channels, judge_match, verdict_row
 from pom.replaying.replay_channels import (
@@ -70,7 +71,11 @@ def assemble_result(
     signals = _join_signals(channels, flight, applied)
     # What depends on the flight alone is computed once for all models.
     match = Comparison(case, job.time, flight, flight)
-    departures = (*case_departures(case), *record_departures(case, states))
+    departures = (
+        *case_departures(case),
+        *record_departures(case, states),
+        *condition_remarks(case, flight),
+    )
     rows: list[dict[str, Any]] = []
     for name, outputs in applied.items():
         rows += _verdict_rows(
