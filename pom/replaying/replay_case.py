@@ -20,7 +20,7 @@ from pom.fmu.models import FmuModel, Models
 from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import check_law, fly_job
 from pom.judging.applicability import settle_case
-from pom.judging.beyond_the_bands import Evidence, evidence_remarks
+from pom.judging.beyond_the_bands import GROUND_VELOCITY, Evidence, evidence_remarks
 from pom.replaying.replay_channels import (
     judged_channels,
     moved_controls,
@@ -159,7 +159,9 @@ def perform_plan(
         ranges = table_ranges(model.fmu.path, model.fmu.sha256)
         # The variables of the tables show where a run left them.
         axes = [item.variable for item in ranges]
-        requested = {*_output_names([*channels, *axes], model.links.outputs), *OBSERVED}
+        # The velocity over the ground shows the track, which no row judges.
+        names = [*channels, *axes, *GROUND_VELOCITY]
+        requested = {*_output_names(names, model.links.outputs), *OBSERVED}
         job, trim_remarks, refused = solve_trim_surfaces(
             plan.job,
             plan.case.drive.trim_surfaces,

@@ -14,7 +14,7 @@ from flightmech.support.console import to_json_types
 from pom.cases.case import PomCase
 from pom.cases.job import ReplayJob, initial_configuration
 from pom.cases.reference_states import CALIBRATION
-from pom.judging.beyond_the_bands import watch_channels
+from pom.judging.beyond_the_bands import watch_channels, watch_track
 from pom.judging.departures import case_departures, record_departures
 from pom.judging.row_conditions import condition_remarks
 from pom.judging.signals import Comparison, RunSignals, signals_of_run, traces_of
@@ -120,7 +120,10 @@ def _verdict_rows(
         watched: tuple[RowRemark, ...] = ()
     else:
         reasons = beyond_limits(limits, outputs, demanded=True)
-        watched = watch_channels(case, time, traces_of(signals, "flight"), traces_of(signals, run))
+        watched = (
+            *watch_channels(case, time, traces_of(signals, "flight"), traces_of(signals, run)),
+            *watch_track(case, time, match.flight, outputs),
+        )
     remarks = (*usual, *watched, *more)
     outcomes = judge_match(match.against(outputs))
     rows = []
