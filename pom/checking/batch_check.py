@@ -42,8 +42,9 @@ class KeptChecks:
             return None
         try:
             item: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-            errors = [RecordError(**error) for error in item["errors"]]
-            return RecordCheck(item["record"], item["verdict"], tuple(errors))
+            errors = tuple(RecordError(**error) for error in item["errors"])
+            warnings = tuple(RecordError(**warning) for warning in item["warnings"])
+            return RecordCheck(item["record"], item["verdict"], errors, warnings)
         except (ValueError, KeyError, TypeError):
             # a damaged file is computed and written again
             return None

@@ -96,7 +96,8 @@ def _row_departures(case: PomCase, own: Criterion, row: Criterion) -> Iterator[R
     if not is_within(own, row.band):
         times = _width_ratio(own, row.band)
         ratio = "" if times is None else f", {times:.3g} times as wide"
-        text = f"tolerance of {own.name} {own.band.text}, printed {row.band.text}{ratio}"
+        printed = f"printed {row.band.text}" if row.band.limits else "its number was not read"
+        text = f"tolerance of {own.name} {own.band.text}, {printed}{ratio}"
         yield _departure(text, own.name)
     start, stop = _clip(_asked_window(case, own), case.window)
     if own.window[0] > start + _SAME_TIME or own.window[1] < stop - _SAME_TIME:
