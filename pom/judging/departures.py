@@ -79,6 +79,15 @@ def _departure(text: str, quantity: str) -> RowRemark:
     return RowRemark("departure", f"departure: {text}", quantity)
 
 
+def printed_texts(case: PomCase) -> dict[str, str]:
+    """Return the printed tolerance of every row with a band of the case file, by name."""
+    own = {c.name for c in case.criteria if c.provenance == "case file" and c.parameter}
+    if not own:
+        return {}
+    printed = _printed_criteria(case)
+    return {name: printed[name].band.text for name in own & printed.keys()}
+
+
 def _printed_criteria(case: PomCase) -> dict[str, Criterion]:
     """Return the rows of the table as criteria with the printed window, by name."""
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -10,11 +11,20 @@ import numpy as np
 from flightmech.units import DEGREE, KNOT
 from pom.cases.case import PomCase
 from pom.judging.condition_checks import NotChecked, control_travel
-from pom.judging.signals import RunSignals, trace_of
+from pom.judging.signals import RunSignals
 from pom.result import PomResult, make_verdict_table
 from pom.tolerances.bands import RowRemark
 from pom.tolerances.channels import plain_id
 from pom.tolerances.stated_conditions import CONDITIONS, STATED
+
+VALUES = "row_conditions"  # attribute of the signals of a result: JSON
+MEASURED_AT = {
+    "taxi_speeds": ("V_ground", "capture"),
+    "both_directions": ("phi", "release"),
+    "speeds_about_trim": ("V_cas", "capture"),
+    "rudder_positions": ("delta_r", "capture"),
+}
+"""By condition: the channel that shows it, and the event of the case at which it is read."""
 
 TAXI_SPEEDS = 5.0 * KNOT  # test 1.a.2
 SPEEDS = 2.0 * KNOT  # our number: nearer airspeeds are one speed
@@ -79,25 +89,41 @@ def _group_remarks(results: Sequence[PomResult]) -> tuple[RowRemark, ...]:
     return tuple(remarks)
 
 
-def _values(results: Sequence[PomResult], channel: str, event: str) -> np.ndarray:
-    """Return a flight channel of every case at an event of the case (cases,). [SI]"""
+def report_values(case: PomCase, flight: RunSignals) -> str:
+    """Return what the flight of a case shows of the conditions over several cases, as JSON.
+
+    Every condition has its number [SI], or a text that states what is missing.  The text is the
+    attribute `VALUES` of the signals of the result.
+    """
+    values: dict[str, float | str] = {}
+    for name in STATED.get(plain_id(case.id), ()):
+        if name not in MEASURED_AT:
+            continue
+        channel, event = MEASURED_AT[name]
+        instant = case.events.get(event)
+        if instant is None:
+            values[name] = f"case {case.name} does not give the event {event}"
+        elif channel not in flight:
+            values[name] = f"the record of case {case.name} has no {channel}"
+        else:
+            values[name] = float(np.interp(instant, flight.time, flight[channel]))
+    return json.dumps(values) if values else ""
+
+
+def _values(results: Sequence[PomResult], name: str) -> np.ndarray:
+    """Return the number of every case for a condition (cases,). [SI]"""
     found = []
     for result in results:
-        instant = result.case.events.get(event)
-        if instant is None:
-            raise NotChecked(f"case {result.case.name} does not give the event {event}")
-        names = map(str, result.signals.data_vars)
-        raw = {name: trace_of(result.signals, "flight", name) for name in names}
-        time = result.signals["time"].values
-        flight = RunSignals(raw, time)
-        if channel not in flight:
-            raise NotChecked(f"case {result.case.name} does not show {channel}")
-        found.append(float(np.interp(instant, time, flight[channel])))
+        stored = json.loads(result.signals.attrs.get(VALUES, "{}"))
+        value = stored.get(name, f"the result of case {result.case.name} is of an older version")
+        if isinstance(value, str):
+            raise NotChecked(value)
+        found.append(value)
     return np.array(found)
 
 
 def _check_taxi_speeds(results: Sequence[PomResult]) -> str:
-    speeds = _values(results, "V_ground", "capture")
+    speeds = _values(results, "taxi_speeds")
     span = float(np.ptp(speeds))
     # 5 kt apart, as printed to a tenth of a knot
     if span >= 0.99 * TAXI_SPEEDS:
@@ -107,7 +133,7 @@ def _check_taxi_speeds(results: Sequence[PomResult]) -> str:
 
 
 def _check_directions(results: Sequence[PomResult]) -> str:
-    bank = _values(results, "phi", "release")
+    bank = _values(results, "both_directions")
     if (bank > 0.0).any() and (bank < 0.0).any():
         return ""
     side = "right" if bank[0] > 0.0 else "left"
@@ -124,7 +150,7 @@ def _count_apart(values: np.ndarray, least: float) -> int:
 
 
 def _check_speeds(results: Sequence[PomResult]) -> str:
-    count = _count_apart(_values(results, "V_cas", "capture"), SPEEDS)
+    count = _count_apart(_values(results, "speeds_about_trim"), SPEEDS)
     if count >= 4:
         return ""
     plural = "s" if count != 1 else ""
@@ -132,7 +158,7 @@ def _check_speeds(results: Sequence[PomResult]) -> str:
 
 
 def _check_rudder(results: Sequence[PomResult]) -> str:
-    angles = np.abs(_values(results, "delta_r", "capture"))
+    angles = np.abs(_values(results, "rudder_positions"))
     count = _count_apart(angles, 1.0 * DEGREE)
     largest = float(angles.max())
     travel = control_travel(results[0].case, "delta_r")

@@ -16,6 +16,7 @@ from pom.cases.job import ReplayJob, initial_configuration
 from pom.cases.reference_states import CALIBRATION
 from pom.judging.beyond_the_bands import watch_channels, watch_track
 from pom.judging.departures import case_departures, record_departures
+from pom.judging.report_conditions import VALUES, report_values
 from pom.judging.row_conditions import condition_remarks
 from pom.judging.signals import Comparison, RunSignals, signals_of_run, traces_of
 from pom.judging.verdict import band_widths, formed_channels, judge_match, verdict_row
@@ -61,6 +62,9 @@ def assemble_result(
     attributes: dict[str, Any] = {}
     if CALIBRATION in states.attrs:
         attributes[CALIBRATION] = states.attrs[CALIBRATION]
+    stated = report_values(case, flight)
+    if stated:
+        attributes[VALUES] = stated
     # The corrections of the math pilot are outputs less inputs, before the applied positions.
     if job.pilot:
         attributes[PILOT] = json.dumps(to_json_types(_pilot_rows(job, outputs_by_run)))
