@@ -362,6 +362,18 @@ def group_verdicts(case: PomCase, verdicts: Mapping[str, str]) -> dict[str, str]
     return groups
 
 
+def judged_groups(groups: Mapping[str, str]) -> dict[str, str]:
+    """Return the groups without those that are not tested, if another one is judged.
+
+    What a case does not test shows nothing about the terms of a model: a diagnosis and a tuning go
+    by the other groups.  The status of the case counts all groups.
+    """
+    judged = {name: verdict for name, verdict in groups.items() if verdict != "not_tested"}
+    if {"pass", "fail", "invalid"} & set(judged.values()):
+        return judged
+    return dict(groups)
+
+
 def status_of(
     groups: Mapping[str, str],
     limits_exceeded: bool = False,

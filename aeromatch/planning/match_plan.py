@@ -29,7 +29,7 @@ from flightmech.support.atomic_write import resolve_folder
 from flightmech.support.kept_stages.sharing import demand_scheduler
 from flightmech.support.kept_stages.stages import Kept, Stages
 from pom.cases.case import PomCase
-from pom.cases.case_facts import contradictions
+from pom.cases.fact_agreement import contradictions
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from flightmech.errors import AeromatchError, SchemaError
 from flightmech.support.atomic_write import write_text
 from flighttest.reconstruction.states_at_start import start_states
 from pom.cases.case import PomCase
-from pom.cases.case_facts import demand_agreement
+from pom.cases.fact_agreement import demand_agreement
 from pom.cases.reference_states import read_path_states
 from pom.checking.case_check import RecordCheck, RecordError, case_problems, check_key
 from pom.fmu.models import FmuModel, Models

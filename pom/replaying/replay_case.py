@@ -12,7 +12,7 @@ import xarray as xr
 
 from flightmech.errors import AeromatchError, SchemaError
 from pom.cases.case import PomCase
-from pom.cases.case_facts import check_record_facts
+from pom.cases.fact_agreement import check_record_facts
 from pom.cases.job import ReplayJob, job_of
 from pom.cases.reference_states import flight_states
 from pom.fmu.description import check_interface

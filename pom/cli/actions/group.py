@@ -22,7 +22,7 @@ from flightmech.support.kept_stages.sharing import demand_scheduler
 from pom.archive.archive import Custody
 from pom.archive.origins import ReportProvenance, provenance
 from pom.cases.case import PomCase, read_case
-from pom.cases.case_facts import contradictions
+from pom.cases.fact_agreement import contradictions
 from pom.cases.reference_states import window_problem
 from pom.checking.batch_check import check_batch
 from pom.checking.case_check import RecordCheck, checks_text, with_record_checks

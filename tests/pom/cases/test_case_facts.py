@@ -8,7 +8,7 @@ import flightmech
 from flightmech.aircraft.facts import AircraftFacts, read_facts
 from flightmech.errors import SchemaError
 from pom.cases.case import PomCase, read_case
-from pom.cases.case_facts import check_record_facts, contradictions, demand_agreement
+from pom.cases.fact_agreement import check_record_facts, contradictions, demand_agreement
 
 AIRCRAFT = """name = "A"
 S = 20.0
@@ -121,5 +121,5 @@ def test_cases_of_one_report_agree_on_the_aircraft(write_case):
     assert contradictions([claims, two, three]) == []
     (text,) = contradictions([claims, silent])
     assert "claims reversible_controls and this case does not" in text
-    with pytest.raises(SchemaError, match="engines is 4, and case .* has 2"):
+    with pytest.raises(SchemaError, match=r"engines is 4, and case .* has 2"):
         demand_agreement([other, two])

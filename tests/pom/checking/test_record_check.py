@@ -208,7 +208,5 @@ def test_a_warning_on_the_record_is_stated_and_a_late_control_is_a_departure(pas
     assert found[0].startswith("departure: warning on the flight record: lag:delta_e+q")
     assert found[1] == f"warning on the flight record: noise:q: {noise.text}"
     # what does not drive the model is a notice
-    (made,) = with_record_checks(
-        [passed], {passed.case.record: RecordCheck("r", "", (), (noise,))}
-    )
+    (made,) = with_record_checks([passed], {passed.case.record: RecordCheck("r", "", (), (noise,))})
     assert made.status("final") == "pass"

@@ -92,7 +92,8 @@ def test_a_record_called_short_must_be_short(write_case):
         return [remark.text for remark in record_departures(case, states)]
 
     (text,) = found(*case.window)
-    assert "the record holds" in text and "that the rows require (the record ends)" in text
+    assert "the record holds" in text
+    assert "that the rows require (the record ends)" in text
     (text,) = found(0.0, 60.0)
     assert "is called short (the record ends), but the record holds" in text
 

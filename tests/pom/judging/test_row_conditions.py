@@ -117,7 +117,8 @@ def test_what_is_not_known_is_stated_as_not_checked():
 
 def test_unknown_controls_leave_the_rows_of_forces_with_a_departure():
     (found,) = texts(made("2.d.2", facts={}), **CLEAN)
-    assert "wheel_force is not judged" in found and "[facts] reversible_controls" in found
+    assert "wheel_force is not judged" in found
+    assert "[facts] reversible_controls" in found
     assert texts(made("2.d.2"), **CLEAN) == []
 
 
@@ -155,7 +156,9 @@ def test_the_track_over_the_ground_is_watched():
     # 20 s at a speed across make an offset: 10 ft is watched, 30 ft is a departure
     assert watched(9.9 * FOOT / 20.0) == ()
     (remark,) = watched(-20.0 * FOOT / 20.0)
-    assert remark.kind == "watch" and "20 ft to the left" in remark.text
+    assert remark.kind == "watch"
+    assert "20 ft to the left" in remark.text
     (remark,) = watched(40.0 * FOOT / 20.0)
-    assert remark.kind == "departure" and "40 ft to the right" in remark.text
+    assert remark.kind == "departure"
+    assert "40 ft to the right" in remark.text
     assert watch_track(replace(case, drive=CaseInputs()), TIME, flight, flight) == ()
