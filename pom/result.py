@@ -489,6 +489,12 @@ def _collect_texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[
     return list(texts)
 
 
+def is_additional(result: PomResult) -> bool:
+    """Return whether the case states itself as additional: in another configuration than its row."""
+    kinds = {remark.kind for row in result.rows for remark in row["remarks"]}
+    return "additional" in kinds
+
+
 def has_trim_remark(row: Mapping[Hashable, Any]) -> bool:
     """Return whether a row of the verdict table has a remark on a trim beyond its limits."""
     return any(remark.kind == "trim" for remark in row["remarks"])

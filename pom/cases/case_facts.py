@@ -11,8 +11,9 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from flightmech.aircraft.facts import FactsTable, FileFacts, read_facts
-from flightmech.errors import AeromatchError, SchemaError
+from flightmech.aircraft.facts import MASS_ROUNDING, FactsTable, FileFacts, read_facts
+from flightmech.errors import AeromatchError, SchemaError, UnitError
+from flightmech.units import parse_quantity
 from pom.cases.case_file import CaseFile
 
 REVERSIBLE = "reversible_controls"
@@ -66,6 +67,7 @@ def resolve_facts(
     elif facts.get(REVERSIBLE):
         features = (*features, REVERSIBLE)
     _check_engines(file, facts, problems)
+    _check_mass(file, facts, problems)
     return facts, features
 
 
@@ -121,6 +123,30 @@ def _check_engines(file: CaseFile, facts: Mapping[str, Any], problems: list[str]
         match = ENGINE.match(name)
         if match and int(match.group(1)) > count:
             problems.append(f"{name}: {missing_engine_text(int(match.group(1)), count)}")
+
+
+def _check_mass(file: CaseFile, facts: Mapping[str, Any], problems: list[str]) -> None:
+    """Check that the mass of the conditions is not above the largest take-off mass."""
+    if "mass" not in file.conditions or "mtow" not in facts:
+        return
+    try:
+        mass = parse_quantity(file.conditions["mass"], "kg")
+    except UnitError:
+        # the conditions report it
+        return
+    problem = overweight_text(mass, facts["mtow"])
+    if problem:
+        problems.append(f"conditions.mass: {problem}")
+
+
+def overweight_text(mass: float, most: float) -> str:
+    """Return the text on a mass above the largest take-off mass; empty for one below. [kg]"""
+    if mass <= most * (1.0 + MASS_ROUNDING):
+        return ""
+    return (
+        f"the mass at the start, {mass:.5g} kg, is above the largest take-off mass of the "
+        f"aircraft, {most:.5g} kg ([facts] mtow); correct one of the two"
+    )
 
 
 def missing_engine_text(number: int, count: int) -> str:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flightmech.aircraft.facts import MASS_ROUNDING
 from flightmech.errors import SchemaError, UnknownName
 from pom.cases.case import PomCase
 from pom.cases.case_facts import (
@@ -20,6 +19,7 @@ from pom.cases.case_facts import (
     file_facts,
     is_same_fact,
     missing_engine_text,
+    overweight_text,
 )
 from pom.tolerances.rows import rows_of_test
 
@@ -38,11 +38,8 @@ def check_record_facts(case: PomCase, states: xr.Dataset) -> None:
     mass = case.conditions.get("mass")
     if mass is None and "mass" in states:
         mass = float(np.atleast_1d(states["mass"].values)[0])
-    if most is not None and mass is not None and mass > most * (1.0 + MASS_ROUNDING):
-        problems.append(
-            f"the mass at the start, {mass:.5g} kg, is above the largest take-off mass of the "
-            f"aircraft, {most:.5g} kg ([facts] mtow); correct one of the two"
-        )
+    if most is not None and mass is not None and overweight_text(mass, most):
+        problems.append(overweight_text(mass, most))
     count = case.facts.get("engines")
     numbers = {int(match.group(1)) for match in map(ENGINE.match, map(str, states)) if match}
     for number in sorted(numbers):

@@ -217,7 +217,21 @@ def record_departures(case: PomCase, states: xr.Dataset) -> tuple[RowRemark, ...
         Of `flight_states`, with the attribute `RECORD_SPAN`.
     """
     shortened = _shortened_departure(case, states.attrs.get(RECORD_SPAN))
-    return (*shortened, *_overrides(case, states))
+    return (*shortened, *_overrides(case, states), *_left_out_wind(case, states))
+
+
+def _left_out_wind(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:
+    """Yield the wind of the record that a case in calm air leaves out."""
+    if case.wind != "none" or not {"wind_n", "wind_e"} <= set(states):
+        return
+    north, east = (np.nanmean(states[name].values) for name in ("wind_n", "wind_e"))
+    speed = float(np.hypot(north, east))
+    if speed > _LEAST["m s-1"]:
+        text = (
+            f"calm air by drive.wind, the record has a mean wind of "
+            f"{float(from_si(speed, 'kt')):.3g} kt"
+        )
+        yield _departure(text, "wind")
 
 
 def _overrides(case: PomCase, states: xr.Dataset) -> Iterator[RowRemark]:

@@ -14,9 +14,12 @@ from flightmech.errors import UnknownName
 from pom.cases.case import PomCase
 from pom.cases.case_facts import REVERSIBLE
 from pom.judging.condition_checks import CHECKS, CONFIGURATION_CHECKS, FlownCase, NotChecked
+from pom.judging.measures.control_release import measure_free_motion
 from pom.judging.signals import RunSignals
 from pom.tolerances import rows
-from pom.tolerances.bands import RowRemark
+from pom.tolerances.bands import Invalid, RowRemark
+from pom.tolerances.conditions import KINDS
+from pom.tolerances.criteria import Criterion
 from pom.tolerances.stated_conditions import CONFIGURATIONS, StatedCondition, conditions_of
 
 
@@ -39,7 +42,7 @@ def condition_remarks(case: PomCase, flight: RunSignals) -> tuple[RowRemark, ...
     if case.reference == "footprint":
         return ()
     flown = FlownCase(case, flight)
-    remarks = [*_claim_remarks(case)]
+    remarks = [*_claim_remarks(case), *_contradicted_claims(case, flight)]
     for condition in conditions_of(case.id):
         if condition.over == "report":
             continue
@@ -85,6 +88,36 @@ def _claim_remarks(case: PomCase) -> Iterator[RowRemark]:
     for word in claimed:
         text = f"not checked: {word} (claimed in case.features)"
         yield RowRemark("not_checked", text, word)
+
+
+_NOT_REVERSIBLE = ("alternative_method", "computer_controlled_airplane")
+"""Conditions of aeroplanes whose controls give the pilot no force of the surfaces."""
+
+
+def _contradicted_claims(case: PomCase, flight: RunSignals) -> Iterator[RowRemark]:
+    """Yield the departures of claims that aircraft or record contradict."""
+    claimed: dict[str, Criterion] = {}
+    for criterion in case.criteria:
+        if criterion.applies:
+            for word in set(criterion.condition.split(";")) & set(case.features):
+                claimed.setdefault(word, criterion)
+    for word in _NOT_REVERSIBLE:
+        if word in claimed and case.facts.get(REVERSIBLE):
+            text = f"departure: {word} is claimed, and the controls of the aircraft are reversible"
+            yield RowRemark("departure", text, word)
+    for word in KINDS:
+        criterion = claimed.get(word)
+        if criterion is None or criterion.channel not in flight:
+            continue
+        try:
+            motion = measure_free_motion(criterion, flight.time, flight[criterion.channel])
+        except Invalid:
+            # the row reports the error of the record
+            continue
+        found = KINDS[0] if motion.overshoots.size else KINDS[1]
+        if found != word:
+            text = f"departure: {word} is claimed, and the motion of the record is {found}"
+            yield RowRemark("departure", text, word)
 
 
 def _check_configuration(flown: FlownCase) -> str:

@@ -18,6 +18,7 @@ from pom.result import (
     STATUSES,
     PomResult,
     departure_remarks,
+    is_additional,
     lacks_evidence,
     results_name,
 )
@@ -167,7 +168,12 @@ def table_coverage(
                 titles[row["test_id"]] = row["title"]
         entries = []
         for test, title in titles.items():
-            test_results = [result for result in standard_results if result.case.id == test]
+            # an additional case is not the test
+            test_results = [
+                result
+                for result in standard_results
+                if result.case.id == test and not is_additional(result)
+            ]
             entries.append(_coverage_entry(test, title, test_results))
         run = [entry for entry in entries if entry["cases"]]
         coverage.append(

@@ -81,6 +81,8 @@ def test_a_case_does_not_contradict_its_aircraft(write_case, write_aircraft_file
     named = 'aircraft = "aircraft.toml"'
     with pytest.raises(SchemaError, match=r"facts\.mtow: 3000 kg contradicts 2721\.6 kg"):
         read_case(write_case(case=named, more="[facts]\nmtow = 3000.0"))
+    with pytest.raises(SchemaError, match=r"conditions\.mass: .* above the largest take-off mass"):
+        read_case(write_case(case=named, more="[conditions]\nmass = 2800.0"))
     # the decision speed depends on weight and flaps
     case = read_case(write_case(case=named, more="[facts]\nv1 = 40.0"))
     assert case.facts["v1"] == 40.0

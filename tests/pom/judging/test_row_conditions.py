@@ -162,3 +162,17 @@ def test_the_track_over_the_ground_is_watched():
     assert remark.kind == "departure"
     assert "40 ft to the right" in remark.text
     assert watch_track(replace(case, drive=CaseInputs()), TIME, flight, flight) == ()
+
+
+def test_a_claim_against_the_aircraft_is_a_departure():
+    facts = {**FACTS, "reversible_controls": True}
+    case = made("2.c.6", {"capture": 9.0}, facts=facts, features=("alternative_method",))
+    table = rows.rows_of_test("2.c.6")
+    criteria = [
+        rows.make_criterion(row, name, (0.0, 20.0), case.features)
+        for row, name in zip(table, rows.names_of(table), strict=True)
+    ]
+    case = replace(case, criteria=tuple(criteria))
+    (found,) = texts(case, phi=0.7, **CLEAN)
+    assert "alternative_method is claimed, and the controls of the aircraft are reversible" in found
+    assert texts(replace(case, facts=dict(FACTS)), phi=0.7, **CLEAN) == []
