@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -279,12 +280,16 @@ def watch_channels(
         worst = int(np.argmax(np.where(counted, error, -1.0)))
         if error[worst] > band:
             remark = _watch_remark(name, float(error[worst]), band=band, time=float(time[worst]))
+            is_gross = counted & (error > GROSS * band)
+            if float(np.sum(np.gradient(time)[is_gross])) >= GROSS_TIME:
+                remark = replace(remark, kind="departure", text=f"departure: {remark.text}")
             remarks.append(remark)
     return tuple(remarks)
 
 
 GROUND_VELOCITY = ("vn", "ve")
 GROSS = 3.0  # times its band: a watched channel so far off is a departure; our choice
+GROSS_TIME = 0.5  # [s] for so long in all; the peak of a touchdown is shorter
 TRACK = 10.0 * FOOT
 """Half width of the position across the flown track on the ground: the lateral deviation of the
 automatic landing, 2.e.5. [m]"""
@@ -356,6 +361,4 @@ def _watch_remark(name: str, error: float, *, band: float, time: float) -> RowRe
     suffix = "" if unit == "1" else f" {unit}"
     off = f"{lookup(name).long_name} off by {values['off']:.3g}{suffix} at {time:.1f} s"
     text = f"{off}, without a tolerance, watched within {values['band']:.3g}{suffix}"
-    if error > GROSS * band:
-        return RowRemark("departure", f"departure: {text}", name, values=values, unit=unit)
     return RowRemark("watch", text, name, values=values, unit=unit)

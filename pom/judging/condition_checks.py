@@ -159,7 +159,9 @@ def _take_off(flown: FlownCase) -> str:
     except NotChecked:
         is_full = False
     parts = [f"full flaps, {angle / DEGREE:.3g} deg"] if is_full else []
-    parts.append(_gear_failure(flown, is_down=True))
+    # a test that starts in the air may have its gear up
+    if flown.case.drive.trim == "ground":
+        parts.append(_gear_failure(flown, is_down=True))
     return ", ".join(filter(None, parts))
 
 
@@ -168,7 +170,7 @@ def _on_ground(flown: FlownCase) -> str:
         return ""
     speed = float(flown.channel("V_cas", "V")[0])
     if speed > FLYING and flown.case.drive.trim is True:
-        return f"flight at {speed / KNOT:.3g} kt"
+        return f"{speed / KNOT:.3g} kt of airspeed"
     return ""
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from flightmech.units import DEGREE, FOOT
 from pom.cases.case import CaseInputs, PomCase
+from pom.judging.applicability import settle_criterion
 from pom.judging.beyond_the_bands import watch_track
 from pom.judging.condition_checks import CHECKS
 from pom.judging.report_conditions import MEASURED_AT, REPORT_CHECKS
@@ -176,3 +177,17 @@ def test_a_claim_against_the_aircraft_is_a_departure():
     (found,) = texts(case, phi=0.7, **CLEAN)
     assert "alternative_method is claimed, and the controls of the aircraft are reversible" in found
     assert texts(replace(case, facts=dict(FACTS)), phi=0.7, **CLEAN) == []
+
+
+def test_the_window_after_an_engine_failure_ends_at_30_deg_of_bank():
+    case = made("1.b.8", {"engine_failure": 5.0})
+    criterion = next(c for c in case.criteria if c.name == "roll_rate")
+    assert criterion.window == (0.0, 10.0)
+    # 8 deg/s from 5 s on: 30 deg at 8.75 s
+    bank = np.maximum(TIME - 5.0, 0.0) * 8.0 * DEGREE
+    flight = RunSignals({"phi": bank, "p": np.zeros(TIME.size)}, TIME)
+    start, stop = settle_criterion(case, criterion, time=TIME, flight=flight).window
+    assert start == 0.0
+    assert 8.7 - 1e-9 <= stop <= 8.75
+    case = replace(case, criteria=(replace(criterion, window=(start, stop)),))
+    assert texts(case, phi=bank, p=0.0, **OUT) == []
