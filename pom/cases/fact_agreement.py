@@ -33,7 +33,7 @@ def check_record_facts(case: PomCase, states: xr.Dataset) -> None:
         The aeroplane is heavier than its largest take-off mass, or the record has an engine that
         the aircraft does not have.
     """
-    problems = []
+    problems: list[str] = []
     most = case.facts.get("mtow")
     mass = case.conditions.get("mass")
     if mass is None and "mass" in states:
@@ -55,7 +55,7 @@ def contradictions(cases: Sequence[PomCase]) -> list[str]:
     Cases are of one aircraft if their aircraft files have one name.  A case without an aircraft
     file is compared with all others.
     """
-    problems = []
+    problems: list[str] = []
     names = {case.aircraft: _aircraft_name(case.aircraft) for case in cases}
     by_facts: dict[Any, tuple[PomCase, str]] = {}
     # cases of equal facts contradict the others alike, so one of them stands for all

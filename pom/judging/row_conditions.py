@@ -106,11 +106,11 @@ def _contradicted_claims(case: PomCase, flight: RunSignals) -> Iterator[RowRemar
             text = f"departure: {word} is claimed, and the controls of the aircraft are reversible"
             yield RowRemark("departure", text, word)
     for word in KINDS:
-        criterion = claimed.get(word)
-        if criterion is None or criterion.channel not in flight:
+        claim = claimed.get(word)
+        if claim is None or claim.channel not in flight:
             continue
         try:
-            motion = measure_free_motion(criterion, flight.time, flight[criterion.channel])
+            motion = measure_free_motion(claim, flight.time, flight[claim.channel])
         except Invalid:
             # the row reports the error of the record
             continue
