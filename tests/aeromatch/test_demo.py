@@ -8,7 +8,6 @@ import aerodb
 import flightmech
 import pom
 
-
 MATCHED = ("pass", "pass_with_departures")
 EXPECTED = {
     "short_period": "pass",
