@@ -66,6 +66,7 @@ from flightmech.aircraft.controls import (
 )
 from flightmech.aircraft.engine import Engine, EngineTable, engine_of
 from flightmech.aircraft.engine_deck import DeckFiles
+from flightmech.aircraft.facts import AircraftFacts, FactsTable, fact_problems
 from flightmech.aircraft.fuel import Fuel, FuelSection, fuel_of
 from flightmech.aircraft.landing_gear import LandingGear
 from flightmech.aircraft.landing_gear_file import GearTable, gear_of
@@ -128,6 +129,8 @@ class Aircraft:
         Reasons for unusual values of the database by subject, such as ``static margin``.
     history : str
         Source of computed numbers, one line per step.
+    facts : AircraftFacts
+        Weights, speeds and kind of controls, ``[facts]`` in the file.
     """
 
     name: str
@@ -154,6 +157,7 @@ class Aircraft:
     earth_outputs: bool = False
     acknowledged: dict[str, str] = field(default_factory=dict)
     history: str = ""
+    facts: AircraftFacts = field(default_factory=AircraftFacts)
 
     def _repr_html_(self) -> str:
         """Return geometry, mass and equipment as a table for a notebook."""
@@ -209,6 +213,8 @@ def read_aircraft(path: str | Path) -> Aircraft:
     fuel = fuel_of(content.fuel, path.parent, problems) if content.fuel else None
     controls = {name: ControlGeometry(**dict(item)) for name, item in content.control.items()}
     circuits = circuits_of(content.circuit, controls, problems)
+    facts = content.facts.facts()
+    problems += fact_problems(facts, content.mass, cbar=content.cbar, engines=len(engines))
     if problems:
         raise SchemaError(str(path), problems)
     parts: dict[str, Any] = {
@@ -217,6 +223,7 @@ def read_aircraft(path: str | Path) -> Aircraft:
         "circuits": circuits,
         "gear": gear,
         "fuel": fuel,
+        "facts": facts,
     }
     # all other fields have the same name and type in the file
     for name in Aircraft.__dataclass_fields__:
@@ -355,6 +362,7 @@ class _AircraftFile(_NumberOrText):
         description="Why unusual values of the database are right, by the subject that "
         "`aeromatch db check` prints; the report prints the reason.",
     )
+    facts: FactsTable = FactsTable()
     history: str = Field(
         default="",
         examples=["rescaled to a span of 11 m"],

@@ -12,6 +12,7 @@ from flightmech.names import lookup
 from flightmech.support.input_files import read_toml
 from flightmech.support.toml_models import validate_content
 from pom.cases import resolve as parts
+from pom.cases.case_facts import resolve_facts
 from pom.cases.case_file import FORCES, INPUTS, SHOWN, TRAVEL, WIND, CaseFile, plain_signatures
 from pom.cases.pilot import PilotLoop
 from pom.tolerances import rows
@@ -114,6 +115,13 @@ class PomCase:
         Instants that bound windows: ``input_end``, ``change_start`` ... [s]
     features : tuple of str
         Conditions of table rows that the aeroplane meets, for example ``reversible_controls``.
+    facts : dict of str to Any
+        Known facts of the aircraft, of its file and of the case
+        (`flightmech.aircraft.facts.AircraftFacts`). [SI]
+    additional : str
+        Why the case is flown in another configuration than its row asks; empty if it is not.
+    absent : tuple of str
+        Parameters of rows whose equipment the case file alone states as missing.
     shortened : str
         Reason for a window that is shorter than the table requires; empty if none is.
     show : tuple of str
@@ -166,6 +174,9 @@ class PomCase:
     conditions: dict[str, float] = field(default_factory=dict)
     events: dict[str, float] = field(default_factory=dict)
     features: tuple[str, ...] = ()
+    facts: dict[str, Any] = field(default_factory=dict)
+    additional: str = ""
+    absent: tuple[str, ...] = ()
     shortened: str = ""
     show: tuple[str, ...] = SHOWN
     criteria: tuple[Criterion, ...] = ()
@@ -215,6 +226,7 @@ class PomCase:
         fields["window"] = (item["window"][0], item["window"][1])
         fields["drive"] = CaseInputs.from_dict(item["drive"])
         fields["features"] = tuple(item["features"])
+        fields["absent"] = tuple(item.get("absent", ()))
         fields["show"] = tuple(item["show"])
         fields["law_moves"] = tuple(item.get("law_moves", ()))
         fields["criteria"] = tuple(Criterion.from_dict(content) for content in item["criteria"])
@@ -276,14 +288,21 @@ def _resolve_case(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
     """Return the case of a file and the problems of the file."""
     problems: list[str] = []
     _check_case_names(file, problems)
-    criteria = parts.resolve_criteria(file, problems)
+    files = _resolve_files(path, file, problems)
+    facts, features = resolve_facts(file, files["aircraft"], problems)
+    missing = facts.get("without", ())
+    absent = tuple(name for name in file.case.absent if name not in missing)
+    file = _with_facts(file, features, absent=(*absent, *missing))
+    criteria = parts.resolve_criteria(file, problems, equipment=missing)
     _check_table_names(file, criteria, problems)
     largest, fraction = parts.resolve_ranges(file.ranges, problems), parts.tolerance_fraction(file)
     drive = _resolve_drive(file, criteria, problems)
     case = PomCase(
         **{key: getattr(file.case, key) for key in _AS_WRITTEN},
-        **_resolve_files(path, file, problems),
+        **files,
         path=str(path),
+        facts=facts,
+        absent=absent,
         drive=drive,
         conditions=parts.resolve_conditions(file.conditions, problems),
         events=dict(file.events),
@@ -299,6 +318,12 @@ def _resolve_case(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
         law_moves=file.control_law.moves if file.control_law is not None else (),
     )
     return case, problems
+
+
+def _with_facts(file: CaseFile, features: tuple[str, ...], *, absent: tuple[str, ...]) -> CaseFile:
+    """Return a case file with the features and the missing equipment that follow from facts."""
+    table = file.case.model_copy(update={"features": features, "absent": absent})
+    return file.model_copy(update={"case": table})
 
 
 def _check_case_names(file: CaseFile, problems: list[str]) -> None:
@@ -369,6 +394,7 @@ _AS_WRITTEN = (
     "description",
     "window",
     "features",
+    "additional",
     "shortened",
     "show",
     "reference",

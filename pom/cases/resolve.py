@@ -223,8 +223,13 @@ def resolve_named_file(path: Path, name: str, *, key: str, problems: list[str]) 
     return os.path.normpath(file)
 
 
-def resolve_criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
-    """Return the rows of the test as criteria, with the bands of the case file applied."""
+def resolve_criteria(
+    file: CaseFile, problems: list[str], equipment: Iterable[str] = ()
+) -> list[Criterion]:
+    """Return the rows of the test as criteria, with the bands of the case file applied.
+
+    `equipment` is missing by the facts of the aircraft, whose file serves all tests.
+    """
     case = file.case
     rows = collect_case_problems(
         problems, "case.id", table.rows_of_test, case.id, case.standard, case.edition
@@ -232,8 +237,11 @@ def resolve_criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
     # an unknown test has no rows
     rows = rows or []
     optional = sorted({row["parameter"] for row in rows} & EQUIPMENT)
+    for name in equipment:
+        if name not in EQUIPMENT:
+            problems.append(f"facts.without: {UnknownName(name, EQUIPMENT, 'equipment')}")
     for name in case.absent:
-        if name not in optional:
+        if name not in optional and name not in equipment:
             error = UnknownName(name, optional, "equipment of this test")
             problems.append(f"case.absent: {error}")
     criteria = []
@@ -264,7 +272,7 @@ def _make_criterion(row: table.Row, name: str, *, file: CaseFile, problems: list
         engine_parameter=case.engine_parameter,
     )
     if row["parameter"] in case.absent:
-        reason = f"the aeroplane has no {row['parameter']}: case.absent of the case file"
+        reason = f"the aeroplane has no {row['parameter']}"
         return replace(criterion, applies=False, reason=reason)
     return criterion
 

@@ -20,7 +20,13 @@ from pom.report.chapters import Chapters
 from pom.report.models.database_comparison import models_page
 from pom.report.models.identification import identification_page
 from pom.report.models.tuning import NOTE
-from pom.report.overview import list_runs, provenance_page, table_coverage, verdict_matrix
+from pom.report.overview import (
+    departure_table,
+    list_runs,
+    provenance_page,
+    table_coverage,
+    verdict_matrix,
+)
 from pom.report.presentation.page_templates import page_templates
 from pom.report.presentation.traces import pack_page
 from pom.report.submodels.sections import submodels_context
@@ -106,6 +112,7 @@ def html_files(
     text = templates.get_template("report.html").render(
         common,
         matrix=matrix,
+        departures=departure_table([page.key for page in cases], results),
         coverage=table_coverage(results, tolerance_rows()),
         more=[{"id": name} for name in packed_chapters],
         apart=is_apart,

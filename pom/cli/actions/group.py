@@ -23,6 +23,7 @@ from flightmech.support.kept_stages.sharing import demand_scheduler
 from pom.archive.archive import Custody
 from pom.archive.origins import ReportProvenance, provenance
 from pom.cases.case import PomCase, read_case
+from pom.cases.fact_agreement import contradictions
 from pom.cases.reference_states import window_problem
 from pom.checking.batch_check import check_batch
 from pom.checking.case_check import RecordCheck, checks_text, with_record_checks
@@ -37,6 +38,7 @@ from pom.diagnosis.sampling.sampled_replay import replay_sampled
 from pom.fmu.description import demand_platform, read_fmu_interface
 from pom.fmu.models import Models
 from pom.judging.applicability import reason_not_judged
+from pom.judging.report_conditions import has_report_conditions, with_report_conditions
 from pom.replaying.batch import replay_all
 from pom.replaying.replay_case import files_by_name
 from pom.replaying.run_remarks import calibration, drift, pilot_activity
@@ -47,6 +49,7 @@ from pom.result import (
     NO_EVIDENCE,
     PASSED,
     PomResult,
+    departure_remarks,
     lacks_evidence,
     run_notices,
     status_text,
@@ -69,6 +72,7 @@ def check_cases(cases: tuple[Path, ...], as_json: bool) -> None:
                 continue
             checked.append(case)
             problems += _case_problems(case)
+    problems += contradictions(checked)
     # one case is an object, several cases are an array
     if as_json and not problems:
         documents = [case.to_dict() for case in checked]
@@ -189,6 +193,8 @@ def run_cases(
     # the printer gets every result as soon as it is complete
     printer = _ProgressPrinter(checks, list(batch.runs), verbose=verbose, silent=as_json)
     results = _replay_batch(batch, printer, samples=samples, seed=seed, options=options)
+    results = with_report_conditions(results)
+    printer.print_rest(results)
     results = with_record_checks(results, checks)
     # a file that changed during the batch does not belong to the results
     batch.custody.check()
@@ -311,6 +317,19 @@ class _ProgressPrinter:
 
     def print_result(self, result: PomResult) -> None:
         """Print the lines of one result."""
+        # cases of one test may have to show a condition together: they wait for the others
+        if has_report_conditions(result.case):
+            self.is_replayed = self.is_replayed or not result.failure
+            return
+        self._add(result)
+
+    def print_rest(self, results: Sequence[PomResult]) -> None:
+        """Print the lines of the results that waited for the others."""
+        for result in results:
+            if has_report_conditions(result.case):
+                self._add(result)
+
+    def _add(self, result: PomResult) -> None:
         (result,) = with_record_checks([result], self.checks)
         # a model that fails to run has an invalid case
         if not result.failure or any(result.status(run) != "invalid" for run in self.runs):
@@ -458,6 +477,7 @@ def _summary(result: PomResult) -> dict[str, Any]:
         "standard": result.case.standard,
         "edition": result.case.edition,
         "status": {run: result.status(run) for run in result.runs},
+        "departures": {run: departure_remarks(result, run) for run in result.runs},
         "failure": result.failure,
         "verdict": result.verdict_records(),
         "trim": result.trim,

@@ -21,6 +21,7 @@ from pom.report.case.page import digest_rows, outcome_rows, run_line_classes
 from pom.report.case.start import calibration_rows, condition_rows, drift_rows, trim_tables
 from pom.report.models.diagnosis import cause_sentences
 from pom.report.overview import (
+    departure_table,
     list_runs,
     provenance_page,
     shown_statuses,
@@ -104,6 +105,7 @@ def front_content(
         "airplanes": list(airplanes),
         "index": _matrix_content(keys, results, outcomes),
         "no_evidence": origin["no_evidence"],
+        "departures": departure_table(keys, results),
         "record_errors": origin["record_errors"],
         "coverage": table_coverage(results, tolerance_rows()),
         "references": _references_content(results, origin, databases),
