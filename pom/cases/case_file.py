@@ -178,7 +178,8 @@ class CaseTable(Strict):
     )
     additional: str = Field(
         default="",
-        description="Why the configuration is not that of the row: an additional case, no test.",
+        examples=["flaps full and gear down: tables of both at their ends"],
+        description="Why the configuration is not that of the row: an additional case, not a test.",
     )
     shortened: str = Field(
         default="",
