@@ -20,6 +20,8 @@ from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import check_law, fly_job
 from pom.judging.applicability import settle_case
 from pom.judging.beyond_the_bands import Evidence, evidence_remarks
+from pom.probing.input_probe import SIZES
+from pom.probing.model_probes import with_probes
 from pom.replaying.replay_channels import (
     judged_channels,
     moved_controls,
@@ -150,6 +152,7 @@ def perform_plan(
 ) -> PomResult:
     """Fly a checked plan by every model and judge it; parameters as `replay` and `fly_job`."""
     outputs_by_run: dict[str, dict[str, np.ndarray]] = {}
+    jobs: dict[str, ReplayJob] = {}
     failures: dict[str, str] = {}
     remarks: dict[str, tuple[RowRemark, ...]] = {}
     channels = shown_channels(plan.case, plan.states)
@@ -157,7 +160,7 @@ def perform_plan(
         ranges = table_ranges(model.fmu.path, model.fmu.sha256)
         # The variables of the tables show where a run left them.
         axes = [item.variable for item in ranges]
-        requested = {*_output_names([*channels, *axes], model.links.outputs), *OBSERVED}
+        requested = {*_output_names([*channels, *axes], model.links.outputs), *OBSERVED, *SIZES}
         job, trim_remarks, refused = solve_trim_surfaces(
             plan.job,
             plan.case.drive.trim_surfaces,
@@ -166,7 +169,7 @@ def perform_plan(
             store=store,
         )
         outputs, failure = fly_job(model, job, requested, timeout=timeout, store=store)
-        outputs_by_run[name] = outputs
+        outputs_by_run[name], jobs[name] = outputs, job
         failures[name] = refused or failure
         remarks[name] = (
             *trim_remarks,
@@ -177,7 +180,7 @@ def perform_plan(
     # Further remarks follow those of the run.
     for name, model in models.items():
         remarks[name] += (*distances.get(name, ()), *_waiver_remarks(plan.job, model))
-    return assemble_result(
+    result = assemble_result(
         plan.case,
         plan.states,
         job=plan.job,
@@ -186,6 +189,7 @@ def perform_plan(
         attrs=_describe_models(models),
         more=remarks,
     )
+    return with_probes(result, models, jobs, outputs=outputs_by_run, timeout=timeout, store=store)
 
 
 def _describe_models(models: Mapping[str, FmuModel]) -> dict[str, str]:

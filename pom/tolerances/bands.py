@@ -39,7 +39,9 @@ class RowRemark:
         without a tolerance beyond its band), ``evidence`` (distance of the model from the flight
         estimates), ``far_from_evidence`` (terms beyond three standard errors),
         ``edited_evidence`` (terms of the evidence that are edited), ``departure`` (from the printed
-        row), ``row`` (note of the
+        row), ``probe`` (answer of the model to changed inputs, and its scatter), ``not_driven`` (an
+        answer that the inputs do not drive), ``leak`` (samples of the record identified the
+        model), ``row`` (note of the
         tolerance table), ``note`` (text of a report from before remarks had kinds).
     text : str
         The remark for a reader, with its numbers.

@@ -1,0 +1,78 @@
+"""Both probes of every model of a case that passes, as remarks of its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from pom.cases.job import ReplayJob
+from pom.fmu.models import FmuModel
+from pom.fmu.run_cache import KeptFlights
+from pom.fmu.simulate import fly_job
+from pom.probing.input_probe import SIZES, changed_job, judge_change
+from pom.probing.scatter_probe import measure_scatter
+from pom.result import PASSED, PomResult, make_verdict_table
+from pom.tolerances.bands import RowRemark
+
+
+def with_probes(
+    result: PomResult,
+    models: Mapping[str, FmuModel],
+    jobs: Mapping[str, ReplayJob],
+    outputs: Mapping[str, Mapping[str, np.ndarray]],
+    timeout: float,
+    store: KeptFlights | None = None,
+) -> PomResult:
+    """Return a result with the remarks of the probes on every model that passes.
+
+    A model that does not pass proves nothing, so it is not flown again.
+
+    Parameters
+    ----------
+    result : PomResult
+    models, jobs, outputs : mapping by model
+        The model, its job, and its outputs (time,) by name.
+    timeout, store
+        As `pom.fmu.simulate.fly_job`.
+    """
+    found: dict[str, tuple[RowRemark, ...]] = {}
+    for run, model in models.items():
+        if result.status(run) not in PASSED or result.case.reference == "footprint":
+            continue
+        judged = {criterion.channel for criterion in result.case.criteria if criterion.applies}
+        # true and calibrated airspeed respond alike
+        judged |= {"V"} if "V_cas" in judged else set()
+        changed = changed_job(jobs[run], outputs[run])
+        # without the law of the case: the controls that it moved are inputs
+        after, failure = fly_job(
+            replace(model, law=None), changed.job, [*SIZES], timeout=timeout, store=store
+        )
+        if failure:
+            remarks = _failure_remarks(failure, closed=jobs[run].law is not None)
+        else:
+            time = jobs[run].time
+            remarks = judge_change(time, outputs[run], after, judged, moved=changed.moved)
+        if result.case.reference == "flight":
+            remarks = (*remarks, *measure_scatter(result.signals, run))
+        found[run] = remarks
+    return with_run_remarks(result, found)
+
+
+def _failure_remarks(failure: str, *, closed: bool) -> tuple[RowRemark, ...]:
+    """Return the remark on a probe that failed; `closed`: the aeroplane has a control law."""
+    text = f"not probed, the flight with changed inputs failed: {failure}"
+    # An unstable aeroplane may not fly without its law.
+    kind = "probe" if closed else "departure"
+    return (RowRemark(kind, text),)
+
+
+def with_run_remarks(result: PomResult, remarks: Mapping[str, tuple[RowRemark, ...]]) -> PomResult:
+    """Return a result with further remarks on the rows of some models."""
+    if not any(remarks.values()):
+        return result
+    rows = []
+    for row in result.rows:
+        rows.append({**row, "remarks": (*row["remarks"], *remarks.get(row["run"], ()))})
+    return replace(result, verdict=make_verdict_table(rows))  # type: ignore[arg-type]
