@@ -22,6 +22,7 @@ from pom.judging.applicability import settle_case
 from pom.judging.beyond_the_bands import Evidence, evidence_remarks
 from pom.probing.input_probe import SIZES
 from pom.probing.model_probes import with_probes
+from pom.probing.record_leak import find_leaks
 from pom.replaying.replay_channels import (
     judged_channels,
     moved_controls,
@@ -175,6 +176,7 @@ def perform_plan(
             *trim_remarks,
             *tables_left(plan.job.time, outputs, ranges),
             *below_runway(plan.job.time, outputs, job.parameters),
+            *find_leaks(plan.case, plan.states, model.fmu.path, model.fmu.sha256),
         )
     distances = _compare_with_evidence(evidence, plan, models)
     # Further remarks follow those of the run.
