@@ -6,11 +6,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+import xarray as xr
 
+from flightmech.errors import AeromatchError
 from pom.cases.job import ReplayJob
 from pom.fmu.models import FmuModel
 from pom.fmu.run_cache import KeptFlights
 from pom.fmu.simulate import fly_job
+from pom.judging.beyond_the_bands import flown_model
+from pom.probing.flight_consistency import compare_inputs, compare_lift
 from pom.probing.input_probe import SIZES, changed_job, judge_change
 from pom.probing.scatter_probe import measure_scatter
 from pom.result import PASSED, PomResult, make_verdict_table
@@ -22,6 +26,7 @@ def with_probes(
     models: Mapping[str, FmuModel],
     jobs: Mapping[str, ReplayJob],
     outputs: Mapping[str, Mapping[str, np.ndarray]],
+    states: xr.Dataset,
     timeout: float,
     store: KeptFlights | None = None,
 ) -> PomResult:
@@ -34,6 +39,8 @@ def with_probes(
     result : PomResult
     models, jobs, outputs : mapping by model
         The model, its job, and its outputs (time,) by name.
+    states : Dataset (time)
+        Of the flight.
     timeout, store
         As `pom.fmu.simulate.fly_job`.
     """
@@ -54,10 +61,36 @@ def with_probes(
         else:
             time = jobs[run].time
             remarks = judge_change(time, outputs[run], after, judged, moved=changed.moved)
+            is_compared = changed.moved and all(item.kind == "probe" for item in remarks)
+            if is_compared and result.case.reference == "flight":
+                surfaces = result.case.drive.level == "recorded"
+                remarks += compare_inputs(
+                    time, outputs[run], after, flight_traces(states), surfaces=surfaces
+                )
         if result.case.reference == "flight":
-            remarks = (*remarks, *measure_scatter(result.signals, run))
+            remarks += (*measure_scatter(result.signals, run), *_lift_remarks(model, states))
         found[run] = remarks
     return with_run_remarks(result, found)
+
+
+def flight_traces(states: xr.Dataset) -> dict[str, np.ndarray]:
+    """Return the channels of a flight that have a value per sample (time,). [SI]"""
+    traces = {}
+    for name, item in states.data_vars.items():
+        if item.dims == ("time",) and item.dtype.kind == "f":
+            traces[str(name)] = item.values.astype(float)
+    return traces
+
+
+def _lift_remarks(model: FmuModel, states: xr.Dataset) -> tuple[RowRemark, ...]:
+    """Return the remark on the lift of a model; empty for an FMU of another program."""
+    try:
+        tables = flown_model(model.fmu.path)
+    except AeromatchError:
+        return ()
+    if tables is None:
+        return ()
+    return compare_lift(tables, states)
 
 
 def _failure_remarks(failure: str, *, closed: bool) -> tuple[RowRemark, ...]:

@@ -191,7 +191,15 @@ def perform_plan(
         attrs=_describe_models(models),
         more=remarks,
     )
-    return with_probes(result, models, jobs, outputs=outputs_by_run, timeout=timeout, store=store)
+    return with_probes(
+        result,
+        models,
+        jobs,
+        outputs=outputs_by_run,
+        states=plan.states,
+        timeout=timeout,
+        store=store,
+    )
 
 
 def _describe_models(models: Mapping[str, FmuModel]) -> dict[str, str]:

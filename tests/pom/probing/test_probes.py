@@ -1,10 +1,23 @@
-"""Probes: models that simulate follow changed inputs; stored and steered answers do not."""
+"""Probes: models that simulate follow changed inputs; stored and steered answers do not.
+
+Wrong gain and time of inputs, and a wrong mass, are named by their form; noise is not.
+"""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from pom.cases.job import ReplayJob
-from pom.probing import changed_job, judge_change
+from pom.probing import (
+    changed_job,
+    compare_inputs,
+    compare_lift,
+    flight_consistency,
+    judge_change,
+)
+from pom.probing.input_probe import SCALE
 from pom.probing.scatter_probe import judge_scatter
 
 STEP = 0.02  # [s]
@@ -106,3 +119,68 @@ def test_the_noise_of_the_record_in_an_answer_is_named():
     assert remark.values["correlation"] > 0.99
     # a record without noise, such as that of a simulator, shows nothing
     assert judge_scatter(truth, truth) == ()
+
+
+def compare(flown, **kind):
+    """Return the remark on a flight, with an honest model of the elevator of `elevator`."""
+    generator = np.random.default_rng(2)
+    flight = {}
+    for name, values in short_period(flown).items():
+        flight[name] = values + 2e-4 * generator.standard_normal(TIME.size)
+    before, after = short_period(elevator()), short_period(SCALE * elevator())
+    (remark,) = compare_inputs(TIME, before, after, flight, **{"surfaces": True, **kind})
+    return remark
+
+
+def test_a_true_record_is_no_departure():
+    assert compare(elevator()).kind == "probe"
+    # three percent are within what models from flight have
+    assert compare(1.03 * elevator()).kind == "probe"
+
+
+def test_a_wrong_gain_is_measured():
+    # the record shows 15 % more than the elevator moved
+    remark = compare(elevator() / 1.15)
+    assert remark.kind == "departure"
+    assert remark.values["gain"] == pytest.approx(1 / 1.15, abs=0.005)
+    # friction of the circuits changes forces by as much
+    assert compare(elevator() / 1.15, surfaces=False).kind == "probe"
+    assert compare(elevator() / 1.25, surfaces=False).kind == "departure"
+
+
+def test_a_delay_is_measured():
+    remark = compare(np.interp(TIME + 0.2, TIME, elevator()))
+    assert remark.kind == "departure"
+    assert "earlier" in remark.text
+
+
+def test_another_error_of_the_model_is_not_taken_for_the_inputs():
+    generator = np.random.default_rng(3)
+    gust = np.convolve(generator.standard_normal(TIME.size), np.ones(20) / 20, mode="same")
+    assert compare(elevator() + 0.02 * gust).kind == "probe"
+
+
+def flight_at(mass):
+    """Return a steady flight whose lift coefficient is 0.5 at a mass of 1000 kg."""
+    count = 200
+    zero = np.zeros(count)
+    lift = 0.5 * 2000.0 * 10.0
+    values = {"V": zero + 60.0, "qbar": zero + 2000.0, "alpha": zero, "mass": zero + mass}
+    values |= {"ax": zero, "az": zero - lift / 1000.0, "wow_left": zero}
+    data = {name: ("time", item) for name, item in values.items()}
+    return xr.Dataset(data, coords={"time": 0.02 * np.arange(count)})
+
+
+def test_a_mass_ten_percent_off_needs_more_lift(monkeypatch):
+    """The tables of this model have a lift coefficient of 0.5 everywhere."""
+    parts = {"evaluate": lambda columns: (None, np.full((len(columns), 1), 0.5))}
+    monkeypatch.setattr(flight_consistency, "Simulation", lambda model: SimpleNamespace(**parts))
+    sim = SimpleNamespace(
+        terms=("CL/basic",), variables=("alpha",), meta={"database": {"S": 10.0}}, model=None
+    )
+    assert compare_lift(sim, flight_at(1000.0))[0].kind == "probe"
+    (remark,) = compare_lift(sim, flight_at(1100.0))
+    assert remark.kind == "departure"
+    assert remark.values["ratio"] == pytest.approx(1.1)
+    on_wheels = flight_at(1100.0).assign(wow_left=("time", np.ones(200)))
+    assert compare_lift(sim, on_wheels) == ()
