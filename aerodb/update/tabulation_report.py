@@ -12,6 +12,7 @@ import pandas as pd
 import xarray as xr
 from scipy.stats import chi2 as chi2_distribution
 
+from aerodb.store.identified_terms import stamp_identified
 from aerodb.update.cautions.notices import incompatible_fits
 from aerodb.update.correlation import PARTS
 from aerodb.update.observations import Observation, samples_outside
@@ -123,7 +124,11 @@ def add_cautions(
         # The warning belongs to the line that calls the public function, two frames up.
         warnings.warn(text, AeromatchWarning, stacklevel=3)
     return replace(
-        tabulation, unplaced=unplaced, notices=texts, flown_samples=pack_flown_samples(samples)
+        tabulation,
+        terms={name: stamp_identified(leaf) for name, leaf in tabulation.terms.items()},
+        unplaced=unplaced,
+        notices=texts,
+        flown_samples=pack_flown_samples(samples),
     )
 
 
