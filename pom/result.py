@@ -452,22 +452,22 @@ def status_text(status: str) -> str:
 
 def trim_remarks(result: PomResult, run: str) -> list[str]:
     """Return the remarks on a trim beyond its limits, each once."""
-    return _collect_texts(result, run, ("trim",))
+    return collect_texts(result, run, ("trim",))
 
 
 def record_remarks(result: PomResult, run: str) -> list[str]:
     """Return the errors of the flight record of a result, each once."""
-    return _collect_texts(result, run, ("record",))
+    return collect_texts(result, run, ("record",))
 
 
 def departure_remarks(result: PomResult, run: str) -> list[str]:
     """Return the departures of a result from the printed row, each once."""
-    return _collect_texts(result, run, DEPARTURES)
+    return collect_texts(result, run, DEPARTURES)
 
 
 def run_notices(result: PomResult, run: str) -> list[str]:
     """Return the remarks of the kinds `NOTICES`, which no criterion judges, each once."""
-    return _collect_texts(result, run, NOTICES)
+    return collect_texts(result, run, NOTICES)
 
 
 NO_EVIDENCE = (
@@ -487,7 +487,8 @@ def lacks_evidence(result: PomResult) -> bool:
     return False
 
 
-def _collect_texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[str]:
+def collect_texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[str]:
+    """Return the remarks of some kinds on a run, each once."""
     # a dictionary keeps the order of the remarks and drops repeated texts
     texts: dict[str, None] = {}
     for row in result.rows:

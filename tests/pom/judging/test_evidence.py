@@ -195,7 +195,7 @@ def test_an_edit_by_any_way_is_no_evidence(stamped, states, way, tmp_path):
     assert Evidence(aerodb.open(tmp_path / "b.nc"), states).edited == ("Cm/qhat",)
 
 
-def test_evidence_from_before_the_stamps_says_so(stamped, states):
+def test_evidence_from_before_the_stamps_is_named(stamped, states):
     leaves = {}
     for name, leaf in aerodb.terms(stamped).items():
         attrs = {key: text for key, text in leaf.attrs.items() if key != "identified"}
