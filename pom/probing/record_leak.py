@@ -18,7 +18,6 @@ from flightmech.errors import AeromatchError
 from flightmech.support.flown_samples import (
     CHANNELS,
     FLOWN_SAMPLES,
-    FlownWindow,
     SharedWindow,
     find_shared_windows,
     unpack_windows,
@@ -33,19 +32,35 @@ _MOST = 3  # windows that a remark names
 
 
 @lru_cache(maxsize=32)
-def _read_windows(fmu: Path, sha256: str) -> tuple[FlownWindow, ...] | str:
-    """Return the windows that identified a model, or why they are unknown; `sha256` is a key."""
+def _read_windows(fmu: Path, sha256: str) -> tuple[str, str]:
+    """Return the windows that identified a model as text, and why they are unknown.
+
+    Both are empty for a model that is not from flight; `sha256` is a key.
+    """
     try:
         model = flown_model(fmu)
     except AeromatchError as error:
-        return str(error)
+        return "", str(error)
     if model is None:
-        return "the FMU does not hold the samples that identified it"
+        return "", "the FMU does not hold the samples that identified it"
     attributes = model.meta.get("database", {})
-    windows = unpack_windows(str(attributes.get(FLOWN_SAMPLES, "")))
-    if not windows and _is_from_flight(attributes.get("history", "")):
-        return "the database of the model was made without the samples that identified it"
-    return windows
+    text = str(attributes.get(FLOWN_SAMPLES, ""))
+    if unpack_windows(text):
+        return text, ""
+    if text or _is_from_flight(attributes.get("history", "")):
+        return "", "the database of the model was made without the samples that identified it"
+    return "", ""
+
+
+@lru_cache(maxsize=64)
+def _compare(text: str, names: tuple[str, ...], content: bytes) -> tuple[SharedWindow, ...]:
+    """Return the windows that hold samples of a flight; models of one origin share the result.
+
+    `content` holds the time and the channels `names` of the flight, one after the other.
+    """
+    rows = np.frombuffer(content).reshape(len(names) + 1, -1)
+    channels = dict(zip(names, rows[1:], strict=True))
+    return tuple(find_shared_windows(unpack_windows(text), rows[0], channels))
 
 
 def _is_from_flight(history: str) -> bool:
@@ -70,18 +85,19 @@ def find_leaks(case: PomCase, states: xr.Dataset, fmu: Path, sha256: str) -> tup
         Of kind ``leak`` with every window, else of kind ``probe``: the check and its result, or
         why it was not made.
     """
-    windows = _read_windows(fmu, sha256)
-    if isinstance(windows, str):
-        return (RowRemark("probe", f"record not compared with those that identified: {windows}"),)
+    windows, unknown = _read_windows(fmu, sha256)
+    if unknown:
+        return (RowRemark("probe", f"record not compared with those that identified: {unknown}"),)
     if not windows:
         return (RowRemark("probe", "the tables of the model are not from flight"),)
     channels = {name: states[name].values for name in CHANNELS if name in states}
     time = states["time"].values.astype(float)
     held = {name: np.asarray(item, float) for name, item in channels.items() if np.ndim(item)}
-    shared = find_shared_windows(windows, time, held)
+    content = np.concatenate([time, *held.values()]).tobytes()
+    shared = _compare(windows, tuple(held), content)
     if shared:
         return (_leak_remark(case, shared),)
-    text = f"no samples shared with the {len(windows)} windows that identified the model"
+    text = f"no samples shared with the {len(unpack_windows(windows))} windows that identified the model"
     return (RowRemark("probe", text),)
 
 
