@@ -151,7 +151,7 @@ def regress_tables(
     table = pd.concat(with_rows or without_place[:1])
     notices = demand_places(table, unplaced)
     named = [(str(item.attrs.get("name", "")), item) for item in samples]
-    named += [(fit.name, fit.data) for fit in fits]
+    named += [(str(fit.estimates.attrs.get("name", "")), fit.data) for fit in fits]
     return add_cautions(merge_tabulations(tabulations), table, notices, named)
 
 
