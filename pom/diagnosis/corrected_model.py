@@ -11,6 +11,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.aircraft.parts import different_parts, swap_parts
+from flightmech.support.flown_samples import with_flown_samples
 from pom.diagnosis.term_swaps import swap_terms
 
 
@@ -109,6 +110,7 @@ def corrected_database(
     title = str(final.attrs.get("title", "the final database"))
     reasons = _history_lines(diagnoses, source or title)
     corrected = swap_terms(prior, final, reasons, why=reasons)
+    corrected.attrs |= with_flown_samples(prior.attrs, final.attrs)
     corrected.attrs["title"] = (
         f"{prior.attrs['aircraft']}: a-priori database with the terms that the diagnosis needs"
     )

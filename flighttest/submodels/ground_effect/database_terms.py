@@ -9,6 +9,7 @@ import xarray as xr
 
 from aerodb.edit.ground_effect import in_ground_effect, with_height_table
 from aerodb.edit.table_edits import delete_terms, replace_terms
+from aerodb.store.identified_terms import stamp_identified
 from aerodb.store.schema import terms
 from aerodb.update.posterior import without_posterior
 from flightmech import terms as _terms
@@ -71,6 +72,7 @@ def replace_ground_effect(
     note = "ground effect identified from flight"
     obsolete = [term for term in old if term not in new]
     remainder = delete_terms(database, obsolete, note) if obsolete else database
+    new = {name: stamp_identified(leaf) for name, leaf in new.items()}
     return replace_terms(remainder, new, note) if new else remainder
 
 

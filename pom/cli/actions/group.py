@@ -445,7 +445,7 @@ def _verdict_text(result: PomResult, run: str) -> str:
             f"  {worst['worst_ratio']:.2f} x tolerance  {worst['criterion']} "
             f"{worst['worst']:+.3g}{unit}{instant} ({worst['tolerance_text']})"
         )
-        if status in ("limits_exceeded", "record_error"):
+        if status in ("limits_exceeded", "record_error", "leak", "not_driven"):
             text += "".join(f"; {remark}" for remark in trim_remarks(result, run))
         elif status in ("invalid", "not_tested"):
             # the ratio is that of another row than the one that has no judgement

@@ -289,7 +289,7 @@ class PackedPage:
     def fail(self) -> bool:
         """Whether a model failed, or passed with limits exceeded."""
         statuses = {cell["status"] for cell in self.outcome}
-        return bool(statuses & {"fail", "limits_exceeded", "record_error"})
+        return bool(statuses & {"fail", "limits_exceeded", "record_error", "leak", "not_driven"})
 
 
 def packed_page(
