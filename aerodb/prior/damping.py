@@ -1,8 +1,8 @@
 """Effects of the angular rates, without the printed derivatives that are suspect.
 
 A suspect pitch damping is replaced by the tail's share, which the page itself contains: CMAD over
-the slope of the downwash (`datcom_io.reading.damping`).  Its standard error is twice that of a
-printed one, since the wing-body is missing.  Other suspect numbers count as not printed.
+the slope of the downwash (`datcom_io.reading.damping`), and by that of the wing from its planform.
+The standard error is twice that of a printed one.  Other suspect numbers count as not printed.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import datcom_io
 from aerodb.prior.sources import Source, drop_empty_tables, warn_user
 from aerodb.store.effects import Effect, join_sentences
 from datcom_io.reading.damping import estimate_tail_share
+from datcom_io.reading.wing_damping import estimate_wing_share
 from flightmech.units import DEGREE
 
 _SUSPECT = datcom_io.FLAGS.index("suspect")
@@ -52,7 +53,7 @@ def rate_effect(clean: Source, variable: str, coefficients: Sequence[str], h_ref
             table = table.where(~is_suspect)
             share = None
             if variable == "qhat":
-                share = _tail_share(clean, grid, name, h_ref)
+                share = _estimate_pitch_rate(clean, grid, name, h_ref)
             if share is not None:
                 judged[coefficient] = is_suspect & share.notnull()
                 table = table.where(~is_suspect, share)
@@ -70,22 +71,35 @@ def rate_effect(clean: Source, variable: str, coefficients: Sequence[str], h_ref
     )
 
 
-def _tail_share(clean: Source, grid: xr.Dataset, name: str, h_ref: float) -> xr.DataArray | None:
-    """Return the tail's share of CLQ or CMQ over mach, None without downwash tables."""
-    if not clean.has("downwash"):
+def _estimate_pitch_rate(
+    clean: Source, grid: xr.Dataset, name: str, h_ref: float
+) -> xr.DataArray | None:
+    """Return CLQ or CMQ of tail and wing over mach, None where neither can be estimated."""
+    has_tail = "HORIZONTAL" in clean.configuration
+    if has_tail and not clean.has("downwash"):
         return None
-    slope = clean.grid("downwash").sel(h=h_ref, method="nearest", drop=True)["epsilon_alpha"]
-    slope = slope.reindex(mach=grid["mach"], alpha=grid["alpha"], method="nearest", tolerance=1e-6)
     alpha = grid["alpha"].values / DEGREE
-    shares = []
+    if has_tail:
+        slope = clean.grid("downwash").sel(h=h_ref, method="nearest", drop=True)["epsilon_alpha"]
+        slope = slope.reindex(
+            mach=grid["mach"], alpha=grid["alpha"], method="nearest", tolerance=1e-6
+        )
+    estimates = []
     for mach in grid["mach"].values:
+        wing: dict[str, float] = {}
+        if clean.decks:
+            wing = estimate_wing_share(clean.decks[0], mach)
+        if not has_tail:
+            estimates.append(wing.get(name, np.nan))
+            continue
         row = grid.sel(mach=mach)
         derivatives = {
             key: row[key].transpose("alpha").values for key in ("CL_alphadothat", "Cm_alphadothat")
         }
-        estimate = estimate_tail_share(derivatives, alpha, slope.sel(mach=mach).values, mach)
-        shares.append(estimate.get(name, np.nan))
-    return xr.DataArray(shares, {"mach": grid["mach"].values}, "mach").broadcast_like(grid[name])
+        tail = estimate_tail_share(derivatives, alpha, slope.sel(mach=mach).values, mach)
+        estimates.append(tail.get(name, np.nan) + wing.get(name, 0.0))
+    values = xr.DataArray(estimates, {"mach": grid["mach"].values}, "mach")
+    return values.broadcast_like(grid[name])
 
 
 def _describe(name: str, printed: xr.DataArray, share: xr.DataArray | None) -> str:
@@ -98,6 +112,6 @@ def _describe(name: str, printed: xr.DataArray, share: xr.DataArray | None) -> s
     if share is None or not bool(share.notnull().any()):
         return f"{text} and is not used; the nearest printed number holds, or the term is absent"
     return (
-        f"{text}; the tail's share by alpha-dot and downwash, {float(share.mean()):.4g}, takes its "
-        f"place with twice the standard error"
+        f"{text}; the shares of the tail by alpha-dot and downwash and of the wing by its planform, "
+        f"{float(share.mean()):.4g}, take its place with twice the standard error"
     )

@@ -65,7 +65,7 @@ def test_a_positive_pitch_damping_is_replaced_by_the_share_of_the_tail(read_with
     assert np.allclose(leaf["stderr"] / np.abs(leaf["value"]), 0.5)
     assert (leaf["source"] == SOURCES.index("judgement")).all()
     assert "suspect in sign or size (14.34 per radian)" in warning
-    assert "takes its place with twice the standard error" in warning
+    assert "take its place with twice the standard error" in warning
     assert "suspect" in leaf.attrs["comment"]
 
 
