@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 import datcom_io
+from aerodb.prior.clean_cases import join_chains
 from aerodb.prior.prior_errors import STMACH, TSMACH
 from datcom_io.decks.aircraft_rules import has_thrust
 from datcom_io.decks.deck import Deck
@@ -237,6 +238,8 @@ def collect_source(role: str, given: Any, powered: bool = False) -> Source:
             ],
         )
     _require_reference_quantities(role, trees)
+    if role == "clean":
+        trees = join_chains(trees)
     joined = _join_trees(role, trees)
     # Leaves that one run computed for several conditions: some results drift along them.
     looped: set[str] = set()

@@ -9,17 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.prior.roles import CaseRole, assign_roles
+from aerodb.prior.roles import CaseRole, assign_roles, describe_misfit
 from datcom_io.arrays.conditions import control_surface
 from datcom_io.decks.aircraft_rules import has_thrust
 from datcom_io.decks.deck import Deck
 from datcom_io.decks.deck_file import read_deck
-from datcom_io.decks.planforms import measure_wing
+from datcom_io.decks.planforms import measure_main_wing
 from datcom_io.listing import Case
 from datcom_io.reading.reader import read
 from flightmech.units import to_si
 
 _LENGTHS = {"FT": "ft", "IN": "in", "M": "m", "CM": "cm"}
+_AILERON = 4  # STYPE of ASYFLP
 # By namelist: number of engines; longitudinal, lateral and vertical position.
 _ENGINE_VARIABLES = {
     "JETPWR": ("NENGSJ", "JEALOC", "JELLOC", "JEVLOC"),
@@ -145,7 +146,8 @@ def _reference_quantities(deck: Deck, printed: dict[str, Any]) -> dict[str, Any]
     ):
         card = deck.value("OPTINS", variable)
         value = card * unit if card else wing.get(name)
-        quantities[name] = printed.get(name) or value
+        found = printed.get(name)
+        quantities[name] = found if found and np.isfinite(found) else value
     x, z = deck.value("SYNTHS", "XCG"), deck.value("SYNTHS", "ZCG")
     if x is None:
         return quantities
@@ -168,9 +170,10 @@ def _length_unit(deck: Deck) -> float:
 def _wing_planform(deck: Deck) -> dict[str, float]:
     """Return area, mean chord, span and leading edge of the mean chord of the wing. [m2, m]
 
-    The leading edge is measured from the drawing datum.
+    The leading edge is measured from the drawing datum. Of a wing behind a canard it is that of
+    HTPLNF.
     """
-    wing = measure_wing(deck)
+    wing = measure_main_wing(deck)
     if wing is None or deck.value("SYNTHS", "XW") is None:
         return {}
     unit = _length_unit(deck)
@@ -213,6 +216,11 @@ def _hinged_surfaces(cards: Sequence[Deck]) -> dict[str, tuple[float, float]]:
             if name in surfaces or None in values:
                 continue
             if name == "delta_e" and not _is_on_tail(deck):
+                continue
+            if name == "delta_a" and round(deck.value("ASYFLP", "STYPE") or 0.0) != _AILERON:
+                continue
+            # The flap of a wing that the program computes on the tail is not an elevator.
+            if describe_misfit(deck):
                 continue
             inner, outer, start, end = (float(value) for value in values if value is not None)
             unit = _length_unit(deck)

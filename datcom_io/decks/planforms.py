@@ -10,6 +10,8 @@ from datcom_io.decks.deck import Deck
 
 # Points of the integrals over the half span.
 _STATIONS = 2001
+# Position of the apex in SYNTHS.
+_APEX = {"WGPLNF": "XW", "HTPLNF": "XH"}
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,29 @@ class WingPlanform:
 
 
 def measure_wing(deck: Deck) -> WingPlanform | None:
-    """Return the wing of a deck, None without its planform cards.
+    """Return the wing of a deck, None without its planform cards."""
+    return measure_surface(deck, "WGPLNF")
+
+
+def measure_main_wing(deck: Deck) -> WingPlanform | None:
+    """Return the larger of wing and horizontal tail, None without planform cards of a wing.
+
+    Decks of a canard configuration have the surface ahead in WGPLNF and the main wing in HTPLNF.
+    """
+    wing, tail = measure_wing(deck), measure_surface(deck, "HTPLNF")
+    if wing is not None and tail is not None and tail.area > wing.area:
+        return tail
+    return wing
+
+
+def measure_surface(deck: Deck, name: str) -> WingPlanform | None:
+    """Return a surface of a deck, None without its planform cards.
+
+    Parameters
+    ----------
+    deck : Deck
+    name : str
+        Namelist of the planform, ``WGPLNF`` or ``HTPLNF``.
 
     Notes
     -----
@@ -48,17 +72,17 @@ def measure_wing(deck: Deck) -> WingPlanform | None:
     uses a break whatever TYPE is: a deck with TYPE=1, SSPNOP and CHRDBP prints the area with it.
     """
     names = ("CHRDR", "CHRDTP", "SSPN", "SAVSI", "CHSTAT")
-    root, tip, half, sweep, station = (deck.value("WGPLNF", name) for name in names)
+    root, tip, half, sweep, station = (deck.value(name, key) for key in names)
     if root is None or tip is None or not half or sweep is None or root + tip <= 0.0:
         return None
-    outer = deck.value("WGPLNF", "SSPNOP") or 0.0
-    middle = deck.value("WGPLNF", "CHRDBP")
+    outer = deck.value(name, "SSPNOP") or 0.0
+    middle = deck.value(name, "CHRDBP")
     y, c, sweeps = [0.0, half], [root, tip], [sweep]
     if 0.0 < outer < half and middle is not None:
         y = [0.0, half - outer, half]
         c = [root, middle, tip]
-        sweeps = [sweep, deck.value("WGPLNF", "SAVSO") or sweep]
-    edge = [deck.value("SYNTHS", "XW") or 0.0]
+        sweeps = [sweep, deck.value(name, "SAVSO") or sweep]
+    edge = [deck.value("SYNTHS", _APEX[name]) or 0.0]
     # The sweep is that of the line at the fraction CHSTAT of the chord, so that the leading edge
     # moves forward by this fraction of the change of chord.
     for k, angle in enumerate(sweeps):

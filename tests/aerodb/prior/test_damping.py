@@ -78,3 +78,15 @@ def test_the_cells_of_the_reader_have_the_flag(read_with) -> None:
     (message,) = [item.text for item in listing.messages if "Cm_qhat" in item.text]
     assert "14.34 per radian" in message
     assert "for the tail alone" in message
+
+
+def test_a_column_of_infinity_is_named(read_with, light) -> None:
+    """A public deck prints -Infinity for CLP at every angle, without a word."""
+    listing = read_with("NaN")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", AeromatchWarning)
+        db = aerodb.from_datcom(light, clean=listing[0])
+    texts = [str(item.message) for item in caught]
+    (text,) = [text for text in texts if "NaN or infinity" in text]
+    assert "prints NaN or infinity for Cm_qhat (all cells)" in text
+    assert "Cm/qhat" not in aerodb.terms(db)

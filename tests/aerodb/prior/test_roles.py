@@ -95,11 +95,50 @@ def test_without_a_clean_case_the_elevator_case_gives_its_static_pages(read, lig
         np.testing.assert_array_equal(leaf["value"], clean[term]["value"], err_msg=term)
 
 
+def test_a_device_inherited_by_save_leaves_the_static_pages_clean(read, light):
+    """An ASYFLP saved for the next case, and no case of the whole aeroplane without a device."""
+    found = assign_roles(read("inherited"))
+    assert [item.roles for item in found] == [(), ("clean",)]
+    assert "STYPE=1 is a spoiler, and no height DELTAS is given" in found[1].reason
+    saved = aerodb.from_datcom(light, **by_role(found))
+    clean = aerodb.from_datcom(light, clean=read("multi")[0])
+    for term in ("CL/basic", "Cm/qhat", "Cn/beta"):
+        np.testing.assert_array_equal(saved[term]["value"], clean[term]["value"], err_msg=term)
+
+
+def test_further_angles_of_attack_continue_a_case(read, light):
+    """The program takes 20 angles a case: longer schedules are chains of cases."""
+    found = assign_roles(read("angles"))
+    assert [item.roles for item in found] == [("clean",), ("clean",)]
+    db = aerodb.from_datcom(light, **by_role(found))
+    first, second = (aerodb.from_datcom(light, clean=case) for case in read("angles"))
+    for term in ("CL/basic", "Cm/basic", "Cl/phat"):
+        leaf = values(db, term)
+        assert np.degrees(leaf["alpha"].values) == pytest.approx([-4.0, 0.0, 4.0, 8.0, 12.0])
+        # 4 deg is in both cases; the first has it
+        np.testing.assert_array_equal(leaf[:3], values(first, term), err_msg=term)
+        np.testing.assert_array_equal(leaf[3:], values(second, term)[1:], err_msg=term)
+
+
+def test_the_device_of_another_aircraft_has_no_role(read):
+    """A folder with listings of two aircraft: the second has a wing of another span."""
+    flaps = read("multi")["flaps"]
+    other = dataclasses.replace(flaps, deck=read("two_aircraft")[1].deck)
+    found = assign_roles([read("multi")["TOTAL"], flaps, other])
+    assert [item.roles for item in found] == [("clean",), ("flaps",), ()]
+    assert "another aircraft than multi.out:1, the area of its wing is" in found[2].reason
+
+
+def test_the_same_angles_again_do_not_continue_a_case(read):
+    case = read("angles")[0]
+    assert [item.roles for item in assign_roles([case, case])] == [("clean",), ()]
+
+
 def test_several_aircraft_are_refused(read):
     with pytest.raises(
         SchemaError,
-        match=r"two_aircraft\.out:1 'LIGHT SINGLE A' and two_aircraft\.out:2 .* differ in WGPLNF; "
-        r"give one with",
+        match=r"two_aircraft\.out:1 'LIGHT SINGLE A' and two_aircraft\.out:2 .* differ in "
+        r"WGPLNF \(SSPN SSPNE\); give one with",
     ):
         assign_roles(read("two_aircraft"))
 
@@ -164,9 +203,8 @@ def test_what_a_folder_lacks_is_reported(aircraft, tmp_path):
     output = tmp_path / "db.nc"
     with pytest.raises(FileNotFoundError, match="no listing of Digital DATCOM in this folder"):
         build(aircraft, tmp_path, "-o", output)
-    flaps = build(aircraft, f"{LISTINGS / 'multi.out'}:flaps:", "-o", output)
-    assert flaps.exit_code == 2
-    assert "no case of the whole aeroplane (clean); give one with --clean FILE:CASE" in flaps.output
+    with pytest.raises(SchemaError, match=r"those of WING-BODY, .* or state `tailless`"):
+        build(aircraft, f"{LISTINGS / 'multi.out'}:flaps:", "-o", output)
     (tmp_path / "empty").mkdir()
     assert "no aircraft.toml in the folder" in build(tmp_path / "empty", "-o", output).output
     assert not output.exists()
