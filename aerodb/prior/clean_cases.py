@@ -180,3 +180,14 @@ def _join_angles(first: xr.DataTree, second: xr.DataTree) -> xr.DataTree:
 def _lone_coordinates(leaf: xr.Dataset) -> list[str]:
     """Return the coordinates that are not axes."""
     return [str(name) for name in leaf.coords if name not in leaf.dims]
+
+
+def require_one_reynolds_number(role: str, dataset: xr.Dataset) -> None:
+    """Raise if pages without altitude have a Mach number at several Reynolds numbers."""
+    machs = dataset["mach"].values
+    repeated = sorted({mach for mach in machs if (machs == mach).sum() > 1})
+    if repeated and np.isnan(dataset["h"].values).all():
+        text = " ".join(f"{mach:g}" for mach in repeated)
+        advice = "give one case for each Reynolds number and build from one of them, or write ALT"
+        problem = f"Mach {text} is printed at several Reynolds numbers, and no altitude; {advice}"
+        raise SchemaError(role, [problem])

@@ -23,6 +23,7 @@ from datcom_io.decks.deck import Deck
 from datcom_io.decks.namelists import COUNTS
 from datcom_io.listing import Case
 
+_PLAIN = 1  # FTYPE of SYMFLP
 _SPOILERS, _AILERON, _DIFFERENTIAL_TAIL = (1, 2, 3), 4, 5  # STYPE of ASYFLP
 # Roles in which the program carries results from condition to condition and from deflection to
 # deflection.  Their shortest runs are the most accurate.
@@ -91,7 +92,9 @@ def assign_roles(given: Iterable[Any]) -> list[CaseRole]:
         In the order of the cases.  The whole aeroplane is the configuration with the most
         components.  If several cases have the same conditions in one role, the first is used; with
         SYMFLP that of the shortest run.  A device beyond the tip of its surface, or with a larger
-        chord, has no role, and neither has a spoiler without height.  If every case of the whole
+        chord, has no role.  Neither has a spoiler without height, nor the flap of a wing that the
+        program computes on the tail: its FTYPE, the cards of another case, or its name and
+        deflections show it.  If every case of the whole
         aeroplane has a device, the static pages of these cases, those of the elevator first, are
         the clean ones: the program prints them without deflection.
 
@@ -107,9 +110,13 @@ def assign_roles(given: Iterable[Any]) -> list[CaseRole]:
     aeroplane = max(map(_fullest_configuration, cases), key=_count_components, default="")
     # Span stations of the ailerons: a SYMFLP at the same stations gives their hinge moments.
     hinges = {_span_stations(case, "ASYFLP") for case in cases if _style(case) == _AILERON}
+    wing_flaps = []
+    for case in cases:
+        if "SYMFLP" in case.deck.namelists and control_surface(case.deck) == "wing":
+            wing_flaps.append(_device_cards(case, "SYMFLP"))
     assigned = []
     for case in cases:
-        misfit = describe_misfit(case.deck)
+        misfit = describe_misfit(case.deck) or _describe_wing_flap(case, wing_flaps)
         roles, reason = _find_roles(case, aeroplane, hinges)
         # Pages with power effects, and without a table of the device, do not contain it.
         if misfit and "power" not in roles:
@@ -165,6 +172,26 @@ def describe_misfit(deck: Deck, tolerance: float = _CARELESS_SPAN) -> str:
     return describe_span_beyond_tip(
         deck, name, surface, tolerance
     ) or describe_chord_beyond_surface(deck, name, surface, tolerance)
+
+
+def _describe_wing_flap(case: Case, wing_flaps: list[dict[str, Any]]) -> str:
+    """Return why a SYMFLP that the program computes on the tail is the flap of the wing.
+
+    It may fit inside the tail. Slots, Fowler flaps and slats are not elevators, the cards may be
+    those of a flap on the wing, and a device that moves down only and is named a flap is one.
+    """
+    deck = case.deck
+    if "SYMFLP" not in deck.namelists or control_surface(deck) != "tail":
+        return ""
+    kind = round(deck.value("SYMFLP", "FTYPE") or 1.0)
+    if kind != _PLAIN:
+        return f"$SYMFLP: FTYPE={kind} is a high-lift device of a wing, an elevator has FTYPE=1"
+    if _device_cards(case, "SYMFLP") in wing_flaps:
+        return "the cards of SYMFLP are those of a case without horizontal tail"
+    name, angles = case.name.upper(), deck.schedule("SYMFLP", "DELTA", "NDELTA")
+    if "FLAP" in name and "ELEV" not in name and angles and min(angles) >= 0.0:
+        return f"the case is named {case.name!r}, and all deflections point down"
+    return ""
 
 
 def advise_on_misfit(deck: Deck) -> str:

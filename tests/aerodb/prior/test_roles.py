@@ -17,6 +17,7 @@ from aerodb.cli.group import db as group
 from aerodb.prior.build import require_device_on_surface
 from aerodb.prior.roles import assign_roles, by_role
 from aerodb.prior.sources import collect_source
+from datcom_io.decks.deck_file import deck_text
 from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.units import DEGREE, FOOT
 
@@ -411,6 +412,54 @@ def test_an_elevator_that_moves_down_only_is_reported(read, deltas: str, warned:
     texts = [str(item.message) for item in caught]
     assert len(texts) == warned
     assert all("elevator: all deflections of SYMFLP point down (0 10 20 deg)" in x for x in texts)
+
+
+# Cards of a SYMFLP that fits inside the tail of 5.4 ft, and names of its case.
+@pytest.mark.parametrize(
+    ("cards", "name", "reason"),
+    [
+        ("FTYPE=2.0,DELTA(1)=-20.0,0.0,20.0", "Elevator", "FTYPE=2 is a high-lift device"),
+        ("FTYPE=1.0,DELTA(1)=0.0,10.0,20.0", "FLAPS", "all deflections point down"),
+        ("FTYPE=1.0,DELTA(1)=0.0,10.0,20.0", "Total", ""),
+        ("FTYPE=1.0,DELTA(1)=-20.0,0.0,20.0", "FLAPS", ""),
+        ("FTYPE=1.0,DELTA(1)=0.0,10.0,20.0", "Elevator by flap setting", ""),
+    ],
+)
+def test_the_flap_of_a_wing_inside_the_tail_is_not_an_elevator(read, cards, name, reason) -> None:
+    elevator = read("multi")["Elevator"]
+    symflp = f" $SYMFLP {cards},NDELTA=3.0,CHRDFI=0.9,CHRDFO=0.9,SPANFI=0.5,SPANFO=5.0$"
+    (deck,) = datcom_io.read_deck([*deck_text([elevator.deck]).splitlines()[:-1], symflp])
+    found = assign_roles([read("multi")["TOTAL"], renamed(elevator, deck, name)])
+    assert [item.roles for item in found] == [("clean",), () if reason else ("elevator",)]
+    assert reason in found[1].reason
+
+
+def test_the_cards_of_a_wing_flap_on_the_tail_are_not_an_elevator(read) -> None:
+    """One case without and one with HTPLNF have the same SYMFLP."""
+    symflp = " $SYMFLP FTYPE=1.0,NDELTA=2.0,DELTA(1)=-9.0,9.0,TC=0.1$"
+    span = " $SYMFLP CHRDFI=0.9,CHRDFO=0.9,SPANFI=2.0,SPANFO=5.0$"
+    cases = []
+    for name in ("flaps", "Elevator"):
+        case = read("multi")[name]
+        lines = [*deck_text([case.deck]).splitlines()[:-1], symflp, span]
+        (deck,) = datcom_io.read_deck(lines)
+        cases.append(renamed(case, deck, name))
+    found = assign_roles([read("multi")["TOTAL"], *cases])
+    assert [item.roles for item in found] == [("clean",), ("flaps",), ()]
+    assert "are those of a case without horizontal tail" in found[2].reason
+
+
+def renamed(case, deck, name):
+    """Return a case with another deck and another name."""
+    return dataclasses.replace(case, deck=deck, name=name)
+
+
+def test_one_mach_number_at_two_reynolds_numbers_is_refused_with_the_way_out(read, light) -> None:
+    pages = 2 * [read("reynolds")[0]]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AeromatchWarning)
+        with pytest.raises(SchemaError, match="several Reynolds numbers, and no altitude; give"):
+            aerodb.from_datcom(light, clean=pages, move_reference=True)
 
 
 def test_of_several_devices_the_one_that_fits_is_used(listing_with_span, read):
