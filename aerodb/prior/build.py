@@ -15,6 +15,7 @@ import xarray as xr
 
 from aerodb.prior import control_devices as devices
 from aerodb.prior import ground_increments, increments
+from aerodb.prior.damping import with_tail_arm
 from aerodb.prior.effect_to_terms import fill_unprinted_cells, terms_of_effect
 from aerodb.prior.power import power_effect, with_idle_engines, with_power_in_it
 from aerodb.prior.print_remarks import list_missing_numbers
@@ -328,7 +329,8 @@ def _collect_effects(
         for effect in increments.flap_effects(sources["flaps"], h_ref):
             effects.append(("flaps", effect))
     if "elevator" in sources:
-        effects.append(("elevator", _elevator_effect(sources["elevator"], h_ref)))
+        elevator = _elevator_effect(sources["elevator"], h_ref)
+        effects.append(("elevator", with_tail_arm(elevator, clean, h_ref)))
     for role, make_effect in _ROLL_CONTROLS.items():
         if role in sources:
             effects.append((role, make_effect(sources[role], h_ref)))
@@ -373,8 +375,15 @@ def _hinge_effects(sources: Mapping[str, Source], h_ref: float) -> list[Effect]:
 
 def _require_tail(clean: Source) -> None:
     """Raise if the pages are those of a wing-body, a wing or a body."""
-    # Only parts without a tail are refused; other configurations may be complete.
+    # Only parts without a tail are refused; a wing with a fin may be a complete aeroplane.
     configuration = clean.configuration
+    has_tail = "HORIZONTAL" in configuration or "WING" not in configuration
+    if not has_tail and configuration not in _PARTS:
+        warn_user(
+            f"{clean.role}: the pages of {clean.file} are those of {configuration}, which has no "
+            f"horizontal tail; state `tailless` (--tailless) if the aircraft has none, else give "
+            f"the case with HTPLNF"
+        )
     if configuration in _PARTS:
         raise SchemaError(
             clean.role,

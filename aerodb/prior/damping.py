@@ -3,11 +3,15 @@
 A suspect pitch damping is replaced by the tail's share, which the page itself contains: CMAD over
 the slope of the downwash (`datcom_io.reading.damping`), and by that of the wing from its planform.
 The standard error is twice that of a printed one.  Other suspect numbers count as not printed.
+
+CMAD over CLAD is the arm of the tail in chords, and so is D(CM) over D(CL) of an elevator: 0.79 to
+1.02 of it on sound listings, 0.11 to 0.27 on a public one whose run carries D(CM) on from its flaps.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -20,6 +24,10 @@ from datcom_io.reading.wing_damping import estimate_wing_share
 from flightmech.units import DEGREE
 
 _SUSPECT = datcom_io.FLAGS.index("suspect")
+_LINEAR = 6.0 * DEGREE  # range of attached flow [rad]
+_SUPERSONIC = 1.0  # from here on CLAD and CMAD contain those of the wing
+# Moment of an elevator over that of its lift at the arm of the tail.
+_ARM = (0.7, 1.3)
 
 
 def rate_effect(clean: Source, variable: str, coefficients: Sequence[str], h_ref: float) -> Effect:
@@ -115,3 +123,57 @@ def _describe(name: str, printed: xr.DataArray, share: xr.DataArray | None) -> s
         f"{text}; the shares of the tail by alpha-dot and downwash and of the wing by its planform, "
         f"{float(share.mean()):.4g}, take its place with twice the standard error"
     )
+
+
+def with_tail_arm(effect: Effect, clean: Source, h_ref: float) -> Effect:
+    """Return an elevator whose moment fits its lift at the arm of the tail.
+
+    Parameters
+    ----------
+    effect : Effect
+        Increments CL and Cm over ``mach`` and ``delta_e``.
+    clean : Source
+        The whole aeroplane; without dynamic pages the arm is unknown, and nothing changes.
+    h_ref : float
+        Altitude of the basic tables. [m]
+
+    Warns
+    -----
+    AeromatchWarning
+        The moment at some Mach numbers was replaced by lift times arm.
+    """
+    CL, Cm = effect.tables.get("CL"), effect.tables.get("Cm")
+    if CL is None or Cm is None or not clean.has("dynamic"):
+        return effect
+    if not {"mach", "delta_e"} <= set(Cm.dims):
+        return effect
+    arm = _tail_arm(clean, h_ref).reindex(mach=Cm["mach"], method="nearest")
+    both = CL * Cm
+    slope = both.sum("delta_e", min_count=1) / (CL**2).where(Cm.notnull()).sum("delta_e")
+    ratio = slope / arm
+    is_off = (ratio < _ARM[0]) | (ratio > _ARM[1])
+    if not bool(is_off.any()):
+        return effect
+    # Where nothing is printed, the neighbour that holds there is wrong, too.
+    is_off = (is_off | slope.isnull()) & arm.notnull()
+    is_replaced = is_off & CL.notnull()
+    printed = " ".join(f"{float(value):.2g}" for value in ratio.where(is_off).dropna("mach"))
+    text = (
+        f"D(CM) of the elevator is {printed} times the moment of its lift at the arm of the tail "
+        f"by CMAD and CLAD: the run carries it on from deflections before; lift times arm takes "
+        f"its place with twice the standard error. Run the elevator alone, one condition a run"
+    )
+    warn_user(f"elevator: {text}")
+    tables = {**effect.tables, "Cm": Cm.where(~is_replaced, CL * arm).transpose(*Cm.dims)}
+    judged = {**effect.judged, "Cm": is_replaced.transpose(*Cm.dims)}
+    comment = join_sentences(effect.comment, text)
+    return replace(effect, tables=tables, judged=judged, comment=comment)
+
+
+def _tail_arm(clean: Source, h_ref: float) -> xr.DataArray:
+    """Return CMAD over CLAD over mach, NaN where they do not state the arm of the tail. [chords]"""
+    grid = clean.grid("dynamic").sel(h=h_ref, drop=True)
+    lift, moment = grid["CL_alphadothat"], grid["Cm_alphadothat"]
+    is_sound = (lift > 0.0) & (moment < 0.0) & (np.abs(grid["alpha"]) <= _LINEAR)
+    arm = (moment / lift).where(is_sound).median("alpha")
+    return arm.where(grid["mach"] < _SUPERSONIC)

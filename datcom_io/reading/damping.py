@@ -57,6 +57,7 @@ LARGEST = {
     "Cn_rhat": 3.0,
     "Cl_rhat": 2.0,
     "Cn_phat": 1.5,
+    "CY_phat": 3.0,
 }
 # Sign in attached flow: damping opposes its rate; a late downwash lifts the tail down.
 _SIGNS = {
@@ -132,7 +133,8 @@ def find_inconsistent(
     ----------
     derivatives : mapping of str to array (alpha,)
         ``CL_qhat``, ``Cm_qhat``, ``CL_alphadothat``, ``Cm_alphadothat``, ``Cl_phat``, ``Cn_phat``,
-        ``Cn_rhat``, ``Cl_rhat``, NaN where nothing is printed. [1/rad]
+        ``Cn_rhat``, ``Cl_rhat``, and ``CY_phat`` if it is at hand, NaN where nothing is printed.
+        [1/rad]
     alpha : array (alpha,)
         Angle of attack. [deg]
     lift : array (alpha,)
@@ -158,7 +160,8 @@ def find_inconsistent(
         has_tail = has_downwash
     wrong = {}
     for name, largest in LARGEST.items():
-        wrong[name] = np.abs(derivatives[name]) > largest
+        if name in derivatives:
+            wrong[name] = np.abs(derivatives[name]) > largest
     for name, sign in _SIGNS.items():
         # Without a tail, or with the share of a supersonic wing, the lag has no sign of its own.
         if name.endswith("alphadothat") and (not has_downwash or mach >= _SUPERSONIC):

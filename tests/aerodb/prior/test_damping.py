@@ -9,6 +9,9 @@ import pytest
 
 import aerodb
 import datcom_io
+from aerodb.prior.damping import with_tail_arm
+from aerodb.prior.increments import elevator_effect
+from aerodb.prior.sources import collect_source
 from flightmech.errors import AeromatchWarning
 from flightmech.terms import SOURCES
 from flightmech.units import FOOT
@@ -90,3 +93,18 @@ def test_a_column_of_infinity_is_named(read_with, light) -> None:
     (text,) = [text for text in texts if "NaN or infinity" in text]
     assert "prints NaN or infinity for Cm_qhat (all cells)" in text
     assert "Cm/qhat" not in aerodb.terms(db)
+
+
+def test_a_moment_of_the_elevator_off_the_arm_of_the_tail_is_replaced() -> None:
+    """A public listing prints a quarter of it, because its run computed flaps before."""
+    cases = {case.name.split(":")[0]: case for case in datcom_io.read(LISTING)}
+    clean = collect_source("clean", cases["TOTAL"])
+    effect = elevator_effect(collect_source("elevator", cases["Elevator"]), 1524.0)
+    (h_ref,) = clean.grid("dynamic")["h"].values
+    assert with_tail_arm(effect, clean, h_ref) is effect
+    Cm = effect.tables["Cm"]
+    carried = dataclasses.replace(effect, tables={**effect.tables, "Cm": 0.25 * Cm})
+    with pytest.warns(AeromatchWarning, match="takes its place with twice the standard error"):
+        repaired = with_tail_arm(carried, clean, h_ref)
+    np.testing.assert_allclose(repaired.tables["Cm"], Cm, rtol=0.2, atol=1e-3)
+    assert bool(repaired.judged["Cm"].all())
