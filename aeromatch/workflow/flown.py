@@ -166,17 +166,19 @@ def _estimate_rows(fit: Any) -> list[dict[str, Any]]:
 
 
 def _ground_rows(ground_effect: Any) -> list[dict[str, Any]]:
-    """Return table 2 of [LR743]: k and s of every identified term, and a note for the others."""
+    """Return table 2 of [LR743]: k and s of every identified term, and a note for the others.
+
+    The law is a column: s is the exponent of a power law, and h0 [m] of another law.
+    """
     values = ("y_inf", "k", "k_stderr", "s", "s_stderr", "correlation")
     rows: list[dict[str, Any]] = []
     for name, identified in ground_effect.coefficients.items():
-        common = identified.form == "k h^s, one s"
-        for term in identified.ground:
-            row = {"coefficient": name, **identified.row(term, common)._asdict()}
-            rows.append({**row, "note": f"form taken: {identified.form}"})
+        note = "; ".join([f"form taken: {identified.form}", *identified.warnings])
+        for row in identified.rows():
+            rows.append({"coefficient": name, **row._asdict(), "note": note})
         for term, reason in identified.not_identified.items():
             row = {"coefficient": name, "term": term, **dict.fromkeys(values, np.nan)}
-            rows.append({**row, "note": reason})
+            rows.append({**row, "law": "", "note": reason})
     return rows
 
 

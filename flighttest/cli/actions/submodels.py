@@ -337,6 +337,8 @@ def _as_dict(found) -> dict:
                 "heights": one.heights,
                 "terms": [row._asdict() for row in one.rows()],
                 "evidence": one.evidence.to_dict("index"),
+                "misfit": vars(one.misfit) if one.misfit else None,
+                "warnings": one.warnings,
             }
             for name, one in found.coefficients.items()
         },

@@ -14,10 +14,12 @@ from aerodb.update.posterior import without_posterior
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError
 from flightmech.names import quantity_attributes
+from flighttest.submodels.ground_effect.laws import HEIGHT, POWER
 from flighttest.submodels.ground_effect.result import CoefficientOverGround, GroundEffect
-from flighttest.submodels.ground_effect.structure import BANK, HEIGHT
+from flighttest.submodels.ground_effect.structure import BANK
 
-_COMMON = "k h^s, one s"
+# Largest difference of a table from its law, as a share of the factor at its floor.
+_TOLERANCE = 1e-3
 # Variables of the configuration or the condition. Only the other variables name a local term.
 _CONFIGURATION = {
     "gear",
@@ -190,13 +192,17 @@ def _over_ground(
         leaf = _with_factor(leaf, heights, K)
         share = _relative_error(K, stderr)
     else:
-        common = one.form == _COMMON
-        row = one.row(term, common)
-        at_floor = one.factor(term, [floor], common)
+        row = one.row(term, one.form)
+        at_floor = one.factor(term, [floor], one.form)
         share = _relative_error(at_floor["K"].values, at_floor["stderr"].values)
-        leaf = in_ground_effect(leaf, row.k, row.s, floor)
-        if tables:
-            leaf = with_height_table(leaf, top)
+        if row.law == POWER.name:
+            leaf = in_ground_effect(leaf, row.k, row.s, floor)
+            if tables:
+                leaf = with_height_table(leaf, top)
+        else:
+            # The kernel has no other law in closed form.
+            leaf = _with_factor(leaf, *_tabulate_law(one, term))
+            leaf["K1" if HEIGHT in leaf["K1"].dims else "K2"].attrs["formula"] = row.law
     dims, shape = leaf["value"].dims, leaf["value"].shape
     # The errors of term and factor are independent.
     free_stderr = leaf["stderr"].values if "stderr" in leaf else 0.0
@@ -212,6 +218,23 @@ def _over_ground(
         references="[LR743] eq. (14)" if term == BANK else "[LR743] eq. (13)",
         comment=_comment(one, term),
     )
+
+
+def _tabulate_law(one: CoefficientOverGround, term: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return heights and K(h) of a closed form, linear between them within the tolerance."""
+    floor, top = one.heights
+    count = 2
+    while True:
+        points = np.geomspace(floor, top, count)
+        # The ends are exact, without the rounding of the logarithm.
+        points[[0, -1]] = floor, top
+        middle = 0.5 * (points[1:] + points[:-1])
+        K = one.factor(term, points, one.form)["K"].values
+        chord = 0.5 * (K[1:] + K[:-1])
+        error = np.abs(chord - one.factor(term, middle, one.form)["K"].values).max()
+        if error <= _TOLERANCE * abs(K[0]):
+            return points, K
+        count *= 2
 
 
 def _relative_error(K: np.ndarray, stderr: np.ndarray) -> float:
@@ -236,8 +259,9 @@ def _comment(one: CoefficientOverGround, term: str) -> str:
     note = f"identified from {one.heights[0]:.3g} m up, form: {one.form}"
     if one.form == "table":
         return note
-    row = one.row(term, one.form == _COMMON)
+    row = one.row(term, one.form)
+    shape = "s" if row.law == POWER.name else "h0"
     return (
-        f"{note}; k {row.k:.4g} ({row.k_stderr:.2g}), s {row.s:.4g} ({row.s_stderr:.2g}), "
+        f"{note}; k {row.k:.4g} ({row.k_stderr:.2g}), {shape} {row.s:.4g} ({row.s_stderr:.2g}), "
         f"correlation {row.correlation:.2f}, h in metres"
     )
