@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from itertools import combinations
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,13 +30,11 @@ from flighttest.submodels.ground_effect.result import (
     form_by_evidence,
 )
 from flighttest.submodels.ground_effect.structure import (
-    HeightTable,
     ground_terms,
     height_breakpoints,
-    height_table,
-    table_regressors,
     with_heights,
 )
+from flighttest.submodels.ground_effect.tables import HeightTable, TableSearch, table_regressors
 
 # Variables of the database that are zero if the records do not contain them.
 AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake", "delta_f")
@@ -166,8 +163,7 @@ class _CoefficientIdentification:
 
     def identify(self) -> CoefficientOverGround:
         """Return identified terms, terms without information, and the form of best evidence."""
-        name = self.model.coefficient
-        samples = stack_samples(name, self.variables, self.records, self.model)
+        samples = stack_samples(self.model.coefficient, self.variables, self.records, self.model)
         h = samples.data[HEIGHT].values
         lowest = float(h.min())
         searches = self.full_searches(lowest)
@@ -187,24 +183,25 @@ class _CoefficientIdentification:
                 closed[common.name] = common
         for form, fit in closed.items():
             forms[form] = fit.residual, fit.parameters
-        table = self.table(samples, none, richest.n)
-        if table is not None:
-            forms["table"] = table.residual, table.parameters
+        tables = self.tables(samples, none, richest.n)
+        for name, table in tables.items():
+            forms[name] = table.residual, table.parameters
         evidence = rank_forms(forms, richest.n)
         form = form_by_evidence(evidence)
         residual, _ = forms[form]
         best = _best_closed(closed, form, richest.n)
         law = best.law if best else POWER
         identified = best.terms if best else ()
-        tabled = table.terms if table is not None else ()
+        taken = {*(t for f in closed.values() for t in f.terms)}
+        taken.update(*(table.terms for table in tables.values()))
         return CoefficientOverGround(
             model=self.model,
             ground=identified,
             not_identified=deleted[law],
             closed=closed,
             best=best.name if best else "",
-            references=self.references({*(t for f in closed.values() for t in f.terms), *tabled}),
-            table=table,
+            references=self.references(taken),
+            tables=tables,
             form=form,
             heights=(lowest, float(height_breakpoints(h)[-1])),
             evidence=evidence,
@@ -266,43 +263,31 @@ class _CoefficientIdentification:
             forms["database"] = _residual(X, z), count
         return forms
 
-    def table(self, samples: RegressionSamples, none: np.ndarray, n: float) -> HeightTable | None:
-        """Return the tables over the height with the least criterion; None without ground effect.
+    def tables(
+        self, samples: RegressionSamples, none: np.ndarray, n: float
+    ) -> dict[str, HeightTable]:
+        """Return the tables over the height by form; none where they lower no criterion.
 
         `none` is the residual without ground effect, and `n` the number of independent samples.
         """
-        X = self.free_air_regressors(samples)
-        h, z = samples.data[HEIGHT].values, samples.data[self.model.coefficient].values
-        heights = height_breakpoints(h)
-        regressors = {}
-        for term in self.ground:
-            values = term_regressors((term,), samples.data).T
-            regressors[term] = table_regressors(values, h, heights)
-        # The triangular factor has the same sums of squares as the samples, with few rows.
-        R: Any = np.linalg.qr(np.column_stack([X, *regressors.values(), z]), mode="r")
-        nodes, free_terms = len(heights) - 1, X.shape[1]
-        best: tuple[str, ...] = ()
-        least = schwarz_criterion(none, free_terms, n)
-        for chosen in _list_subsets(range(len(self.ground))):
-            columns = list(range(free_terms))
-            for k in chosen:
-                columns += range(free_terms + k * nodes, free_terms + (k + 1) * nodes)
-            v = _residual(R[:, columns], R[:, -1])
-            mean_square = float(v @ v) / len(z)
-            criterion = schwarz_criterion(np.sqrt([mean_square]), len(columns), n)
-            if criterion < least and not _is_short_of_rank(R[:, columns]):
-                best, least = tuple(self.ground[k] for k in chosen), criterion
-        if not best:
-            return None
-        return height_table(
+        X, h = self.free_air_regressors(samples), samples.data[HEIGHT].values
+        values, ambiguous = self.held_coefficients()
+        held = {term: y for term, y in values.items() if term not in ambiguous}
+        search = TableSearch(
             X,
-            best,
-            ground=term_regressors(best, samples.data).T,
-            h=h,
-            z=z,
+            self.model.terms,
+            ground=self.ground,
+            regressors=term_regressors(self.ground, samples.data).T,
             samples=samples,
-            heights=heights,
+            h=h,
+            z=samples.data[self.model.coefficient].values,
+            heights=height_breakpoints(h),
+            n=n,
+            held=held,
         )
+        separate = search.separate(schwarz_criterion(none, X.shape[1], n))
+        found = (search.one_factor(), separate)
+        return {table.form: table for table in found if table is not None}
 
     def references(self, ground: Collection[str]) -> dict[str, float]:
         """Return the free-air coefficients of fixed terms, from the database along the records.
@@ -312,23 +297,32 @@ class _CoefficientIdentification:
         IdentificationError
             The records do not determine the coefficient of a term of `ground`.
         """
+        values, undetermined = self.held_coefficients()
+        ambiguous = sorted(undetermined & set(ground))
+        if ambiguous:
+            raise IdentificationError(
+                f"{self.model.coefficient}: the records do not determine the free-air coefficient "
+                f"of {', '.join(ambiguous)}, to which the ground effect is a ratio; add a record "
+                f"that moves the free-air terms apart, or leave one out"
+            )
+        return values
+
+    def held_coefficients(self) -> tuple[dict[str, float], set[str]]:
+        """Return the free-air coefficients of fixed terms, and those that are not determined.
+
+        They come from the database along the records. Estimated terms have none.
+        """
         if not self.hold or self.database is None:
-            return {}
+            return {}, set()
         name = self.model.coefficient
         records = []
         for record, part in zip(self.records, self.database.free):
             records.append(record.assign({name: ("time", part)}))
         samples = stack_samples(name, self.model.variables, records, self.model)
         X = self.model.design(samples.data)
-        ambiguous = sorted(_undetermined_terms(X, self.model.terms) & set(ground))
-        if ambiguous:
-            raise IdentificationError(
-                f"{name}: the records do not determine the free-air coefficient of "
-                f"{', '.join(ambiguous)}, to which the ground effect is a ratio; add a record that "
-                f"moves the free-air terms apart, or leave one out"
-            )
         theta = np.linalg.lstsq(X, samples.data[name].values, rcond=None)[0]
-        return dict(zip(self.model.terms, map(float, theta)))
+        coefficients = dict(zip(self.model.terms, map(float, theta)))
+        return coefficients, _undetermined_terms(X, self.model.terms)
 
 
 def _undetermined_terms(X: np.ndarray, terms: Sequence[str]) -> set[str]:
@@ -348,21 +342,6 @@ def _residual(X: np.ndarray, z: np.ndarray) -> np.ndarray:
     if not X.shape[1]:
         return z
     return z - X @ np.linalg.lstsq(X, z, rcond=None)[0]
-
-
-def _list_subsets(items: Sequence[int]) -> Iterator[tuple[int, ...]]:
-    """Yield all subsets except the empty one, the small ones first."""
-    for count in range(1, len(items) + 1):
-        yield from combinations(items, count)
-
-
-def _is_short_of_rank(X: np.ndarray) -> bool:
-    """Return whether a combination of the regressors vanishes."""
-    length = np.linalg.norm(X, axis=0)
-    if not length.all():
-        return True
-    sizes = np.linalg.svd(X / length, compute_uv=False)
-    return bool(sizes[-1] < RANK * sizes[0])
 
 
 def _best_closed(closed: Mapping[str, ClosedForm], form: str, n: float) -> ClosedForm | None:

@@ -11,6 +11,8 @@ References
 .. [LR743] Report LR-743, 1993, section 4.5.1.
 .. [McCormick1995] McCormick, Aerodynamics, Aeronautics, and Flight Mechanics, 2nd ed., 1995,
    section 7: the factor (16 h/b)^2 / (1 + (16 h/b)^2) of the induced drag.
+.. [Wieselsberger1921] Wieselsberger, Wing Resistance near the Ground, NACA TM 77, 1922: the
+   interference factor of Prandtl.
 """
 
 from __future__ import annotations
@@ -30,6 +32,18 @@ EXPONENTS = (-4.0, -0.1)
 # Bounds of h0 over the lowest height of the records. Below them the effect is gone at all flown
 # heights, above them it is the same at all heights near the ground.
 _SCALES = (0.25, 12.0)
+# Heights over the span between which Prandtl's interference factor holds, [Wieselsberger1921].
+PRANDTL_RANGE = (1.0 / 15.0, 0.5)
+
+
+def interference_factor(h_over_span: float) -> float:
+    """Return Prandtl's interference factor of a wing and its image, [Wieselsberger1921].
+
+    The image takes this share of the induced drag away.  Heights outside the range of the formula
+    have the factor of its nearer end.
+    """
+    x = min(max(h_over_span, PRANDTL_RANGE[0]), PRANDTL_RANGE[1])
+    return (1.0 - 1.32 * x) / (1.05 + 7.4 * x)
 
 
 @dataclass(frozen=True)

@@ -18,17 +18,18 @@ import xarray as xr
 
 from flightmech.errors import UnknownName
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.submodels.ground_effect.evidence import Misfit, select_form
+from flighttest.submodels.ground_effect.evidence import NEAR, Misfit, select_form
 from flighttest.submodels.ground_effect.law_search import ClosedForm
 from flighttest.submodels.ground_effect.laws import HEIGHT, LAWS, POWER, separable_spelling
-from flighttest.submodels.ground_effect.structure import HeightTable
+from flighttest.submodels.ground_effect.tables import ONE_FACTOR, SEPARATE, HeightTable
 
 ORDER = (
     "none",
     "database",
     *(law.common_form() for law in LAWS),
     *(law.name for law in LAWS),
-    "table",
+    ONE_FACTOR,
+    SEPARATE,
 )
 # Difference of Schwarz's criterion from which on a law is refused, strong evidence in [Kass1995].
 _REFUSED = 6.0
@@ -71,10 +72,10 @@ class CoefficientOverGround:
         The closed form that is taken, or the one with the least criterion; empty without one.
     references : dict of str to float
         Free-air coefficients if these were fixed; empty if the fit contains them.
-    table : HeightTable or None
-        Tables over the height: of identified terms, and of others that lower the criterion.
+    tables : dict of str to HeightTable
+        Tables over the height by form. A table of which no node is determined is missing.
     form : str
-        The form with the best evidence: one of ``none``, ``database``, `closed`, ``table``.
+        The form with the best evidence: one of ``none``, ``database``, `closed`, `tables`.
     heights : (float, float)
         Lowest height of the records, and the height up to which the ground was searched. [m]
     evidence : DataFrame
@@ -89,18 +90,29 @@ class CoefficientOverGround:
     closed: Mapping[str, ClosedForm]
     best: str
     references: Mapping[str, float]
-    table: HeightTable | None
+    tables: Mapping[str, HeightTable]
     form: str
     heights: tuple[float, float]
     evidence: pd.DataFrame
     misfit: Misfit | None = None
 
     @property
+    def table(self) -> HeightTable | None:
+        """Table over the height if it is taken, else None."""
+        return self.tables.get(self.form)
+
+    @property
     def taken_terms(self) -> tuple[str, ...]:
         """Terms of the form that is taken; those of a database are not among them."""
-        if self.form == "table" and self.table is not None:
+        if self.table is not None:
             return self.table.terms
         return self.closed[self.form].terms if self.form in self.closed else ()
+
+    @property
+    def refuses_database(self) -> bool:
+        """Whether the criterion of the database is worse than that of no ground effect."""
+        criteria = self.evidence["BIC"]
+        return "database" in criteria and criteria["database"] > criteria["none"] + NEAR
 
     @property
     def warnings(self) -> list[str]:
@@ -168,7 +180,7 @@ class CoefficientOverGround:
 
     def taken_factor(self, term: str, h) -> xr.Dataset:
         """Return K(h) of a term by the form that is taken, as `factor`."""
-        if self.form != "table":
+        if self.table is None:
             return self.factor(term, h, self.form)
         h = np.asarray(h, float)
         heights, K, stderr = self.tabled(term)
@@ -180,7 +192,7 @@ class CoefficientOverGround:
         Raises
         ------
         UnknownName
-            A term that is not identified, or no table that the heights of the records determine.
+            A term that is not identified, or a form that is not a table.
         """
         terms = self.table.terms if self.table else ()
         if self.table is None or term not in terms:
@@ -333,11 +345,12 @@ def _term_lines(name: str, result: CoefficientOverGround, heights: Sequence[floa
     """Return the rows of table 2 of one coefficient with K(h) as lines of text."""
     lines = []
     at_heights = list(heights) or [result.heights[0] * multiple for multiple in _HEIGHTS]
-    if result.form == "table":
+    if result.table is not None:
         for term in result.taken_terms:
             K = _factor_cells(result.taken_factor(term, at_heights))
-            lines.append(f"{name + ':' + term:<14}{'table':<70}{K}")
-    for row in result.rows() if result.form != "table" else ():
+            form = f"{result.form}, 0 from {result.table.end(term):.3g} m on"
+            lines.append(f"{name + ':' + term:<14}{form:<70}{K}")
+    for row in result.rows() if result.table is None else ():
         K = _factor_cells(result.factor(row.term, at_heights))
         y_inf = "-" if np.isnan(row.y_inf) else f"{row.y_inf:.4g}"
         numbers = (
@@ -369,7 +382,7 @@ def _evidence_lines(name: str, result: CoefficientOverGround) -> list[str]:
         numbers = f"{int(row['parameters']):>12}{row['rms']:>11.4g}{row['BIC']:>10.1f}"
         lines.append(f"{indent}{form!s:<24}{numbers}")
     terms = ""
-    if result.table is not None and result.form == "table":
+    if result.table is not None:
         terms = f" of {', '.join(result.table.terms)}"
     taken = f"taken: {result.form}{terms}, the simplest within 2 of the least criterion"
     return [*lines, f"{indent}{taken}"]

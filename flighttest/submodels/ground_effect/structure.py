@@ -1,4 +1,4 @@
-"""Records over the ground, the terms that the ground may change, and tables over the height.
+"""Records over the ground, the terms that the ground may change, and heights of tables.
 
 References
 ----------
@@ -8,16 +8,12 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
 from flighttest.regression.equation_error.model import RegressionModel
-from flighttest.regression.equation_error.samples import RegressionSamples
-from flighttest.regression.uncertainty import collinearity
-from flighttest.regression.uncertainty.coloured_residuals import coloured_covariance_of
 from flighttest.submodels.ground_effect.laws import HEIGHT
 
 # Height of a record without a height. [m]
@@ -26,101 +22,6 @@ FREE_AIR = 1e4
 BANK = "CL*phi"
 # Coefficients of which the ground may change all terms.
 _LONGITUDINAL = ("CL", "CD", "Cm", "CX", "CZ")
-
-
-@dataclass(frozen=True)
-class HeightTable:
-    """Ground terms as tables over the height, linear between breakpoints and zero at the last one.
-
-    Attributes
-    ----------
-    terms : tuple of str
-        Ground terms.
-    heights : array (nodes,)
-        Breakpoints. [m]
-    value, stderr : array (terms, nodes)
-        Coefficient per unit of each ground term.
-    free : array (free terms,)
-        Estimated free-air coefficients.
-    residual : array (samples,)
-        Measured minus fitted coefficient.
-    """
-
-    terms: tuple[str, ...]
-    heights: np.ndarray
-    value: np.ndarray
-    stderr: np.ndarray
-    free: np.ndarray
-    residual: np.ndarray
-
-    @property
-    def parameters(self) -> int:
-        """Number of estimated free-air coefficients and nodes."""
-        return len(self.free) + self.value[:, :-1].size
-
-
-def height_table(
-    X: np.ndarray,
-    terms: tuple[str, ...],
-    ground: np.ndarray,
-    h: np.ndarray,
-    z: np.ndarray,
-    samples: RegressionSamples,
-    heights: np.ndarray,
-) -> HeightTable:
-    """Return the ground terms as tables over the height, by least squares.
-
-    Parameters
-    ----------
-    X : array (samples, terms)
-        Regressors of the estimated free-air terms.
-    terms : tuple of str
-        Ground terms.
-    ground : array (samples, ground terms)
-        Regressors of the ground terms.
-    h, z : array (samples,)
-        Height [m] and measured coefficient.
-    samples : Samples
-        Samples of the coefficient, for the colour of the residuals.
-    heights : array (nodes,)
-        Increasing breakpoints; the last one is free air.
-
-    Raises
-    ------
-    IdentificationError
-        A node that no sample determines.
-    """
-    X_all = np.hstack([X, table_regressors(ground, h, heights)])
-    names = [f"free {k}" for k in range(X.shape[1])]
-    for term in terms:
-        names += [f"{term} at {height:.3g} m" for height in heights[:-1]]
-    collinearity.demand_rank(X_all, names)
-    theta = np.linalg.lstsq(X_all, z, rcond=None)[0]
-    v = z - X_all @ theta
-    C = coloured_covariance_of(X_all, v, *samples.pieces()).covariance
-    # The last node is free air, with the value and the standard error zero.
-    shape = (ground.shape[1], len(heights) - 1)
-    value, stderr = np.zeros((shape[0], len(heights))), np.zeros((shape[0], len(heights)))
-    value[:, :-1] = theta[X.shape[1] :].reshape(shape)
-    stderr[:, :-1] = np.sqrt(np.diag(C))[X.shape[1] :].reshape(shape)
-    return HeightTable(
-        terms, heights, value=value, stderr=stderr, free=theta[: X.shape[1]], residual=v
-    )
-
-
-def table_regressors(ground: np.ndarray, h: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Return the regressors of tables over the height, (samples, ground terms times nodes).
-
-    Parameters
-    ----------
-    ground : array (samples, ground terms)
-    h : array (samples,)
-    heights : array (nodes + 1,)
-        Breakpoints. The last one, free air, has no regressor.
-    """
-    # Linear interpolation: hat functions of all breakpoints except the last, (samples, nodes).
-    hats = np.array([np.interp(h, heights, hat) for hat in np.eye(len(heights))[:-1]]).T
-    return (ground[:, :, None] * hats[:, None, :]).reshape(len(h), -1)
 
 
 def height_breakpoints(

@@ -124,7 +124,7 @@ def _draw_factors(name: str, effect: GroundEffect) -> tuple[Picture, ...]:
         for term in fit.ground:
             factor = fit.factor(term, heights)
             curves = [SectionLine(heights, factor["K"].values, "run-3", factor["stderr"].values)]
-            if fit.form == "table" and fit.table is not None and term in fit.table.terms:
+            if fit.table is not None and term in fit.table.terms:
                 nodes, values, stderr = fit.tabled(term)
                 curves.append(SectionLine(nodes, values, "run-2", stderr))
             terms.append(f"{coefficient}: {term}")
