@@ -214,7 +214,7 @@ def test_a_form_that_no_power_has_becomes_a_table(records, database):
         ) + noise
         stepped.append(one.assign(CL=("time", CL)))
     found = identify_ground_effect([RegressionModel.parse("CL = 1 + alpha")], stepped)
-    assert found["CL"].form == "table"
+    assert found["CL"].form == "table, one K"
     new = replace_ground_effect(database, found)
     added = (
         aerodb.evaluate(

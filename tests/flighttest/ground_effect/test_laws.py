@@ -12,7 +12,13 @@ from flighttest.regression.equation_error.model import RegressionModel
 from flighttest.submodels.ground_effect.database_terms import replace_ground_effect
 from flighttest.submodels.ground_effect.evidence import RichestForm, misfit_of
 from flighttest.submodels.ground_effect.identification import identify_ground_effect
-from flighttest.submodels.ground_effect.laws import EXPONENTIAL, LAWS, POWER, SPAN
+from flighttest.submodels.ground_effect.laws import (
+    EXPONENTIAL,
+    LAWS,
+    POWER,
+    SPAN,
+    interference_factor,
+)
 
 HEIGHTS = np.array([2.0, 3.0, 8.5])
 LIFT = RegressionModel.parse("CL = 1 + alpha")
@@ -90,12 +96,50 @@ def test_the_database_flies_the_law(identified):
     new = replace_ground_effect(database, found)
     assert aerodb.check(new) == []
     assert ("K1" in aerodb.terms(new)["CL/ground_basic"]) == (law is not POWER)
-    h = np.array([1.0, 2.0, 3.3, 8.5, 40.0])
+    h = np.array([2.0, 3.3, 8.5, 40.0])
     added = aerodb.evaluate(new, "CL", "clamp", alpha=0.08, h_agl=h) - (0.7 + 5.2 * 0.08)
     expected = 0.0
     for term, free in (("1", 0.7), ("alpha", 5.2 * 0.08)):
         expected = expected + free * one.factor(term, h, one.form)["K"].values
     np.testing.assert_allclose(added, expected, atol=1e-3)
+    # Below the records all factors grow as Prandtl's, and the error of a term contains the growth.
+    floor = one.heights[0]
+    low, at_floor = aerodb.evaluate(new, "CL", "clamp", alpha=0.08, h_agl=np.array([1.0, floor]))
+    growth = (low - (0.7 + 5.2 * 0.08)) / (at_floor - (0.7 + 5.2 * 0.08))
+    assert growth == pytest.approx(
+        interference_factor(1.0 / 15.1) / interference_factor(floor / 15.1), rel=2e-3
+    )
+    leaf = aerodb.terms(new)["CL/ground_basic"]
+    largest = float(leaf["K1"].max()) if "K1" in leaf else 1.0
+    share = float((leaf["stderr"] / (largest * np.abs(leaf["value"]))).min())
+    assert share > 1.0 - 1.0 / growth
+    assert "Prandtl" in leaf.attrs["comment"]
+
+
+def test_prandtls_factor_has_the_values_of_the_report():
+    """NACA TM 77: sigma = (1 - 1.32 h/b) / (1.05 + 7.4 h/b) between h/b of 1/15 and 1/2."""
+    assert interference_factor(0.1) == pytest.approx(0.868 / 1.79)
+    assert interference_factor(0.5) == pytest.approx(0.34 / 4.75)
+    assert interference_factor(0.01) == interference_factor(1.0 / 15.0)
+    assert interference_factor(2.0) == interference_factor(0.5)
+
+
+def test_a_refused_ground_effect_of_the_database_is_deleted():
+    """The prior has 0.2 at 2 m, the flights have none: "taken: none" left the prior in place."""
+    none = (lambda h: 0.0 * h, lambda h: 0.0 * h)
+    alpha = np.radians([-10.0, 20.0])
+    leaves = {
+        "CL/basic": make_term(0.7 + 5.2 * alpha, {"alpha": alpha}, source="datcom"),
+        "CL/ground": make_term([0.2, 0.0], {"h_agl": [2.0, 20.0]}, source="datcom"),
+    }
+    lengths = {"S": 27.0, "cbar": 2.2, "b": 15.1, "x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0}
+    database = aerodb.make_database(
+        leaves, title="t", aircraft="a", force_axes="stability", **lengths
+    )
+    found = identify_ground_effect([LIFT], programme(none), database=database)
+    assert found["CL"].form == "none"
+    assert found["CL"].refuses_database
+    assert set(aerodb.terms(replace_ground_effect(database, found))) == {"CL/basic"}
 
 
 def test_one_shape_parameter_has_the_error_of_that_assumption():
