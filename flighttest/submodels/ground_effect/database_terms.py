@@ -63,7 +63,8 @@ def replace_ground_effect(
         Database with the terms in free air. It is not changed.
     found : GroundEffect
         Result. Coefficients whose form is ``database`` keep their terms. With the form ``none``
-        terms are deleted that the flights refuse; they stay where the flights do not tell.
+        terms are deleted that the flights refuse; they stay where the flights do not
+        contradict them.
     tables : bool
         Whether factors K(h) replace the closed form k h^s, for exports without formulas.
 

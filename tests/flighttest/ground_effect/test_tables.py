@@ -21,11 +21,11 @@ def plateau(h):
     return np.interp(h, [3.0, 6.0], [0.03, 0.0])
 
 
-def record(h, seed, swing, factors=(plateau, plateau), noise=0.0) -> xr.Dataset:
-    """Record with an angle of attack that swings, and noise of its measurement. [rad]"""
+def record(h, seed, excursion, factors=(plateau, plateau), noise=0.0) -> xr.Dataset:
+    """Record with an angle of attack that oscillates, and noise of its measurement. [rad]"""
     rng = np.random.default_rng(seed)
     t = np.arange(len(h)) * 0.1
-    alpha = 0.07 + swing * np.sin(0.9 * t + seed) + 0.5 * swing * np.sin(2.3 * t)
+    alpha = 0.07 + excursion * np.sin(0.9 * t + seed) + 0.5 * excursion * np.sin(2.3 * t)
     of_1, of_alpha = factors
     CL = FREE["1"] * (1.0 + of_1(h)) + FREE["alpha"] * alpha * (1.0 + of_alpha(h))
     columns = {
@@ -37,13 +37,13 @@ def record(h, seed, swing, factors=(plateau, plateau), noise=0.0) -> xr.Dataset:
 
 
 def programme(factors=(plateau, plateau)) -> list[xr.Dataset]:
-    """Low passes and a record in free air that swing; above 9 m one descent that does not."""
+    """Low passes and a record in free air with an oscillation; above 9 m one descent without it."""
     passes = [
-        record(np.full(300, h), k, swing=0.02, factors=factors)
+        record(np.full(300, h), k, excursion=0.02, factors=factors)
         for k, h in enumerate((1.5, 2.2, 3.2, 4.2, 8.0, 500.0))
     ]
     descent = 1.5 + 60.0 * np.exp(-np.arange(300) / 60.0)
-    return [*passes, record(descent, 9, swing=0.0, factors=factors, noise=0.001)]
+    return [*passes, record(descent, 9, excursion=0.0, factors=factors, noise=0.001)]
 
 
 def search(records, held=None) -> tuple[TableSearch, float]:
