@@ -14,6 +14,7 @@ from aeromatch.workflow.submodels import Submodels
 from aeromatch.workflow.windows import Spans, select_spans
 from flightmech.names import VOCABULARY
 from flightmech.names import quantity_attributes as attributes
+from flighttest.submodels.ground_effect.tables import ONE_FACTOR, SEPARATE
 from pom.report.submodels.sections import make_sections
 
 # Samples per second of the stored data. Loops of lift over angle of attack stay round.
@@ -173,7 +174,11 @@ def _ground_rows(ground_effect: Any) -> list[dict[str, Any]]:
     values = ("y_inf", "k", "k_stderr", "s", "s_stderr", "correlation")
     rows: list[dict[str, Any]] = []
     for name, identified in ground_effect.coefficients.items():
-        note = "; ".join([f"form taken: {identified.form}", *identified.warnings])
+        taken = f"form taken: {identified.form}"
+        if identified.form in (ONE_FACTOR, SEPARATE):
+            # The row is a law, and a table flies.
+            taken += "; the row is the best law, which is not taken"
+        note = "; ".join([taken, *identified.warnings])
         for row in identified.rows():
             rows.append({"coefficient": name, **row._asdict(), "note": note})
         for term, reason in identified.not_identified.items():
