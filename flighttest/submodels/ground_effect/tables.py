@@ -298,8 +298,9 @@ class TableSearch:
         """Return one factor with the error of its assumption, the difference from separate ones."""
         apart = np.zeros_like(table.value)
         separate = self.determined(chosen)
-        for row, term in enumerate(separate.terms if separate is not None else ()):
-            apart[table.terms.index(term)] = separate.value[row]
+        if separate is not None:
+            for row, term in enumerate(separate.terms):
+                apart[table.terms.index(term)] = separate.value[row]
         return replace(table, stderr=np.hypot(table.stderr, table.value - apart))
 
     def _criterion(self, v: np.ndarray, parameters: int) -> float:
