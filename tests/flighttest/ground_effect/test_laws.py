@@ -124,6 +124,7 @@ def test_prandtls_factor_has_the_values_of_the_report():
     assert interference_factor(2.0) == interference_factor(0.5)
 
 
+@pytest.mark.slow
 def test_a_refused_ground_effect_of_the_database_is_deleted():
     """The prior has 0.2 at 2 m, the flights have none: "taken: none" left the prior in place."""
     none = (lambda h: 0.0 * h, lambda h: 0.0 * h)

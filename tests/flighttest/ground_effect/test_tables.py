@@ -12,6 +12,8 @@ from flighttest.submodels.ground_effect.evidence import schwarz_criterion
 from flighttest.submodels.ground_effect.structure import height_breakpoints
 from flighttest.submodels.ground_effect.tables import ONE_FACTOR, SEPARATE, TableSearch
 
+pytestmark = pytest.mark.slow
+
 LIFT = RegressionModel.parse("CL = 1 + alpha")
 FREE = {"1": 0.45, "alpha": 5.0}
 
