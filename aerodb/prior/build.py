@@ -17,6 +17,7 @@ from aerodb.prior import control_devices as devices
 from aerodb.prior import ground_increments, increments
 from aerodb.prior.damping import with_tail_arm
 from aerodb.prior.effect_to_terms import fill_unprinted_cells, terms_of_effect
+from aerodb.prior.mean_chord import warn_of_other_place
 from aerodb.prior.power import power_effect, with_idle_engines, with_power_in_it
 from aerodb.prior.print_remarks import list_missing_numbers
 from aerodb.prior.prior_errors import errors_with
@@ -150,10 +151,11 @@ def from_datcom(
     AeromatchWarning
         The reference point is that of the cards, the clean listing has no dynamic page, powered
         pages are used, reference quantities differ by more than 1 % (coefficients are
-        re-referenced), D(CM) comes from a loop over several conditions, ground pages with elevator
-        are given, a value is extended into another speed regime, a spoiler of zero height has a
-        moment, each Mach number has its own altitude, a term of a given listing is absent, a suspect
-        number was replaced, or a value is implausible (`aerodb.store.plausibility`).
+        re-referenced), the planform cards give another ``x_ref_mac``, D(CM) comes from a loop over
+        several conditions, ground pages with elevator are given, a value is extended into
+        another speed regime, a spoiler of zero height has a moment, each Mach number has its
+        own altitude, a term of a given listing is absent, a suspect number was replaced, or a
+        value is implausible (`aerodb.store.plausibility`).
     """
     listings = {
         "clean": clean,
@@ -188,6 +190,7 @@ def from_datcom(
     if clean_source.idle:
         prior = with_idle_engines(prior, clean_source)
     reference = find_reference_point(aircraft, sources, move_reference)
+    warn_of_other_place(aircraft, sources, reference)
     h_ref = _reference_altitude(clean_source, altitude)
     for remark in list_missing_numbers(clean_source, h_ref):
         warn_user(f"clean: {remark}")
