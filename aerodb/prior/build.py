@@ -17,11 +17,15 @@ from aerodb.prior import control_devices as devices
 from aerodb.prior import ground_increments, increments
 from aerodb.prior.damping import with_tail_arm
 from aerodb.prior.effect_to_terms import fill_unprinted_cells, terms_of_effect
-from aerodb.prior.mean_chord import warn_of_other_place
 from aerodb.prior.power import power_effect, with_idle_engines, with_power_in_it
 from aerodb.prior.print_remarks import list_missing_numbers
 from aerodb.prior.prior_errors import errors_with
-from aerodb.prior.reference_quantities import Point, find_reference_point, refer_to_aircraft
+from aerodb.prior.reference_quantities import (
+    Point,
+    find_reference_point,
+    refer_to_aircraft,
+    warn_of_other_place,
+)
 from aerodb.prior.roles import advise_on_misfit, describe_misfit
 from aerodb.prior.sources import Source, collect_source, split_powered, warn_user
 from aerodb.store.effects import Effect

@@ -9,7 +9,7 @@ import pytest
 
 import aerodb
 import flightmech
-from aerodb.prior.mean_chord import mean_chord_of
+from aerodb.prior.reference_quantities import mean_chord_of
 from datcom_io.decks.deck import Deck
 from flightmech.errors import AeromatchWarning
 
