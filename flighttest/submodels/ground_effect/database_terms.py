@@ -34,6 +34,8 @@ from flighttest.submodels.ground_effect.structure import BANK
 _TOLERANCE = 1e-3
 # Nodes of a table below the records. The factor is within 1e-3 of its size between them.
 _NODES_BELOW = 12
+# Last node of a table, so that flight at height lies inside it. [m]
+_FAR = 30_000.0
 # Variables of the configuration or the condition. Only the other variables name a local term.
 _CONFIGURATION = {
     "gear",
@@ -307,7 +309,13 @@ def _relative_error(K: np.ndarray, stderr: np.ndarray) -> float:
 
 
 def _with_factor(leaf: xr.Dataset, heights: np.ndarray, K: np.ndarray) -> xr.Dataset:
-    """Return a term times a table over the height."""
+    """Return a term times a table over the height.
+
+    Above the records the factor falls to zero within their highest height, and stays zero: flight
+    far above the ground does not leave the table.
+    """
+    beyond = [2.0 * heights[-1], _FAR] if K[-1] else [_FAR]
+    heights, K = np.append(heights, beyond), np.append(K, np.zeros(len(beyond)))
     name = next((key for key in ("K1", "K2") if key not in leaf), None)
     if name is None:
         raise SchemaError(
