@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -71,6 +71,47 @@ def _are_close(first: dict[str, float], second: dict[str, float], tolerance: flo
     return np.allclose(
         [*first.values()], [*second.values()], rtol=tolerance, atol=tolerance, equal_nan=True
     )
+
+
+def effect_products(
+    first: Judged, second: Judged, both: Judged, sizes: Mapping[str, float]
+) -> np.ndarray:
+    """Return the sums of squares and products of the effects of two swaps (3,).
+
+    With small changes x and y of an output by two swaps, the change by both is x + y. The mean
+    product of x and y then follows from the three rms values: 2 xy = |x + y|^2 - |x|^2 - |y|^2.
+
+    Parameters
+    ----------
+    first, second, both : Judged
+        Each swap alone, and both together.
+    sizes : mapping of str to float
+        Scale of each output. [SI]
+
+    Returns
+    -------
+    array (3,)
+        Over all outputs with a scale: sum of the squares of the first effect, of the second, and
+        of the products. Zero for a run that failed. [1]
+    """
+    sums = np.zeros(3)
+    for name, size in sizes.items():
+        if not size > 0.0:
+            continue
+        x, y, z = [judged.change.get(name, np.nan) / size for judged in (first, second, both)]
+        products = np.array([x**2, y**2, 0.5 * (z**2 - x**2 - y**2)])
+        if np.isfinite(products).all():
+            sums += products
+    return sums
+
+
+def effect_correlation(products: np.ndarray) -> float:
+    """Return the correlation of two effects from the sums of `effect_products`; NaN without any."""
+    scale = np.sqrt(products[0] * products[1])
+    if not scale > 0.0:
+        return np.nan
+    # Beyond 1 the effects do not add up as they would for small changes.
+    return float(np.clip(products[2] / scale, -1.0, 1.0))
 
 
 def nearest_choice(choice: Collection[str], idle: Collection[str]) -> frozenset[str]:

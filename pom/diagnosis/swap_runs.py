@@ -152,6 +152,11 @@ class SwapBench:
         return (*self.terms, *self.parts)
 
     @property
+    def sizes(self) -> dict[str, float]:
+        """Scale of every judged output, as `Judged.moved` uses it. [SI]"""
+        return self._size
+
+    @property
     def whole(self) -> SwapBench:
         """The bench itself; counterpart of `LateBench.whole`."""
         return self
