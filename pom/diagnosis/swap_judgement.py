@@ -1,15 +1,19 @@
-"""Judgement of one choice of swapped terms, and comparison of two judgements."""
+"""Judgement of one choice of swapped terms, comparison of judgements, and the table of them."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 # [half widths] No mismatch counts more. A criterion without a number, for example of a mode that
 # the model does not have, counts as much.
 CEILING = 10.0
+# [half widths] If the mismatches of the two models differ by less, shares of the gap have no meaning.
+# That holds for the total and for every criterion.
+LEAST_GAP = 0.05
 # Statuses of a model within tolerance. With the second one, its trim exceeds the usual limits.
 MATCHED = ("pass", "limits_exceeded")
 
@@ -124,3 +128,125 @@ def nearest_choice(choice: Collection[str], idle: Collection[str]) -> frozenset[
     if 2 * len(swapped) > len(idle):
         return active | frozenset(idle)
     return active
+
+
+class DiagnosisRows:
+    """Rows of a diagnosis, and the gaps between the two models.
+
+    The first element of every array is the total mismatch. The criteria follow.
+    """
+
+    def __init__(self, start: Judged, end: Judged):
+        self.rows: list[dict[str, Any]] = []
+        self.criteria = list(start.mismatch)
+        self.start, self.end = start.counted(self.criteria), end.counted(self.criteria)
+        self.gap = start.total - end.total
+        self._nan = np.full(len(self.criteria) + 1, np.nan)
+
+    @property
+    def has_gap(self) -> bool:
+        """Whether the final model is better by so much that shares of the gap have a meaning."""
+        return bool(self.gap >= LEAST_GAP)
+
+    def explained(self, change: np.ndarray) -> np.ndarray:
+        """Return changes of the mismatches as shares of their gaps; NaN without a gap."""
+        gap = self.start - self.end
+        gap[1:][gap[1:] < LEAST_GAP] = np.nan
+        gap[0] = np.nan
+        if self.has_gap:
+            gap[0] = self.gap
+        return change / gap
+
+    def add(
+        self,
+        stage: str,
+        term: str,
+        judged: Judged,
+        interaction: float = np.nan,
+        correlation: float = np.nan,
+        bound: float = np.nan,
+    ) -> None:
+        """Append a row of a judged choice."""
+        mismatch = [judged.mismatch.get(name, np.nan) for name in self.criteria]
+        ratio = [judged.ratio.get(name, np.nan) for name in self.criteria]
+        self._append(
+            {"stage": stage, "term": term, "verdict": judged.verdict},
+            explained=self.explained(self.start - judged.counted(self.criteria)),
+            mismatch=[judged.total, *mismatch],
+            ratio=ratio,
+            interaction=interaction,
+            correlation=correlation,
+            bound=bound,
+        )
+
+    def add_idle(self, term: str, bound: float) -> None:
+        """Append a term that was not flown alone, with the bound of its effect."""
+        self._append({"stage": "idle", "term": term, "verdict": "not_tested"}, bound=bound)
+
+    def add_share(
+        self,
+        term: str,
+        change: np.ndarray,
+        stderr: np.ndarray,
+        level: np.ndarray,
+        opposed: tuple[str, float],
+    ) -> None:
+        """Append a Shapley share.
+
+        Parameters
+        ----------
+        term : str
+        change, stderr : array (1 + criterion,)
+            Changes of the mismatches, and their standard errors. [half widths]
+        level : array (1 + criterion,)
+            Mismatches after this share and those before it. [half widths]
+        opposed : (str, float)
+            The player whose effect opposes it most, and the correlation; empty text without one.
+        """
+        partner, correlation = opposed
+        self._append(
+            {"stage": "share", "term": term, "partner": partner, "verdict": "not_tested"},
+            correlation=correlation,
+            explained=self.explained(-change),
+            stderr=np.abs(self.explained(stderr)),
+            mismatch=level.tolist(),
+        )
+
+    def _append(
+        self,
+        labels: Mapping[str, str],
+        *,
+        explained: Sequence[float] | np.ndarray | None = None,
+        stderr: Sequence[float] | np.ndarray | None = None,
+        mismatch: Sequence[float] | None = None,
+        ratio: Sequence[float] | None = None,
+        interaction: float = np.nan,
+        correlation: float = np.nan,
+        bound: float = np.nan,
+    ) -> None:
+        """Append a row; numbers that are not given are NaN."""
+        if explained is None:
+            explained = self._nan
+        if stderr is None:
+            stderr = self._nan
+        if mismatch is None:
+            mismatch = self._nan.tolist()
+        if ratio is None:
+            ratio = self._nan[1:].tolist()
+        # The order of the keys is that of the columns.
+        row = {
+            "stage": labels["stage"],
+            "term": labels["term"],
+            "explained": explained[0],
+            "stderr": stderr[0],
+            "interaction": interaction,
+            "correlation": correlation,
+            "partner": labels.get("partner", ""),
+            "bound": bound,
+            "verdict": labels["verdict"],
+            "mismatch": mismatch[0],
+        }
+        for k, name in enumerate(self.criteria):
+            row |= {f"{name} mismatch": mismatch[k + 1], f"{name} ratio": ratio[k]}
+            row |= {f"{name} explained": explained[k + 1], f"{name} stderr": stderr[k + 1]}
+        self.rows.append(row)

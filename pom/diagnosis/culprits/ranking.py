@@ -4,7 +4,13 @@ Two wrong terms can compensate each other: the case passes with both, and the co
 makes it worse. A sequence that starts at the wrong model and stops when a case passes does not
 name both. The ranking therefore starts at the other end. In the final model one term after the
 other is put back as it was a priori, with all other terms right. No other error can then hide the
-effect of the term. The effects of all cases are added.
+effect of the term. The gain of the term in a case with the mismatches m of the final model and m'
+without the term is
+
+    log((m'^2 + LEAST_GAP^2) / (m^2 + LEAST_GAP^2)),
+
+the logarithm of a likelihood ratio with the residual of the final model as its noise: a case that
+the final model itself matches badly counts less. The gains of all cases are added.
 
 The distance from the flight evidence is the prior knowledge. A term that is wrong differs from the
 flight estimates by many standard errors. A term that is right has the distance of a normal
@@ -12,7 +18,7 @@ variable. The odds are even at `FAR` standard errors, so a term has the weight
 
     w = 1 / (1 + exp((FAR^2 - d^2) / 2)),
 
-which follows from the likelihood exp(-d^2/2) of a right term. The score of a term is its effect
+which follows from the likelihood exp(-d^2/2) of a right term. The score of a term is its gain
 times its weight.
 """
 
@@ -26,21 +32,23 @@ import pandas as pd
 import xarray as xr
 from joblib import Parallel, delayed
 
+import aerodb
 from flightmech.support.arrays import rms
-from pom.diagnosis.diagnosis import LEAST_GAP
 from pom.diagnosis.kept_diagnosis import LateBench
 from pom.diagnosis.screening import screen_idle_terms
 from pom.diagnosis.swap_judgement import (
     CEILING,
+    LEAST_GAP,
     Judged,
     effect_correlation,
     effect_products,
 )
 from pom.diagnosis.swap_runs import SwapBench
-from pom.judging.beyond_the_bands import FAR, Evidence
+from pom.judging.beyond_the_bands import FAR, Evidence, nodes_from_flight
 
 UNKNOWN_WEIGHT = 0.5  # of a term without flight evidence: even odds
 MOST_CORRECTED = 8  # terms of the sequence of corrections
+LEAST_WORSE = 0.005  # half widths: a correction that raises the mismatch by less is not worse
 _LARGEST_EXPONENT = 700.0  # exp() of more is beyond double precision
 _COLUMNS = ["term", "score", "effect", "distance", "alone", "without", "case", "felt"]
 
@@ -65,36 +73,40 @@ def rank_culprits(
     Returns
     -------
     DataFrame
-        The highest score first. ``term``; ``score``, the effect times the weight of the distance;
-        ``effect``, the mismatch that the term causes in the final model, as the root of the mean
-        square over the cases [half widths]; ``distance`` from the evidence in the case where it is
-        largest [standard errors], NaN without evidence; ``alone``, the mismatch of the a-priori
-        model with only this term corrected, and ``without``, that of the final model with only
-        this term wrong, both over all cases [half widths]; ``case``, where the effect is largest;
-        ``felt``, the number of cases in which it is at least `LEAST_GAP`.
+        The highest score first. ``term``; ``score``, the gain times the weight of the distance;
+        ``effect``, the mismatch that the wrong term adds to the final model, as the root of the
+        difference of squares, in the ``case`` where that is largest [half widths]; ``distance``
+        from the evidence in the case where it is largest, or of the nodes for a term that no case
+        uses [standard errors], NaN without evidence;
+        ``alone``, the mismatch of the a-priori model with only this term corrected, and
+        ``without``, that of the final model with only this term wrong, both as the rms over all
+        cases [half widths]; ``felt``, the number of cases with an effect of at least `LEAST_GAP`.
     """
     calls = [delayed(_measure_case)(bench, evidence) for bench in benches.values()]
     measured = list(Parallel(n_jobs=jobs, backend="threading")(calls))
     counted = [one for one in measured if one is not None]
     cases = [name for name, one in zip(benches, measured, strict=True) if one is not None]
     names = dict.fromkeys(name for one in counted for name in one.names)
+    by_nodes: dict[str, float] = {}
+    if counted and evidence is not None:
+        by_nodes = node_distances(counted[0].model, evidence)
     rows = []
     for name in names:
-        effects = np.array([one.effect(name) for one in counted])
+        changes = np.array([one.square_change(name) for one in counted])
         # A term that improves the final model is not wrong. The sign of the sum decides.
-        effect = float(np.sqrt(max(np.mean(effects), 0.0)))
+        gain = max(sum(one.gain(name) for one in counted), 0.0)
         distances = [one.distances[name] for one in counted if name in one.distances]
-        distance = max(distances, default=np.nan)
+        distance = max(distances, default=by_nodes.get(name, np.nan))
         rows.append(
             {
                 "term": name,
-                "score": effect * evidence_weight(distance),
-                "effect": effect,
+                "score": gain * evidence_weight(distance),
+                "effect": float(np.sqrt(max(changes.max(), 0.0))),
                 "distance": distance,
                 "alone": rms(np.array([one.alone.get(name, one.prior) for one in counted])),
                 "without": rms(np.array([one.without.get(name, one.final) for one in counted])),
-                "case": cases[int(np.argmax(effects))],
-                "felt": int((effects >= LEAST_GAP**2).sum()),
+                "case": cases[int(np.argmax(changes))],
+                "felt": int((changes >= LEAST_GAP**2).sum()),
             }
         )
     table = pd.DataFrame(rows, columns=_COLUMNS)
@@ -122,10 +134,15 @@ class _MeasuredCase:
         self.alone = _totals(active, bench.judged([name] for name in active))
         self.without = _totals(active, bench.judged(without, exact=True))
         self.distances = distances
+        self.model = bench.whole.models.prior
 
-    def effect(self, name: str) -> float:
-        """Return the square of the mismatch that a term causes in the final model."""
+    def square_change(self, name: str) -> float:
+        """Return by how much the wrong term changes the squared mismatch of the final model."""
         return self.without.get(name, self.final) ** 2 - self.final**2
+
+    def gain(self, name: str) -> float:
+        """Return the gain of a term."""
+        return float(np.log1p(self.square_change(name) / (self.final**2 + LEAST_GAP**2)))
 
 
 def _totals(names: Sequence[str], judgements: Sequence[Judged]) -> dict[str, float]:
@@ -158,12 +175,46 @@ def _measure_case(
     return _MeasuredCase(whole, distances)
 
 
+def node_distances(model: xr.DataTree, evidence: xr.DataTree) -> dict[str, float]:
+    """Return the distance of every term whose nodes are from flight, by its nodes.
+
+    It is the rms of the differences over the standard errors. It serves terms whose contribution
+    to a case is so small that a distance along the flight is not meaningful.
+
+    Parameters
+    ----------
+    model : DataTree
+    evidence : DataTree
+        A term on other breakpoints than that of the model has no distance.
+
+    Returns
+    -------
+    dict of str to float
+        [standard errors]
+    """
+    leaves, distances = aerodb.terms(model), {}
+    for name, leaf in aerodb.terms(evidence).items():
+        counted = nodes_from_flight(leaf)
+        if not counted.any() or name not in leaves:
+            continue
+        counted &= leaf["stderr"].values > 0.0
+        value = leaves[name]["value"]
+        if (
+            value.dims == leaf["value"].dims
+            and value.shape == leaf["value"].shape
+            and counted.any()
+        ):
+            difference = (value.values - leaf["value"].values)[counted]
+            distances[name] = rms(difference / leaf["stderr"].values[counted])
+    return distances
+
+
 def order_corrections(benches: Benches, ranked: pd.DataFrame) -> pd.DataFrame:
     """Return the joint mismatch as the ranked terms are corrected one after the other.
 
     The sequence does not stop when a case passes, because a case may pass by errors that
-    compensate each other. It has every term with an effect of at least `LEAST_GAP`, at most
-    `MOST_CORRECTED`.
+    compensate each other. It has every term with a score and an effect of at least `LEAST_GAP` in
+    a case, at most `MOST_CORRECTED` terms.
 
     Parameters
     ----------
@@ -177,16 +228,16 @@ def order_corrections(benches: Benches, ranked: pd.DataFrame) -> pd.DataFrame:
         The first row is the a-priori model (``term`` empty), the last one the final model
         (``term`` ``final``). ``mismatch`` over all cases with this term and those before it
         [half widths]; ``matched``, the number of cases within tolerance, and ``cases``, all of
-        them; ``partner`` and ``correlation``, for a term that makes the mismatch larger: the later
+        them that are judged; ``partner`` and ``correlation``, for a term that makes the mismatch larger: the later
         term whose effect on the judged outputs opposes its effect most, and their correlation.
     """
-    felt = ranked[ranked["effect"] >= LEAST_GAP]
+    felt = ranked[(ranked["felt"] > 0) & (ranked["score"] > 0.0)]
     names = list(felt["term"][:MOST_CORRECTED])
     judged_benches = {name: bench for name, bench in benches.items() if _is_judged(bench)}
     rows = [_state_row("", judged_benches, ())]
     for k, name in enumerate(names):
         row = _state_row(name, judged_benches, names[: k + 1])
-        if row["mismatch"] > rows[-1]["mismatch"]:
+        if row["mismatch"] - rows[-1]["mismatch"] > LEAST_WORSE:
             # All ranked terms may be the counterpart, also those after the last correction.
             others = [other for other in felt["term"] if other != name]
             row |= _opposing_term(judged_benches, name, others[:MOST_CORRECTED])
